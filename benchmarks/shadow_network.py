@@ -23,7 +23,7 @@ from dlama.nets.export.shadow import export_shadow
 from dlama.nets.shadow import ShadowNet
 from dlama.perception.shadows.crop import SIDE
 from dlama.perception.shadows.network import network_planes
-from dlama.perception.shadows.planes import MULTIPLE, PLANES, THROWN
+from dlama.perception.shadows.planes import FIRST_CAST, MULTIPLE, PLANES
 from dlama.training.data.shadow_crops import ShadowCrops
 
 FEWEST_PX = 25
@@ -57,7 +57,7 @@ def varied(planes: np.ndarray, target: np.ndarray, rng: np.random.Generator) -> 
         planes[number] *= contrast
     if rng.random() < 0.3:
         planes[:3] = planes[rng.permutation(3)]
-    for number in range(THROWN, len(PLANES)):
+    for number in range(FIRST_CAST, len(PLANES)):
         planes[number] *= 0 if rng.random() < 0.12 else np.clip(1 + rng.normal(0, 0.1), 0, 1.2)
     if rng.random() < SCALED:
         scale = rng.uniform(*SCALES)

@@ -25,7 +25,7 @@ from dlama.perception.shadows.features import (
     pixel_features,
     tone_steps,
 )
-from dlama.perception.shadows.planes import LOG_RANGE, PLANES, THROWN
+from dlama.perception.shadows.planes import FIRST_CAST, LOG_RANGE, PLANES
 
 FLAT = np.zeros((len(PLANES), 96, 128), np.float32)
 FLAT[4:6] = 1  # surface all over the picture
@@ -35,7 +35,7 @@ FLAT[3, 30:60, 50:70], FLAT[4, 30:60, 50:70] = 1, 0
 def with_shape() -> np.ndarray:
     """A thing on an even surface whose shape was thrown to its right."""
     planes = FLAT.copy()
-    planes[THROWN, 50:60, 72:100] = 0.5
+    planes[FIRST_CAST, 50:60, 72:100] = 0.5
     return planes
 
 
@@ -46,8 +46,8 @@ def test_the_file_that_ships_fits_the_features() -> None:
     planes = with_shape()
     shares = color_shares(planes)
     candidates = candidate_features(planes, cast_interiors(planes), shares)
-    assert candidates.shape == (len(PLANES[THROWN:]) + 2, CANDIDATE_FEATURES)
-    rows, where = pixel_features(planes, planes[THROWN] > 0, 0.5, shares)
+    assert candidates.shape == (len(PLANES[FIRST_CAST:]) + 2, CANDIDATE_FEATURES)
+    rows, where = pixel_features(planes, planes[FIRST_CAST] > 0, 0.5, shares)
     assert len(rows) == where.sum() == (planes[4] > 0.5).sum()
     for part, features in (("candidate", np.nan_to_num(candidates)), ("pixel", rows)):
         said = parts[part](features)

@@ -1,4 +1,4 @@
-"""Numba kernels of a joint median: a map, which of its pixels may vote, and the picture in; the map with its edges moved out."""
+"""Numba kernels of a joint median: a map, its reliable pixels and the picture in; the map with sharp edges out."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dlama.geometry.kernels.jit import Real, Whole, kernel, piece
 from dlama.geometry.rgbd import BoolArray, Float32Array
 
 MOST = 256
-"""Voters of one pixel at most: a window of 15 x 15."""
+"""Most voters of one pixel: a window of 15 x 15."""
 
 
 @piece
@@ -57,10 +57,10 @@ def joint_median(
     room: Float32Array,
     out: Float32Array,
 ) -> None:
-    """At `blurred` pixels the weighted median of the voters around, which count more the nearer in place and colour they are.
+    """At `blurred` pixels the weighted median of the voters around, weighted by distance and colour difference.
 
     values: float32 H x W. blurred, votes: bool H x W. color: float32 H x W x 3. radius, step: px of the window and of its grid.
-    room: float32 H x 2 x MOST, written to. out: float32 H x W, as `values` elsewhere.
+    room: float32 H x 2 x MOST, scratch. out: float32 H x W, as `values` elsewhere.
     """
     height, width = values.shape
     for row in range(first, last):

@@ -1,5 +1,4 @@
-"""Numba kernels of outlines: colours and what is surely object or surroundings in; how likely, and which, open pixels are,
-out."""
+"""Numba kernel of outlines: colours and known object and background pixels in; log odds of the undecided pixels out."""
 
 from __future__ import annotations
 
@@ -23,11 +22,11 @@ def color_odds(
     least: Whole,
     odds: Float32Array,
 ) -> None:
-    """Log odds that open pixels have the object's colours, by Parzen windows over the sure pixels about each.
+    """Log odds that undecided pixels have the object's colours, by Parzen windows over the known pixels around each.
 
-    lab: H x W x 3 CIELAB. open_, inside, outside: H x W bool. reach: pixels to either side that are looked at, every second one.
-    spread: standard deviation of a colour, CIELAB units. floor: density of colours that neither side has. least: fewer samples
-    of a side say nothing. odds: H x W float32, set where open in rows first..last.
+    lab: H x W x 3 CIELAB. open_ (undecided), inside, outside: H x W bool. reach: radius in px, every second pixel is read.
+    spread: standard deviation of a colour, CIELAB units. floor: density of colours that neither side has. least: samples that a
+    side needs. odds: H x W float32, set where open in rows first..last.
     """
     rows, columns = open_.shape
     scale = -0.5 / (spread * spread)

@@ -1,4 +1,5 @@
-"""Numba kernels of regions: depth and which pixels are free in; which are connected out. Loaded when masks are found."""
+"""Numba kernels of regions: depth and free pixels in; connected regions and geodesic distances out. Loaded when masks are
+found."""
 
 from __future__ import annotations
 
@@ -11,7 +12,7 @@ from dlama.geometry.rgbd import BoolArray, Float32Array
 
 @piece
 def root_of(parent: NDArray[np.int32], pixel: Whole) -> Whole:
-    """The pixel that stands for the region of another one; paths are halved on the way."""
+    """The root of a pixel's region in the union-find forest; paths are halved on the way."""
     while parent[pixel] != pixel:
         parent[pixel] = parent[parent[pixel]]
         pixel = parent[pixel]
@@ -26,11 +27,11 @@ def join_regions(
     allowed: Float32Array,
     parent: NDArray[np.int32],
 ) -> None:
-    """Union-find over free pixels: two of them are one region where depth differs by no more than a share of the nearer.
+    """Union-find over free pixels: two pixels join where their depths differ by at most a share of the nearer one.
 
-    depth: H x W metres. free: H x W bool. offsets: N x 2, rows and columns from a pixel to those it may be joined with, rows
-    >= 0. allowed: N, the largest difference as a share of the nearer depth. parent: H * W int32, each pixel its own index at
-    first; at the end each pixel of a region has the index of one of them.
+    depth: H x W metres. free: H x W bool. offsets: N x 2, rows and columns to the neighbours of a pixel, rows >= 0. allowed: N,
+    the largest difference as a share of the nearer depth. parent: H * W int32, each pixel its own index at first; then the
+    index of one pixel of the region.
     """
     rows, columns = depth.shape
     for row in range(rows):
@@ -53,10 +54,10 @@ def join_regions(
 
 @kernel
 def sweep_distances(across: Float32Array, down: Float32Array, near: Float32Array) -> int:
-    """Shortest paths over the grid by four raster sweeps; repeated until nothing changes they are exact.
+    """Shortest paths over the grid by four raster sweeps; exact when repeated until nothing changes.
 
-    across: H x W, the cost from a pixel to its right neighbour; down: to its lower one; inf where none may be passed.
-    near: H x W float32, 0 on seeds and inf elsewhere at first. Returns how many pixels came nearer.
+    across: H x W, cost from a pixel to its right neighbour; down: to its lower one; inf is impassable. near: H x W float32, 0
+    on seeds and inf elsewhere at first. Returns how many pixels changed.
     """
     rows, columns = near.shape
     changed = 0

@@ -1,4 +1,4 @@
-"""Numba kernel of shadows: an object's points and directions of light in; what each thrown shape holds of a map out."""
+"""Numba kernel of shadows: an object's points, directions of light and a map in; sums of the map over each cast shape out."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ def cast_shapes(
     stamps: NDArray[np.int32],
     out: Float64Array,
 ) -> None:
-    """For directions first <= k < last: out[k] = sum of values, count of pixels, count of those at the shape's border.
+    """For directions first <= k < last: out[k] = sum of values, count of pixels, count of border pixels of the cast shape.
 
     Each point covers 2 x 2 pixels; only pixels of `seen` count.
 
-    base: N x 3 points on the surface in camera axes; rise: N heights, m. over: K x 3, metres over the surface for each metre
-    of height. lens: fx, fy, cx, cy. values, seen: H x W. stamps: as many H x W planes of zeros as there are tasks of
-    DIRECTIONS_A_TASK directions. out: K x 3.
+    base: N x 3 points on the surface in camera axes; rise: N heights, m. over: K x 3, metres over the surface for each metre of
+    height. lens: fx, fy, cx, cy. values, seen: H x W. stamps: H x W planes of zeros, one for each task of DIRECTIONS_A_TASK
+    directions. out: K x 3.
     """
     height, width = values.shape
     for k in range(first, last):

@@ -1,6 +1,6 @@
-"""A picture with depth and the mask of an object in; the shadow that it casts on the surface it stands on out.
+"""A picture with depth and an object's mask in; the mask of the shadow that it casts on its supporting surface out.
 
-Begin with `find`: `ground` finds the surface, `occlusion` what the object hides of the sky, `lit_surface` how dark the
-surface is, `search` the direction of light, `thrown` throws the object's shape, `planes` lays all of it out as a crop
-(`crop`), `network`, `features` and `classifier` say which pixels are shadow, `growing` follows it to where it fades.
+Begin with `find`. `ground` finds the surface, `occlusion` the ambient occlusion, `lit_surface` the darkness of the surface,
+`search` the direction of light; `cast` projects the object's shape along it. `planes` collects all of it in a crop (`crop`).
+`network`, `features` and `classifier` classify the pixels; `growing` extends the shadow to its faded border.
 """

@@ -1,6 +1,7 @@
-"""An object's points over the surface in; its shape thrown by the lights that explain most, and how sure each is, out.
+"""An object's points over the surface in; the shapes it casts under the likeliest lights, with their probabilities, out.
 
-A shadow on a plane is the object's own shape thrown along the light, darker than the lit surface by a nearly constant ratio.
+A cast shadow on a plane is the object's shape projected along the light. It is darker than the lit surface by a nearly constant
+ratio.
 """
 
 from __future__ import annotations
@@ -15,29 +16,29 @@ from dlama.perception.shadows.ground import Ground, StandingObject, measure_obje
 from dlama.perception.shadows.search import SHARP, SOFT, CastShape, Scale, best_direction, pixels_of
 
 FEATURES = "strength over next best", "strength", "step", "even and clear", "contrast", "off in colour", "over pattern"
-"""What speaks for a thrown shape being a shadow: `shape_features`."""
+"""Features of a cast shape from which its probability follows: `shape_features`."""
 WEIGHTS = {
     SHARP: (3.027, 1.401, 0.903, 3.322, 0.765, -1.893, 0.079, -1.249),
     SOFT: (2.148, 0.585, -1.594, 1.615, 3.260, 0.527, 0.250, -4.860),
 }
 """Of FEATURES at each scale, and a constant; fitted on 120 worlds by `python benchmarks/shadows.py train`."""
 SMALLEST_PX = 25
-"""Fewer points of an object, or fewer pixels of a shape or of the ring round it, say nothing."""
+"""Fewer points of an object, or pixels of a shape or its ring, are ignored."""
 LEAST_PROBABILITY = 0.15
-"""Value of a thrown shape of which nothing is certain; a certain one has 1."""
+"""Value of a cast shape of probability 0; a certain one has 1."""
 TALLEST, LOWEST = 4.0, 0.04
-"""What stands lower or higher over the surface than these many times the object's height is not thrown in common."""
+"""Heights over the surface, in object heights, outside which points do not count for the common light."""
 COMMON_POINTS = 4000
-"""Of all that stands on the surface, at most, for the search of their common light."""
+"""Most points, of all objects on the surface, in the search of their common light."""
 STRONG = 20.0
-"""Strength of a shape thrown in common that counts as certain."""
+"""Strength of a shape under the common light that counts as certain."""
 
 
 def find_cast_shapes(
     rgbd: RGBD, ground: Ground, usable: BoolArray, caster: StandingObject, tall: float
 ) -> list[tuple[float, BoolArray] | None]:
-    """How sure it is and H x W: the best shape at each scale, the second best at the fine one, and the one thrown by the light
-    that explains all that stands on the surface together. usable: H x W, True where the surface is seen; tall: metres."""
+    """Probability and H x W shape of: the best light at each scale, the second best at the fine scale, and the common light of
+    all objects. usable: H x W, True where the surface is seen; tall: metres."""
     if len(caster.base) < SMALLEST_PX:
         return [None] * 4
     out: list[tuple[float, BoolArray] | None] = []
@@ -59,7 +60,7 @@ def find_cast_shapes(
 def find_cast_shape(
     rgbd: RGBD, usable: BoolArray, caster: StandingObject, scale: Scale
 ) -> tuple[CastShape, BoolArray, NDArray[np.float64]] | None:
-    """The light that explains most, the shape that it throws (H x W) and what speaks for it: FEATURES. None: there is none."""
+    """The best light, its cast shape (H x W) and FEATURES. None: there is none."""
     found = best_direction(caster, rgbd, usable, scale)
     if found is None:
         return None
@@ -73,7 +74,7 @@ def find_cast_shape(
 def find_common_light(
     rgbd: RGBD, ground: Ground, usable: BoolArray, caster: StandingObject, tall: float
 ) -> tuple[float, BoolArray] | None:
-    """The object's shape thrown by the light that explains the shadows of all that stands on the surface."""
+    """The shape cast by the light that explains the shadows of all objects on the surface."""
     there = rgbd.valid & ~ground.surface
     every = rays(rgbd.camera)[there] * rgbd.depth[there][:, None]
     height = (1 - every @ ground.normal) / float(np.linalg.norm(ground.normal))
@@ -89,7 +90,7 @@ def find_common_light(
 
 
 def shape_features(rgbd: RGBD, shape: BoolArray, ring: BoolArray, found: CastShape) -> tuple[float, ...]:
-    """What speaks for a thrown shape being a shadow, in the order of FEATURES. ring: H x W, True on the surface round it."""
+    """FEATURES of a cast shape. ring: H x W, True on the surface round it."""
     level = np.log(rgbd.color.astype(np.float32) + 4)
     inside, outside = level[shape], level[ring]
     ratio = outside.mean(0) - inside.mean(0)
@@ -107,23 +108,23 @@ def shape_features(rgbd: RGBD, shape: BoolArray, ring: BoolArray, found: CastSha
 
 
 def cast_shadow_probability(features: NDArray[np.float64], weights: tuple[float, ...]) -> float:
-    """Probability (0..1) that a thrown shape is the object's shadow: a logistic regression, fitted on worlds
+    """Probability (0..1) that a cast shape is the object's shadow: a logistic regression, fitted on worlds
     (`benchmarks/shadows.py`)."""
     return float(1 / (1 + np.exp(-(features @ np.array(weights[:-1]) + weights[-1]))))
 
 
 def error_radius(shape: BoolArray) -> int:
-    """Pixels by which a thrown shape may be off: a tenth of its size."""
+    """Error of a cast shape's position in px: a tenth of its size."""
     return 4 + round(0.1 * float(np.sqrt(shape.sum())))
 
 
 def surrounding_ring(shape: BoolArray, usable: BoolArray) -> BoolArray:
-    """The surface round a thrown shape, as far from it as it may be off."""
+    """The surface round a cast shape, as wide as its position error."""
     return np.asarray(usable & dilate_mask(shape, error_radius(shape) + 4) & ~dilate_mask(shape, 4))
 
 
 def cast_shape(caster: StandingObject, over: NDArray[np.float64], rgbd: RGBD, usable: BoolArray) -> BoolArray:
-    """H x W: the shape thrown by a light (metres over the surface for each metre of height), gaps closed, on `usable`."""
+    """H x W shape cast on `usable` by a light (metres over the surface for each metre of height), gaps closed."""
     shape = np.zeros(usable.shape, np.bool_)
     shape.ravel()[pixels_of(caster.base + caster.rise[:, None] * over, rgbd)] = True
     return np.asarray(usable & morphological_close(shape, square(9)))

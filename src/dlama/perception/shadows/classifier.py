@@ -1,8 +1,8 @@
-"""Planes of a crop round an object in; the probability that each pixel lies in its shadow out, or none where nothing is certain.
+"""Planes of a crop round an object in; the probability of shadow of each pixel out, or None where no shadow is likely.
 
-Four parts that ship (`assets/shadow`): the network that marks pixels (`network`), and three small classifiers, made by
-`benchmarks/shadow_classifier.py`: which thrown shape is right, which pixels belong to the shadow that was thrown there, and
-whether what comes out of either is a shadow at all.
+Four parts ship (`assets/shadow`): the network that marks pixels (`network`) and three small classifiers, made by
+`benchmarks/shadow_classifier.py`. They decide which cast shape is right, which pixels belong to it, and whether the result is a
+shadow at all.
 """
 
 from __future__ import annotations
@@ -32,22 +32,22 @@ MODEL = Path(__file__).parents[2] / "assets" / "shadow" / "shadow.npz"
 CLIP = 5.0
 """Standard deviations that features are clipped to."""
 TRIED = 2
-"""Thrown shapes that are followed, the likeliest first,"""
+"""Cast shapes that are evaluated, the likeliest first,"""
 LIKELY = 0.04
-"""of those at least so probable."""
+"""of those with at least this probability."""
 CERTAIN = 0.3
-"""Least probability that what is found is the object's shadow."""
+"""Least probability of the object's shadow."""
 SHADOW = 0.5
 """Least probability of a pixel."""
 SMALLEST_MARKED = 25
-"""Fewer pixels that the network marks are nothing."""
+"""Fewer pixels marked by the network are ignored."""
 
 
 class Classifier(Perceptron):
     """Features in, a probability out."""
 
     def __call__(self, features: Float32Array) -> Float32Array:
-        """N of N x F features."""
+        """N probabilities of N x F features."""
         return np.asarray(1 / (1 + np.exp(-self.outputs(features, CLIP)[:, 0])), np.float32)
 
 
@@ -66,20 +66,21 @@ def classifiers(path: Path = MODEL) -> dict[str, Classifier]:
 
 @dataclass(frozen=True, eq=False)
 class LikelyShadows:
-    """What a thrown shape leads to, or what the network marks."""
+    """A candidate shadow, from a cast shape or from the network."""
 
     shape: BoolArray
-    """h x w: where it was thrown, or is marked."""
+    """h x w, the cast shape or the marked region."""
     probability: Float32Array
-    """h x w: of each pixel of the surface, by the network, and where a shape was thrown the mean of it and the perceptron."""
+    """h x w probability of each pixel of the surface: by the network, or with a cast shape the mean of network and perceptron."""
     features: Float32Array
-    """What speaks for it in the end: `verdict_features`, `agreement`, whether the network marks it, and `tone_steps`."""
+    """Features of the verdict: `verdict_features`, `agreement`, whether the network marks it, and `tone_steps`."""
 
 
 def find_likely_shadows(
     planes: Float32Array, parts: dict[str, Classifier], file: NetworkFile | None = None
 ) -> list[LikelyShadows]:
-    """The likeliest shapes followed to where their shadow ends, and what the network (`file`, or the one that ships) marks."""
+    """The candidates from the likeliest cast shapes, extended to where their shadow ends, and from the network (`file`, or the
+    one that ships)."""
     shares = color_shares(planes)
     marked = network_probability(planes, shares, file)
     region, surface = marked > SHADOW, planes[4] > 0.5
@@ -111,8 +112,8 @@ def find_likely_shadows(
 
 
 def agreement(marked: Float32Array, region: BoolArray, where: BoolArray) -> Float32Array:
-    """What the network's probabilities (h x w) say of a region on the surface: their means in it, round it and where they are
-    high, the intersection of both over their union, and how much the network marks in all."""
+    """Agreement of the network's probabilities (h x w) with a region: means inside, round it and where high; intersection over
+    union; and the share marked in all."""
     ring = dilate_mask(region, 6) & ~dilate_mask(region, 1) & where
     high = marked > SHADOW
     both = float((high & region).sum()) / max(float((high | region).sum()), 1.0)
@@ -128,8 +129,7 @@ def verdict_features(
     features: Float32Array,
     all_probabilities: np.ndarray,
 ) -> Float32Array:
-    """What speaks for the region that a shape leads to: how sure its pixels are and those elsewhere, the step at its border, and
-    the shape's own features."""
+    """Features of a region: probabilities inside and outside, the step at its border, and the features of its shape."""
     where, dark = planes[4] > 0.5, planes[9]
     region = regions_touching(marked_by_pixel > SHADOW, shape)
     out = cv2.distanceTransform((~region).astype(np.uint8), cv2.DIST_L2, 3)
@@ -158,8 +158,7 @@ def verdict_features(
 
 
 def shadow_probability(planes: Float32Array, path: Path = MODEL) -> tuple[Float32Array, BoolArray, float] | None:
-    """h x w: probability of each pixel, and where the shape was thrown; and how certain that is. None where nothing leads to a
-    certain shadow."""
+    """h x w probabilities, the h x w shape, and the probability of the whole. None where no shadow is likely."""
     parts = classifiers(path)
     found = find_likely_shadows(planes, parts)
     if not found:

@@ -1,7 +1,7 @@
-"""A shadow that was found and the picture in; whether its step is more than the surface's own fine pattern out.
+"""A shadow and the picture in; whether its step exceeds the contrast of the surface's fine pattern out.
 
-Under a faint shadow on cobbles the stones differ among themselves by more than the shadow darkens them. What is filled in there
-differs from the truth by the pattern, so that more is lost by filling than the shadow takes away: it stays as it is.
+Under a faint shadow on cobbles the stones differ by more than the shadow darkens them. Filling it would replace the true
+pattern, which costs more than the shadow: it stays as it is.
 """
 
 from __future__ import annotations
@@ -13,19 +13,18 @@ from dlama.geometry.holes import box_mean, dilate_mask
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
 
 FINE = 20
-"""What differs from its mean over this part of the picture's longer side is a fine pattern."""
+"""Fine pattern is the difference from the mean over this fraction of the picture's longer side."""
 GAP_PX, RING_PX, RING_SHARE = 3, 12, 0.15
-"""A shadow is compared with the surface round it, from GAP_PX on as far as RING_PX and this share of the shadow's size."""
+"""The ring for comparison: from GAP_PX to RING_PX and this share of the shadow's size."""
 FEWEST_PX = 20
-"""Fewer pixels of either say nothing."""
+"""Fewer pixels of either decide nothing."""
 STEPS = 1.0
-"""Standard deviations of the pattern that a shadow's step is at least."""
+"""Least step of a shadow, in standard deviations of the pattern."""
 
 
 def has_contrast(rgbd: RGBD, shadow: BoolArray, usable: BoolArray) -> bool:
-    """Whether the ground round a shadow (H x W) is lighter, in the median or in the mean, by more than its fine pattern's
-    standard deviation, in the shadow or round it, whichever is less. usable: H x W, where the surface is seen. True where too
-    little of it is seen."""
+    """Whether the ground round a shadow (H x W) is lighter, in the median or the mean, by more than the standard deviation of
+    its fine pattern (inside or outside, the smaller). usable: H x W, where the surface is seen. True where too little is seen."""
     inside = shadow & usable
     reach = RING_PX + round(RING_SHARE * float(np.sqrt(shadow.sum())))
     ring = dilate_mask(shadow, reach) & ~dilate_mask(shadow, GAP_PX) & usable
@@ -38,6 +37,6 @@ def has_contrast(rgbd: RGBD, shadow: BoolArray, usable: BoolArray) -> bool:
 
 
 def fine_pattern(level: Float32Array, usable: BoolArray) -> Float32Array:
-    """H x W: a level less its mean over the part of a window, of a FINE-th of the picture, that shows the surface."""
+    """H x W level less its mean over the visible part of a window, a FINE-th of the picture wide."""
     side = 2 * (max(level.shape) // FINE // 2) + 1
     return level - box_mean(level, usable.astype(np.float32), side)

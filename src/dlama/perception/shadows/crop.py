@@ -1,4 +1,4 @@
-"""An object's mask in; the part of the picture that its shadow is looked for in, and back, out."""
+"""An object's mask in; the crop of the picture in which its shadow is searched out, and the way back."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from dlama.geometry.rgbd import BoolArray, Float32Array
 SIDE = 320
 """Longer side of the crop in its own pixels."""
 ASIDE, BELOW, ABOVE = 1.6, 1.2, 0.5
-"""The crop reaches as far from the object as these times its diagonal in the picture."""
+"""Margins of the crop, in diagonals of the object."""
 LARGEST_SCALE = 2.0
-"""Small crops are enlarged by no more than this."""
+"""Largest factor by which small crops are enlarged."""
 
 
 @dataclass(frozen=True)
 class Crop:
-    """The part of a picture that a shadow is looked for in."""
+    """The part of a picture in which a shadow is searched."""
 
     rows: slice
     columns: slice
@@ -28,7 +28,7 @@ class Crop:
 
     @property
     def size(self) -> tuple[int, int]:
-        """Width and height of the crop; what is right of and below it is empty."""
+        """Width and height of the crop; what lies right of it and below is empty."""
         wide, high = self.columns.stop - self.columns.start, self.rows.stop - self.rows.start
         return min(SIDE, max(1, round(wide * self.scale))), min(SIDE, max(1, round(high * self.scale)))
 
@@ -39,7 +39,7 @@ class Crop:
         return cv2.resize(part, self.size, interpolation=how)
 
     def large(self, plane: Float32Array, hw: tuple[int, int]) -> Float32Array:
-        """A plane of the crop back in a picture of H x W, 0 outside the crop."""
+        """A plane of the crop at its place in a picture of H x W; 0 outside the crop."""
         wide, high = self.size
         return self.placed(plane[:high, :wide], hw)
 
@@ -52,7 +52,7 @@ class Crop:
 
 
 def crop_around(mask: BoolArray) -> Crop:
-    """The crop that an object's shadow is looked for in."""
+    """The crop in which an object's shadow is searched."""
     rows, columns = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
     height, width = mask.shape
     diagonal = float(np.hypot(np.ptp(rows) + 1, np.ptp(columns) + 1)) + 8

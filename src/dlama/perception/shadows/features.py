@@ -1,8 +1,8 @@
-"""Planes of a crop round an object in; what speaks for a thrown shape, and for a pixel of the surface, being its shadow, out.
+"""Planes of a crop round an object in; features of cast shapes and of surface pixels out.
 
-Of a shape: how sure the search was, how far it agrees with the others, its darkness against its surroundings and against the
-surface elsewhere. Of a pixel: darkness at several scales against that of the shape, distances, how common its colour is on the
-surface and how common it would be were it lit, darkness on the way to the object.
+Of a shape: its probability from the search, its agreement with other shapes, its darkness against its surroundings and the rest
+of the surface. Of a pixel: darkness at several scales against the shape's, distances, frequency of its colour on the surface
+and of the same colour if it were lit, darkness on the way to the object.
 """
 
 from __future__ import annotations
@@ -12,37 +12,37 @@ import numpy as np
 
 from dlama.geometry.holes import box_mean, dilate_mask, nearest_known
 from dlama.geometry.rgbd import BoolArray, Float32Array
-from dlama.perception.shadows.planes import FAR, LOG_RANGE, THROWN
+from dlama.perception.shadows.planes import FAR, FIRST_CAST, LOG_RANGE
 
 WINDOWS = 9, 19, 41
 """Pixels of the crop over which darkness is averaged."""
 COLORS, DARKEST, BRIGHTEST = 24, -2.5, 1.5
 """Bins of log colour a channel, and what they cover."""
 LIGHTER = 0.12, 0.25, 0.45, 0.8
-"""By how much the colour of a pixel is raised when its lit partner is looked for."""
+"""Steps in log level to the lit partner of a pixel's colour."""
 STEPS = 8
 """Samples on the way to the object."""
 REACH = 20.0
-"""Pixels of the crop: distances to a shape are told up to this."""
+"""Largest distance to a shape, in pixels of the crop."""
 FEWEST_PX = 6
 LOW, CONTACT = 0.15, 0.15
-"""What is lower than this share of the object's height is its foot; shadows round it lie within this share of its size."""
+"""Height of the ground contact, as a share of the object's; radius round it in which shadows lie, as a share of its size."""
 LEAST_DEEP = 0.05
 TONES, TONES_PX, ENOUGH_PX = (5, 10, 25, 50, 75, 90, 95), 12, 30
-"""Percentiles of the surface's level, the width of the ring that a region is compared with, and how many pixels say enough."""
+"""Percentiles of the surface's level, the width of the ring for comparison, and the least number of pixels."""
 TONE_STEPS = len(TONES) + 2
 OCCLUDED = 0.3
-"""Where the object hides so much of the sky is its shape on an overcast day."""
+"""Occluded share of the sky from which a pixel belongs to the shape of an overcast day."""
 
 
 ColorShares = tuple[np.ndarray, list[np.ndarray]]
-"""N logarithms of how common the colour of each of N pixels of the surface is there, and how common it were if it was LIGHTER."""
+"""Log frequencies of the colours of N surface pixels, and those of the same colours raised by LIGHTER."""
 
 
 def cast_interiors(planes: Float32Array) -> list[BoolArray]:
-    """The thrown shapes of the crop, where the object hides much of the sky, and the surface round its foot; where it is seen."""
+    """The visible cast shapes of the crop, the region of strong ambient occlusion, and the surface round the ground contact."""
     where = planes[4] > 0.5
-    thrown = [np.asarray((plane > 0.5 * plane.max()) & (plane > 0) & where) for plane in planes[THROWN:]]
+    thrown = [np.asarray((plane > 0.5 * plane.max()) & (plane > 0) & where) for plane in planes[FIRST_CAST:]]
     return [*thrown, np.asarray((planes[10] > OCCLUDED) & where), near_ground_contact(planes) & where]
 
 
@@ -58,12 +58,12 @@ def near_ground_contact(planes: Float32Array) -> BoolArray:
 
 
 def candidate_features(planes: Float32Array, shapes: list[BoolArray], shares: ColorShares) -> Float32Array:
-    """K x features of the K thrown shapes; rows of nan where there is none. shapes: `cast_interiors`, and
-    maybe a region more; shares: `color_shares`."""
+    """K x features of the K cast shapes; rows of nan where there is none. shapes: `cast_interiors`, and optionally one more
+    region; shares: `color_shares`."""
     where, caster, dark = planes[4] > 0.5, planes[3] > 0.5, planes[9]
     apart = cv2.distanceTransform((~caster).astype(np.uint8), cv2.DIST_L2, 5)
     common, raised = (to_plane(each, where) for each in (shares[0], np.max(shares[1], 0)))
-    probability = [*(float(plane.max()) for plane in planes[THROWN:]), 0.0, 0.0, 0.0]
+    probability = [*(float(plane.max()) for plane in planes[FIRST_CAST:]), 0.0, 0.0, 0.0]
     rows = []
     for number, inside in enumerate(shapes):
         if inside.sum() < FEWEST_PX:
@@ -97,8 +97,8 @@ CANDIDATE_FEATURES = 25
 
 
 def tone_steps(planes: Float32Array, region: BoolArray) -> Float32Array:
-    """TONE_STEPS numbers: by how much the surface round a region (h x w) is lighter than in it, at each of TONES; and the step of
-    the light tones and the least step, over that of the middle one. A shadow darkens all tones alike, joints and stains few."""
+    """TONE_STEPS numbers: how much lighter the surface is round a region (h x w) than in it, at each of TONES; the steps of the
+    light tones and the least step, over the middle one. A shadow darkens all tones alike, joints and stains few."""
     where = planes[4] > 0.5
     inside = region & where
     if inside.sum() < FEWEST_PX:
@@ -128,8 +128,8 @@ def to_plane(values: np.ndarray, where: BoolArray) -> Float32Array:
 def pixel_features(
     planes: Float32Array, shape: BoolArray, probability: float, shares: ColorShares
 ) -> tuple[Float32Array, BoolArray]:
-    """N x features, and h x w: the N pixels of the crop where the surface is seen. shape: h x w, where the shadow was thrown,
-    with `probability` its probability; shares: `color_shares`."""
+    """N x features of the N visible surface pixels, and h x w, where those are. shape: h x w, cast; `probability`: the shape's;
+    shares: `color_shares`."""
     where, caster = planes[4] > 0.5, planes[3] > 0.5
     there, dark = where.astype(np.float32), planes[9] * (planes[4] > 0.5)
     inside = shape & where
@@ -162,7 +162,7 @@ def pixel_features(
 
 
 def color_shares(planes: Float32Array) -> ColorShares:
-    """How common colours are on the surface."""
+    """Frequencies of colours on the surface."""
     color = planes[:3, planes[4] > 0.5].T * LOG_RANGE
     place = (np.clip((color - DARKEST) / (BRIGHTEST - DARKEST), 0, 0.9999) * COLORS).astype(int)
     flat = (place[:, 0] * COLORS + place[:, 1]) * COLORS + place[:, 2]
@@ -188,7 +188,7 @@ def nearest_object_pixel(caster: BoolArray) -> tuple[Float32Array, tuple[Float32
 
 
 def ground_contact(caster: BoolArray) -> tuple[Float32Array, Float32Array]:
-    """Column and row of the middle of the object's lower end, as planes."""
+    """Column and row of the middle of the ground contact, as planes."""
     rows, columns = np.nonzero(caster)
     if not len(rows):
         return np.zeros(caster.shape, np.float32), np.zeros(caster.shape, np.float32)
@@ -200,7 +200,7 @@ def ground_contact(caster: BoolArray) -> tuple[Float32Array, Float32Array]:
 
 
 def mean_towards(values: Float32Array, there: Float32Array, target: tuple[Float32Array, Float32Array]) -> Float32Array:
-    """h x w: mean of `values` where the surface is seen, on the way from each pixel to its target."""
+    """h x w mean of `values` over the visible surface on the way from each pixel to its target."""
     rows, columns = (each.astype(np.float32) for each in np.mgrid[: values.shape[0], : values.shape[1]])
     total, count = np.zeros_like(values), np.full(values.shape, 1e-3, np.float32)
     for share in (np.arange(STEPS) + 0.5) / STEPS:

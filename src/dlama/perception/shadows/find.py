@@ -1,8 +1,8 @@
-"""A picture with depth and the mask of an object in; the shadow that the object casts on the surface it stands on out.
+"""A picture with depth and an object's mask in; the mask of its cast shadow out.
 
-Shapes are thrown by the lights that explain most and by the sky; a network and three classifiers made on procedural worlds say
-which of them is right, which pixels are in the shadow, and whether there is one at all. Only the surface is ever covered, never
-another object.
+Shapes are cast by the likeliest lights and by the sky. A network and three classifiers, trained on procedural worlds, decide
+which shape is right, which pixels are shadow, and whether there is one. Only the supporting surface is covered, never another
+object.
 """
 
 from __future__ import annotations
@@ -20,21 +20,21 @@ from dlama.perception.shadows.growing import grow_ambient_shadow, grow_shadow
 from dlama.perception.shadows.planes import shadow_planes
 
 NEAR_PX = 5
-"""A shadow touches the shape that was thrown, or comes so near the object."""
+"""Largest gap in px between a shadow and its cast shape or object."""
 PLAUSIBLE = 0.1
-"""What darkness alone adds has this mean probability at least: elsewhere it is a rug or the pattern that is dark."""
+"""Least mean probability of what darkness alone adds: elsewhere a rug or a pattern is dark."""
 FAINT = 0.02
-"""And what the sky explains this one: it is faint."""
+"""The same of the ambient-occlusion component, which is faint."""
 TRUSTED = 0.8
-"""From this certainty on a shadow need not stand out from the surface's pattern."""
+"""Probability from which a shadow needs no contrast against the surface's pattern."""
 LARGEST = 4.0
-"""It covers no more pixels than this many times the object."""
+"""Largest area of a shadow, in areas of the object."""
 
 
 def find_shadow(rgbd: RGBD, mask: BoolArray, found: Planes | None = None) -> BoolArray:
-    """H x W bool, True in the shadow of the object under `mask`, which is no part of it; False everywhere where there is none.
+    """H x W bool, True in the shadow of the object under `mask`, without the object; all False where there is none.
 
-    found: the planes of the picture, where they are known already.
+    found: the planes of the picture, if already known.
     """
     none = np.zeros(mask.shape, np.bool_)
     ground = find_ground(rgbd, mask, found or find_planes_of_picture(rgbd))

@@ -16,9 +16,9 @@ from dlama.perception.planes import plane_values
 EDGE_PX = 2
 """Pixels round the object that are mixes of it and its surroundings."""
 POINTS = 8000
-"""Pixels of the object that are thrown for each direction of light."""
+"""Most points of the object that are cast for each direction of light."""
 BENT = 0.2
-"""Share by which estimated inverse depth of the ground may differ from its plane."""
+"""Largest relative difference of estimated inverse depth of the ground from its plane."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,10 +33,10 @@ class Ground:
 
 @dataclass(frozen=True, eq=False)
 class StandingObject:
-    """An object's points over the surface that it stands on."""
+    """An object's points over its supporting surface."""
 
     base: NDArray[np.float64]
-    """N x 3, dropped on the surface, camera axes."""
+    """N x 3 points projected on the surface along its normal, camera axes."""
     rise: NDArray[np.float64]
     """N heights, m."""
     up: NDArray[np.float64]
@@ -44,7 +44,7 @@ class StandingObject:
 
 
 def measure_object(points: NDArray[np.float64], rise: NDArray[np.float64], ground: Ground) -> StandingObject:
-    """The object of which these are the points (N x 3, camera axes) and their heights over the surface (N, m)."""
+    """The object with the given points (N x 3, camera axes) and heights over the surface (N, m)."""
     up = -ground.normal / np.linalg.norm(ground.normal)
     return StandingObject(points - rise[:, None] * up, rise, up)
 
@@ -57,16 +57,17 @@ def surface_axes(up: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[
 
 
 def light_offsets(up: NDArray[np.float64], slopes: np.ndarray, angles: np.ndarray) -> NDArray[np.float64]:
-    """K x 3: how light throws a point, in metres over the surface for each metre of height, camera axes.
+    """K x 3 offset of a point's shadow, metres over the surface for each metre of height, camera axes.
 
-    slopes: K, how far; angles: K, where to, in radians from the first of the `surface_axes` of the surface towards the second.
+    slopes: K, lengths of the offset; angles: K, its directions, in radians from the first of the `surface_axes` towards the
+    second.
     """
     across, behind = surface_axes(up)
     return np.asarray(slopes[:, None] * (np.outer(np.cos(angles), across) + np.outer(np.sin(angles), behind)))
 
 
 def find_ground(rgbd: RGBD, mask: BoolArray, found: Planes) -> Ground | None:
-    """The plane that holds most of what is seen just below and next to the lower part of the object; None where there is none."""
+    """The plane with most pixels just below and next to the lower part of the object; None where there is none."""
     rows = np.flatnonzero(mask.any(1))
     if not len(rows) or not len(found.planes):
         return None
@@ -90,7 +91,7 @@ def find_ground(rgbd: RGBD, mask: BoolArray, found: Planes) -> Ground | None:
 def object_points(rgbd: RGBD, mask: BoolArray, ground: Ground) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """N x 3 points of the object in camera axes, and their heights over the surface in metres.
 
-    Where depth is estimated, which leans objects against the ground, the object stands upright at the depth of its foot.
+    Estimated depth tilts objects towards the ground: there the object is a vertical plane at its ground contact.
     """
     rows, columns = np.nonzero(mask & rgbd.valid)
     keep = slice(None, None, max(1, len(rows) // POINTS))

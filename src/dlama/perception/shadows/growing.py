@@ -1,7 +1,7 @@
-"""A shape that was thrown, and the picture, in; the shadow that continues from it where the surface is plain enough out.
+"""A cast shape and the picture in; the shadow extended to where it ends or fades, on surfaces without pattern, out.
 
-What the object's hidden side casts touches the shape and is as dark; soft borders fade; on overcast days they fade as much as the
-object hides of the sky. On patterns darkness alone tells none of this, and nothing is added.
+The shadow of the object's hidden side touches the shape and is as dark. Soft borders fade; on overcast days they fade with the
+ambient occlusion. On patterned surfaces darkness decides nothing, and nothing is added.
 """
 
 from __future__ import annotations
@@ -14,20 +14,20 @@ from dlama.perception.shadows.ground import Ground
 from dlama.perception.shadows.lit_surface import around, measure_darkness, sky_lost
 
 DARKER = 0.1
-"""Natural logarithm by which a shadow is darker at least; a tenth."""
+"""Least darkness of a shadow (natural logarithm): a tenth."""
 PLAIN = 4.0
-"""A surface is plain where a shadow is darker by so many standard deviations of its lit part: it may be followed far."""
+"""Least darkness of the shadow, in standard deviations of the lit surface, for the surface to count as plain."""
 SOFT_WINDOW_PX, SOFT_EVEN, FADED = 15, 0.035, 0.75
-"""Shadows fade over a surface whose darkness over such windows has at most this standard deviation; less dark is less than this
-share of the shadow's own darkness: what is darker is another object's."""
+"""Penumbrae are followed where darkness over such windows has at most this standard deviation. Their darkness is at most this
+share of the shadow's own: anything darker belongs to another object."""
 EVEN, RIM_PX = 0.07, 4
-"""The sky's share is told where it leaves no more than this unexplained (mean of the logarithm), outside a shadow's rim."""
+"""Largest residual of the ambient fit (mean of the logarithm), outside the shadow's border, for ambient shadows to be used."""
 ROUNDS, MORE = 8, 1.01
-"""Of growing, and the factor by which a shadow grows in a round, at least."""
+"""Rounds of growing, and the least factor of growth in a round."""
 
 
 def grow_shadow(rgbd: RGBD, mask: BoolArray, ground: Ground, usable: BoolArray, shape: BoolArray) -> BoolArray:
-    """H x W: `shape` with what touches it and is darker than half of its darkness, and what fades from that."""
+    """H x W, `shape` with connected pixels darker than half its darkness, and the penumbra that fades from them."""
     darkness = measure_darkness(rgbd, mask, ground.surface, None)
     if darkness is None or not shape.any():
         return np.zeros_like(shape)
@@ -49,10 +49,10 @@ def grow_shadow(rgbd: RGBD, mask: BoolArray, ground: Ground, usable: BoolArray, 
 def grow_ambient_shadow(
     rgbd: RGBD, mask: BoolArray, ground: Ground, usable: BoolArray, shadow: BoolArray, occlusion: Float32Array
 ) -> BoolArray:
-    """H x W: the surface that is darker because the object hides the sky from it, as is told by what lies outside `shadow`.
+    """H x W, the part of the surface darkened by ambient occlusion, fitted outside `shadow`.
 
-    occlusion: H x W, `ambient_occlusion`. Where a hard shadow explains what is dark near the object, little is left for the sky;
-    on patterns a tenth is not told.
+    occlusion: H x W, `ambient_occlusion`. Where a hard shadow explains the darkness, little is left for the sky. On patterned
+    surfaces a tenth cannot be measured.
     """
     outside = ground.surface & ~dilate_mask(shadow, RIM_PX)
     darkness = measure_darkness(rgbd, mask, outside, occlusion)
@@ -66,7 +66,7 @@ def grow_ambient_shadow(
 
 
 def growth_px(shape: BoolArray) -> int:
-    """Pixels by which a shadow may grow in one round: a twentieth of the shape's size."""
+    """Largest growth in px in one round: a twentieth of the shape's size."""
     return 2 + round(0.05 * float(np.sqrt(shape.sum())))
 
 
@@ -77,7 +77,7 @@ def unevenness(dark: Float32Array, usable: BoolArray) -> float:
 
 
 def extend_penumbra(dark: Float32Array, usable: BoolArray, shadow: BoolArray, deep: float) -> BoolArray:
-    """What continues from a shadow, less dark, down to DARKER: where the surface is plain enough for that to be told.
+    """The penumbra of a shadow, down to DARKER, where the surface is plain enough.
 
     dark: H x W, of the surface, averaged over SOFT_WINDOW_PX.
     """

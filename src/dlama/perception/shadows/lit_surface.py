@@ -1,7 +1,7 @@
-"""A picture, the surface an object stands on and how much of the sky the object hides from it in; how dark the surface is out.
+"""A picture, the supporting surface and the ambient occlusion in; the darkness of the surface out.
 
-The surface, were it lit, is a quadratic over pixels. What the object keeps from it of the light of the whole sky is fitted, too:
-where a wide object stands on an overcast day, all that is seen round it is darker.
+The lit surface is modelled as a quadratic over pixels. The ambient-occlusion component is fitted with it: on an overcast day
+the whole surface round a wide object is darker.
 """
 
 from __future__ import annotations
@@ -17,19 +17,19 @@ from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
 from dlama.perception.shadows.ground import EDGE_PX
 
 WINDOW_PX = 5
-"""Darkness is averaged over so many pixels."""
+"""Side in px of the window over which darkness is averaged."""
 AROUND = 1.6
-"""The lit surface is looked at as far from the object as this many times its diagonal in the picture."""
+"""Radius of the fit, in diagonals of the object."""
 ROUNDS = 8
 """Of the robust fit of the lit surface."""
 FEWEST_PX = 200
-"""Of the surface round the object: fewer say nothing."""
+"""Least number of surface pixels round the object."""
 POINTS = 20000
-"""Pixels that the fit is made with, about."""
+"""Number of pixels in the fit, about."""
 MOST_HIDDEN = 0.95
-"""A point from which more of the sky is hidden gets light from elsewhere."""
+"""Occluded share of the sky beyond which a point is lit from elsewhere."""
 ALL_FROM_THE_SKY = 1 / 2.2
-"""Logarithm of levels over that of light, where all light comes from the sky: the gamma of pictures. No surface loses more."""
+"""Largest exponent: all light comes from the sky, and 2.2 is the gamma of pictures."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,20 +37,20 @@ class Darkness:
     """How dark a surface is."""
 
     dark: Float32Array
-    """H x W: natural logarithm of the lit surface's luma over what is seen, averaged over windows; 0 off the surface."""
+    """H x W natural logarithm of lit over observed luma, averaged over windows; 0 off the surface."""
     ambient: Float32Array
-    """H x W: the part of it that the light of the sky explains, which the object keeps from the surface; 0 or more."""
+    """H x W, its ambient-occlusion component; 0 or more."""
     share: float
-    """Of the light that comes from the sky, as an exponent: levels fall by the share of the sky that is seen to this power."""
+    """Exponent of the sky's visible share that gives the levels."""
 
 
 def measure_darkness(
     rgbd: RGBD, mask: BoolArray, surface: BoolArray, occlusion: Float32Array | None, window: int = WINDOW_PX
 ) -> Darkness | None:
-    """How dark the surface is round the object under `mask`; None: too little of it is seen.
+    """Darkness of the surface round the object under `mask`; None: too little of it is seen.
 
-    occlusion: H x W, `ambient_occlusion`; None: the sky explains nothing. Both parts are fitted so that what is much darker
-    counts less each round (Tukey's weights, the darker side cut sooner).
+    occlusion: H x W, `ambient_occlusion`; None: no ambient component. Both parts are fitted robustly (Tukey's weights, cut
+    sooner on the darker side).
     """
     near = around(mask)
     usable = surface & near & ~dilate_mask(mask, EDGE_PX)
@@ -77,12 +77,12 @@ def measure_darkness(
 
 
 def sky_lost(occlusion: Float32Array) -> NDArray[np.float64]:
-    """H x W: natural logarithm of the whole sky's light over what the object leaves of it."""
+    """H x W natural logarithm of the whole sky's light over the unoccluded part."""
     return np.asarray(-np.log(1 - np.minimum(occlusion, MOST_HIDDEN)), np.float64)
 
 
 def smooth_level(rgbd: RGBD, surface: BoolArray, window: int) -> Float32Array:
-    """H x W: natural logarithm of luma, averaged over the part of windows that shows the surface."""
+    """H x W natural logarithm of luma, averaged over the visible surface in a window."""
     level = np.log(cv2.cvtColor(rgbd.color, cv2.COLOR_RGB2GRAY).astype(np.float32) + 4)
     inside = surface.astype(np.float32)
     total, count = (cv2.blur(each, (window, window)) for each in (level * inside, inside))
@@ -90,7 +90,7 @@ def smooth_level(rgbd: RGBD, surface: BoolArray, window: int) -> Float32Array:
 
 
 def robust_fit(design: NDArray[np.float64], value: NDArray[np.float64]) -> NDArray[np.float64]:
-    """C coefficients of the lit surface: design (N x C) @ C ~ value (N), where what is much darker counts less each round."""
+    """C coefficients of the lit surface: design (N x C) @ C ~ value (N), where much darker values count less each round."""
     weight = np.ones(len(value))
     for _ in range(ROUNDS):
         root = np.sqrt(weight)

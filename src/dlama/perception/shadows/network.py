@@ -1,6 +1,6 @@
 """Planes of a crop round an object in; the probability of each pixel lying in its shadow out, by a small U-Net that ships.
 
-Next to the planes the network sees how common the colour of each pixel is on the surface, and how common it would be were it lit.
+Further inputs are the frequency of each pixel's colour on the surface, and of the same colour if it were lit.
 `benchmarks/shadow_network.py` trains it.
 """
 
@@ -19,7 +19,7 @@ from dlama.perception.shadows.planes import LOG_RANGE
 
 NETWORK = Path(__file__).parents[2] / "assets" / "shadow" / "shadow.onnx"
 LOG_SHARE = 4.0
-"""Logarithms of shares that are 1 in a plane."""
+"""Logarithm of a frequency that is 1 in a plane."""
 HUES, HUE_RANGE, HUE_BLUR_PX = 32, 1.0, 1.0
 """Bins of the logarithms of red and blue over green, how far from 0 they reach, and the blur of colours before."""
 
@@ -31,8 +31,8 @@ def network() -> NetworkFile:
 
 
 def network_planes(planes: Float32Array, shares: ColorShares | None = None) -> Float32Array:
-    """The planes with three more: how common each colour is on the surface, how much more common it would be were it lit, and
-    how dark it is against what has its hue (`darkness_by_hue`)."""
+    """The planes with three more: frequency of each colour on the surface, gain in frequency if it were lit, and darkness
+    relative to its hue (`darkness_by_hue`)."""
     where = planes[4] > 0.5
     share, raised = shares or color_shares(planes)
     added = np.zeros((3, *where.shape), np.float32)
@@ -43,8 +43,8 @@ def network_planes(planes: Float32Array, shares: ColorShares | None = None) -> F
 
 
 def darkness_by_hue(planes: Float32Array) -> Float32Array:
-    """h x w: mean logarithm of level of all of the surface that has about the same ratios of red, green and blue, over that of
-    the pixel; a shadow is as far below its own material on a rug as on the floor next to it. 0 off the surface."""
+    """h x w mean log level of all surface pixels with similar ratios of red, green and blue, over the pixel's own. A shadow is
+    equally far below its own material on a rug and on the floor next to it. 0 off the surface."""
     where = planes[4] > 0.5
     color = np.stack([cv2.GaussianBlur(plane, (0, 0), HUE_BLUR_PX) for plane in planes[:3]])[:, where] * LOG_RANGE
     ratios = np.clip((np.stack([color[0] - color[1], color[2] - color[1]]) / HUE_RANGE + 1) / 2, 0, 0.9999)
@@ -60,6 +60,6 @@ def darkness_by_hue(planes: Float32Array) -> Float32Array:
 
 
 def network_probability(planes: Float32Array, shares: ColorShares, file: NetworkFile | None = None) -> Float32Array:
-    """h x w: of each pixel of the surface; planes: `shadow_planes`, shares: `color_shares`, file: another network."""
+    """h x w probability of each pixel of the surface; planes: `shadow_planes`, shares: `color_shares`, file: another network."""
     logits = (file or network()).run({"planes": network_planes(planes, shares)[None]})[0]
     return np.asarray(np.where(planes[4] > 0.5, 1 / (1 + np.exp(-logits)), 0), np.float32)

@@ -1,8 +1,8 @@
-"""An object's points over the surface it stands on in; how much of the sky it hides from each point of the surface out.
+"""An object's points over its supporting surface in; the ambient occlusion of the surface out.
 
-Ambient occlusion: the light of an overcast sky comes from everywhere above, most of it steeply (the cosine law), and a point of
-the surface lacks the share of it that the object stands before. The object's points are thrown on the surface by directions that
-carry a like share of that light each; the side that is not seen is taken to lie half the object's width behind the one that is.
+The light of an overcast sky comes from all directions above, weighted by the cosine law; a surface point loses the share that
+the object covers. The object's points are projected on the surface along directions of equal light. Its hidden side is assumed
+half the object's width behind the visible one.
 """
 
 from __future__ import annotations
@@ -18,21 +18,21 @@ from dlama.perception.shadows.crop import Crop
 from dlama.perception.shadows.ground import StandingObject, light_offsets, surface_axes
 
 DIRECTIONS = 64
-"""That carry the same share of the sky's light."""
+"""Number of directions, each with the same share of the sky's light."""
 GOLDEN = 2.39996
-"""Radians between one direction and the next, round the vertical."""
+"""Golden angle in radians between successive directions, round the vertical."""
 POINTS = 2000
-"""Of the object, at most, at each of LAYERS of its thickness."""
+"""Most points of the object in each of LAYERS of its thickness."""
 THICK, LAYERS = 0.5, 5
-"""An object is taken to be so thick, in its widths."""
+"""Assumed thickness of an object, in its widths."""
 COARSE = 2
 """Pixels of the crop (`crop.SIDE`) in one of the map."""
 BLUR_PX = 1.5
-"""Of the map, which smooths the steps between directions."""
+"""Blur of the map in its pixels, against steps between directions."""
 
 
 def ambient_occlusion(caster: StandingObject, camera: Camera, crop: Crop) -> Float32Array:
-    """H x W of the camera, 0 (sees the whole sky) to 1, on the plane that an object stands on; 0 outside the crop round it."""
+    """H x W occluded share of the sky, 0..1, on the supporting plane; 0 outside the crop round the object."""
     wide, high = (-(-side // COARSE) for side in crop.size)
     total = np.zeros((high, wide), np.float32)
     caster, scale = thicken(caster), crop.scale / COARSE
@@ -50,7 +50,7 @@ def ambient_occlusion(caster: StandingObject, camera: Camera, crop: Crop) -> Flo
 
 
 def thicken(caster: StandingObject) -> StandingObject:
-    """The object with copies of its points behind those that are seen, along the surface, over half of its width."""
+    """The object with copies of its points behind the visible ones, along the surface, over half of its width."""
     if not len(caster.base):
         return caster
     keep = slice(None, None, max(1, len(caster.base) // POINTS))

@@ -1,8 +1,7 @@
-"""A picture, an object's mask and the surface it stands on in; the planes of a crop round it that its shadow is judged by out.
+"""A picture, an object's mask and its supporting surface in; the input planes of the shadow network, for a crop, out.
 
-Log colour against the lit surface, where object and surface are, height and place over the surface in heights of the object, the
-darkness map, how much of the sky the object hides and the darkness that this explains, and the object's shape thrown by the
-lights that explain most.
+They are log colour against the lit surface, masks of object and surface, height and position over the surface in object
+heights, darkness, ambient occlusion and the darkness that it explains, and the shapes cast by the likeliest lights.
 """
 
 from __future__ import annotations
@@ -22,18 +21,17 @@ from dlama.perception.shadows.occlusion import ambient_occlusion
 MULTIPLE = 32
 """The sides of the planes are multiples of this many pixels; the crop's longer side has `crop.SIDE`."""
 PLANES = (
-    "red", "green", "blue", "thing", "surface", "picture", "height", "right", "away", "darkness", "occluded",
+    "red", "green", "blue", "object", "surface", "picture", "height", "right", "away", "darkness", "occluded",
     "ambient", "sharp", "soft", "second", "common",
 )  # fmt: skip
-THROWN = PLANES.index("sharp")
-"""From this plane on they are shapes that were thrown."""
+FIRST_CAST = PLANES.index("sharp")
+"""First plane of a cast shape."""
 LOG_RANGE, FAR = 2.0, 4.0
-"""Logarithms of colour, and heights of the object, that are 1 in a plane (the latter through tanh)."""
+"""Log colour, and distance in object heights, that are 1 in a plane (the latter through tanh)."""
 
 
 def shadow_planes(rgbd: RGBD, mask: BoolArray, ground: Ground) -> tuple[Float32Array, Crop, Float32Array]:
-    """PLANES x h x w, sides multiples of MULTIPLE and at most `crop.SIDE`; where in the picture that is; and H x W, how much of
-    the sky the object hides."""
+    """PLANES x h x w, sides multiples of MULTIPLE and at most `crop.SIDE`; the crop; and H x W, the ambient occlusion."""
     crop = crop_around(mask)
     points, rise = object_points(rgbd, mask, ground)
     caster = measure_object(points, rise, ground)
@@ -54,7 +52,7 @@ def shadow_planes(rgbd: RGBD, mask: BoolArray, ground: Ground) -> tuple[Float32A
         view[9] = np.clip(crop.small(dark.dark), -1.5, 1.5)
         view[11] = np.clip(crop.small(dark.ambient), 0, 1.5)
     view[10] = crop.small(occlusion)
-    for plane, shape in zip(view[THROWN:], find_cast_shapes(rgbd, ground, usable, caster, tall)):
+    for plane, shape in zip(view[FIRST_CAST:], find_cast_shapes(rgbd, ground, usable, caster, tall)):
         if shape is not None:
             plane[:] = shape[0] * crop.small(shape[1])
     return out, crop, occlusion
@@ -63,7 +61,7 @@ def shadow_planes(rgbd: RGBD, mask: BoolArray, ground: Ground) -> tuple[Float32A
 def places(
     rgbd: RGBD, ground: Ground, crop: Crop, points: NDArray[np.float64], rise: NDArray[np.float64], tall: float
 ) -> Float32Array:
-    """3 x h x w: height over the surface, and place on it to the right of and behind the object's foot, in its heights."""
+    """3 x h x w: height over the surface, and position right of and behind the object's ground contact, in object heights."""
     wide, high = crop.size
     hw = rgbd.depth.shape
     column = (crop.columns.start + (np.arange(wide) + 0.5) / crop.scale).astype(int).clip(0, hw[1] - 1)

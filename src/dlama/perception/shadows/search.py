@@ -1,9 +1,8 @@
-"""An object's points over the plane it stands on, and the picture, in; the direction of light that explains a shadow best out.
+"""An object's points over its supporting plane, and the picture, in; the direction of light that explains a shadow best out.
 
-For each direction the object's shape is thrown on the plane. Along the border of a shadow the picture grows lighter outwards by
-much the same step everywhere, whatever the surface's pattern: the flux of the gradient of log luma through the border of the
-thrown shape, which is the sum of the gradient's divergence inside it (Gauss), is compared with what a border of that length has
-by chance.
+For each direction the object's shape is projected on the plane. Across a shadow's border log luma rises outwards by the same
+step everywhere, on any pattern. So the flux of its gradient through the border (by Gauss, the sum of the divergence inside) is
+compared with the flux expected by chance for a border of that length.
 """
 
 from __future__ import annotations
@@ -21,49 +20,50 @@ from dlama.perception.kernels.shadows import DIRECTIONS_A_TASK, cast_shapes
 from dlama.perception.shadows.ground import StandingObject, light_offsets
 
 SLOPES = np.array((0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.72, 0.86, 1.0, 1.2, 1.45, 1.75, 2.1, 2.6, 3.2))
-"""Lengths of a shadow over the height of what casts it, that are tried."""
+"""Tried lengths of a shadow over the object's height."""
 TURNS = 48
-"""And directions over the surface."""
+"""Number of tried directions over the surface."""
 FINE_SLOPES = np.linspace(0.82, 1.18, 7)
-"""Around the best of them: factors of the slope,"""
+"""Refinement round the best: factors of the slope,"""
 FINE_TURNS = np.linspace(-2 / 3, 2 / 3, 5)
 """and steps of the direction."""
 REFINED = 6
-"""Of the coarse directions, the best ones, round which finer steps are tried."""
+"""Number of coarse directions that are refined."""
 LONG = 2.5
-"""Slope from which on shadows are rare: a low sun."""
+"""Slope above which shadows are rare: a low sun."""
 SIDE_PX = 256
-"""The picture is made smaller by a whole factor, to about this many pixels along its longer side."""
+"""The picture is reduced by a whole factor to about this many pixels along its longer side."""
 Scale = tuple[float, float]
-"""Blur in px, and the steepest gradient (of the logarithm, a pixel) that counts: a line of a pattern is no more than a border."""
+"""Blur in px, and the largest gradient (of the logarithm, per px) that counts, so that lines of a pattern weigh no more than
+borders."""
 SHARP, SOFT = (1.2, 0.08), (4.0, 0.05)
 """For borders of hard shadows, and of soft ones."""
 SHORTEST_PX = 20
-"""Of a shape's border: a shorter one is judged as if it was so long, for little of it says little."""
+"""Least border length in the normalisation: short borders are no evidence."""
 FEWEST_PX = 8
-"""Of the thrown shape on what is seen of the surface; a smaller one has no strength."""
+"""Least pixels of the cast shape on the visible surface; a smaller one has no strength."""
 OTHER = 0.6
-"""Directions that differ by more than this share of the best one's throw explain something else."""
+"""Relative offset from the best direction beyond which a direction is a different one."""
 
 
 @dataclass(frozen=True, eq=False)
 class CastShape:
-    """The direction of light that explains most, and how well."""
+    """The best direction of light and its score."""
 
     over: NDArray[np.float64]
     """Metres over the surface for each metre of height, in camera axes."""
     strength: float
     """Flux over its standard deviation by chance; less for a low sun."""
     next_best: float
-    """The same of the best direction that is quite another,"""
+    """Strength of the best different direction,"""
     next_over: NDArray[np.float64]
-    """and that direction, as `over`."""
+    """and its offset, as `over`."""
     step: float
     """Mean gradient of the logarithm outwards, a pixel."""
 
 
 def best_direction(caster: StandingObject, rgbd: RGBD, seen: BoolArray, scale: Scale) -> CastShape | None:
-    """The direction whose thrown shape stands out most; None where no shape falls on what is seen.
+    """The direction whose cast shape is strongest; None where no shape falls on the visible surface.
 
     seen: H x W, True where the surface is seen. scale: SHARP or SOFT.
     """
@@ -85,7 +85,7 @@ def best_direction(caster: StandingObject, rgbd: RGBD, seen: BoolArray, scale: S
 
 
 class Search:
-    """What is the same for every direction: the picture made smaller and its divergence, the object's points, and what is up."""
+    """What all directions share: the reduced picture's divergence, the object's points and the surface's axes."""
 
     def __init__(self, caster: StandingObject, rgbd: RGBD, seen: BoolArray, scale: Scale) -> None:
         camera = rgbd.camera
@@ -106,7 +106,7 @@ class Search:
     def strengths(
         self, slopes: NDArray[np.float64], turns: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Of K directions: the strength of their thrown shapes, and the mean step at their borders."""
+        """Strengths of the shapes cast by K directions, and the mean steps at their borders."""
         out = np.zeros((len(slopes), 3))
         stamps = np.zeros((-(-len(slopes) // DIRECTIONS_A_TASK), *self.seen.shape), np.int32)
         args = self.base, self.rise, self.over(slopes, turns), self.lens, self.divergence, self.seen, stamps, out
