@@ -111,7 +111,7 @@ def _seams() -> None:
 
 
 def _whole_occluders() -> None:
-    _replace("inpainters.layered.depth_first", "WHOLE", 0.0)
+    _replace("inpainters.layered.depth_first", "OCCLUDER_REACH", 0.0)
 
 
 def _occluders() -> None:

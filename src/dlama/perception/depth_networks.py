@@ -1,4 +1,4 @@
-"""A picture and a depth network in; what the network says of it (depth, inverse depth or points) out.
+"""A picture and a depth network in; the network's prediction (depth, inverse depth or points) out.
 
 How a network expects its picture and what its numbers mean is data, a DepthContract; only `predict` reads it.
 """
@@ -21,7 +21,7 @@ from dlama.models.network_file import NetworkFile
 Gives = Literal["depth", "inverse depth", "points"]
 KINDS: tuple[Gives, ...] = ("depth", "inverse depth", "points")
 IMAGENET = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
-"""Mean and standard deviation of the colours 0..1 of ImageNet, as most networks want their pictures normalised."""
+"""Mean and standard deviation of ImageNet's colours (0..1), by which most networks expect their pictures normalised."""
 NETWORK = "monocular depth"
 """What stands as `network` in the contract of such a file."""
 
@@ -47,7 +47,7 @@ class DepthContract:
     multiple: int = 14
     """Height and width are rounded to a multiple of this."""
     tokens: int | None = None
-    """The number that its second input (int64) wants: how finely it looks."""
+    """The number that its second input (int64) expects: its resolution in tokens."""
     outputs: tuple[str, ...] = ()
     """Names of the outputs that are used, each as `first|or this`: the map; of points also their mask and their metric scale.
     Empty: the first output."""
@@ -86,7 +86,7 @@ class DepthContract:
 
 @dataclass(frozen=True, eq=False)
 class DepthPrediction:
-    """What an estimator says of a picture, at any size of the same proportions."""
+    """An estimator's prediction for a picture, at any size of the same proportions."""
 
     values: Float32Array
     """h x w: planar z, or inverse depth (larger is nearer, 0 is far); of points h x w x 3 (x, y, z; z up to a shift)."""
@@ -94,7 +94,7 @@ class DepthPrediction:
     metric: bool = False
     """Whether it is in metres (1/m)."""
     far: BoolArray | None = None
-    """h x w, True where it says sky; None: it does not say."""
+    """h x w, True on predicted sky; None: the network predicts none."""
     notes: dict[str, Any] = field(default_factory=dict)
     """What ran, for meta.json."""
 
@@ -110,7 +110,7 @@ class DepthPrediction:
 
 
 def predict(network: NetworkFile, contract: DepthContract, color: UInt8Array) -> DepthPrediction:
-    """What the network says of a picture (H x W x 3, RGB). FileError where the file does not keep its contract."""
+    """The network's prediction for a picture (H x W x 3, RGB). FileError where the file does not keep its contract."""
     shown = contract.tensor(color)
     outputs = network.run_all(make_feed(network, contract, shown))
     named = dict(zip(network.outputs, outputs))

@@ -1,7 +1,7 @@
-"""Estimated depth on a scale of its own and what is known in metres in; the numbers that make metres of it out.
+"""Estimated depth up to scale and known metric values in; the scale (and shift) to metres out.
 
-Relative inverse depth is known up to a factor and a shift, 1 / z = factor * value + shift; all else up to a factor,
-z = factor * value.
+Relative inverse depth is known up to a factor and a shift, 1 / z = factor * value + shift; all else up to a factor, z = factor
+* value.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from dlama.perception.planes import find_planes, fit_plane
 ASSUMED_MEDIAN_M = 3.0
 """Median depth of a picture of which nothing is known in metres."""
 FARTHEST_M = 1000.0
-"""What comes out beyond is far."""
+"""Depth beyond this is far."""
 SPREAD = 1.1
 """Largest value over the smallest, of the known pixels, from which a shift is fitted too."""
 PATCH = 2
@@ -38,7 +38,7 @@ RULES = {
 }
 """`Scale.rule` -> where the scale comes from, in words, parameters by their names."""
 GROUND_NOISE = 0.02
-"""Of estimated inverse depth on planes, relative to the median; RANSAC takes planes for what they are within 2.5 of it."""
+"""Noise of estimated inverse depth on planes, relative to the median; RANSAC accepts 2.5 times that."""
 
 
 def describe_depth_source(estimate: Mapping[str, Any]) -> str:
@@ -49,7 +49,7 @@ def describe_depth_source(estimate: Mapping[str, Any]) -> str:
 
 @dataclass(frozen=True)
 class Scale:
-    """How metres are made: 1 / z = factor * value + shift of inverse depth, z = factor * value of depth."""
+    """The scale to metres: 1 / z = factor * value + shift of inverse depth, z = factor * value of depth."""
 
     inverse: bool
     factor: float = 1.0
@@ -111,7 +111,7 @@ def estimate_scale(
 def check_known(
     metres_at: Sequence[tuple[float, float, float]], camera_height: float | None, hw: tuple[int, ...] | None
 ) -> None:
-    """Raise InputError for what cannot be known of a picture of that size: contradictions, no distances, pixels outside."""
+    """Raise InputError for contradictions, values that are no distances, and pixels outside a picture of that size."""
     if len(metres_at) and camera_height is not None:
         raise InputError("metres_at and camera_height contradict each other; give one of them")
     if camera_height is not None and not (is_finite(camera_height) and camera_height > 0):
@@ -136,7 +136,7 @@ def check_known(
 def fit_scale_to_points(
     values: Float32Array, inverse: bool, shifted: bool, metres_at: Sequence[tuple[float, float, float]]
 ) -> Scale:
-    """Least squares over known pixels, each relative to its own distance: factor, and shift where two are told apart."""
+    """Least squares over known pixels, relative to each distance: the factor, and with enough spread a shift."""
     found = np.array([median_value_at(values, x, y, metres) for x, y, metres in metres_at])
     metres = np.array([point[2] for point in metres_at], np.float64)
     target = 1 / metres if inverse else metres
@@ -168,7 +168,8 @@ def median_value_at(values: Float32Array, x: float, y: float, metres: float) -> 
 
 
 def fit_scale_to_ground(values: Float32Array, inverse: bool, camera: Camera, camera_height: float) -> Scale:
-    """The factor that puts the camera so high (m) above the largest plane that looks like ground. InputError where none does."""
+    """The factor that puts the camera at a given height (m) above the largest ground-like plane. InputError where there is
+    none."""
     w = values if inverse else np.divide(1, values, out=np.zeros_like(values), where=(values > 0) & np.isfinite(values))
     plane = ground_plane(w, camera)
     if plane is None:
@@ -184,8 +185,8 @@ def fit_scale_to_ground(values: Float32Array, inverse: bool, camera: Camera, cam
 
 
 def ground_plane(w: Float32Array, camera: Camera) -> np.ndarray | None:
-    """n / d of the ground n . X = d (camera axes) in inverse depth H x W: of the planes that lie level the one that holds most of
-    the lowest third of the picture; None where there is none."""
+    """n / d of the ground n . X = d (camera axes) from inverse depth H x W: the level plane with most pixels in the lowest
+    third of the picture; None where there is none."""
     low = np.zeros(w.shape, np.bool_)
     low[w.shape[0] // 2 :] = True
     surface = low & (w > 0)

@@ -1,7 +1,7 @@
-"""A single picture in; its depth in metres, estimated by a network, out. ESTIMATORS, at the foot, is the closed list of names.
+"""A single picture in; its depth in metres, estimated by a network, out. ESTIMATORS, at the end, is the closed list of names.
 
-predict (relative, blurred) -> sharpen along the picture's edges -> scale to metres. What was assumed on the way is said in a
-warning and stands in the estimate's meta data.
+Predict (relative, blurred), sharpen along the picture's edges, scale to metres. Assumptions are warned of and stand in the
+estimate's meta data.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ LEAST_CONTRAST = 3.0
 """Grey levels between the darkest and the brightest hundredth of a picture, below which it shows nothing."""
 
 Estimator = Callable[[UInt8Array], DepthPrediction]
-"""An estimator: picture (H x W x 3, RGB) -> what it says of its depth."""
+"""An estimator: picture (H x W x 3, RGB) -> its prediction."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class DepthEstimate:
     rgbd: RGBD
     """The picture with its depth in metres and its camera; `rgbd.estimate` says how it was made, so that every verb knows."""
     raw: Float32Array
-    """H x W metres as the network said it, before edges were moved."""
+    """H x W metres as predicted, before edges were moved."""
 
     @property
     def depth(self) -> Float32Array:
@@ -136,7 +136,7 @@ def estimate_depth(
 
 
 def round_depth(depth: Float32Array) -> Float32Array:
-    """Depth (H x W metres) to 1 part in 100,000, a hundredth of what an estimate can tell: files of it are half as large."""
+    """Depth (H x W metres) to 1 part in 100,000, far below the error of any estimate: files of it are half as large."""
     finite = np.isfinite(depth)
     bits = np.where(finite, depth, 0).astype(np.float32).view(np.uint32)
     kept = ((bits + np.uint32(1 << 6)) & np.uint32(0xFFFFFF80)).view(np.float32)
@@ -213,7 +213,7 @@ def _open_network(path: Path, stamp: tuple[int, int], provider: str | None, thre
 def resolve_camera(
     color: UInt8Array, camera: Camera | None, prediction: DepthPrediction
 ) -> tuple[Camera, dict[str, Any], float]:
-    """The camera of the picture, for meta.json where it comes from, and the shift of z that its points take."""
+    """The camera of the picture, its source for meta.json, and the shift of z that its points take."""
     height, width = color.shape[:2]
     if camera is not None and camera.hw != (height, width):
         raise ShapeError(
@@ -246,7 +246,7 @@ def horizontal_fov(camera: Camera) -> float:
 def resize_prediction(
     prediction: DepthPrediction, camera: Camera, shift: float
 ) -> tuple[Float32Array, bool, BoolArray | None]:
-    """(values, whether they are inverse depth, where they say sky), H x W; between its pixels inverse depth is interpolated."""
+    """(values, whether they are inverse depth, sky), H x W; inverse depth is interpolated between its pixels."""
     values, inverse, far = (
         np.asarray(prediction.values, np.float32),
         prediction.gives == "inverse depth",

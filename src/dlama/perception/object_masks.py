@@ -1,4 +1,4 @@
-"""A picture and what a user points at (clicks, a box, nothing) in; the mask of the object out. MASKERS is the closed list."""
+"""A picture and a user's clicks or box in; the mask of the object out. MASKERS is the closed list of methods."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from dlama.perception.shadows.find import find_shadow
 MaskModel = str | Path | tuple[str | Path, str | Path]
 """A name of `dlama.perception.masks.segment_anything.PAIRS`, `NAME=ENCODER,DECODER`, or the two files of a pair."""
 MOST = 0.5
-"""Share of the picture: an object that is larger is hardly what was meant."""
+"""Share of the picture above which a mask is warned of."""
 TOO_MUCH = "more than half of the picture: say what does not belong to it, or give a box"
 Pointed = Callable[[Prompt], tuple[dict[str, BoolArray], tuple[str, ...]]]
-"""What is pointed at -> H x W masks by name (part, object, group; those that differ), and notes."""
+"""Prompt -> H x W masks by name (part, object, group; those that differ), and notes."""
 
 
 @dataclass(frozen=True)
@@ -31,11 +31,11 @@ class MaskerRecord:
     """A masker, and what it needs."""
 
     open: Callable[[Any, Any], Pointed]
-    """(picture, mask_model) -> what is pointed at: what is done once for a picture, then for each prompt."""
+    """(picture, mask_model) -> a function of prompts; what does not depend on the prompt is computed once."""
     needs_depth: bool = False
     """Whether the picture must be an RGBD."""
     needs_prompt: bool = True
-    """Whether clicks or a box say which object is meant."""
+    """Whether it needs clicks or a box."""
     takes_model: bool = False
     """Whether it runs networks that mask_model names."""
 
@@ -55,7 +55,7 @@ class ObjectMask:
     shadow: BoolArray | None = None
     """H x W, True in the shadow that the object casts, a part of `mask`; None where it was not asked for."""
     notes: tuple[str, ...] = ()
-    """What a user should know, in words."""
+    """Notes for the user."""
 
     @property
     def about(self) -> dict[str, Any]:
@@ -65,9 +65,10 @@ class ObjectMask:
 
 
 class MaskSession:
-    """A picture in which objects are pointed at again and again.
+    """A picture for repeated prompts.
 
-    What does not depend on the clicks (the planes of its depth, a network's embedding) is computed at the first `find` and kept.
+    What does not depend on the clicks (the planes of its depth, a network's embedding) is computed at the first `find` and
+    kept.
     """
 
     def __init__(
@@ -93,7 +94,7 @@ class MaskSession:
         candidate: str = "object",
         with_shadow: bool = False,
     ) -> ObjectMask:
-        """The mask of the object that clicks or a box mean; parameters and errors as `find_mask`."""
+        """The mask of the object under clicks or in a box; parameters and errors as `find_mask`."""
         check_arguments(MaskSession.find, locals())
         check_names(self.masker, self.mask_model, candidate)
         picture = self.picture
@@ -136,7 +137,7 @@ def complete_mask(
     with_shadow: bool = False,
     notes: Sequence[str] = (),
 ) -> ObjectMask:
-    """The chosen one of the masks, with the shadow that the object casts where it is asked for. InputError: that needs depth."""
+    """The chosen mask, with the object's cast shadow on request. InputError: that needs depth."""
     mask = masks[chosen]
     if not with_shadow:
         return ObjectMask(mask, masks, chosen, masker, notes=tuple(notes))
@@ -158,23 +159,23 @@ def find_mask(
     candidate: str = "object",
     with_shadow: bool = False,
 ) -> ObjectMask:
-    """The mask of the object that clicks or a box mean. `MaskSession` answers further clicks in the same picture faster.
+    """The mask of the object under clicks or in a box. `MaskSession` answers further clicks in the same picture faster.
 
     Args:
         picture: A picture with depth, or H x W x 3 uint8 RGB for maskers that need no depth.
         clicks: Pixels on the object, (x, y), x right, y down.
-        not_clicks: Pixels next to it, to correct with.
+        not_clicks: Pixels on the background, as corrections.
         box: x, y, width, height round the object, in pixels.
         masker: A name of MASKERS; None: rgbd.
         mask_model: The networks of the masker segment-anything: sam-vit-b, mobile-sam or efficient-sam (pulled before), the files
             (encoder, decoder) of a pair that carries its contract, or `NAME=ENCODER,DECODER`: with the contract of that name.
-        candidate: Which reading of an ambiguous click: part, object or group; `object` where it has no such.
+        candidate: Which reading of an ambiguous click: part, object or group; `object` where there is no such reading.
         with_shadow: Add the shadow that the object casts on the surface it stands on; needs depth.
 
     Raises:
-        InputError: an unknown masker or candidate, nothing that says what is meant, a click or box outside the picture.
+        InputError: an unknown masker or candidate, neither clicks nor box, a click or box outside the picture.
         ShapeError: a picture that is none.
-        MaskError: nothing that stands apart is there.
+        MaskError: there is no object there.
         FileError: a network that is missing, or does not keep its contract.
     """
     session = MaskSession(picture, masker=masker, mask_model=mask_model)

@@ -1,6 +1,6 @@
-"""Inverse depth of a view in; the few planes it has and, for every known pixel, which one it lies on, out.
+"""Inverse depth of a view in; its few planes and the plane label of every known pixel out.
 
-A plane is affine in inverse depth over pixels, w = a u + b v + c (u, v in pixels, centres at 0.5), whatever the camera.
+A plane is affine in inverse depth over pixels, w = a u + b v + c (u, v in pixels, centres at 0.5), for any camera.
 """
 
 from __future__ import annotations
@@ -19,28 +19,28 @@ SKY = 0
 TOLERANCE = 0.012
 """Largest relative residual in inverse depth of a pixel that lies on a plane."""
 NOISE_FACTOR = 2.5
-"""And its largest residual in units of the noise of the inverse depth (stereo matching, structured light), where that is more."""
+"""The same in units of the noise of inverse depth (stereo matching, structured light); the larger one counts."""
 OUTLIER_FACTOR = 2.0
-"""Times that residual up to which a pixel amid a plane's pixels still lies on it: matching errs in patches, not by a Gaussian."""
+"""Multiple of that residual up to which a pixel amid inliers is one, too: matching errs in patches, not by a Gaussian."""
 NOISE_REACH = 4
-"""Pixels over which noise is looked at: that of neighbouring pixels is much alike."""
+"""Distance in px of the differences that measure noise: neighbouring pixels are correlated."""
 NEIGHBOURHOOD = 9
 """Width in px of the window in which planes compete for a pixel."""
 MOST_PLANES = 12
-"""Planes that are looked for."""
+"""Largest number of planes."""
 SMALLEST_SHARE = 0.01
-"""Share of the known pixels that a plane must hold."""
+"""Least share of the known pixels of a plane."""
 HYPOTHESES = 160
-"""Random triples of pixels that are tried for each plane (RANSAC)."""
+"""Number of random triples of pixels for each plane (RANSAC)."""
 SAMPLES = 9000
-"""Known pixels that hypotheses are scored on."""
+"""Number of known pixels that score hypotheses."""
 
 
 def noise_level(w: Float32Array, surface: BoolArray) -> float:
-    """Standard deviation (1/m) of the noise of measured inverse depth; 0 where it is exact, for planes are straight in it.
+    """Standard deviation (1/m) of the noise of measured inverse depth; 0 where it is exact.
 
-    From the median second difference over NOISE_REACH px: of a straight line it is 0, and most of a picture is straight. Noise
-    that the tolerance at the median distance covers anyhow counts as none.
+    Measured as the median second difference over NOISE_REACH px: planes are linear in inverse depth, and most of a picture is
+    planar. Noise below the tolerance at the median distance counts as none.
     """
     k, found = NOISE_REACH, []
     for a, there in ((w, surface), (w.T, surface.T)):
@@ -89,7 +89,7 @@ def find_planes(w: Float32Array, surface: BoolArray, seed: int, noise: float = 0
 
 
 def fit_plane(u: np.ndarray, v: np.ndarray, w: np.ndarray, near: np.ndarray) -> NDArray[np.float64]:
-    """(a, b, c) by least squares, residuals relative to `near`, the largest that is allowed (far and near count alike)."""
+    """(a, b, c) by least squares, residuals relative to `near`, the largest allowed (far and near count alike)."""
     weight = TOLERANCE / near
     design = np.stack([u, v, np.ones_like(u)], 1) * weight[:, None]
     return np.asarray(np.linalg.lstsq(design, w * weight, rcond=None)[0], np.float64)
@@ -108,8 +108,8 @@ def label_known(
 ) -> NDArray[np.int32]:
     """H x W int32: SKY at far pixels, k >= 1 on the k-th plane, SMOOTH elsewhere (holes too).
 
-    Of the planes that fit a pixel it belongs to the one that fits most of its neighbourhood: a plane that merely cuts through
-    a surface leaves no stripe on it.
+    Of the planes that fit a pixel it takes the one that fits most of its neighbourhood: a plane that merely intersects a
+    surface leaves no stripe on it.
     """
     window = (NEIGHBOURHOOD, NEIGHBOURHOOD)
     there = surface.astype(np.float32)
@@ -131,16 +131,16 @@ def label_known(
 def plane_values_at(
     planes: NDArray[np.float64], label: NDArray[np.int32], rows: NDArray[np.int64], columns: NDArray[np.int64]
 ) -> NDArray[np.float64]:
-    """N inverse depths (1/m) of the planes that N labels name, at the centres of N pixels; 0 where a label names no plane.
+    """N inverse depths (1/m) of the labelled planes at the centres of N pixels; 0 for labels of no plane.
 
-    Where the plane goes behind the camera the value is negative.
+    The value is negative where the plane lies behind the camera.
     """
     of_label = np.concatenate([np.zeros((1, 3)), planes])[np.maximum(label, 0)]
     return np.asarray(of_label[:, 0] * (columns + 0.5) + of_label[:, 1] * (rows + 0.5) + of_label[:, 2], np.float64)
 
 
 def denoise(w: Float32Array, label: NDArray[np.int32], planes: NDArray[np.float64], noise: float) -> Float32Array:
-    """H x W inverse depth with the noise on planes taken off; of a residual larger than noise can be, what is larger stays."""
+    """H x W inverse depth without the noise on planes; of residuals above the noise limit, the excess stays."""
     if not noise or not len(planes):
         return w
     out = w.copy()

@@ -1,7 +1,7 @@
-"""A point map whose z is known up to a shift in; the shift, depth and the field of view out.
+"""A point map whose z is known up to a shift in; the shift, depth and field of view out.
 
-Networks of this kind (MoGe, Wang et al. 2025) see x, y and z of every pixel as one affine picture of the scene: what makes it a
-perspective one is the shift of z, and the focal length, under which every point lies on the ray of its pixel.
+Networks of this kind (MoGe, Wang et al. 2025) predict x, y and z of every pixel up to an affine change. The shift of z and the
+focal length follow from the condition that each point lies on the ray of its pixel.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def depth_of_points(
 
 
 def best_shift(cloud: np.ndarray, image: np.ndarray, focal: float | None) -> float:
-    """By a search over the nearest point's depth from 1/100 to 100 times the depth range of all, then golden section."""
+    """The shift by a search over the nearest point's depth from 1/100 to 100 times the depth range, then golden section."""
     nearest, span = float(cloud[:, 2].min()), float(np.ptp(cloud[:, 2])) or 1.0
 
     def error(log_depth: float) -> float:
@@ -61,7 +61,7 @@ def best_shift(cloud: np.ndarray, image: np.ndarray, focal: float | None) -> flo
 
 
 def best_focal(cloud: np.ndarray, image: np.ndarray, shift: float) -> float:
-    """In picture widths, by least squares. DepthError where the points are mirrored or of no extent."""
+    """The focal length in picture widths, by least squares. DepthError where the points are mirrored or of no extent."""
     flat = cloud[:, :2] / (cloud[:, 2:] + shift)
     spread = float(np.square(flat).sum())
     focal = float((flat * image).sum()) / spread if spread > 0 else 0.0

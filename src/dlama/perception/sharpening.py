@@ -1,7 +1,7 @@
-"""A map with blurred edges and the picture it belongs to in; the same map with its edges where the picture has them out.
+"""A map with blurred edges and its picture in; the map with edges where the picture has them out.
 
-Estimated depth changes over many pixels where the scene has a step; drawn from elsewhere, such a ramp is a fringe between
-two surfaces.
+Estimated depth changes over many pixels where the scene has a step. Seen from elsewhere, such a ramp is a fringe between two
+surfaces.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.perception.kernels.edge_median import MOST, joint_median
 
 LARGEST = 2048
-"""Longer side of the picture, in pixels, in which edges are moved; in a larger one each pixel then takes, of the values that were
-found round it, that whose colour is most like its own."""
+"""Longer side of the picture, in pixels, in which edges are moved. In a larger one each pixel then takes, of the values found
+round it, the one with the most similar colour."""
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class Sharpening:
     """How edges are moved; lengths in px of a picture whose longer side is 512."""
 
     radius: float = 18.0
-    """Half the window in which depths are looked for: more than half a ramp's width."""
+    """Half the window that votes: more than half a ramp's width."""
     space_sigma: float = 12.0
     """How fast votes weaken with distance."""
     color_sigma: float = 20.0
@@ -34,18 +34,17 @@ class Sharpening:
     steep: float = 0.02
     """Relative change per px from which a pixel is on a ramp: it does not vote."""
     bend: float = 1.6
-    """Times the mean slope within 1.5 radii that it must have, too: a ramp is steeper than what lies next to it, ground is
-    not."""
+    """Least slope of a ramp over the mean slope within 1.5 radii: ground is not steeper than its surroundings."""
     reach: float = 4.0
-    """px round a ramp whose depth is looked for anew too."""
+    """px round a ramp that are replaced, too."""
 
 
 def sharpen_depth(
     values: Float32Array, color: UInt8Array, inverse: bool = True, how: Sharpening = Sharpening()
 ) -> Float32Array:
-    """H x W, each value one that the map has nearby: on ramps the weighted median of what lies next to them in the same colour.
+    """H x W, each value one that the map has nearby: on ramps the weighted median of adjacent pixels of the same colour.
 
-    values: H x W inverse depth, or depth where not `inverse` (ramps are seen in inverse depth, in which planes are straight; the
+    values: H x W inverse depth, or depth where not `inverse` (ramps are found in inverse depth, in which planes are linear; the
     median is the same of both); color: H x W x 3, RGB.
     """
     if max(values.shape) > LARGEST:

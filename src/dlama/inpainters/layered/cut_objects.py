@@ -1,9 +1,8 @@
-"""Cut objects: known cells in; where foliage that the border cuts continues out of view, taken for round, out.
+"""Cut objects: known cells in; the circles as which foliage, cut by the border, extends out of view, out.
 
-A tree or a bush that the border of the picture cuts continues beyond it. How far, the cut says: a chord of length L that parts an
-area A from a circle says its radius R and the angle t at its middle, A / L^2 = (t - sin t cos t) / (4 sin^2 t) and L = 2 R sin t,
-and the circle continues for R (1 + cos t). A post that is cut across ends, a crown of which a narrow strip is seen continues;
-it is believed up to L.
+A crown is assumed round, and the border cuts it along a chord of length L. From its visible area A follow its radius R and the
+angle t at its middle: A / L^2 = (t - sin t cos t) / (4 sin^2 t) and L = 2 R sin t. The circle extends by R (1 + cos t) beyond
+the chord, at most by L. A post that is cut across ends; a crown of which a narrow strip is visible extends.
 """
 
 from __future__ import annotations
@@ -20,33 +19,34 @@ from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.perception.planes import SMOOTH
 
 REACHES = 0.3
-"""Square roots of its visible area by which whatever has no plane continues out of view."""
+"""Extent out of view of an object without a plane, in square roots of its visible area."""
 STEP, AROUND, DENSE = 1.03, 15, 0.08
-"""Foliage is where, of the pairs of neighbours in a window of AROUND cells, a share of DENSE or more are this ratio of depths
-apart. A window across one straight outline has 0.03."""
+"""Foliage has depth steps of this ratio at a share DENSE of the neighbour pairs in a window of AROUND cells. A window across
+one straight outline has 0.03."""
 TOGETHER = 6
-"""Cells round each cell of a cut within which the next one belongs to it: between leaves and twigs."""
+"""Cells within which two cells of a cut belong together: between leaves and twigs."""
 ONE_OBJECT = 1.6
-"""Ratio of inverse depths up to which what is cut is one object."""
+"""Largest ratio of inverse depths within one cut object."""
 THIN = 8
-"""Cells: an object that is seen no farther from the cut than this may run along the border, uncut."""
+"""Cells: an object visible no farther from the cut than this may run along the border, uncut."""
 RIM = 1.1
-"""Radii up to which a circle is drawn, for its rim is single leaves."""
+"""Radii up to which a circle is drawn, because its rim is single leaves."""
 GAPS = 7
 """Side, in cells, of the square that closes the gaps between leaves."""
 ANGLES = np.linspace(2 * np.arctan(0.5), 3.1, 256)
-"""Half the angle, in radians, of the part of a circle that a chord parts, from where the rest is as high as the chord is long."""
+"""Half the central angle, in radians, of the visible circle segment, from where the hidden part is as high as the chord is
+long."""
 SHARES = (ANGLES - np.sin(ANGLES) * np.cos(ANGLES)) / (4 * np.sin(ANGLES) ** 2)
-"""Its area over the square of the chord."""
+"""Area of the segment over the squared chord."""
 
 
 class CutObjects(NamedTuple):
-    """Where objects continue out of view, on a grid of cells."""
+    """Where objects extend out of view, on a grid of cells."""
 
     beyond: Float32Array
-    """h x w cells to where the nearest of what has no plane may continue; inf where that is cut foliage."""
+    """h x w cells to the possible extent of the nearest object without a plane; inf where that is cut foliage."""
     number: NDArray[np.int32]
-    """h x w: 1..N where known cells of a cut object are and where it continues, 0 elsewhere."""
+    """h x w: 1..N on the known cells of a cut object and where it extends, 0 elsewhere."""
     inverse_depth: Float32Array
     """N + 1, 1/m, of each object; the first is 0."""
     circle: Float32Array
@@ -54,7 +54,7 @@ class CutObjects(NamedTuple):
 
 
 class Chord(NamedTuple):
-    """Where the border cuts an object."""
+    """The chord along which the border cuts an object."""
 
     middle: NDArray[np.float64]
     """Row and column."""
@@ -65,7 +65,7 @@ class Chord(NamedTuple):
 
     @classmethod
     def of(cls, cut: BoolArray) -> Chord:
-        """The line through the cells of `cut` (h x w), as long as they."""
+        """The line through the cells of `cut` (h x w), with their extent."""
         cells = np.argwhere(cut).astype(np.float64)
         mean = cells.mean(0)
         along = np.linalg.svd(cells - mean, full_matrices=False)[2][0]
@@ -73,7 +73,7 @@ class Chord(NamedTuple):
         return cls(mean + (places.max() + places.min()) / 2 * along, along, float(np.ptp(places)) + 1)
 
     def circle(self, seen: BoolArray) -> tuple[NDArray[np.float64], float] | None:
-        """Centre (row, column) and radius, in cells, of the circle of which `seen` (h x w) is seen; None if THIN."""
+        """Centre (row, column) and radius, in cells, of the circle whose visible part is `seen` (h x w); None if THIN."""
         outwards = np.array([-self.along[1], self.along[0]])
         heights = (np.argwhere(seen) - self.middle) @ outwards
         if np.ptp(heights) < THIN:
@@ -84,9 +84,9 @@ class Chord(NamedTuple):
 
 
 def find_cut_objects(w: Float32Array, label: NDArray[np.int32], hole: BoolArray, adjacent: BoolArray) -> CutObjects:
-    """Where they continue.
+    """The extents of cut objects out of view.
 
-    w, label, hole: h x w inverse depth and label of the known cells; next to: h x w, cells next to what is out of view.
+    w, label, hole: h x w inverse depth and label of the known cells; adjacent: h x w, cells next to the hole out of view.
     """
     loose = ~hole & (label == SMOOTH)
     number, depths, circles = np.zeros(loose.shape, np.int32), [0.0], [(0.0, 0.0, 0.0)]
@@ -110,7 +110,7 @@ def find_cut_objects(w: Float32Array, label: NDArray[np.int32], hole: BoolArray,
 
 
 def distance_to_unlabelled(loose: BoolArray) -> Float32Array:
-    """h x w cells to the nearest of `loose` (h x w), less what each object continues for (REACHES); 1000 if none is."""
+    """h x w cells to the nearest of `loose` (h x w), less the extent of each object (REACHES); 1000 if there is none."""
     if not loose.any():
         return np.full(loose.shape, 1e3, np.float32)
     seen, area = cv2.connectedComponentsWithStats(loose.astype(np.uint8), connectivity=8)[1:3]
@@ -120,7 +120,7 @@ def distance_to_unlabelled(loose: BoolArray) -> Float32Array:
 
 
 def foliage(w: Float32Array, known: BoolArray) -> BoolArray:
-    """h x w, True where depth has steps everywhere. w: h x w inverse depth of the `known` cells (h x w)."""
+    """h x w, True where depth steps are dense. w: h x w inverse depth of the `known` cells (h x w)."""
     steps, pairs = np.zeros((2, *w.shape), np.float32)
     depth = np.log(np.where(known, w, 1))
     for ahead, behind in (((slice(1, None),), (slice(-1),)), ((slice(None), slice(1, None)), (slice(None), slice(-1)))):
@@ -132,7 +132,7 @@ def foliage(w: Float32Array, known: BoolArray) -> BoolArray:
 
 
 def cut_parts(w: Float32Array, leaves: BoolArray, cut: BoolArray) -> Iterator[tuple[BoolArray, Chord]]:
-    """Each object that is cut: h x w, its known cells as far from the chord as that is long; its chord. Arguments: h x w."""
+    """Each cut object: h x w, its known cells within a chord's length of the chord; its chord. Arguments: h x w."""
     part = cv2.connectedComponents(dilate_mask(cut, TOGETHER).astype(np.uint8), connectivity=8)[1]
     own = np.where(leaves, part.ravel()[nearest_known(cut)[1]], 0)
     for number in np.unique(part[cut]):
@@ -146,5 +146,5 @@ def cut_parts(w: Float32Array, leaves: BoolArray, cut: BoolArray) -> Iterator[tu
 
 
 def at_same_depth(w: Float32Array, typical: float | Float32Array) -> BoolArray:
-    """True where inverse depths are those of one object of a `typical` inverse depth, up to ONE_THING."""
+    """True where inverse depths differ from a `typical` one by at most the ratio ONE_OBJECT."""
     return np.asarray((w < ONE_OBJECT * typical) & (w * ONE_OBJECT > typical))

@@ -1,4 +1,4 @@
-"""Depth first: a filler of pictures in; a filler that continues surfaces into the holes, then lets the first paint them, out."""
+"""Depth first: a Painter in; a filler that continues surfaces into the holes, then lets the Painter paint them, out."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ from dlama.inpainters.layered.surfaces import Surfaces
 from dlama.perception.planes import plane_values_at
 
 BAND = 24
-"""Pixels round a hole in which an occluder is kept from the filler."""
-WHOLE = 0.25
-"""Share of the picture's longer side up to which the rest of that occluder is kept from it too: a network that sees the stripes
-of a barrel continues them into the hole next to it."""
+"""Pixels round a hole in which an occluder is hidden from the painter."""
+OCCLUDER_REACH = 0.25
+"""Distance from the hole, over the picture's longer side, in which the rest of that occluder is hidden, too: a network that
+sees the stripes of a barrel continues them into the hole next to it."""
 CONTINUES, MOSTLY = 0.02, 0.5
-"""Share of what was hidden from which a surface counts as continuing there: then it is no occluder as a whole. The second where
-most of it stands before the hole."""
+"""Share of the dis-occluded area from which a surface counts as continuing there, and so as no occluder. The second applies
+where most of its pixels are in front of the hole."""
 MIXED_PX = 3
-"""Pixels round an occluder that may hold some of its colour."""
+"""Pixels round an occluder that may be mixed with its colour."""
 SEAM = 6
-"""Half the width, in pixels, up to which a plane in a wider hole is a seam along what it belongs to."""
+"""Half the width, in pixels, up to which a plane in a wider hole is a seam along its occluder."""
 STEP = 1.1
 """Ratio of neighbouring depths at which the occluder ends."""
 NEARER = 0.9
@@ -37,14 +37,14 @@ NEARER = 0.9
 BEHIND = 1.05
 """A known pixel farther than this many times the depth of the removed object next to it lies behind it."""
 INNER_PX = (8, 4, 0)
-"""Pixels of the removed object's outline whose depth does not count, the first that leave some of it: masks are grown."""
+"""Pixels eroded from the removed object before its depth is used, the first that leave some of it: masks are grown."""
 
 
 def paint_over_depth(inpainter: Inpainter) -> Inpainter:
-    """A filler that continues depth as `layered` does and lets the given one paint; one that is no Painter comes back as it is.
+    """A filler that continues depth as `layered` does and lets the given Painter paint; any other filler is returned unchanged.
 
-    A network's own depth out of view was measured against this and mixed with it: it is right more often at
-    +-60 degrees and wrong more often before. Colours are hedged there as those of `layered` are.
+    A network's own depth out of view was compared and mixed with it: it is right more often at +-60 degrees and wrong more
+    often before. Colours there are blended with a low-frequency estimate, as those of `layered` are.
     """
 
     if not isinstance(inpainter, Painter):
@@ -66,10 +66,11 @@ def paint_over_depth(inpainter: Inpainter) -> Inpainter:
 
 
 def find_occluders(view: View, surfaces: Surfaces, depth: Float32Array, law: Law) -> BoolArray:
-    """H x W, True in known pixels near a hole that are nearer than the surface filled into it: their colours do not belong there.
+    """H x W, True in known pixels near a hole that are nearer than the surface filled into it: occluders, hidden from the
+    painter.
 
-    surfaces: as continued; depth: H x W metres, filled. First what stands next to the hole, then the rest of that object. What
-    lies behind a removed object is its background, never an occluder of it.
+    surfaces: as continued; depth: H x W metres, filled. First the adjacent pixels, then the rest of their object. Pixels behind
+    a removed object are its background, never occluders.
     """
     distance, nearest = nearest_known(view.color_hole & ~seams(surfaces.label, view.color_hole))
     near = (distance <= BAND) & view.valid
@@ -87,7 +88,7 @@ def find_occluders(view: View, surfaces: Surfaces, depth: Float32Array, law: Law
     continuing = 1 + np.flatnonzero(filled[1:] > least * hidden.sum())
     w = inverse_depth(np.where(view.hole, np.float32(np.inf), view.depth))
     edge = cv2.dilate(w, np.ones((3, 3), np.uint8)) > STEP * w
-    candidates = view.valid & ~edge & ~np.isin(surfaces.label, continuing) & (distance <= WHOLE * max(w.shape))
+    candidates = view.valid & ~edge & ~np.isin(surfaces.label, continuing) & (distance <= OCCLUDER_REACH * max(w.shape))
     candidates &= w > inverse_depth(depth).ravel()[nearest]
     return (
         adjacent | (dilate_mask(regions_touching(candidates & ~background, adjacent), MIXED_PX) & view.valid)
@@ -95,9 +96,9 @@ def find_occluders(view: View, surfaces: Surfaces, depth: Float32Array, law: Law
 
 
 def find_background(view: View, law: Law) -> BoolArray:
-    """H x W, True in known pixels that lie behind the nearest part of a removed object: near ones too are its background.
+    """H x W, True in known pixels behind the nearest part of a removed object: its background, also where near.
 
-    The object's depth is what the law holds for this camera; all False where that is not known.
+    The object's depth comes from the law of this camera; all False where that is unknown.
     """
     removed = np.zeros(view.depth.shape, np.float32)
     for camera, measured in law.measured:
@@ -111,8 +112,8 @@ def find_background(view: View, law: Law) -> BoolArray:
 
 
 def seams(label: NDArray[np.int32], hole: BoolArray) -> BoolArray:
-    """H x W, True where a plane continues in the hole no wider than SEAM px while the hole is wider: the rim of an occluder that
-    the grid of cells drew too large. label, hole: H x W."""
+    """H x W, True where a plane fills a strip at most SEAM px wide in a wider hole: the rim of an occluder that the coarse grid
+    drew too large. label, hole: H x W."""
     kernel = square(2 * SEAM + 1)
     out = np.zeros(hole.shape, np.bool_)
     for number in np.unique(label[hole & (label > 0)]):
@@ -124,12 +125,11 @@ def seams(label: NDArray[np.int32], hole: BoolArray) -> BoolArray:
 def is_in_front(
     view: View, surfaces: Surfaces, depth: Float32Array, where: BoolArray, nearest: NDArray[np.intp]
 ) -> BoolArray:
-    """H x W, True in pixels of `where` (H x W, known) that stand before the surface of the hole pixel `nearest` (H x W, flat).
+    """H x W, True in known pixels of `where` (H x W) in front of the surface at the hole pixel `nearest` (H x W, flat).
 
-    That surface is continued to where the known pixel is: ground that comes towards the camera hides nothing. Not at the
-    picture's old border: what lies beyond it is hidden by nothing. Nor at a hole that lacks depth alone: its colours are known.
-    Nor next to a removed object by estimated depth: behind objects that is off by more than they stand apart, and without what
-    surrounds it nothing is left to fill the hole with.
+    The surface is extrapolated to the known pixel: ground that comes towards the camera hides nothing. Excluded are the
+    picture's old border, beyond which nothing was hidden; holes in depth alone, whose colours are known; and removed objects in
+    estimated depth, whose errors exceed the distances, so that nothing would be left to fill the hole with.
     """
     rows, columns = np.nonzero(where)
     hole_pixel = nearest[rows, columns]

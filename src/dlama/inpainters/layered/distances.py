@@ -1,4 +1,4 @@
-"""Known surfaces of a coarse grid in; how far each cell is from them, straight on or by angle, out."""
+"""Known surfaces of a coarse grid in; each cell's distance to them, in cells or as an angle, out."""
 
 from __future__ import annotations
 
@@ -11,16 +11,15 @@ from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.visibility import Law
 
 CHORD = 25.0
-"""Cells over which a surface was seen continuing in a direction, on the mean, so that it is believed to continue as far as
-any."""
+"""Mean visible run of a surface in a direction, in cells, from which it is assumed to continue at no extra cost."""
 NARROWEST = 3.0
-"""Most times that distances count which lead out of a narrower one: a pillar continues upwards and not sideways."""
+"""Largest factor on distances that lead out of a narrow surface: a pillar continues upwards and not sideways."""
 FAR_SAMPLES = 256
-"""Far directions that stand for all of a source camera's."""
+"""Number of far directions that represent a source camera's."""
 
 
 def mean_chords(there: BoolArray) -> tuple[float, float]:
-    """Mean length of the runs of True along columns and along rows of an h x w grid, over the cells that are in them."""
+    """Mean length of the runs of True along columns and along rows of an h x w grid, over the cells in them."""
     chords = []
     for lines in (there.T, there):
         steps = np.diff(np.pad(lines, ((0, 0), (1, 1))).astype(np.int8), axis=1)

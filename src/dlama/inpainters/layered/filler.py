@@ -16,25 +16,27 @@ from dlama.inpainters.layered.surfaces import Surfaces, continue_surfaces
 from dlama.inpainters.layered.texture_synthesis import synthesize
 from dlama.perception.planes import SKY, SMOOTH
 
-BLENDED = (HoleType.OUT_OF_VIEW, HoleType.OBJECT)
-"""Holes into which nothing is led from their rims: next to a removed object lie scraps of it and of its shadow."""
+NOT_BLENDED = (HoleType.OUT_OF_VIEW, HoleType.OBJECT)
+"""Types of holes that are not blended at the rim: next to a removed object lie remains of it and of its shadow."""
 
 
 def layered(view: View, law: Law, seed: int = 0) -> Fill:
-    """Continue planes, sky and smooth surfaces into the holes, move them behind what was measured, then paint them."""
+    """Continue planes, sky and smooth surfaces into the holes, project them onto the visibility law, then paint them."""
     surfaces, depth, moved = continue_lawfully(view, law, seed)
     color = blend_out_of_view(view, surfaces, depth, paint_surfaces(view, surfaces, depth, law, seed), law)
     return Fill(color, depth, moved, {"planes": len(surfaces.planes)})
 
 
 def blend_out_of_view(view: View, surfaces: Surfaces, depth: Float32Array, color: UInt8Array, law: Law) -> UInt8Array:
-    """H x W x 3: painted colours (H x W x 3), each surface out of view blended with a smooth guess; depth: H x W m, filled."""
+    """H x W x 3: painted colours (H x W x 3), each surface out of view blended with a low-frequency estimate; depth: H x W m,
+    filled."""
     w = np.where(view.hole, inverse_depth(depth), surfaces.inverse_depth)
     return blend_with_low_frequency(view, color, view.color_hole & (surfaces.leaves < 0), w, surfaces.label, law.sky)
 
 
 def paint_surfaces(view: View, surfaces: Surfaces, depth: Float32Array, law: Law, seed: int) -> UInt8Array:
-    """H x W x 3: the view's colours, and in its colour holes each surface with texture of its own; depth: H x W m, filled."""
+    """H x W x 3: the view's colours, with each surface in its colour holes painted with its own texture; depth: H x W m,
+    filled."""
     if not view.color_hole.any():
         return view.color
     w = np.where(view.hole, inverse_depth(depth), surfaces.inverse_depth)
@@ -44,11 +46,11 @@ def paint_surfaces(view: View, surfaces: Surfaces, depth: Float32Array, law: Law
     leafy = paint_leaves(view.color, view, surfaces)
     open_ = view.color_hole & (surfaces.leaves < 0)
     color = synthesize(leafy, open_, w, label, view.camera, seed=seed, sky=law.sky, spoiled=shadow)
-    return blend_at_rim(color, view.color_hole, open_ & ~np.isin(view.hole_type, BLENDED), w, label, shadow)
+    return blend_at_rim(color, view.color_hole, open_ & ~np.isin(view.hole_type, NOT_BLENDED), w, label, shadow)
 
 
 def paint_leaves(color: UInt8Array, view: View, surfaces: Surfaces) -> UInt8Array:
-    """H x W x 3 colours with those of the leaves where foliage continues in the view's colour holes."""
+    """H x W x 3 colours with copied leaves where foliage extends into the view's colour holes."""
     leafy = view.color_hole & (surfaces.leaves >= 0)
     if not leafy.any():
         return color
@@ -58,7 +60,7 @@ def paint_leaves(color: UInt8Array, view: View, surfaces: Surfaces) -> UInt8Arra
 
 
 def continue_lawfully(view: View, law: Law, seed: int) -> tuple[Surfaces, Float32Array, int]:
-    """The surfaces continued into the holes, their depth put behind what was measured, and how many pixels that moved."""
+    """The surfaces continued into the holes, their depth projected onto the visibility law, and how many pixels that moved."""
     surfaces = continue_surfaces(view, law, seed)
     depth, moved = project_depth(view, depth_from_inverse(surfaces.inverse_depth), view.hole, law)
     return surfaces, depth, moved

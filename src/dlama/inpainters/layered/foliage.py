@@ -1,7 +1,7 @@
-"""Foliage: known leaves and the circles as which cut crowns continue in; the leaf that each pixel there is copied from, out.
+"""Foliage: known leaves and the circles of cut crowns in; the known pixel that each crown pixel is copied from out.
 
-Blocks of the known crown are quilted where it continues, leaves and the gaps between them: leaves are as large and as bright, and
-the crown is as dense, as it is seen to be.
+Blocks of the known crown, leaves and gaps, are quilted where it extends. So leaves stay as large and bright, and the crown as
+dense, as in its visible part.
 """
 
 from __future__ import annotations
@@ -19,52 +19,51 @@ from dlama.inpainters.layered.cut_objects import GAPS, CutObjects, at_same_depth
 from dlama.inpainters.layered.kernels.quilt import GAP, OUTSIDE, UNDECIDED, quilt
 
 AROUND = 1.4
-"""Radii round the middle of a crown within which its leaves are looked for."""
+"""Radii round the middle of a crown within which its leaves are searched."""
 SOLID, FLAT = 6, 1.01
-"""Cells a side of a square that is no leaf if it has no step, ratios of neighbouring depths of more than FLAT, in it."""
+"""Side in cells of a square that is no leaf if no ratio of neighbouring depths in it exceeds FLAT."""
 FEW, SHARE_LEFT = 100, 0.1
-"""Pixels and share of the leaves from which those alone are copied that border on leaves only: others are mixed with what is
-behind them."""
+"""Least number and share of leaves surrounded by leaves for only those to be copied: others are mixed with the background."""
 BLOCK, SMALLEST = 8, 6
-"""Cells a side of a block, and pixels a side of the smallest: a strip narrower than that shows no leaves."""
+"""Cells a side of a block, and pixels a side of the smallest: a narrower strip shows no leaves."""
 LEAST_BLOCKS, LEAFY = 8, 0.02
-"""Fewer known blocks show too little; share of a block that leaves hold."""
+"""Least number of known blocks; least share of leaves in a block."""
 APART = 0.6
 """Distance of blocks over their side."""
 TRIED = 24
 """Known blocks, at random, that are compared for each place."""
 COLOR_SCALE = 80.0
-"""Grey levels between two leaves that count as much as a leaf where a gap should be."""
+"""Grey-level difference between two leaves that costs as much as a leaf in place of a gap."""
 RADIAL, UPRIGHT = 2.0, 0.7
-"""How much a radius from the middle, and one of height, counts by which blocks differ: crowns are sparse at the rim."""
+"""Weights of the differences of two blocks in radius and in height: crowns are sparse at the rim."""
 RAGGED, BY_LIGHT = 0.06, 0.7
-"""Share of the radius by which the rim of a crown is taken off in the mean; how much of that it goes in and out for a standard
-deviation of bumps as large as leaves, and of the leaves' brightness: bright leaves stand before dark ones."""
+"""Mean share of the radius removed at a crown's rim; its variation per standard deviation of leaf-sized bumps and of
+brightness: bright leaves are in front of dark ones."""
 
 
 @dataclass(frozen=True, eq=False)
 class Crown:
-    """A cut crown and what is round it, h x w pixels of a view."""
+    """A cut crown and its surroundings, h x w pixels of a view."""
 
     color: UInt8Array
     """h x w x 3."""
     leaf: BoolArray
     """h x w: known leaves."""
     behind: BoolArray
-    """h x w: known, and farther off."""
+    """h x w: known background."""
     unseen: BoolArray
     """h x w: holes out of view."""
     hidden: BoolArray
     """h x w: dis-occluded holes."""
     unseen_crown: BoolArray
-    """h x w: where of what is out of view the crown continues."""
+    """h x w: the part of `unseen` that the crown extends into."""
     circle: NDArray[np.float64]
     """Row, column and radius, in pixels."""
     cell: float
     """Pixels a side of the cells on which it was found."""
 
     def copy_from(self, rng: np.random.Generator) -> NDArray[np.int32]:
-        """h x w: the known pixel (flat) of the leaf that a hole pixel is copied from, negative where it is none."""
+        """h x w: flat index of the known pixel that a hole pixel is copied from, negative for none."""
         within = morphological_close(self.leaf, self.square(GAPS))
         nearest = np.where(self.behind, GAP, nearest_known(self.pure_leaves())[1])
         known = np.where(within, nearest, np.where(self.behind, GAP, OUTSIDE))
@@ -81,12 +80,12 @@ class Crown:
         return square(round(cells * self.cell) | 1)
 
     def pure_leaves(self) -> BoolArray:
-        """h x w: known leaves with none but leaves next to them; all if those are too few."""
+        """h x w: known leaves surrounded by leaves; all leaves if those are too few."""
         inner = erode_mask(self.leaf, 1)
         return inner if inner.sum() > max(FEW, SHARE_LEFT * self.leaf.sum()) else self.leaf
 
     def quilt(self, state: NDArray[np.int32], known: BoolArray, rng: np.random.Generator) -> bool:
-        """`state` (h x w, as of `kernels.quilt`) decided in place from blocks of `known` pixels (h x w); False: too few."""
+        """Decide `state` (h x w, see `kernels.quilt`) in place from blocks of `known` pixels (h x w); False: too few."""
         side, corners = self.known_blocks(known)
         if not len(corners):
             return False
@@ -115,17 +114,17 @@ class Crown:
         return side, np.zeros((0, 2), np.int64)
 
     def marks(self, corners: NDArray[np.integer], side: int) -> Float32Array:
-        """N x 2: what of their places blocks should have alike; corners: N x 2."""
+        """N x 2 position features by which blocks are compared; corners: N x 2."""
         away = (corners + side / 2 - self.circle[:2]) / self.circle[2]
         return np.stack([RADIAL * np.hypot(*away.T), UPRIGHT * away[:, 0]], 1).astype(np.float32)
 
     def depth_inside(self, body: BoolArray) -> Float32Array:
-        """h x w pixels from what is not `body` (h x w); the picture ends, the body does not."""
+        """h x w distance in pixels to the outside of `body` (h x w), which extends beyond the picture."""
         grown = cv2.copyMakeBorder(body.astype(np.uint8), 1, 1, 1, 1, cv2.BORDER_REPLICATE)
         return np.asarray(cv2.distanceTransform(grown, cv2.DIST_L2, 5)[1:-1, 1:-1], np.float32)
 
     def rim(self, state: NDArray[np.int32], own: BoolArray) -> Float32Array:
-        """h x w pixels of the crown's rim that are taken off. state: h x w, decided; own: h x w, where the crown continues."""
+        """h x w width in pixels of the rim to remove. state: h x w, decided; own: h x w, where the crown extends."""
         light = self.color.reshape(-1, 3)[np.maximum(state, 0)].mean(-1)
         brighter = (light - light[own].mean()) / (light[own].std() + 1)
         rim = 1 + BY_LIGHT * (leafy(own.shape, self.cell) - brighter)
@@ -133,9 +132,9 @@ class Crown:
 
 
 def copy_leaves(view: View, w: Float32Array, cut: CutObjects, seed: int = 0) -> NDArray[np.int32]:
-    """H x W: the known pixel (flat) of the leaf that a hole pixel is copied from, negative where it is none.
+    """H x W: flat index of the known pixel that a hole pixel is copied from, negative for none.
 
-    w: H x W inverse depth of the known pixels; objects: on a grid of cells.
+    w: H x W inverse depth of the known pixels; cut: on a grid of cells.
     """
     out = np.full(w.shape, OUTSIDE, np.int32)
     cell = max(w.shape) / max(cut.number.shape)
@@ -153,7 +152,7 @@ def copy_leaves(view: View, w: Float32Array, cut: CutObjects, seed: int = 0) -> 
 
 
 def crown(view: View, w: Float32Array, cut: CutObjects, number: int, box: tuple[slice, slice]) -> Crown:
-    """The crown of a number within a box of the view. The rest as of `copy_leaves`."""
+    """Crown `number` within a box of the view; other arguments as of `copy_leaves`."""
     cell = max(w.shape) / max(cut.number.shape)
     depth = cut.inverse_depth[number]
     own = (cv2.resize(cut.number, view.camera.wh, interpolation=cv2.INTER_NEAREST) == number)[box]

@@ -1,9 +1,9 @@
-"""Hedging: painted colours in; the same with less contrast where nobody can know what is there, out.
+"""Painted colours in; the same, blended with a low-frequency estimate where the view is a guess, out.
 
-Outside the source's view, far objects are a guess: does the wall end, does the sky begin? With the distance from what was seen
-what is coarse in the painted colours is blended with a smooth guess; fine detail stays. Near planes (ground, table) are sure to
-continue and stay as painted. Where surfaces are known, each is blended for itself and as a whole: its borders stay sharp and its
-windows dark, for a guess that mixes a wall with the sky is fog.
+Outside the source's view far objects are a guess: the wall may end, the sky may begin. With the distance from known pixels the
+low frequencies of the painted colours are blended with a smooth estimate; fine detail stays. Near planes (ground, table) stay
+as painted. Where surfaces are known, each is blended on its own, which keeps borders sharp and windows dark: an estimate that
+mixes a wall with the sky looks like fog.
 """
 
 from __future__ import annotations
@@ -19,21 +19,21 @@ from dlama.inpainters.spreading import pull_push, spread_small, telea_spread
 from dlama.perception.planes import SKY
 
 LARGEST_SHARE = 0.7
-"""Largest share of the smooth guess, itself the mean of two: guesses with errors alike err least when they count alike."""
+"""Largest weight of the smooth estimate, itself the mean of two: estimates with similar errors are best weighted equally."""
 REACH = 0.04
-"""Share of the picture's longer side over which painted colours become unsure (1 - 1/e of the way to LARGEST_SHARE)."""
+"""Distance, over the picture's longer side, over which the weight rises (1 - 1/e of the way to LARGEST_SHARE)."""
 DETAIL_PX = 3.0
-"""Sigma of the blur that leaves what is blended; finer detail stays as painted: paving continues."""
+"""Sigma of the blur that separates what is blended from finer detail, which stays: paving continues."""
 SHARE_APART = 0.6
-"""Largest share where each surface is blended for itself."""
+"""Largest weight where each surface is blended on its own."""
 SHARE_OF_SKY, CLEAR = 0.4, 0.75
 """The same of the sky at the horizon, where houses and trees may stand; it falls to 0 at this height (sine of the elevation).
-Lower heights look clearer and err more: squared error of street, +-10 to +-40, at .7, .5 and .35 is 2, 6 and 9 % more than with a
-share of .2 at all heights, LPIPS .1 % less."""
+Lower heights look clearer and err more. Squared error of street, +-10 to +-40, at .7, .5 and .35 is 2, 6 and 9 % more than with
+a weight of .2 at all heights, LPIPS .1 % less."""
 WIDE = 0.1
-"""The same of one surface, as a share of the picture's longer side."""
+"""Sigma of the blur within one surface, over the picture's longer side."""
 GRID = 128
-"""Longer side of the grid on which that is blurred."""
+"""Longer side of the grid for that blur."""
 
 
 def blend_with_low_frequency(
@@ -46,9 +46,8 @@ def blend_with_low_frequency(
 ) -> UInt8Array:
     """H x W x 3 colours: `color`, blended with `smooth_guess` in the hole pixels out of view.
 
-    color: H x W x 3, painted; hole: H x W, the pixels that were painted; w: H x W inverse depth (1/m), filled everywhere;
-    label: H x W, the surface of each pixel: each is blended for itself, over WIDE instead of DETAIL_PX;
-    sky: of the source pictures, says where up is.
+    color: H x W x 3, painted; hole: H x W, the painted pixels; w: H x W inverse depth (1/m), filled everywhere; label: H x W,
+    surfaces that are blended one by one, over WIDE instead of DETAIL_PX; sky: of the source pictures, defines up.
     """
     out_of_view = hole & (view.hole_type == HoleType.OUT_OF_VIEW)
     known = w[~view.hole]
@@ -71,7 +70,7 @@ def blend_with_low_frequency(
 
 
 def blend_shares(view: View, where: BoolArray, label: NDArray[np.int32], sky: Sky | None) -> Float32Array:
-    """N, the largest share of the smooth guess at the N pixels of `where` (H x W). label, sky: see `blend_with_low_frequency`."""
+    """N largest weights of the smooth estimate at the N pixels of `where` (H x W). label, sky: see `blend_with_low_frequency`."""
     out = np.full(int(where.sum()), SHARE_APART, np.float32)
     far = label[where] == SKY
     out[far] = SHARE_OF_SKY
@@ -120,9 +119,9 @@ def sample_bilinear(picture: Float32Array, x: Float32Array, y: Float32Array) -> 
 
 
 def smooth_guess(view: View, where: BoolArray) -> Float32Array:
-    """N x 3, for the N pixels of `where` (H x W): the mean of two guesses blind to surfaces, pull-push and Telea.
+    """N x 3, at the N pixels of `where` (H x W): the mean of two estimates that ignore surfaces, pull-push and Telea.
 
-    Street dev scenes, +-10 to +-60 degrees: against pull-push alone at a share of 0.55 the squared error falls by 8 to 13 %,
+    Street dev scenes, +-10 to +-60 degrees: against pull-push alone at a weight of 0.55 the squared error falls by 8 to 13 %,
     LPIPS by up to 1 %.
     """
     pulled = pull_push(view.color, ~view.hole)[where]

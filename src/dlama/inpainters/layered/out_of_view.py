@@ -1,9 +1,9 @@
-"""Out of view: known surfaces on a coarse grid in; where each is seen continuing along its lines, what it costs elsewhere, out.
+"""Out of view: known surfaces on a coarse grid in; how far each plane is visible along its lines, and the cost of each label,
+out.
 
-A wall that the border cuts continues along its horizontals as high as it is seen, and about as far: of what is seen over T cells
-and continues unseen, the share T / (T + t) continues for t more. It hides what is behind it. Where a line looks past the
-wall, at the sky above it or at what stands behind its end, it has ended; what no line of its plane meets was never seen going
-there.
+A wall that the border cuts continues along its horizontals. Of planes visible over T cells and continued over t, the share T /
+(T + t) continues for t more. A plane hides what is behind it. It has ended where its line looks past it, at the sky above or at
+a surface behind its end. Where no line meets the plane, it was never seen to extend there.
 """
 
 from __future__ import annotations
@@ -21,51 +21,51 @@ from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.inpainters.layered.kernels.lines import seen_on_lines
 
 UPRIGHT = 0.5
-"""Sine of the angle between a plane's normal and up from which it has horizontals of its own."""
+"""Least sine of the angle between a plane's normal and up for the plane to have horizontals of its own."""
 LEVEL = 0.8
-"""Cosine of the angle between a plane's normal and the camera's vertical from which it may be the ground."""
+"""Least cosine of the angle between a plane's normal and the camera's vertical for the plane to be ground."""
 FOLLOWED = 0.01
-"""Share of the known cells that a plane must hold to be followed along lines: an eave that the border cuts holds little more. At
-.02 LPIPS of street s03 is 2 % higher (s05 as it is), and on worlds depth out of view is off by up to 40 % more."""
+"""Least share of the known cells of a plane that is followed along lines: an eave that the border cuts has little more. At .02
+LPIPS of street s03 is 2 % higher (s05 unchanged), and on worlds depth out of view is off by up to 40 % more."""
 STRIDE, STRIDE_ACROSS = 2, 4
-"""Cells between the cells whose lines are looked at: along the horizontals, and across."""
+"""Sampling step, in cells, of the lines along the horizontals, and across."""
 CONTINUED_COST = 0.5
-"""Cost, per log(1 + t / T), of a plane that continues t cells along its horizontals of which it is seen over T."""
-GOES_ACROSS = 1.0
-"""The same across them, where nothing is seen along: an eave is seen narrow."""
+"""Cost, per log(1 + t / T), of a plane continued over t cells along its horizontals and visible over T."""
+CONTINUED_ACROSS_COST = 1.0
+"""The same across them, where nothing is visible along: an eave is narrow."""
 MOST_HIDDEN = 3.0
-"""Largest cost of what such a plane hides: log(1 + T / t)."""
+"""Largest cost of surfaces hidden by such a plane: log(1 + T / t)."""
 BETWEEN = 0.5
-"""How far what is seen both ways counts as near. At 1 dis-occlusions of s06 err 5 % less, of s08 34 % more, for an object's
-own far side may be there (0.5: -2 and 0 %; ten worlds: street -3 %, depth of rooms -7 %)."""
+"""Reduction of the distance of a plane seen on both sides. At 1 dis-occlusions of s06 err 5 % less, of s08 34 % more, for an
+object's own far side may be there (0.5: -2 and 0 %; ten worlds: street -3 %, depth of rooms -7 %)."""
 PAST = 2.0
 """Cost of a plane where its line looks past it, and where no line meets it."""
 FLOATING = 41
-"""Cells up to which what is seen past a plane above and below belongs together: nothing hangs in the air."""
+"""Cells up to which the ends of a plane above and below are connected: no plane hangs in the air."""
 IN_FRONT = 1.05
 """Relative inverse depth from which a plane hides another surface."""
 ENDING_COST = 1.0
-"""Largest cost of a surface out of view that should have ended. It grows twice as fast as any distance counts."""
+"""Largest cost of a surface out of view that should have ended; it grows twice as fast as the cost of distance."""
 CROWN_COST = 3.0
-"""Cost of what has no plane next to foliage that the border cuts: that continues as its circle."""
+"""Cost of no plane next to foliage that the border cuts: foliage extends as its circle."""
 NEAR_CELLS, CUT_CELLS = 2, 3
-"""Cells from what is out of view within which so many known cells of a plane make it one that the border cuts."""
+"""A plane with so many known cells (second) within so many cells of the hole out of view (first) is cut by the border."""
 LEAST_LENGTH = 1e-12
 
 
 class PlaneLines(NamedTuple):
-    """Planes on a grid of cells and their lines, to be looked along."""
+    """Planes on a grid of cells, and the vanishing points of their lines."""
 
     planes: NDArray[np.float64]
     """K x 3 (a, b, c), w = a x + b y + c over cells."""
     along: NDArray[np.float64]
-    """K x 3, homogeneous, in cells: where the horizontals of each plane meet."""
+    """K x 3, homogeneous, in cells: vanishing point of each plane's horizontals."""
     across: NDArray[np.float64]
-    """K x 3: where its lines at right angles to them meet."""
+    """K x 3: vanishing point of its lines at right angles to them."""
     away: Float32Array
-    """h x w cells to what is known."""
+    """h x w distance to known cells, in cells."""
     by_edges: BoolArray
-    """K, True where they run along the plane's own edges (`plane_edges`): a table top, which hangs before what is below it."""
+    """K, True where lines run along the plane's own edges (`plane_edges`): a table top, which hangs over what is below it."""
 
     @classmethod
     def of(cls, camera: Camera, candidates: Float32Array, hole: BoolArray, label: NDArray[np.int32]) -> PlaneLines:
@@ -85,10 +85,11 @@ def follow_lines(
     label: NDArray[np.int32],
     followed: BoolArray,
 ) -> tuple[Float32Array, Float32Array]:
-    """(on, cost), both L x h x w, 0 but in `unseen` cells: 0..1, how much of a plane its line shows; cost of each label.
+    """(on, cost), both L x h x w, 0 except in `unseen` cells: 0..1, how far a label is visible along its line; cost of each
+    label.
 
     lines: of the grid; candidates: L x h x w inverse depth (1/m) of no plane, sky, planes; hole, unseen (its part out of view):
-    h x w; w, label: h x w, of the known cells; followed: K, the planes that lines are looked at for.
+    h x w; w, label: h x w, of the known cells; followed: K, the planes that are followed.
     """
     on, cost = np.zeros(candidates.shape, np.float32), np.zeros(candidates.shape, np.float32)
     if not unseen.any() or not followed.any():
@@ -108,7 +109,7 @@ def follow_lines(
         few_cost[k] = np.where(there, CONTINUED_COST * np.log1p(farther), PAST * ends)
         others = enlarge_like(other_first[k - 2], ends), enlarge_like(other_length[k - 2], ends)
         nothing = ~there & ~ends & (first[k - 2] < 0)
-        across_it = GOES_ACROSS * np.log1p(np.maximum(others[0], 1) / np.maximum(others[1], 1))
+        across_it = CONTINUED_ACROSS_COST * np.log1p(np.maximum(others[0], 1) / np.maximum(others[1], 1))
         few_cost[k] += nothing * np.where(others[1] > 0, across_it, PAST * (others[0] < 0))
         hides = there * np.minimum(np.log1p(1 / farther), MOST_HIDDEN)
         np.maximum(hidden, hides * (IN_FRONT * few[0] < value), out=hidden)
@@ -127,8 +128,8 @@ def penalise_between(
     label: NDArray[np.int32],
     followed: BoolArray,
 ) -> Float32Array:
-    """L x h x w, BETWEEN in `hidden` cells (h x w, of the hole, in view) where a plane is seen along its horizontals both ways:
-    it continues between; 0 elsewhere. The rest as of `follow_lines`."""
+    """L x h x w, BETWEEN in `hidden` cells (h x w, of the hole, in view) where a plane is visible along its horizontals on both
+    sides, so that it continues between; 0 elsewhere. Other arguments as of `follow_lines`."""
     on = np.zeros(candidates.shape, np.float32)
     if not hidden.any() or not followed.any():
         return on
@@ -140,10 +141,10 @@ def penalise_between(
 def ending_cost(
     hole: BoolArray, unseen: BoolArray, label: NDArray[np.int32], followed: BoolArray, beyond: Float32Array, jump: float
 ) -> Float32Array:
-    """L x h x w cost in `unseen` cells of what should have ended: planes that are not followed (K) and end within the picture,
-    and what has no plane (a tree that the border cuts) `beyond` where it continues.
+    """L x h x w cost in `unseen` cells of surfaces that should have ended: planes that are not followed (K) and end within the
+    picture, and no plane (a tree that the border cuts) `beyond` its extent.
 
-    hole, unseen: h x w; label: h x w; beyond: h x w cells, of `cut_things`; jump: cells of distance that cost 1.
+    hole, unseen: h x w; label: h x w; beyond: h x w cells, see `CutObjects`; jump: cells of distance that cost 1.
     """
     out = np.zeros((2 + len(followed), *hole.shape), np.float32)
     if not unseen.any():
@@ -157,15 +158,15 @@ def ending_cost(
 
 
 def next_to(unseen: BoolArray) -> BoolArray:
-    """h x w, True in cells up to BESIDE cells from `unseen` ones."""
+    """h x w, True within NEAR_CELLS of `unseen` cells."""
     return dilate_mask(unseen, NEAR_CELLS)
 
 
 def has_ended(first: Float32Array, length: Float32Array, floating: bool = False) -> BoolArray:
-    """h x w, True where a plane has ended: its line looks past it, or, if it is not `floating`, hangs between those that do
-    (FLOATING) or the rim.
+    """h x w, True where a plane has ended: its line looks past it or, unless `floating`, the cell lies between such cells
+    (FLOATING) or a border.
 
-    first, length: h x w, as of `seen_on_lines`, one plane's.
+    first, length: h x w, as of `seen_on_lines`, of one plane.
     """
     past = (first > 0) & (length == 0)
     if floating:
@@ -220,9 +221,10 @@ def estimate_up(normal: NDArray[np.float64], cells: NDArray[np.int64]) -> NDArra
 def vanishing_points(
     planes: NDArray[np.float64], camera: Camera, cells: NDArray[np.int64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """K x 3 and K x 3, homogeneous, in cells: where the horizontals of each plane meet, and its lines at right angles to them.
+    """K x 3 and K x 3, homogeneous, in cells: vanishing points of each plane's horizontals and of its lines at right angles to
+    them.
 
-    A level plane has those of the largest upright one, or lines from left to right; cells: K, how many are known of each.
+    A level plane takes those of the largest upright one, or lines from left to right; cells: K, known cells of each.
     """
     normal = normals(planes, camera)
     up = estimate_up(normal, cells)

@@ -1,7 +1,7 @@
-"""Patch offsets: one region of the hole in; by which 3D translations its texture is copied, where and how strongly, out.
+"""Patch offsets: one region of the hole in; the 3D translations that copy its texture, with their weights, out.
 
 After He & Sun, "Statistics of patch offsets for image completion" (2012), with offsets that are translations in the region's
-plane (so that texture follows perspective), scored by how well the *known* texture agrees with itself under them.
+plane, so that texture follows perspective. They are scored by the autocorrelation of the known texture.
 """
 
 from __future__ import annotations
@@ -21,25 +21,24 @@ Bases = tuple[Float32Array, Float32Array]
 """Two smooth colour fields on the base grid (rows x cols x 3): one true to the rim, one much smoother."""
 
 SEARCHED = 0.003
-"""Share of the picture below which a region's plane is not searched for repeating texture."""
+"""Least share of the picture of a region whose plane is searched for repeating texture."""
 SAMPLES = 320
-"""Known places at which an offset is scored."""
+"""Number of known points at which an offset is scored."""
 MOST_OFFSETS = 28
-"""Offsets a region may use."""
+"""Most offsets of a region."""
 GRAIN = 9.0
-"""Grey levels (standard deviation) of fine detail that are kept though they do not correlate: as smooth as the eye allows, and
-no smoother."""
+"""Grey levels (standard deviation) of uncorrelated fine detail that are kept: as smooth as looks natural, and no smoother."""
 FAR_CONTRAST = 3.0
-"""Median size of fine detail, in grey levels, from which what is far is no sky."""
+"""Median fine detail, in grey levels, from which a far region is no sky."""
 OUTLIER = 4.0
-"""Standard deviations, by the median, at which detail is cut before it is compared."""
+"""Standard deviations (robust) at which detail is clipped before it is compared."""
 SEAM_COST = 0.01
 """Cost of a seam per grey level of difference."""
 
 
 @dataclass(frozen=True)
 class CopiedDetail:
-    """From where each cell of a region copies its texture."""
+    """The sources of each cell of a region."""
 
     axes: Array
     """2 x 3: homogeneous pixel displacement per unit of offset along two directions of the plane."""
@@ -52,7 +51,7 @@ class CopiedDetail:
 
 
 def copy_detail(grid: TextureGrid, region: HoleRegion, bases: Bases, rng: np.random.Generator) -> CopiedDetail:
-    """Offsets and weights for one region; none are chosen (base colour alone) where nothing can be copied."""
+    """Offsets and weights for one region; none (base colour alone) where nothing can be copied."""
     shape = bases[0].shape[:2]
     nothing = CopiedDetail(
         np.zeros((2, 3)), np.zeros((1, 2)), np.full(shape, -1, np.int32), np.zeros((*shape, 3), np.float32)
@@ -89,7 +88,7 @@ def _plane_axes(grid: TextureGrid, region: HoleRegion, rng: np.random.Generator)
 
 
 class _OffsetSearch:
-    """The known texture of one region's surface, ready to be compared with itself."""
+    """The known texture of one region's surface, prepared for autocorrelation."""
 
     def __init__(
         self, grid: TextureGrid, region: HoleRegion, bases: Bases, axes: Array, rng: np.random.Generator
@@ -108,7 +107,7 @@ class _OffsetSearch:
         self.step = self._unit_step()
 
     def _outlier(self, band: Float32Array) -> np.float32:
-        """Grey levels from which detail counts no more: a few bright spots would correlate with each other, whatever the rest."""
+        """Grey levels at which detail is clipped: a few bright spots would dominate the correlation."""
         return np.float32(OUTLIER * 1.4826 * np.median(np.abs(band[self.region.sources])) + 1)
 
     def contrast(self) -> float:
@@ -141,7 +140,7 @@ class _OffsetSearch:
         return cells, np.stack(sums, 1) / count[cells][:, None]
 
     def _sample_points(self, rng: np.random.Generator) -> Array:
-        """Known places: half of them from the quarter that is nearest to the hole, half from anywhere."""
+        """Known points: half of them from the quarter nearest to the hole, half from anywhere."""
         away = np.ones(self.base_shape, np.uint8)
         away.ravel()[self.cells] = 0
         distance = cv2.distanceTransform(away, cv2.DIST_L2, 3)
@@ -165,7 +164,8 @@ class _OffsetSearch:
         return kernels.correlate(offsets, self.points, self.compared[band], *self._sources(), least)
 
     def _sources(self) -> tuple[int, Float32Array, NDArray[np.int32], int, Array]:
-        """What the kernels ask about sources: cell size, inverse depth and label of the cells, the region's label and axes."""
+        """Description of the sources for the kernels: cell size, inverse depth and label of the cells, the region's label and
+        axes."""
         grid = self.grid
         return grid.cell_size, grid.cell_inverse_depth, self.own, self.region.label, self.axes
 
@@ -251,10 +251,10 @@ class _OffsetSearch:
         return np.ascontiguousarray(distance.ravel()[self.cells], np.float32)
 
     def _grain(self, offsets: Array, chosen: NDArray[np.int32]) -> Float32Array:
-        """0..1 for each hole cell: how much of the fine detail it copies may stay where nothing says that it belongs there.
+        """Weights 0..1 of the uncorrelated fine detail that each hole cell copies.
 
-        As much as gives GRAIN levels, and less of what stands out on its surface: a handle or a picture on a wall is copied
-        where the texture shows that it comes again, never as grain.
+        They leave GRAIN levels, and less of unusual detail: a handle or a picture on a wall is copied where the texture
+        repeats, never as grain.
         """
         own = self.region.sources
         seen = np.maximum(cv2.blur(own.astype(np.float32), (3, 3)), 1e-6)

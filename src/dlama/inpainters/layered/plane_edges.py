@@ -1,6 +1,6 @@
-"""Edges of level planes: known cells in; planes whose lines run along their own straight edges, out.
+"""Edges of level planes: known cells in; planes whose lines run along their own straight edges out.
 
-A wall continues along its horizontals. A table top has no such direction of its own but its edges, and those continue straight.
+A wall continues along its horizontals. A table top has no such direction except its edges, and those continue straight.
 """
 
 from __future__ import annotations
@@ -23,21 +23,21 @@ from dlama.inpainters.layered.out_of_view import (
 )
 
 SMOOTHING = 2.0
-"""Sigma, in cells, of the blur of a plane's cells whose gradient stands across their outline."""
+"""Sigma, in cells, of the blur of a plane's mask whose gradient is normal to its outline."""
 SAME = 1.06
-"""Ratio of inverse depths from which known cells lie beyond a plane."""
+"""Least ratio of inverse depths of known cells beyond a plane."""
 SEEN_PAST = 0.05
-"""Such cells, as a share of the plane's own, from which it is seen to end: nothing lies beyond the ground."""
+"""Share of such cells, over the plane's own, from which the plane ends: nothing lies beyond the ground."""
 WIDE = 5
-"""Side, in cells, of the square that a hole next to a plane must hold to be what the plane hid; a smaller one is the sensor's."""
+"""Side, in cells, of the square that a hole next to a plane must hold to be a dis-occlusion; smaller ones are sensor holes."""
 LEAST_CELLS = 30
-"""Fewer cells of an outline say nothing."""
+"""Least number of outline cells."""
 AGREEING = np.radians(4.0)
-"""Angle by which the outline at a cell may run next to a direction (sigma)."""
+"""Sigma of the angle between the outline and a direction."""
 LEAST_AGREEING = 0.4
-"""Share of the outline that must run in the two directions found. Table tops have .48 to .73, seats and scraps below .35."""
+"""Least share of the outline along the two directions. Table tops have .48 to .73, seats and scraps below .35."""
 TURNS = 90
-"""Directions that are tried, over a right angle."""
+"""Number of tried directions, over a right angle."""
 
 
 def align_lines_to_edges(
@@ -49,10 +49,10 @@ def align_lines_to_edges(
     w: Float32Array,
     label: NDArray[np.int32],
 ) -> PlaneLines:
-    """The lines, those of level planes that the border of the picture cuts turned along their own edges.
+    """The lines, with those of level planes that the border cuts turned along their own edges.
 
-    camera: of the grid; candidates: L x h x w inverse depth (1/m) of no plane, sky, planes; hole, unseen (its part out of view):
-    h x w; w, label: h x w, of the known cells.
+    camera: of the grid; candidates: L x h x w inverse depth (1/m) of no plane, sky, planes; hole, unseen (its part out of
+    view): h x w; w, label: h x w, of the known cells.
     """
     normal = normals(lines.planes, camera)
     level = np.abs(normal @ estimate_up(normal, cells_of_planes(label, hole, len(normal)))) > LEVEL
@@ -77,8 +77,8 @@ def align_lines_to_edges(
 def edge_directions(
     there: BoolArray, outline: BoolArray, normal: NDArray[np.float64], camera: Camera
 ) -> NDArray[np.float64] | None:
-    """2 x 3 vanishing points, homogeneous, in cells, of two directions at right angles in a plane along which most of its
-    outline runs; None if none do.
+    """2 x 3 vanishing points, homogeneous, in cells, of two perpendicular directions in a plane along which most of its outline
+    runs; None if there are none.
 
     there: h x w, the cells of the plane; outline: h x w, those at its end; normal: 3, unit, camera axes.
     """
@@ -103,14 +103,14 @@ def edge_directions(
 def agreement(
     points: NDArray[np.float64], rows: NDArray[np.intp], columns: NDArray[np.intp], across: Float32Array
 ) -> NDArray[np.float64]:
-    """T x N, 0..1: how well an outline at N cells (`across` it: N x 2, x and y) runs towards T vanishing points (T x 3)."""
+    """T x N agreement, 0..1, of an outline at N cells (normals `across`: N x 2, x and y) with T vanishing points (T x 3)."""
     dx, dy = (points[:, k, None] - points[:, 2, None] * a for k, a in ((0, columns), (1, rows)))
     sine = (dx * across[:, 0] + dy * across[:, 1]) / np.maximum(np.hypot(dx, dy), 1e-9)
     return np.asarray(np.exp(-0.5 * (sine / AGREEING) ** 2))
 
 
 def straight_across(cut: BoolArray, points: NDArray[np.float64]) -> int:
-    """Which of two vanishing points (2 x 3, in cells) lies more nearly straight across the cells of `cut` (h x w)."""
+    """Which of two vanishing points (2 x 3, in cells) is more nearly perpendicular to the cells of `cut` (h x w)."""
     cells = np.argwhere(cut)[:, ::-1].astype(np.float64)
     middle = cells.mean(0)
     chord = np.linalg.svd(cells - middle, full_matrices=False)[2][0]

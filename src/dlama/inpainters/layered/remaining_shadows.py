@@ -1,6 +1,6 @@
-"""Shadows that stay: a view with an object removed in; what of its surroundings still shows it, its shadow, out.
+"""Remaining shadows: a view with a removed object in; the mask of its shadow on the surroundings out.
 
-Those pixels were measured and stay as they are, but no hole may be painted with them: that would paint what was removed.
+Those pixels were measured and stay as they are, but no hole may be painted with them: that would show the removed object.
 """
 
 from __future__ import annotations
@@ -15,23 +15,23 @@ from dlama.geometry.view import HoleType, View
 from dlama.perception.shadows.lit_surface import quadratic, robust_fit
 
 GRID = 256
-"""Longer side of the coarse picture on which shadows are looked for."""
+"""Longer side of the coarse picture in which shadows are searched."""
 DARKER = 0.12
-"""Natural logarithm by which a shadow's core is darker than the lit surface, at least."""
+"""Least darkness of a shadow's core, natural logarithm."""
 FAINTEST = 0.06
 """The same of its border."""
 USUAL = 0.98
-"""Share of the surface farther off that is less dark than a shadow: what is as dark elsewhere is a pattern."""
+"""Share of the distant surface that is lighter than a shadow: equal darkness elsewhere is a pattern."""
 CLEARLY = 1.25
-"""A shadow's core is darker than that pattern by this factor."""
+"""Least factor of a shadow's core over that pattern."""
 REACH = 1.0
-"""A shadow is looked for within this many times the root of the object's area."""
+"""Search radius, in square roots of the object's area."""
 LEAST_CELLS = 60
-"""Fewer cells of a surface farther off say nothing about its pattern."""
+"""Least number of distant surface cells that define its pattern."""
 
 
 def find_remaining_shadow(view: View, label: NDArray[np.int32]) -> BoolArray:
-    """H x W, True where a plane next to what was removed is darker than its lit surface, and than it is anywhere farther off.
+    """H x W, True where a plane next to a removed object is darker than its lit surface, and than anywhere farther away.
 
     label: H x W, the surface of each pixel.
     """

@@ -1,8 +1,8 @@
-"""Rims: a painted hole in; the same with the colours of each surface next to the hole led into it, out.
+"""Rims: a painted hole in; the same with colours blended at its boundary with the known ones of the same surface, out.
 
-Detail that was copied from elsewhere on a surface meets what is known at the hole's rim with a seam, and in a hole a few pixels
-wide, next to a post, it is nothing but seams. There what is known on both sides, interpolated, is the better guess: ledges,
-frames and courses of bricks continue through. It fades out with the distance from the rim, where detail counts more.
+Copied detail meets known pixels with a seam, and a hole a few pixels wide, next to a post, is all seam. There the interpolation
+of known pixels on both sides is the better estimate: ledges, frames and courses of bricks continue through. It fades with the
+distance from the rim, where detail counts more.
 """
 
 from __future__ import annotations
@@ -18,22 +18,22 @@ from dlama.inpainters.layered.texture_grid import UNTRUSTED
 from dlama.perception.planes import SKY
 
 FADES = 2.5
-"""Pixels from the rim at which what is known next to it counts 1/e (a Gaussian). Street s03, s05 at 3, 4 and 6: the squared error
-of dis-occlusions is the same, their LPIPS rises with it; at 2 the error of +-20 is 3 % more."""
+"""Distance in px at which known colours weigh 1/e (a Gaussian). Street s03, s05 at 3, 4 and 6: the squared error of
+dis-occlusions is the same, their LPIPS rises; at 2 the error of +-20 is 3 % more."""
 LEAST = 0.02
-"""Share below which nothing is changed."""
+"""Least weight that changes a pixel."""
 REACH = 10
-"""Pixels within which known ones count."""
+"""Radius in px of the known pixels that count."""
 APART = 0.08
-"""Relative inverse depth up to which pixels of one label are one surface: what has no plane is many objects."""
+"""Largest relative difference of inverse depth within one surface: no plane is many objects."""
 
 
 def blend_at_rim(
     color: UInt8Array, hole: BoolArray, where: BoolArray, w: Float32Array, label: NDArray[np.int32], spoiled: BoolArray
 ) -> UInt8Array:
-    """H x W x 3 colours, those of `where` blended with their own surface's known ones next to the hole.
+    """H x W x 3 colours, with those of `where` blended with known ones of their own surface next to the hole.
 
-    color: H x W x 3, painted; hole: H x W, what was painted; where: H x W, its pixels that change; w, label: H x W inverse depth
+    color: H x W x 3, painted; hole: H x W, painted pixels; where: H x W, pixels that change; w, label: H x W inverse depth
     (1/m) and surface of all pixels; spoiled: H x W, known pixels whose colours do not continue.
     """
     distance = np.asarray(cv2.distanceTransform(hole.astype(np.uint8), cv2.DIST_L2, 5), np.float32)

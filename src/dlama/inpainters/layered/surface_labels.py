@@ -1,7 +1,7 @@
-"""Which surface continues where in a hole: known surfaces of a view on a coarse grid in; the cost of each at every cell out.
+"""Known surfaces of a view on a coarse grid in; the cost of each surface label at every hole cell out.
 
-A labelling problem, solved by belief propagation: surfaces reach out from where they were last seen, meet where their planes
-intersect, may be hidden by what is known but not hide it (the visibility law).
+A labelling problem, solved by belief propagation. Surfaces extend from where they were last seen, meet where their planes
+intersect, and may be hidden by known pixels but not hide them (the visibility law).
 """
 
 from __future__ import annotations
@@ -45,31 +45,31 @@ GRID = 256
 ROUNDS = 4
 """Sweeps of belief propagation; more change less than 0.5 % of the labels."""
 SMOOTH_PENALTY = 0.25
-"""Cost of what lies on no plane, wherever a plane or the sky would do."""
+"""Cost of no plane, wherever a plane or the sky is possible."""
 POTTS = 0.1
-"""Cost of a border between two surfaces that meet; one that jumps costs 1 more."""
+"""Cost of a border between two surfaces that meet; one with a depth jump costs 1 more."""
 RIM = (0.05, 0.3, 1.0, 3.0)
-"""Cost at the rim of the hole of a surface that meets the known one, is hidden by it, is hidden sky, stands before it."""
+"""Cost at the rim of a surface that meets the known one, is hidden by it, is hidden sky, is in front of it."""
 REACH = 0.05
-"""Share of the picture's longer side at which a surface last seen that much farther off costs one full jump."""
+"""Distance to the last seen pixel of a surface, over the picture's longer side, that costs one full jump."""
 AROUND = 31
-"""Width, in cells, of what counts as round a cell."""
+"""Width, in cells, of a cell's surroundings."""
 SURROUNDED = 0.3
-"""Share of that which a plane must hold to surround what lies on none."""
+"""Least share of the surroundings of a plane that surrounds a cell."""
 RELIEF = 0.06
-"""Relative inverse depth by which that may stand out of the plane or back from it, and belong to it: a door, a sill."""
+"""Largest relief of such a cell over the plane, relative inverse depth, to belong to it: a door, a sill."""
 LEEWAY = 1.03
 """Relative depth by which a plane may break the visibility law and still be a candidate."""
 ORDER_COST = 3.0
-"""Cost of a surface behind a plane that it is nowhere seen behind."""
+"""Cost of a surface behind a plane that it is never seen behind."""
 OUT_OF_ORDER = 0.02
-"""Share of a surface's known cells up to which it counts as nowhere seen behind a plane: noise, bad labels."""
+"""Largest share of a surface's known cells behind a plane that counts as never: noise, wrong labels."""
 IN_FRONT = 1.05
 """Relative inverse depth from which one plane stands before another."""
 LEAST_CELLS = 50
-"""Fewer known cells say nothing about the order of surfaces."""
+"""Least number of known cells that define the order of surfaces."""
 LEAST_INVERSE_DEPTH = 1e-3
-"""Planes are not continued beyond 1 km: there they are horizon."""
+"""Planes end at 1 km: beyond it they are horizon."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,11 +88,11 @@ class CoarseView:
     candidates: Float32Array
     """L x h x w inverse depth (1/m) that each label would give: no plane, sky, planes."""
     cut: CutObjects
-    """Where what lies on no plane continues out of view."""
+    """Extents of objects without a plane out of view."""
     followed_from: float = FOLLOWED
-    """Share of the known cells that a plane must hold to be followed along lines out of view."""
+    """Least share of the known cells of a plane that is followed along lines out of view."""
     solid: bool = False
-    """Whether its chords must also be CHORD cells long (geometric mean): where depth is off at edges, slats end anywhere."""
+    """Whether followed planes also need chords of CHORD cells (geometric mean): with inexact depth edges slats end anywhere."""
 
     @classmethod
     def of(
@@ -173,11 +173,10 @@ class CoarseView:
         return out
 
     def out_of_order(self) -> BoolArray:
-        """(L - 1) x h x w, True where sky or a plane would stand behind a plane that it is nowhere seen behind.
+        """(L - 1) x h x w, True where sky or a plane would lie behind a plane that it is never seen behind.
 
-        A wall that meets the ground shows only above it, though its plane continues below; that of a box continues above the
-        box, and the wall behind is seen there all the same. Which of the two it is, the known pixels say. Out of view they
-        say nothing.
+        A wall that meets the ground is visible only above it, though its plane continues below. The plane of a box's front also
+        continues above the box, but there the wall behind is visible. The known pixels decide; out of view they cannot.
         """
         out = np.zeros((len(self.candidates) - 1, *self.hole.shape), np.bool_)
         for back in range(len(out)):
@@ -202,10 +201,9 @@ class CoarseView:
     def distance_to_known(self, law: Law) -> Float32Array:
         """L x h x w, cells to the nearest known cell of each label (a large number if there is none).
 
-        In view, cells count more in directions in which a surface is nowhere seen continuing: a pillar next to the hole ends
-        there. For the sky also the angle to where a source camera saw
-        it, which may be outside this view; out of view and above the horizon it counts at most one full jump more than what is
-        nearest.
+        In view, cells count more in directions in which a surface never continues: a pillar next to the hole ends there. For
+        the sky the angle to where a source camera saw it counts, too, also outside this view. Out of view and above the horizon
+        it counts at most one full jump more than the nearest label.
         """
         out = np.full(self.candidates.shape, 1e3, np.float32)
         surrounded = self.with_relief()
@@ -225,7 +223,7 @@ class CoarseView:
         return out
 
     def with_relief(self) -> NDArray[np.int32]:
-        """h x w labels; what lies on no plane but nearly on the one that surrounds it (a door, a sill) has that one's."""
+        """h x w labels, with cells of no plane that lie nearly on a surrounding plane (a door, a sill) assigned to it."""
         out = self.label.copy()
         loose = ~self.hole & (self.label == SMOOTH) & (self.inverse_depth > 0)
         most = np.full(self.label.shape, SURROUNDED * AROUND**2, np.float32)
@@ -243,7 +241,7 @@ def cells_with_holes(hole: BoolArray, wh: tuple[int, int]) -> BoolArray:
 
 
 def with_larger_pixels(camera: Camera, step: float) -> Camera:
-    """The camera with pixels exactly `step` times as large; its picture has a whole number of them, so it ends elsewhere."""
+    """The camera with pixels exactly `step` times as large; its picture has a whole number of them, so its border differs."""
     width, height = max(1, round(camera.width / step)), max(1, round(camera.height / step))
     smaller = {name: getattr(camera, name) / step for name in ("fx", "fy", "cx", "cy")}
     return dataclasses.replace(camera, width=width, height=height, **smaller)

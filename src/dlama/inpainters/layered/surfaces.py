@@ -1,8 +1,8 @@
 """Surface continuation: a view's known surfaces in; inverse depth and a surface label for every hole pixel out.
 
-Ground and walls continue as the planes they are, the sky continues as sky, what is neither is interpolated from the far side
-of the hole. Which surface continues where, `surface_labels` decides on a coarse grid; where depth alone is missing, the colours
-do (`missing_depth`).
+Ground and walls continue as planes, the sky as sky; anything else is interpolated from the far side of the hole.
+`surface_labels` decides on a coarse grid which surface continues where. Where depth alone is missing, colours decide
+(`missing_depth`).
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ class Surfaces:
     """Inverse depth and surface label of every pixel of a view, known and filled."""
 
     inverse_depth: Float32Array
-    """H x W, 1/m; 0 = far. From known pixels on planes the measured noise is taken off."""
+    """H x W, 1/m; 0 = far. Known pixels on planes are denoised."""
     label: NDArray[np.int32]
     """H x W; -1 = no plane, 0 = sky, k = k-th plane."""
     planes: NDArray[np.float64]
     """K x 3, w = a u + b v + c in pixels of the view."""
     leaves: NDArray[np.int32]
-    """H x W; the known pixel (flat) of the leaf that a hole pixel is copied from, where foliage continues; negative elsewhere."""
+    """H x W; flat index of the known leaf pixel that a hole pixel is copied from, where foliage extends; negative elsewhere."""
 
 
 def continue_surfaces(view: View, law: Law, seed: int = 0) -> Surfaces:
@@ -63,8 +63,7 @@ def continue_surfaces(view: View, law: Law, seed: int = 0) -> Surfaces:
 
 
 def set_missing_depth(found: Surfaces, by_color: DepthByColor) -> Surfaces:
-    """The surfaces, those of pixels that lack depth alone as their colours say. What is found for other holes looks past such
-    pixels at what was measured."""
+    """The surfaces, with missing depth replaced along colours. Other holes are filled without these pixels."""
     there = by_color.reached
     return dataclasses.replace(
         found,
@@ -83,8 +82,8 @@ def upsample_labels(
     costs: Float32Array,
     seed: int = 0,
 ) -> Surfaces:
-    """Costs of the labels (h x w x L) interpolated to every hole pixel; each takes the label of least cost and its inverse depth.
-    Where foliage continues, it stands before that.
+    """Label costs (h x w x L) interpolated to every hole pixel; each takes the label of least cost and its inverse depth.
+    Foliage covers it where it extends.
 
     w, label: H x W, of the known pixels; planes: K x 3.
     """
@@ -114,7 +113,7 @@ def upsample_labels(
 def rim_correction(
     hole: BoolArray, w: Float32Array, label: NDArray[np.int32], planes: NDArray[np.float64], labels: NDArray[np.int32]
 ) -> NDArray[np.float64]:
-    """What a plane misses of its nearest known pixel, fading out over 16 px, for each hole pixel: no step at the rim.
+    """Residual of the plane at the nearest known pixel, fading over 16 px, for each hole pixel: no step at the rim.
 
     labels: the label of each hole pixel, in row-major order; only a known pixel of the same plane anchors.
     """

@@ -1,4 +1,5 @@
-"""A picture with inverse depth and surface labels everywhere in; which pixels may be copied, in full and shrunk to cells, out."""
+"""A picture with inverse depth and surface labels everywhere in; the pixels that may be copied, in full and shrunk to cells,
+out."""
 
 from __future__ import annotations
 
@@ -13,10 +14,10 @@ from dlama.inpainters.layered.kernels.cells import shrink, trusted_sources
 
 Int32Array = NDArray[np.int32]
 UNTRUSTED = -2
-"""Label of what must not be copied: holes, and pixels next to a nearer surface, whose colour may be mixed."""
+"""Label of pixels that must not be copied: holes, and pixels next to a nearer surface, whose colour may be mixed."""
 FEW, SHARE_LEFT = 100, 0.25
-"""Pixels and share of a surface up to which what is left of it is too little, and more of it is trusted, nearer to what may be
-mixed into it: leaves have no other."""
+"""Least number and share of a surface's pixels that must remain trusted; below, pixels nearer to occluders are trusted, too:
+leaves have no others."""
 WORK_SIZE = 256
 """Longer side, in cells, of the grid on which texture is compared."""
 
@@ -69,7 +70,7 @@ class TextureGrid:
         return cls(color, hole, inverse_depth, label, camera, trusted, cell_size, *cells)
 
     def for_copying(self, label: int) -> TextureGrid:
-        """The grid itself; for what is far (label 0) with that at 1 m, so that translations by pixels move it."""
+        """The grid itself; for far regions (label 0) one at 1 m, so that translations by pixels move them."""
         if label != 0:
             return self
         near = np.where(self.label == 0, np.float32(1), self.inverse_depth)
@@ -111,7 +112,7 @@ class HoleRegion:
 def trusted_labels(hole: BoolArray, inverse_depth: Float32Array, label: Int32Array) -> Int32Array:
     """H x W: the label of every pixel that may be copied, UNTRUSTED elsewhere.
 
-    Two pixels' distance from holes and nearer surfaces are expected; less where that leaves too little (FEW, SHARE_LEFT).
+    Trusted pixels are two pixels from holes and nearer surfaces; closer ones count where too few are left (FEW, SHARE_LEFT).
     """
     trusted = np.where(trusted_sources(hole, inverse_depth, label, 2), label, UNTRUSTED).astype(np.int32)
     needed = labels_in(label[hole])

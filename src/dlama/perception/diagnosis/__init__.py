@@ -1,4 +1,4 @@
-"""Inputs as they were given in; findings out: what is wrong with them, how sure that is, and the option that mends it.
+"""Inputs as given in; findings out: faults, their probability, and the option that fixes each.
 
 Each file holds the checks of one family, pure functions on arrays and cameras. Begin with `finding.py` and `rgbd_checks.py`.
 `dlama.datasets.diagnosis.diagnose` reads the files and calls them.

@@ -1,8 +1,8 @@
-"""Stored depth and a camera in; how it is coded out: linear, inverse, gamma-coded, normalised with an offset, or along the ray.
+"""Stored depth and a camera in; its coding out: linear, inverse, gamma-coded, normalised with an offset, or along the ray.
 
-Floors, walls and fronts are planes, and a plane is affine in inverse depth over pixels. Read under a wrong code it bends.
-Many square parts of the picture are fitted by a plane under each code; that of the smallest residuals is the right one.
-Residuals are compared as relative errors of the stored value, whose noise is the same whatever the code.
+Floors, walls and fronts are planes, and a plane is affine in inverse depth over pixels; under a wrong coding it bends. Planes
+are fitted to many square parts of the picture under each coding; the smallest residuals win. Residuals are relative errors of
+the stored value, whose noise does not depend on the coding.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ SIDE = 20
 PARTS = (2, 3, 4, 6)
 """Parts have the shorter side of the picture divided by these; each overlaps the next by half."""
 MOST_ALONG = 48
-"""So many in a row at most, evenly spread: strips would have thousands."""
+"""Most parts in a row, evenly spread: strips would have thousands."""
 KNOWN_SHARE = 0.8
-"""Of a part's samples that must have depth."""
+"""Least share of a part's samples with depth."""
 OUTLIERS = 4.0
-"""Residuals beyond so many times their median are left out of a fit."""
+"""Residuals beyond this multiple of their median are left out of a fit."""
 EXACT = 2e-4
 """Relative residuals below this are taken as this (rounding of 16 bits)."""
 PLANAR = 0.01
@@ -38,11 +38,11 @@ OFFSETS = (0.02, 0.05, 0.1, 0.3)
 LEAST_T = 2.5
 """By how many standard errors a code must fit better than plain depth (parts overlap: a quarter of them count)."""
 LEAST_GAIN = 0.035
-"""And by how much smaller its residuals must be on average (natural logarithm)."""
+"""And least gain in the logarithm of the mean residuals."""
 DOUBTED = (1.3, 0.012)
-"""Both where the unit in which depth is read makes no likely scene, and for the codes that never fit plain depth best."""
+"""Both limits where the unit of depth makes no likely scene, and for the codings that never fit plain depth best."""
 NEVER_PLAIN = ("inverse", "radial", "gamma")
-"""Of 256 good inputs (68 real, 104 streets, 84 worlds) each was fitted best by another code."""
+"""None of 256 good inputs (68 real, 104 streets, 84 worlds) was fitted best by these."""
 
 
 class Parts(NamedTuple):
@@ -64,7 +64,7 @@ CODES: dict[str, str] = {
     "ungamma": "depth squeezed by a gamma of 2.2 (a curve for pictures was taken off it)",
     **{f"offset {share:g}": "depth normalised between its nearest and farthest value" for share in OFFSETS},
 }
-"""Name -> what it is."""
+"""Name -> description."""
 CHECKS = {"inverse": "inverse-depth", "radial": "radial-depth", "gamma": "gamma-depth", "ungamma": "gamma-depth"}
 MENDS = {
     "inverse": "convert it to metres before: a / value, where a is the focal length times the baseline of a disparity",
@@ -76,7 +76,7 @@ NORMALISED = "save metres: value * (farthest - nearest) / largest value + neares
 
 
 def check_depth_code(seen: Observed) -> list[Finding]:
-    """Says how depth is coded where it is not plain depth; nothing where too little of the picture is planar."""
+    """Reports a coding other than plain depth; nothing where too little of the picture is planar."""
     fits = fit_codes(seen)
     if fits is None:
         return []
@@ -93,7 +93,7 @@ def check_depth_code(seen: Observed) -> list[Finding]:
 
 
 def advantage(plain: Floats, other: Floats) -> tuple[float, float]:
-    """By how much smaller the residuals of `other` are on average (logarithm), and that in standard errors."""
+    """Gain of `other` in mean log residual, and the same in standard errors."""
     gain = plain - other
     error = gain.std() / np.sqrt(max(gain.size / 4, 1)) + 1e-6
     return float(gain.mean()), float(gain.mean() / error)
@@ -117,7 +117,7 @@ def fit_codes(seen: Observed) -> dict[str, Floats] | None:
 
 
 def inverse_depths(parts: Parts, largest: float) -> dict[str, tuple[Floats, Floats]]:
-    """For each code: inverse depth up to a factor, and by how much it changes for a relative change of the value."""
+    """For each coding: inverse depth up to a factor, and its derivative for a relative change of the value."""
     v = parts.values
     codes = {"linear": (1 / v, 1 / v), "inverse": (v, v), "radial": (parts.ray / v, parts.ray / v)}
     for name, power in (("gamma", GAMMA), ("ungamma", 1 / GAMMA)):
@@ -130,7 +130,7 @@ def inverse_depths(parts: Parts, largest: float) -> dict[str, tuple[Floats, Floa
 
 
 def square_parts(values: Floats, camera: Camera) -> Parts:
-    """The parts in which enough is known."""
+    """The parts with enough known samples."""
     rows, columns = (np.concatenate(each) for each in zip(*(_grid(values.shape, n) for n in PARTS)))
     known = (values > 0) & np.isfinite(values)
     there = known[rows, columns]
@@ -165,7 +165,7 @@ def trimmed_residuals(parts: Parts, w: Floats, slope: Floats) -> Floats:
 
 
 def residuals(w: Floats, slope: Floats, kept: Floats) -> Floats:
-    """T x N: by what share of the stored value each sample lies off the plane through the `kept` ones (least squares)."""
+    """T x N relative residuals of the stored value from the plane through the `kept` samples (least squares)."""
     across = np.linspace(-1, 1, SIDE)
     design = np.stack([np.ones(SIDE * SIDE), np.repeat(across, SIDE), np.tile(across, SIDE)], 1)
     squares = (design[:, :, None] * design[:, None, :]).reshape(-1, 9)

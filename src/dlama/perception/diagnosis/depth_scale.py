@@ -1,7 +1,7 @@
-"""Stored depth and a camera in; whether its unit fits a camera that people hold or drive out, and which unit does.
+"""Stored depth and a camera in; whether its unit makes a likely scene, and which unit does, out.
 
-A camera is carried 0.5 to 2.5 m above the floor, tables or street it sees, ceilings hang 2.2 to 3.5 m above floors, and the
-nearest objects are about a metre away. Floors and ceilings are the largest planes that face up and down.
+A camera is carried 0.5 to 2.5 m above the floor or street, ceilings are 2.2 to 3.5 m high, and the nearest objects are about a
+metre away. Floors and ceilings are the largest planes that face up and down.
 """
 
 from __future__ import annotations
@@ -20,23 +20,23 @@ WHOLE_UNITS = {1000.0: "millimetres", 5000.0: "1/5000 m (TUM)", 256.0: "1/256 m 
 FLOAT_UNITS = {1.0: "metres", 1000.0: "millimetres", 100.0: "centimetres"}
 """Values per metre -> what they are called: the usual ones."""
 WIDTH = 200
-"""Planes are looked for in a picture of about so many pixels across."""
+"""Width in px of the picture in which planes are searched."""
 UPRIGHT = 0.8
 """A floor's normal is at least so much along the camera's vertical (37 degrees)."""
 FLOOR_SHARE = 0.06
-"""Of the known pixels that a floor or ceiling must hold."""
+"""Least share of the known pixels of a floor or ceiling."""
 FLOOR = (1.25, 0.35)
 """Height of the camera above the floor: typical metres, and standard deviation of its logarithm."""
 ROOM = (2.8, 0.15)
 """Height of rooms."""
 NEAREST = (1.4, 0.45)
-"""Depth that 2 % of the pixels do not reach."""
+"""2nd percentile of depth."""
 MIDDLE = (3.2, 0.8)
 """Median depth."""
 AS_READ = 1.5
-"""Another unit must be likelier by this much (natural logarithm) than the one it is read in."""
+"""Least gain in log likelihood of another unit."""
 UNLIKELY = 2.9
-"""And the one it is read in at least so unlikely; typical scenes have 0 to 2.7."""
+"""And least unlikeliness of the given unit; typical scenes have 0 to 2.7."""
 
 
 class Extent(NamedTuple):
@@ -51,7 +51,7 @@ class Extent(NamedTuple):
 
 
 def check_depth_unit(seen: Observed) -> list[Finding]:
-    """Says which of the usual units depth is in, where that in which it is read makes no likely scene."""
+    """Reports which of the usual units depth is in, where the given one makes no likely scene."""
     extent = measure_extent(seen)
     if extent is None:
         return []
@@ -102,7 +102,7 @@ def floor_and_ceiling(
 
 
 def unlikeliness(extent: Extent, factor: float) -> float:
-    """Minus the logarithm of how likely a scene is that is `factor` times as large as read (0 = typical)."""
+    """Negative log likelihood of a scene `factor` times as large as read (0 = typical)."""
     lengths = [(extent.nearest, NEAREST), (extent.middle, MIDDLE)]
     if extent.floor is not None:
         lengths.append((extent.floor, FLOOR))

@@ -1,4 +1,4 @@
-"""What a check looks at (stored numbers, picture, camera) and what it says (findings): the two nouns of a diagnosis."""
+"""The two nouns of a diagnosis: what a check examines (stored numbers, picture, camera) and what it reports (findings)."""
 
 from __future__ import annotations
 
@@ -12,25 +12,25 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import BoolArray, UInt8Array
 
 Severity = Literal["fault", "note", "fine"]
-"""fault: results would be wrong; note: worth knowing; fine: what was understood."""
+"""fault: results would be wrong; note: worth knowing; fine: how the input was understood."""
 CERTAIN = 0.9
-"""From here on a finding is called sure."""
+"""Probability from which a finding is certain."""
 LIKELY = 0.7
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One object that was found in the inputs."""
+    """One finding about the inputs."""
 
     check: str
-    """Name of what is the case, e.g. "depth-scale", "mirrored"; "understood" for what was understood."""
+    """Name of the fault, e.g. "depth-scale", "mirrored"; "understood" for how the input was read."""
     severity: Severity
     confidence: float
-    """0..1: how sure it is."""
+    """Probability, 0..1."""
     what: str
-    """What was found, and by what it shows."""
+    """What was found, and the evidence."""
     mend: str = ""
-    """The option, or the work, that mends it; options as in Python (`depth_scale=5000`)."""
+    """The option, or the work, that fixes it; options as in Python (`depth_scale=5000`)."""
 
     @property
     def line(self) -> str:
@@ -40,18 +40,18 @@ class Finding:
 
 
 def describe_probability(confidence: float) -> str:
-    """How sure, for people."""
+    """A probability in words."""
     return "sure" if confidence >= CERTAIN else "likely" if confidence >= LIKELY else "perhaps"
 
 
 def certainty(evidence: float, half: float) -> float:
-    """0.5..0.99 from any evidence >= 0 that is even chances at 0 and worth 0.75 at `half`."""
+    """Probability 0.5..0.99 from evidence >= 0: 0.5 at 0, 0.75 at `half`."""
     return round(float(min(0.99, 1 - 0.5 * 0.5 ** (max(evidence, 0.0) / half))), 2)
 
 
 @dataclass(frozen=True, eq=False)
 class Observed:
-    """A picture with its depth file, before anything is believed of either."""
+    """A picture with its depth file, before any interpretation."""
 
     color: UInt8Array
     """H x W x 3 RGB."""
@@ -69,5 +69,5 @@ class Observed:
 
     @property
     def valid(self) -> BoolArray:
-        """H x W, True where there is a number of depth."""
+        """H x W, True where depth has a finite value > 0."""
         return np.asarray((self.values > 0) & (self.values < np.inf), np.bool_)

@@ -1,5 +1,4 @@
-"""Posed frames in, made small; which points of one land in another at the depth that was measured there, and how well colours
-agree, out."""
+"""Posed frames in, made small; points of one that reproject to another at its measured depth, and their colour agreement, out."""
 
 from __future__ import annotations
 
@@ -15,11 +14,11 @@ from dlama.geometry.rgbd import RGBD, Float32Array
 WIDTH = 240
 """Frames are compared in pictures of about so many pixels across."""
 POINTS = 2000
-"""Points of a frame that are carried into another."""
+"""Points of a frame that are reprojected."""
 LANDS_WITHIN = 0.04
-"""Relative difference of depth at which a point counts as landed."""
+"""Largest relative difference of depth of a point that lands."""
 FEWEST = 25
-"""Points that must land for anything to be said of two frames."""
+"""Least number of landed points."""
 
 
 class SmallFrame(NamedTuple):
@@ -38,7 +37,7 @@ class SmallFrame(NamedTuple):
 
 
 class Landed(NamedTuple):
-    """Points of one frame that land in another at the depth that was measured there."""
+    """Points of one frame that reproject to another at its measured depth."""
 
     share: float
     """Of all points."""
@@ -78,8 +77,8 @@ def find_landing_points(one: SmallFrame, other: SmallFrame) -> Landed:
 
 
 def reproject(one: SmallFrame, other: SmallFrame) -> tuple[Float64Array, Float64Array, Float64Array, Float64Array]:
-    """Depth and grey level of the points of one frame that come to lie on a pixel of the other with depth: (theirs, the one
-    measured there) of each."""
+    """Depth and grey level of one frame's points that reproject to a pixel of the other with depth: (own, measured there) of
+    each."""
     pose = one.camera.world_from_cam
     rows, columns, z, inside = project_to_pixels(one.points @ pose[:3, :3].T + pose[:3, 3], other.camera)
     depth, grey = (plane[rows, columns].astype(np.float64) for plane in (other.depth, other.grey))

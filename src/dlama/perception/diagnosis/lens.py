@@ -1,4 +1,4 @@
-"""Intrinsics, as options or a file give them, in; whether a camera could have them out, and what was probably meant."""
+"""Intrinsics, as options or a file give them, in; whether a camera could have them, and the likely correction, out."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def looks_like_radians(fov: float) -> bool:
 
 
 def check_lens_options(given: Mapping[str, float | None], width: int) -> tuple[list[Finding], dict[str, float]]:
-    """What is wrong with the options fov and fx, and the values that were probably meant in their place."""
+    """Faults of the options fov and fx, and their likely values."""
     fov, fx = given.get("fov"), given.get("fx")
     if fov is not None and looks_like_radians(fov):
         meant = math.degrees(fov)
@@ -39,7 +39,7 @@ def check_lens_options(given: Mapping[str, float | None], width: int) -> tuple[l
 
 
 def check_lens(camera: Camera, exif_fov: float | None = None) -> list[Finding]:
-    """Findings on field of view, principal point and pixel shape; `exif_fov`: degrees, where the picture's tags say it."""
+    """Findings on field of view, principal point and pixel shape; `exif_fov`: degrees, from the picture's EXIF data."""
     other = _of_another_size(camera) or _swapped(camera)
     if other:
         return other

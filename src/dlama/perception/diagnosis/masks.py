@@ -1,4 +1,4 @@
-"""A mask in; whether it is the other way round, or too small to be meant, out."""
+"""A mask in; whether it is inverted or too small out."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ from dlama.geometry.rgbd import BoolArray, percent
 from dlama.perception.diagnosis.finding import Finding, Observed, certainty
 
 MOSTLY = 0.5
-"""An object that is to be removed covers less of the picture,"""
+"""Largest share of the picture of an object to remove,"""
 BORDER = 0.6
 """and of the picture's border."""
 FEWEST_PX = 12
 
 
 def looks_inverted(mask: BoolArray) -> bool:
-    """True if what is to be removed is most of the picture and of its border, so that an object stays and the scene goes."""
+    """True if the mask covers most of the picture and of its border, so that an object stays and the scene goes."""
     border = np.concatenate([mask[0], mask[-1], mask[1:-1, 0], mask[1:-1, -1]])
     return bool(mask.mean() > MOSTLY and border.mean() > BORDER)
 
 
 def check_mask_coverage(seen: Observed) -> list[Finding]:
-    """Says if the mask has the wrong polarity, or hardly any pixels."""
+    """Reports a mask of wrong polarity, or with hardly any pixels."""
     if seen.mask is None:
         return []
     name, covered = seen.names[2], int(seen.mask.sum())

@@ -1,4 +1,4 @@
-"""Stored depth in; whether it was stretched over the whole range of its numbers, so that its unit is lost, out."""
+"""Stored depth in; whether it was normalised to the full range of its numbers, so that its unit is lost, out."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from dlama.perception.diagnosis.finding import Finding, Observed
 
 FULL = 65535
 RARE = 0.004
-"""Share of the pixels that reach the largest number where it is a maximum; where more do it is a code (far) or a clip."""
+"""Largest share of pixels at the maximum: more are a code (far) or a clip."""
 LOWEST = 0.008
-"""The nearest values lie below this share of the largest: no camera sees so near and so far."""
+"""Least value over the largest: no camera sees a wider range."""
 
 
 def check_value_range(seen: Observed) -> list[Finding]:
-    """Says if values fill 0..65535 or 0..1 exactly, as normalising leaves them."""
+    """Reports values that fill 0..65535 or 0..1 exactly, as normalising leaves them."""
     known = seen.values[seen.values > 0]
     if not known.size:
         return []

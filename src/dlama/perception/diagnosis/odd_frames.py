@@ -1,7 +1,7 @@
-"""Posed frames of one scene in; those that fit their neighbours only with another depth scale, lens or colour curve out.
+"""Posed frames of one scene in; findings on frames with another depth scale, focal length or tone curve out.
 
-Points of a frame carried into its neighbours, and theirs into it, land at the depth and on the colours that were measured there.
-A frame for which they land clearly better once its depth, or its focal length, is multiplied by some factor is named with it.
+Points of a frame are reprojected to its neighbours and back, and compared with the depth and colour measured there. A frame is
+reported if they agree clearly better with its depth, or focal length, multiplied by some factor.
 """
 
 from __future__ import annotations
@@ -18,15 +18,16 @@ from dlama.perception.diagnosis.landing import FEWEST, Landed, SmallFrame, find_
 NEIGHBOURS = 4
 """Frames that each one is compared with; most of them must agree."""
 FACTORS = 1.05 ** np.arange(-10, 11)
-"""Of the focal length: those that are tried, 0.61 to 1.63."""
+"""Tried factors of the focal length, 0.61 to 1.63."""
 LEAST_CHANGE = 1.1
-"""Factors nearer to 1 are not named."""
+"""Least factor that is reported."""
 LEAST_FIT = 0.12
-"""Two frames must fit so well with the factor (1: every point lands, colours agree fully),"""
+"""Least agreement of two frames with the factor (1: every point lands, colours agree fully),"""
 LEAST_LEAD = 1.3
-"""and better than as read by this. Without a fault at most 1.05 (89 real frames, 52 of streets, 60 of worlds); with one 1.48."""
+"""and least gain over the frame as read. Without a fault at most 1.05 (89 real frames, 52 of streets, 60 of worlds); with one
+1.48."""
 LEAST_CURVE = 1.4
-"""Ratio of contrasts (in logarithms) from which a gamma is named. Without one at most 1.23 in the same frames."""
+"""Least ratio of contrasts (in logarithms) that is reported as a gamma; without one at most 1.23 in the same frames."""
 
 
 def find_odd_frames(frames: Sequence[SmallFrame], names: Sequence[str]) -> list[Finding]:
@@ -42,7 +43,7 @@ def find_odd_frames(frames: Sequence[SmallFrame], names: Sequence[str]) -> list[
 
 
 def neighbours(frames: Sequence[SmallFrame]) -> list[list[int]]:
-    """For each frame those whose cameras stand nearest and look at nearly the same place."""
+    """For each frame those with the nearest cameras and a similar view direction."""
     middle = np.median([np.median(frame.points[:, 2]) for frame in frames if len(frame.points)] or [np.float64(1)])
     poses = np.array([frame.camera.world_from_cam for frame in frames])
     stands = poses[:, :3, 3] / middle
@@ -53,7 +54,7 @@ def neighbours(frames: Sequence[SmallFrame]) -> list[list[int]]:
 
 
 def find_oddity(frame: SmallFrame, others: Sequence[SmallFrame], name: str) -> Finding | None:
-    """What is odd of a frame against two or more others; None where nothing is."""
+    """The fault of a frame against two or more others; None where there is none."""
     as_read = fits(frame, others)
     if lower_median(1 / np.maximum(as_read, 0.01)) < LEAST_LEAD:  # no fit is above 1, so that no factor could lead
         return check_tone_curve(frame, others, name)
@@ -87,7 +88,7 @@ def find_oddity(frame: SmallFrame, others: Sequence[SmallFrame], name: str) -> F
 
 
 def check_tone_curve(frame: SmallFrame, others: Sequence[SmallFrame], name: str) -> Finding | None:
-    """Says if the picture has a gamma more or less than its neighbours; exposure and white balance do not change contrast."""
+    """Reports a gamma of the picture against its neighbours; exposure and white balance do not change contrast."""
     exponents = [
         contrast(landed) for landed in (find_landing_points(frame, other) for other in others) if landed.fit > LEAST_FIT
     ]
@@ -114,14 +115,14 @@ def contrast(landed: Landed) -> float:
 
 
 def fits(frame: SmallFrame, others: Sequence[SmallFrame]) -> Float64Array:
-    """How well the frame and each of the others land in each other."""
+    """Agreement of the frame with each of the others."""
     return np.array(
         [(find_landing_points(frame, other).fit + find_landing_points(other, frame).fit) / 2 for other in others]
     )
 
 
 def lower_median(values: Float64Array) -> float:
-    """The lower median: what more than half of the neighbours reach."""
+    """The lower median: reached by more than half of the neighbours."""
     return float(np.sort(values)[(len(values) - 1) // 2])
 
 
@@ -133,7 +134,7 @@ def rescale_frame(frame: SmallFrame, depth: float = 1.0, focal: float = 1.0) -> 
 
 
 def depth_factor(frame: SmallFrame, others: Sequence[SmallFrame]) -> float:
-    """What depth is to be multiplied by, from where points of the others project to: that does not depend on its depth."""
+    """The factor for the frame's depth, from the reprojection of the others' points, which does not depend on its depth."""
     ratios = []
     for other in others:
         z, depth, _, _ = reproject(other, frame)

@@ -1,7 +1,7 @@
-"""Frames of one scene with poses in; which convention their poses have, by reprojection from frame to frame, out.
+"""Frames of one scene with poses in; the convention of their poses out, by reprojection from frame to frame.
 
-Points of one frame, carried into the next by their poses, must land on what that one measured: at its depth and in its colours.
-That is tried with the poses as read and with each of the usual mistakes undone.
+Points of one frame, reprojected to the next, must agree with its depth and colours. That is tested for the poses as read and
+for each usual mistake undone.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from dlama.perception.diagnosis.finding import Finding, certainty
 from dlama.perception.diagnosis.landing import Landed, SmallFrame, find_landing_points, shrink
 
 LEAST_LEAD = 1.3
-"""Another convention must fit better by this factor,"""
+"""Least gain of another convention,"""
 LEAST_FIT = 0.12
-"""and at least so well (1: every point lands, colours agree fully)."""
+"""and its least agreement (1: every point lands, colours agree fully)."""
 EXPOSURE = 1.25
-"""Ratio of brightness between frames from which exposure is told."""
+"""Least ratio of brightness between frames that is reported as exposure."""
 GL = np.diag([1.0, -1.0, -1.0, 1.0])
 """OpenGL's camera axes (y up, z back) in OpenCV's."""
 LEFT_HANDED = np.diag([1.0, -1.0, 1.0, 1.0])
@@ -35,17 +35,17 @@ Undo = Callable[[Float64Array], Float64Array]
 
 
 class Convention(NamedTuple):
-    """What the poses of a file may be in truth."""
+    """A convention that the poses of a file may have."""
 
     check: str
     what: str
     mend: str
     undo: Undo
-    """The pose as read to what it should be."""
+    """Maps the pose as read to the right one."""
 
 
 def reorder_quaternion(pose: Float64Array, order: tuple[int, int, int, int]) -> Float64Array:
-    """The pose whose quaternion has its numbers in another order (x y z w of the one read, at these places)."""
+    """The pose with the numbers of its quaternion reordered (indices into x y z w as read)."""
     read = quaternion_from_rotation(pose[:3, :3])
     out = pose.copy()
     out[:3, :3] = rotation_from_quaternion([read[place] for place in order])
@@ -133,12 +133,12 @@ def check_poses(frames: Sequence[RGBD], name: str) -> list[Finding]:
 
 
 def gain(landed: Landed) -> float:
-    """Brightness of the other frame over that of this one, where points land."""
+    """Brightness of the other frame over this one's, at landed points."""
     return float((np.median(landed.second) + 1) / (np.median(landed.first) + 1))
 
 
 def mean_fit(frames: Sequence[SmallFrame], undo: Undo) -> float:
-    """How well frames in a row land in the next one, each pose changed by `undo`."""
+    """Mean agreement of successive frames, each pose changed by `undo`."""
     try:
         moved = [
             frame._replace(camera=frame.camera.at(undo(np.array(frame.camera.world_from_cam)))) for frame in frames

@@ -1,4 +1,4 @@
-"""A picture, its depth and a mask in; whether they lie on each other out: shifted, mirrored or turned, edges against edges."""
+"""A picture, its depth and a mask in; whether they are registered (not shifted, mirrored or turned), by their edges, out."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from dlama.perception.diagnosis.finding import Finding, Observed, certainty
 
 Floats = NDArray[np.float32]
 WIDTH = 320
-"""Edges are compared in pictures of about so many pixels across."""
+"""Width in px of the pictures in which edges are compared."""
 JUMP = 0.06
 """Relative bend of inverse depth between neighbours at a depth edge."""
 REACH = 0.12
-"""Shifts up to this share of the width are looked for."""
+"""Largest tested shift, as a share of the width."""
 ALIGNED = 0.012
-"""Share of the width by which depth may be off: calibrations and splatted depth are."""
+"""Tolerated shift of depth, as a share of the width: calibrations and splatted depth are that inexact."""
 LEAST_Z = 5.2
-"""A peak of the correlation stands out by so many standard deviations, or nothing is said."""
+"""Least height of a correlation peak, in standard deviations, for a finding."""
 LEAST_LEAD = 1.25
-"""By what factor it must be higher than where it should be."""
+"""Least factor over the correlation at no shift."""
 FLIPS: dict[str, Callable[[Floats], Floats]] = {
     "as it is": lambda edges: edges,
     "mirrored left to right": lambda edges: edges[..., ::-1],
@@ -41,11 +41,11 @@ class Peak(NamedTuple):
     here: float
     """The height within ALIGNED of no shift."""
     shift: tuple[int, int]
-    """(right, down) in px that the second map lies too far."""
+    """(right, down) offset of the second map in px."""
 
 
 def check_registration(seen: Observed) -> list[Finding]:
-    """Says if depth is mirrored, turned or shifted against the picture."""
+    """Reports depth that is mirrored, turned or shifted against the picture."""
     step = max(1, round(max(seen.values.shape) / WIDTH))
     depth = depth_edges(seen.values, seen.units, step)
     image, name = picture_edges(seen.color, step), f"{seen.names[1]}: depth"
@@ -55,7 +55,7 @@ def check_registration(seen: Observed) -> list[Finding]:
 
 
 def check_mask_registration(seen: Observed) -> list[Finding]:
-    """Says if the mask is mirrored or turned against the picture."""
+    """Reports a mask that is mirrored or turned against the picture."""
     if seen.mask is None:
         return []
     step = max(1, round(max(seen.values.shape) / WIDTH))
@@ -72,8 +72,8 @@ def check_mask_registration(seen: Observed) -> list[Finding]:
 
 
 def correlate_edges(color: UInt8Array, values: NDArray[np.float64]) -> float:
-    """How well edges of picture and depth lie on each other: standard deviations of the correlation over shifts; 0 where
-    their sizes differ."""
+    """Agreement of the edges of picture and depth: standard deviations of the correlation over shifts; 0 where their sizes
+    differ."""
     if color.shape[:2] != values.shape:
         return 0.0
     step = max(1, round(max(values.shape) / WIDTH))
@@ -122,12 +122,12 @@ def find_peak(image: Floats, other: Floats) -> Peak:
 
 
 def _subtract_local_mean(edges: Floats) -> Floats:
-    """Without the mean around: broad differences of brightness or of how many edges there are say nothing of position."""
+    """Edges less their local mean: broad differences of brightness or edge density do not localise."""
     return np.asarray(edges - cv2.blur(edges, (31, 31)), np.float32)
 
 
 def picture_edges(color: UInt8Array, step: int) -> Floats:
-    """2 x H x W: how much colours change along rows and columns, 0..1, relative to what changes around; shrunk by `step`."""
+    """2 x H x W colour gradients along rows and columns, 0..1, relative to their surroundings; shrunk by `step`."""
     small = cv2.GaussianBlur(_shrink(color.astype(np.float32), step), (0, 0), 0.8)
     along = [np.abs(cv2.Sobel(small, cv2.CV_32F, *by)).max(axis=2) for by in ((1, 0), (0, 1))]
     around = 3 * cv2.blur(np.hypot(*along), (25, 25)) + 8
@@ -135,7 +135,7 @@ def picture_edges(color: UInt8Array, step: int) -> Floats:
 
 
 def depth_edges(values: NDArray[np.float64], units: float, step: int) -> Floats:
-    """2 x H x W: where inverse depth bends or jumps between known neighbours along rows and columns, 0..1; far is known."""
+    """2 x H x W bends and jumps of inverse depth between known neighbours along rows and columns, 0..1; far is known."""
     known = values > 0
     w = np.where(known, units / np.where(known, values, 1), 0).astype(np.float32)
     found = []

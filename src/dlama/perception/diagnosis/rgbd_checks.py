@@ -1,4 +1,4 @@
-"""A picture with depth and a mask in; what every check of them finds out."""
+"""A picture with depth and a mask in; the findings of all checks out."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ CHECKS: dict[str, Callable[[Observed], list[Finding]]] = {
     "mask coverage": check_mask_coverage,
     "mask registration": check_mask_registration,
 }
-"""Checks of a picture with depth and a mask, in the order in which findings are told."""
+"""Checks of a picture with depth and a mask, in the order in which findings are reported."""
 BEFORE: dict[str, tuple[str, ...]] = {
     "depth unit": ("depth code", "normalised depth"),
     "mask registration": ("registration",),
 }
-"""A check says nothing where one of these found something: there is no unit in what is no depth."""
+"""A check is skipped where one of these reported a fault: what is no depth has no unit."""
 
 
 def run_checks(seen: Observed, skip: tuple[str, ...] = ()) -> list[Finding]:
-    """All that the checks but those of `skip` find."""
+    """The findings of all checks except `skip`."""
     found: dict[str, list[Finding]] = {}
     for name, check in CHECKS.items():
         if name not in skip and not any(found.get(other) for other in BEFORE.get(name, ())):

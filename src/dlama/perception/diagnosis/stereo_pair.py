@@ -1,4 +1,4 @@
-"""Two pictures that should be a rectified pair in; whether they are swapped, the same, unrectified or unrelated out."""
+"""Two pictures of a supposed rectified pair in; whether they are swapped, identical, unrectified or unrelated out."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from dlama.perception.diagnosis.finding import Finding
 from dlama.perception.stereo.checks import SAME_ROW, Corners, diagnose_corners, match_corners
 
 SAME_LEVELS = 1.0
-"""Mean difference of colours (of 255) up to which two pictures are the same."""
+"""Largest mean colour difference (of 255) of identical pictures."""
 GAIN = 1.3
-"""Ratio of brightness from which a difference of exposure is told."""
+"""Least ratio of brightness that is reported as exposure."""
 MENDS = {
     "unrelated": "give two pictures of one scene, taken side by side",
     "unrectified": "rectify the pair with its calibration (cv2.stereoRectify)",
@@ -41,7 +41,7 @@ def check_pair(left: UInt8Array, right: UInt8Array, doffs: float = 0.0) -> list[
 
 
 def _describe_shift(corners: Corners, height: int) -> str:
-    """How to mend a pair that is not rectified: by how much the right picture is to be moved, where that is all."""
+    """The correction of an unrectified pair: a vertical shift of the right picture, where that is enough."""
     down = corners.offsets[:, 1]
     down = down[np.abs(down) <= SAME_ROW * height]
     middle = float(np.median(down))

@@ -1,4 +1,4 @@
-"""Rectified pairs in; disparities, how well they agree, what speaks against a pair, and masks carried over out.
+"""Rectified pairs in; disparities, their consistency, faults of a pair, and transferred masks out.
 
-Begin at `matching`; `networks` is the same job done by a network file.
+Begin at `matching`; `networks` does the same by a network file.
 """

@@ -1,4 +1,4 @@
-"""Two views of a pair and their disparities in; how well they agree, and a mask carried from the left to the right one, out."""
+"""Two views of a pair and their disparities in; their consistency, and the left mask transferred to the right view, out."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from dlama.perception.stereo.matching import TOLERANCE_PX, check_pictures, neare
 
 @dataclass(frozen=True)
 class StereoConsistency:
-    """How well two views agree, as measured by `consistency`."""
+    """Consistency of two views, as measured by `consistency`."""
 
     photometric_mae: float
     """Mean absolute colour difference, grey levels 0..255, over the pixels compared; NaN where there are none."""

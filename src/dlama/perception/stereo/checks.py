@@ -1,4 +1,4 @@
-"""Two pictures, said to be a rectified pair, in; what is wrong with that, in one line, out.
+"""Two pictures of a supposed rectified pair in; the fault, in one line, out.
 
 They may be swapped, identical, not rectified, or of different scenes.
 """
@@ -15,13 +15,13 @@ from dlama.geometry.camera import Float64Array
 from dlama.geometry.rgbd import Float32Array, UInt8Array
 
 FEATURES = 1500
-"""Corners that are looked for in each picture."""
+"""Corners detected in each picture."""
 DISTINCT = 0.8
 """A corner's best match must be nearer than this share of its second best (Lowe 2004)."""
 ENOUGH = 20
-"""Matched corners below which nothing can be said, or too little is shared."""
+"""Least number of matched corners for a decision."""
 SAME_ROW = 0.05
-"""Share of the height within which matched corners of the same scene lie, also where it is not rectified."""
+"""Largest vertical offset, over the height, of matched corners of the same scene, rectified or not."""
 ROW_OFFSET_PX = (0.8, 1.5)
 """Median and upper quartile of vertical offsets above which rows do not match; of rectified pairs they are 0 and 0.4 at most."""
 SHARED, SWAPPED = 0.5, 0.4
@@ -66,7 +66,7 @@ def refuse_identical(left: UInt8Array, right: UInt8Array) -> None:
 
 
 def find_pair_fault(left: UInt8Array, right: UInt8Array, left_disparity: Float32Array) -> str | None:
-    """The likely cause why two pictures (H x W x 3) are no rectified pair, in one line; None: nothing speaks against it.
+    """The likely reason why two pictures (H x W x 3) are no rectified pair, in one line; None: none found.
 
     left_disparity: H x W px as matched, 0 = unknown.
     """
@@ -80,9 +80,10 @@ def find_pair_fault(left: UInt8Array, right: UInt8Array, left_disparity: Float32
 
 
 def diagnose_corners(corners: Corners, height: int, doffs: float = 0.0) -> tuple[str, str] | None:
-    """What corners of pictures `height` px high say: "unrelated", "unrectified" or "swapped", and a line about it; None: nothing.
+    """Fault of pictures `height` px high by their corners: "unrelated", "unrectified" or "swapped", and a line about it; None:
+    none.
 
-    doffs: px, what a point at infinity has in place of disparity 0, negated (`StereoRig.doffs`).
+    doffs: px, the negated disparity of a point at infinity (`StereoRig.doffs`).
     """
     if corners.found < 5 * ENOUGH:
         return None

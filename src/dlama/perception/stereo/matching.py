@@ -23,11 +23,11 @@ Matcher = Callable[[UInt8Array, UInt8Array], tuple[Float32Array, Float32Array]]
 TOLERANCE_PX = 1.0
 """Left and right disparity of one surface point may differ by this much; so may two searches for it."""
 PROBE_WIDTH_PX = 320
-"""Width at which the disparity range is looked for."""
+"""Width at which the disparity range is searched."""
 LARGEST_STEP = 2000
-"""Disparity in px that OpenCV's matcher can say (16 bits, steps of 1/16), less margins."""
+"""Largest disparity in px of OpenCV's matcher (16 bits, steps of 1/16), less margins."""
 MARGIN_PX = 2
-"""Columns of the search that lie beyond the asked range, so that its ends get sub-pixel values as well."""
+"""Columns added to the range, so that its ends get sub-pixel values as well."""
 BLOCK_SIZE = 3
 """Pixels; 1, 3 and 5 were measured (benchmarks/stereo_matching.py)."""
 
@@ -37,9 +37,9 @@ class Search:
     """One semi-global search (Hirschmueller 2008) as OpenCV has it."""
 
     mode: int
-    """Paths along which matches are made smooth: all eight directions, or three."""
+    """Aggregation along all eight paths, or three."""
     step: int
-    """Penalty of a disparity that changes by 1 px between neighbours, grey levels per channel and pixel of the block."""
+    """Penalty of a disparity change of 1 px between neighbours, grey levels per channel and pixel of the block."""
     jump: int
     """Penalty of any larger change."""
     unique: int
@@ -55,8 +55,8 @@ DOUBLED_UP_TO_PX = 1600
 VOLUME = 2.5e8
 """Pixels x disparities of the search along eight paths, which keeps 4 bytes of each; beyond it the pictures are halved."""
 SMOOTH_SIZE, SMOOTH_PX, SMOOTH_REACH = 5, 0.25, 2.0
-"""Of the bilateral filter of disparities: window, and difference of disparity and distance at which weights fall off; px. A
-larger one hides how noisy matches are: planes are then sought with too small a tolerance, and what is filled gets worse."""
+"""Bilateral filter of disparities: window, and sigmas of disparity and distance, px. A larger one hides the noise of matches:
+planes are then fitted with too small a tolerance, and fills get worse."""
 
 
 def disparity_pair(
@@ -65,10 +65,10 @@ def disparity_pair(
     """Disparity of the left and of the right view of a rectified pair (uint8 H x W x 3, RGB): float32 H x W, px.
 
     Two semi-global searches: along eight paths at the pictures' width, and along three at twice the width for what lies below a
-    pixel. Where they agree within 1 px the finer one counts, else the first; where the first knows nothing, the finer one, unless
-    something nearer hides it. Of each search is kept what left and right agree on and what is no speckle. A bilateral filter then
-    takes the sub-pixel noise off. Everything else is 0 = unknown: above all what only one of the two cameras sees.
-    A match at exactly 0 px (infinity) is written as 1e-6. `max_disparity` None looks for the range first, in a small
+    pixel. Where they agree within 1 px the finer one counts, else the first; where the first has no match, the finer one,
+    unless a nearer surface occludes it. Each search keeps what passes the left-right check and is no speckle. A bilateral
+    filter then removes sub-pixel noise. Everything else is 0 = unknown: above all what only one of the two cameras sees.
+    A match at exactly 0 px (infinity) is written as 1e-6. `max_disparity` None searches the range first, in a small
     copy of the pair; negative disparities need a negative `min_disparity`.
     Raises ShapeError when the pictures are no such pair, InputError when the range is empty, or wider than the picture.
     """
@@ -100,7 +100,7 @@ def _check_reach(width: int, min_disparity: float, max_disparity: float) -> None
 
 
 def _scale_of_whole(shape: tuple[int, ...], span: float) -> float:
-    """1, or the half, the quarter ... at which the search along eight paths fits into VOLUME."""
+    """1, or the half, the quarter ... at which the eight-path search fits into VOLUME."""
     scale = 1.0
     while shape[0] * shape[1] * span * scale**3 > VOLUME and scale * min(shape[:2]) >= 2:
         scale /= 2
@@ -132,7 +132,7 @@ def _join(whole: Float32Array, fine: Float32Array, other: Float32Array, sign: in
 
 
 def _denoise(disparity: Float32Array) -> Float32Array:
-    """Disparities (NaN = unknown) averaged over their neighbours that are nearly alike; steps between surfaces stay."""
+    """Disparities (NaN = unknown) averaged over similar neighbours; steps between surfaces stay."""
     known = np.isfinite(disparity)
     if not known.any():
         return disparity
@@ -214,7 +214,8 @@ def _match(base: UInt8Array, other: UInt8Array, lowest: float, highest: float, s
 
 
 def _check_consistency(disparity: Float32Array, other: Float32Array, sign: int, tolerance: float) -> BoolArray:
-    """True where a pixel's match lies in the other view and points back within `tolerance`; sign 1: left to right."""
+    """True where a pixel's match lies in the other view and points back within `tolerance` (left-right check); sign 1: left to
+    right."""
     known = np.isfinite(disparity)
     columns, inside = nearest_columns(np.where(known, disparity, 0), sign)
     back = np.take_along_axis(other, columns, axis=1)
@@ -249,7 +250,7 @@ def zero_where_inconsistent(at_left: Float32Array, at_right: Float32Array) -> tu
 
 
 def transfer_disparity(at_left: Float32Array) -> Float32Array:
-    """The right view's disparity (H x W px, 0 = unknown) from the left one's: of what lands on one pixel the nearest is kept.
+    """The right view's disparity (H x W px, 0 = unknown) from the left one's, z-buffered.
 
     Cracks of one column are closed by the farther of their neighbours; what only the right camera sees stays unknown.
     """

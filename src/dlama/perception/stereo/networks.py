@@ -1,6 +1,6 @@
-"""An ONNX network of stereo matching (RAFT-Stereo and its kin) in; a matcher, both pictures to both disparities, out.
+"""An ONNX network of stereo matching (such as RAFT-Stereo) in; a matcher, both pictures to both disparities, out.
 
-How a network wants its pictures and what its numbers mean is data, a StereoContract: in the file's metadata under
+How a network expects its pictures and what its numbers mean is data, a StereoContract: in the file's metadata under
 `dlama.contract`, or in FILE.json next to FILE.onnx.
 """
 
@@ -90,8 +90,8 @@ class NetworkMatcher:
         return cls(file, read_contract_of(file))
 
     def __call__(self, left: UInt8Array, right: UInt8Array) -> tuple[Float32Array, Float32Array]:
-        """The disparity of each picture (H x W px, 0 = unknown): each is matched against the other, and what both agree on is
-        kept. FileError where the file does not keep its contract."""
+        """The disparity of each picture (H x W px, 0 = unknown), matched both ways and checked for consistency. FileError where
+        the file does not keep its contract."""
         check_pictures(left, right)
         at_left = self.match(left, right)
         # mirrored left and right, the right view is a left one
@@ -133,7 +133,7 @@ def read_contract_of(file: NetworkFile) -> StereoContract:
         text = sidecar.read_text(encoding="utf-8")
     if text is None:
         raise FileError(
-            f"{file.path}: says nothing about what it takes and gives; {sidecar.name} next to it is expected, such as "
+            f"{file.path}: carries no contract; {sidecar.name} next to it is expected, such as "
             '{"network": "stereo matching", "scale": 1, "multiple": 32, "sign": -1} for RAFT-Stereo'
         )
     return read_contract(StereoContract, text, NETWORK, file.path, strict=True)

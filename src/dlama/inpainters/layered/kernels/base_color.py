@@ -1,6 +1,6 @@
-"""Base kernels: known colours on a cell grid in, smooth colours that reach into the hole out (numba).
+"""Base kernels: known colours on a cell grid in; smooth colours extrapolated into the hole out (numba).
 
-Grids of inverse depth say < 0 where a cell plays no part.
+An inverse depth < 0 marks a cell that is not used.
 """
 
 from __future__ import annotations
@@ -123,12 +123,11 @@ def spread(
     screen: Float32Array,
     sweeps: Whole,
 ) -> None:
-    """Colour flows into `cells` (flat, rim first) from neighbours of like depth, never from nearer ones; in place.
+    """Diffuse colour into `cells` (flat, rim first) from neighbours of similar depth, never from nearer ones; in place.
 
-    depth: inverse depth of all cells, < 0 where a cell plays no part. reached: True where base holds a colour. The first
-    sweep fills, the others settle to the weighted mean of the neighbours; weights fall with the ratio of depths.
-    mean: len(cells) x 3, towards which colour is pulled with weight screen[cell]; base keeps what it held where neither that
-    nor a neighbour has a say.
+    depth: inverse depth of all cells, < 0 where not used. reached: True where base holds a colour. The first sweep fills; the
+    others settle to the weighted mean of the neighbours, with weights by the ratio of depths. mean: len(cells) x 3, a target
+    with weight screen[cell]. base keeps its value where neither it nor a neighbour counts.
     """
     rows, cols = depth.shape
     for sweep in range(sweeps):
@@ -159,7 +158,7 @@ def spread(
 
 
 def skirt(base: Float32Array, depth: Float32Array, inside: BoolArray) -> Float32Array:
-    """A base for sampling inside only: cells next to it that are unknown or nearer take the mean of their inside neighbours.
+    """A base for sampling inside only: adjacent cells that are unknown or nearer take the mean of their inside neighbours.
 
     depth: inverse depth, < 0 where unknown. Without this, bilinear sampling at the rim would mix the occluder in.
     """

@@ -1,4 +1,4 @@
-"""Cell kernels: a picture in; its trusted pixels, its cells, and what lies between cells, out (numba)."""
+"""Cell kernels: a picture in; its trusted pixels, its means over cells, and bilinear samples of cells out (numba)."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from dlama.geometry.kernels.jit import Array, Real, Whole, in_bands, kernel, pie
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 
 Neighbours = tuple[Whole, Whole, Real]
-"""The two cells next to a coordinate, and how far it is to the second, 0 .. 1."""
+"""The two cells around a coordinate, and the offset to the second, 0 .. 1."""
 NEARER = np.float32(1.04)
-"""A source may be this much nearer than expected; beyond it counts as an occluder."""
-ROUGH = np.float32(1.2)
-"""Within non-planar objects (leaves) depth varies; only a neighbour this much nearer is another object."""
+"""Ratio of inverse depths beyond which a source is an occluder."""
+NON_PLANAR_NEARER = np.float32(1.2)
+"""The same within non-planar objects (leaves), whose depth varies."""
 
 
 @kernel
@@ -34,7 +34,7 @@ def trusted_rows(
                 continue
             kind, good = label[y, x], True
             own = inverse_depth[y, x] * NEARER + 1e-6
-            rough = inverse_depth[y, x] * ROUGH + 1e-6
+            rough = inverse_depth[y, x] * NON_PLANAR_NEARER + 1e-6
             for j in range(max(0, y - reach), min(height, y + reach + 1)):
                 for i in range(max(0, x - reach), min(width, x + reach + 1)):
                     nearer = inverse_depth[j, i] > (own if label[j, i] != kind else rough)
@@ -46,7 +46,7 @@ def trusted_rows(
 
 
 def trusted_sources(hole: BoolArray, inverse_depth: Float32Array, label: NDArray[np.int32], reach: int) -> BoolArray:
-    """Known pixels whose colour is their surface's own: no hole and no nearer surface within `reach` px."""
+    """Known pixels with their surface's own colour: no hole and no nearer surface within `reach` px."""
     out = np.zeros(hole.shape, np.bool_)
     in_bands(trusted_rows, len(hole), hole, inverse_depth, label, reach, out)
     return out
@@ -104,7 +104,7 @@ def shrink(
 
 @piece
 def between(x: Real, size: Whole) -> Neighbours:
-    """The two cells next to a coordinate (cell centres at +0.5, clamped to the edge), and how far it is to the second."""
+    """The two cells around a coordinate (cell centres at +0.5, clamped to the edge), and the offset to the second."""
     f = x - 0.5
     f = 0.0 if f < 0 else (size - 1.0 if f > size - 1.0 else f)
     x0 = np.int64(f)

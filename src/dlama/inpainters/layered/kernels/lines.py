@@ -1,4 +1,4 @@
-"""Line kernels: known surfaces on a grid and a direction in each plane in; what is seen along it, out (numba)."""
+"""Line kernels: known surfaces on a grid and a direction in each plane in; the extent of the plane along it out (numba)."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from dlama.geometry.kernels.jit import Real, Whole, in_bands, kernel, piece
 from dlama.geometry.rgbd import BoolArray, Float32Array
 
 CLEAR = 3
-"""Known cells on a line, the nearest ones, by which more must lie on a plane than behind it, or fewer, to say which it is."""
+"""Majority of nearest known cells on a line, on the plane or behind it, that decides."""
 ENDS = 4
-"""Cells in a row on which a line looks behind a plane where the plane ends."""
+"""Successive cells behind the plane at which the plane has ended."""
 SAME = 1.06
-"""Ratio of inverse depths up to which what is known lies on the plane: doors, sills and panes do."""
+"""Largest ratio of inverse depths of cells on the plane: doors, sills and panes are."""
 
 
 @piece
@@ -32,8 +32,8 @@ def along_line(
     dr: Real,
     dc: Real,
 ) -> tuple[Real, Real]:
-    """(first, length): cells to the plane on a line and over how many it is seen; length 0 where the line looks behind it, first
-    -1 where nothing on it says."""
+    """(first, length): cells to the plane along a line, and the length over which it is seen. Length 0: the line looks behind
+    it; first -1: undecided."""
     height, width = w.shape
     y, x = np.float64(row), np.float64(column)
     jump = 1.0
@@ -126,12 +126,12 @@ def seen_on_lines(
     asking: BoolArray,
     stride: int,
 ) -> tuple[Float32Array, Float32Array, BoolArray]:
-    """K x h' x w': cells from each asking cell to where a plane is seen on its line, and over how many cells it is seen there.
+    """K x h' x w' cells from each queried cell to the plane along its line, and the length over which the plane is seen there.
 
-    planes: K x 3, w = a x + b y + c over cells (first cell: x = y = 0); towards: K x 3, homogeneous vanishing point of each one's
-    lines; w, label: h x w inverse depth and label of the known cells; hole, asking: h x w; away: h x w, cells to what is known.
-    Every stride-th row and column is asked. -1: nothing on the line says; length 0: the line looks behind the plane.
-    The third: True where it is seen both ways.
+    planes: K x 3, w = a x + b y + c over cells (first cell: x = y = 0); towards: K x 3, homogeneous vanishing point of each
+    plane's lines; w, label: h x w inverse depth and label of the known cells; hole, asking: h x w; away: h x w, cells to known
+    ones. Every stride-th row and column is queried. -1: undecided; length 0: the line looks behind the plane. The third: True
+    where the plane is seen in both directions.
     """
     height, width = (-(-size // stride) for size in hole.shape)
     first = np.full((len(planes), height, width), -1, np.float32)

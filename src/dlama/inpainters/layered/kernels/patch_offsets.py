@@ -20,7 +20,7 @@ FARTHER = np.float32(0.9)
 
 @piece
 def displace(u: Real, v: Real, w: Real, s1: Real, s2: Real, axes: Float64Array) -> tuple[Real, Real, Real]:
-    """(u', v', z'): where a shift takes a pixel, and by how much its distance grows (z' <= 0: behind the camera)."""
+    """(u', v', z'): the shifted pixel, and the factor on its distance (z' <= 0: behind the camera)."""
     z = 1 + w * (s1 * axes[0, 2] + s2 * axes[1, 2])
     x = u + w * (s1 * axes[0, 0] + s2 * axes[1, 0])
     y = v + w * (s1 * axes[0, 1] + s2 * axes[1, 1])
@@ -203,10 +203,10 @@ def assign(
     seam: float,
     sweeps: int,
 ) -> NDArray[np.int32]:
-    """Choose one shift per hole cell: own cost plus seams to the neighbours' choices (ordered fill, then sweeps).
+    """Choose one shift per hole cell: unary cost plus seams to the neighbours' choices (ordered fill, then sweeps).
 
-    index: rows x cols, cell number or -1 (not a hole cell of this surface); cost: cells x shifts (>= 1e6: impossible);
-    lateral: cells x shifts x 3, the colour detail each shift would bring. Returns cells, int32, -1 where none is possible.
+    index: rows x cols, cell number or -1 (not a hole cell of this surface); cost: cells x shifts (>= 1e6: impossible); lateral:
+    cells x shifts x 3, the colour detail of each shift. Returns cells, int32, -1 where none is possible.
     """
     chosen = np.full(len(cost), -1, np.int32)
     assign_cells(index, cost, lateral, order, seam, sweeps, chosen)
@@ -280,10 +280,10 @@ def paint(
     gains: Float32Array,
     shifts: NDArray[np.float64],
 ) -> None:
-    """Colour the listed flat pixels of `out` in place, feathered between the shifts that neighbouring cells picked.
+    """Colour the listed flat pixels of `out` in place, feathered between the shifts of neighbouring cells.
 
-    bases: (true to the rim, very smooth), rows x cols x 3 grids of `cell`-pixel cells; pick: rows x cols, shift or -1;
-    gains: rows x cols x 3, how much of the fine band, the middle band and the copied colour as it stands is believed.
+    bases: (true to the rim, very smooth), rows x cols x 3 grids of `cell`-pixel cells; pick: rows x cols, shift or -1; gains:
+    rows x cols x 3, weights of the fine band, the middle band and the copied colour.
     """
     added = np.zeros((len(pixels), 3))
     known = color, pixels, inverse_depth, source, kind, axes

@@ -1,4 +1,4 @@
-"""Quilting: known pixels of an object and where it continues in; from which known pixel each of those is copied, out (numba)."""
+"""Quilting: known pixels of an object and its extent in; the known pixel that each other one is copied from out (numba)."""
 
 from __future__ import annotations
 
@@ -9,10 +9,9 @@ from dlama.geometry.kernels.jit import Real, Whole, kernel
 from dlama.geometry.rgbd import Float32Array, UInt8Array
 
 OUTSIDE, UNDECIDED, GAP = -3, -2, -1
-"""What a pixel is copied from: where that is never asked, where it is not known yet, and where what is behind the object
-shows."""
+"""Source of a pixel: not needed, not decided yet, and a gap that shows the background."""
 RIM, RIM_BUMPS = 0.8, 0.2
-"""Half sides from the middle of a block to which it reaches in the first round, and how far its rim goes in and out."""
+"""Reach of a block in the first round, in half sides from its middle, and the variation of its rim."""
 
 
 @kernel
@@ -29,14 +28,14 @@ def quilt(
     color_scale: Real,
     bumps: Float32Array,
 ) -> None:
-    """Undecided pixels of `out` take, block by block, those of the known block that differs least from what is decided; in place.
+    """Fill undecided pixels of `out`, block by block, from the known block that differs least from what is decided; in place.
 
     After Efros & Freeman, "Image quilting" (2001), with uneven rims (`bumps`, H x W, standard deviation 1) in place of the cut:
-    a first round leaves them out, a second fills what is left. out: H x W, the pixel (flat) each is copied from, itself where
-    it is known, GAP, UNDECIDED or OUTSIDE. color: H x W x 3. places: T x 2, corners (row, column) of the blocks of side x side
-    pixels, in order; corners: N x 2, of known blocks; tried: T x C, numbers of known blocks; own, there: T x 2 and N x 2, what
-    blocks should have alike, and color_scale grey levels, in units that count as much as a leaf where a gap should be. Every
-    stride-th pixel is compared.
+    a first round leaves them out, a second fills the rest. out: H x W, flat index of each pixel's source, its own where known,
+    GAP, UNDECIDED or OUTSIDE. color: H x W x 3. places: T x 2, corners (row, column) of the blocks of side x side pixels, in
+    order; corners: N x 2, of known blocks; tried: T x C, numbers of known blocks; own, there: T x 2 and N x 2, features that
+    blocks should share; color_scale: grey levels that cost as much as a leaf in place of a gap. Every stride-th pixel is
+    compared.
     """
     height, width = out.shape
     half = np.float64(side) / 2

@@ -1,4 +1,4 @@
-"""Rim kernels: a picture and its surfaces in; at some pixels, the mean of their surface's known pixels near by, out (numba)."""
+"""Rim kernels: a picture and its surfaces in; the local mean of known pixels of the same surface out (numba)."""
 
 from __future__ import annotations
 
@@ -56,11 +56,11 @@ def mean_known_nearby(
     reach: int,
     apart: float,
 ) -> tuple[Float32Array, BoolArray]:
-    """H x W x 3 mean of the known pixels of the same surface at most `reach` px away, by the inverse fourth power of distance, at
-    the pixels of `where` (H x W); and where there are any.
+    """H x W x 3 mean of the known pixels of the same surface within `reach` px, by the inverse fourth power of distance, at the
+    pixels of `where` (H x W); and H x W, True where there are any.
 
-    color: H x W x 3; known: H x W label of pixels that count, another number than any label elsewhere (and in `where`); label, w:
-    H x W label and inverse depth of all; apart: relative inverse depth up to which two pixels of one label are one surface.
+    color: H x W x 3; known: H x W label of pixels that count, any other number elsewhere (and in `where`); label, w: H x W
+    label and inverse depth of all; apart: largest relative difference of inverse depth within one surface.
     """
     out, found = np.zeros(color.shape, np.float32), np.zeros(where.shape, np.bool_)
     in_bands(mean_known_rows, len(where), color, where, known, label, w, reach, float(apart), out, found)

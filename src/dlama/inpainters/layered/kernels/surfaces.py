@@ -34,7 +34,7 @@ def first_known(w: Float32Array, hole: BoolArray, row: Whole, column: Whole, dr:
 
 @piece
 def far_mean(values: Float64Array, weights: Float64Array, line: Whole, count: Whole) -> Real:
-    """Mean of the first `count` values of a line near their weighted first quartile, weights squared."""
+    """Mean of the first `count` values of a line near their weighted first quartile, with squared weights."""
     total = 0.0
     for number in range(count):
         total += weights[line, number]
@@ -86,8 +86,8 @@ def far_side_rows(
 def far_side(w: Float32Array, hole: BoolArray) -> Float32Array:
     """Inverse depth of the holes interpolated from the far side of their rims only; 0 where no rim is in sight.
 
-    From each hole pixel 16 rays look for the rim; the farthest quarter of what they meet (weighted by nearness) and all
-    within 30 % of it counts, by inverse square distance. Far pixels (w = 0) are left out: the sky has its own label.
+    From each hole pixel 16 rays sample the rim. The farthest quarter of the samples (weighted by nearness) and all within 30 %
+    of it count, by inverse square distance. Far pixels (w = 0) are left out: the sky has its own label.
     """
     angles = [2 * math.pi * direction / DIRECTIONS for direction in range(DIRECTIONS)]
     ways = np.array([(math.sin(angle), math.cos(angle)) for angle in angles])
@@ -99,8 +99,8 @@ def far_side(w: Float32Array, hole: BoolArray) -> Float32Array:
 
 @piece
 def rim_cost(value: Real, label: Whole, known: Real, known_label: Whole, rim: Float64Array) -> Real:
-    """Cost of filling `value` (inverse depth) with `label` next to a known pixel: continuing is free, to be hidden by the
-    known pixel is cheap (less so for the sky), to stand before it is dear. rim: (meets, hidden, sky hidden, in front)."""
+    """Cost of `value` (inverse depth) with `label` next to a known pixel: 0 for the same surface, low behind the known pixel
+    (higher for the sky), high in front of it. rim: (meets, hidden, sky hidden, in front)."""
     if label == known_label and label >= 0:
         return 0.0
     in_front = value > known
@@ -163,7 +163,7 @@ def unary_costs(
     penalty: Float32Array,
     rim: NDArray[np.float64],
 ) -> Float32Array:
-    """H x W x L cost of each label at each hole pixel: how far away the surface was last seen, and the rim.
+    """H x W x L unary cost of each label at each hole pixel: distance to where the surface was last seen, and the rim.
 
     values: L x H x W inverse depth; allowed: L x H x W bool; distance: L x H x W px to the nearest known pixel of a label;
     scale: px of distance that cost as much as one full jump; penalty: L x H x W further cost. Label l is `l - 1` in `label`.
