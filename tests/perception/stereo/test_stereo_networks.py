@@ -72,7 +72,7 @@ def test_a_network_of_one_size(tmp_path: Path) -> None:
 def test_the_contract_may_lie_beside_the_file(tmp_path: Path) -> None:
     """Round trip; without one, or with a wrong one, the file is refused by name."""
     path = tiny(tmp_path / "raft.onnx", None, -1.0)
-    with pytest.raises(FileError, match=r"raft\.onnx: says nothing.*raft\.json"):
+    with pytest.raises(FileError, match=r"raft\.onnx: carries no contract.*raft\.json"):
         NetworkMatcher.open(path)
     (tmp_path / "raft.json").write_text(json.dumps({"network": "stereo matching", "sign": -1}))
     np.testing.assert_allclose(NetworkMatcher.open(path)(*pair())[0][:, SHIFT:], SHIFT)
