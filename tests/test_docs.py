@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import io
 import re
 import shlex
 import shutil
+import tokenize
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -42,6 +44,8 @@ WORDS = (
 )
 """Of the house's table: each has a plainer word."""
 PLAIN = [ROOT / "README.md", ROOT / "CHANGELOG.md", ROOT / "SECURITY.md", ROOT / "SUPPORT.md", *PAGES]
+ROOMS = ("arguments.py", "errors.py", "completion", "evaluation", "files", "jobs", "training", "workers", "worlds")
+"""Of src/dlama: their names, comments, docstrings and texts keep to the same words."""
 LONGEST_MEAN = 25
 """Words of a sentence, mean over a page."""
 WORDS_BY_HAND = 20_000
@@ -112,6 +116,27 @@ def test_words_that_have_a_plainer_one_are_avoided(page: Path) -> None:
     assert found == []
 
 
+def texts_of_code(source: str) -> Iterator[str]:
+    """Names, comments and strings of a Python file; `_` and line breaks as blanks."""
+    kinds = (tokenize.NAME, tokenize.COMMENT, tokenize.STRING, getattr(tokenize, "FSTRING_MIDDLE", tokenize.STRING))
+    for token in tokenize.generate_tokens(io.StringIO(source).readline):
+        if token.type in kinds:
+            yield re.sub(r"[_\s#]+", " ", token.string)
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_code_keeps_to_the_same_words(room: str) -> None:
+    place = ROOT / "src" / "dlama" / room
+    files = [place] if place.is_file() else sorted(place.rglob("*.py"))
+    found = {
+        (file.name, word)
+        for file in files
+        for text in texts_of_code(file.read_text("utf-8"))
+        for word in re.findall(rf"\b(?:{'|'.join(WORDS)})\b", text, re.IGNORECASE)
+    }
+    assert files and found == set()
+
+
 @pytest.mark.parametrize("page", PLAIN, ids=lambda path: path.relative_to(ROOT).as_posix())
 def test_sentences_are_short(page: Path) -> None:
     lengths = [len(sentence.split()) for sentence in sentences(page.read_text("utf-8"))]
@@ -123,6 +148,7 @@ def test_the_list_of_words_can_fail() -> None:
         "thing",
         "told",
     ]
+    assert list(texts_of_code("# a\n#  b\nx_thing = 'c'")) == [" a", " b", "x thing", "'c'"]
 
 
 def test_the_site_is_short() -> None:

@@ -70,10 +70,10 @@ def check(value: object, annotation: Any, name: str) -> None:
         raise InputTypeError(complaint)
 
 
-def as_array(value: object, name: str, wanted: str = "an array") -> np.ndarray:
-    """An array, a PIL picture, a tensor of torch (in the processor's memory) or whatever else numpy knows, as an array.
+def as_array(value: object, name: str, expected: str = "an array") -> np.ndarray:
+    """An array, a PIL picture, a tensor of torch (in the processor's memory) or anything else that numpy knows, as an array.
 
-    InputTypeError, which calls the value `name`, for anything else; `wanted`: what is expected, in words.
+    InputTypeError, which calls the value `name`, for anything else; `expected`: what is expected, in words.
     """
     try:
         if any(hasattr(type(value), way) for way in ("__array__", "__array_interface__")):
@@ -81,7 +81,7 @@ def as_array(value: object, name: str, wanted: str = "an array") -> np.ndarray:
         reason = ""
     except Exception as error:  # what the object raises: a tensor on a graphics card, one with gradients
         reason = f" ({error})"
-    raise InputTypeError(f"{name} is of type {type(value).__name__}{reason}; {wanted} is expected")
+    raise InputTypeError(f"{name} is of type {type(value).__name__}{reason}; {expected} is expected")
 
 
 def check_number(value: object, name: str, what: str = "a number") -> None:
@@ -106,7 +106,7 @@ def is_finite(value: object) -> bool:
         return False
 
 
-def shown(value: object) -> str:
+def format_value(value: object) -> str:
     """A number for messages, in six digits; anything else as Python shows it."""
     if isinstance(value, int) and abs(value) > sys.float_info.max:
         return "beyond 1e308"
@@ -158,17 +158,17 @@ def _complaint_of_numbers(value: object, annotation: Any, name: str) -> str:
     fits = found.ndim == len(counts) and all(count in (None, size) for count, size in zip(counts, found.shape))
     if fits and found.dtype.kind in "iufb":
         return ""
-    wanted = (
+    expected = (
         f"{counts[-1] or 'some'} numbers are" if len(counts) == 1 else f"a list of tuples of {counts[-1]} numbers is"
     )
     came = repr(value) if np.size(found) < 20 else f"of type {type(value).__name__} with shape {found.shape}"
-    return f"{name} is {came}; {wanted} expected"
+    return f"{name} is {came}; {expected} expected"
 
 
-def _not_a(value: object, wanted: Sequence[Any], name: str) -> str:
-    came = repr(value) if value is None or set(wanted) <= {int, float} else f"of type {type(value).__name__}"
-    where_from = next((WHERE_FROM[one.__name__] for one in wanted if getattr(one, "__name__", "") in WHERE_FROM), "")
-    return f"{name} is {came}; {in_words(wanted)} is expected{where_from}"
+def _not_a(value: object, expected: Sequence[Any], name: str) -> str:
+    came = repr(value) if value is None or set(expected) <= {int, float} else f"of type {type(value).__name__}"
+    where_from = next((WHERE_FROM[one.__name__] for one in expected if getattr(one, "__name__", "") in WHERE_FROM), "")
+    return f"{name} is {came}; {describe_types(expected)} is expected{where_from}"
 
 
 def _is_a(value: object, kind: Any, inner: tuple[Any, ...]) -> bool:
@@ -201,11 +201,11 @@ def _elements(value: Any, kind: Any, inner: tuple[Any, ...], name: str) -> Itera
         yield from ((element, inner[0], f"{name}[{i}]") for i, element in enumerate(value))
 
 
-def in_words(wanted: Sequence[Any]) -> str:
+def describe_types(expected: Sequence[Any]) -> str:
     """Types for people: `an RGBD or a Scene`, `a path`, `a list of Cameras`."""
-    kinds = [get_origin(one) or one for one in wanted]
+    kinds = [get_origin(one) or one for one in expected]
     is_path = os.PathLike in kinds or Path in kinds
-    left = [one for one, kind in zip(wanted, kinds) if not (is_path and kind in (str, os.PathLike, Path))]
+    left = [one for one, kind in zip(expected, kinds) if not (is_path and kind in (str, os.PathLike, Path))]
     words = [*(["a path"] if is_path else []), *dict.fromkeys(_word(one) for one in left)]
     return " or ".join(filter(None, (", ".join(words[:-1]), words[-1])))
 

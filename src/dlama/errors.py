@@ -1,4 +1,4 @@
-"""What can go wrong, as one small tree; a message says what came, what was wanted, and which file or field.
+"""What can go wrong, as one small tree; a message says what came, what was expected, and which file or field.
 
 DlamaError
 ├── InputError          what the user gave cannot be used (the command line ends with exit code 2)
@@ -44,7 +44,7 @@ def _again(kind: type[DlamaError], args: tuple[Any, ...], attributes: dict[str, 
 
 
 class InputError(DlamaError, ValueError):
-    """What the user gave cannot be used; the message names the field or file, what came and what was wanted."""
+    """What the user gave cannot be used; the message names the field or file, what came and what was expected."""
 
 
 class InputTypeError(InputError, TypeError):

@@ -12,7 +12,7 @@ from dlama.errors import InputError
 from dlama.geometry.rendering import MODES, Mode
 
 DepthBy = Literal["surfaces", "filler"]
-"""What fills depth beside a filler of pictures: surfaces continued behind the hole, or the filler itself."""
+"""What fills depth for a filler of pictures: surfaces continued behind the hole, or the filler itself."""
 WIDEST_PX = 1024
 """By how much masks and holes are dilated at most."""
 

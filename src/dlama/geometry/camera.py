@@ -18,7 +18,7 @@ from numbers import Real
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dlama.arguments import check, is_finite, shown
+from dlama.arguments import check, format_value, is_finite
 from dlama.errors import CameraError
 
 Float64Array = NDArray[np.float64]
@@ -40,7 +40,7 @@ FARTHEST_M = 1e9
 def _check_size(width: int, height: int) -> None:
     for name, value in (("width", width), ("height", height)):
         if not is_finite(value) or value % 1:
-            raise CameraError(f"camera {name} is {shown(value)}; a whole number of pixels is expected")
+            raise CameraError(f"camera {name} is {format_value(value)}; a whole number of pixels is expected")
     if width < 1 or height < 1:
         raise CameraError(f"camera size is {width}x{height}; width and height must be at least 1")
 
@@ -73,7 +73,7 @@ class Camera:
         for name in ("fx", "fy", "cx", "cy"):
             value = getattr(self, name)
             if not is_finite(value):
-                raise CameraError(f"camera {name} is {shown(value)}; a finite number of pixels is expected")
+                raise CameraError(f"camera {name} is {format_value(value)}; a finite number of pixels is expected")
             if abs(value) > LARGEST_PX:
                 raise CameraError(f"camera {name} is {value:g} px; at most {LARGEST_PX:g} px is expected")
         for name in ("fx", "fy"):
@@ -90,7 +90,7 @@ class Camera:
     def from_fov(cls, width: int, height: int, fov_deg: float, world_from_cam: ArrayLike | None = None) -> Camera:
         """Camera with square pixels, centred, from its horizontal field of view in degrees (0 < fov < 180)."""
         if not is_finite(fov_deg) or not 0 < fov_deg < 180:
-            raise CameraError(f"fov is {shown(fov_deg)} degrees; a field of view between 0 and 180 is expected")
+            raise CameraError(f"fov is {format_value(fov_deg)} degrees; a field of view between 0 and 180 is expected")
         _check_size(width, height)
         focal = 0.5 * width / math.tan(math.radians(fov_deg) / 2)
         pose = np.eye(4) if world_from_cam is None else check_pose(world_from_cam)
@@ -163,7 +163,7 @@ class Camera:
         """
         for name, value in (("x", x), ("y", y)):
             if not is_finite(value):
-                raise CameraError(f"{name} is {shown(value)}; a number of pixels is expected")
+                raise CameraError(f"{name} is {format_value(value)}; a number of pixels is expected")
         return dataclasses.replace(self, width=width, height=height, cx=self.cx - x, cy=self.cy - y)
 
     def resized(self, width: int, height: int) -> Camera:
@@ -190,7 +190,7 @@ class Camera:
 def check_pixel_center(value: object) -> None:
     """Raise CameraError unless it is 0.5 or 0.0, the two places where files put the first pixel's centre."""
     if not isinstance(value, Real) or value not in (0.0, 0.5):
-        raise CameraError(f"pixel_center is {shown(value)}; 0.5 or 0.0 is expected")
+        raise CameraError(f"pixel_center is {format_value(value)}; 0.5 or 0.0 is expected")
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from dlama.arguments import is_finite, shown
+from dlama.arguments import format_value, is_finite
 from dlama.errors import DepthError, InputError
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import BoolArray, Float32Array
@@ -115,7 +115,7 @@ def check_known(
     if len(metres_at) and camera_height is not None:
         raise InputError("metres_at and camera_height contradict each other; give one of them")
     if camera_height is not None and not (is_finite(camera_height) and camera_height > 0):
-        raise InputError(f"camera_height is {shown(camera_height)} m; a number above 0 is expected")
+        raise InputError(f"camera_height is {format_value(camera_height)} m; a number above 0 is expected")
     for x, y, metres in metres_at:
         at = f"metres_at {x:g},{y:g}={metres:g}"
         if hw is not None and not (0 <= x < hw[1] and 0 <= y < hw[0]):

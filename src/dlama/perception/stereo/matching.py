@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from dlama.arguments import check_number, is_finite, shown
+from dlama.arguments import check_number, format_value, is_finite
 from dlama.errors import InputError, ShapeError
 from dlama.geometry.projection import SMALLEST_DISPARITY
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
@@ -80,7 +80,9 @@ def disparity_pair(
     else:
         _check_reach(left.shape[1], min_disparity, max_disparity)
     if not (is_finite(min_disparity) and is_finite(max_disparity) and min_disparity < max_disparity):
-        raise InputError(f"max_disparity is {shown(max_disparity)} px; more than {shown(min_disparity)} px is expected")
+        raise InputError(
+            f"max_disparity is {format_value(max_disparity)} px; more than {format_value(min_disparity)} px is expected"
+        )
     limits = min_disparity, max_disparity
     whole = _search(left, right, limits, WHOLE, _scale_of_whole(left.shape, max_disparity - min_disparity))
     fine = _search(left, right, limits, FINE, 2 if left.shape[1] <= DOUBLED_UP_TO_PX else 1)
@@ -95,7 +97,7 @@ def _check_reach(width: int, min_disparity: float, max_disparity: float) -> None
     most, asked = min(width, LARGEST_STEP // scale), max(-min_disparity, max_disparity)
     if asked > most:
         raise InputError(
-            f"max_disparity is {shown(asked)} px; at most {most} px is expected in pictures {width} px wide"
+            f"max_disparity is {format_value(asked)} px; at most {most} px is expected in pictures {width} px wide"
         )
 
 
