@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +14,7 @@ from dlama.datasets.layouts import detect, open_dataset
 from dlama.datasets.posed.posed_frames import CameraOption
 from dlama.datasets.posed.scene_file import LAYOUT as SCENE
 from dlama.datasets.posed.scene_file import is_scene_file
-from dlama.datasets.posed.view_pairs import NoPairsError
+from dlama.datasets.posed.view_pairs import LOG, NoPairsError
 from dlama.errors import InputError
 from dlama.geometry.rgbd import RGBD, BoolArray, describe_depth_range, format_count
 from dlama.perception.diagnosis.finding import Finding, Observed
@@ -23,6 +24,7 @@ from dlama.perception.diagnosis.odd_frames import find_odd_frames
 from dlama.perception.diagnosis.poses import check_poses
 from dlama.perception.diagnosis.rgbd_checks import run_checks
 from dlama.perception.diagnosis.stereo_pair import check_pair
+from dlama.workers.progress import log_messages
 
 SCENES, FRAMES, CASES = 3, 6, 3
 """At most so many scenes, frames in a row of each, and stereo or removal cases are looked at."""
@@ -95,13 +97,16 @@ def frames_in_a_row(frames: Sequence[Frame]) -> list[Frame]:
 
 
 def _opened(root: Path, layout: str | None, camera: CameraOption) -> tuple[Dataset, list[Finding]]:
-    """The data set, also where no case can be made of its frames."""
+    """The data set, also where no case can be made of its frames; what its reader logs (frames left out) are notes."""
+    said: list[str] = []
     try:
-        return open_dataset(root, layout, camera=camera), []
+        with log_messages(said.append, LOG, logging.getLogger("dlama.kernels")):
+            dataset, found = open_dataset(root, layout, camera=camera), list[Finding]()
     except NoPairsError as error:
         name = layout or (SCENE if is_scene_file(root) else detect(root))
         found = [Finding("no-overlap", "fault", 0.9, str(error))] if len(error.frames) > 1 else []
-        return Dataset(root.name, name, root, error.frames, ()), found
+        dataset = Dataset(root.name, name, root, error.frames, ())
+    return dataset, [*(Finding("frames", "note", 1.0, note) for note in said), *found]
 
 
 def _of_picture(frame: RGBD, name: str, mask: BoolArray | None = None) -> list[Finding]:

@@ -9,6 +9,8 @@ from pathlib import Path
 from dlama.datasets.captures.arkitscenes import arkitscenes, looks_like_arkitscenes
 from dlama.datasets.captures.polycam import looks_like_polycam, polycam
 from dlama.datasets.captures.record3d import looks_like_record3d, record3d
+from dlama.datasets.captures.rosbag import FILES as ROSBAG_FILES
+from dlama.datasets.captures.rosbag import looks_like_rosbag, rosbag
 from dlama.datasets.captures.scannetpp import looks_like_scannetpp, scannetpp
 from dlama.datasets.captures.stray_scanner import looks_like_stray_scanner, stray_scanner
 from dlama.datasets.easysynth.dataset import easysynth, looks_like_easysynth
@@ -86,6 +88,9 @@ LAYOUTS: dict[str, Layout] = {
     "polycam": Layout("keyframes with depth and cameras", looks_like_polycam, polycam, _POSED),
     "record3d": Layout("a .r3d file, or metadata and a folder rgbd", looks_like_record3d, record3d, _POSED, (".r3d",)),
     "arkitscenes": Layout("lowres_wide.traj and a folder lowres_depth", looks_like_arkitscenes, arkitscenes, _POSED),
+    "rosbag": Layout(
+        "a .bag, .mcap or .db3 file, or a folder with metadata.yaml", looks_like_rosbag, rosbag, _POSED, ROSBAG_FILES
+    ),
     "scannetpp": Layout("pose_intrinsic_imu.json", looks_like_scannetpp, scannetpp, _POSED),
 }
 """Every layout by the name that `layout` takes."""

@@ -82,7 +82,7 @@ def lens_of(fields: FileFields) -> Lens:
                 f"{fields.path}: {name} is not 0; a pinhole camera is expected, undistort the pictures first"
             )
     height, width = fields.count("h"), fields.count("w")
-    moved = _distortion_px((fx, fy, cx, cy), (height, width), fields)
+    moved = distortion_px((fx, fy, cx, cy), (height, width), fields)
     if moved > SHOWS_PX:
         raise CameraError(
             f"{fields.path}: k1 ... p2 move the picture's corners by {moved:.1f} px; a pinhole camera is expected, undistort "
@@ -91,7 +91,7 @@ def lens_of(fields: FileFields) -> Lens:
     return Lens(str(fields.path), (fx, fy, cx, cy), 0.5, (height, width))
 
 
-def _distortion_px(intrinsics: Intrinsics, hw: tuple[int, int], fields: FileFields) -> float:
+def distortion_px(intrinsics: Intrinsics, hw: tuple[int, int], fields: FileFields) -> float:
     """How far OpenCV's radial and tangential distortion moves the worst corner."""
     k1, k2, k3, p1, p2 = (fields.number(name) if name in fields else 0.0 for name in DISTORTION)
     fx, fy, cx, cy = intrinsics

@@ -1,0 +1,201 @@
+"""Messages of ROS 1 and 2 in; pictures, depth, intrinsics and poses out. The messages are objects with the fields of their types.
+
+sensor_msgs/Image, CompressedImage and CameraInfo; depth as of REP 118 (16UC1: millimetres, 0 missing; 32FC1: metres, NaN
+missing), also packed by compressed_depth_image_transport (12 bytes: a kind and two numbers a, b; of 32FC1 depth = a / (code -
+b), 0 missing). Camera frames have OpenCV's axes ("optical", REP 103); transforms are those of tf2_msgs/TFMessage.
+"""
+
+from __future__ import annotations
+
+import io
+import struct
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from PIL import Image
+
+from dlama.datasets.text_tables import nearest_in_time, pose_of
+from dlama.errors import FileError
+from dlama.files.rasters.images import check_pixels
+from dlama.geometry.camera import Float64Array, invert_pose
+from dlama.geometry.rgbd import Float32Array, UInt8Array
+from dlama.geometry.rotations import slerp
+
+CHANNELS = {"rgb8": "RGB", "bgr8": "BGR", "rgba8": "RGBA", "bgra8": "BGRA", "8UC3": "BGR", "mono8": "L", "8UC1": "L"}
+"""Encodings of colour pictures -> their channels in order (sensor_msgs/image_encodings.hpp)."""
+DEPTHS = {"16UC1": np.uint16, "mono16": np.uint16, "32FC1": np.float32}
+"""Encodings of depth."""
+MILLIMETRES = np.float32(1000)
+DEPTH_HEADER = 12
+"""Bytes before the PNG of packed depth."""
+BETWEEN_S = 0.25
+"""Seconds beyond the first and the last transform up to which these hold, and between two that are interpolated."""
+
+
+def seconds_of(message: Any) -> float:
+    """Of a message's head."""
+    return float(message.header.stamp.sec) + 1e-9 * float(message.header.stamp.nanosec)
+
+
+def is_depth(message: Any) -> bool:
+    """Whether an Image or a CompressedImage holds depth."""
+    return message.encoding in DEPTHS if hasattr(message, "encoding") else "compressedDepth" in message.format
+
+
+def is_color(message: Any) -> bool:
+    """Whether an Image or a CompressedImage holds a picture."""
+    return message.encoding in CHANNELS if hasattr(message, "encoding") else "compressedDepth" not in message.format
+
+
+def size_of(message: Any) -> tuple[int, int]:
+    """Height and width of an Image or a CompressedImage, pixels not decoded."""
+    if hasattr(message, "encoding"):
+        return int(message.height), int(message.width)
+    data = bytes(message.data)
+    with Image.open(io.BytesIO(data[DEPTH_HEADER:] if is_depth(message) else data)) as picture:
+        return picture.height, picture.width
+
+
+def color_of(message: Any, where: str) -> UInt8Array:
+    """H x W x 3 RGB. FileError, which begins with `where`."""
+    if not hasattr(message, "encoding"):
+        return np.asarray(_opened(bytes(message.data), where).convert("RGB"))
+    channels = CHANNELS[message.encoding]
+    pixels = _pixels(message, np.uint8, len(channels), where)
+    order = [channels.index(name) for name in "RGB"] if len(channels) > 1 else [0, 0, 0]
+    return np.ascontiguousarray(pixels[..., order])
+
+
+def depth_of(message: Any, where: str) -> Float32Array:
+    """h x w metres; 0 or NaN is missing. FileError, which begins with `where`."""
+    if hasattr(message, "encoding"):
+        codes = _pixels(message, DEPTHS[message.encoding], 1, where)[..., 0]
+    else:
+        data = bytes(message.data)
+        codes = np.asarray(_opened(data[DEPTH_HEADER:], where))
+        if message.format.strip().startswith("32FC1"):
+            _, a, b = struct.unpack("<iff", data[:DEPTH_HEADER])
+            known = codes > 0
+            return np.where(known, a / np.where(known, codes.astype(np.float32) - np.float32(b), 1), 0).astype(
+                np.float32
+            )
+    return codes.astype(np.float32) / (
+        MILLIMETRES if codes.dtype.kind in "ui" or codes.dtype == np.int32 else np.float32(1)
+    )
+
+
+def _opened(data: bytes, where: str) -> Image.Image:
+    try:
+        picture = Image.open(io.BytesIO(data), formats=("JPEG", "PNG"))
+        check_pixels(where, *picture.size)
+        picture.load()
+        return picture
+    except FileError:
+        raise
+    except Exception as error:
+        raise FileError(
+            f"{where}: is damaged, or not packed as JPEG or PNG ({str(error) or type(error).__name__})"
+        ) from error
+
+
+def _pixels(message: Any, kind: type, channels: int, where: str) -> np.ndarray:
+    """H x W x channels of an Image, rows without their padding, in this machine's byte order."""
+    dtype = np.dtype(kind).newbyteorder(">" if message.is_bigendian else "<")
+    height, width, step = int(message.height), int(message.width), int(message.step)
+    check_pixels(where, width, height)
+    row, data = width * channels * dtype.itemsize, np.asarray(message.data, np.uint8)
+    if row > step or len(data) < step * height or not data.size:
+        raise FileError(
+            f"{where}: holds {len(data)} bytes in rows of {step}; {height} rows of {row} bytes are expected ({width}x{height})"
+        )
+    rows = data[: step * height].reshape(height, step)[:, :row]
+    return np.ascontiguousarray(rows).view(dtype).reshape(height, width, channels).astype(kind, copy=False)
+
+
+@dataclass
+class Track:
+    """The transforms from a frame to its parent, in order of time."""
+
+    parent: str
+    times: list[float] = field(default_factory=list)
+    poses: list[Float64Array] = field(default_factory=list)
+    fixed: bool = False
+    """It holds for ever (/tf_static)."""
+
+    def at(self, time: float) -> Float64Array | None:
+        """4x4 at a time, between two interpolated; None where none is near enough."""
+        if self.fixed or not self.times:
+            return self.poses[-1] if self.poses else None
+        times = np.array(self.times)
+        after = int(np.searchsorted(times, time))
+        if 0 < after < len(times) and times[after] - times[after - 1] <= BETWEEN_S:
+            share = float((time - times[after - 1]) / (times[after] - times[after - 1]))
+            one, other = self.poses[after - 1], self.poses[after]
+            pose = (1 - share) * one + share * other
+            pose[:3, :3] = slerp(one[:3, :3], other[:3, :3], share)
+            return pose
+        near = nearest_in_time(times, time, BETWEEN_S)
+        return None if near is None else self.poses[near]
+
+
+class Transforms:
+    """The tree of frames of /tf and /tf_static, and of odometry."""
+
+    def __init__(self) -> None:
+        self.tracks: dict[str, Track] = {}
+
+    def add(self, child: str, parent: str, time: float, pose: Any, fixed: bool, where: str) -> None:
+        """A transform: the pose of `child` in `parent`. FileError, CameraError."""
+        child, parent = child.lstrip("/"), parent.lstrip("/")
+        place = pose.translation if hasattr(pose, "translation") else pose.position
+        turn = pose.rotation if hasattr(pose, "rotation") else pose.orientation
+        matrix = pose_of(f"{where}: {child} in {parent}", [place.x, place.y, place.z], [turn.x, turn.y, turn.z, turn.w])
+        track = self.tracks.setdefault(child, Track(parent))
+        if track.parent == parent and (not track.times or time > track.times[-1]):
+            track.times.append(time)
+            track.poses.append(matrix)
+            track.fixed = fixed
+
+    @property
+    def moves(self) -> bool:
+        """Whether any transform changes with time."""
+        return any(not track.fixed for track in self.tracks.values())
+
+    def chain(self, frame: str) -> list[str]:
+        """A frame and the frames above it, up to the root."""
+        found = [frame.lstrip("/")]
+        while (track := self.tracks.get(found[-1])) is not None and track.parent not in found:
+            found.append(track.parent)
+        return found
+
+    def root_from(self, frame: str, time: float) -> Float64Array | None:
+        """The pose of a frame in the root of its tree; None where a transform is missing at that time."""
+        pose = np.eye(4)
+        for name in self.chain(frame)[:-1]:
+            step = self.tracks[name].at(time)
+            if step is None:
+                return None
+            pose = step @ pose
+        return pose
+
+    def between(self, target: str, source: str, time: float) -> Float64Array | None:
+        """target_from_source; None where nothing connects them."""
+        ends = self.chain(target)[-1], self.chain(source)[-1]
+        poses = self.root_from(target, time), self.root_from(source, time)
+        if ends[0] != ends[1] or poses[0] is None or poses[1] is None:
+            return None
+        return invert_pose(poses[0]) @ poses[1]
+
+
+def intrinsics_of_info(info: Any) -> list[list[float]]:
+    """The matrix K of a CameraInfo of ROS 1 (K) or 2 (k), 3 x 3."""
+    found = info.k if hasattr(info, "k") else info.K
+    return np.asarray(found, np.float64).reshape(3, 3).tolist()
+
+
+def distortion_of_info(info: Any) -> Mapping[str, float]:
+    """k1, k2, p1, p2, k3 of a CameraInfo with the model plumb_bob; empty for others."""
+    found = np.asarray(info.d if hasattr(info, "d") else info.D, np.float64).ravel()
+    return dict(zip(("k1", "k2", "p1", "p2", "k3"), found.tolist())) if info.distortion_model == "plumb_bob" else {}

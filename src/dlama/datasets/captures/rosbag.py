@@ -1,0 +1,281 @@
+"""A bag of ROS 1 (.bag), of ROS 2 (a folder with metadata.yaml, .db3) or an MCAP file in; posed frames and cases out.
+
+A colour and a depth topic are chosen, depth that is registered to the colour camera before other depth; their camera_info stands
+beside them. The pose of a picture is that of its frame in the root of /tf and /tf_static (nav_msgs/Odometry counts too) at the
+picture's time. Depth of another camera is moved into the colour camera. Read by the package rosbags (extra `ros`);
+formats: wiki.ros.org/Bags/Format/2.0, github.com/ros2/rosbag2, mcap.dev/spec; messages: `ros_messages`.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from threading import Lock
+from typing import Any
+
+import numpy as np
+
+from dlama.datasets.captures.captured_frames import CaptureFiles, captured_frame, report_left_out
+from dlama.datasets.captures.ros_messages import (
+    Transforms,
+    color_of,
+    depth_of,
+    distortion_of_info,
+    intrinsics_of_info,
+    is_color,
+    is_depth,
+    seconds_of,
+)
+from dlama.datasets.frames import Dataset
+from dlama.datasets.posed.nerfstudio import SHOWS_PX, distortion_px
+from dlama.datasets.posed.numbered_frames import moved_depth
+from dlama.datasets.posed.posed_frames import Lens, PosedFrame
+from dlama.datasets.posed.view_pairs import LOG, read_posed
+from dlama.datasets.text_tables import nearest_in_time
+from dlama.errors import DlamaError, FileError, MissingExtraError
+from dlama.files.cameras import checked_camera
+from dlama.files.checked_fields import FileFields
+from dlama.geometry.camera import Camera, Float64Array
+from dlama.geometry.rgbd import Float32Array, UInt8Array
+
+FILES = (".bag", ".mcap", ".db3")
+META = "metadata.yaml"
+IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
+INFO, TF, ODOMETRY = "sensor_msgs/msg/CameraInfo", "tf2_msgs/msg/TFMessage", "nav_msgs/msg/Odometry"
+OLD_TF = "tf/msg/tfMessage"
+NEAREST_S = 0.02
+"""Seconds by which colour and depth may differ."""
+
+
+@dataclass(frozen=True)
+class Topic:
+    """Pictures of one topic."""
+
+    name: str
+    frame: str
+    """Of their heads."""
+    stamps: Float64Array
+    """Seconds of their heads, ascending."""
+    places: tuple[int, ...]
+    """When each was recorded, ns: by it a message is found again."""
+
+
+def looks_like_rosbag(root: Path) -> bool:
+    """True for a bag, and for the folder of one of ROS 2."""
+    if root.is_file():
+        return root.suffix.lower() in FILES
+    return (root / META).is_file() and any(path.suffix.lower() in FILES[1:] for path in root.iterdir())
+
+
+def rosbag(root: Path, *, scenes: Sequence[str] | None = None, limit: int | None = None) -> Dataset:
+    """The bag, or those of a folder. Raises FileError, CameraError, MissingExtraError."""
+    looked_for = f"{', '.join(FILES)} or {META}"
+    return read_posed("rosbag", root, looks_like_rosbag, looked_for, _frames, scenes, limit, FILES)
+
+
+def _frames(scene: str, path: Path) -> list[PosedFrame]:
+    bag = opened(path)
+    color, depth = bag.pair()
+    lens, depth_lens = bag.lens(color), bag.lens(depth)
+    transforms, moves = bag.transforms, bag.transforms.moves
+    if not moves:
+        LOG.warning("%s: holds no moving transform (/tf): the camera is taken as standing still", path)
+    frames, left_out = [], {"without depth": 0, "without a pose": 0}
+    registered = color.frame == depth.frame
+    for number, (stamp, place) in enumerate(zip(color.stamps.tolist(), color.places)):
+        near = nearest_in_time(depth.stamps, stamp, NEAREST_S)
+        pose = transforms.root_from(color.frame, stamp) if near is not None else None
+        if near is None:
+            left_out["without depth"] += 1
+        elif pose is None:
+            left_out["without a pose"] += 1
+        else:
+            metres: Any = partial(read_depth_message, path, depth.name, depth.places[near])
+            if not registered:
+                found = transforms.between(color.frame, depth.frame, stamp)
+                if found is None:
+                    raise FileError(
+                        f"{path}: depth is in the frame {depth.frame!r} and colour in {color.frame!r}, and no transform leads "
+                        "from one to the other; depth registered to the colour camera is expected"
+                    )
+                metres = partial(registered_depth, metres, depth_lens, lens, found)
+            names = f"{path}, {color.name} {number}", f"{path}, {depth.name} {near}"
+            picture = partial(read_color_message, path, color.name, place)
+            files = CaptureFiles(names, picture, metres, lens, pose, range_m=np.inf)
+            frames.append(captured_frame(scene, f"{number:06d}", files))
+    report_left_out(path, frames, len(color.stamps), left_out)
+    return frames
+
+
+def read_color_message(path: Path, topic: str, place: int) -> UInt8Array:
+    """A picture of a topic, H x W x 3 RGB. FileError."""
+    return _decode(color_of, path, topic, place)
+
+
+def read_depth_message(path: Path, topic: str, place: int) -> Float32Array:
+    """The depth of a topic, h x w metres. FileError."""
+    return _decode(depth_of, path, topic, place)
+
+
+def _decode(how: Callable[[Any, str], Any], path: Path, topic: str, place: int) -> Any:
+    message = opened(path).message(topic, place)
+    try:
+        return how(message, f"{path}, {topic}")
+    except DlamaError:
+        raise
+    except Exception as error:  # a damaged message can say anything of itself
+        raise FileError(f"{path}, {topic}: is damaged ({str(error) or type(error).__name__})") from error
+
+
+def registered_depth(read: Any, depth_lens: Lens, lens: Lens, color_from_depth: Float64Array) -> Float32Array:
+    """Depth moved into the colour camera, at a size at which no cracks open. FileError, CameraError."""
+    depth = np.nan_to_num(read(), nan=0.0, posinf=0.0, neginf=0.0)
+    source, target = _camera(depth_lens, color_from_depth), _camera(lens, np.eye(4))
+    factor = min(1.0, source.fx / target.fx, source.fy / target.fy)
+    target = target.resized(max(1, round(target.width * factor)), max(1, round(target.height * factor)))
+    return moved_depth(depth.astype(np.float32), source, target)
+
+
+def _camera(lens: Lens, pose: Float64Array) -> Camera:
+    assert lens.hw is not None
+    return checked_camera(lens.source, lens.hw, lens.intrinsics, lens.pixel_center, pose)
+
+
+class Bag:
+    """An open bag; its pictures are found once, and read when they are needed."""
+
+    reader: Any = None
+
+    def __init__(self, path: Path) -> None:
+        try:
+            from rosbags.highlevel import AnyReader
+            from rosbags.typesys import Stores, get_typestore
+        except ImportError as error:
+            raise MissingExtraError(f"{path}: a bag of ROS", "rosbags", "ros") from error
+        self.path, self.lock = path, Lock()
+        is_old = path.suffix.lower() == ".bag"
+        try:
+            types = get_typestore(Stores.ROS1_NOETIC if is_old else Stores.ROS2_HUMBLE)
+            self.reader = AnyReader([path], default_typestore=types)
+            self.reader.open()
+            self.topics, self.infos, self.transforms = self._listed()
+        except DlamaError:
+            raise
+        except Exception as error:  # readers raise AnyReaderError, struct.error, KeyError, ... on damaged files
+            raise FileError(f"{path}: is no readable bag ({str(error) or type(error).__name__})") from error
+
+    def __del__(self) -> None:
+        """Close the files of a bag that is no longer kept open."""
+        if self.reader is not None:
+            with suppress(Exception):
+                self.reader.close()
+
+    def _listed(self) -> tuple[dict[str, tuple[Topic, Any]], dict[str, Any], Transforms]:
+        """Topic -> its pictures and the first message, camera_info by topic, and the transforms."""
+        heads: dict[str, list[tuple[float, int, str]]] = {}
+        first: dict[str, Any] = {}
+        infos, transforms = dict[str, Any](), Transforms()
+        wanted = (*IMAGES, INFO, TF, OLD_TF, ODOMETRY)
+        for topic, kind, place, message in self._messages(*wanted):
+            if kind in IMAGES:
+                if is_depth(message) or is_color(message):
+                    first.setdefault(topic, message)
+                    heads.setdefault(topic, []).append((seconds_of(message), place, message.header.frame_id))
+            elif kind == INFO:
+                infos.setdefault(topic, message)
+            elif kind == ODOMETRY:
+                where = f"{self.path}, {topic}"
+                ends = message.child_frame_id, message.header.frame_id
+                transforms.add(*ends, seconds_of(message), message.pose.pose, False, where)
+            else:
+                for each in message.transforms:
+                    ends = each.child_frame_id, each.header.frame_id
+                    fixed = topic.endswith("static")
+                    transforms.add(*ends, seconds_of(each), each.transform, fixed, f"{self.path}, {topic}")
+        topics = {}
+        for name, found in heads.items():
+            ordered = sorted(found)
+            stamps = np.array([stamp for stamp, _, _ in ordered])
+            topics[name] = (
+                Topic(name, ordered[0][2].lstrip("/"), stamps, tuple(place for _, place, _ in ordered)),
+                first[name],
+            )
+        return topics, infos, transforms
+
+    def _messages(self, *kinds: str) -> Iterator[tuple[str, str, int, Any]]:
+        chosen = [each for each in self.reader.connections if each.msgtype in kinds]
+        if not chosen:
+            raise FileError(f"{self.path}: holds no pictures of ROS (sensor_msgs/Image or CompressedImage)")
+        for connection, place, data in self.reader.messages(connections=chosen):
+            yield connection.topic, connection.msgtype, place, self.reader.deserialize(data, connection.msgtype)
+
+    def message(self, topic: str, place: int) -> Any:
+        """The message of a topic that was recorded at `place`, ns. FileError."""
+        with self.lock:
+            chosen = [each for each in self.reader.connections if each.topic == topic]
+            try:
+                for connection, _, data in self.reader.messages(connections=chosen, start=place, stop=place + 1):
+                    return self.reader.deserialize(data, connection.msgtype)
+            except Exception as error:
+                raise FileError(f"{self.path}, {topic}: is damaged ({str(error) or type(error).__name__})") from error
+        raise FileError(f"{self.path}, {topic}: has lost the message at {place} ns")
+
+    def pair(self) -> tuple[Topic, Topic]:
+        """The colour and the depth topic: those of one camera frame first, then by name. FileError."""
+        colors = [found for found, message in self.topics.values() if is_color(message) and not is_depth(message)]
+        depths = [
+            found for found, message in self.topics.values() if is_depth(message) and not self._is_infrared(found)
+        ]
+        if not colors or not depths:
+            found = ", ".join(sorted(self.topics)) or "none"
+            raise FileError(f"{self.path}: a colour and a depth topic are expected; of pictures it has {found}")
+        pairs = [(color, depth) for color in colors for depth in depths]
+        color, depth = min(pairs, key=lambda pair: (pair[0].frame != pair[1].frame, *map(self._rank, pair)))
+        if len(pairs) > 1:
+            LOG.info("%s: %s and %s are taken of %d topics", self.path, color.name, depth.name, len(self.topics))
+        return color, depth
+
+    def _rank(self, topic: Topic) -> tuple[bool, bool, int, str]:
+        """Pictures in colour before infrared ones, those with a camera_info first, then those of which there are most."""
+        grey = getattr(self.topics[topic.name][1], "encoding", "") in ("mono8", "8UC1")
+        return grey or "infra" in topic.name, self._info(topic) is None, -len(topic.stamps), topic.name
+
+    def _is_infrared(self, topic: Topic) -> bool:
+        """mono16 is depth where the topic says so."""
+        return getattr(self.topics[topic.name][1], "encoding", "") == "mono16" and "depth" not in topic.name.lower()
+
+    def _info(self, topic: Topic) -> Any:
+        """The camera_info beside a topic, or that of its frame."""
+        parts = topic.name.split("/")
+        beside = ["/".join([*parts[:-count], tail]) for count in (1, 2) for tail in ("camera_info", "info/camera_info")]
+        found = next((self.infos[name] for name in beside if name in self.infos), None)
+        of_frame = [info for info in self.infos.values() if info.header.frame_id.lstrip("/") == topic.frame]
+        return found if found is not None or not of_frame else of_frame[0]
+
+    def lens(self, topic: Topic) -> Lens:
+        """FileError, CameraError; warns of distortion that shows."""
+        info = self._info(topic)
+        if info is None:
+            raise FileError(f"{self.path}, {topic.name}: has no camera_info beside it; one is expected")
+        where = f"{self.path}, camera_info of {topic.name}"
+        intrinsics = FileFields(where, {"K": intrinsics_of_info(info)}).intrinsics("K")
+        hw = int(info.height), int(info.width)
+        moved = distortion_px(intrinsics, hw, FileFields(where, dict(distortion_of_info(info))))
+        if moved > SHOWS_PX:
+            LOG.warning("%s: distortion moves the picture's corners by %.1f px; it is not undone", where, moved)
+        return Lens(where, intrinsics, 0.0, hw)
+
+
+def opened(path: Path) -> Bag:
+    """The bag; the last two stay open."""
+    stat = path.stat()
+    return _kept_open(path, stat.st_mtime_ns)
+
+
+@functools.lru_cache(maxsize=2)
+def _kept_open(path: Path, changed: int) -> Bag:
+    return Bag(path)

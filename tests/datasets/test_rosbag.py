@@ -1,0 +1,275 @@
+"""Bags of ROS 1 and 2 and MCAP (oracle: the closed-form world that they were written from, by the package rosbags)."""
+
+from __future__ import annotations
+
+import io
+import struct
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from dlama.datasets.captures.ros_messages import Transforms
+from dlama.datasets.diagnosis import diagnose
+from dlama.datasets.layouts import detect, open_dataset
+from dlama.datasets.sequences.scene_frames import open_frames
+from dlama.errors import DlamaError, FileError, MissingExtraError
+from dlama.geometry.camera import Camera, invert_pose
+from dlama.geometry.rotations import quaternion_from_rotation, rotation_deg
+from posed_folders import LENS, WORLD, cameras, check_frames, truth
+
+rosbags = pytest.importorskip("rosbags", reason="rosbags is not installed (extra ros)")
+
+OPTICAL, BODY, ROOT = "camera_color_optical_frame", "base_link", "map"
+OPTICAL_IN_BODY = np.array([[0.0, 0, 1, 0.1], [-1, 0, 0, 0.02], [0, -1, 0, 0.3], [0, 0, 0, 1]])
+"""x forward, y left, z up (REP 103) -> x right, y down, z forward."""
+KINDS = ("ros1", "sqlite3", "mcap")
+
+
+class Writer:
+    """A bag under way, of any kind."""
+
+    def __init__(self, path: Path, kind: str) -> None:
+        from rosbags.rosbag1 import Writer as Writer1
+        from rosbags.rosbag2 import StoragePlugin
+        from rosbags.rosbag2 import Writer as Writer2
+        from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+        self.old = kind == "ros1"
+        self.types = get_typestore(Stores.ROS1_NOETIC if self.old else Stores.ROS2_HUMBLE)
+        if self.old:
+            text = "geometry_msgs/TransformStamped[] transforms"
+            self.types.register(get_types_from_msg(text, "tf2_msgs/msg/TFMessage"))
+        plugin = StoragePlugin.MCAP if kind == "mcap" else StoragePlugin.SQLITE3
+        self.writer: Any = Writer1(path) if self.old else Writer2(path, version=9, storage_plugin=plugin)
+        self.connections: dict[str, Any] = {}
+        self.count = 0
+
+    def __enter__(self) -> Writer:
+        self.writer.open()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.writer.close()
+
+    def make(self, kind: str, **fields: Any) -> Any:
+        """A message; ROS 1 has a number in its heads and other letters in CameraInfo."""
+        if self.old and kind.endswith("Header"):
+            fields["seq"] = 0
+        if self.old and kind.endswith("CameraInfo"):
+            fields = {name.upper() if name in ("d", "k", "r", "p") else name: value for name, value in fields.items()}
+        return self.types.types[kind](**fields)
+
+    def head(self, frame: str, seconds: float) -> Any:
+        whole = int(seconds)
+        stamp = self.make("builtin_interfaces/msg/Time", sec=whole, nanosec=round((seconds - whole) * 1e9))
+        return self.make("std_msgs/msg/Header", stamp=stamp, frame_id=frame)
+
+    def put(self, topic: str, kind: str, seconds: float, message: Any) -> None:
+        if topic not in self.connections:
+            self.connections[topic] = self.writer.add_connection(topic, kind, typestore=self.types)
+        data = self.types.serialize_ros1(message, kind) if self.old else self.types.serialize_cdr(message, kind)
+        self.count += 1
+        self.writer.write(self.connections[topic], int(seconds * 1e9) + self.count, data)
+
+    def image(self, topic: str, frame: str, seconds: float, values: np.ndarray, encoding: str) -> None:
+        """Rows are padded by three bytes."""
+        height, width = values.shape[:2]
+        rows = values.reshape(height, -1).view(np.uint8)
+        rows = np.concatenate([rows, np.full((height, 3), 99, np.uint8)], 1)
+        fields = {"height": height, "width": width, "encoding": encoding, "is_bigendian": 0, "step": rows.shape[1]}
+        message = self.make("sensor_msgs/msg/Image", header=self.head(frame, seconds), **fields, data=rows.ravel())
+        self.put(topic, "sensor_msgs/msg/Image", seconds, message)
+
+    def packed(self, topic: str, frame: str, seconds: float, data: bytes, form: str) -> None:
+        message = self.make(
+            "sensor_msgs/msg/CompressedImage",
+            header=self.head(frame, seconds),
+            format=form,
+            data=np.frombuffer(data, np.uint8),
+        )
+        self.put(topic, "sensor_msgs/msg/CompressedImage", seconds, message)
+
+    def info(self, topic: str, frame: str, camera: Camera, distortion: float = 0.0) -> None:
+        K = camera.K.copy()
+        K[:2, 2] -= 0.5
+        roi = self.make("sensor_msgs/msg/RegionOfInterest", x_offset=0, y_offset=0, height=0, width=0, do_rectify=False)
+        message = self.make(
+            "sensor_msgs/msg/CameraInfo", header=self.head(frame, 1.0), height=camera.height, width=camera.width,
+            distortion_model="plumb_bob", d=np.array([distortion, 0, 0, 0, 0]), k=K.ravel(), r=np.eye(3).ravel(),
+            p=np.eye(3, 4).ravel(), binning_x=0, binning_y=0, roi=roi,
+        )  # fmt: skip
+        self.put(topic, "sensor_msgs/msg/CameraInfo", 1.0, message)
+
+    def transform(self, topic: str, parent: str, child: str, seconds: float, pose: np.ndarray) -> None:
+        x, y, z, w = map(float, quaternion_from_rotation(pose[:3, :3]))
+        turn = self.make("geometry_msgs/msg/Quaternion", x=x, y=y, z=z, w=w)
+        shift = self.make("geometry_msgs/msg/Vector3", **dict(zip("xyz", map(float, pose[:3, 3]))))
+        moved = self.make("geometry_msgs/msg/Transform", translation=shift, rotation=turn)
+        head = self.head(parent, seconds)
+        each = self.make("geometry_msgs/msg/TransformStamped", header=head, child_frame_id=child, transform=moved)
+        self.put(topic, "tf2_msgs/msg/TFMessage", seconds, self.make("tf2_msgs/msg/TFMessage", transforms=[each]))
+
+
+def write_bag(
+    path: Path, kind: str, *, packing: str = "raw", depth_frame: str = OPTICAL, poses: bool = True, info: bool = True
+) -> Path:
+    """Four frames at 10 to 10.3 s; depth is 4 ms late; body poses come every 10 ms, one of them at each picture's time."""
+    names = ("/camera/color/image_raw", "/camera/aligned_depth_to_color/image_raw")
+    with Writer(path, kind) as bag:
+        bag.transform("/tf_static", BODY, OPTICAL, 0.0, OPTICAL_IN_BODY)
+        if info:
+            bag.info("/camera/color/camera_info", OPTICAL, LENS)
+            bag.info("/camera/aligned_depth_to_color/camera_info", depth_frame, LENS)
+        for number, frame in enumerate(truth()):
+            seconds = 10 + number / 10
+            if poses:
+                body = frame.camera.world_from_cam @ invert_pose(OPTICAL_IN_BODY)
+                bag.transform("/tf", ROOT, BODY, seconds, body)
+            bag.image("/camera/infra1/image_rect_raw", "infra", seconds, frame.color[..., 0].copy(), "mono8")
+            codes = np.rint(frame.depth * 1000).astype(np.uint16)
+            codes[0, :2] = 0
+            metres = frame.depth.copy()
+            metres[0, :2] = np.nan
+            match packing:
+                case "raw":
+                    bag.image(names[0], OPTICAL, seconds, frame.color[..., ::-1].copy(), "bgr8")
+                    bag.image(names[1], depth_frame, seconds + 0.004, codes, "16UC1")
+                case "float":
+                    bag.image(names[0], OPTICAL, seconds, frame.color, "rgb8")
+                    bag.image(names[1], depth_frame, seconds + 0.004, metres, "32FC1")
+                case "packed":
+                    bag.packed(
+                        f"{names[0]}/compressed", OPTICAL, seconds, png(frame.color), "bgr8; png compressed bgr8"
+                    )
+                    data = struct.pack("<iff", 0, 0, 0) + png(codes)
+                    bag.packed(
+                        f"{names[1]}/compressedDepth", depth_frame, seconds + 0.004, data, "16UC1; compressedDepth png"
+                    )
+                case _:
+                    bag.packed(f"{names[0]}/compressed", OPTICAL, seconds, png(frame.color), "rgb8; png compressed ")
+                    a, b = 60000.0, 2.0
+                    inverse = np.where(np.isnan(metres), 0, np.rint(a / np.maximum(metres, 1e-3) + b)).astype(np.uint16)
+                    data = struct.pack("<iff", 0, a, b) + png(inverse)
+                    bag.packed(
+                        f"{names[1]}/compressedDepth", depth_frame, seconds + 0.004, data, "32FC1; compressedDepth png"
+                    )
+    return path
+
+
+def png(values: np.ndarray) -> bytes:
+    stream = io.BytesIO()
+    Image.fromarray(values).save(stream, "PNG")
+    return stream.getvalue()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_frames_are_those_of_the_world(tmp_path: Path, kind: str) -> None:
+    """Axes through two transforms, units, times, channels and padded rows; the infrared topic is not taken for the colour."""
+    path = write_bag(tmp_path / ("a.bag" if kind == "ros1" else "a"), kind)
+    assert detect(path) == detect(tmp_path) == "rosbag"
+    check_frames(open_dataset(path))
+    inside = (
+        next((each for each in path.iterdir() if each.suffix in (".mcap", ".db3")), path) if path.is_dir() else path
+    )
+    check_frames(open_dataset(inside))
+    assert "layout rosbag, 4 frames" in diagnose(inside)[-1].what
+
+
+@pytest.mark.parametrize("packing", ["float", "packed", "quantised"])
+def test_other_encodings(tmp_path: Path, packing: str) -> None:
+    """Depth in float metres, as packed PNG, and quantised by a / (code - b), whose steps are z^2 / a."""
+    check_frames(open_dataset(write_bag(tmp_path / "a.bag", "ros1", packing=packing)), half_unit_m=0.0009)
+
+
+def test_depth_of_another_camera_is_registered(tmp_path: Path) -> None:
+    """A depth camera 5 cm beside the colour camera, with other pixels: its depth comes to lie on the world as colour sees it."""
+    side = np.eye(4)
+    side[0, 3] = 0.05
+    lens = Camera(128, 96, 110.0, 110.0, 64.5, 47.5)
+    with Writer(tmp_path / "a.bag", "ros1") as bag:
+        bag.transform("/tf_static", OPTICAL, "depth_optical", 0.0, side)
+        bag.info("/color/camera_info", OPTICAL, LENS)
+        bag.info("/depth/camera_info", "depth_optical", lens)
+        for number, camera in enumerate(cameras()):
+            bag.transform("/tf", ROOT, OPTICAL, 10 + number, camera.world_from_cam)
+            bag.image("/color/image_raw", OPTICAL, 10 + number, WORLD.rgbd(camera).color, "rgb8")
+            seen = WORLD.rgbd(lens.at(camera.world_from_cam @ side)).depth
+            bag.image("/depth/image_raw", "depth_optical", 10 + number, seen, "32FC1")
+    for frame, true in zip(open_frames(tmp_path / "a.bag"), truth()):
+        read = frame.load()
+        assert read.color.shape == true.color.shape and read.valid.mean() > 0.7
+        error = np.abs(read.depth - true.depth)[read.valid]
+        assert np.percentile(error, 90) < 0.02 * np.median(true.depth)
+
+
+def test_poses_between_two_transforms_are_interpolated() -> None:
+    """Closed form: half of the way and half of the turn; beyond a quarter second nothing is known."""
+
+    class Part:
+        x, y, z, w = 0.0, 0.0, 0.0, 1.0
+
+    def pose(shift: float, quarter: bool) -> Any:
+        place, turn, whole = Part(), Part(), Part()
+        place.x = shift
+        if quarter:
+            turn.z = turn.w = np.sqrt(0.5)
+        whole.translation, whole.rotation = place, turn  # type: ignore[attr-defined]
+        return whole
+
+    found = Transforms()
+    found.add("cam", "map", 1.0, pose(0, False), False, "test")
+    found.add("/cam", "/map", 1.2, pose(2, True), False, "test")
+    middle = found.root_from("cam", 1.1)
+    assert middle is not None and middle[0, 3] == pytest.approx(1)
+    assert rotation_deg(middle[None, :3, :3], np.eye(3))[0] == pytest.approx(45)
+    assert found.root_from("cam", 1.6) is None and found.between("cam", "elsewhere", 1.1) is None
+
+
+def test_what_a_bag_lacks_is_said(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """One line each: no moving transform, no camera_info, no transform to the depth camera, no depth, no bag."""
+    frames = open_frames(write_bag(tmp_path / "still.bag", "ros1", poses=False))
+    still = "holds no moving transform (/tf): the camera is taken as standing still"
+    assert len(frames) == 4 and still in caplog.text
+    assert any(still in found.what for found in diagnose(tmp_path / "still.bag"))
+    with pytest.raises(FileError, match=r"a.bag, /camera/color/image_raw: has no camera_info beside it"):
+        open_frames(write_bag(tmp_path / "a.bag", "ros1", info=False))
+    with pytest.raises(
+        FileError, match=r"depth is in the frame 'other' and colour in .*, and no transform leads from one"
+    ):
+        open_frames(write_bag(tmp_path / "b.bag", "ros1", depth_frame="other"))
+    with Writer(tmp_path / "c.bag", "ros1") as bag:
+        bag.image("/color", OPTICAL, 1.0, truth()[0].color, "rgb8")
+    with pytest.raises(FileError, match=r"c.bag: a colour and a depth topic are expected; of pictures it has /color"):
+        open_frames(tmp_path / "c.bag")
+    whole = write_bag(tmp_path / "d.bag", "ros1").read_bytes()
+    for data in (b"no bag", whole[: len(whole) // 2]):
+        (tmp_path / "e.bag").write_bytes(data)
+        with pytest.raises(FileError, match=r"e.bag: is no readable bag"):
+            open_frames(tmp_path / "e.bag")
+
+
+def test_without_the_package_it_says_which(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "a.bag").write_bytes(b"#ROSBAG V2.0\n")
+    monkeypatch.setitem(sys.modules, "rosbags.highlevel", None)
+    with pytest.raises(MissingExtraError, match=r"a bag of ROS needs .*pip install 'dlama\[ros\]'"):
+        open_frames(tmp_path / "a.bag")
+
+
+def test_damaged_bags_are_one_line(tmp_path: Path) -> None:
+    """Wrong bytes anywhere: frames, or errors of the package that name the file."""
+    whole, rng = write_bag(tmp_path / "a.bag", "ros1", packing="packed").read_bytes(), np.random.default_rng(0)
+    for number in range(30):
+        data = bytearray(whole)
+        for place in rng.integers(20, len(data), 6):
+            data[place] = rng.integers(0, 256)
+        path = tmp_path / f"{number}.bag"
+        path.write_bytes(data)
+        try:
+            for frame in open_frames(path):
+                frame.load()
+        except DlamaError as error:
+            assert str(path) in str(error)
