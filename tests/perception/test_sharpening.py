@@ -93,8 +93,8 @@ def test_ramps_are_seen_and_slopes_are_not() -> None:
 
 
 def test_edges_of_a_large_picture_lie_where_its_colours_change() -> None:
-    """Closed form: a step over 160 px of a picture twice LARGEST wide becomes one at the picture's edge, within 2 px."""
-    width, edge = 2 * LARGEST, 2 * LARGEST // 2 + 7
+    """Closed form: a step over 160 px of a picture four times LARGEST wide becomes one at the picture's edge, within 2 px."""
+    width, edge = 4 * LARGEST, 4 * LARGEST // 2 + 7
     ramp = np.clip((np.arange(width) - edge) / 80, -1, 1)
     values = np.ascontiguousarray(np.broadcast_to(0.4 + 0.2 * ramp, (256, width)), np.float32)
     color = np.where(np.arange(width)[:, None] < edge, np.uint8(60), np.uint8(190)) * np.ones((256, 1, 3), np.uint8)

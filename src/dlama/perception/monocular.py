@@ -11,7 +11,8 @@ import functools
 import math
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +27,7 @@ from dlama.models.cache import locate, user_path
 from dlama.models.network_file import NetworkFile, cores, default_provider, file_stamp
 from dlama.models.records import CATALOGUE
 from dlama.perception.depth_networks import IMAGENET, DepthContract, DepthPrediction, predict, read_file_contract
-from dlama.perception.depth_scale import check_known, estimate_scale
+from dlama.perception.depth_scale import Scale, check_known, estimate_scale
 from dlama.perception.point_maps import depth_of_points
 from dlama.perception.sharpening import sharpen_depth
 
@@ -56,8 +57,13 @@ class DepthEstimate:
 
     rgbd: RGBD
     """The picture with its depth in metres and its camera; `rgbd.estimate` says how it was made, so that every verb knows."""
-    raw: Float32Array
-    """H x W metres as predicted, before edges were moved."""
+    make_raw: Callable[[], Float32Array] = field(repr=False)
+    """What `raw` is made by."""
+
+    @cached_property
+    def raw(self) -> Float32Array:
+        """H x W metres as predicted, before edges were moved; made when it is first asked for."""
+        return self.make_raw()
 
     @property
     def depth(self) -> Float32Array:
@@ -132,15 +138,19 @@ def estimate_depth(
         "sharpened": sharpen,
         "sharpened_pixels": int((moved != values).sum()),
     }
-    return DepthEstimate(RGBD(color, depth, camera, meta), round_depth(scale.metres(values, far)))
+    return DepthEstimate(RGBD(color, depth, camera, meta), partial(_raw_depth, prediction, camera, shift, scale))
+
+
+def _raw_depth(prediction: DepthPrediction, camera: Camera, shift: float, scale: Scale) -> Float32Array:
+    values, _, far = resize_prediction(prediction, camera, shift)
+    return round_depth(scale.metres(values, far))
 
 
 def round_depth(depth: Float32Array) -> Float32Array:
     """Depth (H x W metres) to 1 part in 100,000, far below the error of any estimate: files of it are half as large."""
-    finite = np.isfinite(depth)
-    bits = np.where(finite, depth, 0).astype(np.float32).view(np.uint32)
-    kept = ((bits + np.uint32(1 << 6)) & np.uint32(0xFFFFFF80)).view(np.float32)
-    return np.where(finite, kept, depth)
+    bits = depth.view(np.uint32) + np.uint32(1 << 6)
+    bits &= np.uint32(0xFFFFFF80)  # infinity has none of the bits that go
+    return bits.view(np.float32)
 
 
 def check_picture(color: UInt8Array) -> UInt8Array:
@@ -155,8 +165,11 @@ def check_picture(color: UInt8Array) -> UInt8Array:
 
 def contrast(color: UInt8Array) -> float:
     """Grey levels between the darkest and the brightest hundredth of a picture (H x W x 3), in the channel where most lie."""
-    low, high = np.percentile(color, (1, 99), axis=(0, 1))
-    return float((high - low).max())
+    least, ranges = color[..., 0].size / 100, []
+    for channel in range(3):
+        up_to = np.cumsum(cv2.calcHist([color], [channel], None, [256], [0, 256]).ravel().astype(np.int64))
+        ranges.append(np.searchsorted(up_to, up_to[-1] - least) - np.searchsorted(up_to, least))
+    return float(max(ranges))
 
 
 @system_errors(FileError)

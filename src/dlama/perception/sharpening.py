@@ -14,9 +14,9 @@ import numpy as np
 
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
-from dlama.perception.kernels.edge_median import MOST, joint_median
+from dlama.perception.kernels.edge_median import MOST, joint_median, take_most_alike
 
-LARGEST = 2048
+LARGEST = 1024
 """Longer side of the picture, in pixels, in which edges are moved. In a larger one each pixel then takes, of the values found
 round it, the one with the most similar colour."""
 
@@ -76,19 +76,9 @@ def _sharpen_small(values: Float32Array, color: UInt8Array, inverse: bool, how: 
     small = np.ascontiguousarray(values[np.ix_(rows, columns)])
     small_color = np.asarray(cv2.resize(color, hw[::-1], interpolation=cv2.INTER_AREA), np.uint8)
     found = sharpen_depth(small, small_color, inverse, how)
-    changed = cv2.dilate((found != small).astype(np.uint8), np.ones((3, 3), np.uint8))
-    y, x = np.nonzero(cv2.resize(changed, (width, height), interpolation=cv2.INTER_NEAREST))
-    row, column = (((at + 0.5) * n / whole).astype(int) for at, n, whole in zip((y, x), hw, values.shape))
-    own = color[y, x].astype(np.int16)
-    best, out_there = np.full(len(y), np.iinfo(np.int32).max), values[y, x]
-    for down in (0, -1, 1):
-        for right in (0, -1, 1):
-            place = np.clip(row + down, 0, hw[0] - 1), np.clip(column + right, 0, hw[1] - 1)
-            off = np.square(own - small_color[place]).sum(1, dtype=np.int32)
-            better = off < best
-            best[better], out_there[better] = off[better], found[place][better]
+    changed = cv2.dilate((found != small).view(np.uint8), np.ones((3, 3), np.uint8)) > 0
     out = values.copy()
-    out[y, x] = out_there
+    in_bands(take_most_alike, height, color, small_color, found, changed, out)
     return out
 
 

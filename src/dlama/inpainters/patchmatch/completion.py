@@ -17,7 +17,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.holes import nearest_known
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.inpainters.patchmatch import kernels
@@ -141,19 +140,7 @@ class Search:
         pixels = np.argwhere(level.hole).astype(np.int32)
         random = rng.uniform(-1, 1, (DRAWN, 2))
         found, cost = np.zeros_like(targets), np.full(len(targets), np.inf, np.float32)
-        return cls(
-            level.values.copy(),
-            level.sources,
-            level.label,
-            pixels,
-            targets,
-            number,
-            trust,
-            weights,
-            random,
-            found,
-            cost,
-        )
+        return cls(level.values, level.sources, level.label, pixels, targets, number, trust, weights, random, found, cost)
 
     def compare_all(self, rng: np.random.Generator, pairs: int) -> None:
         """Every target with every known patch, or with as many drawn ones as `pairs` allow."""
@@ -241,6 +228,6 @@ class Search:
 
 def nearest_source(sources: BoolArray, places: NDArray[np.int32]) -> NDArray[np.int32]:
     """N x 2: the known patch nearest to each place (N x 2, row and column; those beyond the border count as on it)."""
-    inside = [np.clip(places[:, axis], 0, sources.shape[axis] - 1) for axis in (0, 1)]
-    flat = nearest_known(sources)[1][inside[0], inside[1]]
-    return np.stack(np.divmod(flat, sources.shape[1]), 1).astype(np.int32)
+    found = np.clip(places, 0, np.array(sources.shape) - 1).astype(np.int32)
+    in_bands(kernels.nearest_rows, len(found), sources, found, band=BAND)
+    return found

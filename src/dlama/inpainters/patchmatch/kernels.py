@@ -10,6 +10,11 @@ from dlama.geometry.rgbd import BoolArray, Float32Array
 
 HALF = 3
 """Patches are squares of 2 HALF + 1 pixels."""
+SIDE, CHANNELS = 7, 5
+RUN = SIDE * CHANNELS
+"""Numbers in a row of a patch."""
+N = tuple(np.uint64(n) for n in range(9))
+"""Numbers without a sign: an index that may be negative is looked at twice."""
 NEIGHBOURS = 8
 """Places whose patch is tried, moved along: four next to, four up to LEAP pixels off."""
 LEAP = 6
@@ -18,6 +23,36 @@ MOST_USED = 5.0
 
 Places = NDArray[np.int32]
 """N x 2: rows and columns."""
+
+
+@piece
+def square(step: np.float32) -> np.float32:
+    """Its product with itself."""
+    return step * step
+
+
+@piece
+def row_difference(flat: Float32Array, at: np.uint64, other: np.uint64) -> np.float32:
+    """Sum of squared differences of RUN numbers from two places on.
+
+    Eight sums side by side: one instruction adds to them all, and the same bits come of it on every processor.
+    """
+    a = b = c = d = e = f = g = h = np.float32(0)
+    i, j = at, other
+    for _ in range(RUN // 8):
+        a += square(flat[i] - flat[j])
+        b += square(flat[i + N[1]] - flat[j + N[1]])
+        c += square(flat[i + N[2]] - flat[j + N[2]])
+        d += square(flat[i + N[3]] - flat[j + N[3]])
+        e += square(flat[i + N[4]] - flat[j + N[4]])
+        f += square(flat[i + N[5]] - flat[j + N[5]])
+        g += square(flat[i + N[6]] - flat[j + N[6]])
+        h += square(flat[i + N[7]] - flat[j + N[7]])
+        i, j = i + N[8], j + N[8]
+    for _ in range(RUN % 8):
+        a += square(flat[i] - flat[j])
+        i, j = i + N[1], j + N[1]
+    return ((a + b) + (c + d)) + ((e + f) + (g + h))
 
 
 @piece
@@ -30,6 +65,16 @@ def difference(
     """
     height, width, channels = values.shape
     total = 0.0
+    if HALF <= row < height - HALF and HALF <= column < width - HALF and channels == CHANNELS:
+        flat, most = values.reshape(values.size), limit * SIDE * SIDE
+        at = ((row - HALF) * width + column - HALF) * CHANNELS
+        other = ((source_row - HALF) * width + source_column - HALF) * CHANNELS
+        for _ in range(SIDE):
+            total += float(row_difference(flat, np.uint64(at), np.uint64(other)))
+            if total >= most:
+                break
+            at, other = at + width * CHANNELS, other + width * CHANNELS
+        return total / (SIDE * SIDE)
     top, bottom = max(-HALF, -row), min(HALF, height - 1 - row)
     left, right = max(-HALF, -column), min(HALF, width - 1 - column)
     pixels = (bottom - top + 1) * (right - left + 1)
@@ -222,3 +267,25 @@ def vote_rows(
                         out[p, k] += weight * np.float64(values[source_row, source_column, k])
         for k in range(channels):
             out[p, k] /= total
+
+
+@kernel
+def nearest_rows(first: Whole, last: Whole, sources: BoolArray, places: Places) -> None:
+    """The places [first, last), in the picture, moved to the nearest pixel of `sources` (H x W, one or more True)."""
+    height, width = sources.shape
+    for p in range(first, last):
+        row, column = int(places[p, 0]), int(places[p, 1])
+        if sources[row, column]:
+            continue
+        least, reach = height * height + width * width, 1
+        while (
+            reach * reach <= least
+        ):  # squares round the place, ever larger, as long as one of their pixels could be nearer
+            for y in range(max(row - reach, 0), min(row + reach + 1, height)):
+                step = 1 if abs(y - row) == reach else 2 * reach
+                for x in range(column - reach, column + reach + 1, step):
+                    if 0 <= x < width and sources[y, x]:
+                        away = (y - row) * (y - row) + (x - column) * (x - column)
+                        if away < least:
+                            places[p, 0], places[p, 1], least = y, x, away
+            reach += 1

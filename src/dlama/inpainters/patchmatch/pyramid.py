@@ -8,8 +8,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.holes import square
+from dlama.geometry.holes import box_around, square
+from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+from dlama.inpainters.patchmatch import pyramid_kernels as kernels
 from dlama.inpainters.patchmatch.kernels import HALF
 
 TEXTURE = 2.0
@@ -44,47 +46,38 @@ def build_pyramid(picture: UInt8Array, hole: BoolArray, guess: UInt8Array, label
     picture, guess: H x W x 3 RGB; hole: H x W. The last level is the first in which the hole is as narrow as DEEPEST, or the last
     in which enough whole patches are known.
     """
-    values, filled = describe_pixels(picture, ~hole), describe_pixels(guess, np.ones_like(hole))
-    levels = [Level(np.where(hole[..., None], filled, values), hole, whole_patches(hole), label)]
+    values = np.empty((*hole.shape, 5), np.float32)
+    describe_pixels(picture, ~hole, ~hole, values)
+    box = box_around(hole, TEXTURE_PX)
+    describe_pixels(guess[box], np.ones_like(hole[box]), hole[box], values[box])
+    levels = [Level(values, hole, whole_patches(hole), label)]
     while hole_depth(hole) > DEEPEST and min(hole.shape) >= SMALLEST_SIDE:
-        values, known = halve(values, (~hole).astype(np.float32))
-        filled, _ = halve(filled, np.ones(hole.shape, np.float32))
-        hole = known < 0.5
+        values, hole = halve(values, hole)
         sources = whole_patches(hole)
         if sources.sum() < FEWEST_SOURCES or not hole.any():
             break
         label = np.ascontiguousarray(label[::2, ::2])
-        levels.append(Level(np.where(hole[..., None], filled, values), hole, sources, label))
+        levels.append(Level(values, hole, sources, label))
     return levels
 
 
-def describe_pixels(picture: UInt8Array, known: BoolArray) -> Float32Array:
-    """H x W x 5: colours (0 .. 255), and TEXTURE times the mean change of brightness between known neighbours."""
-    color = picture.astype(np.float32)
-    grey, there = color.mean(2), known.astype(np.float32)
-    across, along = np.zeros_like(grey), np.zeros_like(grey)
-    across[:, 1:] = np.abs(np.diff(grey, axis=1)) * (known[:, 1:] & known[:, :-1])
-    along[1:] = np.abs(np.diff(grey, axis=0)) * (known[1:] & known[:-1])
+def describe_pixels(picture: UInt8Array, known: BoolArray, where: BoolArray, out: Float32Array) -> None:
+    """Write H x W x 5 in the pixels of `where`: colours (0 .. 255), and TEXTURE times the mean change of brightness between known
+    neighbours."""
+    changes = np.empty((2, *known.shape), np.float32)
+    in_bands(kernels.change_rows, len(known), picture, known, *changes)
     side = (TEXTURE_PX, TEXTURE_PX)
-    share = np.maximum(cv2.blur(there, side), np.float32(1e-6))
-    texture = [TEXTURE * cv2.blur(change, side) / share for change in (across, along)]
-    return np.concatenate([color, np.stack(texture, 2)], 2).astype(np.float32)
+    share = np.maximum(cv2.blur(known.astype(np.float32), side), np.float32(1e-6))
+    across, along = (cv2.blur(change, side) for change in changes)
+    in_bands(kernels.describe_rows, len(known), picture, across, along, share, np.float32(TEXTURE), where, out)
 
 
-def halve(values: Float32Array, weight: Float32Array) -> tuple[Float32Array, Float32Array]:
-    """Values (H x W x C) and their weight (H x W, 0 .. 1) at half the size, rounded up; values are means of what counts."""
-    (height, width), odd = weight.shape, [size % 2 for size in weight.shape]
-    rim = ((0, odd[0]), (0, odd[1]))
-    sums = cv2.GaussianBlur(
-        np.pad(values * weight[..., None], (*rim, (0, 0))), (3, 3), 0.8, borderType=cv2.BORDER_CONSTANT
-    )
-    padded = np.pad(weight, rim)
-    weights = cv2.GaussianBlur(padded, (3, 3), 0.8, borderType=cv2.BORDER_CONSTANT)
-    rows, columns = (height + 1) // 2, (width + 1) // 2
-    small = sums.reshape(rows, 2, columns, 2, -1).sum((1, 3))
-    small_weights = weights.reshape(rows, 2, columns, 2).sum((1, 3))
-    inside = cv2.resize(padded, (columns, rows), interpolation=cv2.INTER_AREA)
-    return np.asarray(small / np.maximum(small_weights, 1e-6)[..., None], np.float32), np.asarray(inside, np.float32)
+def halve(values: Float32Array, hole: BoolArray) -> tuple[Float32Array, BoolArray]:
+    """Values (H x W x C) and hole (H x W) at half the size, rounded up: means of what is known, in the hole of what fills it."""
+    rows, columns = ((size + 1) // 2 for size in hole.shape)
+    out, smaller = np.empty((rows, columns, values.shape[2]), np.float32), np.empty((rows, columns), np.bool_)
+    in_bands(kernels.halve_rows, rows, values, hole, out, smaller)
+    return out, smaller
 
 
 def whole_patches(hole: BoolArray) -> BoolArray:

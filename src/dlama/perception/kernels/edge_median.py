@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from dlama.geometry.kernels.jit import Real, Whole, kernel, piece
-from dlama.geometry.rgbd import BoolArray, Float32Array
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 
 MOST = 256
 """Most voters of one pixel: a window of 15 x 15."""
@@ -86,3 +86,39 @@ def joint_median(
                     count += 1
             if count and total > 1e-12:
                 out[row, column] = weighted_median(room[row, 0], room[row, 1], count, total)
+
+
+@kernel
+def take_most_alike(
+    first: Whole,
+    last: Whole,
+    color: UInt8Array,
+    small_color: UInt8Array,
+    small: Float32Array,
+    changed: BoolArray,
+    out: Float32Array,
+) -> None:
+    """Rows [first, last) of a map (H x W), `changed` in a smaller size (h x w): there each pixel takes, of the nine values
+    round its place, that whose colour is most like its own.
+
+    color: H x W x 3; small_color, small: of the smaller size.
+    """
+    height, width = out.shape
+    rows, columns = small.shape
+    for row in range(first, last):
+        y = int((row + 0.5) * rows / height)
+        for column in range(width):
+            x = int((column + 0.5) * columns / width)
+            if not changed[y, x]:
+                continue
+            least = 4 * 255 * 255
+            for place in range(9):  # the middle one first
+                there = (place + 4) % 9
+                near_y = min(max(y + there // 3 - 1, 0), rows - 1)
+                near_x = min(max(x + there % 3 - 1, 0), columns - 1)
+                off = 0
+                for channel in range(3):
+                    step = int(color[row, column, channel]) - int(small_color[near_y, near_x, channel])
+                    off += step * step
+                if off < least:
+                    least, out[row, column] = off, small[near_y, near_x]
