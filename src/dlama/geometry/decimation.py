@@ -16,10 +16,12 @@ from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.mesh import Mesh
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
-from dlama.geometry.view import View
+from dlama.geometry.view import Origin, View
 
 LARGEST = 64
 """px of the largest triangles' legs, a power of 2: larger ones would save little."""
+DEPTH_SHARE, ESTIMATED_SHARE = 1e-3, 5e-3
+"""Share of the depth by which triangles may miss it, and where it was estimated: no estimate is as right as that."""
 SQUARE = ((-0.5, -0.5), (0.5, -0.5), (-0.5, 0.5), (0.5, 0.5))
 """The corners of a pixel, from its centre."""
 
@@ -41,10 +43,11 @@ def decimate(layer: View) -> DecimatedMesh:
     """The surface of a layer, with large triangles where it is flat.
 
     Vertices are pixels of the layer, at their own place in space. The loss: at each pixel that a triangle covers its depth
-    differs by 1 mm or 0.1 % of the depth at most, whichever is more, and the place in the picture that its texture shows by half
-    a pixel at most. Confidence is linear between vertices. Outlines are kept: no triangle covers pixels at both sides of a depth
-    edge, nor pixels of two origins unless it is as small as a pixel. Pixels that have no triangle in the grid, as those of
-    a wire one pixel wide, become squares of their own size. Flying pixels, which rendering leaves out, and far ones have none.
+    differs by 1 mm or 0.1 % of the depth at most, whichever is more (where it was estimated 0.5 %), and the place in the picture
+    that its texture shows by half a pixel at most. Confidence is linear between vertices. Outlines are kept: no triangle covers
+    pixels at both sides of a depth edge, nor pixels of two origins unless it is as small as a pixel. Pixels that have no triangle
+    in the grid, as those of a wire one pixel wide, become squares of their own size. Flying pixels, which rendering leaves out,
+    and far ones have none.
     """
     layer = layer.read()
     depth, joined = mesh_grid(layer)
@@ -52,7 +55,8 @@ def decimate(layer: View) -> DecimatedMesh:
     box = bounding_box(surface)
     depth, joined, origin = np.where(surface[box], depth[box], np.float32(0)), joined[box], layer.origin[box]
     halves = cell_halves(depth, joined)
-    corners = np.concatenate(triangles(depth, flat_cells(joined, origin), halves))
+    share = ESTIMATED_SHARE if Origin.ESTIMATED in layer.origins else DEPTH_SHARE
+    corners = np.concatenate(triangles(depth, flat_cells(joined, origin), halves, share))
     lone_rows, lone_columns = np.nonzero(surface[box] & ~covered_pixels(halves, depth.shape))
     used = np.zeros(depth.shape, bool)
     used[corners[..., 0], corners[..., 1]] = True
@@ -103,12 +107,15 @@ def covered_pixels(halves: tuple[BoolArray, ...], hw: tuple[int, ...]) -> BoolAr
     return found
 
 
-def triangles(depth: Float32Array, flat: BoolArray, halves: tuple[BoolArray, ...]) -> list[Corners]:
-    """The triangles of a grid of depth, corners clockwise in the picture, in parts; halves: those of the smallest squares."""
+def triangles(
+    depth: Float32Array, flat: BoolArray, halves: tuple[BoolArray, ...], share: float = DEPTH_SHARE
+) -> list[Corners]:
+    """The triangles of a grid of depth, corners clockwise in the picture, in parts; halves: those of the smallest squares; share:
+    of the depth that it may be off."""
     last = np.array(depth.shape) - 1
     if last.min() < 1:
         return [np.zeros((0, 3, 2), np.int32)]
-    halved = halving_tree(depth, flat)
+    halved = halving_tree(depth, flat, share)
     sizes = [LARGEST >> level for level in range(LARGEST.bit_length() - 1)]
     found = [
         part for size in sizes for part in (*triangles_at_diagonals(halved, size), *triangles_at_sides(halved, size))
@@ -121,17 +128,17 @@ def triangles(depth: Float32Array, flat: BoolArray, halves: tuple[BoolArray, ...
     return [drop_degenerate(np.minimum(part, last)) for part in found]
 
 
-def halving_tree(depth: Float32Array, flat: BoolArray) -> UInt8Array:
+def halving_tree(depth: Float32Array, flat: BoolArray, share: float) -> UInt8Array:
     """Which middles of longest sides halve triangles, on a lattice of whole squares of LARGEST (see `kernels.decimating`)."""
     rows, columns = (-(-(side - 1) // LARGEST) for side in depth.shape)
     halved = np.zeros((rows * LARGEST + 1, columns * LARGEST + 1), np.uint8)
     cells = flat.view(np.uint8)
-    in_bands(kernels.halve_smallest, len(depth), depth, cells, halved)
+    in_bands(kernels.halve_smallest, len(depth), depth, cells, share, halved)
     size = 2
     while size <= LARGEST:
         half = size // 2
-        in_bands(kernels.halve_at_sides, (len(halved) - 1) // half + 1, depth, cells, half, halved)
-        in_bands(kernels.halve_at_centres, (len(halved) - 1) // size, depth, cells, size, halved)
+        in_bands(kernels.halve_at_sides, (len(halved) - 1) // half + 1, depth, cells, share, half, halved)
+        in_bands(kernels.halve_at_centres, (len(halved) - 1) // size, depth, cells, share, size, halved)
         size *= 2
     return halved
 

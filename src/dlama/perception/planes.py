@@ -5,10 +5,13 @@ A plane is affine in inverse depth over pixels, w = a u + b v + c (u, v in pixel
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.perception.kernels import planes as plane_kernels
 
@@ -32,6 +35,8 @@ SMALLEST_SHARE = 0.01
 """Least share of the known pixels of a plane."""
 HYPOTHESES = 160
 """Number of random triples of pixels for each plane (RANSAC)."""
+BAND = 128
+"""Rows that are worked on at a time."""
 SAMPLES = 9000
 """Number of known pixels that score hypotheses."""
 
@@ -95,12 +100,17 @@ def fit_plane(u: np.ndarray, v: np.ndarray, w: np.ndarray, near: np.ndarray) -> 
     return np.asarray(np.linalg.lstsq(design, w * weight, rcond=None)[0], np.float64)
 
 
-def plane_values(planes: NDArray[np.float64], hw: tuple[int, int], step: float = 1.0) -> Float32Array:
-    """K x H x W inverse depth of the planes at pixel centres of a grid whose pixels are `step` view pixels wide."""
+def plane_values(planes: NDArray[np.float64], hw: tuple[int, int], step: float = 1.0, top: int = 0) -> Float32Array:
+    """K x H x W inverse depth of the planes at pixel centres of a grid, from its row `top` on; its pixels are `step` view pixels
+    wide."""
     u = (np.arange(hw[1]) + 0.5) * step
-    v = (np.arange(hw[0]) + 0.5) * step
+    v = (np.arange(top, top + hw[0]) + 0.5) * step
     a, b, c = (planes[:, k, None, None] for k in range(3))
-    return (a * u + b * v[:, None] + c).astype(np.float32)
+    out = np.empty((len(planes), *hw), np.float32)
+    for first in range(0, hw[0], BAND):  # sums in float64 that stay in the processor's cache
+        rows = slice(first, first + BAND)
+        out[:, rows] = a * u + b * v[rows, None] + c
+    return out
 
 
 def label_known(
@@ -111,20 +121,36 @@ def label_known(
     Of the planes that fit a pixel it takes the one that fits most of its neighbourhood: a plane that merely intersects a
     surface leaves no stripe on it.
     """
+    label = np.empty(w.shape, np.int32)
+
+    def label_rows(first: int, last: int) -> None:
+        top, bottom = max(first - NEIGHBOURHOOD, 0), min(last + NEIGHBOURHOOD, len(w))
+        values = (plane_values(plane[None], (bottom - top, w.shape[1]), top=top)[0] for plane in planes)
+        found = _label_known(w[top:bottom], surface[top:bottom], values, noise)
+        label[first:last] = found[first - top : last - top]
+
+    in_bands(label_rows, len(w), band=BAND)
+    label[far] = SKY
+    return label
+
+
+def _label_known(
+    w: Float32Array, surface: BoolArray, planes: Iterable[Float32Array], noise: float
+) -> NDArray[np.int32]:
+    """`label_known` of some rows without far pixels; planes: the inverse depth of each in these rows."""
     window = (NEIGHBOURHOOD, NEIGHBOURHOOD)
     there = surface.astype(np.float32)
     most = 0.3 * cv2.boxFilter(there, -1, window, normalize=False)
     label = np.full(w.shape, SMOOTH, np.int32)
     near, half = tolerance(w, noise), 0.5 * cv2.boxFilter(there, -1, window, normalize=False)
     for number, value in enumerate(planes):
-        residual = np.abs(plane_values(value[None], w.shape)[0] - w)
+        residual = np.abs(value - w)
         fits = surface & (residual < near)
         count = cv2.boxFilter(fits.astype(np.float32), -1, window, normalize=False)
         fits |= surface & (residual < OUTLIER_FACTOR * NOISE_FACTOR * noise) & (count > half)
         better = fits & (count > most)
         most[better] = count[better]
         label[better] = number + 1
-    label[far] = SKY
     return label
 
 

@@ -12,7 +12,7 @@ from dlama.geometry.rgbd import BoolArray, UInt8Array
 from dlama.perception.masks import photo
 from dlama.perception.masks.photo import name_masks, rim_share, window_around
 from dlama.perception.masks.prompt import Prompt
-from dlama.perception.masks.rough import rough_candidates, rough_depth
+from dlama.perception.masks.rough import rough_candidates
 
 SIDE = 192
 BAND = (96, 132)
@@ -70,7 +70,7 @@ def test_what_fills_little_of_a_box_is_not_the_thing(monkeypatch: pytest.MonkeyP
     box = box_of(striped_post()[1], 0.05)
     picture = without_the_thing()
     prompt = Prompt(picture.depth.shape, box=box)
-    masker = photo.PhotoMasker(picture, rough_depth(picture))
+    masker = photo.PhotoMasker(picture)
     assert masker.salient_in_box(prompt.box_slices) is None
     np.testing.assert_array_equal(masker.candidates(prompt)["object"], rough_candidates(masker.rough, prompt)["object"])
 

@@ -32,8 +32,9 @@ JPEG = {"quality": 90, "subsampling": 0}
 def write_textured_glb(path: PathLike, scene: Scene, objects: bool = False) -> None:
     """Write one unlit, double-sided mesh: POSITION, TEXCOORD_0, _ORIGIN, _CONFIDENCE, and the layers' pictures as its texture.
 
-    The loss: flat parts are large triangles (depth within 1 mm or 0.1 %, the picture within half a pixel; see `decimate`), and
-    the texture is a JPEG of quality 90. scene.npz has everything without loss, and the far pixels (sky), which have no triangles.
+    The loss: flat parts are large triangles (depth within 1 mm or 0.1 %, estimated depth 0.5 %, the picture within half a pixel;
+    see `decimate`), and the texture is a JPEG of quality 90. scene.npz has everything without loss, and the far pixels (sky),
+    which have no triangles.
 
     objects: with the removed objects. Without any surface an empty scene is written. Raises OutputError.
     """

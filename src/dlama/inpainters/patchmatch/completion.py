@@ -140,7 +140,9 @@ class Search:
         pixels = np.argwhere(level.hole).astype(np.int32)
         random = rng.uniform(-1, 1, (DRAWN, 2))
         found, cost = np.zeros_like(targets), np.full(len(targets), np.inf, np.float32)
-        return cls(level.values, level.sources, level.label, pixels, targets, number, trust, weights, random, found, cost)
+        return cls(
+            level.values, level.sources, level.label, pixels, targets, number, trust, weights, random, found, cost
+        )
 
     def compare_all(self, rng: np.random.Generator, pairs: int) -> None:
         """Every target with every known patch, or with as many drawn ones as `pairs` allow."""

@@ -9,20 +9,24 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
 import numpy as np
 
 from dlama.errors import MaskError
 from dlama.geometry.holes import dilate_mask, disc, erode_mask, morphological_open
+from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
 from dlama.perception.masks.borders import decide_by_color
 from dlama.perception.masks.prompt import Pixel, Prompt
 from dlama.perception.masks.rough import (
     RoughDepth,
+    check_surfaces,
     keep_clicked_parts,
     refuse_background,
     rough_candidates,
+    rough_depth,
     run_grabcut,
 )
 from dlama.perception.masks.rough import mark_clicks as with_seeds
@@ -59,14 +63,22 @@ class Reading:
     """Share of the window's border that the mask crosses."""
     confidence: float
     """Saliency at the click, 0..1, less `cut`."""
+    window_hw: tuple[int, ...]
+    """Height and width of the window."""
 
 
 class PhotoMasker:
     """The masker of one picture: the network runs once for each window of each click."""
 
-    def __init__(self, rgbd: RGBD, rough: RoughDepth) -> None:
-        self.rgbd, self.rough = rgbd, rough
+    def __init__(self, rgbd: RGBD) -> None:
+        check_surfaces(rgbd)
+        self.rgbd = rgbd
         self.known: dict[Pixel, list[Reading]] = {}
+
+    @cached_property
+    def rough(self) -> RoughDepth:
+        """What decides where nothing is salient; made when it is first needed."""
+        return rough_depth(self.rgbd)
 
     def candidates(self, prompt: Prompt) -> dict[str, BoolArray]:
         """H x W masks: object; part, group where a click has a smaller or a larger reading. Errors as `rough_candidates`."""
@@ -101,7 +113,7 @@ class PhotoMasker:
 
     def salient_in_box(self, box: Window) -> BoolArray | None:
         """H x W, the salient region of a box, mean over the windows round it; None where it does not fill FILLS of the box."""
-        hw = self.rough.w.shape
+        hw = self.rgbd.depth.shape
         sides = [side.indices(length)[:2] for side, length in zip(box, hw)]
         longest = max(stop - start for start, stop in sides)
         row, column = ((start + stop) // 2 for start, stop in sides)
@@ -123,7 +135,7 @@ class PhotoMasker:
     def readings(self, pixel: Pixel) -> list[Reading]:
         """Possible objects under a click at (row, column); empty without a salient region there."""
         if pixel not in self.known:
-            hw = self.rough.w.shape
+            hw = self.rgbd.depth.shape
             sides = [round(share * float(np.sqrt(hw[0] * hw[1]))) for share in WINDOWS]
             found = self.in_windows(pixel, [window_around(pixel, side, hw) for side in sides])
             if not found or max(found, key=lambda one: one.confidence).cut > CUT_OFF:
@@ -137,12 +149,20 @@ class PhotoMasker:
     def in_windows(self, pixel: Pixel, windows: list[Window]) -> list[Reading]:
         """The readings of a click in windows; those of later windows must be more confident by LEAST_GAIN each."""
         found = [(number, self.reading(pixel, window)) for number, window in enumerate(windows)]
-        return [
+        readings = [
             dataclasses.replace(one, confidence=one.confidence - number * LEAST_GAIN) for number, one in found if one
         ]
 
+        def refine(first: int, last: int) -> None:
+            for k in range(first, last):
+                mask = refine_border(self.rgbd, readings[k].mask, readings[k].window_hw)
+                readings[k] = dataclasses.replace(readings[k], mask=mask)
+
+        in_bands(refine, len(readings), band=1)
+        return readings
+
     def reading(self, pixel: Pixel, window: Window) -> Reading | None:
-        """The connected salient region at a pixel of a window; None where there is none."""
+        """The connected salient region at a pixel of a window, its border not yet refined; None where there is none."""
         try:
             level = saliency(np.ascontiguousarray(self.rgbd.color[window]))
         except MaskError:
@@ -158,10 +178,10 @@ class PhotoMasker:
         if not counts.any():
             return None
         part = labels == int(counts.argmax())
-        mask = np.zeros(self.rough.w.shape, np.bool_)
+        mask = np.zeros(self.rgbd.depth.shape, np.bool_)
         mask[window] = part
         cut_off = rim_share(mask, window)
-        return Reading(refine_border(self.rgbd, mask, part.shape), cut_off, float(level[near].max()) - cut_off)
+        return Reading(mask, cut_off, float(level[near].max()) - cut_off, part.shape)
 
 
 def window_around(pixel: Pixel, side: int, hw: tuple[int, ...]) -> Window:

@@ -54,7 +54,7 @@ IN_BOX = 0.7
 def rgbd_masker(rgbd: RGBD, model: None) -> Callable[[Prompt], tuple[dict[str, BoolArray], tuple[str, ...]]]:
     """The masker of one picture; its planes are found once. With estimated or noisy depth the picture leads."""
     if rgbd.estimate is not None:
-        photo = PhotoMasker(rgbd, rough_depth(rgbd))
+        photo = PhotoMasker(rgbd)
         return lambda prompt: (photo.candidates(prompt), (ROUGH,))
     if is_noisy(rgbd):
         rough = rough_depth(rgbd)

@@ -64,22 +64,28 @@ class RoughDepth:
     """H x W, True on the sky."""
 
 
+def check_surfaces(rgbd: RGBD) -> None:
+    """MaskError where no pixel has a depth."""
+    if not rgbd.valid.any():
+        raise MaskError("depth is missing or far everywhere, so no object stands apart; depth with values is expected")
+
+
 def rough_depth(rgbd: RGBD) -> RoughDepth:
     """Depth made ready for GrabCut. The ground is the plane with most pixels of the lower half that rises towards the camera."""
     w, valid = inverse_depth(rgbd.depth), rgbd.valid
-    if not valid.any():
-        raise MaskError("depth is missing or far everywhere, so no object stands apart; depth with values is expected")
+    check_surfaces(rgbd)
     middle = float(np.median(w[valid]))
-    lower = np.zeros(w.shape, np.bool_)
-    lower[len(w) // 2 :] = True
-    best, chosen, slope = 0, None, 0.0
-    for plane in find_planes(w, valid, 0, ESTIMATED_NOISE * middle):
-        value = plane_values(plane[None], w.shape)[0]
-        held = int((np.abs(value - w) < 0.05 * np.maximum(w, middle / 2))[lower].sum())
-        if plane[1] > 0 and held > best:
-            best, chosen, slope = held, value, float(plane[1])
-    if chosen is None:
+    top = len(w) // 2
+    lower, best, plane = w[top:], 0, None
+    near = 0.05 * np.maximum(lower, middle / 2)
+    for one in find_planes(w, valid, 0, ESTIMATED_NOISE * middle):
+        value = plane_values(one[None], lower.shape, top=top)[0]
+        held = int((np.abs(value - lower) < near).sum()) if one[1] > 0 else 0
+        if held > best:
+            best, plane = held, one
+    if plane is None:
         return RoughDepth(rgbd.color, w, np.zeros(w.shape, np.bool_), None, rgbd.far)
+    chosen, slope = plane_values(plane[None], w.shape)[0], float(plane[1])
     step = max(1, min(max(3, len(w) // 64), (len(w) - 1) // 2))
     smooth, rise = cv2.blur(w, (2 * step + 1, 3)), np.zeros_like(w)
     rise[step:-step] = (smooth[2 * step :] - smooth[: -2 * step]) / (2 * step)

@@ -30,7 +30,7 @@ FLAT = 0.05
 @functools.cache
 def network() -> NetworkFile:
     """The network, opened once a process."""
-    return NetworkFile(MODEL)
+    return NetworkFile(MODEL, memory_pattern=False)  # no slower, and 200 MB less
 
 
 def salient_masker(
