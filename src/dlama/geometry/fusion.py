@@ -12,6 +12,7 @@ from dlama.errors import ShapeError
 from dlama.geometry.cloud import PointCloud, concatenate
 from dlama.geometry.drawing.layers import mesh_grid
 from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
+from dlama.geometry.kernels.jit import BAND
 from dlama.geometry.mesh import Mesh, join_meshes
 from dlama.geometry.projection import inverse_depth, lift, rays
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
@@ -83,8 +84,10 @@ def cell_halves(depth: Float32Array, joined: UInt8Array) -> tuple[BoolArray, ...
     right, down = (joined & RIGHT) > 0, (joined & DOWN) > 0
     top, left = right[:-1, :-1], down[:-1, :-1]
     bottom, side = right[1:, :-1], down[:-1, 1:]
-    w = inverse_depth(depth)
-    along_bc = np.abs(w[:-1, 1:] - w[1:, :-1]) <= np.abs(w[:-1, :-1] - w[1:, 1:])
+    along_bc = np.empty(top.shape, np.bool_)
+    for first in range(0, len(top), BAND):
+        w = inverse_depth(depth[first : first + BAND + 1])
+        along_bc[first : first + BAND] = np.abs(w[:-1, 1:] - w[1:, :-1]) <= np.abs(w[:-1, :-1] - w[1:, 1:])
     full = top & left & bottom & side
     return (
         (full & along_bc) | (~full & top & left),

@@ -80,12 +80,17 @@ def nearest_known(known: BoolArray) -> tuple[Float32Array, NDArray[np.intp]]:
     """
     if not known.any():
         return np.full(known.shape, np.inf, np.float32), np.zeros(known.shape, np.intp)
-    distance, labels = cv2.distanceTransformWithLabels(
-        (~known).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_PIXEL
-    )
+    distance, labels = _nearest_labels(known)
     of_label = np.zeros(labels.max() + 1, np.intp)
     of_label[labels[known]] = np.flatnonzero(known)
-    return np.asarray(distance, np.float32), of_label[labels]
+    return distance, of_label[labels]
+
+
+def _nearest_labels(known: BoolArray) -> tuple[Float32Array, NDArray[np.int32]]:
+    distance, labels = cv2.distanceTransformWithLabels(
+        (~known).view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_PIXEL
+    )
+    return np.asarray(distance, np.float32), np.asarray(labels, np.int32)
 
 
 def nearest_along_colors(
@@ -135,7 +140,16 @@ def fill_with_nearest(values: np.ndarray, known: BoolArray) -> np.ndarray:
     """
     if known.all() or not known.any():
         return values
-    return values.reshape(-1, *values.shape[2:])[nearest_known(known)[1]]
+    box = box_around(~known, 1)
+    missing = ~known[box]
+    rim = known[box] & (cv2.dilate(missing.view(np.uint8), square(3)) > 0)  # the nearest known pixels lie on it
+    _, labels = _nearest_labels(rim)
+    rows, columns = np.nonzero(rim)
+    of_label = np.zeros((2, len(rows) + 1), np.intp)
+    of_label[:, labels[rows, columns]] = rows, columns
+    out = values.copy()
+    out[box][missing] = values[box][tuple(of_label[:, labels[missing]])]
+    return out
 
 
 def box_mean(values: Float32Array, weight: Float32Array, side: int, least: float = 1e-6) -> Float32Array:

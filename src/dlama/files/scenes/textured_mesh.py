@@ -57,8 +57,8 @@ def write_textured_glb(path: PathLike, scene: Scene, objects: bool = False) -> N
         document.textures = [Texture(source=0, sampler=0)]
         document.materials[0].pbrMetallicRoughness.baseColorTexture = TextureInfo(index=0)
         blob.close()
-    with new_file(path) as draft:
-        draft.write_bytes(b"".join(document.save_to_bytes()))
+    with new_file(path) as draft, draft.open("wb") as file:
+        file.writelines(document.save_to_bytes())
 
 
 def atlas(layers: Sequence[View], surfaces: Sequence[BoolArray]) -> tuple[UInt8Array, list[Float64Array]]:
