@@ -195,25 +195,25 @@ MUTANTS: tuple[Mutant, ...] = (
         ("out_range None is 0..1", "self.out_range or self.in_range", "self.out_range or (0.0, 1.0)"),
     ),
     *faults(
-        "inpainters/layered/out_of_view.py",
-        "tests/inpainters/layered/test_out_of_view.py",
+        "inpainters/layered/depth/out_of_view.py",
+        "tests/inpainters/layered/depth/test_out_of_view.py",
         ("planes are never followed", "there = (length[k - 2] > 0) & ~ends", "there = np.zeros_like(ends)"),
         ("a line that looks past a wall costs nothing", "np.log1p(farther), PAST * ends)", "np.log1p(farther), 0)"),
         ("what hangs in the air goes on", "past | (closed & (length > 0))", "past"),
     ),
     *faults(
         "inpainters/layered/kernels/lines.py",
-        "tests/inpainters/layered/test_out_of_view.py",
+        "tests/inpainters/layered/depth/test_out_of_view.py",
         ("what stands before a plane ends it", "if known > SAME * value:", "if known > 1e9 * value:"),
     ),
     *faults(
-        "inpainters/layered/low_frequency.py",
-        "tests/inpainters/layered/test_low_frequency.py",
+        "inpainters/layered/color/low_frequency.py",
+        "tests/inpainters/layered/color/test_low_frequency.py",
         ("surfaces are blended with each other", "own = number == surface", "own = number > -9"),
     ),
     *faults(
-        "inpainters/layered/surface_labels.py",
-        "tests/inpainters/layered/test_surface_labels.py",
+        "inpainters/layered/depth/surface_labels.py",
+        "tests/inpainters/layered/depth/test_surface_labels.py",
         ("the order of surfaces costs nothing", "ORDER_COST = 3.0", "ORDER_COST = 0.0"),
         ("sky seen by the source only is not continued", "(number == 1 and law.has_far)", "False"),
         (

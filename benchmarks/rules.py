@@ -41,13 +41,15 @@ def _replace(place: str, name: str, value: Any) -> None:
 
 def _foliage() -> None:
     _replace(
-        "inpainters.layered.surfaces", "copy_leaves", lambda view, w, things, seed=0: np.full(w.shape, -1, np.int32)
+        "inpainters.layered.depth.surfaces",
+        "copy_leaves",
+        lambda view, w, things, seed=0: np.full(w.shape, -1, np.int32),
     )
     _no_cut_crowns()
 
 
 def _no_cut_crowns() -> None:
-    from dlama.inpainters.layered import cut_objects as room
+    from dlama.inpainters.layered.depth import cut_objects as room
 
     def plain(w: Any, label: Any, hole: Any, beside: Any) -> Any:
         loose = ~hole & (label == room.SMOOTH)
@@ -55,7 +57,7 @@ def _no_cut_crowns() -> None:
         nothing = np.zeros(loose.shape, np.int32)
         return room.CutObjects(beyond, nothing, np.zeros(1, np.float32), np.zeros((1, 3), np.float32))
 
-    _replace("inpainters.layered.surface_labels", "find_cut_objects", plain)
+    _replace("inpainters.layered.depth.surface_labels", "find_cut_objects", plain)
 
 
 def _low_frequency() -> None:
@@ -74,24 +76,24 @@ def _rims() -> None:
 
 
 def _plane_edges() -> None:
-    _replace("inpainters.layered.surface_labels", "align_lines_to_edges", lambda lines, *rest: lines)
+    _replace("inpainters.layered.depth.surface_labels", "align_lines_to_edges", lambda lines, *rest: lines)
 
 
 def _gaps() -> None:
     _replace(
-        "inpainters.layered.surface_labels",
+        "inpainters.layered.depth.surface_labels",
         "surface_behind",
         lambda camera, smooth, where, law, allowed: (smooth, np.zeros_like(where)),
     )
 
 
 def _rim_correction() -> None:
-    _replace("inpainters.layered.surfaces", "rim_correction", lambda *rest: np.float64(0))
+    _replace("inpainters.layered.depth.surfaces", "rim_correction", lambda *rest: np.float64(0))
 
 
 def _of_coarse(method: str, value: Callable[[Any], Any]) -> Callable[[], None]:
     def switch() -> None:
-        from dlama.inpainters.layered.surface_labels import CoarseView
+        from dlama.inpainters.layered.depth.surface_labels import CoarseView
 
         _set(CoarseView, method, value)
 
@@ -99,11 +101,11 @@ def _of_coarse(method: str, value: Callable[[Any], Any]) -> Callable[[], None]:
 
 
 def _seen_both_ways() -> None:
-    _replace("inpainters.layered.surface_labels", "penalise_between", lambda *rest: np.float32(0))
+    _replace("inpainters.layered.depth.surface_labels", "penalise_between", lambda *rest: np.float32(0))
 
 
 def _ending_cost() -> None:
-    _replace("inpainters.layered.surface_labels", "ending_cost", lambda *rest: np.float32(0))
+    _replace("inpainters.layered.depth.surface_labels", "ending_cost", lambda *rest: np.float32(0))
 
 
 def _seams() -> None:
@@ -119,10 +121,10 @@ def _occluders() -> None:
 
 
 def _chords() -> None:
-    from dlama.inpainters.layered import distances
+    from dlama.inpainters.layered.depth import distances
 
     _replace(
-        "inpainters.layered.surface_labels",
+        "inpainters.layered.depth.surface_labels",
         "distance_from",
         lambda there, chords=None: distances.distance_from(there),
     )

@@ -15,10 +15,10 @@ from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin, View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.filling import Fill, Painter
+from dlama.inpainters.layered.color.low_frequency import blend_with_low_frequency
+from dlama.inpainters.layered.depth.surfaces import Surfaces
 from dlama.inpainters.layered.depth_first import BAND, MIXED_PX, NEARER, find_occluders, paint_over_depth, seams
 from dlama.inpainters.layered.filler import continue_lawfully, layered
-from dlama.inpainters.layered.low_frequency import blend_with_low_frequency
-from dlama.inpainters.layered.surfaces import Surfaces
 
 NOTHING = Law(())
 

@@ -21,7 +21,7 @@ from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin, View
 from dlama.geometry.visibility import Law, project_depth
 from dlama.inpainters.confidence import judge_fill
-from dlama.inpainters.layered.surfaces import continue_surfaces
+from dlama.inpainters.layered.depth.surfaces import continue_surfaces
 from dlama.perception.stereo.matching import nearest_columns
 
 UNCLIPPED = (8, 247)

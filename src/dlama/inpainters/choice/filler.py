@@ -22,7 +22,7 @@ from dlama.inpainters.choice.mixing import choose_depth, crop_and_resize, enlarg
 from dlama.inpainters.choice.planes import JudgePlanes
 from dlama.inpainters.choice.priors import with_priors
 from dlama.inpainters.filling import Fill, Inpainter
-from dlama.inpainters.layered.low_frequency import blend_with_low_frequency
+from dlama.inpainters.layered.color.low_frequency import blend_with_low_frequency
 from dlama.inpainters.networks.contract import from_metadata
 from dlama.inpainters.networks.engine import open_engine
 from dlama.inpainters.networks.joint import joint_filler

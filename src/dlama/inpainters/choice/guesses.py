@@ -18,9 +18,9 @@ from dlama.geometry.view import View
 from dlama.geometry.visibility import Law, project_depth
 from dlama.inpainters import ASSETS, FILLERS
 from dlama.inpainters.filling import Inpainter, Painter
+from dlama.inpainters.layered.depth.surfaces import Surfaces
 from dlama.inpainters.layered.depth_first import find_occluders
 from dlama.inpainters.layered.filler import continue_lawfully, paint_surfaces
-from dlama.inpainters.layered.surfaces import Surfaces
 from dlama.inpainters.networks.migan import migan_filler
 from dlama.inpainters.networks.view_tensors import FAR_SHARE
 from dlama.inpainters.spreading import Spread, pull_push, spread_small, telea_spread

@@ -12,10 +12,10 @@ from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import HoleType, Origin, View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.filling import Fill, Inpainter, Painter
+from dlama.inpainters.layered.color.low_frequency import blend_with_low_frequency
+from dlama.inpainters.layered.depth.surfaces import Surfaces
 from dlama.inpainters.layered.filler import continue_lawfully, paint_leaves
-from dlama.inpainters.layered.low_frequency import blend_with_low_frequency
 from dlama.inpainters.layered.remaining_shadows import find_remaining_shadow
-from dlama.inpainters.layered.surfaces import Surfaces
 from dlama.perception.planes import plane_values_at
 
 BAND = 24

@@ -9,11 +9,11 @@ from dlama.geometry.rgbd import Float32Array, UInt8Array
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law, project_depth
 from dlama.inpainters.filling import Fill
-from dlama.inpainters.layered.low_frequency import blend_with_low_frequency
+from dlama.inpainters.layered.color.low_frequency import blend_with_low_frequency
+from dlama.inpainters.layered.color.rims import blend_at_rim
+from dlama.inpainters.layered.color.texture_synthesis import synthesize
+from dlama.inpainters.layered.depth.surfaces import Surfaces, continue_surfaces
 from dlama.inpainters.layered.remaining_shadows import find_remaining_shadow
-from dlama.inpainters.layered.rims import blend_at_rim
-from dlama.inpainters.layered.surfaces import Surfaces, continue_surfaces
-from dlama.inpainters.layered.texture_synthesis import synthesize
 from dlama.perception.planes import SKY, SMOOTH
 
 NOT_BLENDED = (HoleType.OUT_OF_VIEW, HoleType.OBJECT)

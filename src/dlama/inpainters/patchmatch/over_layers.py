@@ -20,10 +20,10 @@ from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.filling import Fill, Inpainter
+from dlama.inpainters.layered.depth.surfaces import Surfaces
 from dlama.inpainters.layered.depth_first import find_occluders
 from dlama.inpainters.layered.filler import blend_out_of_view, continue_lawfully, paint_surfaces
 from dlama.inpainters.layered.remaining_shadows import find_remaining_shadow
-from dlama.inpainters.layered.surfaces import Surfaces
 from dlama.inpainters.networks.migan import migan_filler
 from dlama.inpainters.patchmatch.completion import QUICK, complete_picture
 from dlama.inpainters.patchmatch.guess import guess_coarsely

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dlama.geometry.holes import dilate_mask
-from dlama.inpainters.layered.cut_objects import Chord, CutObjects, find_cut_objects, foliage
+from dlama.inpainters.layered.depth.cut_objects import Chord, CutObjects, find_cut_objects, foliage
 from dlama.perception.planes import SMOOTH
 
 HW, BORDER = (120, 160), 110

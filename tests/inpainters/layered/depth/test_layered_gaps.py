@@ -9,8 +9,8 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
+from dlama.inpainters.layered.depth.gaps import DEEPEST, surface_behind
 from dlama.inpainters.layered.filler import continue_lawfully
-from dlama.inpainters.layered.gaps import DEEPEST, surface_behind
 from dlama.perception.planes import SKY, SMOOTH
 from worlds import moved
 

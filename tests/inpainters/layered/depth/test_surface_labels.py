@@ -11,14 +11,14 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
-from dlama.inpainters.layered.cut_objects import CutObjects
-from dlama.inpainters.layered.distances import distance_from, mean_chords
-from dlama.inpainters.layered.kernels import surfaces as surface_kernels
-from dlama.inpainters.layered.surface_labels import (
+from dlama.inpainters.layered.depth.cut_objects import CutObjects
+from dlama.inpainters.layered.depth.distances import distance_from, mean_chords
+from dlama.inpainters.layered.depth.surface_labels import (
     IN_FRONT,
     LEAST_INVERSE_DEPTH,
     CoarseView,
 )
+from dlama.inpainters.layered.kernels import surfaces as surface_kernels
 from dlama.perception.planes import SKY, find_planes, label_known
 from worlds import Box, Plane, World, moved
 

@@ -10,8 +10,8 @@ from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.layered import filler
+from dlama.inpainters.layered.color.rims import blend_at_rim
 from dlama.inpainters.layered.kernels.rims import mean_known_nearby
-from dlama.inpainters.layered.rims import blend_at_rim
 
 HW = 24, 30
 

@@ -11,10 +11,10 @@ from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
 from dlama.inpainters import find_filler
 from dlama.inpainters.filling import Inpainter, inpaint
-from dlama.inpainters.layered.cut_objects import CutObjects
+from dlama.inpainters.layered.depth.cut_objects import CutObjects
+from dlama.inpainters.layered.depth.foliage import copy_leaves, leafy, solid
 from dlama.inpainters.layered.depth_first import paint_over_depth
 from dlama.inpainters.layered.filler import layered
-from dlama.inpainters.layered.foliage import copy_leaves, leafy, solid
 from dlama.inpainters.layered.kernels.quilt import GAP, OUTSIDE, RIM, RIM_BUMPS, UNDECIDED, quilt
 from reference.quilting import quilted
 

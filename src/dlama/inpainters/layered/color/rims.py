@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+from dlama.inpainters.layered.color.texture_grid import UNTRUSTED
 from dlama.inpainters.layered.kernels.cells import trusted_sources
 from dlama.inpainters.layered.kernels.rims import mean_known_nearby
-from dlama.inpainters.layered.texture_grid import UNTRUSTED
 from dlama.perception.planes import SKY
 
 FADES = 2.5

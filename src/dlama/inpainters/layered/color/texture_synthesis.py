@@ -17,10 +17,10 @@ from dlama.errors import ShapeError
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.sky import Sky
+from dlama.inpainters.layered.color.patch_offsets import Bases, copy_detail
+from dlama.inpainters.layered.color.texture_grid import UNTRUSTED, HoleRegion, Int32Array, TextureGrid, labels_in
 from dlama.inpainters.layered.kernels import base_color as base_kernels
 from dlama.inpainters.layered.kernels.patch_offsets import paint
-from dlama.inpainters.layered.patch_offsets import Bases, copy_detail
-from dlama.inpainters.layered.texture_grid import UNTRUSTED, HoleRegion, Int32Array, TextureGrid, labels_in
 
 GREY = 128
 """Colour where nothing at all is known."""

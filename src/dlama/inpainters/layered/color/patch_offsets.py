@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.rgbd import Float32Array
+from dlama.inpainters.layered.color.texture_grid import HoleRegion, TextureGrid
 from dlama.inpainters.layered.kernels import patch_offsets as kernels
-from dlama.inpainters.layered.texture_grid import HoleRegion, TextureGrid
 
 Array = NDArray[np.float64]
 Bases = tuple[Float32Array, Float32Array]

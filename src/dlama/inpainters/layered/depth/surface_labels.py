@@ -17,17 +17,16 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
-from dlama.inpainters.layered.cut_objects import CutObjects, find_cut_objects, foliage
-from dlama.inpainters.layered.distances import (
+from dlama.inpainters.layered.depth.cut_objects import CutObjects, find_cut_objects, foliage
+from dlama.inpainters.layered.depth.distances import (
     CHORD,
     angle_to_far,
     distance_from,
     enlarge,
     mean_chords,
 )
-from dlama.inpainters.layered.gaps import surface_behind
-from dlama.inpainters.layered.kernels import surfaces as surface_kernels
-from dlama.inpainters.layered.out_of_view import (
+from dlama.inpainters.layered.depth.gaps import surface_behind
+from dlama.inpainters.layered.depth.out_of_view import (
     FOLLOWED,
     PlaneLines,
     above_horizon,
@@ -37,7 +36,8 @@ from dlama.inpainters.layered.out_of_view import (
     next_to,
     penalise_between,
 )
-from dlama.inpainters.layered.plane_edges import align_lines_to_edges
+from dlama.inpainters.layered.depth.plane_edges import align_lines_to_edges
+from dlama.inpainters.layered.kernels import surfaces as surface_kernels
 from dlama.perception.planes import SMOOTH, plane_values
 
 GRID = 256

@@ -10,7 +10,7 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.sky import Sky
 from dlama.geometry.view import HoleType, View
-from dlama.inpainters.layered.low_frequency import (
+from dlama.inpainters.layered.color.low_frequency import (
     CLEAR,
     LARGEST_SHARE,
     REACH,

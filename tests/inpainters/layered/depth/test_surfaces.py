@@ -11,10 +11,10 @@ from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
-from dlama.inpainters.layered.distances import angle_to_far
+from dlama.inpainters.layered.depth.distances import angle_to_far
+from dlama.inpainters.layered.depth.surface_labels import POTTS, RIM, cells_with_holes, with_larger_pixels
+from dlama.inpainters.layered.depth.surfaces import continue_surfaces, rim_correction
 from dlama.inpainters.layered.kernels import surfaces as kernels
-from dlama.inpainters.layered.surface_labels import POTTS, RIM, cells_with_holes, with_larger_pixels
-from dlama.inpainters.layered.surfaces import continue_surfaces, rim_correction
 from dlama.perception.planes import SKY
 from reference import extension as twin
 from worlds import Box, Plane, World, moved

@@ -19,11 +19,11 @@ from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
-from dlama.inpainters.layered.distances import enlarge
-from dlama.inpainters.layered.foliage import copy_leaves
+from dlama.inpainters.layered.depth.distances import enlarge
+from dlama.inpainters.layered.depth.foliage import copy_leaves
+from dlama.inpainters.layered.depth.out_of_view import FOLLOWED
+from dlama.inpainters.layered.depth.surface_labels import GRID, CoarseView
 from dlama.inpainters.layered.kernels.quilt import GAP
-from dlama.inpainters.layered.out_of_view import FOLLOWED
-from dlama.inpainters.layered.surface_labels import GRID, CoarseView
 from dlama.inpainters.missing_depth.along_colors import DepthByColor, fill_along_colors
 from dlama.perception.planes import SMOOTH, denoise, find_planes, label_known, noise_level, plane_values_at
 

@@ -13,9 +13,7 @@ from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.filling import inpaint
-from dlama.inpainters.layered.filler import layered
-from dlama.inpainters.layered.kernels.lines import seen_on_lines
-from dlama.inpainters.layered.out_of_view import (
+from dlama.inpainters.layered.depth.out_of_view import (
     BETWEEN,
     CONTINUED_COST,
     CROWN_COST,
@@ -30,6 +28,8 @@ from dlama.inpainters.layered.out_of_view import (
     penalise_between,
     vanishing_points,
 )
+from dlama.inpainters.layered.filler import layered
+from dlama.inpainters.layered.kernels.lines import seen_on_lines
 from worlds import Box, Plane, Shape, World, moved
 
 CAMERA = Camera.from_fov(160, 120, 60)
