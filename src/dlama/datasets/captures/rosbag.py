@@ -37,8 +37,8 @@ from dlama.datasets.posed.posed_frames import Lens, PosedFrame
 from dlama.datasets.posed.view_pairs import LOG, read_posed
 from dlama.datasets.text_tables import nearest_in_time
 from dlama.errors import DlamaError, FileError, MissingExtraError
-from dlama.files.cameras import checked_camera
-from dlama.files.checked_fields import FileFields
+from dlama.files.cameras import make_camera
+from dlama.files.fields import FileFields
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.rgbd import Float32Array, UInt8Array
 
@@ -142,7 +142,7 @@ def registered_depth(read: Any, depth_lens: Lens, lens: Lens, color_from_depth: 
 
 def _camera(lens: Lens, pose: Float64Array) -> Camera:
     assert lens.hw is not None
-    return checked_camera(lens.source, lens.hw, lens.intrinsics, lens.pixel_center, pose)
+    return make_camera(lens.source, lens.hw, lens.intrinsics, lens.pixel_center, pose)
 
 
 class Bag:
