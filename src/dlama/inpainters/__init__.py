@@ -1,8 +1,8 @@
-"""Fillers: a View with holes in; the same View without holes out. FILLERS, at the foot, is the closed list of their names.
+"""Fillers: a View with holes in; the same View without holes out. FILLERS, at the end, is the closed list of their names.
 
-Begin with `filling` (what a filler is, what `inpaint` guarantees), then `layered/` (the default where depth fits its picture),
-`patchmatch/` (where a depth camera measured it, over `layered`, or where it was estimated) and `networks/`. This file imports no
-filler: the command line's help reads the names, and a filler's code is imported when it is looked up.
+Begin with `filling` (the contract of a filler, and what `inpaint` guarantees). Then `layered/` (the default for exact depth),
+`patchmatch/` (over `layered` for depth cameras, alone for estimated depth) and `networks/`. This file imports no filler: the
+command line's help reads the names, and a filler's code is imported on first use.
 """
 
 from __future__ import annotations
@@ -24,36 +24,36 @@ ASSETS = Path(__file__).parents[1] / "assets"
 
 @dataclass(frozen=True)
 class FillerRecord:
-    """Where a filler's code stands, and what it needs."""
+    """A filler's code and its requirements."""
 
     entry_point: str
     """`module:name` of the Inpainter; of a filler that runs a network, of the function that makes one of a model file."""
     needs_model: bool = False
     """Whether it runs a network file."""
     shipped: str | None = None
-    """The network file that ships in the package, under assets/; it runs where no other is given."""
+    """The network file that ships in the package, under assets/; the default."""
     source: str = "`dlama train` makes one"
-    """Where to have a network file from, of a filler that runs one that does not ship."""
+    """Source of a network file, for a filler whose network does not ship."""
 
 
 AUTO = "auto"
 """The default: the filler that suits the depth."""
 EXACT, CAMERA, ESTIMATED = "layered", "layered-patches", "patchmatch"
-"""What it stands for: where depth fits its picture (rendered, scanned), where a depth camera measured it or an object is removed,
-and where a network estimated it, whose planes are bent and torn: what is painted on them is, too."""
+"""Its choices: for depth that fits its picture (rendered, scanned); for depth cameras and removed objects; for estimated depth,
+whose planes are bent and torn."""
 
 
 def auto_filler(*, estimated: bool = False, misplaced: bool = False, removed: bool = False) -> str:
-    """The name that AUTO stands for.
+    """The filler that AUTO chooses.
 
-    estimated: the depth is that of a network. misplaced: its edges lie next to those of the picture, as a depth camera's do.
+    estimated: the depth is that of a network. misplaced: its edges are misaligned with the picture, as a depth camera's are.
     removed: an object is removed.
     """
     return ESTIMATED if estimated else CAMERA if misplaced or removed else EXACT
 
 
 def find_filler(filler: str | Inpainter, model: str | Path | None = None) -> Inpainter:
-    """The filler of that name, with its network file if it runs one; a function is a filler already and comes back.
+    """The filler of that name, with its network file if it runs one; a function is returned as it is.
 
     InputError: an unknown name (the known ones are listed), or a model missing or given to a filler that takes none.
     """
@@ -103,4 +103,4 @@ FILLERS: dict[str, FillerRecord] = {
 """Name -> record; the default for exact depth comes first."""
 
 FILLER_NAMES = (AUTO, *FILLERS)
-"""What a user may ask for; the default comes first."""
+"""Names for users; the default comes first."""

@@ -1,8 +1,8 @@
-"""Confidence: a view with holes and what a filler put into them in; how likely each filled pixel is right, out.
+"""Confidence: a view with holes and a fill in; the probability that each filled pixel is right out.
 
-Right means: its depth is within 5 % AND its colour within 25 levels (mean over the channels) of what a camera there would
-see. The probability comes from a small network (five hundred numbers) that looks at distances, hole types, contrast and
-depth round each pixel, never at which filler ran. It was trained on procedural worlds (src/dlama/assets/confidence/README.md) by
+Right means: its depth is within 5 % AND its colour within 25 levels (mean over the channels) of what a camera there would see.
+The probability comes from a small network (five hundred weights) that sees distances, hole types, contrast and depth round each
+pixel, but not the filler's name. It was trained on procedural worlds (src/dlama/assets/confidence/README.md) by
 
     python benchmarks/confidence.py train
 """
@@ -24,18 +24,18 @@ from dlama.geometry.view import HoleType, Origin, View
 from dlama.models.perceptron import Perceptron, read_arrays
 
 DEPTH_WITHIN = 0.05
-"""Relative error up to which a depth is right."""
+"""Largest relative error of a right depth."""
 COLOR_WITHIN = 25.0
-"""Levels of 8 bit, mean over the channels, up to which a colour is right."""
+"""Largest error of a right colour, levels of 8 bit, mean over the channels."""
 FINE, BROAD = 0.005, 0.02
 """Sigma, as a share of the diagonal, of the surroundings in which contrast is measured."""
 TYPES = (HoleType.DISOCCLUDED, HoleType.OUT_OF_VIEW, HoleType.SENSOR, HoleType.OBJECT)
-"""Hole types that the network tells apart from the rest (cracks and flying pixels)."""
+"""Hole types that the network distinguishes; the rest are cracks and flying pixels."""
 FEATURES, OUTPUTS = 28, 4
 REACH = 3.0
-"""Standard deviations of the training data beyond which a feature says no more."""
+"""Features are clipped at so many standard deviations of the training data."""
 PIECE = 1 << 15
-"""Pixels that the network judges at a time."""
+"""Pixels of one batch."""
 LARGEST_CONFIDENCE = 0.99
 """Largest probability of a filled pixel; 1 is what was measured."""
 WEIGHTS = Path(__file__).parents[1] / "assets" / "confidence" / "confidence.npz"
@@ -45,8 +45,8 @@ class ConfidenceNetwork(Perceptron):
     """FEATURES in, OUTPUTS out."""
 
     def __call__(self, features: Float32Array) -> tuple[Float32Array, Float32Array]:
-        """Of N x FEATURES: N x 2 probabilities (that depth and colour are right, that depth is; never surer than
-        LARGEST_CONFIDENCE), and N x 2 expected errors: of depth in filled depths (0..1), of colour in levels."""
+        """N x 2 probabilities of N x FEATURES (depth and colour right; depth right), at most LARGEST_CONFIDENCE; and N x 2
+        expected errors, of depth in filled depths (0..1), of colour in levels."""
         out = np.clip(self.outputs(features, REACH), -30, 30)
         p = 1 / (1 + np.exp(-out[:, :2]))
         errors = np.minimum(np.exp(out[:, 2:]), (1, 255 / COLOR_WITHIN)) * (1, COLOR_WITHIN)
@@ -60,12 +60,12 @@ def confidence_network(path: Path = WEIGHTS) -> ConfidenceNetwork:
 
 
 def fill_confidence(view: View, color: UInt8Array, depth: Float32Array) -> Float32Array:
-    """The first that `judge_fill` gives."""
+    """The confidence of `judge_fill`."""
     return judge_fill(view, color, depth)[0]
 
 
 def judge_fill(view: View, color: UInt8Array, depth: Float32Array) -> tuple[Float32Array, Float32Array]:
-    """How far a fill can be trusted: confidence (H x W) and expected errors (H x W x 2).
+    """Confidence (H x W) and expected errors (H x W x 2) of a fill.
 
     Confidence is, in the view's hole, the probability that a filled pixel is right; where only depth was filled (the colour is
     measured), that the depth is; elsewhere the view's own. Errors are those of `View.errors`: of depth in metres, at most the
@@ -88,7 +88,7 @@ def judge_fill(view: View, color: UInt8Array, depth: Float32Array) -> tuple[Floa
 
 
 def run_in_batches(network: ConfidenceNetwork, rows: Float32Array) -> tuple[Float32Array, Float32Array]:
-    """What the network says of FEATURES x N `rows`, a piece at a time: what it computes on the way is twice as large as they."""
+    """The network's outputs for FEATURES x N `rows`, in batches: intermediate results are twice as large as the rows."""
     probabilities, expected = np.empty((2, rows.shape[1], 2), np.float32)
     for start in range(0, rows.shape[1], PIECE):
         piece = slice(start, start + PIECE)
@@ -103,7 +103,7 @@ def fill_features(view: View, color: UInt8Array, depth: Float32Array) -> Float32
 
 
 def feature_rows(view: View, color: UInt8Array, depth: Float32Array) -> Float32Array:
-    """FEATURES x N, as `fill_features`: one feature after the other, each written where it belongs and forgotten."""
+    """FEATURES x N, see `fill_features`: one feature at a time, to save memory."""
     rows = np.empty((FEATURES, np.count_nonzero(view.hole)), np.float32)
     for row, feature in zip(rows, each_feature(view, color, depth), strict=True):
         row[:] = feature
@@ -111,7 +111,7 @@ def feature_rows(view: View, color: UInt8Array, depth: Float32Array) -> Float32A
 
 
 def each_feature(view: View, color: UInt8Array, depth: Float32Array) -> Iterator[np.ndarray | np.floating[Any]]:
-    """FEATURES times N values, or one that holds for all."""
+    """Each of FEATURES: N values, or one for all."""
     hole = view.hole
     diagonal = float(np.hypot(*hole.shape))
     distance, nearest = nearest_known(~hole)

@@ -1,4 +1,5 @@
-"""Filling: a view with holes in; the same view without holes out. What a filler is, and `inpaint`, through which all of them go.
+"""Filling: a view with holes in; the same view without holes out. The contract of a filler, and `inpaint`, which runs every
+filler.
 
 `inpaint` guarantees for every filler: pixels outside the hole stay bit-identical, filled depth keeps the visibility law, and
 origin and confidence mark what was filled.
@@ -35,17 +36,17 @@ class Fill:
     notes: dict[str, Any] = field(default_factory=dict)
     """What the filler adds to meta.json (planes found, model, provider ...)."""
     choice: UInt8Array | None = None
-    """H x W, of a filler that chooses among guesses: 1 + the number of the guess with most weight (in
+    """H x W, of a filler that chooses among guesses: 1 + the number of the guess with the largest weight (in
     `notes["guesses"]`), 0 = known."""
     errors: Float32Array | None = None
-    """H x W x 2, what the filler itself expects to be off by, as `View.errors`; None: the confidence network says it."""
+    """H x W x 2 expected errors of the filler itself, see `View.errors`; None: the confidence network estimates them."""
 
 
 CONTEXT, CONTEXT_SHARE, CONTEXT_PX = 0.4, 0.08, 256
-"""How much of a view a filler sees round its holes: so many times the longer side of their box, at least that share of the view's
+"""Context that a filler sees round its holes: this multiple of the longer side of their box, at least that share of the view's
 longer side, and at least so many pixels."""
 WORTH_CROPPING = 0.6
-"""Share of the view up to which that part alone is filled."""
+"""Largest share of the view for which only that part is filled."""
 
 Inpainter = Callable[[View, Law, int], Fill]
 """A filler: (view with holes, visibility law, seed) -> Fill. Deterministic for one seed."""
@@ -58,9 +59,9 @@ class Painter:
     """An Inpainter that can also fill any 8-bit picture: diffusion, and networks that fill colour."""
 
     fill: Inpainter
-    """What it does with a view by itself: colour and depth."""
+    """Fills a view: colour and depth."""
     paint: Paint
-    """What it does with a picture."""
+    """Fills a picture."""
     notes: Callable[[], dict[str, Any]] = field(default=dict)
     """What ran, for meta.json."""
 
@@ -75,9 +76,9 @@ class FillReport:
     hole_pixels: int
     """Pixels that were written."""
     law_moves: int
-    """Filled pixels whose proposed depth broke the visibility law and was moved back."""
+    """Filled pixels whose proposed depth broke the visibility law and was projected onto it."""
     law_violations: int
-    """Filled pixels that break it still (0, or a bug)."""
+    """Filled pixels that still break it (0, or a bug)."""
     notes: dict[str, Any]
     """The filler's own."""
     choice: UInt8Array | None = None
@@ -85,7 +86,7 @@ class FillReport:
 
 
 def check_fill(fill: Fill, view: View) -> Fill:
-    """The fill, if it is one for this view; else InputError (no Fill) or ShapeError: the filler has a fault."""
+    """The fill, if it fits this view; else InputError (no Fill) or ShapeError: a fault of the filler."""
     check(fill, Fill, "what the filler returned")
     hw = view.camera.hw
     expected = {"color": (*hw, 3), "depth": hw, "errors": (*hw, 2), "choice": hw}
@@ -99,8 +100,8 @@ def check_fill(fill: Fill, view: View) -> Fill:
 def inpaint(view: View, inpainter: Inpainter, law: Law, seed: int = 0) -> tuple[View, FillReport]:
     """Fill all holes of a view; the view comes back without holes, with a report.
 
-    Holes with measured colour (origin DEPTH_FILLED: sensor holes of a source view) get depth only. A view in which nothing
-    at all is known comes back as it is, with the note `nothing_visible`. Where its holes lie in a small part of a large view, the
+    Holes with measured colour (origin DEPTH_FILLED: sensor holes of a source view) get depth only. A view without any
+    known pixel comes back unchanged, with the note `nothing_visible`. Where its holes lie in a small part of a large view, the
     filler sees that part with CONTEXT round it: the work is proportional to the hole.
     Raises InputError: the filler returns no Fill, or one of another size.
     """
@@ -144,7 +145,7 @@ def paste_part(view: View, part: View, rows: slice, columns: slice) -> View:
 
 
 def _fill_whole(view: View, inpainter: Inpainter, law: Law, seed: int) -> tuple[View, FillReport]:
-    """`inpaint`, the filler seeing all of the view."""
+    """`inpaint` with the filler seeing the whole view."""
     hole = view.hole
     fill = check_fill(inpainter(view, law, seed), view)
     depth, moved = project_depth(view, fill.depth, hole, law)

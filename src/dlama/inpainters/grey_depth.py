@@ -1,4 +1,4 @@
-"""The published recipe's way with depth (sec. 3.3): a filler in; a filler that fills depth as an 8-bit grey picture out."""
+"""Depth as in the paper (sec. 3.3): a filler in; a filler that fills depth as an 8-bit grey picture out."""
 
 from __future__ import annotations
 

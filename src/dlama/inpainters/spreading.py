@@ -1,4 +1,4 @@
-"""Values known at some pixels in; the same continued smoothly into all others, out: pull-push and Telea, blind to surfaces."""
+"""Values at known pixels in; a smooth extrapolation to all pixels out: pull-push and Telea, which ignore surfaces."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.inpainters.opencv import paint
 
 LARGEST = 512
-"""Longer side of the picture in which `spread_small` spreads, in pixels: the result is a blur in any case."""
+"""Longer side of the picture in which `spread_small` works, in pixels: the result is a blur in any case."""
 
 Spread = Callable[[np.ndarray, BoolArray], Float32Array]
-"""(H x W x C values, H x W known) -> H x W x C, known values continued into the rest."""
+"""(H x W x C values, H x W known) -> H x W x C, extrapolated to all pixels."""
 
 
 def spread_small(values: np.ndarray, known: BoolArray, spread: Spread) -> Float32Array:

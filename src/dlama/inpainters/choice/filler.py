@@ -1,7 +1,7 @@
-"""The filler `choice`: a view with holes in; colours mixed and depth taken from the guesses that the judge trusts, out.
+"""The filler `choice`: a view with holes in; colours mixed, and depth chosen, from guesses that a judge network weights, out.
 
-Far objects out of view are hedged as those of every other filler are: of 20 views of street and kitchen that lowers the squared
-error of the judge's mixture by 22 % and 1 %, and costs 4 % and 0.5 % of LPIPS.
+Far objects out of view are blended with a low-frequency estimate, as by every filler. On 20 views of street and kitchen that
+lowers the squared error of the mixture by 22 % and 1 %, and costs 4 % and 0.5 % of LPIPS.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ def make_choice_filler(
 
 
 def fill_by_choice(view: View, law: Law, guesses: tuple[Guess, ...], judge: NetworkFile) -> Fill:
-    """What the judge makes of the guesses of a view."""
+    """The mixture of the guesses of a view by the judge."""
     planes = JudgePlanes.of(view, [one.color for one in guesses], [one.inverse_depth for one in guesses])
     hw, padded = planes.context.shape[1:], planes.padded()
     verdict = with_priors(run_judge(judge, padded), [one.name for one in guesses], padded)
@@ -91,7 +91,7 @@ def fill_by_choice(view: View, law: Law, guesses: tuple[Guess, ...], judge: Netw
 
 
 def number_by_weight(verdict: Verdict, hw: tuple[int, int], view_hw: tuple[int, int]) -> np.ndarray:
-    """H x W: 1 + the number of the guess with the largest weight in colour."""
+    """H x W: 1 + the number of the guess with the largest colour weight."""
     weights = softmax(enlarge_maps(verdict.base)) + softmax(enlarge_maps(verdict.detail))
     return 1 + np.stack([crop_and_resize(one, hw, view_hw) for one in weights]).argmax(0)
 
@@ -99,7 +99,7 @@ def number_by_weight(verdict: Verdict, hw: tuple[int, int], view_hw: tuple[int, 
 def notes(
     view: View, guesses: tuple[Guess, ...], verdict: Verdict, hw: tuple[int, int], taken: np.ndarray, judge: NetworkFile
 ) -> dict[str, Any]:
-    """For meta.json: which guesses ran, and the share that each had of the holes' colours, detail and depth."""
+    """For meta.json: the guesses, and the share that each had of the holes' colours, detail and depth."""
     where = view.color_hole
 
     def shares(logits: np.ndarray) -> list[float]:

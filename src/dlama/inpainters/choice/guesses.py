@@ -1,7 +1,7 @@
-"""A view with holes in; several guesses at what is there, each with colour and inverse depth everywhere, out.
+"""A view with holes in; several guesses, each with colour and inverse depth everywhere, out.
 
-GUESSES, at the foot, is the closed list of those that run without being asked: all of them ship. Surfaces are continued once, and
-every guess that paints pictures paints over the same occluders. Any other filler becomes a guess by `guess_of_filler`.
+GUESSES, at the end, is the closed list of the default ones: all of them ship. Surfaces are continued once, and every Painter
+paints over the same occluders. Any other filler becomes a guess by `guess_of_filler`.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from dlama.inpainters.spreading import Spread, pull_push, spread_small, telea_sp
 
 @dataclass(frozen=True, eq=False)
 class Guess:
-    """What one filler would put into the holes; known pixels are those of the view."""
+    """One filler's proposal for the holes; known pixels are those of the view."""
 
     name: str
     color: UInt8Array
@@ -48,7 +48,7 @@ class PreparedView:
     depth: Float32Array
     """H x W metres, surfaces continued, lawful."""
     occluders: BoolArray
-    """H x W, known pixels whose colours do not belong into the holes next to them."""
+    """H x W, known pixels hidden from the painters."""
 
     @classmethod
     def of(cls, view: View, law: Law, seed: int) -> PreparedView:
@@ -56,7 +56,7 @@ class PreparedView:
         return cls(view, law, seed, surfaces, depth, find_occluders(view, surfaces, depth, law))
 
     def guess(self, name: str, color: UInt8Array, depth: Float32Array) -> Guess:
-        """A guess of colours (H x W x 3) and metres (H x W), of which the holes are used."""
+        """A guess from colours (H x W x 3) and metres (H x W), of which the holes are used."""
         view = self.view
         if depth is not self.depth:
             depth, _ = project_depth(view, depth, view.hole, self.law)

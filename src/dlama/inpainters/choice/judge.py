@@ -1,4 +1,4 @@
-"""The judge's network file and the planes of a view's guesses in; how far each guess is trusted, and the expected errors, out."""
+"""The judge's network file and the planes of a view's guesses in; the weight of each guess, and the expected errors, out."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from dlama.models.network_file import NetworkFile, cores, default_provider, file
 from dlama.models.verify import sha256_of
 
 NETWORK = "judge"
-"""What its contract calls the network."""
+"""Kind of network in its contract."""
 VERSION = 1
 STRIDE = 4
 """The judge's maps are so many times smaller than its planes."""
@@ -28,14 +28,14 @@ MARGIN = 96
 
 @dataclass(frozen=True, eq=False)
 class Verdict:
-    """What the judge says of the guesses of a view; maps are STRIDE times smaller than its padded planes."""
+    """The judge's output for the guesses of a view; maps are STRIDE times smaller than its padded planes."""
 
     base: Float32Array
-    """K x h x w logits: whose base colours count."""
+    """K x h x w logits: weights of base colours."""
     detail: Float32Array
-    """K x h x w logits: whose detail."""
+    """K x h x w logits: weights of detail."""
     depth: Float32Array
-    """K x h x w logits: whose depth is taken."""
+    """K x h x w logits: choice of depth."""
     color_error: Float32Array
     """h x w: expected absolute error of colour, mean over channels, 0..1."""
     depth_error: Float32Array
@@ -43,7 +43,7 @@ class Verdict:
 
 
 def judge_metadata(weights: Path, licence: str) -> dict[str, str]:
-    """What stands in the ONNX file of a judge: its contract and where it comes from; weights: the file it was made of."""
+    """The metadata of a judge's ONNX file: its contract and origin; weights: the file it was made of."""
     about = {
         "version": VERSION,
         "network": NETWORK,

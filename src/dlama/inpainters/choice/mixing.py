@@ -1,7 +1,7 @@
-"""Guesses and a verdict on them in; the mixed colours, and for each pixel the guess whose depth is taken, out.
+"""Guesses and a verdict on them in; the mixed colours, and the number of the guess whose depth is taken, out.
 
-Colours are mixed in two bands, the base (what a blur leaves) and the detail (the rest): where guesses agree on nothing else their
-mean colour errs least, and the detail of one of them still shows texture. Depth is never mixed: a mean of two surfaces is none.
+Colours are mixed in two bands, the base (low frequencies) and the detail (the rest). Where guesses disagree, their mean colour
+errs least, and the detail of one of them still shows texture. Depth is never mixed: the mean of two surfaces is none.
 `nets.judge` does the same on tensors, for training.
 """
 
@@ -19,10 +19,10 @@ from dlama.inpainters.choice.judge import STRIDE
 BASE_KERNEL = (0.054489, 0.244201, 0.402620, 0.244201, 0.054489)
 """A Gaussian of sigma 1 over the means of STRIDE x STRIDE pixels."""
 REGION = 4.0
-"""Sigma, in pixels that the judge sees, of the blur that makes regions of the choice of depth."""
+"""Sigma, in pixels of the judge's planes, of the blur that makes the choice of depth regional."""
 CONFIDENT = 0.97
-"""Weight from which another depth is taken than the one trusted most over the whole hole. Without it depth was measured to be
-worse than that of continued surfaces alone: 2 % on street and 8 % on kitchen_vpi in mean error."""
+"""Weight from which a depth other than the hole's favourite is taken. Without it depth was worse than that of continued
+surfaces alone: 2 % on street and 8 % on kitchen_vpi in mean error."""
 
 
 def mix_colors(
@@ -60,7 +60,7 @@ def choose_depth(
 ) -> NDArray[np.intp]:
     """H x W numbers of the guesses whose depth is taken; depth: the verdict's logits, hole: H x W.
 
-    Guesses of equal depth stand together: the first of them is named, with all their weight.
+    Guesses of equal depth count together, under the number of the first.
     """
     if not hole.any():
         return np.zeros(hole.shape, np.intp)

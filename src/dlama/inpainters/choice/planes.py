@@ -1,4 +1,4 @@
-"""A view with holes and guesses at it in; the planes that the judge sees, all in 0..1 and free of metres, out."""
+"""A view with holes and guesses at it in; the judge's input planes, all in 0..1 and independent of scale, out."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import HoleType, View
 
 CONTEXT = ("red", "green", "blue", "depth", "disoccluded", "out of view", "object", "distance", "colour hole", "hole")
-"""Planes that all guesses share: what is known (0 in the hole), why the rest is not, how far it lies from what is."""
+"""Planes that all guesses share: known pixels (0 in the hole), hole types, distance to known pixels."""
 GUESS = ("red", "green", "blue", "depth")
 """Planes of one guess."""
 TYPES = (HoleType.DISOCCLUDED, HoleType.OUT_OF_VIEW, HoleType.OBJECT)
 """Hole types with a plane of their own."""
 FARTHEST = 512.0
-"""Pixels to what is known that stand at 1."""
+"""Distance to known pixels, in px, that is 1 in its plane."""
 LARGEST = 640
-"""Longer side in pixels that the judge sees; larger views are shown smaller."""
+"""Longer side in pixels of the judge's planes; larger views are shrunk."""
 MULTIPLE = 16
-"""Height and width of what it sees are multiples of this."""
+"""Height and width of the planes are multiples of this."""
 
 
 @dataclass(frozen=True, eq=False)
 class JudgePlanes:
-    """What the judge sees of a view, in the view's size or smaller."""
+    """The judge's input for a view, in the view's size or smaller."""
 
     context: Float32Array
     """C x h x w, in the order of CONTEXT."""
@@ -67,7 +67,7 @@ class JudgePlanes:
 
 
 def context_planes(view: View, scale: float) -> Float32Array:
-    """C x H x W in the order of CONTEXT; scale: 1/m that stands at 0.5."""
+    """C x H x W in the order of CONTEXT; scale: the inverse depth (1/m) at 0.5."""
     known_w = inverse_depth(np.where(view.hole, np.float32(0), view.depth))
     planes = [
         *(view.color * ~view.hole[..., None]).transpose(2, 0, 1) / np.float32(255),
@@ -81,7 +81,7 @@ def context_planes(view: View, scale: float) -> Float32Array:
 
 
 def depth_scale(view: View) -> float:
-    """The inverse depth (1/m) that stands at 0.5: the median of the view's known surfaces."""
+    """The inverse depth (1/m) that is 0.5: the median of the view's known surfaces."""
     known = view.depth[view.valid]
     return 1 / float(np.median(known)) if known.size else 1.0
 

@@ -1,6 +1,6 @@
-"""The judge's verdict in; the same with what is known of fillers beforehand, and against invented detail, out.
+"""The judge's verdict in; the verdict with priors on fillers and a penalty on invented detail out.
 
-The judge never learns which filler made a guess. Two rules that it cannot see, settled on street s03 and s05.
+The judge does not know which filler made a guess. Two rules add that, settled on street s03 and s05.
 """
 
 from __future__ import annotations
@@ -17,18 +17,18 @@ from dlama.inpainters.choice.judge import STRIDE, Verdict
 from dlama.inpainters.choice.planes import CONTEXT, JudgePlanes
 
 PRIORS = {"layered": 2.0}
-"""Name of a guess -> what is added to its logits of colour; 0 for the others. Surfaces with their own texture are never an
+"""Name of a guess -> its prior in the logits of colour; 0 for the others. Surfaces with their own texture are never an
 invention."""
 DEPTH_PRIORS = {"layered": 20.0}
 """The same for depth: continued surfaces win wherever they are among the guesses. Squared error on street s06 and s08 was 8 %
 higher without it and 6 % higher at 4."""
 INVENTED_PENALTY = 3.0
-"""What a guess loses in its logits of colour for each factor e by which it has more detail than is known round the hole. Only
-inside the source's picture: out of view, objects unlike the known ones are to be expected."""
+"""Penalty in the logits of colour per factor e of detail above that known round the hole. It applies inside the source's
+picture only: out of view, objects unlike the known ones are expected."""
 FINE, ROUND = 3.0, 4.0
 """Sigmas in pixels: a picture less its blur is its detail; the neighbourhood over which the detail of a guess is averaged."""
 AROUND = 0.05
-"""Sigma, as a share of the diagonal, of the surroundings whose known detail counts."""
+"""Sigma, as a share of the diagonal, of the surroundings that give the known detail."""
 LEAST = 1 / 255
 """Detail (0..1) below which guesses are equally plain."""
 
@@ -45,8 +45,8 @@ def with_priors(verdict: Verdict, names: Sequence[str], planes: JudgePlanes) -> 
 
 
 def measure_invented_detail(planes: JudgePlanes) -> Float32Array:
-    """K x h x w (STRIDE times smaller than the planes): logarithm of how many times more detail a guess has than the known pixels
-    round about, 0 at least; 0 out of the source's view."""
+    """K x h x w (STRIDE times smaller than the planes): log ratio of a guess's detail to that of known pixels round it, at
+    least 0; 0 out of the source's view."""
     known = planes.context[CONTEXT.index("hole")] == 0
     inside = 1 - planes.context[CONTEXT.index("out of view")]
     greys = [one[:3].mean(0) for one in planes.guesses]
@@ -61,7 +61,7 @@ def measure_invented_detail(planes: JudgePlanes) -> Float32Array:
 
 
 def local_detail(grey: Float32Array, known: BoolArray) -> Float32Array:
-    """H x W magnitudes of what a blur of the known pixels takes away; next to a hole no guess has a say in it."""
+    """H x W magnitudes of the difference to a blur of the known pixels."""
     return np.abs(grey - gaussian_mean(grey, known.astype(np.float32), FINE))
 
 

@@ -1,4 +1,4 @@
-"""Where a picture has colours and no depth: known surfaces in; depth that continues as the colours do, out.
+"""Missing depth where colours are known: known surfaces in; depth extended along colours out.
 
 Begin with `along_colors`. `kernels` is numba alone.
 """

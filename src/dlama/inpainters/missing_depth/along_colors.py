@@ -1,8 +1,8 @@
 """Known surfaces and the colours of the whole picture in; inverse depth and label of pixels that lack depth alone out.
 
-A depth camera sees nothing at the rim of its picture, next to near objects, on glass and on what is black, where the colours are
-all there. Every such pixel belongs to the known pixel that is nearest by a way along which colours stay as they are, and goes
-on as that one's plane; what lies on no plane runs smoothly between what is known, but not across edges of the picture.
+A depth camera misses depth at the border of its picture, next to near objects, on glass and on black surfaces, where colours
+are all known. Every such pixel takes the plane of the known pixel with the shortest geodesic path in colour. Depth on no plane
+is relaxed to be smooth between known pixels, but not across picture edges.
 """
 
 from __future__ import annotations
@@ -21,32 +21,31 @@ from dlama.inpainters.missing_depth.kernels import conductances
 from dlama.perception.planes import SMOOTH, plane_values_at
 
 BLUR = 1.5
-"""Standard deviation in px by which colours are blurred first: noise is no edge."""
+"""Sigma in px of the blur of colours before: noise is no edge."""
 FARTHEST = 1e6
-"""A way longer than any."""
+"""A path longer than any."""
 DETACHED = 15.0
-"""Pixels that ways from what lies on no plane count longer in noisy depth."""
+"""Extra path length, in px, from pixels of no plane, in noisy depth."""
 FADING = 16.0
 """Pixels over which a plane's residual at the known pixel fades out."""
 MOST = 3.0
-"""Times nearer or farther than the known pixel up to which its plane is believed."""
+"""Largest ratio of depths between a plane and its known pixel."""
 SOFT, POWER, JUMP = 2.0, 3.0, 0.1
-"""Of `conductances`: levels between neighbours that begin to part them and how strongly, and the relative step of inverse depth
-up to which nothing does."""
+"""For `conductances`: colour step in levels, exponent, and the relative step of inverse depth above which conductance falls."""
 KEEP, OVER, SWEEPS, SETTLED = 0.01, 1.8, 80, 1e-4
-"""Of `relax`: how much each pixel keeps to its own value, the factor of over-relaxation, most sweeps, and the change (1/m) of the
-last one."""
+"""For `relax`: weight of each pixel's own value, factor of over-relaxation, most sweeps, and the change (1/m) at which it
+stops."""
 
 
 class DepthByColor(NamedTuple):
-    """What the colours say of a view."""
+    """A view's depth with missing pixels filled along colours."""
 
     inverse_depth: Float32Array
-    """H x W, 1/m: as known, and where it was missing and could be reached."""
+    """H x W, 1/m: as known, and where missing and reached."""
     label: NDArray[np.int32]
     """H x W: -1 no plane, 0 sky, k on the k-th plane."""
     reached: BoolArray
-    """H x W, True where depth alone was missing and a way leads from a known pixel."""
+    """H x W, True where depth alone was missing and a path leads from a known pixel."""
 
 
 def fill_along_colors(
@@ -59,11 +58,11 @@ def fill_along_colors(
     *,
     noisy: bool = False,
 ) -> DepthByColor:
-    """Inverse depth and labels of the pixels of `missing` that a way leads to.
+    """Inverse depth and labels of the pixels of `missing` that a path reaches.
 
-    color: H x W x 3; missing: H x W, True where depth alone is; w: H x W 1/m and label: H x W (-1 no plane, 0 sky, k on the
-    k-th plane) of known pixels; planes: K x 3; hole: H x W, True where depth is unknown: `missing`, and where colours are, too.
-    noisy: as a matcher's, whose depth bleeds: what lies on no plane counts as DETACHED px farther off.
+    color: H x W x 3; missing: H x W, True where depth alone is missing; w: H x W 1/m and label: H x W (-1 no plane, 0 sky, k on
+    the k-th plane) of known pixels; planes: K x 3; hole: H x W, True where depth is unknown: `missing`, and where colours are,
+    too. noisy: as a matcher's, whose depth bleeds: pixels of no plane count as DETACHED px farther off.
     """
     seen = fill_with_nearest(color, missing | ~hole).astype(np.float32)
     smooth_color = np.asarray(cv2.GaussianBlur(seen, (0, 0), BLUR), np.float32)
@@ -79,7 +78,7 @@ def fill_along_colors(
 
 
 def relax_depth(w: Float32Array, loose: BoolArray, color: Float32Array) -> Float32Array:
-    """Inverse depth (H x W, 1/m) whose `loose` pixels (H x W) are drawn to their neighbours, less across edges of the picture.
+    """Inverse depth (H x W, 1/m) whose `loose` pixels (H x W) are relaxed towards their neighbours, less across picture edges.
 
     color: H x W x 3.
     """
@@ -99,7 +98,7 @@ def extend_surfaces(
     at: tuple[NDArray[np.int64], ...],
     known: NDArray[np.int32],
 ) -> NDArray[np.float64]:
-    """N inverse depths at the pixels `at` (rows, columns): those of the planes of their known pixels, or the known ones' own.
+    """N inverse depths at the pixels `at` (rows, columns): of the planes of their known pixels, or the known ones' own.
 
     w: H x W; labels: N, of the known pixels; known: N, flat.
     """

@@ -1,4 +1,4 @@
-"""Numba kernel of depth on no plane: a picture and guesses of depth in; how much neighbours are drawn to each other out."""
+"""Numba kernel for depth on no plane: a picture and initial depth in; the conductance between neighbours out."""
 
 from __future__ import annotations
 
@@ -19,10 +19,11 @@ def conductances(
     power: Real,
     jump: Real,
 ) -> None:
-    """How much the pixels of `where` are drawn to their right neighbours (across, H x W) and to their lower ones (down, H x W).
+    """Conductance from the pixels of `where` to their right neighbours (across, H x W) and to their lower ones (down, H x W).
 
-    Colours d levels apart (root of the sum over channels) give (1 + (d / step)^2)^-power, values of `begin` (H x W) that differ
-    by e of the larger one at least (1 + (e / jump)^2)^-2; a value of 0 (far, unknown) gives 0. where: H x W; color: H x W x 3.
+    Colours d levels apart (root of the sum over channels) give (1 + (d / step)^2)^-power. Values of `begin` (H x W) that differ
+    by e of the larger one give at least (1 + (e / jump)^2)^-2; a value of 0 (far, unknown) gives 0. where: H x W; color: H x W
+    x 3.
     """
     rows, columns = begin.shape
     for row in range(first, last):

@@ -1,5 +1,4 @@
-"""The filler `patchmatch`: a View with holes in; surfaces continued, and patches of the picture itself as their colours, out.
+"""The filler `patchmatch`: a View with holes in; depth of continued surfaces, and colours from patches of the picture, out.
 
-Begin with `filler` (how it stands among fillers; `over_layers`: after `layered`) and `completion` (rounds from the coarse picture
-to the fine one).
+Begin with `filler` (the filler; `over_layers`: the one that uses the depth of `layered`) and `completion` (coarse to fine).
 """

@@ -1,10 +1,10 @@
-"""A picture with a hole and a rough guess of it in; the hole painted with patches of the picture's own, out.
+"""A picture with a hole and a coarse guess of it in; the hole painted with patches of the picture out.
 
-After Wexler, Shechtman & Irani, "Space-time completion of video" (2007), with the matching of Barnes et al., "PatchMatch" (2009),
-and the texture channels of Newson et al., "Video inpainting of complex scenes" (2014): from the coarsest picture to the finest,
-every patch that touches the hole looks for the known patch most like it, and the hole's pixels become what these say of them. A
-patch from near by, above all from about the same height, is preferred, so that ground stays below walls and joints keep their
-scale; and one that is used often is avoided, so that no small piece is repeated.
+After Wexler, Shechtman & Irani, "Space-time completion of video" (2007), with the matching of Barnes et al., "PatchMatch"
+(2009), and the texture channels of Newson et al., "Video inpainting of complex scenes" (2014). From the coarsest level to the
+finest, every patch that touches the hole is matched to the most similar known patch, and the hole's pixels become a weighted
+vote of the matches. Patches near by, above all at the same height, are preferred, so that ground stays below walls and joints
+keep their scale. Frequently used ones are penalised, so that no small piece is repeated.
 """
 
 from __future__ import annotations
@@ -23,39 +23,39 @@ from dlama.inpainters.patchmatch import kernels
 from dlama.inpainters.patchmatch.pyramid import Level, build_pyramid, dilated_by_patch
 
 DISTANCE_DOWN, DISTANCE_ACROSS = 10000.0, 2500.0
-"""Squared grey levels that a patch from as far off as the picture's longer side costs more, below or above, and next to."""
+"""Penalty, in squared grey levels, of a patch as far away as the picture's longer side, vertically and horizontally."""
 REUSE_PENALTY = 30.0
-"""Squared grey levels for each time that a source is used beyond once."""
+"""Penalty, in squared grey levels, for each repeated use of a source."""
 OTHER_SURFACE = 1000.0
-"""Squared grey levels that a patch whose middle lies on another surface costs more, where surfaces are given."""
+"""Penalty, in squared grey levels, of a patch centred on another surface, where surfaces are given."""
 NEAR = 16.0
-"""Pixels of the first random step in all but the first of them."""
+"""Radius in px of the first random search in all rounds but the first."""
 CERTAIN = 1.3
-"""By how much less a patch counts for each pixel that its middle lies deeper in the hole."""
+"""Base of the weight of a patch, which falls with each pixel that its centre lies deeper in the hole."""
 SOFT, WIDE = 4.0, 1e3
-"""How much more a better patch counts in the rounds, wherever its middle is (pixels)."""
+"""Sharpness of the vote by patch difference, and width of its Gaussian over patch centres (pixels)."""
 SHARP, NARROW = 8.0, 1.4
-"""The same in the last round: the best patches alone count, near their middle, as means of many are blurred."""
+"""The same in the last round: only the best patches count, near their centre, since means of many are blurred."""
 BAND = 512
 """Patches per task."""
 LARGEST_MATCHED = 3_000_000
-"""Pixels of a picture up to which patches are matched; a larger one is painted from where the level below found them."""
+"""Largest picture in pixels in which patches are matched; a larger one takes the matches of the level below."""
 DRAWN = 65536
-"""Random numbers drawn a level."""
+"""Random numbers drawn per level."""
 
 
 @dataclass(frozen=True)
 class Effort:
-    """How long patches are looked for."""
+    """Limits of the search."""
 
     rounds: int
-    """Of matching and voting a level,"""
+    """Rounds of matching and voting per level,"""
     updates: int
-    """and how many patches are matched in all of them where the hole is large."""
+    """and most patches matched in all of them, where the hole is large."""
     matchings: int
-    """Steps of PatchMatch a round."""
+    """Steps of PatchMatch per round."""
     pairs: int
-    """Patches that are compared where all are, in the coarsest picture."""
+    """Most comparisons of the exhaustive search in the coarsest level."""
 
 
 THOROUGH, QUICK = Effort(6, 400_000, 2, 4_000_000), Effort(4, 100_000, 1, 1_000_000)
@@ -99,38 +99,38 @@ def complete_picture(
 
 
 def penalty_weights(side: float) -> Float32Array:
-    """What distance, use and another surface cost, as `kernels.penalty` reads it; side: the level's longer side in pixels."""
+    """Penalties of distance, use and another surface, for `kernels.penalty`; side: the level's longer side in pixels."""
     return np.array([DISTANCE_DOWN / side**2, DISTANCE_ACROSS / side**2, REUSE_PENALTY, OTHER_SURFACE], np.float32)
 
 
 @dataclass
 class Search:
-    """The patches of one level that touch the hole, and the known patch that each is like; changes as it continues."""
+    """The search on one level: patches that touch the hole, and the known patch matched to each; mutable."""
 
     values: Float32Array
-    """H x W x 5, as of Level; the hole's change."""
+    """H x W x 5, as of Level; those of the hole change."""
     sources: BoolArray
     """H x W."""
     label: NDArray[np.int32]
     """H x W, the surface of each pixel."""
     pixels: NDArray[np.int32]
-    """M x 2, the hole's."""
+    """M x 2, pixels of the hole."""
     targets: NDArray[np.int32]
-    """N x 2, the middles of patches that touch it."""
+    """N x 2, centres of patches that touch the hole."""
     number: NDArray[np.int32]
     """H x W, of each target, else -1."""
     trust: Float32Array
-    """N: how much a target's patch counts."""
+    """N weights of the targets' patches."""
     weights: Float32Array
     random: NDArray[np.float64]
     found: NDArray[np.int32]
-    """N x 2, the middle of the known patch."""
+    """N x 2, centre of the matched known patch."""
     cost: Float32Array
-    """N: how far the two are apart."""
+    """N differences of the two."""
 
     @classmethod
     def of(cls, level: Level, rng: np.random.Generator, weights: Float32Array) -> Search:
-        """The search before it begins."""
+        """The initial search."""
         touched = dilated_by_patch(level.hole)
         targets = np.argwhere(touched).astype(np.int32)
         number = np.full(level.hole.shape, -1, np.int32)
@@ -145,7 +145,7 @@ class Search:
         )
 
     def compare_all(self, rng: np.random.Generator, pairs: int) -> None:
-        """Every target with every known patch, or with as many drawn ones as `pairs` allow."""
+        """Compare every target with every known patch, or with as many random ones as `pairs` allow."""
         sources = np.argwhere(self.sources).astype(np.int32)
         most = max(1, pairs // len(self.targets))
         if len(sources) > most:
@@ -164,7 +164,7 @@ class Search:
         )
 
     def start_from(self, coarser: Search) -> None:
-        """Begin with what the coarser level (half the size) found, and with its colours."""
+        """Start with the matches and colours of the coarser level (half the size)."""
         parent = self.targets // 2
         above = coarser.number[parent[:, 0], parent[:, 1]]
         moved = 2 * (coarser.found[above] - parent) + self.targets
@@ -175,7 +175,7 @@ class Search:
         self._weigh()
 
     def match(self, turn: int, matchings: int) -> None:
-        """Look for better patches, so many times: among the neighbours' and at random."""
+        """Improve the matches so many times, by propagation from neighbours and random search."""
         used = self._used()
         for step in range(matchings):
             reach = float(max(self.sources.shape)) if step == 0 else NEAR
@@ -198,7 +198,7 @@ class Search:
             )
 
     def vote(self, *, last: bool) -> None:
-        """The hole's values as the patches found say; sharp in the last round."""
+        """Set the hole's values by a vote of the matched patches; sharp in the last round."""
         if last:
             self._paint(SHARP, NARROW, np.ones_like(self.trust))
         else:

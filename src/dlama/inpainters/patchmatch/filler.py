@@ -1,6 +1,6 @@
-"""`patchmatch`: a view with holes in; the same painted with patches of the known picture, structure as MI-GAN guesses it, out.
+"""`patchmatch`: a view with holes in; the same painted with patches of the known picture, guided by MI-GAN, out.
 
-The network says roughly what is there, the picture how it looks: nothing is painted that the picture does not show somewhere.
+The network gives the structure, the picture its texture: nothing is painted that the picture does not show somewhere.
 """
 
 from __future__ import annotations

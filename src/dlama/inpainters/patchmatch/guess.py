@@ -1,4 +1,4 @@
-"""A painter, and a picture with a hole, in; its rough guess of the picture, for patches to begin with, out."""
+"""A painter, and a picture with a hole, in; a coarse guess, as the start of the patch search, out."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Places in a picture in; for each the known patch that is most like its own, and what patches vote for, out (numba)."""
+"""PatchMatch kernels: target and source patches in; the most similar source of each target, and the votes of patches, out
+(numba)."""
 
 from __future__ import annotations
 
@@ -16,10 +17,10 @@ RUN = SIDE * CHANNELS
 N = tuple(np.uint64(n) for n in range(9))
 """Numbers without a sign: an index that may be negative is looked at twice."""
 NEIGHBOURS = 8
-"""Places whose patch is tried, moved along: four next to, four up to LEAP pixels off."""
+"""Neighbours whose match is propagated: four adjacent, four up to LEAP pixels away."""
 LEAP = 6
 MOST_USED = 5.0
-"""Times a source is used beyond which its penalty grows no further."""
+"""Uses of a source beyond which its penalty is constant."""
 
 Places = NDArray[np.int32]
 """N x 2: rows and columns."""
@@ -98,8 +99,8 @@ def penalty(
     used: Float32Array,
     label: NDArray[np.int32],
 ) -> Real:
-    """What is added to the difference of a patch: for its distance (weights: per px^2, along rows and columns), for its use, and
-    where its middle lies on another surface (label: H x W)."""
+    """Penalty of a patch: for its distance (weights: per px^2, along rows and columns), for its use, and where its centre lies
+    on another surface (label: H x W)."""
     down, across = np.float64(source_row - row), np.float64(source_column - column)
     again = min(max(np.float64(used[source_row, source_column]) - 1.0, 0.0), MOST_USED)
     other = weights[3] if label[row, column] != label[source_row, source_column] else 0.0
@@ -153,11 +154,12 @@ def match_rows(
     found: Places,
     cost: Float32Array,
 ) -> None:
-    """One round of PatchMatch for targets [first, last): the patches of neighbours moved along, then random ones ever nearer.
+    """One round of PatchMatch for targets [first, last): propagation from neighbours, then random search with a shrinking
+    radius.
 
-    After Barnes et al., "PatchMatch" (2009); neighbours are read from the round before, so bands do not depend on each other.
-    number: H x W, of each target, else -1; random: K x 2 in -1 .. 1, read from `start` on; reach: px of the first random step;
-    now: N x 2, of the round before; found, cost: of this one, in place.
+    After Barnes et al., "PatchMatch" (2009); neighbours are read from the previous round, so bands are independent. number: H x
+    W, of each target, else -1; random: K x 2 in -1 .. 1, read from `start` on; reach: px of the first random step; now: N x 2,
+    of the previous round; found, cost: of this one, in place.
     """
     height, width = is_source.shape
     for t in range(first, last):
@@ -233,10 +235,10 @@ def vote_rows(
     width_px: Real,
     out: Float32Array,
 ) -> None:
-    """Hole pixels [first, last) become a mean of what the patches over them hold there.
+    """Set hole pixels [first, last) to a weighted mean of the patches over them.
 
-    A patch counts exp(-sharpness cost / (2 mean cost)), by the trust in its target, and less the farther its middle is off (a
-    Gaussian of width_px). out: M x C, for the M pixels.
+    A patch weighs exp(-sharpness cost / (2 mean cost)), times the trust in its target, times a Gaussian of its centre's
+    distance (width_px). out: M x C, for the M pixels.
     """
     height, width, channels = values.shape
     for p in range(first, last):

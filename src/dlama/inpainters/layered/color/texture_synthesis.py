@@ -1,8 +1,9 @@
-"""Texture synthesis: a picture with inverse depth and surface labels everywhere in; the hole's colours, from the background, out.
+"""Texture synthesis: a picture with inverse depth and surface labels everywhere in; the hole's colours, from the background,
+out.
 
-Every hole pixel is a smooth *base*, interpolated along its own surface, plus, on planes, *detail* copied from the same
-plane by a 3D translation within it, so that bricks and planks continue in perspective. The weight of the detail is measured:
-the correlation of the known texture with itself under that translation, which is its least-squares gain (see `patch_offsets`).
+Every hole pixel is a smooth *base*, interpolated along its own surface. On planes *detail* is added, copied from the same plane
+by a 3D translation within it, so that bricks and planks follow perspective. The weight of the detail is the autocorrelation of
+the known texture under that translation, its least-squares gain (see `patch_offsets`).
 """
 
 from __future__ import annotations
@@ -23,17 +24,17 @@ from dlama.inpainters.layered.kernels import base_color as base_kernels
 from dlama.inpainters.layered.kernels.patch_offsets import paint
 
 GREY = 128
-"""Colour where nothing at all is known."""
+"""Colour in a view without any known pixel."""
 SKY_COLOR = (120, 145, 175)
-"""Colour of a sky of which the picture shows nothing: a pale daylight blue."""
+"""Colour of a sky that no picture shows: a pale daylight blue."""
 LEAST_CELLS = 12
-"""Planes with fewer known cells are painted with all that has no plane."""
+"""Planes with fewer known cells are painted as no plane."""
 GAP = 8
-"""Cells by which parts of a surface may lie apart and still be one object."""
+"""Largest gap in cells between parts of one object."""
 SCREEN = 0.002
 """Weight of a surface's mean colour in each cell of its base, next to the 4 of the neighbours (screened Laplace equation)."""
 DEPTH_SCREEN = 0.002
-"""The same for what has no plane, towards the mean of everything there and behind: a small rim must not colour it all."""
+"""The same for no plane, towards the mean of all cells at that depth and behind: a small rim must not colour everything."""
 
 
 def synthesize(
@@ -108,7 +109,7 @@ def _check(color: UInt8Array, hole: BoolArray, inverse_depth: Float32Array, labe
 
 
 def hole_regions(grid: TextureGrid) -> Iterator[HoleRegion]:
-    """The hole cut into regions: planes and sky of which enough is seen, and all the rest as one (label -1)."""
+    """The hole split into regions: sufficiently visible planes and sky, and the rest as one (label -1)."""
     holes = np.flatnonzero(grid.hole)
     labels = grid.label.ravel()[holes]
     rest = np.ones(len(holes), np.bool_)
@@ -123,9 +124,10 @@ def hole_regions(grid: TextureGrid) -> Iterator[HoleRegion]:
 
 
 def beyond_gap(grid: TextureGrid, pixels: NDArray[np.int64], sources: BoolArray) -> BoolArray:
-    """rows x cols, True in cells of `sources` that a gap of more than GAP cells parts from the hole `pixels` (flat).
+    """rows x cols, True in cells of `sources` separated from the hole `pixels` (flat) by a gap of more than GAP cells.
 
-    Two objects may lie on one plane by chance, or by noise: a box next to a bin lends it no texture. None where too few are left.
+    Two objects may lie on one plane by chance, or by noise: a box gives no texture to the bin next to it. None where too few
+    are left.
     """
     rows, cols = np.divmod(pixels, grid.hole.shape[1])
     here = np.zeros(sources.shape, np.bool_)
@@ -154,7 +156,7 @@ def base_colors(grid: TextureGrid, region: HoleRegion, sky: Float32Array | None 
 def depth_base(grid: TextureGrid, region: HoleRegion) -> Float32Array:
     """rows x cols x 3 colours that spread from the rim between neighbours of similar depth, never from nearer ones.
 
-    Labels do not count: depth without a plane was interpolated from whatever surrounds it, so its colour is too.
+    Labels do not count: depth without a plane was interpolated from all its surroundings, and so is its colour.
     """
     colors, far = base_kernels.farthest(grid.cell_color, grid.cell_inverse_depth, grid.cell_label)
     known = base_kernels.even_out(colors, far, 2)
@@ -189,10 +191,10 @@ def _mean_behind(base: Float32Array, depth: Float32Array, far: Float32Array) -> 
 
 
 def surface_bases(grid: TextureGrid, region: HoleRegion, under: Float32Array | None = None) -> Bases:
-    """A slightly and a strongly blurred picture of one surface's known cells, continued into the hole.
+    """A slightly and a strongly blurred picture of one surface's known cells, extrapolated into the hole.
 
-    First by a pyramid, then as a screened membrane (Laplace's equation); under: colours known beforehand, on the base grid, from
-    which only differences are continued.
+    First by a pyramid, then as a screened membrane (Laplace's equation); under: colours known beforehand, on the base grid,
+    from which only differences are extrapolated.
     """
     weight = region.sources.astype(np.float32)
     sums, weights = base_kernels.pull(grid.cell_color * weight[..., None], weight)
