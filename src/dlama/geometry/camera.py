@@ -1,6 +1,6 @@
 """Camera: intrinsics and a pose in; the camera, parts and other sizes of it, and a rectified pair of two out.
 
-The conventions of the whole package are said here, once.
+The conventions of the whole package are defined here, once.
 
 Axes        OpenCV: x right, y down, z forward. Metres. Depth is planar z, not ray length.
 Poses       `world_from_cam` is 4x4, camera to world. Transforms are called `<to>_from_<from>`.

@@ -32,7 +32,7 @@ def depth_from_disparity(disparity: ArrayLike, *, fx: float, baseline_m: float, 
     _check_rig(fx, baseline_m, doffs)
     measured = np.asarray(disparity, np.float32)
     known = np.isfinite(measured) & (measured != 0)
-    # Compared in float32, so that what disparity_from_depth wrote for "far" is recognised whatever digits doffs has.
+    # Compared in float32, so that what disparity_from_depth wrote for "far" is recognised for any digits of doffs.
     far = known & (measured == np.float32(-doffs))
     shift = measured.astype(np.float64) + doffs
     front = known & ~far & (shift > 0)
@@ -47,7 +47,7 @@ def disparity_from_depth(depth: ArrayLike, *, fx: float, baseline_m: float, doff
     """Disparity in pixels, float32 of the same shape: d = fx * baseline / Z - doffs; 0 = missing.
 
     Missing depth (0 or NaN) gives 0. Far depth (+inf) gives -doffs; with doffs = 0 that is 0, so far and missing cannot
-    be told apart in such a disparity map. A valid depth that falls exactly on d = 0 is written as 1e-6 px, or it would
+    be distinguished in such a disparity map. A valid depth that falls exactly on d = 0 is written as 1e-6 px, or it would
     be lost. Raises DepthError on negative depth, CameraError when fx or baseline_m is not positive.
     """
     _check_rig(fx, baseline_m, doffs)

@@ -94,7 +94,7 @@ class RGBD:
 
     @property
     def missing(self) -> BoolArray:
-        """H x W, True where the sensor said nothing."""
+        """H x W, True where the sensor measured nothing."""
         return self.depth == 0
 
 

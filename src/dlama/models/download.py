@@ -1,6 +1,6 @@
-"""An address and a .part file in; the .part file, as long as the server said, out. It continues where it had broken off.
+"""An address and a .part file in; the .part file, as long as the server announced, out. It resumes where it broke off.
 
-Going on is asked for only from the address that the .part file came from, and only if the file there is still the same
+Continuing is requested only from the address that the .part file came from, and only if the file there is still the same
 (If-Range); a server that knows nothing of ranges sends everything again.
 """
 
@@ -142,7 +142,7 @@ def _pieces(response: Any, reply: _Reply) -> Iterator[bytes]:
             piece = response.read(PIECE)
         except (http.client.IncompleteRead, ConnectionError, TimeoutError):
             if reply.total is None:
-                raise _BrokeOff("broke off; the server had not said how long the file is") from None
+                raise _BrokeOff("broke off; the server did not announce the file's length") from None
             return
         if not piece:
             return

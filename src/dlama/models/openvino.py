@@ -29,7 +29,7 @@ class TensorInfo(NamedTuple):
 
 @dataclass(frozen=True)
 class ModelMetadata:
-    """What the file says of itself."""
+    """The file's metadata."""
 
     custom_metadata_map: dict[str, str] = field(default_factory=dict)
 

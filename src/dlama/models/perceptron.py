@@ -1,4 +1,4 @@
-"""A small perceptron of features: its weights in an npz file in, what it says of each row of features out."""
+"""A small perceptron: its weights in an npz file, and rows of features, in; its outputs out."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from dlama.errors import FileError
 from dlama.geometry.rgbd import Float32Array
 
 NO_NPZ = (ValueError, TypeError, AttributeError, EOFError, NotImplementedError)
-"""What NumPy raises, too, over bytes that are no npz file, or a damaged one."""
+"""Further errors of NumPy on damaged files, or files that are no npz."""
 P = TypeVar("P", bound="Perceptron")
 
 
@@ -59,7 +59,7 @@ class Perceptron:
         return cls(mean, spread, tuple(found))
 
     def outputs(self, features: Float32Array, reach: float) -> np.ndarray:
-        """N x out, of N x F features, which say no more beyond `reach` standard deviations."""
+        """N x out from N x F features, clipped at `reach` standard deviations."""
         h = np.clip((features - self.mean) / self.spread, -reach, reach)
         for number, (weight, bias) in enumerate(self.layers):
             h = (np.maximum(h, 0) if number else h) @ weight + bias

@@ -1,6 +1,6 @@
 """A record in; its file, downloaded, checked and moved into place, out.
 
-What has arrived lies in a .part file next to the target, so that a pull that broke off continues from there. The file
+Received bytes lie in a .part file next to the target, so that an interrupted pull resumes. The file
 itself appears under its name only when it is whole and its hash is right.
 """
 
@@ -21,14 +21,14 @@ LONGEST = 4 << 30
 
 
 def pull(model: Record, progress: Progress | None = None, timeout: float = 30.0) -> Path:
-    """The model's file, from the first mirror that has it; a good one that is there already is left alone.
+    """The model's file, from the first mirror that has it; a good file that exists is kept.
 
     Args:
-        expected: which model.
+        model: its record.
         progress: called with the bytes that have arrived and the bytes in all (None: unknown).
         timeout: seconds a server may be silent.
     Raises:
-        FileError: no mirror gave the right file; says what each did and the way by hand.
+        FileError: no mirror gave the right file; lists each failure, and how to download by hand.
         OutputError: the cache directory cannot be written.
     """
     target = target_path(model)

@@ -20,7 +20,7 @@ class Record:
     """One file that can be pulled."""
 
     name: str
-    """What users call it."""
+    """Name for users."""
     what: str
     """One line: what it does."""
     urls: tuple[str, ...]
@@ -42,7 +42,7 @@ class Record:
     member: str | None = None
     """Where the addresses serve a ZIP: the end of the path, inside it, of the one entry that is kept."""
     note: str = ""
-    """What else a user should know."""
+    """Notes for users."""
 
 
 _DEPTH_ANYTHING_ONNX = "https://github.com/fabio-sim/Depth-Anything-ONNX/releases/download/v2.0.0"
@@ -169,7 +169,7 @@ CATALOGUE: dict[str, Record] = {
         ),
         Record(
             name="u2netp",
-            what="U2-Net-p: the mask of what stands out in a picture (ships in the package, for --salient)",
+            what="U2-Net-p: the mask of the salient object of a picture (ships in the package, for --salient)",
             urls=("https://github.com/danielgatis/rembg/releases/download/v0.0.0/u2netp.onnx",),
             sha256="309c8469258dda742793dce0ebea8e6dd393174f89934733ecc8b14c76f4ddd8",
             bytes=4574861,

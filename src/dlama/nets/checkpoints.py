@@ -40,15 +40,15 @@ class GeneratorWeights:
     kind: str
     """lightning, torchscript, torch or safetensors."""
     notes: tuple[str, ...]
-    """What a user should be told: what else the file holds and was left, what was converted."""
+    """Notes for the user: what else the file holds and was left, what was converted."""
 
 
 def read_generator(path: Path | str, activation: str | None = None) -> GeneratorWeights:
     """The generator in that file.
 
     Args:
-        path: .ckpt, .pth, .pt (TorchScript or a state dict) or .safetensors; told by content, not by name.
-        activation: the last layer; default is what the file's metadata says, else sigmoid as published.
+        path: .ckpt, .pth, .pt (TorchScript or a state dict) or .safetensors; recognised by content, not by name.
+        activation: the last layer; default: that of the file's metadata, else sigmoid as published.
     Raises:
         FileError: no such file, truncated, no archive, no generator in it, half of one, NaN in it.
     """
@@ -76,7 +76,7 @@ class _File:
 
 
 def _open(path: Path) -> _File:
-    """Told apart by the first bytes, since all of these are found under all of the suffixes."""
+    """Recognised by the first bytes, since all of these occur under all of the suffixes."""
     with system_errors(FileError), path.open("rb") as file:
         head = file.read(16)
     if head.startswith(b"PK"):
@@ -102,7 +102,7 @@ def _open(path: Path) -> _File:
 
 
 def _prefix(file: _File) -> str:
-    """What stands before the published names; where several networks have them, the one called generator is meant."""
+    """Prefix of the published names; where several networks have them, the one called generator is meant."""
     found = [name[: -len(STEM)] for name in file.shapes if name == STEM or name.endswith("." + STEM)]
     if len(found) > 1:
         found = [prefix for prefix in found if prefix in ("generator.", "model.generator.")] or found

@@ -1,7 +1,7 @@
 """The pickle of a torch file in; its tables, and where its tensors lie, out. None of its code is run.
 
 The unpickler knows four objects: ordered tables, the two tensor rebuilders, torch.Size and the storage types. Every other
-global, whatever it is called, becomes an inert placeholder that swallows its arguments. What a pickle may cost is bounded: its
+global of any name becomes an inert placeholder that swallows its arguments. What a pickle may cost is bounded: its
 bytes, the kinds of keys of its tables (hashing tuples in tuples takes exponential time, and overflows the stack), the items it
 copies, the globals it names.
 """
@@ -52,7 +52,7 @@ class StoredTensor:
 def read_pickle(data: bytes) -> tuple[Any, tuple[str, ...]]:
     """The tree that a pickle describes, and the names of the globals that became placeholders.
 
-    Raises whatever a broken pickle makes Python raise; UnpicklingError: more bytes, items or globals than are read, or a key
+    Raises any error that Python raises on a broken pickle; UnpicklingError: more bytes, items or globals than are read, or a key
     that is no text, number, or short tuple of these.
     """
     if len(data) > LARGEST_PICKLE:

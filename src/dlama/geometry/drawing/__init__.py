@@ -1,5 +1,5 @@
-"""One layer and a camera in; its pixels on a canvas out, as `rendering` and the merging of frames need them.
+"""One layer and a camera in; its pixels on a canvas, for `rendering` and the merging of frames, out.
 
-Begin with `layers` (surfaces, points, sky); `picture_edges` puts depth edges where the picture has them before a layer is drawn,
-`gaps` closes what is left open between drawn surfaces.
+Begin with `layers` (surfaces, points, sky). `picture_edges` aligns depth edges with the picture before a layer is drawn; `gaps`
+closes gaps between drawn surfaces.
 """

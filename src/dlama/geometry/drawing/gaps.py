@@ -1,7 +1,7 @@
-"""A drawn picture in; the same with narrow gaps between its surfaces closed, and with sky continuing, out.
+"""A drawn picture in; the same with narrow gaps between its surfaces closed, and the sky extended, out.
 
-Layers that were filled for several cameras meet at the pixel borders of each of them. Seen from between, seams of a pixel or two
-open, and directions of the sky that none of the cameras held. Wider gaps stay open: nobody knows what is there.
+Layers that were filled for several cameras meet at their pixel borders. From a view between them seams of a pixel or two open,
+and so do directions of the sky that no camera saw. Wider gaps stay open.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from dlama.geometry.scene import Scene
 from dlama.geometry.view import Origin
 
 WIDEST = 2
-"""px along a row or a column: a gap up to this is a seam."""
+"""Largest width of a seam, px along a row or a column."""
 ONE_SURFACE = 0.03
-"""Relative step in inverse depth up to which both sides of a seam are one surface; beyond, the farther one continues behind."""
+"""Largest relative step in inverse depth across a seam within one surface; beyond, the farther surface extends."""
 SKY = 0.08
-"""Share of the picture's width up to which sky continues along a row."""
+"""Largest gap along a row, over the picture's width, into which sky extends."""
 SEAM_CONFIDENCE, SKY_CONFIDENCE = 0.9, 0.5
-"""Confidence of what is closed, in that of the less sure side."""
+"""Factors on the lower confidence of both sides, for seams and for sky."""
 
 
 class Ends(NamedTuple):
@@ -49,27 +49,27 @@ class Ends(NamedTuple):
         after = np.where(right < width, flat[row, np.minimum(right, width - 1)], -1)
         return cls(before, after, right - left - 1, ((at - left) / (right - left)).astype(np.float32))
 
-    def chosen(self, which: NDArray[np.intp] | BoolArray) -> Ends:
+    def select(self, which: NDArray[np.intp] | BoolArray) -> Ends:
         """Some of them."""
         return Ends(self.before[which], self.after[which], self.length[which], self.share[which])
 
 
 def can_close_gaps(scene: Scene) -> bool:
-    """True if a scene was filled, and nothing that was filled has been left open again for want of confidence."""
+    """True if a scene was filled, and no filled pixel was opened again for low confidence."""
     return bool(scene.fills) and not any(fill.has_open_holes for fill in scene.fills)
 
 
 def close_gaps(canvas: Canvas) -> None:
-    """Fill what is empty on the canvas and no more than WIDEST px wide or high, or next to sky in its row; origin FILLED.
+    """Fill empty pixels in gaps at most WIDEST px wide or high, or next to sky in their row; origin FILLED.
 
-    What is drawn stays bit for bit.
+    Drawn pixels stay bit for bit.
     """
     known = canvas.depth > 0
     if known.all() or not known.any():
         return
     flat = np.arange(known.size).reshape(known.shape)
     empty = flat[~known]
-    along, down = Ends.of(known, flat), Ends.of(known.T, flat.T).chosen(np.argsort(flat.T[~known.T]))
+    along, down = Ends.of(known, flat), Ends.of(known.T, flat.T).select(np.argsort(flat.T[~known.T]))
     inverse = inverse_depth(canvas.depth).ravel()
     steps = [seam_step(ends, inverse) for ends in (along, down)]
     nothing = canvas.origin.ravel()[empty] == Origin.UNKNOWN  # a measured colour without depth stays
@@ -83,7 +83,7 @@ def close_gaps(canvas: Canvas) -> None:
         (down, in_column, SEAM_CONFIDENCE),
         (along, sky, SKY_CONFIDENCE),
     ):
-        join(canvas, inverse, empty[where], ends.chosen(where), factor)
+        join(canvas, inverse, empty[where], ends.select(where), factor)
 
 
 def seam_step(ends: Ends, inverse: Float32Array) -> Float32Array:
@@ -94,7 +94,7 @@ def seam_step(ends: Ends, inverse: Float32Array) -> Float32Array:
 
 
 def join(canvas: Canvas, inverse: Float32Array, empty: NDArray[np.intp], ends: Ends, factor: float) -> None:
-    """Write the empty pixels (flat indices): between both ends where those are one surface, else as the farther end."""
+    """Write the empty pixels (flat indices): interpolated between both ends within one surface, else as the farther end."""
     before = np.where(ends.before >= 0, ends.before, ends.after)
     after = np.where(ends.after >= 0, ends.after, ends.before)
     w, v = inverse[before], inverse[after]

@@ -1,4 +1,4 @@
-"""Drawing: one layer and a camera in; its surfaces, or its points, and its sky on a canvas out."""
+"""One layer and a camera in; its surfaces, or its points, and its sky drawn on a canvas out."""
 
 from __future__ import annotations
 
@@ -25,20 +25,22 @@ Mode = Literal["surface", "points"]
 MODES: tuple[Mode, ...] = ("surface", "points")
 
 NOISE_REACH, NOISE_LINES, NOISE_STEPS, NOISY = 4, 32, 4.0, 2.5
-"""Pixels over which noise is looked at; rows and columns that are; its standard deviations that are no edge; those that tear."""
+"""Distance in px of the differences that measure noise; rows and columns used; standard deviations within one surface; and from
+which surfaces tear."""
 NOISE_SAMPLES = 1000
-"""Fewer pixels do not tell noise from edges."""
+"""Least number of samples that distinguish noise from edges."""
 NEAR = 1e-3
-"""Metres in front of the camera at which rendering begins."""
+"""Near plane in metres."""
 MAX_PARTS = 4
-"""Threads that draw points at once, each into a z-buffer of its own."""
+"""Most threads that draw points at once, each into its own z-buffer."""
 
 
 def step_by_noise(w: Float32Array, ratio: float) -> float:
-    """Step in inverse depth (1/m) between neighbouring pixels that noise alone makes; 0 where `ratio` covers it at the median.
+    """Step in inverse depth (1/m) between neighbouring pixels caused by noise alone; 0 where `ratio` covers it at the median.
 
-    w: as `edges` wants it. Matched depth is off by a share of a pixel of disparity, wherever: far walls must not be torn by
-    it. From the median second difference over NOISE_REACH px, of straight lines 0, of some NOISE_LINES rows and columns.
+    w: with a margin, see `depth_edges`. Matched depth is off by a fraction of a pixel of disparity everywhere: far walls must
+    not be torn by it. Measured as the median second difference over NOISE_REACH px (0 on straight lines) of some NOISE_LINES
+    rows and columns.
     """
     k, bends, levels = NOISE_REACH, [], []
     for lines in (w, w.T):
@@ -55,13 +57,13 @@ def step_by_noise(w: Float32Array, ratio: float) -> float:
 
 
 def find_flying_pixels(view: View) -> BoolArray:
-    """H x W, True at flying pixels: depth strictly between two surfaces that are neighbours there, joined to neither."""
+    """H x W, True at flying pixels: depth strictly between two adjacent surfaces, joined to neither."""
     return remove_flying_pixels(view)[1]
 
 
 def remove_flying_pixels(layer: View) -> tuple[Float32Array, BoolArray, Float32Array]:
-    """Depth without holes and flying pixels (0), its edges where the picture has them, which pixels fly, and inverse depth as
-    `edges` wants it (with a margin)."""
+    """Depth without holes and flying pixels (0), its edges aligned with the picture; the flying pixels; and inverse depth with
+    a margin, for `depth_edges`."""
     placed, mixed, _ = align_edges(layer)
     unknown = layer.hole | mixed
     w = edges.inverse_with_margin(placed, unknown)
@@ -84,7 +86,7 @@ def join_neighbours(w: Float32Array, camera: Camera) -> UInt8Array:
 
 @dataclass
 class Canvas:
-    """What has been drawn so far; depth 0 = empty."""
+    """Pixels drawn so far; depth 0 = empty."""
 
     color: UInt8Array
     """H x W x 3, RGB."""
@@ -116,8 +118,8 @@ class Canvas:
     def put(self, other: Canvas, tolerance: float, over_measured: bool, at_home: bool = False) -> None:
         """Draw another canvas over this one where this is empty or clearly behind (relative tolerance).
 
-        over_measured: False keeps measured pixels in their own camera (nothing filled covers them); at_home: it is the camera of
-        the first layer, whose sensor holes have measured colours, which stay too.
+        over_measured: False keeps measured pixels in their own camera (fills must not cover them). at_home: it is the first
+        layer's camera; its sensor holes keep their measured colours.
         """
         wins = (other.depth > 0) & ((self.depth == 0) | (other.depth < self.depth * (1 - tolerance)))
         if not over_measured:
@@ -143,7 +145,7 @@ class Canvas:
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """A layer made ready for drawing into one camera."""
+    """A layer prepared for drawing into one camera."""
 
     layer: View
     own_camera: bool
@@ -158,7 +160,7 @@ class Grid:
 
     @classmethod
     def of(cls, layer: View, camera: Camera, mode: Mode, fine: bool) -> Grid:
-        """The layer, ready for `camera`; flying pixels and joined neighbours are looked for where they are first needed."""
+        """The layer, prepared for `camera`; flying pixels and joined neighbours are computed on demand."""
         layer = layer.read()
         return cls(layer, layer.camera.same_view_as(camera), mode, *px_from_px(camera, layer.camera), fine)
 

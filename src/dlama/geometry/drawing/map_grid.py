@@ -1,4 +1,4 @@
-"""A depth map that may have been enlarged to the size of its picture in; its own pixels out, to work at its own size."""
+"""A depth map, possibly enlarged to its picture's size, in; its original pixel grid out."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 
 ENLARGED = 1.25
-"""Pixels of the picture to one of the depth map, from which on the map was enlarged."""
+"""Least number of picture pixels to one pixel of an enlarged map."""
 LEAST_BORDERS, REGULAR = 40, 0.8
-"""Fewer borders say nothing; share of their distances that are equal (to a pixel) in an enlarged map."""
+"""Least number of borders; least share of their distances that are equal (to a pixel) in an enlarged map."""
 
 
 class MapAxis(NamedTuple):
@@ -26,7 +26,7 @@ class MapAxis(NamedTuple):
 
     @classmethod
     def of(cls, changes: BoolArray) -> MapAxis:
-        """By where depth changes to the next pixel: changes a constant distance apart (to a pixel) are borders of its pixels."""
+        """From positions where depth changes: in an enlarged map they are a constant distance apart (to a pixel)."""
         sides = len(changes) + 1
         between = np.diff(np.flatnonzero(changes))
         if len(between) < LEAST_BORDERS:
@@ -56,7 +56,7 @@ class MapGrid(NamedTuple):
 
     @classmethod
     def of(cls, depth: Float32Array) -> MapGrid:
-        """That of depth (H x W), by its blocks of equal values."""
+        """The grid of depth (H x W), by its blocks of equal values."""
         return cls(MapAxis.of((depth[1:] != depth[:-1]).any(1)), MapAxis.of((depth[:, 1:] != depth[:, :-1]).any(0)))
 
     @property
@@ -66,11 +66,11 @@ class MapGrid(NamedTuple):
 
     @property
     def enlarged(self) -> bool:
-        """Whether the map was enlarged at all."""
+        """Whether the map was enlarged."""
         return self.largest > 1
 
     def of_map(self, values: np.ndarray) -> np.ndarray:
-        """Values of the picture (H x W) at the pixels of the map; themselves, where it was not enlarged."""
+        """Values of the picture (H x W) at the pixels of the map; unchanged where it was not enlarged."""
         return values[self.rows.middles][:, self.columns.middles] if self.enlarged else values
 
     def picture(self, color: UInt8Array) -> UInt8Array:

@@ -1,7 +1,7 @@
-"""A view whose depth edges lie next to those of its picture in; its depth with the edges where the picture has them out.
+"""A view whose depth edges are misaligned with its picture in; its depth with edges aligned to the picture out.
 
-A depth camera and a matcher place edges a few pixels off: pixels of a table get the depth of the cabinet behind it, and the
-other way round. In the view itself nothing shows it; from elsewhere they are a torn fringe on both. How far off is measured.
+A depth camera and a matcher place edges a few pixels off: pixels of a table get the depth of the cabinet behind it, and vice
+versa. In the view itself this is invisible; from elsewhere both get a torn fringe. The misalignment is measured.
 """
 
 from __future__ import annotations
@@ -26,45 +26,44 @@ from dlama.geometry.view import Origin, View
 JUMP = 0.06
 """Relative step of inverse depth between neighbours that is an edge."""
 LOOKED_AT = 8
-"""Pixels to either side of a depth edge in which the picture's edge is looked for."""
+"""Search range, in px to either side of a depth edge, of the picture's edge."""
 LINES = 3
-"""Every so many rows and columns are looked at."""
+"""Step in rows and columns between the scanned lines."""
 STRONG, STANDS_OUT = 20.0, 2.0
-"""Levels (mean over channels) that a picture's edge steps at least, and times the median step around it."""
+"""Least step of a picture's edge in levels (mean over channels), and its least ratio to the median step around it."""
 LEAST_EDGES = 40
-"""Fewer edges say nothing."""
+"""Least number of edges."""
 REACHED = 0.8
-"""Share of the edges that lie within the reach in which pixels are moved."""
+"""Quantile of the offsets that is the reach."""
 CLEARLY = 2
-"""Pixels from which on depth edges clearly lie next to the picture's: a rendered picture's soft edges may do so by one."""
+"""Least misalignment of a depth camera in px: the soft edges of a rendered picture may have one."""
 WIDER = 3
-"""Pixels beyond that reach that are moved, too, if colours say so: a fifth of the edges are farther off."""
+"""Pixels beyond that reach that move, too, if colours agree: a fifth of the edges are farther off."""
 FARTHEST, CONTRARY = 30.0, 2.0
-"""A way longer than that changes nothing; what a pixel adds whose measured depth is another surface's."""
+"""Longest path that moves a pixel; path length added by a pixel whose measured depth is another surface's."""
 RIM, MIXED, CONTRAST, SPREADS = 1, 0.3, 40.0, 2.0
-"""Pixels next to an edge (and its own two) that may be mixed of both sides; the other side's share from which they are; the
-levels (root of the sum over channels) that the sides differ by; standard deviations by which the mixture stands out of its
-own side."""
+"""Radius in px round an edge (and its own two) of mixed pixels; the least share of the other side in them; the least colour
+difference of the sides (root of the sum over channels); the least deviation from their own side, in standard deviations."""
 UNLIKE = 60.0
-"""Levels (root of the sum over channels) from which two colours have nothing in common."""
+"""Colour difference (root of the sum over channels) from which two colours have no similarity."""
 
 
 class DepthProfile(NamedTuple):
-    """How the depth of a scene came about. What depends on it, the filler and the growth of masks, is chosen by it alone."""
+    """How the depth of a scene was made. The filler and the growth of masks are chosen by it alone."""
 
     estimated: bool
     """A network estimated it from the picture."""
     edges_off_px: int
-    """By which its edges lie next to those of the picture (`edge_uncertainty`)."""
+    """Misalignment of its edges with the picture, px (`edge_uncertainty`)."""
 
     @property
     def from_depth_camera(self) -> bool:
-        """Whether a depth camera measured it: that its edges clearly lie next to those of the picture says so."""
+        """Whether a depth camera measured it: its edges are clearly misaligned."""
         return self.edges_off_px >= CLEARLY
 
     @classmethod
     def of(cls, scene: Scene) -> DepthProfile:
-        """That of a scene, by its first frame as it was before anything was removed."""
+        """The profile of a scene, by its first frame before any removal."""
         if scene not in PROFILES:
             estimated = any(Origin.ESTIMATED in frame.origins for frame in scene.frames)
             PROFILES[scene] = cls(estimated, edge_uncertainty(scene.original(scene.frames[0])))
@@ -72,7 +71,7 @@ class DepthProfile(NamedTuple):
 
     @property
     def reason(self) -> str:
-        """In words, for what is chosen by it."""
+        """The reason in words, for choices by it."""
         if self.estimated:
             return "a network estimated the depth"
         place = f"{self.edges_off_px} px off the picture's" if self.edges_off_px else "on the picture's"
@@ -80,24 +79,24 @@ class DepthProfile(NamedTuple):
 
 
 class AlignedDepth(NamedTuple):
-    """A view's depth with its edges where the picture has them."""
+    """A view's depth with its edges aligned to the picture."""
 
     depth: Float32Array
-    """H x W metres: that of pixels next to misplaced edges is that of the surface whose colours they have."""
+    """H x W metres; pixels near misaligned edges have the depth of the surface of their colour."""
     mixed: BoolArray
-    """H x W, True behind an edge where a colour is mixed with that of what stands before it."""
+    """H x W, True behind an edge where the colour is mixed with the occluder's."""
     misaligned: BoolArray
-    """H x W, True within the reach of misplaced edges; nowhere, where edges are where the picture has them."""
+    """H x W, True within the reach of misaligned edges; all False where edges are aligned."""
 
 
 PROFILES: WeakKeyDictionary[Scene, DepthProfile] = WeakKeyDictionary()
-"""What was found of scenes, as long as they live."""
+"""Cache by scene."""
 ALIGNED: WeakKeyDictionary[View, AlignedDepth] = WeakKeyDictionary()
-"""What was found, as long as the views live: each is drawn several times."""
+"""Cache by view: each is drawn several times."""
 
 
 def align_edges(view: View) -> AlignedDepth:
-    """Depth with its edges where the picture has them: the depth itself where they are, or where nothing tells."""
+    """Depth with its edges aligned to the picture; the depth itself where they are, or where this cannot be measured."""
     placed = ALIGNED.get(view)
     if placed is None:
         placed = ALIGNED[view] = _align_edges(view)
@@ -121,7 +120,7 @@ def _align_edges(view: View) -> AlignedDepth:
 
 
 def move_edges(color: UInt8Array, depth: Float32Array, known: BoolArray, reach: int, ratio: float) -> AlignedDepth:
-    """Depth (H x W metres, where `known`) with edges that lie up to `reach` px off where the picture has them."""
+    """Depth (H x W metres, where `known`) with edges up to `reach` px off aligned to the picture."""
     w = inverse_depth(np.where(known, depth, np.float32(0)))
     whole = fill_with_nearest(w, known)
     band, wide = near_jumps(whole, reach), near_jumps(whole, min(reach + WIDER, LOOKED_AT))
@@ -151,9 +150,10 @@ def move_edges(color: UInt8Array, depth: Float32Array, known: BoolArray, reach: 
 def find_other_surfaces(
     w: Float32Array, known: BoolArray, band: BoolArray, color: Float32Array, ratio: float
 ) -> Float32Array:
-    """H x W inverse depth of the surface that pixels of the band belong to by their colours, where it is not their own; else 0.
+    """H x W inverse depth of the surface that pixels of the band belong to by colour, where it is not their own; else 0.
 
-    w: H x W 1/m, of pixels that are `known`; band: H x W, those whose depth may be wrong; color: H x W x 3; ratio: `edge_ratio`.
+    w: H x W 1/m, of pixels that are `known`; band: H x W, pixels whose depth may be wrong; color: H x W x 3; ratio:
+    `edge_ratio`.
     """
     soft = np.asarray(cv2.medianBlur(color, 3), np.float32)  # grain is no edge
     reliable = known & ~band
@@ -190,7 +190,7 @@ def jumps(w: Float32Array) -> BoolArray:
 
 
 def edge_uncertainty(view: View) -> int:
-    """Pixels by which measured depth edges lie next to the picture's: those of REACHED of them; 0 where half of them do not."""
+    """Misalignment in px of measured depth edges with the picture's, the REACHED quantile; 0 where half of them are aligned."""
     measured = view.valid & (view.origin == Origin.MEASURED)
     return edge_misalignment(view.color, view.depth, measured, view.far)
 
@@ -198,8 +198,7 @@ def edge_uncertainty(view: View) -> int:
 def edge_misalignment(color: UInt8Array, depth: Float32Array, measured: BoolArray, far: BoolArray) -> int:
     """As `edge_uncertainty`, of depth (H x W metres) where it is measured or far.
 
-    Where the depth map was enlarged to the size of the picture they are looked for at its own size; by less than CLEARLY of its
-    own pixels they are off for its coarseness alone: 0.
+    An enlarged depth map is measured at its own size; there a misalignment below CLEARLY pixels comes from its coarseness: 0.
     """
     if measured.sum() < LEAST_EDGES:
         return 0
@@ -220,7 +219,7 @@ def map_edge_misalignment(color: UInt8Array, depth: Float32Array, measured: Bool
 
 
 def edge_offsets(w: Float32Array, color: UInt8Array) -> NDArray[np.int64]:
-    """N distances in px, along some rows, of lone depth edges from the nearest edge of the picture that is strong there."""
+    """N distances in px, along some rows, from isolated depth edges to the nearest strong edge of the picture."""
     w, color = w[LINES - 1 :: LINES], color[LINES - 1 :: LINES]
     before, after = w[:, :-1], w[:, 1:]
     jump = np.abs(after - before) > JUMP * np.maximum(before, after)

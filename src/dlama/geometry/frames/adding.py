@@ -1,4 +1,4 @@
-"""A scene and one more frame in; the scene that both show out, also where the scene was filled or lacks a removed object."""
+"""A scene and one more frame in; the scene with the frame out, also where it was filled or lacks a removed object."""
 
 from __future__ import annotations
 
@@ -43,13 +43,13 @@ def add_frame(scene: Scene, frame: FrameSource) -> Scene:
 
 
 def drop_seen_fill(fill: View, frame: View) -> View:
-    """A fill without what was filled where the frame measured."""
+    """A fill without the pixels that the frame measured."""
     seen = is_seen_by(frame, fill) & np.isin(fill.origin, (Origin.FILLED, Origin.DEPTH_FILLED))
     return fill.without(seen, HoleType.NONE) if seen.any() else fill
 
 
 def drop_seen_depth(one: View, frame: View) -> View:
-    """A frame whose sensor holes are open again where their filled depth lies where another frame measured."""
+    """A frame with its filled sensor holes open again where another frame measured their depth."""
     if not one.has_filled_depth:
         return one
     seen = is_seen_by(frame, one) & (one.origin == Origin.DEPTH_FILLED)
@@ -57,7 +57,7 @@ def drop_seen_depth(one: View, frame: View) -> View:
 
 
 def is_seen_by(frame: View, layer: View) -> BoolArray:
-    """H x W, True at the points of a layer that lie on what a frame measured, or in front of it."""
+    """H x W, True at points of a layer on a surface that a frame measured, or in front of it."""
     row, column, z, inside = project_to_pixels(world_points(layer), frame.camera)
     there = np.where(frame.hole, 0, frame.depth)[row, column]
     return layer.valid & inside & (z <= there * (1 + AGREES))

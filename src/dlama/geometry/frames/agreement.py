@@ -1,4 +1,4 @@
-"""Two views of one scene in; what their depths and colours say of each other, sample by sample, out."""
+"""Two views of one scene in; the agreement of their depths and colours, sample by sample, out."""
 
 from __future__ import annotations
 
@@ -17,27 +17,27 @@ from dlama.geometry.rgbd import Float32Array
 from dlama.geometry.view import View
 
 AGREES = 0.05
-"""Relative difference of two depths of one surface, whatever noise and poses are like."""
+"""Largest relative difference of two depths of one surface, at any noise and pose error."""
 UNCLIPPED = (8, 247)
-"""Levels between which a channel tells how much brighter one picture is than the other."""
+"""Levels between which a channel is used for the gain of a picture."""
 BLUR_PX = 5
-"""Colours are compared as means over such a square: poses are off by a pixel or two."""
+"""Side in px of the squares whose mean colours are compared: poses are off by a pixel or two."""
 ENOUGH = 20
-"""Samples that a pair of frames has to share."""
+"""Least number of common samples of a pair of frames."""
 ALL_PAIRS = 64
-"""Frames up to which each is compared with every other; beyond, against those 1, 2, 4, 8, ... places on."""
+"""Most frames for which all pairs are compared; beyond, each with those 1, 2, 4, 8, ... places on."""
 MOST_PAIRS = ALL_PAIRS**2
-"""Pairs of which all samples are held; of more, every second, third, ... sample."""
+"""Most pairs of which all samples are kept; of more pairs every second, third, ... sample."""
 
 
 @dataclass(frozen=True)
 class Overlap:
-    """What one frame's samples say where they land in another frame."""
+    """One frame's samples reprojected to another frame."""
 
     agree: int
     """Samples that lie on the other's surface."""
     through: int
-    """Samples that the other looked through: it saw something behind them."""
+    """Samples that the other frame saw through: it measured a surface behind them."""
     depth: Float64Array
     """Of the samples that agree: metres."""
     error: Float64Array
@@ -46,7 +46,7 @@ class Overlap:
     """N x 3: logarithm of the other's colour by this one's, of samples that neither clips."""
 
     def thin(self, every: int) -> Overlap:
-        """With every so many of the samples; those that agree or were looked through stay counted."""
+        """With every n-th sample; the counts stay."""
         if every == 1:
             return self
         return dataclasses.replace(
@@ -55,7 +55,7 @@ class Overlap:
 
 
 class ComparableView:
-    """What a frame is compared with others by: its samples and their colours, small enough for all frames at once."""
+    """A frame's samples with their colours, small enough to be kept for all frames at once."""
 
     def __init__(self, view: View) -> None:
         self.camera, self.samples = view.camera, sample_view(view)
@@ -66,14 +66,14 @@ _comparable: WeakKeyDictionary[View, ComparableView] = WeakKeyDictionary()
 
 
 def make_comparable(view: View) -> ComparableView:
-    """A view made ready to be compared with others, once."""
+    """The samples of a view, computed once."""
     if view not in _comparable:
         _comparable[view] = ComparableView(view)
     return _comparable[view]
 
 
 class Pictures:
-    """What a frame holds others against: its whole pictures, of one frame at a time."""
+    """The whole pictures of the other frame, of one frame at a time."""
 
     def __init__(self, view: View) -> None:
         view = view.read()
@@ -88,7 +88,7 @@ def blur(view: View) -> Float32Array:
 
 
 def frame_pairs(count: int) -> list[tuple[int, int]]:
-    """Which frames are compared with which (i, j), i != j, both ways."""
+    """Pairs of frames (i, j), i != j, to compare, both ways."""
     if count <= ALL_PAIRS:
         return [(i, j) for i in range(count) for j in range(count) if i != j]
     steps = [2**power for power in range(count.bit_length()) if 2**power < count]
@@ -97,7 +97,7 @@ def frame_pairs(count: int) -> list[tuple[int, int]]:
 
 
 def measure_overlaps(views: Sequence[View]) -> dict[tuple[int, int], Overlap]:
-    """What each pair of frames (`frame_pairs`) says: (i, j) -> the samples of i seen by j. Each frame's pixels are read twice."""
+    """Overlap of each pair of `frame_pairs`: (i, j) -> the samples of i seen by j. Each frame's pixels are read twice."""
     pairs = frame_pairs(len(views))
     every = max(1, len(pairs) // MOST_PAIRS)
     ready = [make_comparable(view) for view in views]
@@ -134,7 +134,7 @@ def measure_overlap(one: ComparableView, other: Pictures) -> Overlap:
 
 
 def sample_inverse_depth(inverse: Float32Array, pixels: Float64Array) -> Float64Array:
-    """Inverse depth at pixel coordinates (N x 2, at least half a pixel inside), read linearly; 0 where that is no one surface."""
+    """Inverse depth at pixel coordinates (N x 2, at least half a pixel inside), bilinear; 0 across depth edges."""
     left, top = np.floor(pixels - 0.5).astype(np.intp).T
     right, bottom = np.minimum(left + 1, inverse.shape[1] - 1), np.minimum(top + 1, inverse.shape[0] - 1)
     corners = np.stack([inverse[top, left], inverse[top, right], inverse[bottom, left], inverse[bottom, right]])
@@ -163,9 +163,9 @@ def fit_noise(found: Sequence[Overlap]) -> tuple[float, float]:
 
 
 def fit_gains(count: int, found: dict[tuple[int, int], Overlap]) -> Float64Array:
-    """count x 3: what each frame's channels are multiplied by so that all are equally bright; their geometric mean is 1.
+    """count x 3 gains of each frame's channels that make all equally bright; their geometric mean is 1.
 
-    Least squares over the median ratio of each pair that shares enough samples. 1 where nothing says anything.
+    Least squares over the median ratio of each pair with enough common samples. 1 where there is none.
     """
     if count > ALL_PAIRS:
         return _fit_many_gains(count, found)
@@ -190,7 +190,7 @@ def fit_gains(count: int, found: dict[tuple[int, int], Overlap]) -> Float64Array
 
 
 def _fit_many_gains(count: int, found: dict[tuple[int, int], Overlap]) -> Float64Array:
-    """The same by normal equations, which take count x count numbers however many pairs there are."""
+    """The same by normal equations, of size count x count for any number of pairs."""
     system, right = 1e-6 * np.eye(count), np.zeros((count, 3))
     for (i, j), each in found.items():
         if len(each.ratio) >= ENOUGH:

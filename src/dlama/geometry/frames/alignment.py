@@ -1,7 +1,7 @@
-"""Posed RGB-D frames of one scene in; the same with poses under which they agree out (bundle adjustment of poses alone).
+"""Posed RGB-D frames of one scene in; the same with mutually consistent poses out (bundle adjustment of poses alone).
 
-SIFT features of two frames (Lowe 2004) are matched where the given poses say that they lie near each other. Points keep the depth
-that their frame measured; the poses are moved so that points fall on the pixels, and on the depths, of the other frames.
+SIFT features of two frames (Lowe 2004) are matched near the positions that the given poses predict. Points keep the depth that
+their frame measured; poses move so that points fall on the pixels, and the depths, of the other frames.
 """
 
 from __future__ import annotations
@@ -22,21 +22,21 @@ from dlama.geometry.rgbd import RGBD, Float32Array
 
 Source = TypeVar("Source", RGBD, Callable[[], RGBD])
 FEATURES = 900
-"""Of a frame, the clearest ones."""
+"""Most features of a frame, the strongest."""
 WIDEST = 640
-"""px, the longer side at which features are looked for."""
+"""Longer side in px at which features are detected."""
 REACH = 0.032
-"""Of the picture's width: how far a feature may lie from where the given poses say."""
+"""Search radius round the predicted position, over the picture's width."""
 STEPS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32)
-"""Places in the sequence between two frames that are compared with each other."""
+"""Distances in the sequence between two frames that are compared."""
 CLOSEST, CLEARER = 0.25, 0.64
-"""Largest squared distance of two descriptors (in 0..2) of one feature, and of the next best match's the share it may be."""
+"""Largest squared distance of two descriptors (in 0..2) of one feature, and its largest ratio to the second best."""
 ENOUGH = 12
-"""Matches that a pair of frames needs."""
+"""Least number of matches of a pair of frames."""
 ONE_SURFACE = 1.03
 """Largest depth by smallest within 5 px of a feature whose depth counts."""
 FITS_PX, BETTER = 1.0, 0.75
-"""Poses under which the features of half the pairs lie within so many pixels stay; others must get better by this factor."""
+"""Offset in px at which poses are kept as they are (median of pairs), and the factor by which others must improve."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,12 +54,12 @@ class Features:
 
 @dataclass(frozen=True, eq=False)
 class Alignment:
-    """What became of the poses of frames."""
+    """Result of the alignment."""
 
     poses: tuple[Float64Array, ...] | None
     """world_from_cam of each frame; None: the given ones stay."""
     before_px: float
-    """How far apart two frames show one point under the given poses: the median of the pairs' medians. NaN: nothing matches."""
+    """Offset of matched points under the given poses: the median of the pairs' medians. NaN: no match."""
     after_px: float
     """The same under the new poses."""
 
@@ -67,7 +67,7 @@ class Alignment:
 def align_frames(frames: Sequence[Source]) -> list[Source]:
     """The frames with poses that agree with their pictures; the same frames where they fit already, or show no features.
 
-    Poses of hand-held sequences are off by centimetres, and a picture's time is not its depth's: one object then lies several
+    Poses of hand-held sequences are off by centimetres, and a picture's time is not its depth's: an object then lies several
     pixels apart in two frames. Poses move by as little as it takes (given ones count as known to 2 cm and half a degree);
     pixels and depths stay as they are, and so does the world on average.
 
@@ -83,7 +83,7 @@ def align_frames(frames: Sequence[Source]) -> list[Source]:
 
 
 def estimate_poses(found: Sequence[Features]) -> Alignment:
-    """Poses under which the features of frames agree, unless the given ones fit, or nothing better is found."""
+    """Poses under which the features of frames agree; the given ones where they fit, or nothing better is found."""
     matches = match_all(found)
     if matches is None:
         return Alignment(None, np.nan, np.nan)
@@ -112,7 +112,7 @@ def read_with_pose(read: Callable[[], RGBD], pose: Float64Array) -> RGBD:
 
 
 def detect_features(frame: RGBD) -> Features:
-    """The clearest features of a frame, with its depth there."""
+    """The strongest features of a frame, with its depth there."""
     shrunk = min(1.0, WIDEST / max(frame.camera.wh))
     width, height = (max(1, round(shrunk * side)) for side in frame.camera.wh)
     camera = frame.camera.resized(width, height) if shrunk < 1 else frame.camera
@@ -145,7 +145,7 @@ def match_all(found: Sequence[Features]) -> Matches | None:
                 back = found[j].depth[there] > 0
                 if back.sum() >= ENOUGH:
                     parts.append(match_pair(j, i, found[j], found[i], there[back], here[back]))
-    return Matches.concatenated(parts) if parts else None
+    return Matches.concatenate(parts) if parts else None
 
 
 def match_pair(i: int, j: int, one: Features, other: Features, here: np.ndarray, there: np.ndarray) -> Matches:
@@ -158,7 +158,7 @@ def match_pair(i: int, j: int, one: Features, other: Features, here: np.ndarray,
 
 
 def match_features(one: Features, other: Features) -> tuple[np.ndarray, np.ndarray]:
-    """Numbers of the features of two frames that show one point: `one` has its depth, `other` shows it where that says."""
+    """Indices of matched features of two frames: `one` has their depth, `other` shows them at the predicted place."""
     nothing = np.zeros(0, np.intp), np.zeros(0, np.intp)
     at = project_features(one, other)
     ahead = np.flatnonzero(np.isfinite(at[:, 0]))
@@ -178,7 +178,7 @@ def match_features(one: Features, other: Features) -> tuple[np.ndarray, np.ndarr
 
 
 def project_features(one: Features, other: Features) -> Float64Array:
-    """N x 2, where the other frame shows one's features under the given poses; NaN without depth, or out of view by far."""
+    """N x 2 predicted pixels of one's features in the other frame; NaN without depth, or far out of view."""
     camera, to = one.camera, other.camera
     rays = np.stack([(one.pixels[:, 0] - camera.cx) / camera.fx, (one.pixels[:, 1] - camera.cy) / camera.fy], 1)
     local = np.concatenate([rays, np.ones((len(rays), 1))], 1) * one.depth[:, None]

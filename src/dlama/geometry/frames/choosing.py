@@ -1,7 +1,7 @@
-"""The frames of a scene and a camera in; the few of them that matter for it out, each chosen for what it adds.
+"""The frames of a scene and a camera in; the few frames that cover its view best out, chosen greedily.
 
-Cost: each frame is sampled once, at about SAMPLES pixels. Of the frames whose samples' box is in view the samples are projected
-into the camera (some 0.1 ms a frame); only those that were chosen are rendered, and only their pixels are read.
+Cost: each frame is sampled once, at about SAMPLES pixels. Samples of frames whose bounding box is in view are projected into
+the camera (some 0.1 ms a frame). Only the chosen frames are rendered, and only their pixels are read.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from dlama.geometry.view import View
 MOST_FRAMES = 8
 """Frames that are rendered for one camera."""
 SAMPLES = (24, 32)
-"""Rows and columns of pixels by which a frame is judged, and cells of the camera's picture in which they are counted."""
+"""Rows and columns of a frame's samples, and cells of the camera's picture in which they are counted."""
 WORTH = np.array([1.0, 0.35, 0.15, 0.05, 0.02, 0.01])
-"""What the first, second, ... frame adds that shows a cell: the first shows it at all, the next confirm it."""
+"""Value of the first, second, ... frame that shows a cell: the first shows it, the next confirm it."""
 LEAST_WORTH = 0.5
-"""Cells that a frame has to add."""
+"""Least value, in cells, that a frame must add."""
 OCCLUDED = 0.9
-"""A sample so much deeper than the nearest one in its cell is not counted."""
+"""Ratio to the nearest depth in its cell below which a sample is occluded."""
 
 
 class Samples:
@@ -67,10 +67,10 @@ def sample_view(view: View) -> Samples:
 
 
 def choose_frames(frames: Sequence[View], camera: Camera, most: int = MOST_FRAMES) -> list[int]:
-    """Places of the frames that matter for `camera`, the one that adds most first; at most `most`.
+    """Indices of the frames for `camera`, by decreasing gain; at most `most`.
 
-    A frame of the camera itself comes first. A frame is worth the cells of the picture it shows, less what others show there
-    already, and less the more its line of sight turns and the coarser it is.
+    A frame of the camera itself comes first. A frame's value is the number of cells it shows, less those shown already, reduced
+    by the angle between the lines of sight and by coarser resolution.
     """
     own = [place for place, frame in enumerate(frames) if frame.camera.same_view_as(camera)][:1]
     if len(frames) == 1:

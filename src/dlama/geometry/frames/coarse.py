@@ -1,4 +1,4 @@
-"""A view in; its depth in blocks of pixels, small enough to be held of a thousand frames, out."""
+"""A view in; its depth in blocks of pixels, small enough to be kept for a thousand frames, out."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _depths: WeakKeyDictionary[View, Float32Array] = WeakKeyDictionary()
 
 
 def coarse_depth(view: View) -> Float32Array:
-    """The nearest depth measured in each block of pixels, ceil(H / BLOCK) x ceil(W / BLOCK) metres; taken once.
+    """The nearest depth measured in each block of pixels, ceil(H / BLOCK) x ceil(W / BLOCK) metres; computed once.
 
     0 where a pixel of the block has none, inf = far.
     """

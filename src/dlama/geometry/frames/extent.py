@@ -1,4 +1,4 @@
-"""Views and a camera in; which of them can show anything there, from the boxes that hold their points, out."""
+"""Views and a camera in; whether each may be visible there, by its points' bounding box, out."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from dlama.geometry.rgbd import BoolArray
 from dlama.geometry.view import View
 
 MARGIN = 0.05
-"""Of the picture's size: what lies so far outside may still reach in, as rims are drawn a little larger."""
+"""Margin of the frustum, over the picture's size: rims are drawn a little larger."""
 _corners: WeakKeyDictionary[View, Float64Array | None] = WeakKeyDictionary()
 
 
@@ -36,7 +36,7 @@ def box_corners(ends: Float64Array) -> Float64Array:
 
 
 def in_view(corners: Float64Array, camera: Camera) -> BoolArray:
-    """N, False for boxes (N x 8 x 3, corners in the world) that lie wholly next to the camera's field of view, or behind it."""
+    """N, False for boxes (N x 8 x 3, corners in the world) entirely outside the camera's frustum."""
     pose = camera.world_from_cam
     local = (corners - pose[:3, 3]) @ pose[:3, :3]
     x, y, z = np.moveaxis(local, -1, 0)

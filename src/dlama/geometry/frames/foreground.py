@@ -1,4 +1,4 @@
-"""Pixels of a frame that may be an object's in; those that stand in front of what lies around them, and are one object, out."""
+"""Candidate pixels of an object in a frame in; those in front of the background, grown into one object, out."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import View
 
 IN_FRONT = 0.02
-"""By which share an object's inverse depth exceeds that of the background behind it."""
+"""Least excess of an object's inverse depth over the background's, relative."""
 AROUND_PX = 12
-"""How much of the surroundings the background is made of."""
+"""Margin in px of the surroundings that define the background."""
 ROUNDS = 300
-"""Of relaxation, after a start from coarse to fine."""
+"""Rounds of relaxation, after a coarse-to-fine start."""
 NEXT_PX, NEXT = 2, 0.05
 """Pixels and relative depth between two parts of one object."""
 
 
 def find_foreground(frame: View, candidates: BoolArray) -> BoolArray:
-    """The candidates (H x W) that lie nearer than the background, which continues from the other pixels around them.
+    """The candidates (H x W) nearer than the background, which is interpolated from the other pixels around them.
 
     Planes are linear in inverse depth, so the background is harmonic in it.
     """
@@ -35,7 +35,7 @@ def find_foreground(frame: View, candidates: BoolArray) -> BoolArray:
 
 
 def interpolate_harmonic(values: Float32Array, known: BoolArray) -> Float32Array:
-    """H x W, the values where they are known, between them the smoothest that joins them."""
+    """H x W, the known values and their harmonic interpolation."""
     found = fill_from_coarse(values, known)
     for _ in range(ROUNDS):
         edged = cv2.copyMakeBorder(found, 1, 1, 1, 1, cv2.BORDER_REPLICATE)
@@ -45,7 +45,7 @@ def interpolate_harmonic(values: Float32Array, known: BoolArray) -> Float32Array
 
 
 def fill_from_coarse(values: Float32Array, known: BoolArray) -> Float32Array:
-    """The values where they are known, elsewhere means of the known ones, of the smallest neighbourhood that has any."""
+    """The known values; elsewhere means of known ones over the smallest neighbourhood that has any."""
     if known.all() or min(values.shape) <= 2:
         mean = values[known].mean() if known.any() else 0.0
         return np.where(known, values, np.float32(mean))

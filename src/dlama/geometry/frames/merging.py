@@ -1,8 +1,8 @@
-"""The frames of a scene and a camera in; what all of them together show of it, on one canvas, out.
+"""The frames of a scene and a camera in; their merged view on one canvas out.
 
-Each of at most MOST_FRAMES frames is drawn into the camera. Per pixel, depths within the measured noise are one surface; the
-nearest surface counts, unless as many frames looked through it as show it. Its depth is the mean, its colour that of the frames
-that show it best.
+Each of at most MOST_FRAMES frames is drawn into the camera. Per pixel, depths within the measured noise are one surface. The
+nearest surface counts, unless as many frames saw through it as show it. Its depth is the mean, its colour that of the frames
+that see it best.
 """
 
 from __future__ import annotations
@@ -26,16 +26,16 @@ from dlama.geometry.scene import Scene
 from dlama.geometry.view import Origin, View, from_source
 
 LOOKED_THROUGH_PX = 2
-"""A point counts as looked through only if a frame saw nothing near it within so many pixels: poses drift."""
+"""A frame sees through a point only if it has no near depth within so many px: poses drift."""
 NARROWEST = 3
-"""px; what other frames show behind a removed object and is narrower than this is left to be filled."""
+"""px; strips from other frames behind a removed object that are narrower are left to be filled."""
 MEASURED, FILLED = 2, 1
-"""What a depth is worth."""
+"""Ranks of depth."""
 
 
 @dataclass(frozen=True, eq=False)
 class Merged:
-    """What the frames show of a camera."""
+    """The merged view."""
 
     canvas: Canvas
     frame: UInt16Array
@@ -93,7 +93,7 @@ def _merge_canvases(
 
 
 def nearest_depth_around(view: View) -> Float32Array:
-    """H x W, the nearest depth measured within LOOKED_THROUGH_PX of a pixel where there is one itself; 0 elsewhere, inf = far."""
+    """H x W, the nearest depth measured within LOOKED_THROUGH_PX of each pixel with depth; 0 elsewhere, inf = far."""
     measured = ~view.hole & (view.depth > 0) & from_source(view.origin)
     side = 2 * LOOKED_THROUGH_PX + 1
     nearest = cv2.erode(np.where(measured, view.depth, np.float32(np.inf)), np.ones((side, side), np.uint8))
@@ -101,7 +101,7 @@ def nearest_depth_around(view: View) -> Float32Array:
 
 
 def confidence_margin(grid: Grid) -> Float32Array:
-    """H x W, pixels from the picture's border, from the next pixel without depth and from the next depth edge."""
+    """H x W distance in px to the picture's border, the next pixel without depth and the next depth edge."""
     known = grid.depth > 0
     inside = known & ~grid.flying
     if grid.joined is not None:
@@ -112,7 +112,7 @@ def confidence_margin(grid: Grid) -> Float32Array:
 
 
 def _keep_own(canvas: Canvas, best: UInt16Array, own: View) -> None:
-    """A frame's own pixels as they are; what others show where it has none is ELSEWHERE, and its own colours stay."""
+    """A frame's own pixels as they are; depth of others where it has none is ELSEWHERE, and its own colours stay."""
     known = own.valid | own.far
     colored = own.hole & (own.origin == Origin.DEPTH_FILLED)
     others = ~known & (canvas.depth > 0) & (best > 0)
@@ -127,7 +127,7 @@ def _keep_own(canvas: Canvas, best: UInt16Array, own: View) -> None:
 
 
 def find_slivers(where: BoolArray) -> BoolArray:
-    """The parts of a region that are narrower than NARROWEST px: what shines through between misaligned edges."""
+    """The parts of a region narrower than NARROWEST px: background visible between misaligned edges."""
     return where & ~morphological_open(where, square(NARROWEST))
 
 

@@ -15,7 +15,7 @@ KNOWN_RAD, KNOWN_M = np.radians(0.5), 0.02
 DEPTH_NOISE = (0.015, 0.006)
 """Standard deviation of two depths' difference at z: hypot(0.015, 0.006 z^2) metres."""
 FIRST_PX, LAST_PX, NARROWS = 6.0, 1.0, 0.7
-"""Scale of the robust weights (Geman-McClure) in the first round and the last, and by what it falls each round."""
+"""Scale of the robust weights (Geman-McClure) in the first round and the last, and its factor per round."""
 ROUNDS, SOLVER_STEPS, SOLVED = 12, 60, 1e-5
 """Of Gauss-Newton, and of the conjugate gradients within, which end early at such a relative residual."""
 DEPTH_OUTLIER = 4.0
@@ -24,7 +24,7 @@ DEPTH_OUTLIER = 4.0
 
 @dataclass(frozen=True, eq=False)
 class Matches:
-    """N points that one frame measured and another one shows; those of a pair of frames follow each other."""
+    """N points measured by one frame and matched in another; those of a pair of frames are contiguous."""
 
     one: np.ndarray
     """N, place of the frame that measured it."""
@@ -35,12 +35,12 @@ class Matches:
     pixels: Float64Array
     """N x 2, in `other`."""
     depth: Float64Array
-    """N, what `other` measured there, metres; 0 = nothing."""
+    """N depths of `other` there, metres; 0 = none."""
     starts: np.ndarray
     """Where each pair begins."""
 
     @classmethod
-    def concatenated(cls, parts: Sequence[Matches]) -> Matches:
+    def concatenate(cls, parts: Sequence[Matches]) -> Matches:
         """Those of several pairs."""
         names = ("one", "other", "points", "pixels", "depth")
         starts = np.cumsum([0, *(len(part.one) for part in parts)])[:-1]
@@ -49,7 +49,7 @@ class Matches:
 
 
 def measure_offset(matches: Matches, cameras: Sequence[Camera]) -> float:
-    """Of half the pairs the median point lies within so many pixels of where the other frame shows it."""
+    """Median over pairs of the median offset in px between points and their matches."""
     lens = np.array([[camera.fx, camera.fy, camera.cx, camera.cy] for camera in cameras])
     poses = np.stack([camera.world_from_cam for camera in cameras])
     apart = np.linalg.norm(_reproject(matches, poses, lens)[2], axis=1)
@@ -74,7 +74,7 @@ def adjust_poses(matches: Matches, cameras: Sequence[Camera]) -> list[Float64Arr
 def _reproject(
     matches: Matches, poses: Float64Array, lens: Float64Array
 ) -> tuple[Float64Array, Float64Array, Float64Array]:
-    """N x 3 points in the world and in the other frame's axes, and N x 2 by how many pixels they miss."""
+    """N x 3 points in the world and in the other frame's axes, and N x 2 reprojection errors in px."""
     one, other = poses[matches.one], poses[matches.other]
     world = np.einsum("nab,nb->na", one[:, :3, :3], matches.points) + one[:, :3, 3]
     local = np.einsum("nba,nb->na", other[:, :3, :3], world - other[:, :3, 3])
@@ -111,7 +111,7 @@ def _normal_equations(
 
 
 def _weights(matches: Matches, miss: Float64Array, deep: Float64Array, scale: float) -> Float64Array:
-    """N x 3 (x, y, depth): robust, and a pair of many matches does not outweigh the others by their number."""
+    """N x 3 (x, y, depth) robust weights, normalised by the number of matches of a pair."""
     fits = 1 / (1 + (miss**2).sum(1) / scale**2) ** 2
     counts = np.diff([*matches.starts, len(miss)])
     fits = fits / np.sqrt(np.repeat(counts, counts))
@@ -120,7 +120,7 @@ def _weights(matches: Matches, miss: Float64Array, deep: Float64Array, scale: fl
 
 
 def _prior(poses: Float64Array, given: Float64Array) -> tuple[Float64Array, Float64Array]:
-    """What the given poses say: K x 6 x 6, and K x 6 gradients."""
+    """The prior of the given poses: K x 6 x 6, and K x 6 gradients."""
     precision = np.array([*[1 / KNOWN_RAD**2] * 3, *[1 / KNOWN_M**2] * 3])
     turns = np.stack([cv2.Rodrigues(pose[:3, :3] @ old[:3, :3].T)[0].ravel() for pose, old in zip(poses, given)])
     off = np.concatenate([turns, poses[:, :3, 3] - given[:, :3, 3]], 1)

@@ -1,8 +1,8 @@
-"""A scene and the masks of an object in some of its frames in; the scene without that object, in every frame, out.
+"""A scene and an object's masks in some of its frames in; the scene without the object, in every frame, out.
 
-The masked frames say where the object's points lie and, just as well, which points next to it are not its own. In every other
-frame those pixels are its own that show such a point, and those that continue from them in depth and stand in front of the
-background around them (`foreground`), within the object's box, and that no masked frame shows outside its mask.
+The masked frames locate the object's points and, equally, the points next to it that are not its own. In every other frame an
+object's pixel shows such a point. Connected pixels of similar depth in front of the background (`foreground`) are added, if
+they lie within the object's box and no masked frame shows them outside its mask.
 """
 
 from __future__ import annotations
@@ -28,25 +28,25 @@ from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, View
 
 GROWTH_PX, HALO_PX = 3, 3
-"""By which a mask grows in a picture of up to GROWTH_WIDTH px, and by how much more in a depth camera's: compression and
-blur spread an object's colours. In larger pictures both are larger in proportion."""
+"""Growth of a mask in px in a picture of up to GROWTH_WIDTH px, and extra growth for a depth camera's: compression and blur
+spread an object's colours. In larger pictures both scale with the width."""
 GROWTH_WIDTH = 1024
 RIM_PX = 3
-"""A mask's rim that is not carried: masks reach a little over the object."""
+"""Rim in px of a mask that is not transferred: masks reach a little over the object."""
 EDGE_PX = 2
-"""By which a region grows at its edges: there depths are between two surfaces."""
+"""Growth of a region at its edges in px, where depths lie between two surfaces."""
 REACH = 1.5
-"""How far an object reaches beyond what the masked frames show of it, in sides of a square as large as that."""
+"""Reach of an object beyond its masked part, in sides of a square of equal area."""
 BOX_GROWS = 0.25
-"""Of the object's diagonal, by which its box grows: other frames see sides of it that the masked ones do not."""
+"""Growth of the object's box, over its diagonal: other frames see sides that the masked ones do not."""
 THICK = 0.7
-"""Of the object's largest extent: how thick it may be along the line of sight of the masked frames."""
+"""Largest thickness along the line of sight of the masked frames, over the object's largest extent."""
 OUTLIERS = (1.0, 99.0)
-"""Percentiles of the object's points that its box holds."""
+"""Percentiles of the object's points inside its box."""
 
 
 class Growth(NamedTuple):
-    """By how much masks grow before their pixels leave the frames."""
+    """Growth of masks before their pixels leave the frames."""
 
     px: int
     reason: str
@@ -54,10 +54,10 @@ class Growth(NamedTuple):
 
 
 class Removal(NamedTuple):
-    """What removing an object gave."""
+    """Result of a removal."""
 
     scene: Scene
-    """Without the object, and without what was filled while it was in sight."""
+    """Without the object, and without fills made while it was visible."""
     growth: Growth
     pixels: int
     """Of the masks, of all frames together, before they grew."""
@@ -66,8 +66,7 @@ class Removal(NamedTuple):
 
 
 def mask_growth(scene: Scene, dilate: int | None = None) -> Growth:
-    """`dilate` px where it is given; else GROWTH_PX, and HALO_PX more where a depth camera took the pictures, in proportion to
-    pictures that are larger than GROWTH_WIDTH."""
+    """`dilate` px where given; else GROWTH_PX, plus HALO_PX for a depth camera, scaled for pictures wider than GROWTH_WIDTH."""
     if dilate is not None:
         if not isinstance(dilate, Integral) or dilate < 0:
             raise InputError(f"dilate is {dilate!r} px; a whole number, 0 or more, is expected")
@@ -103,7 +102,7 @@ def remove_object(scene: Scene, mask: BoolArray | Mapping[int, BoolArray], dilat
 
 
 def part_under_mask(layer: View, mask: BoolArray, larger: BoolArray) -> View:
-    """What is removed from a layer: the pixels under its grown mask (`larger`); the hole type OBJECT is the mask itself."""
+    """The removed part of a layer: the pixels under its grown mask (`larger`); the hole type OBJECT is the mask itself."""
     part = layer.without(~larger, HoleType.NONE)
     return part.with_planes(hole_type=np.where(mask, np.uint8(HoleType.OBJECT), part.hole_type))
 
@@ -121,20 +120,19 @@ def masks_by_place(scene: Scene, mask: BoolArray | Mapping[int, BoolArray]) -> d
 
 
 class MaskedObject(NamedTuple):
-    """One object, as it is masked: with no other one."""
+    """One masked object."""
 
     masks: dict[int, BoolArray]
     """Place of a frame -> H x W."""
     shown: Scene
-    """What the masks show of their frames."""
+    """The frames under the masks."""
     box: tuple[np.ndarray, np.ndarray]
     """Lower and upper corner, in the world, of the box that holds it."""
 
 
 def carry_masks(scene: Scene, masks: Mapping[int, BoolArray]) -> list[BoolArray]:
-    """H x W bool for each layer of the scene: the masks themselves (place of a frame -> mask), and in all others where the same
-    objects are seen: each carried alone, in the frames as they were before anything was removed, so that no order matters.
-    """
+    """H x W bool for each layer of the scene: the given masks (index of a frame -> mask), and in all other layers the same
+    objects. Each is transferred alone, in the frames before any removal, so that the order does not matter."""
     if len(masks) == len(scene.layers):
         return [masks[place] for place in range(len(masks))]
     frames = {place: scene.original(scene.frames[place]) for place in masks}
@@ -155,7 +153,7 @@ def carry_masks(scene: Scene, masks: Mapping[int, BoolArray]) -> list[BoolArray]
 
 
 def find_removed(scene: Scene, frame: View) -> BoolArray:
-    """H x W, where one more frame shows what was removed from the scene: from those layers that matter for its camera."""
+    """H x W, where one more frame shows removed objects, by the layers relevant to its camera."""
     masks = {}
     for place in choose_frames(scene.layers, frame.camera):
         camera = scene.layers[place].camera
@@ -195,14 +193,14 @@ def boxes_meet(one: tuple[np.ndarray, np.ndarray], other: tuple[np.ndarray, np.n
 
 
 def mask_interior(frame: View, mask: BoolArray) -> View:
-    """What the mask shows of a frame, without the rim of its wide parts: what is thin is rim altogether."""
+    """The masked part of a frame without its rim; thin parts are kept whole."""
     wide = morphological_open(mask, square(2 * RIM_PX + 1))
     core = (erode_mask(mask, RIM_PX) | (mask & ~wide)) & frame.valid
     return frame.without(~(core if core.any() else mask), HoleType.NONE)
 
 
 def world_points(view: View) -> np.ndarray:
-    """H x W x 3, where each pixel's point lies in the world; pixels without depth at the camera."""
+    """H x W x 3, each pixel's point in the world; pixels without depth at the camera."""
     depth = np.where(view.valid, view.depth, 0)
     pose = view.camera.world_from_cam
     return (rays(view.camera) * depth[..., None]) @ pose[:3, :3].T + pose[:3, 3]
@@ -225,7 +223,7 @@ def bounding_box(masked: Scene) -> tuple[np.ndarray, np.ndarray] | None:
 
 
 def _carry_to(frame: View, frames: Mapping[int, View], masked: MaskedObject) -> BoolArray:
-    """Where a frame that has no mask shows the object; frames: by place, those that have masks."""
+    """The pixels of an unmasked frame that show the object; frames: the masked ones, by index."""
     nothing = np.zeros(frame.hole.shape, bool)
     points = world_points(frame)
     candidates = frame.valid & ((points >= masked.box[0]) & (points <= masked.box[1])).all(-1)
@@ -255,8 +253,8 @@ def _carry_to(frame: View, frames: Mapping[int, View], masked: MaskedObject) -> 
 
 
 def compare_with_mask(points: np.ndarray, masked: View, mask: BoolArray) -> tuple[BoolArray, BoolArray, BoolArray]:
-    """Points (H x W x 3) compared with a masked frame, H x W each: those that it shows outside its mask, those on a line of sight
-    of its mask (grown by RIM_PX), and those in its view."""
+    """Points (H x W x 3) compared with a masked frame, H x W each: shown outside its mask, on a line of sight of its mask
+    (grown by RIM_PX), in its view."""
     row, column, z, inside = project_to_pixels(points, masked.camera)
     there = np.where(masked.hole, 0, masked.depth)[row, column]
     shown = inside & (np.abs(there - z) <= AGREES * z) & ~mask[row, column]
@@ -269,5 +267,5 @@ def close_small_gaps(found: BoolArray, allowed: BoolArray) -> BoolArray:
 
 
 def add_missing_depth(found: BoolArray, frame: View, shown: BoolArray) -> BoolArray:
-    """With the frame's pixels without depth where the object, as the masked frames know it, lies (H x W `shown`)."""
+    """With pixels of missing depth inside the object's extent (H x W `shown`)."""
     return found | (frame.hole & shown & dilate_mask(found, 2 * RIM_PX))

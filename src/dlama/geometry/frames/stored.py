@@ -1,7 +1,7 @@
-"""A view that lies on disk, and its camera, in; a View whose pixels are read when they are asked for out.
+"""A view on disk and its camera in; a View that reads its pixels on demand out.
 
-Of a scene of a thousand frames a camera needs eight. A `StoredView` is a View to whoever uses it; its pixels are in a
-`PixelCache`, which holds so many bytes and lets go of what was not asked for the longest.
+Of a scene of a thousand frames a camera needs eight. A `StoredView` behaves as a View; its pixels are in a `PixelCache` of
+limited size, which drops the least recently used.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, UInt16Array
 from dlama.geometry.view import HoleType, View
 
 CACHE_BYTES = 256_000_000
-"""Pixels that a scene's frames hold in memory: 60 frames of 640x480."""
+"""Memory for the pixels of a scene's frames: 60 frames of 640x480."""
 
 
 class PixelCache:
-    """Views by number, at most `limit` bytes of them; of more the one that was not asked for the longest goes."""
+    """Views by number, at most `limit` bytes of them; the least recently used is dropped."""
 
     def __init__(self, limit: int = CACHE_BYTES) -> None:
         self.limit, self.bytes, self.reads = limit, 0, 0
@@ -36,7 +36,7 @@ class PixelCache:
         return PixelCache, (self.limit,)
 
     def number(self) -> int:
-        """One that no view has yet."""
+        """An unused number."""
         return next(self._numbers)
 
     def view(self, number: int, load: Callable[[], View]) -> View:
@@ -69,7 +69,7 @@ def count_bytes(view: View) -> int:
 
 
 class StoredView(View):
-    """A view whose pixels are read when they are asked for (`StoredView.of`); `read` gives it with them.
+    """A view whose pixels are read on demand (`StoredView.of`); `read` gives it with them.
 
     Given pixels, as `dataclasses.replace` gives them, the class makes a plain View.
     """
@@ -83,7 +83,7 @@ class StoredView(View):
 
     @classmethod
     def of(cls, camera: Camera, load: Callable[[], View], cache: PixelCache, read: View | None = None) -> StoredView:
-        """The view that `load` reads, which always gives the same, with this camera; `read`: it has just been read."""
+        """The view that `load` reads, which must always give the same, with this camera; `read`: the view if just read."""
         made: StoredView = object.__new__(cls)
         for name, value in {"camera": camera, "_load": load, "_cache": cache, "_number": cache.number()}.items():
             object.__setattr__(made, name, value)
@@ -95,7 +95,7 @@ class StoredView(View):
         return StoredView.of, (self.camera, self._load, self._cache)
 
     def read(self) -> View:
-        """The view with its pixels; whoever works with it for long holds this."""
+        """The view with its pixels; hold this while working with it."""
         return self._cache.view(self._number, self._load)
 
     @property

@@ -1,4 +1,4 @@
-"""A scene of many frames in; the same with every surface in it once, in one brightness, for clouds and meshes, out."""
+"""A scene of many frames in; the same without duplicate surfaces, with equal brightness, for clouds and meshes, out."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from dlama.geometry.rgbd import BoolArray, UInt8Array
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin, View
 
-MOST_HELD_AGAINST = 6
-"""Frames that each frame is compared with."""
+MOST_COMPARED = 6
+"""Most frames that each frame is compared with."""
 FLOOR, SIGMAS = 0.01, 3.0
-"""Relative depth within which two frames show one surface, and so many standard deviations of the noise."""
+"""Relative depth difference, and standard deviations of the noise, within which two frames show one surface."""
 
 
 def thin_scene(scene: Scene) -> Scene:
-    """The frames with only those points that no earlier frame has and that no other looked through; what was filled stays.
+    """The frames with only new points that no other frame saw through; fills stay.
 
-    Colours are in the scene's common brightness. A scene of one picture comes back as it is.
+    Colours get the scene's common brightness. A scene of one picture comes back unchanged.
     """
     if len(scene.frames) == 1:
         return scene
@@ -52,7 +52,7 @@ def keep_new_points(frame: View, bits: UInt8Array, gain: tuple[float, float, flo
 def new_points(scene: Scene, place: int) -> BoolArray:
     """H x W, True at the pixels of a frame that no earlier frame shows and no other frame looked through."""
     frame = scene.frames[place].read()
-    held = [one for one in choose_frames(scene.frames, frame.camera, MOST_HELD_AGAINST) if one != place]
+    held = [one for one in choose_frames(scene.frames, frame.camera, MOST_COMPARED) if one != place]
     added = frame.valid.copy()
     rows, columns = np.nonzero(added)
     depth = frame.depth[rows, columns].astype(np.float64)
@@ -66,7 +66,7 @@ def new_points(scene: Scene, place: int) -> BoolArray:
 
 
 def _is_redundant(points: np.ndarray, scene: Scene, other: View, earlier: bool) -> BoolArray:
-    """N, True at points that another frame looked through, or, where it comes earlier, has itself."""
+    """N, True at points that another frame saw through, or shows itself if it comes earlier."""
     other = other.read()
     pixels, z = project(points, other.camera)
     width, height = other.camera.wh

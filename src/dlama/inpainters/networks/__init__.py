@@ -1,4 +1,4 @@
-"""Fillers that run a network file: a view with holes and an ONNX file in, the filled view out; ONNX Runtime, no torch.
+"""Fillers that run a network file: a view with holes and an ONNX file in; the filled view out. ONNX Runtime, no torch.
 
-Begin with `lama`; `contract` says what a file takes and gives, `tiling` cuts pictures for it, `engine` runs it.
+Begin with `lama`; `contract` describes a file's inputs and outputs, `tiling` crops pictures for it, `engine` runs it.
 """

@@ -1,7 +1,7 @@
-"""Contract of a network file: its ONNX metadata (or a record given by hand) in; what the network takes and gives, checked, out.
+"""Contract of a network file: its ONNX metadata (or a record given by hand) in; its inputs and outputs, checked, out.
 
-This is the only place that says what planes are called and on which scales they stand; whoever writes a network file gets the
-text for its metadata here (`generator_metadata`), whoever runs one reads it here (`from_metadata`).
+Only this file defines the names and scales of planes. Writers of network files get their metadata here (`generator_metadata`),
+and the engine reads it here (`from_metadata`).
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ COLOR = ("red", "green", "blue")
 PAIR = (*COLOR, *(f"other {name}" for name in COLOR))
 """Of a stereo pair: the left picture's planes, then the right one's."""
 PLANES = {1: ("depth",), 3: COLOR, 4: (*COLOR, "depth"), 6: PAIR}
-"""How many planes a network gives -> what they are called."""
+"""Number of planes a network gives -> their names."""
 MIGAN_SIDE, MIGAN_LEAST, MIGAN_MULTIPLE = 512, 256, 128
 """The only height and width that MI-GAN's generator takes."""
 MOST_PLANES = 64
@@ -36,10 +36,10 @@ LARGEST_VALUE = 1e6
 LONGEST_TEXT = 1_000_000
 """Characters of a contract."""
 MASKS = {1: ("mask",), 2: ("left mask", "right mask")}
-"""How many masks -> what they are called. Two are those of a pair, each of its own picture; one is of all planes alike."""
+"""Number of masks -> their names. Two belong to a pair, one to each picture; one is shared by all planes."""
 DEPTH_QUANTILE, DEPTH_AT_QUANTILE = 0.99, 0.75
-"""A depth plane is inverse depth divided so that this quantile of the known pixels stands at this value: above it there is room
-for what is nearer, such as ground before the picture's lower edge."""
+"""A depth plane is inverse depth, scaled so that this quantile of the known pixels has this value. The room above is for nearer
+surfaces, such as ground before the picture's lower edge."""
 _SCALE = f"{DEPTH_AT_QUANTILE} = what {100 * DEPTH_QUANTILE:.0f} % of the known pixels do not exceed"
 DEPTH_PLANE = f"inverse depth, 0 = infinity, {_SCALE}"
 """The same in words, as it stands in the metadata."""
@@ -47,20 +47,20 @@ DEPTH_PLANE = f"inverse depth, 0 = infinity, {_SCALE}"
 
 @dataclass(frozen=True)
 class Contract:
-    """What whoever runs a network must know. Contradictions and what the engine cannot serve raise InputError."""
+    """What the engine must know of a network. Contradictions, and what the engine does not support, raise InputError."""
 
     in_planes: tuple[str, ...]
     """Names of the planes the network takes, the mask (or the left and the right mask) last."""
     out_planes: tuple[str, ...]
     """Names of the planes it gives: the known planes again, without the masks."""
     in_range: tuple[float, float] = (0.0, 1.0)
-    """What 0 and full scale are called in its input."""
+    """Values of 0 and full scale in its input."""
     out_range: tuple[float, float] | None = (0.0, 1.0)
-    """The same of its output; None: as the input, but nothing bounds it."""
+    """The same of its output; None: as the input, but unbounded."""
     mask: str = "1 = fill"
     """Polarity of the mask planes: `1 = fill` or `0 = fill`."""
     hole: str = "zero"
-    """What stands in the hole of the known planes: `zero`."""
+    """Value of the known planes in the hole: `zero`."""
     multiple: int = 8
     """Height and width must be multiples of this many pixels."""
     minimum: int = 16
@@ -104,7 +104,7 @@ class Contract:
         return np.repeat(holes, len(self.out_planes) // self.masks, 0)
 
     def network_input(self, planes: Float32Array, holes: BoolArray) -> Float32Array:
-        """What the network takes, B x C x H x W, of B x planes x H x W in 0..1 and holes (masks x H x W): each picture zeroed in
+        """The network's input, B x C x H x W, from B x planes x H x W in 0..1 and holes (masks x H x W): each picture zeroed in
         its own hole, then the masks."""
         low, high = self.in_range
         known = (low + planes * np.float32(high - low)) * ~self.hole_of_planes(holes)
@@ -112,7 +112,7 @@ class Contract:
         return np.concatenate([known.astype(np.float32), np.broadcast_to(masks, (len(planes), *masks.shape))], 1)
 
     def unit_output(self, out: Float32Array) -> Float32Array:
-        """What the network gave, on the scale 0..1; not clipped."""
+        """The network's output on the scale 0..1; not clipped."""
         low, high = self.out_range or self.in_range
         return np.asarray((out - np.float32(low)) / np.float32(high - low), np.float32)
 
@@ -259,5 +259,5 @@ def require_planes(contract: Contract, planes: int, file: str, filler: str) -> N
         expected = f"{planes + 1} or {planes + 2}" if planes == len(PAIR) else planes + 1
         raise InputError(
             f"{file}: takes {len(contract.in_planes)} planes and gives {len(contract.out_planes)}; "
-            f"the filler {filler!r} wants {expected} in and {planes} out{hint}"
+            f"the filler {filler!r} needs {expected} in and {planes} out{hint}"
         )

@@ -72,7 +72,7 @@ class Engine(NetworkFile):
 
 
 class OpenEngines:
-    """The engines that were used last, kept open: so many, and of files that have so many bytes together, the last one always."""
+    """The engines used last, kept open: at most so many, and at most so many bytes of files; the last one always."""
 
     def __init__(self, most: int = 4, most_bytes: float = 1e9) -> None:
         self.most, self.most_bytes = most, most_bytes

@@ -33,7 +33,7 @@ CRACK_SIDE = 3
 SMOOTHING = 3.0
 """Sigma in pixels of the smoothing that undoes 8-bit steps of depth."""
 NETWORK_SIDE = 512
-"""The network's own size: a crop of up to this side costs the same whatever it is."""
+"""The network's own size: every crop of up to this side costs the same."""
 PIPELINE_INPUTS = {"image": "tensor(uint8)", "mask": "tensor(uint8)"}
 
 

@@ -1,11 +1,11 @@
-"""`layered-patches`: a view with holes in; depth as `layered` continues it, colours from patches of the picture, out.
+"""`layered-patches`: a view with holes in; depth as of `layered`, colours from patches of the picture, out.
 
-For removed objects, and for all holes in pictures of a depth camera. Its planes are rough, and several materials lie on one of
-them, so that texture copied within a plane leaves seams and scraps; the picture itself knows better. Where the source picture
-shows what surrounds a hole MI-GAN guesses what is there; beyond its border, where the network would begin another room, the
-continued surfaces do. What stands in front of a removed object is hidden from both: a table would extend to where the chair
-behind it was. So is the object's shadow that stays next to it. Next to other holes nothing is hidden, for it is most of what
-there is to paint with. Behind a removed object patches come from any surface.
+For removed objects, and for all holes in pictures of a depth camera. Their planes are inexact and hold several materials, so
+that texture copied within a plane leaves seams; patches of the picture do not. MI-GAN gives the first guess where the source
+picture shows the surroundings of a hole. Beyond its border, where the network would invent another room, the continued surfaces
+do. Occluders of a removed object are hidden from both: a table would extend to where the chair behind it was. So is the
+object's remaining shadow. Next to other holes nothing is hidden, for little else is left to paint with. Behind a removed object
+patches come from any surface.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ from dlama.inpainters.patchmatch.completion import QUICK, complete_picture
 from dlama.inpainters.patchmatch.guess import guess_coarsely
 
 INNER = (HoleType.OBJECT, HoleType.DISOCCLUDED)
-"""Holes that the network guesses."""
+"""Types of holes that the network guesses."""
 REPAINTED = (*INNER, HoleType.OUT_OF_VIEW)
-"""Holes that patches paint; cracks are too thin to gain by it."""
+"""Types of holes that patches paint; cracks are too thin to gain by it."""
 
 
 def layered_patches_filler(model: str | Path) -> Inpainter:
@@ -59,7 +59,7 @@ def layered_patches_filler(model: str | Path) -> Inpainter:
 def exclude_from_patches(
     view: View, surfaces: Surfaces, depth: Float32Array, law: Law, hole: BoolArray
 ) -> tuple[NDArray[np.int32] | None, BoolArray]:
-    """(H x W surface that patches of a pixel should come from, or None for any; H x W known pixels that show none of it).
+    """(H x W surface that patches of a pixel should come from, or None for any; H x W known pixels hidden from patches).
 
     surfaces: as continued; depth: H x W metres, filled; hole: H x W, what patches paint.
     """

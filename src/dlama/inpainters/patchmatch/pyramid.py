@@ -1,4 +1,4 @@
-"""A picture with a hole, and a rough guess, in; ever smaller ones of both, with what patches are compared by, out."""
+"""A picture with a hole, and a coarse guess, in; an image pyramid of both, with texture channels, out."""
 
 from __future__ import annotations
 
@@ -19,23 +19,23 @@ TEXTURE = 2.0
 TEXTURE_PX = 5
 """Side of the square over which texture is averaged."""
 SMALLEST_SIDE = 40
-"""Pixels: no level is smaller than half of it."""
+"""Pixels: the least side of a level is half of this."""
 DEEPEST = 8.0
-"""Pixels from the rim to the middle of the hole in the coarsest picture that is expected: deeper, the guess is believed too much,
-and less deep its structure is lost."""
+"""Depth in px of the hole on the coarsest level. If deeper, the guess has too much weight; if shallower, its structure is
+lost."""
 FEWEST_SOURCES = 50
 
 
 @dataclass(frozen=True)
 class Level:
-    """A picture of the pyramid."""
+    """A level of the pyramid."""
 
     values: Float32Array
-    """H x W x 5: RGB, and how much brightness changes across and along there; of the guess in the hole."""
+    """H x W x 5: RGB, and the mean gradients across and along there; of the guess in the hole."""
     hole: BoolArray
     """H x W."""
     sources: BoolArray
-    """H x W, the middles of patches that are whole and known."""
+    """H x W, centres of patches that are whole and known."""
     label: NDArray[np.int32]
     """H x W, the surface of each pixel."""
 
@@ -81,7 +81,7 @@ def halve(values: Float32Array, hole: BoolArray) -> tuple[Float32Array, BoolArra
 
 
 def whole_patches(hole: BoolArray) -> BoolArray:
-    """H x W, True in the middles of patches that lie in the picture and hold no hole."""
+    """H x W, True in the centres of patches inside the picture and outside the hole."""
     out = ~dilated_by_patch(hole)
     out[:HALF] = out[-HALF:] = False
     out[:, :HALF] = out[:, -HALF:] = False
@@ -89,11 +89,11 @@ def whole_patches(hole: BoolArray) -> BoolArray:
 
 
 def dilated_by_patch(hole: BoolArray) -> BoolArray:
-    """H x W, True in the middles of patches that hold some of the hole."""
+    """H x W, True in the centres of patches that overlap the hole."""
     return np.asarray(cv2.dilate(hole.astype(np.uint8), square(2 * HALF + 1)) > 0)
 
 
 def hole_depth(hole: BoolArray) -> float:
-    """Pixels from known ones to the hole's innermost pixel; beyond the border nothing is known."""
+    """Distance in px of the hole's innermost pixel from known ones; beyond the border nothing is known."""
     wider = cv2.copyMakeBorder(hole.astype(np.uint8), 1, 1, 1, 1, cv2.BORDER_REPLICATE)
     return float(cv2.distanceTransform(wider, cv2.DIST_L2, 3).max())

@@ -27,7 +27,7 @@ def export_onnx(weights: GeneratorWeights, path: Path | str, metadata: Mapping[s
     Args:
         weights: from `checkpoints.read_generator`.
         path: where the file goes.
-        metadata: key -> text, what whoever runs the file must know (planes, ranges, licence); written into it as it is.
+        metadata: key -> text, what the engine must know (planes, ranges, licence); written into it as it is.
     Raises:
         OutputError: the file cannot be written.
         MissingExtraError: onnx is not installed.

@@ -158,7 +158,7 @@ def _cos_and_sin(g: Graph, a: str, b: str, side: str) -> tuple[str, str]:
     """cos and sin of 2 pi a b / side over sqrt(side), len(a) x len(b).
 
     The product is reduced to -side/2 .. side/2 while it is still an integer: float32 then holds the angle to 1e-7
-    whatever the size.
+    for any size.
     """
     product = g.add("Mul", g.add("Unsqueeze", a, g.ints(1)), b)
     middle = g.add("Div", side, g.ints(2))
