@@ -1,4 +1,4 @@
-"""Fusion: a scene and a filled view in; the scene that knows both out, and a scene as one cloud or one mesh (eq. 10, 11)."""
+"""Fusion: a scene and a filled view in; the scene with the fill out; also a scene as one cloud or one mesh (eq. 10, 11)."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from dlama.geometry.scene import FILLED_BEFORE, Scene, contribution
 from dlama.geometry.view import HoleType, Origin, View
 
 OVERLAP = 2
-"""px by which a filled layer reaches over what the scene knows already: its mesh joins the surfaces that it continues, and no
-seam opens between two cameras."""
+"""Overlap in px of a filled layer with the scene: its mesh joins the surfaces that it continues, and no seam opens between two
+cameras."""
 
 
 def fuse(scene: Scene, view: View, known: BoolArray | None = None) -> Scene:

@@ -1,4 +1,4 @@
-"""Masks and holes (bool pictures, True = to be filled) in; the same grown, checked, counted, or filled with the nearest out."""
+"""Masks and holes (bool pictures, True = to be filled) in; the same dilated, checked, counted, or filled with the nearest out."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import HoleType, View
 
 LARGE = 24
-"""Pixels: from this radius on a mask grows by distances to it, whose time does not depend on the radius."""
+"""Radius in px from which a mask is dilated by a distance transform, whose time does not depend on the radius."""
 STEP, DEAREST, ROUNDS = 8.0, 60.0, 2
-"""Of `nearest_by_color`: levels that make a way twice as long, the most they add, sweeps there and back."""
+"""For `nearest_by_color`: colour step in levels that doubles a path's cost, the largest cost of a step, sweeps there and back."""
 
 
 def disc(radius: int) -> np.ndarray:
@@ -104,10 +104,11 @@ def nearest_along_colors(
     ratio: float = 0.0,
     contrary: float = 0.0,
 ) -> NDArray[np.int32]:
-    """Flat index (H x W) of the pixel of `known` that a pixel of `free` belongs to by its colours; negative where no way leads.
+    """Flat index (H x W) of the known pixel with the shortest geodesic path in colour to each `free` pixel; negative where
+    there is none.
 
-    color: H x W x 3 levels. w: H x W 1/m, 0 = unknown. longest: px, a longer way does not count; start: px by which ways from a
-    known pixel are longer; ratio, contrary: what a way against the measured depth costs. All as of the kernel `nearest_by_color`.
+    color: H x W x 3 levels. w: H x W 1/m, 0 = unknown. longest: px, longest path that counts; start: px added to paths from a
+    known pixel; ratio, contrary: cost of a path against measured depth. See the kernel `nearest_by_color`.
     """
     source = np.where(known, np.arange(known.size, dtype=np.int32).reshape(known.shape), -1).astype(np.int32)
     distance = np.where(known, np.float32(start), np.float32(longest)).astype(np.float32)

@@ -57,12 +57,11 @@ def render(
         source: What is seen; of a PointCloud `mode` "points" alone, since it has no pixel grid to triangulate.
         camera: Where from, in the world of the source.
         mode: "surface" (the pixel grid as triangles, cut at depth edges) or "points" (each pixel to the nearest one).
-        types: Say of each hole why it is one; False leaves them all OUT_OF_VIEW, which is faster.
+        types: Find the type of each hole; False leaves them all OUT_OF_VIEW, which is faster.
         fine: Read a surface's colours between source pixels by cubic B-spline, averaged where the source is drawn smaller; False
             reads them bilinearly, which blurs, in two thirds of the time.
-        close: In a scene that was filled, close gaps of up to 2 px and sky that continues (origin FILLED; `close_gaps`),
-        unless it
-            was thinned by confidence; False leaves them open.
+        close: In a scene that was filled, close gaps of up to 2 px and sky that continues (origin FILLED; `close_gaps`), unless
+            it was thinned by confidence; False leaves them open.
     Raises:
         InputError: an unknown mode, or a surface of a PointCloud.
     """
@@ -131,7 +130,7 @@ def share_own_view(scene: Scene, camera: Camera, types: bool) -> View | None:
 
 
 def drop_overlap(fills: tuple[View, ...]) -> tuple[View, ...]:
-    """Fills with only what they add to the scene: overlaps join surfaces, points would be doubled."""
+    """Fills without their overlap with the scene: overlaps join surfaces, but points would be doubled."""
     return tuple(fill.without(~(contribution(fill) | fill.far), HoleType.NONE) for fill in fills)
 
 
@@ -181,7 +180,7 @@ def close_grid(layer: View, removals: tuple[View, ...]) -> tuple[Float32Array, U
 
 
 def render_cloud(cloud: PointCloud, camera: Camera, mode: Mode) -> View:
-    """A bare cloud by nearest-pixel projection; its uncovered pixels are OUT_OF_VIEW (a cloud does not know more)."""
+    """A bare cloud by nearest-pixel projection; its uncovered pixels are OUT_OF_VIEW."""
     if mode != "points":
         raise InputError("a bare point cloud has no pixel grid to triangulate; mode 'points' is expected")
     canvas = Canvas.empty(camera)

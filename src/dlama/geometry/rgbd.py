@@ -113,7 +113,7 @@ def percent(where: BoolArray) -> str:
 
 
 def format_count(count: int, noun: str) -> str:
-    """A number of objects, for people: `1 layer`, `2 layers`; `noun` takes an s."""
+    """A count with its noun, for people: `1 layer`, `2 layers`; `noun` takes an s."""
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
@@ -124,9 +124,9 @@ def describe_depth_range(depth: Float32Array) -> str:
 
 
 def make_read_only(array: np.ndarray) -> np.ndarray:
-    """The array, C-contiguous, such that nobody can write to it: itself where that holds already, else a copy.
+    """A read-only, C-contiguous array: itself where that holds already, else a copy.
 
-    A caller may write to the buffer it gave (one for all frames of a video): a frozen noun must not change with it.
+    A caller may write to its own buffer (one for all frames of a video): a frozen noun must not change with it.
     """
     if array.flags.c_contiguous and _is_frozen(array):
         return array
@@ -136,7 +136,7 @@ def make_read_only(array: np.ndarray) -> np.ndarray:
 
 
 def freeze(array: np.ndarray) -> np.ndarray:
-    """An array that was just made and that nobody else holds, made read-only: `make_read_only` then need not copy it."""
+    """A new, unshared array made read-only: `make_read_only` then need not copy it."""
     array.flags.writeable = False
     return array
 
@@ -165,7 +165,7 @@ def paste(array: np.ndarray, where: BoolArray, onto: np.ndarray) -> None:
 
 
 def _is_frozen(array: np.ndarray) -> bool:
-    """Whether neither the array nor what it is a view of can be written to."""
+    """Whether the array and its base cannot be written to."""
     base: object = array
     while isinstance(base, np.ndarray):
         if base.flags.writeable:
@@ -188,7 +188,7 @@ def check_fields(noun: object, called: str, fields: dict[str, tuple[tuple[int, .
 
 
 def row_count(array: np.ndarray) -> int:
-    """Rows of a noun's array; 0 of what is none, which `check_fields` then refuses."""
+    """Rows of a noun's array; 0 of anything else, which `check_fields` then refuses."""
     return len(array) if isinstance(array, np.ndarray) and array.ndim else 0
 
 

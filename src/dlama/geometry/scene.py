@@ -1,4 +1,4 @@
-"""Scene: frames, what was removed from them and what was filled since; renders and lifts as one."""
+"""Scene: frames, removed objects and fills; renders and lifts as one."""
 
 from __future__ import annotations
 
@@ -25,22 +25,22 @@ FILLED_BEFORE = (Origin.FILLED, Origin.DEPTH_FILLED)
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """What is known of a scene: its frames, what was removed from them, and what was filled since.
+    """Frames, removed objects and fills of a scene.
 
     One picture is a scene of one frame. Several frames are of equal rank: they are merged pixel by pixel. Holes of a view
     contribute nothing. Of two fills on one surface the earlier one wins, and frames win over both.
     """
 
     frames: tuple[View, ...]
-    """Pictures of the scene without what was removed; at least one. Where a sensor gave no depth, it may have been filled."""
+    """Pictures of the scene without removed objects; at least one. Sensor holes may have filled depth."""
     removals: tuple[View, ...] = ()
-    """What was removed: views of frames from which all but the object is a hole. In c+ (eq. 10), not in c- (eq. 11)."""
+    """Removed objects: views of frames in which all but the object is a hole. In c+ (eq. 10), not in c- (eq. 11)."""
     fills: tuple[View, ...] = ()
-    """What was added since, in that order: what was filled, and what only the right camera of a stereo pair measured."""
+    """Fills in their order, and what only the right camera of a stereo pair measured."""
     numbers: tuple[int, ...] = ()
-    """Of the frames, as they were given; 0, 1, 2 ... where none are given."""
+    """Numbers of the frames as given; 0, 1, 2 ... by default."""
     gains: tuple[tuple[float, float, float], ...] = ()
-    """For each frame: what its channels are multiplied by to have the scene's common brightness; 1 where none are given."""
+    """Gains of each frame's channels to the scene's common brightness; 1 by default."""
     noise: tuple[float, float] = (0.0, 0.0)
     """Standard deviation of the frames' depth z, poses included: hypot(noise[0], noise[1] z^2) metres."""
 
@@ -63,26 +63,26 @@ class Scene:
 
     @property
     def layers(self) -> tuple[View, ...]:
-        """The frames, then the fills: all that is seen of the scene."""
+        """The frames, then the fills: all visible layers."""
         return (*self.frames, *self.fills)
 
     @cached_property
     def unfilled(self) -> Scene:
-        """The scene as it was measured, without what was removed: nothing is filled, also no depth of its frames."""
+        """The scene as measured, without removed objects and without any fill, also of sensor holes."""
         frames = tuple(frame.without_filled_depth() for frame in self.frames)
         fills = tuple(fill for fill in self.fills if fill.shows_source)
         same = (frames, fills) == (self.frames, self.fills)
         return self if same else dataclasses.replace(self, frames=frames, fills=fills)
 
     def original(self, layer: View) -> View:
-        """A frame or fill with what was removed from it put back."""
+        """A frame or fill with its removed objects put back."""
         for removed in self.removals:
             if removed.camera.same_view_as(layer.camera):
                 layer = layer.read().with_pixels(removed.read(), removed.origin != Origin.UNKNOWN)
         return layer
 
     def without(self, mask: BoolArray | Mapping[int, BoolArray], dilate: int | None = None) -> Scene:
-        """The scene without the object under a mask. What was filled before is dropped: it was filled with the object in sight.
+        """The scene without the object under a mask. Earlier fills are dropped: they were made with the object in sight.
 
         Args:
             mask: H x W bool, True = remove, of a scene of one frame; or number of a frame -> its mask, for one frame or several.
@@ -96,21 +96,22 @@ class Scene:
         return found
 
     def with_frame(self, frame: RGBD | Callable[[], RGBD]) -> Scene:
-        """The scene with one more posed frame, of the next number; what is wrong with a frame is warned of, and it is left out.
+        """The scene with one more posed frame, of the next number; a faulty frame is left out with a warning.
 
-        What the frame measured takes the place of what was filled there. Removed objects are removed from it, too.
+        Its measurements replace fills. Removed objects are removed from it, too.
 
         Args:
-            frame: A picture with metric depth, of the size of the others, its camera in the scene's world; or what reads it.
+            frame: A picture with metric depth, of the size of the others, its camera in the scene's world; or a function that
+            reads it.
         Raises:
-            InputError: no depth, another size (ShapeError), or of two frames both show nothing of the other.
+            InputError: no depth, another size (ShapeError), or two frames without common surfaces.
         """
         add_frame = import_module("dlama.geometry.frames.adding").add_frame
         found: Scene = add_frame(self, frame)
         return found
 
     def place_of(self, number: int) -> int:
-        """Where the frame of that number stands in `frames`. InputError: there is none."""
+        """Index in `frames` of the frame of that number. InputError: there is none."""
         if number in self.numbers:
             return self.numbers.index(number)
         first, last = self.numbers[0], self.numbers[-1]

@@ -11,12 +11,12 @@ from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 
 SAMPLES = 4096
-"""Far pixels of each frame that are looked at, about."""
+"""Far pixels of each frame that are sampled, about."""
 RIDGE = 0.01
-"""What is added to the variance of the height (sine of the elevation): of a narrow strip of sky the gradient says little. Street,
-sky out of view at +-20 and +-40: squared error 57 with .01, 62 with .001, 110 with the mean alone."""
+"""Ridge added to the variance of the height (sine of the elevation): a narrow strip of sky hardly determines a gradient.
+Street, sky out of view at +-20 and +-40: squared error 57 with .01, 62 with .001, 110 with the mean alone."""
 OUTERMOST = 0.02
-"""Share of the colours, from either end, beyond which none is painted, however high."""
+"""Quantile of the colours, at either end, beyond which none is painted."""
 
 
 class Sky(NamedTuple):
@@ -36,7 +36,7 @@ class Sky(NamedTuple):
 
     @classmethod
     def of(cls, frames: Iterable[tuple[Camera, UInt8Array, BoolArray]]) -> Sky | None:
-        """Of camera, H x W x 3 colours and H x W far pixels of each frame; None if there are none. Up is up in the pictures."""
+        """The sky of frames (camera, H x W x 3 colours, H x W far pixels); None if there are none. Up is up in the pictures."""
         ups, rows, colors = [], [], []
         for camera, color, far in frames:
             if not far.any():
@@ -55,11 +55,11 @@ class Sky(NamedTuple):
         return cls(up, middle, mean, slope, *np.quantile(color, (OUTERMOST, 1 - OUTERMOST), axis=0))
 
     def heights(self, camera: Camera, x: Float64Array, y: Float64Array) -> Float64Array:
-        """Sines of the elevation of what is seen at places x, y of the camera's picture, in pixels."""
+        """Sines of the elevation at places x, y of the camera's picture, in pixels."""
         return np.asarray(directions(camera, x, y) @ self.up)
 
     def seen_from(self, camera: Camera, cell: int = 1) -> Float32Array:
-        """h x w x 3 RGB, 0..255, as if there was nothing else, of cells of cell x cell pixels; the last may cross the border."""
+        """h x w x 3 RGB, 0..255, of the sky alone, in cells of cell x cell pixels; the last may cross the border."""
         x, y = (cell * (np.arange(-(-size // cell), dtype=np.float64) + 0.5) for size in camera.wh)
         height = self.heights(camera, x, y[:, None])
         color = self.mean + (height - self.height)[..., None] * self.slope

@@ -1,4 +1,4 @@
-"""View: what is known of the scene from one camera, pixel by pixel, and what is not.
+"""View: colour, depth and provenance of the scene from one camera, pixel by pixel, and its holes.
 
 The codes below are fixed (docs/concepts/conventions.md); every output format carries them.
 """
@@ -46,13 +46,13 @@ class Origin(IntEnum):
 
 
 DEPTH_FROM_OTHERS = (Origin.DEPTH_FILLED, Origin.ELSEWHERE)
-"""Origins, in a frame, of a pixel that has its own colour and, unless it is a hole, a depth that the frame did not measure."""
+"""Origins of a frame's pixels with its own colour and a depth that the frame did not measure."""
 ESTIMATED_CONFIDENCE = 0.6
-"""Of a pixel with measured colour and estimated depth; 1 is measured, what is filled has 0.5 and less."""
+"""Confidence of measured colour with estimated depth; 1 is measured, fills have 0.5 and less."""
 
 
 def from_source(origin: UInt8Array) -> BoolArray:
-    """True where Origin codes say that the source view itself shows it: measured, or measured with estimated depth."""
+    """True where the source view itself shows a pixel: measured, or measured with estimated depth."""
     return (origin == Origin.MEASURED) | (origin == Origin.ESTIMATED)
 
 
@@ -78,9 +78,9 @@ class HoleType(IntEnum):
 class View:
     """A picture of the scene from `camera`, with depth, provenance, and the unknown as a bool field.
 
-    In a hole colour, depth, origin and confidence are 0. A sensor hole of a source view keeps its measured colour and says so
-    by its origin, DEPTH_FILLED: only its depth is to be filled. After filling `hole`
-    is False there and `hole_type` still says why it had been empty. Raises ShapeError.
+    In a hole colour, depth, origin and confidence are 0. A sensor hole of a source view keeps its measured colour with the origin
+    DEPTH_FILLED: only its depth is to be filled. After filling `hole` is False there and `hole_type` keeps the reason. Raises
+    ShapeError.
     """
 
     camera: Camera
@@ -99,8 +99,8 @@ class View:
     frame: UInt16Array | None = None
     """H x W, 1 + the number of the frame that a pixel comes from, 0 = none; of scenes of many frames only."""
     errors: Float32Array | None = None
-    """H x W x 2, what was filled is expected to be off by: its depth in metres (+inf where it was filled as far), its colour in
-    levels of 8 bit (mean over the channels). 0 where it was measured, and in holes; None: nothing was filled."""
+    """H x W x 2, expected errors of fills: depth in metres (+inf where filled as far), colour in levels of 8 bit (mean over the
+    channels). 0 where measured, and in holes; None: nothing was filled."""
 
     def __post_init__(self) -> None:
         check(self.camera, Camera, "view.camera")
@@ -175,12 +175,12 @@ class View:
 
     @property
     def depth_error(self) -> Float32Array:
-        """H x W metres that the depth is expected to be off by (`errors`); 0 where nothing was filled."""
+        """H x W expected error of depth in metres (`errors`); 0 where nothing was filled."""
         return np.zeros(self.camera.hw, np.float32) if self.errors is None else self.errors[..., 0]
 
     @property
     def color_error(self) -> Float32Array:
-        """H x W levels of 8 bit that the colour is expected to be off by (`errors`); 0 where nothing was filled."""
+        """H x W expected error of colour in levels of 8 bit (`errors`); 0 where nothing was filled."""
         return np.zeros(self.camera.hw, np.float32) if self.errors is None else self.errors[..., 1]
 
     def read(self) -> View:
@@ -215,12 +215,12 @@ class View:
 
     @cached_property
     def has_errors(self) -> bool:
-        """True if it says what filled pixels are expected to be off by."""
+        """True if it has expected errors of filled pixels."""
         return self.errors is not None
 
     @cached_property
     def has_open_holes(self) -> bool:
-        """True if a pixel of it is a hole that has a type."""
+        """True if it has a hole with a type."""
         return bool((self.hole & (self.hole_type != HoleType.NONE)).any())
 
     def errors_where(self, where: BoolArray) -> Float32Array | None:
@@ -228,7 +228,7 @@ class View:
         return None if self.errors is None else select(self.errors, where)
 
     def with_planes(self, **planes: np.ndarray | None) -> View:
-        """The view with other planes by name, which were just made and nobody else holds: they are taken over, not copied."""
+        """The view with other planes by name, new and unshared: they are taken over, not copied."""
         taken = {name: plane if plane is None else freeze(plane) for name, plane in planes.items()}
         return dataclasses.replace(self, **taken)  # type: ignore[arg-type]
 
@@ -240,9 +240,9 @@ class View:
         return View(camera, **parts)  # type: ignore[arg-type]
 
     def reopen(self, where: BoolArray) -> View:
-        """The same view with what was filled in the pixels of `where` (H x W bool) unknown again, depth 0.
+        """The same view with the fills in the pixels of `where` (H x W bool) unknown again, depth 0.
 
-        Measured colours stay, with their origin; `hole_type` still says why the pixels had been empty.
+        Measured colours stay, with their origin; `hole_type` keeps the reason of the hole.
         """
         guessed = where & (self.origin != Origin.DEPTH_FILLED)
         keep = ~where
@@ -257,7 +257,7 @@ class View:
         )
 
     def without_filled_depth(self) -> View:
-        """A frame with its sensor holes as they were, their depth unknown; itself, where it has depth from nowhere else."""
+        """A frame with its sensor holes open; itself, where no depth was filled."""
         if not self.has_filled_depth:
             return self
         filled = self._filled_depth

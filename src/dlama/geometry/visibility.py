@@ -1,7 +1,7 @@
-"""The visibility law: what was filled never hides what was measured. Depth in; violations, or lawful depth, out.
+"""The visibility law: fills never hide measurements. Depth in; violations, or depth projected onto the law, out.
 
-Seen from a source camera, filled depth is never in front of what was measured there (tolerance: the larger of 1 mm and
-0.1 %), and covers no far pixel. A removed object's own depth counts as measured: its background lies behind it.
+Seen from a source camera, filled depth is never in front of what was measured there (tolerance: the larger of 1 mm and 0.1 %),
+and covers no far pixel. A removed object's own depth counts as measured: its background lies behind it.
 """
 
 from __future__ import annotations
@@ -25,38 +25,38 @@ from dlama.geometry.sky import Sky
 from dlama.geometry.view import View, from_source
 
 MAX_ROUNDS = 8
-"""Passes over all source cameras after which what still breaks the law is put at infinity."""
+"""Passes over all source cameras, after which remaining violations are put at infinity."""
 SIGMAS, EXACT, EDGES_PX = 3.0, 1e-3, 2
-"""Standard deviations of the depth of many frames that the law leaves, relative noise that is none, and how far edges are off."""
+"""Slack of the law for many frames in standard deviations of depth; relative noise that counts as none; error of edges in px."""
 HELD_BYTES = 256_000_000
-"""Depth of all frames up to which the law holds all of it; beyond, it is made for each camera."""
+"""Most memory for the depth of all frames; beyond it, depth is computed for each camera."""
 MOST_COARSE = 24
-"""Frames beyond those that are drawn for a camera whose coarse depth counts for its law."""
+"""Further frames, besides those drawn for a camera, whose coarse depth counts for its law."""
 
 
 @dataclass(frozen=True, eq=False)
 class Law:
-    """What the source cameras measured: for each, H x W depth in metres, 0 = nothing measured, +inf = far."""
+    """Measurements of the source cameras: for each, H x W depth in metres, 0 = none, +inf = far."""
 
     measured: tuple[tuple[Camera, Float32Array], ...]
     sky: Sky | None = None
-    """The colours of the far pixels that were measured, for views that show few of them; None: there were none."""
+    """Colours of the measured far pixels, for views that show few of them; None: there were none."""
     misplaced_edges: bool = False
-    """True where depth edges of what was measured lie next to those of its picture (`with_aligned_edges`), as a sensor's do."""
+    """True where measured depth edges are misaligned with the picture (`with_aligned_edges`), as a sensor's are."""
     scene: Scene | None = None
-    """Of so many frames that their depth is not held: the scene, and `near` gives the law for a camera."""
+    """The scene, for too many frames to hold their depth; `near` then gives the law for a camera."""
 
     @classmethod
     def of(cls, scene: Scene) -> Law:
-        """The law that a scene's measured layers and removed objects lay down; of many frames, within their measured noise."""
+        """The law of a scene's measured layers and removed objects; of many frames, within their measured noise."""
         check(scene, Scene, "scene")
         if len(scene.frames) > 1 and sum(4 * one.camera.width * one.camera.height for one in scene.frames) > HELD_BYTES:
             return cls((), scene=scene)
         return cls._of(scene)
 
     def near(self, camera: Camera) -> Law:
-        """The law that matters for a camera: itself; of very many frames, that of those which are drawn for it, and of some more
-        their coarse depth, the nearest of blocks of pixels."""
+        """The law for a camera: itself; of very many frames, that of the frames drawn for it, and of some more their coarse
+        depth, the nearest of blocks of pixels."""
         if self.scene is None:
             return self
         whole = self.scene
@@ -90,8 +90,8 @@ class Law:
         return cls(tuple(measured), Sky.of(frames))
 
     def with_aligned_edges(self, scene: Scene) -> Law:
-        """The law with the scene's frames as they are drawn (`align_edges`): next to misplaced edges depth that was filled counts
-        as measured, and an edge lies where the picture has it, if that forbids more. Of very many frames: of the law `near`."""
+        """The law with the scene's frames as they are drawn (`align_edges`). Near misaligned edges filled depth counts as
+        measured, and edges lie where the picture has them, if that forbids more. Of very many frames: of the law `near`."""
         measured, misplaced = list(self.measured), self.misplaced_edges
         for layer in scene.frames:
             for number, (camera, known) in enumerate(measured):
@@ -103,7 +103,7 @@ class Law:
         return replace(self, measured=tuple(measured), misplaced_edges=misplaced)
 
     def cropped(self, view: View, rows: slice, columns: slice) -> Law:
-        """The law for a part of a view (`View.cropped`): what was measured from the view's own camera is cropped as well."""
+        """The law for a part of a view (`View.cropped`): measurements of the view's own camera are cropped as well."""
         part = view.camera.cropped(columns.start, rows.start, columns.stop - columns.start, rows.stop - rows.start)
         measured = tuple(
             (part, np.ascontiguousarray(known[rows, columns])) if camera.same_view_as(view.camera) else (camera, known)
@@ -147,9 +147,8 @@ class Law:
 
 
 def subtract_noise(depth: Float32Array, noise: tuple[float, float]) -> Float32Array:
-    """Measured depth (H x W metres, 0 = none, inf = far) less three standard deviations of `Scene.noise`, poses included: edges
-    may be off sideways too, so of each pixel's neighbourhood the nearest counts. As it is where there is no noise.
-    """
+    """Measured depth (H x W metres, 0 = none, inf = far) less three standard deviations of `Scene.noise`, poses included, and
+    the nearest of each pixel's neighbourhood, for edges may be off sideways. Unchanged without noise."""
     finite = (depth > 0) & (depth < np.inf)
     metres = np.where(finite, depth, np.float32(0))
     spread = SIGMAS * np.hypot(noise[0], noise[1] * metres**2)
@@ -161,15 +160,15 @@ def subtract_noise(depth: Float32Array, noise: tuple[float, float]) -> Float32Ar
 
 
 def project_depth(view: View, depth: Float32Array, where: BoolArray, law: Law) -> tuple[Float32Array, int]:
-    """What is proposed as depth of a view's pixels, projected onto the law: before anything proposed is composited.
+    """Proposed depth of a view's pixels, projected onto the law.
 
     Args:
         view: whose camera sees the depth.
         depth: H x W, metres.
         where: H x W, True = proposed; all other pixels stay as they are.
-        law: what the source cameras measured.
+        law: measurements of the source cameras.
     Returns:
-        H x W metres, and how many pixels had to be moved.
+        H x W metres, and how many pixels moved.
     """
     lawful, moved = law.near(view.camera).project(view.camera, depth, where)
     return lawful, int(moved.sum())

@@ -68,5 +68,5 @@ def _encode(picture: NDArray[np.uint8], suffix: str, small: bool = True) -> byte
 
 
 def _to_data_url(content: bytes) -> str:
-    """Bytes as a data address holds them."""
+    """Bytes as a data URL."""
     return base64.b64encode(content).decode("ascii")

@@ -1,4 +1,4 @@
-"""Numba kernel of ways along colours: a picture and some known pixels in; the known pixel that each other one belongs to out."""
+"""Numba kernel of geodesic paths in colour: a picture and known pixels in; the nearest known pixel of each other pixel out."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ def nearest_by_color(
     contrary: Real,
     rounds: Whole,
 ) -> None:
-    """The known pixel at the end of the shortest way through `free` pixels, by raster sweeps there and back (8 neighbours).
+    """The known pixel at the end of the shortest path through `free` pixels, by raster sweeps there and back (8 neighbours).
 
-    distance: H x W, 0 at known pixels, elsewhere the longest way that counts; source: H x W, the flat index of itself at known
-    pixels, negative elsewhere; both are written to. color: H x W x 3. A pixel that differs by d levels (root of the sum over
-    channels) from the one before it on the way and by e from the known pixel makes the way 1 + (d / step)^2 + (e / step)^2 times
-    as long there, each term at most `dearest`, and `contrary` is added where its own inverse depth (w: H x W, 0 = unknown) is not
+    distance: H x W, 0 at known pixels, elsewhere the longest path that counts; source: H x W, the flat index of itself at known
+    pixels, negative elsewhere; both are written to. color: H x W x 3. A step costs its length times 1 + (d / step)^2 + (e /
+    step)^2, where d is the colour difference (root of the sum over channels) to the previous pixel and e that to the known
+    pixel, each term at most `dearest`. `contrary` is added where the pixel's own inverse depth (w: H x W, 0 = unknown) is not
     that of the known pixel's surface, by `ratio` between neighbours.
     """
     rows, columns = free.shape

@@ -1,6 +1,6 @@
-"""The rim of a mesh in; the footprints of its vertices, one source pixel each, in the z-buffer out (numba).
+"""The rim of a mesh in; footprints of its vertices, one source pixel each, drawn into the z-buffer out (numba).
 
-At its rim the mesh ends at pixel centres, half a pixel short: wires, poles, silhouettes and lone pixels would be too thin.
+At its rim the mesh ends at pixel centres, half a pixel short: wires, poles, silhouettes and isolated pixels would be too thin.
 """
 
 from __future__ import annotations

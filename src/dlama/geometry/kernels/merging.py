@@ -1,4 +1,4 @@
-"""Numba kernel that merges what several frames show of one camera: stacks of pictures in; one picture out."""
+"""Numba kernel that merges frames drawn into one camera: stacks of pictures in; one picture out."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ SAFE_PX = 12.0
 """Pixels from a border or a depth edge from which a frame's colour counts fully."""
 LEAST = 1e-6
 CLIPPED, CLIPPED_SHARE = (215.0, 250.0), 0.05
-"""Levels between which a colour becomes too bright to be known, and how much it counts then next to others."""
+"""Levels between which a colour saturates, and its least weight."""
 FARTHEST = 1e6
-"""Metres at which what is far counts as lying where frames are weighed."""
+"""Distance in metres that stands for far when frames are weighed."""
 
 
 @piece
@@ -39,7 +39,7 @@ def sees_through(
     row: Whole, column: Whole, depth: Real, frame: Whole, matrix: Float64Array, offset: Float64Array,
     near: Float32Array, noise: Float64Array,
 ) -> Real:  # fmt: skip
-    """1 where a frame saw something clearly behind the point at `depth` on a target pixel's ray, all around it; else 0."""
+    """1 where a frame measured clearly behind the point at `depth` on a target pixel's ray, all around it; else 0."""
     ax, ay, az = ray(matrix[frame], row, column)
     z = depth * az + offset[frame, 2]
     if z <= 0:
@@ -75,7 +75,7 @@ def color_weight(
 
 @inlined
 def shows(depth: Float32Array, rank: UInt8Array, frame: Whole, row: Whole, column: Whole, level: Whole) -> Real:
-    """The depth a frame shows in a pixel, if that is worth as much as `level`; else 0."""
+    """The depth a frame shows in a pixel, if its rank is `level`; else 0."""
     return np.float64(depth[frame, row, column]) if rank[frame, row, column] == level else 0.0
 
 
@@ -112,7 +112,7 @@ def shade(
     depth: Float32Array, color: UInt8Array, rank: UInt8Array, margin: Float32Array, matrix: Float64Array, offset: Float64Array,
     center: Float64Array, lens: Float64Array, gain: Float64Array, out_color: UInt8Array, out_best: UInt16Array,
 ) -> None:  # fmt: skip
-    """The colour of a surface: that of the frames that show it, each as far as it is suited, after its gain."""
+    """The colour of a surface: the weighted mean of the frames that show it, after their gains."""
     red, green, blue, total, most = 0.0, 0.0, 0.0, 0.0, 0.0
     for k in range(depth.shape[0]):
         z = shows(depth, rank, k, row, column, level)
@@ -159,14 +159,14 @@ def merge(
     out_best: UInt16Array,
     rejected: Array,
 ) -> None:
-    """For each pixel the nearest surface that the frames agree on; of it the mean depth and the colour of the best frames.
+    """For each pixel the nearest surface that the frames agree on: its mean depth and the colour of the best frames.
 
-    depth, color, rank: K x H x W (x 3), what each of K frames shows of the target: metres (0 = nothing, inf = far), RGB, and how
-    much its depth is worth (2 measured, 1 filled). A surface is rejected if as many frames looked through it as show it; depths
-    that were filled count only where nothing measured is left. near: K x h x w, each frame's own depth, of the neighbourhood the
-    nearest; margin: K x h x w, pixels to the frame's border or next depth edge. matrix, offset: frame px from target px.
-    center: K x 4, the frames' centres in the target's axes and their focal lengths; lens: fx, fy, cx, cy of the target.
-    gain: K x 3. out_best: 1 + the place of the frame with the largest share, 0 = a hole; rejected: True where a surface was.
+    depth, color, rank: K x H x W (x 3), each of K frames drawn into the target: metres (0 = none, inf = far), RGB, and rank of
+    depth (2 measured, 1 filled). A surface is rejected if as many frames saw through it as show it; filled depths count only
+    where no measured one is left. near: K x h x w, each frame's own depth, the nearest of a neighbourhood; margin: K x h x w,
+    pixels to the frame's border or next depth edge. matrix, offset: frame px from target px. center: K x 4, the frames' centres
+    in the target's axes and their focal lengths; lens: fx, fy, cx, cy of the target. gain: K x 3. out_best: 1 + the index of
+    the frame with the largest weight, 0 = a hole; rejected: True where a surface was rejected.
     """
     for row in range(first, last):
         for column in range(depth.shape[2]):

@@ -1,4 +1,4 @@
-"""Numba kernels of misplaced depth edges: inverse depth and colours in; the same with edges where the colours have them out."""
+"""Numba kernels of misaligned depth edges: inverse depth and colours in; inverse depth with edges aligned to the picture out."""
 
 from __future__ import annotations
 
@@ -94,10 +94,10 @@ def find_mixed(
     room: Float32Array,
     out: BoolArray,
 ) -> None:
-    """True at pixels behind the rim whose colour lies between their own side's and the nearer one's, from `share` of that on.
+    """True at pixels behind the rim with at least a `share` of the nearer side's colour.
 
-    rim: H x W, within RIM of an edge; contrast: levels by which the mean colours of the sides differ at least; spreads: standard
-    deviations of its own side's by which the colour stands out of it; the rest as of `snap`.
+    rim: H x W, within RIM of an edge; contrast: least difference of the sides' mean colours in levels; spreads: least deviation
+    from the own side's colour in standard deviations; other arguments as of `fit_planes`.
     """
     rows, columns = w.shape
     for row in range(first, last):

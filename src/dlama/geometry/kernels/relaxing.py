@@ -1,4 +1,4 @@
-"""Numba kernel of levels that neighbours share: how strongly they hold on to each other in; levels, a sweep further, out."""
+"""Numba kernel of relaxation: conductances, pulls and levels in; levels after one sweep out."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ def relax(
     over: float,
     level: Float32Array,
 ) -> float:
-    """One sweep of successive over-relaxation towards the least sum of c (difference of neighbours)^2 + pull (level -
-    expected)^2.
+    """One sweep of successive over-relaxation towards the minimum of sum c (difference of neighbours)^2 + pull (level -
+    target)^2.
 
-    across, down: H x W, the c of a pixel and its right and its lower neighbour. pull, expected: H x W, how strongly it is
-    drawn to which level. over: 1..2. level: H x W, changed where open. Returns the largest change.
+    across, down: H x W, the c of a pixel and its right and its lower neighbour. pull, target: H x W. over: 1..2. level: H x W,
+    changed where open. Returns the largest change.
     """
     rows, columns = level.shape
     most = 0.0
