@@ -44,7 +44,22 @@ WORDS = (
 )
 """Of the house's table: each has a plainer word."""
 PLAIN = [ROOT / "README.md", ROOT / "CHANGELOG.md", ROOT / "SECURITY.md", ROOT / "SUPPORT.md", *PAGES]
-ROOMS = ("arguments.py", "errors.py", "completion", "evaluation", "files", "jobs", "training", "workers", "worlds")
+ROOMS = (
+    "arguments.py",
+    "errors.py",
+    "completion",
+    "evaluation",
+    "files",
+    "geometry",
+    "inpainters",
+    "jobs",
+    "models",
+    "nets",
+    "perception",
+    "training",
+    "workers",
+    "worlds",
+)
 """Of src/dlama: their names, comments, docstrings and texts keep to the same words."""
 LONGEST_MEAN = 25
 """Words of a sentence, mean over a page."""

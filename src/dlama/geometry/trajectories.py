@@ -16,7 +16,7 @@ from dlama.geometry.rotations import slerp
 PIVOT_M = 2.5
 """Default distance, metres ahead on the optical axis, of the point a camera orbits about (the paper's centroid, sec. 4)."""
 MOST_DEGREES = 1e6
-"""Angles beyond are mistakes: whole turns of such a number are hardly told from its digits."""
+"""Angles beyond are mistakes: whole turns exceed the digits of such a number."""
 
 
 def orbit(camera: Camera, yaw: float, pitch: float = 0.0, pivot: float = PIVOT_M) -> Camera:

@@ -161,10 +161,10 @@ def test_usual_cameras_pass() -> None:
 
 
 def test_how_sure_in_words() -> None:
-    assert [describe_probability(sure) for sure in (0.95, 0.8, 0.6)] == ["sure", "likely", "perhaps"]
+    assert [describe_probability(sure) for sure in (0.95, 0.8, 0.6)] == ["certain", "likely", "perhaps"]
     assert certainty(0, 1) == 0.5 and certainty(1, 1) == 0.75 and certainty(50, 1) == 0.99
-    assert Finding("x", "fault", 0.95, "a", "b").line == "a: b (sure)"
-    assert Finding("x", "fault", 0.95, "are they swapped?", "swap them").line == "are they swapped? swap them (sure)"
+    assert Finding("x", "fault", 0.95, "a", "b").line == "a: b (certain)"
+    assert Finding("x", "fault", 0.95, "are they swapped?", "swap them").line == "are they swapped? swap them (certain)"
     assert Finding("understood", "fine", 1.0, "a").line == "a"
 
 

@@ -41,7 +41,7 @@ class Finding:
 
 def describe_probability(confidence: float) -> str:
     """A probability in words."""
-    return "sure" if confidence >= CERTAIN else "likely" if confidence >= LIKELY else "perhaps"
+    return "certain" if confidence >= CERTAIN else "likely" if confidence >= LIKELY else "perhaps"
 
 
 def certainty(evidence: float, half: float) -> float:
