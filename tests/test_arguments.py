@@ -48,6 +48,7 @@ GOOD: dict[str, dict[str, Any]] = {
     "inpaint": {"view": VIEW, "inpainter": fill_with_grey, "law": dlama.Law.of(SCENE)},
     "lift": {"source": RGBD},
     "orbit": {"camera": CAMERA, "yaw": 3},
+    "photo3d": {"rgbd": RGBD, "filler": fill_with_grey, "angle": 1.0, "distance": 0.0},
     "read_camera": {"path": EXAMPLE / "camera.json"},
     "read_color": {"path": EXAMPLE / "mask.png"},
     "read_mask": {"path": EXAMPLE / "mask.png"},
@@ -62,6 +63,7 @@ GOOD: dict[str, dict[str, Any]] = {
     "stereo": {"left": COLOR, "right": COLOR, "rig": RIG, "disparity": 2 * DEPTH, "filler": fill_with_grey},
     "view": {"rgbd": RGBD, "filler": fill_with_grey},
     "write": {"completion": None, "directory": "out", "only": "hole"},
+    "write_photo3d": {"photo": None, "directory": "out", "only": "stereo"},
     "write_depth": {"rgbd": RGBD, "directory": "out"},
     "Camera": {"width": W, "height": H, "fx": 20.0, "fy": 20.0, "cx": 16.0, "cy": 12.0},
     "Camera.from_K": {"K": CAMERA.K, "width": W, "height": H},
@@ -109,6 +111,8 @@ def test_bad_arguments_get_an_error_of_dlama(name: str, tmp_path: Path, monkeypa
     for part in name.split("."):
         function = getattr(function, part)
     good = GOOD[name] | ({"completion": dlama.view(RGBD, filler=fill_with_grey)} if name == "write" else {})
+    if name == "write_photo3d":
+        good |= {"photo": dlama.photo3d(**GOOD["photo3d"])}
     others = {}
     for parameter in inspect.signature(function).parameters:
         if parameter not in ("defaults", "progress"):

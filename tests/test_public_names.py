@@ -30,7 +30,7 @@ NAMES = {
     "complete", "diagnose", "estimate_depth", "example", "find_mask", "fuse", "inpaint", "lift", "orbit", "photo3d",
     "read_camera", "read_color", "read_mask", "read_rgbd", "read_stereo_calib", "remove", "read_scene",
     "render", "render_path", "scene", "sequence", "stereo", "view", "write",
-    "write_depth",
+    "write_depth", "write_photo3d",
 }  # fmt: skip
 OWN = {"example"}
 """Defined in `__init__` itself."""

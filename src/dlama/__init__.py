@@ -41,6 +41,7 @@ if TYPE_CHECKING:  # what type checkers and editors read; a test holds it equal 
     from dlama.files.rasters.pictures import read_mask as read_mask
     from dlama.files.results.completion import write as write
     from dlama.files.results.estimated_depth import write_depth as write_depth
+    from dlama.files.results.photo3d import write_photo3d as write_photo3d
     from dlama.files.rgbd import read_rgbd as read_rgbd
     from dlama.files.scenes.scene_npz import read_scene as read_scene
     from dlama.geometry.camera import Camera as Camera
@@ -141,6 +142,7 @@ MODULES = {
     "stereo": "completion.stereo.stereo",
     "view": "completion.verbs",
     "write": "files.results.completion",
+    "write_photo3d": "files.results.photo3d",
     "write_depth": "files.results.estimated_depth",
 }
 """Public name -> the module of dlama that defines it."""

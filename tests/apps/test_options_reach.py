@@ -164,6 +164,10 @@ def _spy_on_the_rest(spy: Callable[..., None]) -> None:
     spy("dlama.completion.start.choose_filler", lambda **given: SimpleNamespace(name=given["filler"]))
     spy("dlama.datasets.sequences.camera_paths.path_for", [])
     spy("dlama.render_path", [])
+    box = SimpleNamespace(angle=3.0, distance=0.1, pivot=2.0)
+    told = {"photo3d": {"filled_cameras": [], "open_share": 0.0}, "filler": "telea"}
+    spy("dlama.photo3d", SimpleNamespace(meta=told, box=box))
+    spy("dlama.write_photo3d")
     spy("dlama.files.results.video.write_video", 1)
     spy("dlama.apps.verbs.sequence.mask_files", {"3": Path("a.png")})
     spy("dlama.apps.verbs.sequence.summary_line", "")

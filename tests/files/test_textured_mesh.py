@@ -12,10 +12,10 @@ import trimesh
 from pygltflib import GLTF2
 
 from dlama.completion.verbs import remove, view
-from dlama.files.scenes import textured_mesh
-from dlama.files.scenes.textured_mesh import atlas, write_textured_glb
+from dlama.files.scenes.textured_mesh import pack_textures, write_textured_glb
 from dlama.geometry.camera import Camera
 from dlama.geometry.decimation import decimate
+from dlama.geometry.layered_mesh import MeshPart
 from dlama.geometry.mesh import Mesh, join_meshes
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
@@ -38,13 +38,9 @@ def assert_colors_near(found: np.ndarray, expected: np.ndarray) -> None:
     assert off.mean() < 3 and off.max() <= 40
 
 
-@pytest.mark.parametrize("tallest", [8192, 60])
 @pytest.mark.parametrize("objects", [False, True])
-def test_every_vertex_has_its_own_colour(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, objects: bool, tallest: int
-) -> None:
-    """Also where the texture goes on in a second column; positions, triangles and attributes are the decimated mesh's."""
-    monkeypatch.setattr(textured_mesh, "TALLEST", tallest)
+def test_every_vertex_has_its_own_colour(tmp_path: Path, objects: bool) -> None:
+    """Positions, triangles and attributes are the decimated mesh's."""
     write_textured_glb(tmp_path / "scene.glb", SCENE, objects)
     mesh = decimated((*SCENE.layers, *SCENE.removals) if objects else SCENE.layers)
     (seen,) = trimesh.load(tmp_path / "scene.glb", process=False).dump()
@@ -89,4 +85,5 @@ def test_nothing_bleeds_in_at_edges() -> None:
     shown = view(WORLD.rgbd(CAMERA), yaw=20, filler="telea").scene.layers[-1]
     levels = np.where(shown.hole, np.uint8(0), np.uint8(255))
     white = dataclasses.replace(shown, color=np.stack([levels] * 3, axis=2))
-    assert (atlas((white,), [~shown.hole])[0] == 255).all()
+    part = MeshPart(decimate(white).mesh, decimate(white).pixels, white.color, ~shown.hole)
+    assert (pack_textures((part,))[0] == 255).all()

@@ -42,6 +42,7 @@ from dlama.apps.verbs.doctor import doctor
 from dlama.apps.verbs.evaluate import evaluate
 from dlama.apps.verbs.masks import mask as mask_of_thing
 from dlama.apps.verbs.model_verbs import models
+from dlama.apps.verbs.photo3d import photo3d
 from dlama.apps.verbs.sequence import sequence
 from dlama.apps.verbs.serve import serve
 from dlama.apps.verbs.show import show
@@ -228,6 +229,7 @@ VERBS: dict[str, Callable[..., Any]] = {
     "remove": remove,
     "mask": mask_of_thing,
     "stereo": stereo,
+    "photo3d": photo3d,
     "sequence": sequence,
     "video": video,
     "depth": depth_of_photo,

@@ -30,6 +30,11 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "dlama stereo left.png right.png --calib calib.json --mask left_mask.png -o out",
         "dlama stereo left.png right.png --calib calib.txt --click 150,250 --with-shadow -o out",
     ),
+    "photo3d": (
+        "dlama photo3d photo.jpg -o out",
+        "dlama photo3d photo.jpg depth.png --fov 65 --also splats,stereo,loop -o out",
+        "dlama photo3d removed/scene.npz --angle 4 -o out",
+    ),
     "sequence": (
         "dlama sequence room -o out",
         "dlama sequence room --frames 0:480:10 --mask frame-000030=mask.png -o out",

@@ -29,7 +29,7 @@ from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.geometry.scene import Scene
 from dlama.geometry.subsampling import step_for, subsample_scene
-from dlama.geometry.view import Origin, View
+from dlama.geometry.view import HoleType, Origin, View
 from dlama.inpainters import AUTO
 from dlama.inpainters.filling import Inpainter
 
@@ -40,6 +40,8 @@ CLOSED = 3
 """px of the smallest square that counts as unknown: what is narrower rendering closes."""
 AROUND = 48
 """px round what is unknown that a camera is cut to: what the filler continues."""
+OVERLAP = 4
+"""px by which fills reach over what was known: renderers of triangles close no gaps."""
 UNDER_EDGES = 0.025
 """Share of the width by which surfaces continue under depth edges, where nothing else was filled."""
 ENOUGH, MOST_CAMERAS = 2e-4, 14
@@ -110,12 +112,14 @@ def photo3d(
     seen: list[Camera] = []
     while unknown.share > ENOUGH and len(seen) < MOST_CAMERAS:
         camera = unknown.next_camera() if seen else grid_box.wide()
-        before = len(small.fills)
-        found, small = complete_step(plan, small, Step(camera), clock)
+        found, larger = complete_step(plan, small, Step(camera), clock)
+        added = larger.fills[len(small.fills) :]
         steps.append(found)
         seen.append(camera)
         with clock("look"):
-            unknown.look(small.fills[before:])
+            for layer in added:
+                small = add_layer(small, found.view, layer.hole_type != HoleType.NONE, OVERLAP)
+            unknown.look(added)
         LOG.info("filled for camera %d, %.2f %% still unknown", len(seen), 100 * unknown.share)
     with clock("edges"):
         small = add_edge_layers(small, [middle, grid_box.wide()])

@@ -39,12 +39,12 @@ class DecimatedMesh(NamedTuple):
     """H x W: the pixels of the layer that are shown."""
 
 
-def decimate(layer: View) -> DecimatedMesh:
+def decimate(layer: View, share: float | None = None) -> DecimatedMesh:
     """The surface of a layer, with large triangles where it is flat.
 
     Vertices are pixels of the layer, at their own place in space. The loss: at each pixel that a triangle covers its depth
-    differs by 1 mm or 0.1 % of the depth at most, whichever is more (where it was estimated 0.5 %), and the place in the picture
-    that its texture shows by half a pixel at most. Confidence is linear between vertices. Outlines are kept: no triangle covers
+    differs by 1 mm or 0.1 % of the depth at most, whichever is more (where it was estimated 0.5 %; or the `share` that is given), and the place in the
+    picture that its texture shows by half a pixel at most. Confidence is linear between vertices. Outlines are kept: no triangle covers
     pixels at both sides of a depth edge, nor pixels of two origins unless it is as small as a pixel. Pixels that have no triangle
     in the grid, as those of a wire one pixel wide, become squares of their own size. Flying pixels, which rendering leaves out,
     and far ones have none.
@@ -55,7 +55,8 @@ def decimate(layer: View) -> DecimatedMesh:
     box = bounding_box(surface)
     depth, joined, origin = np.where(surface[box], depth[box], np.float32(0)), joined[box], layer.origin[box]
     halves = cell_halves(depth, joined)
-    share = ESTIMATED_SHARE if Origin.ESTIMATED in layer.origins else DEPTH_SHARE
+    if share is None:
+        share = ESTIMATED_SHARE if Origin.ESTIMATED in layer.origins else DEPTH_SHARE
     corners = np.concatenate(triangles(depth, flat_cells(joined, origin), halves, share))
     lone_rows, lone_columns = np.nonzero(surface[box] & ~covered_pixels(halves, depth.shape))
     used = np.zeros(depth.shape, bool)

@@ -45,12 +45,12 @@ def fuse(scene: Scene, view: View, known: BoolArray | None = None) -> Scene:
     return add_layer(scene, view, added if known is None else added & ~known)
 
 
-def add_layer(scene: Scene, view: View, added: BoolArray) -> Scene:
-    """The scene with the pixels `added` (H x W bool) of a view, and OVERLAP pixels round them, as one more layer; none gives the
-    scene back."""
+def add_layer(scene: Scene, view: View, added: BoolArray, overlap: int = OVERLAP) -> Scene:
+    """The scene with the pixels `added` (H x W bool) of a view, and `overlap` pixels round them, as one more layer; none gives
+    the scene back."""
     if not added.any():
         return scene
-    side = 2 * OVERLAP + 1
+    side = 2 * overlap + 1
     ring = cv2.dilate(added.astype(np.uint8), np.ones((side, side), np.uint8)) > 0
     layer = view.without(~ring, HoleType.NONE)
     filled = np.isin(layer.origin, FILLED_BEFORE)

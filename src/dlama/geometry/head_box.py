@@ -73,7 +73,7 @@ class HeadBox:
             angle = min(max(found, LEAST_ANGLE), LARGEST_ANGLE)
         if distance is None:
             distance = min(FORWARD * math.tan(math.radians(min(angle, 45.0))), TO_NEAREST * nearest / pivot)
-        return cls(view.camera, pivot, float(angle), float(distance))
+        return cls(view.camera, pivot, angle, distance)
 
     def at(self, across: float, up: float, forward: float) -> Camera:
         """The camera at a place of the box, -1..1 along each of its axes; 0, 0, 0 is the source camera."""

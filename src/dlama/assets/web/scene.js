@@ -37,11 +37,17 @@ export async function readGlb(blob) {
 }
 
 const SIZES = { SCALAR: 1, VEC2: 2, VEC3: 3, VEC4: 4 };
-const sub = (a, b) => a.map((v, i) => v - b[i]);
-const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-const unit = (a) => { const n = Math.hypot(...a) || 1; return a.map((v) => v / n); };
+export const sub = (a, b) => a.map((v, i) => v - b[i]);
+export const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+export const unit = (a) => { const n = Math.hypot(...a) || 1; return a.map((v) => v / n); };
 const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-const along = (a, b, s) => a.map((v, i) => v + s * b[i]);
+export const along = (a, b, s) => a.map((v, i) => v + s * b[i]);
+
+// The vector v turned about a unit axis.
+export function spin(v, axis, angle) {
+  const c = Math.cos(angle), s = Math.sin(angle), k = cross(axis, v), d = dot(axis, v) * (1 - c);
+  return v.map((_, i) => v[i] * c + k[i] * s + axis[i] * d);
+}
 
 function times(a, b) {
   const out = new Float32Array(16);
@@ -73,7 +79,7 @@ export class SceneView {
     if (!glb) return;
     const gl = this.gl ??= this.begin();
     if (!gl) throw new Error("this browser shows no 3-D (WebGL 2 is off); scene.glb in the zip opens in other viewers");
-    gl.uniform3fv(gl.getUniformLocation(this.program, "palette"), palette.flat().map((v) => v / 255));
+    if (palette.length) gl.uniform3fv(gl.getUniformLocation(this.program, "palette"), palette.flat().map((v) => v / 255));
     gl.bindVertexArray(this.vertices = gl.createVertexArray());
     for (const name of ["position", "uv", "origin", "confidence"]) {
       const place = gl.getAttribLocation(this.program, name), found = glb.attributes[name];
@@ -124,10 +130,6 @@ export class SceneView {
 
   turn(dx, dy) {
     let away = sub(this.eye, this.target);
-    const spin = (v, axis, angle) => {
-      const c = Math.cos(angle), s = Math.sin(angle), k = cross(axis, v), d = dot(axis, v) * (1 - c);
-      return v.map((_, i) => v[i] * c + k[i] * s + axis[i] * d);
-    };
     const right = unit(cross(this.up, away));
     const tilted = spin(away, right, -dy);
     if (Math.abs(dot(unit(tilted), this.up)) < 0.985) away = tilted;

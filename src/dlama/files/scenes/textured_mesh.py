@@ -7,6 +7,7 @@ numbers as they are, which is too dark; trimesh drops them if there is a materia
 from __future__ import annotations
 
 import io
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -18,15 +19,13 @@ from dlama.files.scenes.meshes import ARRAY_BUFFER, FLOAT, mesh_document
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.decimation import bounding_box, decimate
 from dlama.geometry.holes import fill_with_nearest
+from dlama.geometry.layered_mesh import MeshPart
 from dlama.geometry.mesh import join_meshes
-from dlama.geometry.rgbd import BoolArray, UInt8Array
+from dlama.geometry.rgbd import UInt8Array
 from dlama.geometry.scene import Scene
-from dlama.geometry.view import View
 
 LINEAR, CLAMP_TO_EDGE = 9729, 33071
-TALLEST = 8192
-"""Pixels of a texture's height before its parts continue in a further column (GPUs take 16384)."""
-JPEG = {"quality": 90, "subsampling": 0}
+JPEG_QUALITY = 90
 
 
 def write_textured_glb(path: PathLike, scene: Scene, objects: bool = False) -> None:
@@ -39,16 +38,23 @@ def write_textured_glb(path: PathLike, scene: Scene, objects: bool = False) -> N
     objects: with the removed objects. Without any surface an empty scene is written. Raises OutputError.
     """
     layers = (*scene.layers, *scene.removals) if objects else scene.layers
-    parts = [decimate(layer) for layer in layers]
+    found = [(decimate(layer), layer.read()) for layer in layers]
+    parts = [MeshPart(part.mesh, part.pixels, layer.color, part.surface) for part, layer in found]
+    with new_file(path) as draft, draft.open("wb") as file:
+        file.writelines(textured_glb(parts))
+
+
+def textured_glb(parts: Sequence[MeshPart], quality: int = JPEG_QUALITY) -> list[bytes]:
+    """A GLB file, in pieces, of meshes with their pictures, as one mesh with one texture, a JPEG of that quality (0..100)."""
     document, blob = mesh_document(join_meshes([part.mesh for part in parts]), colors=False)
     if document.meshes:
-        texture, places = atlas(layers, [part.surface for part in parts])
+        texture, places = pack_textures(parts)
         pixels = np.concatenate([part.pixels + place for part, place in zip(parts, places)])
         uv = pixels / (texture.shape[1], texture.shape[0])  # glTF's v runs down, too
         attributes = document.meshes[0].primitives[0].attributes
         attributes.TEXCOORD_0 = blob.add(uv.astype("<f4"), "VEC2", FLOAT, ARRAY_BUFFER)
         stream = io.BytesIO()
-        Pillow.fromarray(texture).save(stream, "JPEG", **JPEG)
+        Pillow.fromarray(texture).save(stream, "JPEG", quality=quality, subsampling=0 if quality >= JPEG_QUALITY else 2)
         jpeg = stream.getvalue()
         document.bufferViews.append(BufferView(buffer=0, byteOffset=len(blob.bytes), byteLength=len(jpeg)))
         blob.bytes += jpeg + bytes(-len(jpeg) % 4)
@@ -57,28 +63,32 @@ def write_textured_glb(path: PathLike, scene: Scene, objects: bool = False) -> N
         document.textures = [Texture(source=0, sampler=0)]
         document.materials[0].pbrMetallicRoughness.baseColorTexture = TextureInfo(index=0)
         blob.close()
-    with new_file(path) as draft, draft.open("wb") as file:
-        file.writelines(document.save_to_bytes())
+    return list(document.save_to_bytes())
 
 
-def atlas(layers: Sequence[View], surfaces: Sequence[BoolArray]) -> tuple[UInt8Array, list[Float64Array]]:
-    """One picture that holds what is seen of every layer, and for each layer what takes its own x, y to the picture's (px).
-
-    surfaces: H x W of each layer, which pixels are seen. The others take the nearest one's colour: nothing bleeds in at edges.
+def pack_textures(parts: Sequence[MeshPart]) -> tuple[UInt8Array, list[Float64Array]]:
+    """One picture that holds what is seen of every part, in rows from the top; and for each part what takes x, y of its own
+    picture to that one's (px). Pixels that are not seen take the nearest one's colour: nothing bleeds in at edges.
     """
-    parts, places, shifts = [], [], []
-    left = top = width = 0
-    for layer, chosen in zip(layers, surfaces):
-        box = bounding_box(chosen)
-        part = fill_with_nearest(layer.color[box], chosen[box]) if chosen.any() else layer.color[box]
-        if top and top + part.shape[0] > TALLEST:
-            left, top, width = left + width, 0, 0
-        parts.append(part)
+    cut: list[UInt8Array] = []
+    corners: list[tuple[int, int]] = []
+    for part in parts:
+        if part.shown is None:
+            cut.append(part.picture)
+            corners.append((0, 0))
+            continue
+        box = bounding_box(part.shown)
+        picture = part.picture[box]
+        cut.append(fill_with_nearest(picture, part.shown[box]) if part.shown.any() else picture)
+        corners.append((box[0].start, box[1].start))
+    width = max(max(picture.shape[1] for picture in cut), math.ceil(math.sqrt(sum(one[..., 0].size for one in cut))))
+    places, left, top, height = [], 0, 0, 0
+    for picture in cut:
+        if left and left + picture.shape[1] > width:
+            left, top, height = 0, top + height, 0
         places.append((top, left))
-        shifts.append(np.array([left - box[1].start, top - box[0].start], np.float64))
-        top, width = top + part.shape[0], max(width, part.shape[1])
-    size = [max(place[axis] + part.shape[axis] for place, part in zip(places, parts)) for axis in (0, 1)]
-    texture = np.zeros((*size, 3), np.uint8)
-    for (row, column), part in zip(places, parts):
-        texture[row : row + part.shape[0], column : column + part.shape[1]] = part
-    return texture, shifts
+        left, height = left + picture.shape[1], max(height, picture.shape[0])
+    texture = np.zeros((top + height, max(x + one.shape[1] for (_, x), one in zip(places, cut)), 3), np.uint8)
+    for (row, column), picture in zip(places, cut):
+        texture[row : row + picture.shape[0], column : column + picture.shape[1]] = picture
+    return texture, [np.array([x - left, y - top], np.float64) for (y, x), (top, left) in zip(places, corners)]

@@ -1,0 +1,78 @@
+"""`dlama photo3d`: a picture, a scene or a data set of posed frames in; a 3-D photo that turns without holes, as files, out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from tyro.conf import Positional
+
+import dlama
+from dlama.apps.command import command
+from dlama.apps.options import Depth, Estimating, Filler, Lens, Output, Reading, Report, Results, names_in, option
+from dlama.geometry.rgbd import format_count
+
+
+def photo3d(
+    image: Positional[Annotated[Path, option("IMAGE|SCENE.npz|DATASET", None)]],
+    depth: Positional[Depth] = None,
+    /,
+    *,
+    output: Output,
+    lens: Lens,
+    reading: Reading,
+    estimating: Estimating,
+    filler: Filler,
+    report: Report,
+    angle: Annotated[float | None, option("DEG", "4 % of the width of parallax")] = None,
+    distance: Annotated[float | None, option("SHARE", "half the way to the side")] = None,
+    only: Annotated[str | None, option("NAME,...", "page,mesh")] = None,
+    also: Annotated[str | None, option("NAME,...")] = None,
+) -> None:
+    """A 3-D photo: one HTML file that turns under the finger, and a mesh, with what the picture hides filled in.
+
+    Args:
+        image: The picture: PNG, JPEG, WebP, TIFF or HEIC. Or the scene.npz of a result, such as of an object removed, or of a
+            stereo pair; or the folder of a data set of posed frames.
+        depth: Its depth, same size: 16-bit PNG or TIFF (millimetres), EXR, PFM, NPY or NPZ; without it, it is estimated.
+        output: Directory for the results, made if need be; files of the same names are replaced.
+        angle: Degrees to which it turns to each side, up and down.
+        distance: How far it goes forward and back, as a share of the distance it turns about.
+        only: What is written, of page (photo3d.html), mesh (photo3d.glb), splats, stereo (side by side, anaglyph), loop (.mp4,
+            extra video), scene.
+        also: More of these names.
+    """
+    from dlama.datasets.sequences.loading import read_scene_of
+    from dlama.files.results.completion import choose_names
+    from dlama.files.results.photo3d import BY_DEFAULT, RESULTS
+
+    with command("photo3d", report) as this:
+        how, chosen, more = filler.settings(), names_in(only), names_in(also) or ()
+        choose_names(chosen, more, tuple(RESULTS), BY_DEFAULT)
+        picture = None if image.is_dir() or image.suffix.lower() == ".npz" else image
+        options = reading.settings(), estimating.settings(), how
+        this.check(output, Results(), {"image": image, "depth": depth}, picture, *options)
+        given: dlama.RGBD | dlama.Scene
+        if image.is_dir():
+            given = read_scene_of(image)[1]
+        elif picture is None:
+            given = this.scene(image, depth, (lens, reading, estimating))
+        else:
+            given = this.rgbd(image, depth, lens, reading, estimating)
+        done = dlama.photo3d(given, angle=angle, distance=distance, **how)
+        dlama.write_photo3d(
+            done,
+            output,
+            only=chosen,
+            also=more,
+            inputs=this.inputs,
+            intrinsics_from=this.intrinsics_from or "the scene",
+            seconds={"read": this.read_seconds},
+        )
+        told, box = done.meta["photo3d"], done.box
+        cameras = format_count(len(told["filled_cameras"]), "camera")
+        line = f"{output}: turns by {box.angle:.1f} degrees about {box.pivot:.3g} m, filled for {cameras}"
+        values = {"output": str(output), "angle": box.angle, "distance": box.distance, "open_share": told["open_share"]}
+        this.result.add(
+            f"{line}, filler {done.meta['filler']}, {this.seconds:.1f} s", **values, filler=done.meta["filler"]
+        )

@@ -1,0 +1,160 @@
+"""A 3-D photo in; a directory of files that show it out: page, mesh, splats, stereo pictures, loop; whole, or not at all."""
+
+from __future__ import annotations
+
+import logging
+import math
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dlama import __version__
+from dlama.arguments import check_arguments
+from dlama.completion.photo3d import Photo3D
+from dlama.errors import OutputError, system_errors
+from dlama.files.atomic_write import PathLike, new_directory
+from dlama.files.cameras import camera_as_json
+from dlama.files.rasters.pictures import write_color
+from dlama.files.results.completion import check_inputs_stay, choose_names
+from dlama.files.results.meta_json import as_json, hash_inputs, versions
+from dlama.files.results.video import check_video, write_video
+from dlama.files.scenes.photo3d_page import LARGEST_GLB, glb_within, photo3d_page
+from dlama.files.scenes.scene_npz import write_npz
+from dlama.files.scenes.splats import write_splats
+from dlama.files.schema import SCHEMA
+from dlama.geometry.camera import Camera
+from dlama.geometry.layered_mesh import mesh_layers
+from dlama.geometry.rendering import render
+from dlama.geometry.rgbd import UInt8Array
+
+LOG = logging.getLogger("dlama")
+RESULTS: dict[str, tuple[str, ...]] = {
+    "page": ("photo3d.html",),
+    "mesh": ("photo3d.glb",),
+    "splats": ("splats.ply",),
+    "stereo": ("side_by_side.jpg", "anaglyph.jpg"),
+    "loop": ("loop.mp4",),
+    "scene": ("scene.npz",),
+}
+"""What `write_photo3d` can be asked for by name -> its files; meta.json is always written."""
+BY_DEFAULT = ("page", "mesh")
+MOST_TRIANGLES = 100_000
+"""What viewers of augmented reality take."""
+EYES = 0.4
+"""Places of the two eyes of a stereo picture, -1..1 across the box."""
+STEREO_WIDTH, LOOP_WIDTH, LOOP_PICTURES, LOOP_FPS = 1920, 640, 72, 24.0
+
+
+@system_errors(OutputError)
+def write_photo3d(
+    photo: Photo3D,
+    directory: PathLike,
+    *,
+    only: Sequence[str] | None = None,
+    also: Sequence[str] = (),
+    inputs: Mapping[str, PathLike] | None = None,
+    intrinsics_from: str = "given in Python",
+    seconds: Mapping[str, float] | None = None,
+) -> Path:
+    """Write a 3-D photo to a directory (made if need be) and return it. If anything fails nothing is left behind.
+
+    Args:
+        photo: What `photo3d` gave.
+        directory: Files of the same names in it are replaced, all others stay.
+        only: Which of "page" (photo3d.html, one file that opens from disk, up to 8 MB), "mesh" (photo3d.glb, up to 100,000
+            triangles and 10 MB), "splats" (splats.ply), "stereo" (side_by_side.jpg, anaglyph.jpg for red and cyan glasses),
+            "loop" (loop.mp4, extra `video`) and "scene" (scene.npz); None: page and mesh. meta.json is always written.
+        also: More of them.
+        inputs: Role -> file; path and SHA-256 of each go into meta.json.
+        intrinsics_from: In words, where the source camera's intrinsics come from.
+        seconds: Stages before, such as reading, for meta.json.
+    Raises:
+        InputError: an unknown name; MissingExtraError: a loop without PyAV; OutputError: the directory cannot be written.
+    """
+    check_arguments(write_photo3d, locals())
+    names, target, started = choose_names(only, also, tuple(RESULTS), BY_DEFAULT), Path(directory), time.perf_counter()
+    if "loop" in names:
+        check_video(target / RESULTS["loop"][0])
+    files = [file for name in names for file in RESULTS[name]]
+    check_inputs_stay(target, [*files, "meta.json"], inputs or {})
+    about: dict[str, Any] = {}
+    with new_directory(target) as folder:
+        for file, write in file_writers(photo, folder, about).items():
+            if file in files:
+                LOG.info("write %s", file)
+                write()
+        meta = {
+            **describe_source(photo, intrinsics_from),
+            **photo.meta,
+            "files": about,
+            "inputs": hash_inputs(inputs or {}, {}),
+            "versions": versions(),
+        }
+        took = {**(seconds or {}), **photo.meta["seconds"], "write": time.perf_counter() - started}
+        meta["seconds"] = {stage: round(value, 4) for stage, value in took.items()}
+        (folder / "meta.json").write_text(as_json(meta), encoding="utf-8")
+    return target
+
+
+def describe_source(photo: Photo3D, intrinsics_from: str) -> dict[str, Any]:
+    """The head of meta.json."""
+    return {
+        "dlama": __version__,
+        "schema": SCHEMA,
+        "source_camera": {**camera_as_json(photo.box.camera), "intrinsics_from": intrinsics_from},
+    }
+
+
+def file_writers(photo: Photo3D, folder: Path, about: dict[str, Any]) -> dict[str, Callable[[], Any]]:
+    """File -> what writes it to a folder; `about` takes what is to be known of the files."""
+    scene, box = photo.scene, photo.box
+
+    @cache
+    def parts() -> Any:
+        found = mesh_layers(scene, box, MOST_TRIANGLES)
+        about["triangles"] = sum(len(part.mesh.triangles) for part in found)
+        return found
+
+    def splats() -> None:
+        about["splats"] = write_splats(folder / "splats.ply", scene, box)
+
+    @cache
+    def eyes() -> tuple[UInt8Array, UInt8Array]:
+        left, right = (
+            render(scene, resize_to(box.at(side, 0, 0), STEREO_WIDTH), types=False).color for side in (-EYES, EYES)
+        )
+        return left, right
+
+    return {
+        "photo3d.html": lambda: (folder / "photo3d.html").write_text(photo3d_page(box, parts()), "utf-8"),
+        "photo3d.glb": lambda: (folder / "photo3d.glb").write_bytes(glb_within(parts(), LARGEST_GLB)),
+        "splats.ply": splats,
+        "side_by_side.jpg": lambda: write_color(folder / "side_by_side.jpg", np.concatenate(eyes(), 1)),
+        "anaglyph.jpg": lambda: write_color(folder / "anaglyph.jpg", anaglyph(*eyes())),
+        "loop.mp4": lambda: write_video(folder / "loop.mp4", loop_pictures(photo), LOOP_FPS),
+        "scene.npz": lambda: write_npz(folder / "scene.npz", render(scene, box.camera), scene),
+    }
+
+
+def resize_to(camera: Camera, width: int) -> Camera:
+    """The camera with a picture of that width, if it is wider."""
+    share = min(1.0, width / camera.width)
+    return camera.resized(round(camera.width * share), max(1, round(camera.height * share)))
+
+
+def anaglyph(left: UInt8Array, right: UInt8Array) -> UInt8Array:
+    """For red and cyan glasses: the left picture's luminance (Rec. 601) in red, green and blue of the right one (half colour)."""
+    red = np.rint(left @ np.array([0.299, 0.587, 0.114])).astype(np.uint8)
+    return np.dstack([red, right[..., 1], right[..., 2]])
+
+
+def loop_pictures(photo: Photo3D) -> Iterator[UInt8Array]:
+    """A turn round the source camera on an ellipse within the box, which ends where it begins."""
+    for number in range(LOOP_PICTURES):
+        turn = 2 * math.pi * number / LOOP_PICTURES
+        camera = photo.box.at(0.7 * math.sin(turn), 0.35 * math.cos(turn), 0)
+        yield render(photo.scene, resize_to(camera, LOOP_WIDTH), types=False).color

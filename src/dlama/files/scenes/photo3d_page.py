@@ -1,0 +1,62 @@
+"""A 3-D photo in; one HTML file that shows it out: it holds everything, loads nothing, and opens from disk."""
+
+from __future__ import annotations
+
+import base64
+import json
+import math
+import re
+from pathlib import Path
+from typing import Any
+
+from dlama.files.scenes.textured_mesh import textured_glb
+from dlama.geometry.head_box import HeadBox
+from dlama.geometry.layered_mesh import MeshPart
+
+ASSETS = Path(__file__).parents[2] / "assets" / "web"
+MODULE_LINES = re.compile(r"^import .*\n|^export (?=class|function|async|const)", re.M)
+QUALITIES = (90, 85, 80, 70, 60, 45, 30)
+"""Of the texture's JPEG; the first is taken with which the file is small enough."""
+LARGEST_GLB, LARGEST_PAGE = 10_000_000, 8_000_000
+"""Bytes: what viewers of augmented reality take; what is still sent around."""
+
+
+def glb_within(parts: list[MeshPart], most: int) -> bytes:
+    """The GLB file of a 3-D photo, of the best quality with which it has no more than so many bytes (or of the least)."""
+    for quality in QUALITIES:
+        found = b"".join(textured_glb(parts, quality))
+        if len(found) <= most:
+            break
+    return found
+
+
+def photo3d_page(box: HeadBox, parts: list[MeshPart]) -> str:
+    """The HTML of a 3-D photo."""
+    scripts = "".join((ASSETS / name).read_text("utf-8") for name in ("scene.js", "photo3d.js"))
+    page = (ASSETS / "photo3d.html").read_text("utf-8")
+    room = (LARGEST_PAGE - len(page) - len(scripts) - 2000) * 3 // 4
+    filled = {
+        "about": json.dumps(describe_box(box) | {"under": "rgb({}, {}, {})".format(*mean_color(parts))}),
+        "glb": base64.b64encode(glb_within(parts, room)).decode("ascii"),
+        "script": MODULE_LINES.sub("", scripts),
+    }
+    for name, text in filled.items():
+        page = page.replace(f"{{{{ {name} }}}}", text)
+    return page
+
+
+def mean_color(parts: list[MeshPart]) -> list[int]:
+    """RGB of the first picture: what shows where nothing is drawn."""
+    return [] if not parts else [round(level) for level in parts[0].picture.mean((0, 1)).tolist()]
+
+
+def describe_box(box: HeadBox) -> dict[str, Any]:
+    """Where the view begins (pose, metres to the pivot, vertical degrees, aspect), and how far it may go, for the page."""
+    camera = box.camera
+    start = {
+        "world_from_cam": camera.world_from_cam.tolist(),
+        "pivot": box.pivot,
+        "fovy": math.degrees(2 * math.atan(camera.height / (2 * camera.fy))),
+        "aspect": camera.width / camera.height,
+    }
+    return {"start": start, "box": {"angle": box.angle, "distance": box.distance}}

@@ -1,0 +1,119 @@
+"""A scene in; Gaussian splats out, as a PLY file in the layout of "3D Gaussian Splatting" (Kerbl et al., 2023), of SH degree 0.
+
+One splat a pixel and layer: an ellipse in the surface, as large as the pixel's step to its neighbours on it. Axes are OpenCV's,
+as in COLMAP scenes that such files come from.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from plyfile import PlyData, PlyElement
+
+from dlama.files.atomic_write import PathLike, new_file
+from dlama.geometry.camera import Camera, Float64Array
+from dlama.geometry.drawing.layers import mesh_grid
+from dlama.geometry.head_box import HeadBox
+from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
+from dlama.geometry.layered_mesh import depth_of_sphere, sky_distance
+from dlama.geometry.projection import rays
+from dlama.geometry.rgbd import BoolArray
+from dlama.geometry.scene import Scene, contribution
+from dlama.geometry.subsampling import subsample
+from dlama.geometry.view import View
+
+MOST_SPLATS = 600_000
+COLOR_OF_DEGREE_0 = 0.28209479177387814
+"""The spherical harmonic of degree 0: colour = 0.5 + this * f_dc."""
+SIZE, THIN = 0.6, 0.1
+"""Standard deviation of a splat in steps to the neighbouring pixels; its thickness in its smaller side."""
+OPACITY = math.log(0.98 / 0.02)
+FIELDS = (
+    *"xyz", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2", "opacity",
+    "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3",
+)  # fmt: skip
+
+
+def write_splats(path: PathLike, scene: Scene, box: HeadBox) -> int:
+    """Write the splats of a scene, of layers that are subsampled so that they are MOST_SPLATS or fewer; how many. OutputError."""
+    layers = [layer.read() for layer in scene.layers]
+    step = math.ceil(math.sqrt(sum(int((contribution(one) | one.far).sum()) for one in layers) / MOST_SPLATS))
+    sky = box.camera, sky_distance(scene, box)
+    own = [max(1, round(step * one.camera.fx / box.camera.fx)) for one in layers]
+    parts = [layer_splats(subsample(one, n), sky) for one, n in zip(layers, own) if min(one.camera.hw) >= 2 * n]
+    rows = np.concatenate(parts)
+    vertex = np.empty(len(rows), [(name, "<f4") for name in FIELDS])
+    for number, name in enumerate(FIELDS):
+        vertex[name] = rows[:, number]
+    with new_file(path) as draft:
+        PlyData([PlyElement.describe(vertex, "vertex")], byte_order="<").write(str(draft))
+    return len(rows)
+
+
+def layer_splats(layer: View, sky: tuple[Camera, float]) -> np.ndarray:
+    """N x len(FIELDS): the splats of what a layer adds to its scene."""
+    depth, joined = mesh_grid(layer)
+    shown = (
+        ((contribution(layer) | layer.far) & (depth > 0))
+        | (layer.far & layer.filled)
+        | (layer.far & layer.shows_source)
+    )
+    depth = np.where(layer.far, depth_of_sphere(layer.camera, *sky), np.where(depth > 0, depth, layer.depth))
+    points = rays(layer.camera) * depth[..., None].astype(np.float64)
+    right, down = (tangent(points, axis, (joined & bit) > 0, depth / focal) for axis, bit, focal in (
+        (1, RIGHT, layer.camera.fx), (0, DOWN, layer.camera.fy),
+    ))  # fmt: skip
+    right, down, points = right[shown], down[shown], points[shown]
+    x, along = unit(right)
+    normal, _ = unit(np.cross(x, down))
+    y = np.cross(normal, x)
+    across = np.abs((y * down).sum(1, keepdims=True))
+    turn = layer.camera.world_from_cam[:3, :3]
+    axes = np.einsum("ij,njk->nik", turn, np.stack([x, y, normal], 2))
+    thickness = THIN * np.minimum(along, across)
+    sizes = np.log(np.maximum(SIZE * np.concatenate([along, across, thickness], 1), 1e-9))
+    color = (layer.color[shown] / 255 - 0.5) / COLOR_OF_DEGREE_0
+    world = points @ turn.T + layer.camera.world_from_cam[:3, 3]
+    opacity = np.full((len(world), 1), OPACITY)
+    return np.concatenate([world, axes[..., 2], color, opacity, sizes, quaternions(axes)], 1)
+
+
+def tangent(points: Float64Array, axis: int, joined: BoolArray, size: np.ndarray) -> Float64Array:
+    """H x W x 3: the step from each pixel to its next neighbour along an axis, or to the one before; where neither is joined to
+    it, as long as on a surface that faces the camera (size, metres)."""
+    step = np.diff(points, axis=axis, append=np.take(points, [-1], axis))
+    before, joined_before = np.roll(step, 1, axis), np.roll(joined, 1, axis)
+    facing = np.zeros(3)
+    facing[1 - axis] = 1
+    return np.where(joined[..., None], step, np.where(joined_before[..., None], before, size[..., None] * facing))
+
+
+def unit(vectors: Float64Array) -> tuple[Float64Array, Float64Array]:
+    """N x 3 vectors of length 1, and their lengths, N x 1."""
+    length = np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-12)
+    return vectors / length, length
+
+
+def quaternions(axes: Float64Array) -> Float64Array:
+    """N x 4 (w, x, y, z) of N x 3 x 3 rotations, by the largest of the four (Shepperd, 1978)."""
+    m = axes
+    trace = m[:, 0, 0] + m[:, 1, 1] + m[:, 2, 2]
+    choice = np.argmax(np.stack([trace, m[:, 0, 0], m[:, 1, 1], m[:, 2, 2]]), axis=0)
+    found = np.empty((len(m), 4))
+    for which in range(4):
+        n = np.flatnonzero(choice == which)
+        r = m[n]
+        if which == 0:
+            found[n] = np.stack(
+                [1 + trace[n], r[:, 2, 1] - r[:, 1, 2], r[:, 0, 2] - r[:, 2, 0], r[:, 1, 0] - r[:, 0, 1]], 1
+            )
+            continue
+        i, j, k = (which - 1, which % 3, (which + 1) % 3)
+        part = np.empty((len(n), 4))
+        part[:, 0] = r[:, k, j] - r[:, j, k]
+        part[:, 1 + i] = 1 + r[:, i, i] - r[:, j, j] - r[:, k, k]
+        part[:, 1 + j] = r[:, j, i] + r[:, i, j]
+        part[:, 1 + k] = r[:, k, i] + r[:, i, k]
+        found[n] = part
+    return np.asarray(found / np.linalg.norm(found, axis=1, keepdims=True))

@@ -1,0 +1,125 @@
+"""The files of a 3-D photo (oracles: trimesh and plyfile, which others wrote; the limits; the scene's own points)."""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import trimesh
+from plyfile import PlyData
+
+import dlama
+from box_frame import CAMERA, WORLD
+from dlama.completion.photo3d import Photo3D, photo3d
+from dlama.errors import InputError
+from dlama.files.results import photo3d as module
+from dlama.files.results.photo3d import anaglyph, write_photo3d
+from dlama.files.scenes.splats import FIELDS, quaternions
+
+
+@pytest.fixture(scope="module")
+def photo() -> Photo3D:
+    """A box before a wall."""
+    return photo3d(WORLD.rgbd(CAMERA), filler="telea")
+
+
+@pytest.fixture(scope="module")
+def folder(photo: Photo3D, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """All files but the loop, which another test writes."""
+    return write_photo3d(photo, tmp_path_factory.mktemp("p") / "out", also=("splats", "stereo", "scene"))
+
+
+def test_the_mesh_opens_elsewhere(folder: Path) -> None:
+    """trimesh reads a textured mesh; it is as small as meta.json says."""
+    (mesh,) = trimesh.load(folder / "photo3d.glb", process=False).dump()
+    told = json.loads((folder / "meta.json").read_text())
+    assert mesh.visual.kind == "texture" and len(mesh.faces) == told["files"]["triangles"] <= module.MOST_TRIANGLES
+    assert (folder / "photo3d.glb").stat().st_size < 10e6 and told["photo3d"]["filled_cameras"]
+    assert -mesh.vertices[:, 2].min() > 4  # glTF looks along -z: the wall is at 4 m
+
+
+def test_the_page_holds_everything(folder: Path) -> None:
+    """One file with the mesh in it, no address, no import, no mark of the template left."""
+    page = (folder / "photo3d.html").read_text("utf-8")
+    assert not re.search(r"https?://|^import |^export |\{\{|src=|@import", page, re.M)
+    glb = re.search(r'id="glb">([^<]*)<', page)
+    assert glb is not None and base64.b64decode(glb[1])[:4] == b"glTF"
+    assert len(page) <= 8e6
+
+
+def test_splats_lie_where_the_points_do(folder: Path, photo: Photo3D) -> None:
+    """In the standard layout: unit rotations, colours of the picture, on the surfaces, a pixel's step in size."""
+    vertex = PlyData.read(str(folder / "splats.ply"))["vertex"]
+    assert tuple(vertex.data.dtype.names) == FIELDS
+    turns = np.stack([vertex[f"rot_{n}"] for n in range(4)], 1)
+    assert np.allclose(np.linalg.norm(turns, axis=1), 1, atol=1e-4)
+    source = slice(0, int(photo.scene.frames[0].valid.sum()))
+    color = np.stack([0.5 + 0.28209479 * vertex[f"f_dc_{n}"] for n in range(3)], 1)[source] * 255
+    points = dlama.lift(photo.scene.frames[0])
+    at = np.stack([vertex[axis] for axis in "xyz"], 1)[source]
+    assert len(at) >= 0.95 * len(points)
+    tree = cv2.flann_Index(points.points.astype(np.float32), {"algorithm": 1, "trees": 4})
+    nearest, _ = tree.knnSearch(at.astype(np.float32), 1, params={"checks": 64})
+    near = np.linalg.norm(points.points[nearest[:, 0]] - at, axis=1) < 1e-3
+    assert near.mean() > 0.95 and np.abs(points.color[nearest[:, 0]] - color)[near].mean() < 1
+    wall = (np.abs(at[:, 2] - 4) < 1e-3) & near
+    step = 4 / CAMERA.fx
+    assert np.allclose(np.exp(vertex["scale_0"][source][wall]), 0.6 * step, rtol=0.05)
+    assert np.allclose(
+        np.abs(np.stack([vertex["nx"], vertex["ny"], vertex["nz"]], 1)[source][wall]), (0, 0, 1), atol=1e-3
+    )
+
+
+def test_quaternions_turn_as_the_matrices_do() -> None:
+    """Random rotations, and half turns about each axis."""
+    rng = np.random.default_rng(0)
+    q = rng.normal(size=(50, 4))
+    q = np.concatenate([q / np.linalg.norm(q, axis=1, keepdims=True), np.eye(4)])
+    w, x, y, z = q.T
+    m = np.array([
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]).transpose(2, 0, 1)  # fmt: skip
+    found = quaternions(m)
+    assert np.allclose(np.abs((found * q).sum(1)), 1)
+
+
+def test_stereo_pictures(folder: Path, photo: Photo3D) -> None:
+    """Two views side by side, of which the left one sees the box further to the right; red from the left, the rest right."""
+    both = cv2.imread(str(folder / "side_by_side.jpg"))
+    assert both.shape == (48, 128, 3)
+    ours, theirs = np.full((2, 2, 3), 90, np.uint8), np.full((2, 2, 3), 10, np.uint8)
+    assert (anaglyph(ours, theirs) == (90, 10, 10)).all()
+    left, right = (dlama.render(photo.scene, photo.box.at(side, 0, 0)) for side in (-0.4, 0.4))
+    assert np.nonzero(left.depth < 3)[1].mean() > np.nonzero(right.depth < 3)[1].mean()
+
+
+def test_the_loop_ends_where_it_begins(photo: Photo3D, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """As many pictures as are said, of the picture's size."""
+    pytest.importorskip("av")
+    monkeypatch.setattr(module, "LOOP_PICTURES", 6)
+    write_photo3d(photo, tmp_path / "out", only=("loop",))
+    video = cv2.VideoCapture(str(tmp_path / "out" / "loop.mp4"))
+    assert int(video.get(cv2.CAP_PROP_FRAME_COUNT)) == 6 and int(video.get(cv2.CAP_PROP_FRAME_WIDTH)) == 64
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["loop.mp4", "meta.json"]
+
+
+def test_the_scene_comes_back(folder: Path, photo: Photo3D) -> None:
+    """read_scene gives as many layers, and the same picture."""
+    scene = dlama.read_scene(folder / "scene.npz")
+    assert len(scene.layers) == len(photo.scene.layers)
+    turned = photo.box.at(1, 0.5, -1)
+    assert (dlama.render(scene, turned).color == dlama.render(photo.scene, turned).color).all()
+
+
+def test_unknown_names_are_refused(photo: Photo3D, tmp_path: Path) -> None:
+    """Before anything is written."""
+    with pytest.raises(InputError, match=r"'usdz'.*page, mesh"):
+        write_photo3d(photo, tmp_path / "out", also=("usdz",))
+    assert list(tmp_path.iterdir()) == []

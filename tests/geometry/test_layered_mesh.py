@@ -1,0 +1,74 @@
+"""Layered meshes (oracles: depth on both sides of every triangle, where rays meet a sphere, the counts)."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from dlama.completion.photo3d import Photo3D, photo3d
+from dlama.geometry.camera import Camera
+from dlama.geometry.layered_mesh import MeshPart, depth_of_sphere, mesh_layers, sky_distance
+from dlama.geometry.projection import project, rays
+from dlama.geometry.rgbd import RGBD
+from dlama.geometry.trajectories import orbit
+from dlama.geometry.view import Origin
+from worlds import Box, Plane, World
+
+CAMERA = Camera.from_fov(96, 72, 65)
+WORLD = World((Plane((0, 0, 6), (0, 0, -1)), Box((-0.5, -0.4, 2), (0.4, 0.5, 2.4))))
+
+
+@pytest.fixture(scope="module")
+def photo() -> Photo3D:
+    """A box before a wall, sky above."""
+    given = WORLD.rgbd(CAMERA)
+    depth = given.depth.copy()
+    depth[:10] = np.inf
+    return photo3d(RGBD(given.color, depth, CAMERA), filler="telea")
+
+
+@pytest.fixture(scope="module")
+def parts(photo: Photo3D) -> list[MeshPart]:
+    """Its layers as a mesh."""
+    return mesh_layers(photo.scene, photo.box, 100_000)
+
+
+def test_no_triangle_spans_a_depth_edge(parts: list[MeshPart], photo: Photo3D) -> None:
+    """The box lies at 2 to 2.4 m, the wall at 6, the sky beyond: each triangle of the source on one of them."""
+    corners = project(parts[0].mesh.vertices, photo.box.camera)[1][parts[0].mesh.triangles]
+    surface = np.searchsorted([4.0, 8.0], corners)
+    assert (surface == surface[:, :1]).all() and set(surface.ravel()) == {0, 1, 2}
+
+
+def test_the_picture_is_where_its_pixels_are(parts: list[MeshPart], photo: Photo3D) -> None:
+    """At home each vertex of the source lands on the pixel whose colour it has."""
+    assert np.allclose(project(parts[0].mesh.vertices, photo.box.camera)[0], parts[0].pixels, atol=1e-3)
+    assert parts[0].shown is None and parts[0].picture is photo.scene.frames[0].color
+
+
+def test_fills_lie_behind_what_they_join(photo: Photo3D, parts: list[MeshPart]) -> None:
+    """What a fill shows again of the box and of the wall is behind them."""
+    again = [part.mesh.vertices[part.mesh.origin == Origin.REPROJECTED] for part in parts[1:]]
+    depth = project(np.concatenate(again), photo.box.camera)[1]
+    assert len(depth) > 20 and depth.min() > 2 and not ((depth > 5.9) & (depth < 6.0)).any()
+
+
+def test_few_triangles_where_few_are_asked_for(photo: Photo3D) -> None:
+    """Coarser, but no more than that."""
+    few = mesh_layers(photo.scene, photo.box, 1000)
+    assert 0 < sum(len(part.mesh.triangles) for part in few) <= 1000
+
+
+def test_the_sky_is_a_sphere() -> None:
+    """Seen from another camera, its points are all as far from the first one."""
+    turned = orbit(CAMERA, 20, 5, 3)
+    depth = depth_of_sphere(turned, CAMERA, 50.0)
+    points = (rays(turned) * depth[..., None]) @ turned.world_from_cam[:3, :3].T + turned.world_from_cam[:3, 3]
+    assert np.allclose(np.linalg.norm(points, axis=2), 50, rtol=1e-5)
+
+
+def test_the_sky_moves_by_a_pixel_at_most(photo: Photo3D) -> None:
+    """From end to end of the box, in a picture of GRID_PIXELS."""
+    box = photo.box
+    aside = 2 * box.pivot * np.tan(np.radians(box.angle))
+    assert aside / sky_distance(photo.scene, box) * box.camera.fx / 96 * 775 <= 1.01
