@@ -43,11 +43,11 @@ def decimate(layer: View, share: float | None = None) -> DecimatedMesh:
     """The surface of a layer, with large triangles where it is flat.
 
     Vertices are pixels of the layer, at their own place in space. The loss: at each pixel that a triangle covers its depth
-    differs by 1 mm or 0.1 % of the depth at most, whichever is more (where it was estimated 0.5 %; or the `share` that is given), and the place in the
-    picture that its texture shows by half a pixel at most. Confidence is linear between vertices. Outlines are kept: no triangle covers
-    pixels at both sides of a depth edge, nor pixels of two origins unless it is as small as a pixel. Pixels that have no triangle
-    in the grid, as those of a wire one pixel wide, become squares of their own size. Flying pixels, which rendering leaves out,
-    and far ones have none.
+    differs by 1 mm or 0.1 % of the depth at most, whichever is more (where it was estimated 0.5 %; or by the `share` that is
+    given), and the place in the picture that its texture shows by half a pixel at most. Confidence is linear between vertices.
+    Outlines are kept: no triangle covers pixels at both sides of a depth edge, nor pixels of two origins unless it is as small as
+    a pixel. Pixels that have no triangle in the grid, as those of a wire one pixel wide, become squares of their own size. Flying
+    pixels, which rendering leaves out, and far ones have none.
     """
     layer = layer.read()
     depth, joined = mesh_grid(layer)
