@@ -10,9 +10,11 @@ from small_street import CAMERA, WORLD, street
 
 import dlama
 from dlama.completion.completion import Completion
+from dlama.completion.start import scene_of
 from dlama.errors import InputError
 from dlama.geometry.frames.removal import carry_masks
 from dlama.geometry.rendering import render
+from dlama.geometry.rgbd import clip_depth
 from dlama.geometry.trajectories import orbit
 from dlama.geometry.view import Origin
 from dlama.geometry.visibility import Law
@@ -126,5 +128,17 @@ def test_masks_that_fit_no_frame_are_refused() -> None:
         dlama.complete(FRAMES, [TARGET], mask={7: MASKS[0]})
     with pytest.raises(InputError, match="mask is one picture, and there are many frames"):
         dlama.complete(FRAMES, [TARGET], mask=MASKS[0])
+    with pytest.raises(InputError, match=r"mask is empty; \{number of the frame: mask\} is expected"):
+        dlama.complete(FRAMES, [TARGET], mask={})
     with pytest.raises(InputError, match="clip is 5 m: a scene cannot be clipped"):
         dlama.complete(dlama.scene(FRAMES), [TARGET], clip=5)
+
+
+def test_frames_are_clipped_as_one_picture_is() -> None:
+    """Oracle: `clip_depth`, frame by frame, of frames in memory and of those that are read when they are needed."""
+    frames = FRAMES[:2]
+    for given in (frames, [functools.partial(lambda one: one, one) for one in frames]):
+        for clip in (3.0, None):
+            found = scene_of(given, clip).frames
+            assert all(np.array_equal(one.depth, clip_depth(frame, clip).depth) for one, frame in zip(found, frames))
+    assert not np.array_equal(clip_depth(frames[0], 3.0).depth, frames[0].depth)

@@ -275,10 +275,11 @@ def test_a_full_disk_is_said_and_leaves_nothing(
 
 ARENAS_OF_THREADS = """
 import ctypes, sys, threading
-from dlama.web.server import share_arenas
+from dlama.web.answers import Limits
+from dlama.web.server import serving
 libc = ctypes.CDLL(None)
 libc.malloc.restype, libc.fopen.restype = ctypes.c_void_p, ctypes.c_void_p
-share_arenas()
+with serving("127.0.0.1", 0, None, Limits()): pass
 together = threading.Barrier(12)
 def allocate():
     libc.malloc(1000)
