@@ -25,6 +25,7 @@ from dlama.apps.cli import VERBS, main, with_joined_lines
 from dlama.apps.terminal.flags import flags_of, with_flags
 from dlama.apps.verbs import evaluate as evaluate_verb
 from dlama.inpainters import FILLERS
+from test_docs import WORDS
 
 COMMANDS = [[verb] for verb in VERBS if verb != "models"] + [
     ["models", word] for word in ("list", "info", "pull", "convert", "verify")
@@ -53,6 +54,13 @@ def rows(shown: str) -> list[str]:
             else:
                 found[-1] += f" {line.strip()}"
     return found
+
+
+@pytest.mark.parametrize("words", [*COMMANDS, []], ids=" ".join)
+def test_help_has_plain_words(words: list[str]) -> None:
+    """Oracle: the table of words that the site is held to."""
+    text = " ".join(re.sub("[│╭╮╰╯─]", " ", page_of(*words)).split())
+    assert re.findall(rf"\b(?:{'|'.join(WORDS)})\b", text, re.IGNORECASE) == []
 
 
 @pytest.mark.parametrize("words", COMMANDS, ids=" ".join)

@@ -1,4 +1,4 @@
-"""The options of one command in; what was read by them, and the result, written and told in one line, out."""
+"""The options of one command in; what was read by them, and the result, written and reported in one line, out."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Command(JobInputs):
         *options: Mapping[str, Any],
         removes: bool = False,
     ) -> None:
-        """OutputError and InputError for whatever can be refused before anything is read: `output`, names, options.
+        """OutputError and InputError for all that can be refused before anything is read: `output`, names, options.
 
         read: the files that are read, by their roles; image: the picture, whose size tells whether points lie in it.
         """

@@ -77,7 +77,7 @@ class Results:
         ),
     ] = None
     also: Annotated[str | None, option("NAME,...")] = None
-    """More of these names: scene (scene.npz, which view, video and show go on with), points, hole ..."""
+    """More of these names: scene (scene.npz, which view, video and show read), points, hole ..."""
 
     def settings(self) -> dict[str, tuple[str, ...]]:
         """As keyword arguments of `write`: those that are given."""
@@ -159,7 +159,7 @@ class Lens:
 
 @dataclass(frozen=True)
 class Reading:
-    """How the depth file is to be understood: 16-bit PNG or TIFF, EXR, PFM, NPY or NPZ; --far goes with estimated depth too."""
+    """How the depth file is read: 16-bit PNG or TIFF, EXR, PFM, NPY or NPZ; --far goes with estimated depth too."""
 
     depth_scale: Annotated[float | None, option("UNITS", "1000 for 16-bit files, 1 for float files")] = None
     """Units per metre: 1000 = millimetres, TUM 5000, KITTI 256."""
@@ -178,13 +178,13 @@ class Reading:
 
 
 def split_depth_and_mask(files: Sequence[Path], pointed: bool = False) -> tuple[Path | None, Path | None]:
-    """The depth file, if there is one, and the mask, which comes last; no mask where the thing is pointed at. InputError."""
+    """The depth file, if there is one, and the mask, which comes last; no mask where the object is pointed at. InputError."""
     if pointed:
         if len(files) > 1:
             raise mask_and_pointing(files[1])
         return (files[0] if files else None), None
     if not files:
-        raise InputError("no object to remove is given: give a mask file, --click X,Y on the thing, or --box X,Y,W,H")
+        raise InputError("no object to remove is given: give a mask file, --click X,Y on the object, or --box X,Y,W,H")
     if not 1 <= len(files) <= 2:
         raise InputError(f"{len(files)} files follow the picture; a mask, or depth and a mask are expected")
     return (files[0] if len(files) == 2 else None), files[-1]
@@ -222,14 +222,14 @@ class Estimating:
 
 @dataclass(frozen=True)
 class Masking:
-    """How a mask file is to be understood: black and white, 255 = remove."""
+    """How a mask file is read: black and white, 255 = remove."""
 
     mask_polarity: Annotated[Literal["fill", "known"], option("fill|known", "fill")] = "fill"
     """What white means: fill = remove it, known = keep it."""
     soft_mask: Annotated[bool, option("", "off")] = False
     """Take a grey mask; values above 127 count as white."""
     mask_class: Annotated[str | None, option("NAME|R,G,B")] = None
-    """The mask is an EasySynth semantic picture: remove this class. Names stand in SemanticClasses.csv beside it."""
+    """The mask is an EasySynth semantic picture: remove this class. Names stand in SemanticClasses.csv next to it."""
 
     def settings(self) -> dict[str, Any]:
         """As keyword arguments of read_mask."""

@@ -1,4 +1,4 @@
-"""What is pointed at in a picture (options of `mask`, `remove` and `stereo`) in; the mask of the thing out."""
+"""What is pointed at in a picture (options of `mask`, `remove` and `stereo`) in; the mask of the object out."""
 
 from __future__ import annotations
 
@@ -24,22 +24,22 @@ MASKERS = ("rgbd", "salient", "segment-anything")
 
 @dataclass(frozen=True)
 class Pointing:
-    """Which thing is meant, in place of a mask file. Pixels as in the picture: x to the right, y down."""
+    """Points at the object, in place of a mask file. Pixels as in the picture: x to the right, y down."""
 
     click: Points = ()
-    """Pixels on the thing."""
+    """Pixels on the object."""
     not_click: Annotated[tuple[str, ...], arg(name="not", metavar="X,Y ...", help_behavior_hint="(default: none)")] = ()
-    """Pixels beside it, to correct with."""
+    """Pixels next to it, which the mask must not hold."""
     box: Annotated[str | None, option("X,Y,W,H")] = None
-    """A box round the thing: its upper left corner, width and height."""
+    """A box around the object: its upper left corner, width and height."""
     salient: Annotated[bool, option("", "off")] = False
     """What stands out in the picture, by a network that ships with dlama; needs no click. Short for --masker salient."""
     object_class: Annotated[
         str | None, arg(name="class", metavar="NAME|R,G,B", help_behavior_hint="(default: none)")
     ] = None
-    """The class of this name in the EasySynth semantic picture that belongs to IMAGE (in SemanticImage/ beside its folder)."""
+    """The class of this name in the EasySynth semantic picture that belongs to IMAGE (in SemanticImage/, next to its folder)."""
     masker: Annotated[str | None, option("|".join(MASKERS), MASKERS[0])] = None
-    """What finds the thing: rgbd by depth and colour, salient by a network that ships, segment-anything by a pair of networks."""
+    """What finds the object: rgbd by depth and colour, salient by a network that ships, segment-anything by two networks."""
     mask_model: Annotated[
         str | None,
         option(
@@ -51,7 +51,7 @@ class Pointing:
     candidate: Annotated[str, option("part|object|group", "object")] = "object"
     """Which reading of an ambiguous click; `dlama mask` says which there are."""
     with_shadow: Annotated[bool, option("", "off")] = False
-    """Take the shadow too that the thing casts on the surface it stands on, where there is a plain one."""
+    """Add the shadow that the object casts on the surface it stands on, where it is clear."""
 
     @property
     def given(self) -> bool:
@@ -61,7 +61,7 @@ class Pointing:
 
     @property
     def needs_depth(self) -> bool:
-        """Whether the thing is found in depth."""
+        """Whether the object is found in depth."""
         by_color = self.salient or self.object_class is not None or self.masker not in (None, "rgbd")
         return self.with_shadow or not by_color
 
@@ -72,7 +72,7 @@ class Pointing:
         return mask_settings(**options)
 
     def find(self, picture: dlama.RGBD | UInt8Array, image: Path) -> dlama.ObjectMask:
-        """The thing in a picture, read from `image`. InputError and its kin."""
+        """The object in a picture, read from `image`. InputError and its kin."""
         return find_pointed(picture, image, self.settings(), self.object_class)
 
 

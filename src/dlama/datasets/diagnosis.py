@@ -44,7 +44,7 @@ def diagnose(
     soft_mask: bool = False,
     mask_class: str | None = None,
 ) -> tuple[Finding, ...]:
-    """What is wrong with inputs, how sure that is, and the option that mends it; the last finding says what was understood.
+    """What is wrong with inputs, with what confidence, and the option that mends it; the last finding says what was understood.
 
     Args:
         first: A picture; or, with `calib`, the left one of a stereo pair; or the folder of a data set, or a scene.npz.

@@ -120,7 +120,7 @@ def find(session: dlama.MaskSession, marks: Marks) -> dlama.ObjectMask | None:
     if marks.points_at:
         return session.find(**pointing(marks))
     if marks.not_clicks and not marks.strokes:
-        raise PageError("a click beside the thing corrects; click on the thing first", "marks")
+        raise PageError("a click next to the object corrects its mask; click on the object first", "marks")
     return None
 
 

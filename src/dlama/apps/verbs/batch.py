@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 FAILED = 1
 """Exit code where some jobs could not be run."""
 SHOWN_FAILURES = 20
-"""Failures that are told as they happen; the manifest has all."""
+"""Failures that are printed as they happen; the manifest has all."""
 SHOWN_JOBS = 10
 """Jobs that --dry-run shows."""
 EXAMPLES = (

@@ -30,12 +30,12 @@ def doctor(
     calib: Annotated[Path | None, option("CALIB")] = None,
     layout: Annotated[str | None, option("NAME", "recognised")] = None,
 ) -> None:
-    """Says what is wrong with inputs, how sure that is, and the option that mends it. Exit code 1 where something is.
+    """Reports what is wrong with inputs, with what confidence, and the option that mends it. Exit code 1 where something is.
 
     Args:
         first: The colour picture; with --calib the left one of a stereo pair; or the folder of a data set, or a scene.npz.
         second: The picture's depth, or the right picture; without it, the depth that a photo's file carries is looked at.
-        mask: What is to be removed: black and white, 255 = remove.
+        mask: The object to remove: black and white, 255 = remove.
         calib: The inputs are a stereo pair, and this its calibration.
         layout: How the data set lies on disk, as for dlama evaluate.
     """

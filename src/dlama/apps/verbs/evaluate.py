@@ -69,7 +69,7 @@ class Cases:
     gamma: Annotated[Literal["srgb", "linear"] | None, option("srgb|linear", "as the files say")] = None
     """EasySynth: how its 8-bit PNG depth is encoded, where there is no better."""
     removal_object: Annotated[str | None, option("NAME|R,G,B", "object")] = None
-    """EasySynth: the semantic class that is taken out."""
+    """EasySynth: the semantic class that is removed."""
     camera: CameraFile = None
     """The camera file of a layout that has none of its own (tum, 7-scenes, redwood)."""
 
@@ -180,7 +180,7 @@ def evaluate(
     report: Report,
     jobs: Annotated[int, option("N", "1")] = 1,
 ) -> None:
-    """Methods measured on frames with ground truth: the paper's tables, and a report. Goes on where it was interrupted.
+    """Methods measured on frames with ground truth: the paper's tables, and a report. Continues where it was interrupted.
 
     Args:
         dataset: The folder of a data set, a scene.npz, or worlds[:COUNT[:SEED]] for generated ones where no folder is called so.

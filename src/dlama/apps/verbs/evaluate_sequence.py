@@ -48,7 +48,7 @@ def evaluate_sequence(dataset: str, output: Path, report: Report, cases: Mapping
         parts = [f"**{region}**\n\n{table(rows, region)}" for region in REGIONS]
         removed = [row for row in rows if row.measure.region == "hidden"]
         if removed:
-            parts.append(f"**removal, what the thing hid**\n\n{removal_table(removed)}")
+            parts.append(f"**removal, what the object hid**\n\n{removal_table(removed)}")
         with new_directory(output) as folder:
             (folder / "sequence.md").write_text("\n\n".join(parts) + "\n", encoding="utf-8")
             text = io.StringIO()

@@ -1,4 +1,4 @@
-"""`dlama mask`: a picture and what is pointed at in it in; the mask of the thing, and its files, out."""
+"""`dlama mask`: a picture and what is pointed at in it in; the mask of the object, and its files, out."""
 
 from __future__ import annotations
 
@@ -36,13 +36,13 @@ def mask(
     estimating: Estimating,
     report: Report,
 ) -> None:
-    """The mask of a thing that you point at: click on it, or draw a box round it.
+    """The mask of an object that you point at: click on it, or draw a box around it.
 
     Args:
         image: The colour picture: PNG, JPEG, WebP, TIFF or HEIC.
         depth: Its depth, same size: 16-bit PNG or TIFF (millimetres), EXR, PFM, NPY or NPZ; without it, it is estimated
             where the masker needs it.
-        output: The mask, 255 = the thing; beside it MASK_overlay.png shows it in the picture.
+        output: The mask, 255 = the object; next to it MASK_overlay.png shows it in the picture.
     """
     with command("mask", report) as this:
         for file in (output, overlay_of(output)):
@@ -62,7 +62,7 @@ def mask(
 
 
 def write_found(found: dlama.ObjectMask, picture: dlama.RGBD | UInt8Array, output: Path) -> list[Path]:
-    """The mask, and beside it NAME_overlay.png: the thing tinted and outlined. OutputError."""
+    """The mask, and next to it NAME_overlay.png: the object tinted and outlined. OutputError."""
     from dlama.files.rasters.pictures import write_color, write_mask
     from dlama.files.results.preview import tint
 

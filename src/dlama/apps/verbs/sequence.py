@@ -72,13 +72,13 @@ def sequence(
 
     Args:
         dataset: The folder of posed frames with depth, in any layout that `dlama evaluate` reads; or a scene.npz.
-        output: Directory for the results, a data set in nerfstudio's layout, and scene.glb; a killed run goes on.
-        mask: A thing to remove from all frames, in one or several of them: a frame's name or its place from 0, and its mask.
+        output: Directory for the results, a data set in nerfstudio's layout, and scene.glb; a killed run continues.
+        mask: An object to remove from all frames, in one or several of them: a frame's name or its place from 0, and its mask.
         masks: The same: a folder of masks with the names of their frames.
         views: Which cameras are completed: the frames' own, a path from the middle frame, or those of a file (a list of cameras
             as --to of dlama view takes one, each with an optional name).
         only: What is written next to the views, of scene, points, mesh, colmap, video (.mp4 with the extra video, else .webp).
-        also: More of these names: scene (scene.npz, which view, video and show go on with), points.
+        also: More of these names: scene (scene.npz, which view, video and show read), points.
     """
     started = time.perf_counter()
     with reported("sequence", report) as result:

@@ -35,12 +35,12 @@ def serve(
     max_megapixels: Megapixels = 16.0,
     max_pages: Pages = 8,
 ) -> None:
-    """A page in the browser: mark what is to go, move the camera, complete, look at it in 3-D, take everything home.
+    """A page in the browser: mark an object, move the camera, complete, look at it in 3-D, download everything.
 
     Args:
         host: Where to listen. 127.0.0.1: this machine alone; 0.0.0.0: every machine that can reach this one, with a token.
         port: The port; 0: a free one.
-        token: Only who has it sees the page: printed as part of the address.
+        token: The page is shown only to addresses that contain it; it is printed as part of the address.
         max_megabytes: The largest file that is taken.
         max_megapixels: The largest picture that is taken, in millions of pixels.
         max_pages: How many pages can be open at once; each holds its pictures in memory.
@@ -53,7 +53,7 @@ def serve(
 
     if token is None and not is_loopback(host):
         if report.quiet:
-            raise InputError(f"host is {host} and quiet is on: nobody would be told the token that is made; give token")
+            raise InputError(f"host is {host} and quiet is on: the token that is made would not be printed; give token")
         token = secrets.token_urlsafe(16)
     limits = Limits(max_megabytes, max_megapixels, max_pages)
     with reported("serve", report), serving(host, port, token, limits) as server:

@@ -60,10 +60,10 @@ def train(
     Args:
         settings: A settings file or a preset; `presets` lists them.
         output: Directory of the run: settings, metrics, sheets, checkpoint, and at the end the network.
-        data: Folders of pictures, data sets (posed pairs, frames with and without a thing, stereo pairs) or packs that
+        data: Folders of pictures, data sets (posed pairs, frames with and without an object, stereo pairs) or packs that
             samples are made of.
         max_minutes: Stop after so long, with a checkpoint and the network as it is then.
-        resume: Go on with the run in this directory, exactly as if it had never stopped.
+        resume: Continue the run in this directory, exactly as if it had never stopped.
         start: A LaMa checkpoint to start from; planes it lacks are added. Of choice: the ONNX file of a judge.
         trunk: Weights of the perceptual trunk: dilated ResNet-50, VGG-16 or AlexNet (.safetensors, .pth).
         steps: Batches until the end.
@@ -130,7 +130,7 @@ def pack(
 def summary(done: TrainingResult) -> tuple[str, dict[str, Any]]:
     """What a run came to, as one line, and the same JSON-ready."""
     network = None if done.network is None else str(done.network)
-    line = f"{done.run}: step {done.step}, {done.ended}; {network or 'no network yet, --resume goes on'}"
+    line = f"{done.run}: step {done.step}, {done.ended}; {network or 'no network yet, --resume continues'}"
     return line, {"output": str(done.run), "step": done.step, "ended": done.ended, "network": network}
 
 

@@ -22,7 +22,7 @@ def worlds(
     antialias: Annotated[bool, option("", "colour edges are smooth")] = True,
     textures: Annotated[Path | None, option("DIR", "procedural")] = None,
 ) -> None:
-    """Made-up scenes with exact ground truth, in EasySynth's layout: all that `dlama evaluate` needs, with no data at all.
+    """Generated scenes with exact ground truth, in EasySynth's layout: all that `dlama evaluate` needs, without other data.
 
     Args:
         output: Directory for the scenes.

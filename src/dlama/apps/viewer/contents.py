@@ -72,7 +72,7 @@ def contents_of(path: Path) -> Contents:
 
 
 def of_scene(file: Path) -> Contents:
-    """The layers of a scene: measured, filled, and what was taken out; their cameras."""
+    """The layers of a scene: measured, filled, and what was removed; their cameras."""
     _, scene = read_npz(file)
     parts = [points_of(layer, contribution(layer)) for layer in scene.layers]
     known, filled = (concatenate([part[number] for part in parts]) for number in (0, 1))

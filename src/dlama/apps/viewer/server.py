@@ -112,7 +112,7 @@ class Viewer:
             self.by = gui.add_dropdown("Colours", tuple(COLORS))
             self.size = gui.add_slider("Point size", 0.2, 5.0, 0.1, 1.0, hint="Times the distance between points")
             self.least = gui.add_slider(
-                "Confidence from", 0.0, 1.0, 0.01, 0.0, hint="Points that are less sure are hidden"
+                "Confidence from", 0.0, 1.0, 0.01, 0.0, hint="Points below this confidence are hidden"
             )
             self.cameras = gui.add_checkbox("Cameras", True, disabled=not self.contents.frames)
             self.mesh = gui.add_checkbox("Mesh", False, disabled=self.contents.scene is None)
