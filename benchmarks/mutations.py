@@ -31,7 +31,7 @@ from pathlib import Path
 from mutants import MUTANTS, Mutant
 
 ROOT = Path(__file__).resolve().parents[1]
-COPIED = ("src", "tests", "examples", "docs", "benchmarks", "pyproject.toml", "README.md", "CHANGELOG.md")
+COPIED = ("src", "tests", "examples", "docs", "benchmarks", "conda", "pyproject.toml", "README.md", "CHANGELOG.md")
 LIMIT = 900
 """Seconds that the tests of one fault may take."""
 PASSED, FAILED = 0, 1

@@ -137,3 +137,14 @@ def test_codes_in_conventions_are_those_of_the_code() -> None:
     rows = re.findall(r"^\| (\d) \| (\w+) \|", text, re.MULTILINE)
     wanted = [(str(int(code)), code.name.lower()) for kind in (HoleType, Origin) for code in kind]
     assert rows == wanted
+
+
+def test_the_conda_recipe_has_the_versions_of_the_package() -> None:
+    """Oracle: pyproject.toml; three packages have another name there."""
+    names = {"opencv-python-headless": "py-opencv", "openexr": "openexr-python", "python": "python"}
+    project = (ROOT / "pyproject.toml").read_text("utf-8").partition("[project.optional")[0]
+    core = re.findall(r"""^    ["']([\w-]+)>=([\d.]+)""", project.partition("dependencies = [")[2], re.MULTILINE)
+    recipe = (ROOT / "conda" / "meta.yaml").read_text("utf-8").partition("  run:")[2].partition("test:")[0]
+    found = set(re.findall(r"- ([\w-]+) >=([\d.]+)", recipe))
+    assert found == {(names.get(name.lower(), name), version) for name, version in core} | {("python", "3.10")}
+    assert len(core) > 10

@@ -8,7 +8,7 @@ import os
 from typing import Any
 
 PAGE = "reference/cli.md"
-WIDTH = "100"
+WIDTH = "84"
 
 
 def help_of(words: list[str]) -> str:

@@ -72,6 +72,14 @@ def view(
 
     Raises:
         InputError: a camera and an orbit, an unknown name, options that contradict each other.
+
+    Examples:
+        >>> import dlama
+        >>> folder = dlama.example()
+        >>> rgbd = dlama.read_rgbd(folder / "street.jpg", folder / "depth.png", fov=90)
+        >>> done = dlama.view(rgbd, yaw=5, filler="telea")
+        >>> done.view.color.shape, bool(done.view.hole.any()), done.meta["filler"]
+        ((512, 512, 3), False, 'telea')
     """
     check_arguments(view, locals())
     target = target_camera(rgbd, camera, yaw=yaw, pitch=pitch, pivot=pivot, dolly=dolly)
@@ -95,6 +103,15 @@ def remove(
     mask: H x W bool, True = remove; of a scene of several frames number of a frame -> its mask.
 
     All other arguments as in `view`, and what it raises; MaskError for a mask that is empty, full or of another size.
+
+    Examples:
+        >>> import dlama
+        >>> folder = dlama.example()
+        >>> rgbd = dlama.read_rgbd(folder / "street.jpg", folder / "depth.png", fov=90)
+        >>> mask = dlama.read_mask(folder / "mask.png")
+        >>> done = dlama.remove(rgbd, mask, filler="telea")
+        >>> bool((done.view.origin[mask] == dlama.Origin.FILLED).all())
+        True
     """
     check_arguments(remove, locals())
     target = target_camera(rgbd, camera, yaw=yaw, pitch=pitch, pivot=pivot, dolly=dolly)

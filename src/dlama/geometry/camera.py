@@ -88,7 +88,14 @@ class Camera:
 
     @classmethod
     def from_fov(cls, width: int, height: int, fov_deg: float, world_from_cam: ArrayLike | None = None) -> Camera:
-        """Camera with square pixels, centred, from its horizontal field of view in degrees (0 < fov < 180)."""
+        """Camera with square pixels, centred, from its horizontal field of view in degrees (0 < fov < 180).
+
+        Examples:
+            >>> import dlama
+            >>> camera = dlama.Camera.from_fov(640, 480, fov_deg=90)
+            >>> round(camera.fx, 6), camera.cx, camera.cy
+            (320.0, 320.0, 240.0)
+        """
         if not is_finite(fov_deg) or not 0 < fov_deg < 180:
             raise CameraError(f"fov is {format_value(fov_deg)} degrees; a field of view between 0 and 180 is expected")
         _check_size(width, height)

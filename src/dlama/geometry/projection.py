@@ -107,6 +107,13 @@ def lift(source: RGBD | View) -> PointCloud:
     """The cloud of all valid pixels (finite depth, no hole), row by row, in world coordinates.
 
     Far and missing pixels have no point. An RGBD's points are MEASURED with confidence 1, or ESTIMATED; a View's carry its own.
+
+    Examples:
+        >>> import dlama
+        >>> folder = dlama.example()
+        >>> rgbd = dlama.read_rgbd(folder / "street.jpg", folder / "depth.png", fov=90)
+        >>> len(dlama.lift(rgbd).points) == int(rgbd.valid.sum())
+        True
     """
     check_arguments(lift, locals())
     if isinstance(source, RGBD):

@@ -27,6 +27,12 @@ def orbit(camera: Camera, yaw: float, pitch: float = 0.0, pivot: float = PIVOT_M
     yaw has turned (both axes shifted into the pivot). Seen from a fixed camera the scene turns the other way:
     p' = C + R_x(pitch) R_y(yaw) (p - C) with C = (0, 0, pivot).
     With pivot = 0 the camera turns in place. Raises InputError on angles that are not finite or pivot < 0.
+
+    Examples:
+        >>> import dlama
+        >>> camera = dlama.Camera.from_fov(640, 480, fov_deg=60)
+        >>> dlama.orbit(camera, yaw=90, pivot=2.0).world_from_cam[:3, 3].round(6).tolist()  # to the right of the pivot
+        [2.0, 0.0, 2.0]
     """
     check_arguments(orbit, locals())
     for name, value in (("yaw", yaw), ("pitch", pitch)):
