@@ -24,7 +24,9 @@ def test_faults_name_flags_and_end_with_1(capsys: pytest.CaptureFixture[str]) ->
         main(["doctor", *words])
     lines = capsys.readouterr().out.splitlines()
     assert stop.value.code == 1 and len(lines) == 4
-    for line, flag in zip(lines, ("give --fov 89.95 (certain)", "give --depth-scale 1000 (certain)", "--mask-polarity")):
+    for line, flag in zip(
+        lines, ("give --fov 89.95 (certain)", "give --depth-scale 1000 (certain)", "--mask-polarity")
+    ):
         assert flag in line
 
 

@@ -45,9 +45,9 @@ def test_a_gradient_goes_on_where_another_camera_looks(yaw: float) -> None:
     np.testing.assert_allclose(sky.slope, kept * np.array((-100, -80, -40)), rtol=0.02)
     inside = (height(other) > 0.05) & (height(other) < 0.3)
     wanted = sky.mean + (height(other) - sky.height)[..., None] * sky.slope
-    np.testing.assert_allclose(sky.seen_from(other)[inside], wanted[inside], atol=0.5)
-    assert sky.seen_from(other, 5).shape == (10, 13, 3)
-    np.testing.assert_allclose(sky.seen_from(other, 5)[2, 6], sky.seen_from(other)[12, 32], atol=1e-4)
+    np.testing.assert_allclose(sky.render_sky(other)[inside], wanted[inside], atol=0.5)
+    assert sky.render_sky(other, 5).shape == (10, 13, 3)
+    np.testing.assert_allclose(sky.render_sky(other, 5)[2, 6], sky.render_sky(other)[12, 32], atol=1e-4)
 
 
 def test_no_colour_is_painted_that_was_not_seen() -> None:
@@ -55,7 +55,7 @@ def test_no_colour_is_painted_that_was_not_seen() -> None:
     far = (height(CAMERA) > 0.1) & (height(CAMERA) < 0.3)
     sky = Sky.of([(CAMERA, painted(CAMERA), far)])
     assert sky is not None
-    seen = sky.seen_from(moved(CAMERA, turn=(-40, 0, 0)))
+    seen = sky.render_sky(moved(CAMERA, turn=(-40, 0, 0)))
     least, most = np.quantile(painted(CAMERA)[far], (OUTERMOST, 1 - OUTERMOST), axis=0)
     assert (seen >= least - 0.01).all() and (seen <= most + 0.01).all()
 

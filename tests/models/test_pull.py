@@ -149,7 +149,10 @@ def test_a_server_that_answers_another_range(server: Server) -> None:
         (Site(BODY, announced=len(BODY) + 7), r"too long: 1024007 bytes are announced"),
         (Site(BODY[:-9], announced=-1), r"cut short: 1023991 bytes came, expected 1024000"),
         (Site(BODY + b"?", announced=-1), r"too long: more than 1024000 bytes came"),
-        (Site(BODY, chunked=True, stops_after=[500_000] * 4, etag=""), r"broke off; the server had not said how long"),
+        (
+            Site(BODY, chunked=True, stops_after=[500_000] * 4, etag=""),
+            r"broke off; the server did not announce the file's length",
+        ),
         (Site(BODY[:-9], announced=len(BODY), etag=""), r"broke off after 1023991 of 1024000 bytes"),
     ],
 )

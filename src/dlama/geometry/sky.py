@@ -58,7 +58,7 @@ class Sky(NamedTuple):
         """Sines of the elevation at places x, y of the camera's picture, in pixels."""
         return np.asarray(directions(camera, x, y) @ self.up)
 
-    def seen_from(self, camera: Camera, cell: int = 1) -> Float32Array:
+    def render_sky(self, camera: Camera, cell: int = 1) -> Float32Array:
         """h x w x 3 RGB, 0..255, of the sky alone, in cells of cell x cell pixels; the last may cross the border."""
         x, y = (cell * (np.arange(-(-size // cell), dtype=np.float64) + 0.5) for size in camera.wh)
         height = self.heights(camera, x, y[:, None])

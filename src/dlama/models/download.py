@@ -105,7 +105,7 @@ def _fetch(url: str, part: Path, start_at: int, size: int | None, progress: Prog
     if start_at and validator:
         request.add_header("Range", f"bytes={start_at}-")
         request.add_header("If-Range", validator)
-    with _named_failures(part), urllib.request.urlopen(request, timeout=timeout) as response:
+    with _name_failures(part), urllib.request.urlopen(request, timeout=timeout) as response:
         reply = _reply(url, response, start_at, size)
         with _disk_errors(part):
             _state_file(part).write_text(json.dumps({"url": url, "validator": reply.validator}), "utf-8")
@@ -175,7 +175,7 @@ def _reply(url: str, response: Any, start_at: int, size: int | None) -> _Reply:
 
 
 @contextmanager
-def _named_failures(part: Path) -> Iterator[None]:
+def _name_failures(part: Path) -> Iterator[None]:
     try:
         yield
     except urllib.error.HTTPError as error:

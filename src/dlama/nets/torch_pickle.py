@@ -182,7 +182,7 @@ class _InertUnpickler(pickle._Unpickler):
         made = _Table()
         for key, value in pairs:
             self.count(1)
-            made[_checked_key(key)] = value
+            made[_check_key(key)] = value
         return made
 
     def build(self) -> None:
@@ -193,16 +193,16 @@ class _InertUnpickler(pickle._Unpickler):
 
     def set_item(self) -> None:
         """SETITEM: key, value."""
-        _checked_key(self.stack[-2])  # type: ignore[attr-defined]
+        _check_key(self.stack[-2])  # type: ignore[attr-defined]
         pickle._Unpickler.load_setitem(self)  # type: ignore[attr-defined]
 
 
-def _checked(operation: Callable[[Any], None], step: int) -> Callable[[_InertUnpickler], None]:
+def _check_marked(operation: Callable[[Any], None], step: int) -> Callable[[_InertUnpickler], None]:
     """An operation on everything since the mark, of which each `step`-th is hashed."""
 
     def run(reader: _InertUnpickler) -> None:
         for key in reader.stack[::step]:  # type: ignore[attr-defined]
-            _checked_key(key)
+            _check_key(key)
         operation(reader)
 
     return run
@@ -212,13 +212,13 @@ _INHERITED: dict[int, Any] = pickle._Unpickler.dispatch
 _OURS: dict[int, Any] = {
     pickle.BUILD[0]: _InertUnpickler.build,
     pickle.SETITEM[0]: _InertUnpickler.set_item,
-    **{code[0]: _checked(_INHERITED[code[0]], 2) for code in (pickle.SETITEMS, pickle.DICT)},
-    **{code[0]: _checked(_INHERITED[code[0]], 1) for code in (pickle.ADDITEMS, pickle.FROZENSET)},
+    **{code[0]: _check_marked(_INHERITED[code[0]], 2) for code in (pickle.SETITEMS, pickle.DICT)},
+    **{code[0]: _check_marked(_INHERITED[code[0]], 1) for code in (pickle.ADDITEMS, pickle.FROZENSET)},
 }
 _InertUnpickler.dispatch = _INHERITED | _OURS
 
 
-def _checked_key(key: Any) -> Any:
+def _check_key(key: Any) -> Any:
     """A key whose hash takes no time: text, a number, a stand-in, or a short tuple of these. Else UnpicklingError."""
     parts = key if type(key) is tuple and len(key) <= MOST_SIDES else (key,)
     for part in parts:

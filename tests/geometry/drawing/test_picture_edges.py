@@ -195,7 +195,7 @@ def test_the_pixels_of_an_enlarged_map_are_found() -> None:
     coarse = np.random.default_rng(0).uniform(1, 2, (60, 50)).astype(np.float32)
     grid = MapGrid.of(coarse.repeat(3, 0).repeat(3, 1))
     assert (grid.rows.pixel, grid.columns.pixel) == (3, 3)
-    np.testing.assert_array_equal(grid.of_map(coarse.repeat(3, 0).repeat(3, 1)), coarse)
+    np.testing.assert_array_equal(grid.sample_map(coarse.repeat(3, 0).repeat(3, 1)), coarse)
     np.testing.assert_array_equal(grid.enlarge(coarse), coarse.repeat(3, 0).repeat(3, 1))
     flat = np.full((60, 50), 2, np.float32)
     flat[10:20, 10:20] = 1

@@ -126,10 +126,10 @@ def test_another_depth_is_taken_only_where_it_is_sure():
 def test_large_views_are_judged_smaller():
     """Closed form: a constant stays what it is at the smaller size, and sides are multiples after padding."""
     planes = JudgePlanes(np.full((len(CONTEXT), 900, 1300), 0.25, np.float32), np.ones((2, 4, 900, 1300), np.float32))
-    small = planes.at_most(640)
+    small = planes.shrink_to(640)
     assert small.context.shape == (len(CONTEXT), 443, 640) and small.guesses.shape == (2, 4, 443, 640)
     np.testing.assert_allclose(small.context, 0.25, atol=1e-6)
-    assert small.padded().context.shape[1:] == (448, 640)
+    assert small.pad().context.shape[1:] == (448, 640)
 
 
 def test_shapes_are_those_of_the_network():

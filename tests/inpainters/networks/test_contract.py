@@ -160,9 +160,9 @@ def test_a_torn_contract_is_refused() -> None:
 def test_wrong_channels_name_the_right_filler() -> None:
     """Law: 5 -> 4 is no lama, but joint."""
     require_planes(contract_of_planes(4), 4, "x.onnx", "joint")
-    told = r"x\.onnx: takes 5 planes and gives 4; the filler 'lama' wants 4 in and 3 out; the filler 'joint'"
+    told = r"x\.onnx: takes 5 planes and gives 4; the filler 'lama' needs 4 in and 3 out; the filler 'joint'"
     with pytest.raises(InputError, match=told):
         require_planes(contract_of_planes(4), 3, "x.onnx", "lama")
-    told = r"takes 5 planes and gives 4; the filler 'pair' wants 7 or 8 in and 6 out; the filler 'joint'"
+    told = r"takes 5 planes and gives 4; the filler 'pair' needs 7 or 8 in and 6 out; the filler 'joint'"
     with pytest.raises(InputError, match=told):
         require_planes(contract_of_planes(4), 6, "x.onnx", "pair")

@@ -183,7 +183,7 @@ def test_a_large_crop_is_shrunk_without_its_hole() -> None:
         assert (abs(seen[..., ~open_] - 0.5) < 1e-5).all()
         return np.where(open_, np.float32(0.25), seen)
 
-    filled = crops.resized_call(planes, hole, network, Layout(64, 64, side=64), 64)
+    filled = crops.call_resized(planes, hole, network, Layout(64, 64, side=64), 64)
     assert (abs(filled[0, 0, 40:50, 40:80] - 0.25) < 1e-5).all()
 
 

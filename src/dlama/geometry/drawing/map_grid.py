@@ -69,7 +69,7 @@ class MapGrid(NamedTuple):
         """Whether the map was enlarged."""
         return self.largest > 1
 
-    def of_map(self, values: np.ndarray) -> np.ndarray:
+    def sample_map(self, values: np.ndarray) -> np.ndarray:
         """Values of the picture (H x W) at the pixels of the map; unchanged where it was not enlarged."""
         return values[self.rows.middles][:, self.columns.middles] if self.enlarged else values
 

@@ -109,7 +109,7 @@ def _align_edges(view: View) -> AlignedDepth:
         none = np.zeros(view.hole.shape, np.bool_)
         return AlignedDepth(view.depth, none, none)
     grid = MapGrid.of(view.depth)
-    depth, known = grid.of_map(view.depth), grid.of_map(view.valid)
+    depth, known = grid.sample_map(view.depth), grid.sample_map(view.valid)
     ratio = edge_ratio(view.camera, grid.columns.pixel)
     placed = move_edges(grid.picture(view.color), depth, known, round(reach / grid.largest), ratio)
     if not grid.enlarged:
@@ -203,7 +203,7 @@ def edge_misalignment(color: UInt8Array, depth: Float32Array, measured: BoolArra
     if measured.sum() < LEAST_EDGES:
         return 0
     grid = MapGrid.of(depth)
-    off = map_edge_misalignment(*(grid.picture(color), *(grid.of_map(one) for one in (depth, measured, far))))
+    off = map_edge_misalignment(*(grid.picture(color), *(grid.sample_map(one) for one in (depth, measured, far))))
     return off if not grid.enlarged else round(off * grid.largest) * (off >= CLEARLY)
 
 

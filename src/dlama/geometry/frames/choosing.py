@@ -12,7 +12,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from dlama.geometry.camera import Camera, Float64Array
-from dlama.geometry.frames.extent import bounding_boxes, in_view
+from dlama.geometry.frames.extent import bounding_boxes, intersects_view
 from dlama.geometry.projection import project
 from dlama.geometry.view import View
 
@@ -76,7 +76,7 @@ def choose_frames(frames: Sequence[View], camera: Camera, most: int = MOST_FRAME
     if len(frames) == 1:
         return [0]
     samples = [sample_view(frame) for frame in frames]
-    visible = [int(place) for place in np.flatnonzero(in_view(np.stack([one.box for one in samples]), camera))]
+    visible = [int(place) for place in np.flatnonzero(intersects_view(np.stack([one.box for one in samples]), camera))]
     quality, nearest = _score_visibility(
         [frames[place] for place in visible], [samples[place] for place in visible], camera
     )

@@ -25,7 +25,7 @@ def may_show(view: View, camera: Camera) -> bool:
         ends = np.stack([points.min(0), points.max(0)]) if len(points) else np.zeros((2, 0))
         _corners[view] = None if whole.far.any() else box_corners(ends)
     corners = _corners[view]
-    return corners is None or (len(corners) > 0 and bool(in_view(corners[None], camera)[0]))
+    return corners is None or (len(corners) > 0 and bool(intersects_view(corners[None], camera)[0]))
 
 
 def box_corners(ends: Float64Array) -> Float64Array:
@@ -35,7 +35,7 @@ def box_corners(ends: Float64Array) -> Float64Array:
     return np.stack(np.meshgrid(*ends.T, indexing="ij"), -1).reshape(8, 3)
 
 
-def in_view(corners: Float64Array, camera: Camera) -> BoolArray:
+def intersects_view(corners: Float64Array, camera: Camera) -> BoolArray:
     """N, False for boxes (N x 8 x 3, corners in the world) entirely outside the camera's frustum."""
     pose = camera.world_from_cam
     local = (corners - pose[:3, 3]) @ pose[:3, :3]

@@ -72,7 +72,7 @@ def make_choice_filler(
 def fill_by_choice(view: View, law: Law, guesses: tuple[Guess, ...], judge: NetworkFile) -> Fill:
     """The mixture of the guesses of a view by the judge."""
     planes = JudgePlanes.of(view, [one.color for one in guesses], [one.inverse_depth for one in guesses])
-    hw, padded = planes.context.shape[1:], planes.padded()
+    hw, padded = planes.context.shape[1:], planes.pad()
     verdict = with_priors(run_judge(judge, padded), [one.name for one in guesses], padded)
     color = view.color
     if view.color_hole.any():

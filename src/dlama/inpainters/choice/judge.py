@@ -83,7 +83,7 @@ def _open_judge(path: Path, stamp: tuple[int, int], provider: str | None, thread
 
 
 def run_judge(network: NetworkFile, planes: JudgePlanes) -> Verdict:
-    """The judge's verdict on padded planes (`JudgePlanes.padded`). It sees the hole and MARGIN pixels round it; elsewhere, where
+    """The judge's verdict on padded planes (`JudgePlanes.pad`). It sees the hole and MARGIN pixels round it; elsewhere, where
     all guesses are what is known, logits and errors are 0."""
     rows, columns = hole_box(planes.context[-1] > 0)
     seen = {"context": planes.context[None], "guesses": planes.guesses}

@@ -45,15 +45,15 @@ class JudgePlanes:
             np.concatenate([color.transpose(2, 0, 1) / np.float32(255), nearness(w, scale)[None]])
             for color, w in zip(colors, inverse_depths)
         ]
-        return cls(context, np.stack(guesses).astype(np.float32)).at_most(LARGEST)
+        return cls(context, np.stack(guesses).astype(np.float32)).shrink_to(LARGEST)
 
-    def padded(self) -> JudgePlanes:
+    def pad(self) -> JudgePlanes:
         """The planes with rows and columns repeated at the lower and right border, so that sides are multiples of MULTIPLE."""
         height, width = self.context.shape[1:]
         by = ((0, 0), (0, -height % MULTIPLE), (0, -width % MULTIPLE))
         return JudgePlanes(np.pad(self.context, by, mode="edge"), np.pad(self.guesses, ((0, 0), *by), mode="edge"))
 
-    def at_most(self, side: int) -> JudgePlanes:
+    def shrink_to(self, side: int) -> JudgePlanes:
         """The planes, made smaller where their longer side is larger than `side` pixels."""
         height, width = self.context.shape[1:]
         by = side / max(height, width)

@@ -54,25 +54,25 @@ def fill_crops(planes: Float32Array, hole: BoolArray, network: Network, layout: 
         part = np.s_[..., top:bottom, left:right]
         tiles = list(tiles_of(box, group, layout))
         if len(tiles) == 1:
-            filled = padded_call(planes[part], hole[part], network, layout)
+            filled = call_padded(planes[part], hole[part], network, layout)
         else:
             filled = blend_tiles(planes, hole, box, tiles, network, layout)
         out[part] = np.where(group[top:bottom, left:right], filled, out[part])
     return out
 
 
-def padded_call(planes: Float32Array, hole: BoolArray, network: Network, layout: Layout) -> Float32Array:
+def call_padded(planes: Float32Array, hole: BoolArray, network: Network, layout: Layout) -> Float32Array:
     """One call: padded by reflection below and at the right to the multiple and the minimum (or the one side), cropped back."""
     height, width = hole.shape
     if layout.side is not None and max(height, width) > layout.side:
-        return resized_call(planes, hole, network, layout, layout.side)
+        return call_resized(planes, hole, network, layout, layout.side)
     below, right = (padded_size(n, layout) - n for n in (height, width))
     pad = ((0, below), (0, right))
     seen = np.pad(planes, ((0, 0), (0, 0), *pad), mode="reflect")
     return network(seen, np.pad(hole, pad, mode="reflect"))[..., :height, :width]
 
 
-def resized_call(planes: Float32Array, hole: BoolArray, network: Network, layout: Layout, side: int) -> Float32Array:
+def call_resized(planes: Float32Array, hole: BoolArray, network: Network, layout: Layout, side: int) -> Float32Array:
     """One call for a crop larger than `side`: shrunk by averaging known pixels, the longer side to `side`, and enlarged again."""
     height, width = hole.shape
     by = side / max(height, width)
@@ -82,7 +82,7 @@ def resized_call(planes: Float32Array, hole: BoolArray, network: Network, layout
     flat = np.ascontiguousarray((planes * known).reshape(-1, height, width))
     small = np.stack([cv2.resize(plane, size, interpolation=cv2.INTER_AREA) for plane in flat])
     small = (small / np.maximum(share, np.float32(1e-6))).reshape(*planes.shape[:2], *share.shape).astype(np.float32)
-    filled = padded_call(small, share < 0.5, network, layout).reshape(-1, *share.shape)
+    filled = call_padded(small, share < 0.5, network, layout).reshape(-1, *share.shape)
     large = [
         cv2.resize(plane, (width, height), interpolation=cv2.INTER_CUBIC) for plane in np.ascontiguousarray(filled)
     ]
@@ -219,7 +219,7 @@ def blend_tiles(
             seen = np.where(earlier, total[inside] / np.maximum(weight[inside], 1e-9), seen)
             open_ = open_ & ~earlier
         share = np.multiply.outer(tile_weight(tile[1] - tile[0]), tile_weight(tile[3] - tile[2]))
-        filled = np.where(open_, padded_call(seen, open_, network, layout), seen) if open_.any() else seen
+        filled = np.where(open_, call_padded(seen, open_, network, layout), seen) if open_.any() else seen
         total[inside] += share * filled
         weight[inside] += share
     return np.asarray(total / np.maximum(weight, 1e-9), np.float32)

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.inpainters.patchmatch import kernels
-from dlama.inpainters.patchmatch.pyramid import Level, build_pyramid, dilated_by_patch
+from dlama.inpainters.patchmatch.pyramid import Level, build_pyramid, dilate_by_patch
 
 DISTANCE_DOWN, DISTANCE_ACROSS = 10000.0, 2500.0
 """Penalty, in squared grey levels, of a patch as far away as the picture's longer side, vertically and horizontally."""
@@ -131,7 +131,7 @@ class Search:
     @classmethod
     def of(cls, level: Level, rng: np.random.Generator, weights: Float32Array) -> Search:
         """The initial search."""
-        touched = dilated_by_patch(level.hole)
+        touched = dilate_by_patch(level.hole)
         targets = np.argwhere(touched).astype(np.int32)
         number = np.full(level.hole.shape, -1, np.int32)
         number[touched] = np.arange(len(targets))
@@ -176,7 +176,7 @@ class Search:
 
     def match(self, turn: int, matchings: int) -> None:
         """Improve the matches so many times, by propagation from neighbours and random search."""
-        used = self._used()
+        used = self._count_uses()
         for step in range(matchings):
             reach = float(max(self.sources.shape)) if step == 0 else NEAR
             now = self.found.copy()
@@ -213,10 +213,17 @@ class Search:
 
     def _weigh(self) -> None:
         self._run(
-            kernels.cost_rows, self.values, self.targets, self.found, self.weights, self._used(), self.label, self.cost
+            kernels.cost_rows,
+            self.values,
+            self.targets,
+            self.found,
+            self.weights,
+            self._count_uses(),
+            self.label,
+            self.cost,
         )
 
-    def _used(self) -> Float32Array:
+    def _count_uses(self) -> Float32Array:
         """H x W: how many times each known pixel is used."""
         width = self.sources.shape[1]
         flat = self.found[:, 0].astype(np.int64) * width + self.found[:, 1]

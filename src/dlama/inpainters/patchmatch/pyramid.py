@@ -82,13 +82,13 @@ def halve(values: Float32Array, hole: BoolArray) -> tuple[Float32Array, BoolArra
 
 def whole_patches(hole: BoolArray) -> BoolArray:
     """H x W, True in the centres of patches inside the picture and outside the hole."""
-    out = ~dilated_by_patch(hole)
+    out = ~dilate_by_patch(hole)
     out[:HALF] = out[-HALF:] = False
     out[:, :HALF] = out[:, -HALF:] = False
     return out
 
 
-def dilated_by_patch(hole: BoolArray) -> BoolArray:
+def dilate_by_patch(hole: BoolArray) -> BoolArray:
     """H x W, True in the centres of patches that overlap the hole."""
     return np.asarray(cv2.dilate(hole.astype(np.uint8), square(2 * HALF + 1)) > 0)
 

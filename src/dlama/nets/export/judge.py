@@ -79,7 +79,7 @@ class _Writer:
         g = self.g
         if not self.settings.use_depth:
             context, guesses = (
-                self._without_depth(x, n) for x, n in ((context, self.settings.context_planes), (guesses, 4))
+                self._drop_depth(x, n) for x, n in ((context, self.settings.context_planes), (guesses, 4))
             )
         apart = g.add("Sub", guesses, g.add("ReduceMean", guesses, axes=[0], keepdims=1))
         both = g.add("Concat", guesses, g.add("Mul", apart, g.constant(APART)), axis=1)
@@ -140,7 +140,7 @@ class _Writer:
         biases = [] if bias is None else [self.g.constant(bias)]
         return str(self.g.add("Conv", x, stored, *biases, pads=[reach] * 4, **layout))
 
-    def _without_depth(self, x: str, planes: int) -> str:
+    def _drop_depth(self, x: str, planes: int) -> str:
         keep = np.ones((1, planes, 1, 1), np.float32)
         keep[:, 3] = 0
         return str(self.g.add("Mul", x, self.g.constant(keep)))

@@ -40,7 +40,7 @@ def check_lens_options(given: Mapping[str, float | None], width: int) -> tuple[l
 
 def check_lens(camera: Camera, exif_fov: float | None = None) -> list[Finding]:
     """Findings on field of view, principal point and pixel shape; `exif_fov`: degrees, from the picture's EXIF data."""
-    other = _of_another_size(camera) or _swapped(camera)
+    other = _find_scaled(camera) or _find_swapped(camera)
     if other:
         return other
     found = []
@@ -66,7 +66,7 @@ def check_lens(camera: Camera, exif_fov: float | None = None) -> list[Finding]:
     return found
 
 
-def _of_another_size(camera: Camera) -> list[Finding]:
+def _find_scaled(camera: Camera) -> list[Finding]:
     for times in OTHER_SIZES:
         if all(abs(c / (times * n / 2) - 1) < 0.08 for c, n in ((camera.cx, camera.width), (camera.cy, camera.height))):
             fx, fy, cx, cy = (value / times for value in (camera.fx, camera.fy, camera.cx, camera.cy))
@@ -76,7 +76,7 @@ def _of_another_size(camera: Camera) -> list[Finding]:
     return []
 
 
-def _swapped(camera: Camera) -> list[Finding]:
+def _find_swapped(camera: Camera) -> list[Finding]:
     wide, high = camera.wh
     swapped = abs(camera.cx - high / 2) < 0.05 * high and abs(camera.cy - wide / 2) < 0.05 * wide
     if abs(wide / high - 1) < 0.15 or not swapped:

@@ -58,7 +58,7 @@ def _transpose(pose: Float64Array) -> Float64Array:
     return out
 
 
-def _scaled(factor: float) -> Undo:
+def _scale_translation(factor: float) -> Undo:
     def undo(pose: Float64Array) -> Float64Array:
         out = pose.copy()
         out[:3, 3] *= factor
@@ -98,7 +98,7 @@ CONVENTIONS: dict[str, Convention] = {
     ),
     **{f"scale {factor:g}": Convention(
         "pose-scale", f"move {max(factor, 1 / factor):g} times too {'little' if factor > 1 else 'far'} for the depth",
-        f"multiply translations by {factor:g}, or divide depth by it", _scaled(factor))
+        f"multiply translations by {factor:g}, or divide depth by it", _scale_translation(factor))
        for factor in (0.001, 0.01, 0.1, 0.2, 5.0, 10.0, 100.0, 1000.0)},
 }  # fmt: skip
 """The usual mistakes."""
@@ -116,11 +116,12 @@ def check_poses(frames: Sequence[RGBD], name: str) -> list[Finding]:
     lead = fits[best] / max(fit, 1e-3)
     if lead > LEAST_LEAD and fits[best] > LEAST_FIT:
         way = CONVENTIONS[best]
-        what = f"{name}: poses {way.what}; so {_landed(fits[best])} of a frame's points fit the next one, {_landed(fit)} as read"
+        shares = f"{_format_share(fits[best])} of a frame's points fit the next one, {_format_share(fit)} as read"
+        what = f"{name}: poses {way.what}; so {shares}"
         return [Finding(way.check, "fault", certainty(lead - 1, 0.5), what, way.mend)]
     found = []
     if fit < LEAST_FIT:
-        what = f"{name}: frames in a row hardly fit each other ({_landed(fit)} of the points); no usual convention mends it"
+        what = f"{name}: frames in a row hardly fit each other ({_format_share(fit)} of the points); no usual convention mends it"
         found.append(Finding("poses", "note", 0.6, what, "check that poses, depth and camera belong to these frames"))
     gains = [gain(each) for each in as_read if each.fit > LEAST_FIT]
     most = max((max(each, 1 / each) for each in gains), default=1.0)
@@ -148,5 +149,5 @@ def mean_fit(frames: Sequence[SmallFrame], undo: Undo) -> float:
     return float(np.mean([find_landing_points(*pair).fit for pair in pairwise(moved)]))
 
 
-def _landed(share: float) -> str:
+def _format_share(share: float) -> str:
     return f"{100 * share:.0f} %"

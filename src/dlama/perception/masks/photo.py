@@ -137,16 +137,16 @@ class PhotoMasker:
         if pixel not in self.known:
             hw = self.rgbd.depth.shape
             sides = [round(share * float(np.sqrt(hw[0] * hw[1]))) for share in WINDOWS]
-            found = self.in_windows(pixel, [window_around(pixel, side, hw) for side in sides])
+            found = self.read_windows(pixel, [window_around(pixel, side, hw) for side in sides])
             if not found or max(found, key=lambda one: one.confidence).cut > CUT_OFF:
-                whole = self.in_windows(pixel, [(slice(0, hw[0]), slice(0, hw[1]))])
+                whole = self.read_windows(pixel, [(slice(0, hw[0]), slice(0, hw[1]))])
                 found += [
                     dataclasses.replace(one, confidence=one.confidence - len(WINDOWS) * LEAST_GAIN) for one in whole
                 ]
             self.known[pixel] = found
         return self.known[pixel]
 
-    def in_windows(self, pixel: Pixel, windows: list[Window]) -> list[Reading]:
+    def read_windows(self, pixel: Pixel, windows: list[Window]) -> list[Reading]:
         """The readings of a click in windows; those of later windows must be more confident by LEAST_GAIN each."""
         found = [(number, self.reading(pixel, window)) for number, window in enumerate(windows)]
         readings = [

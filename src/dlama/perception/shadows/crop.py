@@ -41,9 +41,9 @@ class Crop:
     def large(self, plane: Float32Array, hw: tuple[int, int]) -> Float32Array:
         """A plane of the crop at its place in a picture of H x W; 0 outside the crop."""
         wide, high = self.size
-        return self.placed(plane[:high, :wide], hw)
+        return self.place(plane[:high, :wide], hw)
 
-    def placed(self, plane: Float32Array, hw: tuple[int, int]) -> Float32Array:
+    def place(self, plane: Float32Array, hw: tuple[int, int]) -> Float32Array:
         """A plane that covers just the crop, of any size, in a picture of H x W; 0 outside the crop."""
         out = np.zeros(hw, np.float32)
         box = out[self.rows, self.columns]

@@ -46,7 +46,7 @@ def ambient_occlusion(caster: StandingObject, camera: Camera, crop: Crop) -> Flo
         shape[v[seen].astype(int), u[seen].astype(int)] = 1
         total += cv2.morphologyEx(shape, cv2.MORPH_CLOSE, square(5))
     smooth = cv2.GaussianBlur(total / DIRECTIONS, (0, 0), BLUR_PX)
-    return crop.placed(np.asarray(smooth, np.float32), camera.hw)
+    return crop.place(np.asarray(smooth, np.float32), camera.hw)
 
 
 def thicken(caster: StandingObject) -> StandingObject:

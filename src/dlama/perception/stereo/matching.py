@@ -76,7 +76,7 @@ def disparity_pair(
     for name, value in (("min_disparity", min_disparity), ("max_disparity", max_disparity)):
         check_number(value, name, "a number of pixels")
     if max_disparity is None:
-        max_disparity = _estimated_maximum(left, right, min_disparity)
+        max_disparity = _estimate_maximum(left, right, min_disparity)
     else:
         _check_reach(left.shape[1], min_disparity, max_disparity)
     if not (is_finite(min_disparity) and is_finite(max_disparity) and min_disparity < max_disparity):
@@ -156,7 +156,7 @@ def check_pictures(left: UInt8Array, right: UInt8Array) -> None:
         )
 
 
-def _estimated_maximum(left: UInt8Array, right: UInt8Array, min_disparity: float) -> float:
+def _estimate_maximum(left: UInt8Array, right: UInt8Array, min_disparity: float) -> float:
     """The largest disparity that a small copy of the pair shows (up to half the width), with a margin; full pixels."""
     scale = min(1.0, PROBE_WIDTH_PX / left.shape[1])
     small_left, small_right = _resize(left, scale, scale), _resize(right, scale, scale)

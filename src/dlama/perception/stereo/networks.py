@@ -87,7 +87,7 @@ class NetworkMatcher:
     def open(cls, path: str | Path) -> NetworkMatcher:
         """The matcher of a network file. FileError: no such file, no contract, or one that cannot be read."""
         file = NetworkFile(Path(path))
-        return cls(file, read_contract_of(file))
+        return cls(file, read_file_contract(file))
 
     def __call__(self, left: UInt8Array, right: UInt8Array) -> tuple[Float32Array, Float32Array]:
         """The disparity of each picture (H x W px, 0 = unknown), matched both ways and checked for consistency. FileError where
@@ -125,7 +125,7 @@ class NetworkMatcher:
         return self.file.notes
 
 
-def read_contract_of(file: NetworkFile) -> StereoContract:
+def read_file_contract(file: NetworkFile) -> StereoContract:
     """The contract in a file's metadata, or in the JSON file next to it. FileError: none, or one that cannot be read."""
     sidecar = file.path.with_suffix(".json")
     text = file.metadata.get(CONTRACT_KEY)

@@ -188,7 +188,7 @@ def test_the_sky_goes_on_by_height(known_rows: int) -> None:
     camera = Camera.from_fov(64, 48, 60)
     up, middle, slope = np.array([0.0, -1, 0]), np.array((150.0, 170, 200)), np.array((-150.0, -120, -60))
     sky = Sky(up, 0.0, middle, slope, np.zeros(3), np.full(3, 255.0))
-    truth = sky.seen_from(camera)
+    truth = sky.render_sky(camera)
     label = np.zeros((48, 64), np.int32)
     label[40:] = 1
     hole = np.zeros((48, 64), bool)

@@ -136,5 +136,7 @@ def test_planes_are_followed_from_a_share_of_the_known_cells() -> None:
     known = ~coarse.hole
     shares = np.array([(coarse.label[known] == k).mean() for k in (1, 2)])
     for least in (0.0, float(shares.mean()), np.inf):
-        np.testing.assert_array_equal(dataclasses.replace(coarse, followed_from=least).followed()[:2], shares >= least)
+        np.testing.assert_array_equal(
+            dataclasses.replace(coarse, followed_from=least).followed_planes()[:2], shares >= least
+        )
     assert shares.min() < shares.mean()

@@ -69,7 +69,7 @@ class TextureGrid:
         cells = shrink(color, inverse_depth, trusted, cell_size)
         return cls(color, hole, inverse_depth, label, camera, trusted, cell_size, *cells)
 
-    def for_copying(self, label: int) -> TextureGrid:
+    def at_unit_depth(self, label: int) -> TextureGrid:
         """The grid itself; for far regions (label 0) one at 1 m, so that translations by pixels move them."""
         if label != 0:
             return self

@@ -69,7 +69,7 @@ def synthesize(
     )
     out[hole] = GREY
     open_air = hole & (grid.label == 0) & ~hole.all()
-    under = None if sky is None or not open_air.any() else sky.seen_from(camera, grid.base_cell_size)
+    under = None if sky is None or not open_air.any() else sky.render_sky(camera, grid.base_cell_size)
     if under is None:
         out[open_air] = SKY_COLOR
     else:
@@ -79,12 +79,12 @@ def synthesize(
         if not region.sources.any():
             continue
         bases = base_colors(grid, region, under)
-        detail = copy_detail(grid.for_copying(region.label), region, bases, rng)
+        detail = copy_detail(grid.at_unit_depth(region.label), region, bases, rng)
         paint(
             out,
             grid.color,
             region.pixels,
-            grid.for_copying(region.label).inverse_depth,
+            grid.at_unit_depth(region.label).inverse_depth,
             region.trusted(grid),
             region.label,
             detail.axes,
@@ -167,14 +167,14 @@ def depth_base(grid: TextureGrid, region: HoleRegion) -> Float32Array:
     np.minimum.at(depth, flat, grid.inverse_depth.ravel()[region.pixels])
     inside = np.isfinite(depth).reshape(far.shape)
     depth = np.where(inside, depth.reshape(far.shape), far)
-    cells = _ordered_from_rim(inside)
+    cells = _order_from_rim(inside)
     mean, any_behind = _mean_behind(known, depth.ravel()[cells], far)
     base.reshape(-1, 3)[cells] = np.where(any_behind[:, None], mean, GREY)
     base_kernels.spread(base, depth, (far >= 0) & ~inside, cells, mean, DEPTH_SCREEN * any_behind, 80)
     return base_kernels.skirt(base, depth, inside)
 
 
-def _ordered_from_rim(inside: BoolArray) -> NDArray[np.int64]:
+def _order_from_rim(inside: BoolArray) -> NDArray[np.int64]:
     """Flat indices of the cells inside, in order of their distance from the outside."""
     cells = np.flatnonzero(inside)
     distance = cv2.distanceTransform(inside.astype(np.uint8), cv2.DIST_L2, 3)

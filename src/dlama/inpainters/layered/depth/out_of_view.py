@@ -149,7 +149,7 @@ def ending_cost(
     out = np.zeros((2 + len(followed), *hole.shape), np.float32)
     if not unseen.any():
         return out
-    adjacent = next_to(unseen)
+    adjacent = cells_near(unseen)
     for number in 2 + np.flatnonzero(~followed):
         if (adjacent & ~hole & (label == number - 1)).sum() < CUT_CELLS:
             out[number] = ENDING_COST * unseen
@@ -157,7 +157,7 @@ def ending_cost(
     return out
 
 
-def next_to(unseen: BoolArray) -> BoolArray:
+def cells_near(unseen: BoolArray) -> BoolArray:
     """h x w, True within NEAR_CELLS of `unseen` cells."""
     return dilate_mask(unseen, NEAR_CELLS)
 

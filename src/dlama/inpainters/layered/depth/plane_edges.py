@@ -16,9 +16,9 @@ from dlama.inpainters.layered.depth.out_of_view import (
     CUT_CELLS,
     LEVEL,
     PlaneLines,
+    cells_near,
     cells_of_planes,
     estimate_up,
-    next_to,
     normals,
 )
 
@@ -57,7 +57,7 @@ def align_lines_to_edges(
     normal = normals(lines.planes, camera)
     level = np.abs(normal @ estimate_up(normal, cells_of_planes(label, hole, len(normal)))) > LEVEL
     by_edges, points = lines.by_edges.copy(), [lines.along.copy(), lines.across.copy()]
-    adjacent = next_to(unseen) & ~hole
+    adjacent = cells_near(unseen) & ~hole
     for k in np.flatnonzero(level):
         there = morphological_close(~hole & (label == k + 1), square(WIDE))
         cut = there & adjacent
@@ -65,7 +65,9 @@ def align_lines_to_edges(
         if cut.sum() < CUT_CELLS or beyond.sum() < SEEN_PAST * there.sum():
             continue
         # where the picture's border cuts a plane it has no outline
-        outline = there & ~next_to(unseen) & dilate_mask(beyond | morphological_open(hole & ~unseen, square(WIDE)), 1)
+        outline = (
+            there & ~cells_near(unseen) & dilate_mask(beyond | morphological_open(hole & ~unseen, square(WIDE)), 1)
+        )
         found = edge_directions(there, outline, normal[k], camera)
         if found is None:
             continue

@@ -30,10 +30,10 @@ from dlama.inpainters.layered.depth.out_of_view import (
     FOLLOWED,
     PlaneLines,
     above_horizon,
+    cells_near,
     cells_of_planes,
     ending_cost,
     follow_lines,
-    next_to,
     penalise_between,
 )
 from dlama.inpainters.layered.depth.plane_edges import align_lines_to_edges
@@ -116,7 +116,7 @@ class CoarseView:
         in_view = hole & cells_with_holes(view.hole & (view.hole_type != HoleType.OUT_OF_VIEW), camera.wh)
         unseen = hole & ~in_view
         on_planes = plane_values(planes, camera.hw, step)
-        cut = find_cut_objects(w[pick], label[pick], hole, next_to(unseen))
+        cut = find_cut_objects(w[pick], label[pick], hole, cells_near(unseen))
         candidates = np.concatenate([smooth[None], np.zeros_like(smooth)[None], on_planes])
         known = w[pick], label[pick], candidates.astype(np.float32)
         return cls(camera, hole, in_view, *known, cut, followed_from, solid)
@@ -124,7 +124,7 @@ class CoarseView:
     def label_costs(self, law: Law) -> Float32Array:
         """h x w x L cost of each label after belief propagation (lower is better)."""
         unseen = self.hole & ~self.hole_in_view
-        followed = self.followed()
+        followed = self.followed_planes()
         known = self.hole, unseen, self.inverse_depth, self.label
         lines = PlaneLines.of(self.camera, self.candidates, self.hole, self.label)
         lines = align_lines_to_edges(lines, self.camera, self.candidates, *known)
@@ -189,7 +189,7 @@ class CoarseView:
                     out[back] |= before
         return out & self.hole_in_view
 
-    def followed(self) -> BoolArray:
+    def followed_planes(self) -> BoolArray:
         """K bool, the planes that are followed along lines out of view: the large ones, or the large and `solid`."""
         cells = cells_of_planes(self.label, self.hole, len(self.candidates) - 2)
         out = np.asarray(cells >= self.followed_from * (~self.hole).sum())

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.kernels.jit import Real, Whole, in_bands, kernel
 from dlama.geometry.rgbd import BoolArray, Float32Array
-from dlama.inpainters.layered.kernels.cells import between, blend
+from dlama.inpainters.layered.kernels.cells import bilinear_neighbours, blend
 
 
 def pull(sums: Float32Array, weights: Float32Array) -> tuple[Float32Array, Float32Array]:
@@ -34,11 +34,11 @@ def push_rows(
 ) -> None:
     """Rows of `push`."""
     for y in range(first, last):
-        along = between((y + 0.5) / 2, coarser.shape[0])
+        along = bilinear_neighbours((y + 0.5) / 2, coarser.shape[0])
         for x in range(weights.shape[1]):
             share = np.float64(weights[y, x] / enough)
             own = share if share < 1 else 1.0
-            across = between((x + 0.5) / 2, coarser.shape[1])
+            across = bilinear_neighbours((x + 0.5) / 2, coarser.shape[1])
             for k in range(3):
                 value = 0.0
                 if own < 1:

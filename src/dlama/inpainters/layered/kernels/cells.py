@@ -103,7 +103,7 @@ def shrink(
 
 
 @piece
-def between(x: Real, size: Whole) -> Neighbours:
+def bilinear_neighbours(x: Real, size: Whole) -> Neighbours:
     """The two cells around a coordinate (cell centres at +0.5, clamped to the edge), and the offset to the second."""
     f = x - 0.5
     f = 0.0 if f < 0 else (size - 1.0 if f > size - 1.0 else f)
@@ -113,7 +113,7 @@ def between(x: Real, size: Whole) -> Neighbours:
 
 @piece
 def blend(grid: Array, across: Neighbours, along: Neighbours, k: Whole) -> Real:
-    """Channel k of a grid, bilinear; across, along: columns and rows, from `between`."""
+    """Channel k of a grid, bilinear; across, along: columns and rows, from `bilinear_neighbours`."""
     x0, x1, ax = across
     y0, y1, ay = along
     top = grid[y0, x0, k] + ax * (float(grid[y0, x1, k]) - grid[y0, x0, k])

@@ -20,7 +20,7 @@ SAME = 1.06
 
 
 @piece
-def along_line(
+def follow_line(
     plane: Float64Array,
     own: Whole,
     w: Float32Array,
@@ -107,7 +107,7 @@ def line_rows(
                 dc, dr = dc / size, dr / size
                 ways = 0
                 for _way in range(2):
-                    found, cells = along_line(planes[k], k + 1, w, label, hole, away, y, x, dr, dc)
+                    found, cells = follow_line(planes[k], k + 1, w, label, hole, away, y, x, dr, dc)
                     ways += cells > 0
                     if found > 0 and (first[k, row, column] < 0 or found < first[k, row, column]):
                         first[k, row, column] = found

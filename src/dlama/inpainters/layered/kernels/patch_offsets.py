@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.kernels.jit import Flag, Real, Whole, in_bands, kernel, piece
 from dlama.geometry.rgbd import Float32Array, UInt8Array
-from dlama.inpainters.layered.kernels.cells import NEARER, between, blend, sample
+from dlama.inpainters.layered.kernels.cells import NEARER, bilinear_neighbours, blend, sample
 
 FARTHER = np.float32(0.9)
 """And this much farther."""
@@ -66,7 +66,7 @@ def correlate_rows(
             if z <= 1e-3 or not is_source(x, y, w / z, factor, depths, sources, kind):
                 continue
             n += 1
-            across, along = between(x / factor, cols), between(y / factor, rows)
+            across, along = bilinear_neighbours(x / factor, cols), bilinear_neighbours(y / factor, rows)
             for k in range(3):
                 a, b = here[p, k], blend(detail, across, along, k)
                 ab += a * b
@@ -241,7 +241,7 @@ def paint_pixels(
         gu, gv = u / cell, v / cell
         x0, y0 = np.int64(np.floor(gu - 0.5)), np.int64(np.floor(gv - 0.5))
         ax, ay = gu - 0.5 - x0, gv - 0.5 - y0
-        across, along, total = between(gu, cols), between(gv, rows), 0.0
+        across, along, total = bilinear_neighbours(gu, cols), bilinear_neighbours(gv, rows), 0.0
         for d in range(4):
             cx, cy = x0 + (d & 1), y0 + (d >> 1)
             share = (ax if d & 1 else 1 - ax) * (ay if d >> 1 else 1 - ay)
@@ -252,8 +252,8 @@ def paint_pixels(
             if z <= 1e-3 or not is_source(su, sv, w / z, np.int64(1), inverse_depth, source, kind):
                 continue
             total += share
-            there_x, there_y = between(su / cell, cols), between(sv / cell, rows)
-            pixel_x, pixel_y = between(su, width), between(sv, height)
+            there_x, there_y = bilinear_neighbours(su / cell, cols), bilinear_neighbours(sv / cell, rows)
+            pixel_x, pixel_y = bilinear_neighbours(su, width), bilinear_neighbours(sv, height)
             for k in range(3):
                 base, copied = blend(fine, across, along, k), blend(color, pixel_x, pixel_y, k)
                 low = blend(fine, there_x, there_y, k)
