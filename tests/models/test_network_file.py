@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from dlama.errors import FileError, InputError
-from dlama.models.network_file import PROVIDERS, NetworkFile, file_stamp
+from dlama.models.network_file import LARGE, PROVIDERS, NetworkFile, file_stamp, make_room
 from dlama.models.verify import PIECE
 from tiny_networks import constant
 
@@ -28,6 +28,20 @@ def test_what_is_in_the_file_and_what_it_gives(tmp_path: Path) -> None:
     np.testing.assert_array_equal(model.run(fed), wanted)
     assert len(model.run_all(fed)) == 1
     assert model.notes["model"] == "c.onnx" and model.notes["provider"] in PROVIDERS
+
+
+def test_sessions_close_for_large_pictures_and_open_again(tmp_path: Path) -> None:
+    """Law: a small picture leaves them open; after a large one a network opens anew and says the same."""
+    model, fed = (
+        NetworkFile(constant(tmp_path / "c.onnx", 3, 0.1, 0.2, 0.3)),
+        {"planes": np.zeros((1, 4, 5, 6), np.float32)},
+    )
+    before, session = model.run(fed), model.session
+    make_room(LARGE)
+    assert model.session is session
+    make_room(LARGE + 1)
+    np.testing.assert_array_equal(model.run(fed), before)
+    assert model.session is not session
 
 
 def test_the_hash_is_of_the_whole_file(tmp_path: Path) -> None:

@@ -22,6 +22,7 @@ from dlama.geometry.frames.stored import StoredView
 from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
 from dlama.geometry.scene import Scene
 from dlama.inpainters.filling import FillReport
+from dlama.models.network_file import make_room
 
 
 @take_options
@@ -54,6 +55,7 @@ def complete(
     source = start.frames[0]
     check_memory((*(one.camera for one in start.frames if not isinstance(one, StoredView)), *cameras))
     warn_of_scale(source)
+    make_room(source.camera.width * source.camera.height)
     plan, scene, grown_mask = plan_for(start, chosen, mask)
     clock = Clock()
     completed: list[CompletedView] = []
@@ -67,6 +69,7 @@ def complete(
         if step.place is None:
             completed.append(found)
         del found  # of a frame the scene holds what was filled
+    make_room(source.camera.width * source.camera.height)
     views, warped = tuple(one.view for one in completed), tuple(one.before for one in completed)
     if mask is None:
         warn_of_unknown(source, warped)

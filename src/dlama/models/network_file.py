@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
+from weakref import WeakSet
 
 import numpy as np
 
@@ -30,6 +31,10 @@ OPENVINO = "openvino"
 """Not a part of ONNX Runtime: its own package, used when asked for."""
 PROVIDER_VARIABLE = "DLAMA_PROVIDER"
 """Environment variable that names the provider where the code does not."""
+
+
+LARGE = 3_000_000
+"""Pixels of a picture that is filled from which on networks give back the memory that they keep between runs."""
 
 
 def cores() -> int:
@@ -71,6 +76,7 @@ class NetworkFile:
     @cached_property
     def session(self) -> Any:
         """The onnxruntime (or OpenVINO) session. FileError where the file is no ONNX network."""
+        _OPEN.add(self)
         try:
             return (
                 OpenVinoSession(self.path, self.threads) if self.provider == OPENVINO else self._onnxruntime_session()
@@ -161,6 +167,20 @@ def file_stamp(path: Path) -> tuple[int, int]:
     if stat.st_size == 0:
         raise FileError(f"{path}: is empty (0 bytes)")
     return stat.st_mtime_ns, stat.st_size
+
+
+_OPEN: WeakSet[NetworkFile] = WeakSet()
+
+
+def make_room(pixels: int) -> None:
+    """Close the sessions of all network files where a picture of so many pixels needs the memory; they open again when they run.
+
+    A session keeps what its largest run took, some 300 MB; opening one takes .06 s.
+    """
+    if pixels > LARGE:
+        for one in list(_OPEN):
+            vars(one).pop("session", None)
+        _OPEN.clear()
 
 
 def _onnxruntime() -> Any:

@@ -8,6 +8,7 @@ import numpy as np
 from dlama.geometry.holes import shrink_known
 from dlama.geometry.rgbd import BoolArray, UInt8Array
 from dlama.inpainters.filling import Paint
+from dlama.models.network_file import make_room
 
 GUESS_SIDE = 768
 """Longer side in pixels of the picture that the painter sees: detail comes from patches."""
@@ -23,4 +24,5 @@ def guess_coarsely(paint: Paint, picture: UInt8Array, hole: BoolArray, seed: int
     means, share = shrink_known(picture, ~hole, size)
     small = np.clip(np.round(means), 0, 255).astype(np.uint8)
     painted = cv2.resize(paint(small, share < 0.5, seed), (width, height), interpolation=cv2.INTER_CUBIC)
+    make_room(hole.size)
     return np.where(hole[..., None], painted, picture)
