@@ -310,7 +310,7 @@ MUTANTS: tuple[Mutant, ...] = (
     *faults(
         "inpainters/missing_depth/along_colors.py",
         "tests/inpainters/missing_depth",
-        ("planes are not continued", "np.where(believed, on_plane + residual * fading, own)", "own"),
+        ("planes are not continued", "np.where(plausible, on_plane + residual * fading, own)", "own"),
         ("nothing is relaxed from no plane", "for _ in range(SWEEPS)", "for _ in range(0)"),
         ("the sky is relaxed, too", "relax_depth(out, reached & (labels == SMOOTH)", "relax_depth(out, reached"),
     ),

@@ -142,7 +142,7 @@ def freeze(array: np.ndarray) -> np.ndarray:
 
 
 def select(array: np.ndarray, where: BoolArray) -> np.ndarray:
-    """The values (H x W or H x W x C) in the pixels of `where` (H x W bool), 0 in all others; read-only, nobody else holds it.
+    """The values (H x W or H x W x C) in the pixels of `where` (H x W bool), 0 in all others; read-only and unshared.
 
     Only the box round `where` is written: the system gives no memory to the rest of a large array of zeros.
     """

@@ -77,7 +77,7 @@ def expected_sha256(model: Record) -> str | None:
 
 
 def expected_size(model: Record) -> int | None:
-    """Of the file as it lies on the disk, in bytes; None where nobody knows."""
+    """Of the file as it lies on the disk, in bytes; None where unknown."""
     if model.bytes is not None and not model.member:
         return model.bytes
     pinned = _pinned(model, "bytes")

@@ -1,6 +1,6 @@
 """A model's name in; what is known of it out: addresses, sha256, licence, and which contract its file follows.
 
-Where a record says `seen=False` its file was never in our hands: addresses and hash are as others publish them.
+Where a record says `seen=False` its file was not examined: addresses and hash are as others publish them.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class Record:
     file: str
     """Its name in the cache directory."""
     seen: bool = True
-    """Whether we had the file in hand; otherwise addresses and hash are as others publish them."""
+    """Whether the file was examined; otherwise addresses and hash are as others publish them."""
     member: str | None = None
     """Where the addresses serve a ZIP: the end of the path, inside it, of the one entry that is kept."""
     note: str = ""

@@ -3,7 +3,7 @@
 architecture   settings <-> names and shapes, no torch
 ffc, generator, discriminator, judge   the torch modules (extra `train`)
 safetensors_file, torch_file   weights on disk -> named arrays, no foreign code run
-checkpoints    a file of anybody's -> checked weights of one network
+checkpoints    any file of weights ->  checked weights of one network
 surgery        more input and output planes for trained weights
 export/        checked weights and metadata -> an ONNX file
 """

@@ -38,9 +38,9 @@ class GeneratorSettings:
     blocks: int = 18
     """FFC residual blocks, two FFC layers each."""
     global_ratio: float = 0.75
-    """Share of the blocks' channels that travel the Fourier branch."""
+    """Share of the blocks' channels in the Fourier branch."""
     activation: str = "sigmoid"
-    """Last layer: sigmoid, tanh or none; no tensor tells it, so it is the caller's word."""
+    """Last layer: sigmoid, tanh or none; not visible in the tensors, so the caller gives it."""
 
     def __post_init__(self) -> None:
         for name in ("in_channels", "out_channels", "width", "downsamplings", "blocks"):
@@ -138,7 +138,7 @@ def settings_from_state(shapes: Shapes, activation: str = "sigmoid") -> Generato
 
     Args:
         shapes: name -> shape, names as published (`model.1.ffc.convl2l.weight`, ...), nothing else among them.
-        activation: the last layer, which no tensor tells.
+        activation: the last layer, which is not visible in the tensors.
     Raises:
         ShapeError: the tensors are no such generator, or only half of one; names the first that differ.
     """

@@ -1,4 +1,4 @@
-"""Anybody's weight file in -> the checked tensors of one network out; numpy alone, and no code of the file is run.
+"""A weight file from any source in -> the checked tensors of one network out; numpy alone, and no code of the file is run.
 
 Read are the official Lightning checkpoint (`state_dict`, names under `generator.`), the TorchScript archive (names
 under `model.generator.`), a plain state dict saved by torch, and safetensors. Loading is strict: the tensors make
@@ -32,7 +32,7 @@ class GeneratorWeights:
     """The tensors of one generator, complete and finite, and where they come from."""
 
     settings: GeneratorSettings
-    """Read from the tensors' shapes; the activation is the file's metadata or the caller's word."""
+    """Read from the tensors' shapes; the activation comes from the file's metadata or the caller."""
     state: dict[str, np.ndarray]
     """Published name -> float32 array (int64 scalars for the batch norms' counters)."""
     source: Path

@@ -36,7 +36,7 @@ class FourierUnit(nn.Module):
 
 
 class SpectralTransform(nn.Module):
-    """Global to global: 1x1 down to half the channels, the Fourier unit next to a skip, 1x1 up again."""
+    """Global to global: 1x1 down to half the channels, the Fourier unit with a skip connection, 1x1 up again."""
 
     def __init__(self, in_channels: int, out_channels: int) -> None:
         super().__init__()

@@ -64,8 +64,8 @@ class Trunk(nn.Module):
         fine = self.enter(x)
         middle = self.block1(self.down1(fine.relu()))
         coarse = self.block3(self.block2(self.down2(middle.relu())))
-        middle = self.blend1(middle + upsample_twice(self.up1(coarse.relu())))
-        return self.blend2(fine + upsample_twice(self.up2(middle.relu())))
+        middle = self.blend1(middle + double_size(self.up1(coarse.relu())))
+        return self.blend2(fine + double_size(self.up2(middle.relu())))
 
 
 class Judge(nn.Module):
@@ -120,7 +120,7 @@ def pool_guesses(h: Tensor) -> Tensor:
     return torch.cat([h.mean(1), h.amax(1)], 1)
 
 
-def upsample_twice(x: Tensor) -> Tensor:
+def double_size(x: Tensor) -> Tensor:
     """Twice the height and width, bilinear."""
     return interpolate(x, scale_factor=2, mode="bilinear", align_corners=False)
 

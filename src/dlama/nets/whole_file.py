@@ -9,7 +9,7 @@ from dlama.errors import OutputError
 
 
 def write_whole(target: Path, data: bytes) -> Path:
-    """Write the bytes next to the target and move them there; returns the target. OutputError, and nothing is left next to it."""
+    """Write the bytes under a temporary name and rename it; returns the target. OutputError: nothing is left."""
     temporary = target.with_name(target.name + ".part")
     try:
         temporary.write_bytes(data)

@@ -34,7 +34,7 @@ def test_clicks_choose_among_what_stands_out() -> None:
     color, red, yellow = two_balls()
     assert iou(find_mask(color, masker="salient", clicks=[(80, 110)]).mask, red) > 0.85
     assert iou(find_mask(color, masker="salient", not_clicks=[(80, 110)]).mask, yellow) > 0.85
-    with pytest.raises(MaskError, match="clicks holds 150,20, where nothing stands out"):
+    with pytest.raises(MaskError, match="clicks holds 150,20, where there is no salient object"):
         find_mask(color, masker="salient", clicks=[(150, 20)])
 
 

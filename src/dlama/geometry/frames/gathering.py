@@ -37,7 +37,7 @@ def scene(
 ) -> Scene:
     """The scene that several posed frames show, in their one world. One frame gives the scene of one picture.
 
-    Its views come from all frames: depths within the measured noise are one surface, a point that as many frames looked through
+    Its views come from all frames: depths within the measured noise are one surface, a point that as many frames saw through
     as saw it is dropped, and colours are brought to one brightness. What is wrong with single frames is warned of, and they are
     left out: the same picture from the same place twice, a pose that contradicts all others. Frame numbers (`Scene.numbers`,
     `View.frame`) count the frames as given, from 0.
@@ -158,7 +158,7 @@ def _drop_outliers(kept: list[int], found: dict[tuple[int, int], Overlap], calle
 
 
 def _share_agreeing(kept: Sequence[int], found: dict[tuple[int, int], Overlap]) -> Float64Array:
-    """Of each frame: share of points on the other's surface, among those on it or looked through, both ways; NaN: none."""
+    """Of each frame: share of points on the other's surface, among those on it or seen through, both ways; NaN: none."""
     row = {place: number for number, place in enumerate(kept)}
     agree, through = np.zeros(len(kept)), np.zeros(len(kept))
     for pair, each in found.items():

@@ -50,7 +50,7 @@ def keep_new_points(frame: View, bits: UInt8Array, gain: tuple[float, float, flo
 
 
 def new_points(scene: Scene, place: int) -> BoolArray:
-    """H x W, True at the pixels of a frame that no earlier frame shows and no other frame looked through."""
+    """H x W, True at the pixels of a frame that no earlier frame shows and no other frame saw through."""
     frame = scene.frames[place].read()
     held = [one for one in choose_frames(scene.frames, frame.camera, MOST_COMPARED) if one != place]
     added = frame.valid.copy()

@@ -78,7 +78,7 @@ def find_occluders(view: View, surfaces: Surfaces, depth: Float32Array, law: Law
     background = (view.hole_type.ravel()[nearest] == HoleType.OBJECT) & find_background(view, law)
     adjacent &= ~background
     hidden = view.color_hole & (view.hole_type != HoleType.OUT_OF_VIEW)
-    guessed = (view.origin == Origin.ESTIMATED).any()  # by estimated depth nobody knows where an object ends
+    guessed = (view.origin == Origin.ESTIMATED).any()  # estimated depth has no reliable edges
     if guessed or not adjacent.any() or not hidden.any():
         return adjacent
     filled, there, before = (

@@ -22,7 +22,7 @@ EPSILON = 1e-5  # of torch's batch norms, which the published network leaves as 
 
 
 def export_onnx(weights: GeneratorWeights, path: Path | str, metadata: Mapping[str, str]) -> Path:
-    """Write the network as an ONNX file; written next to and moved, so that no half file is ever left.
+    """Write the network as an ONNX file; first under a temporary name, so that no partial file is left.
 
     Args:
         weights: from `checkpoints.read_generator`.

@@ -104,9 +104,9 @@ class _Writer:
         middle = self.residual("trunk.block1", self.conv("trunk.down1", g.add("Relu", fine), stride=2))
         coarse = self.conv("trunk.down2", g.add("Relu", middle), stride=2)
         coarse = self.residual("trunk.block3", self.residual("trunk.block2", coarse, 2), 4)
-        up = self.upsample_twice(self.conv("trunk.up1", g.add("Relu", coarse)))
+        up = self.double_size(self.conv("trunk.up1", g.add("Relu", coarse)))
         middle = self.residual("trunk.blend1", g.add("Add", middle, up))
-        up = self.upsample_twice(self.conv("trunk.up2", g.add("Relu", middle)))
+        up = self.double_size(self.conv("trunk.up2", g.add("Relu", middle)))
         return self.residual("trunk.blend2", g.add("Add", fine, up))
 
     def residual(self, name: str, x: str, dilation: int = 1) -> str:
@@ -123,7 +123,7 @@ class _Writer:
         pools = [self.g.add(kind, h, axes=[0], keepdims=1) for kind in ("ReduceMean", "ReduceMax")]
         return str(self.g.add("Concat", *pools, axis=1))
 
-    def upsample_twice(self, x: str) -> str:
+    def double_size(self, x: str) -> str:
         """Twice the height and width, bilinear."""
         scales = self.g.constant([1, 1, 2, 2])
         how: dict[str, Any] = {"mode": "linear", "coordinate_transformation_mode": "half_pixel"}

@@ -47,7 +47,7 @@ ABOUT = {
 
 
 def export_lpips(trunk: Path, heads: Path, target: Path) -> Path:
-    """Write the ONNX file; next to and moved, so that no half file is ever left. Equal input gives equal bytes.
+    """Write the ONNX file, first under a temporary name, so that no partial file is left. Equal input gives equal bytes.
 
     Raises:
         FileError: a tensor is missing or has another shape.

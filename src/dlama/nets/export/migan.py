@@ -5,7 +5,7 @@ inside its graph and carries gains and clips around small convolutions. Here the
 
 * the gain sqrt(2) after each leaky ReLU goes into the convolution before it (the activation is positively homogeneous);
 * the clips at +-256 go: no activation comes near them;
-* the transformation of the input, mask - 0.5 next to (2 colour - 1) * mask, goes into the first 1 x 1 convolution, and
+* the transformation of the input, to mask - 0.5 and (2 colour - 1) * mask, goes into the first 1 x 1 convolution, and
   that of the output into the last ones, so that the network takes colours in 0..1, zero in the hole, and the mask, 1 = fill;
 * zero insertion, padding and a 4 x 4 filter become one transposed convolution.
 
@@ -62,7 +62,7 @@ class Weights:
 
 
 def export_migan(pipeline: Path, target: Path, metadata: Mapping[str, str]) -> Path:
-    """Write the generator of the pipeline file; next to and moved, so that no half file is ever left.
+    """Write the generator of the pipeline file, first under a temporary name, so that no partial file is left.
 
     Equal input gives equal bytes.
 
@@ -85,7 +85,7 @@ def read_weights(pipeline: Path) -> Weights:
         import onnx
         from onnx import numpy_helper
     except ImportError as error:
-        raise MissingExtraError("taking the generator out of the MI-GAN pipeline", "onnx", "onnx") from error
+        raise MissingExtraError("extracting the generator from the MI-GAN pipeline", "onnx", "onnx") from error
     try:
         graph = onnx.load(str(pipeline)).graph
         tensors = {tensor.name: numpy_helper.to_array(tensor) for tensor in graph.initializer}
@@ -147,7 +147,7 @@ def _synthesis(g: Graph, weights: Weights, x: str, skips: Mapping[int, str]) -> 
         at = f"synthesis.b{side}"
         x = _conv(g, _depthwise(g, weights, f"{at}.conv1", x), weights[f"{at}.conv1.conv2.weight"])
         if side > SIDES[-1]:
-            x = _upsample_twice(g, weights[f"{at}.conv1.upsample.filter.weight"], x)
+            x = _double_size(g, weights[f"{at}.conv1.upsample.filter.weight"], x)
             x = _add_noise(g, weights, f"{at}.conv1", x)
         x = g.add("Add", _activate(g, x), skips[side])
         x = _conv(g, _depthwise(g, weights, f"{at}.conv2", x), weights[f"{at}.conv2.conv2.weight"])
@@ -158,7 +158,7 @@ def _synthesis(g: Graph, weights: Weights, x: str, skips: Mapping[int, str]) -> 
         weight, bias = weights[f"{at}.torgb.weight"], weights[f"{at}.torgb.bias"]
         of_level = g.conv(x, 0.5 * weight, 0.5 * bias + here)
         if colors:
-            of_level = g.add("Add", _upsample_twice(g, weights[f"{at}.upsample.filter.weight"], colors), of_level)
+            of_level = g.add("Add", _double_size(g, weights[f"{at}.upsample.filter.weight"], colors), of_level)
         colors = of_level
     return colors
 
@@ -190,7 +190,7 @@ def _add_noise(g: Graph, weights: Weights, layer: str, x: str) -> str:
     return str(g.add("Add", x, g.add("Slice", noise, g.ints(0, 0), size, g.ints(0, 1))))
 
 
-def _upsample_twice(g: Graph, blur: np.ndarray, x: str) -> str:
+def _double_size(g: Graph, blur: np.ndarray, x: str) -> str:
     """Twice the height and width: zeros between the samples, then a 4 x 4 filter (C x 1 x 4 x 4, correlated)."""
     turned = blur[:, :, ::-1, ::-1]  # a transposed convolution spreads where a convolution gathers
     weight = g.constant(turned)

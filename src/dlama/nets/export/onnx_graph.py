@@ -1,6 +1,6 @@
 """Nodes added one by one in -> an ONNX model out; and the Fourier transform of a whole plane as matrix products.
 
-No exporter of a torch version stands between: the graph is written node by node, so it says what is meant. The
+No torch exporter is used: the graph is written node by node. The
 discrete Fourier transform is linear, so `rfft2` and `irfft2` are two matrix products each; their matrices depend on
 height and width only, are built inside the graph from the input's own size, once, and serve every layer.
 """
@@ -177,7 +177,7 @@ def _conjugate_weight(g: Graph, columns: str, width: str) -> str:
 
 
 def _complex_matrix(g: Graph, rows: tuple[tuple[str, str], tuple[str, str]], height: str, stack: int, pair: int) -> str:
-    """2H x 2H of four H x H parts; 1 interleaves (rows on `stack`, columns on `pair`), 0 keeps part next to part."""
+    """2H x 2H of four H x H parts; 1 interleaves (rows on `stack`, columns on `pair`), 0 keeps the parts contiguous."""
     across = [_join_flat(g, parts, 1 + pair, height, (1, 2)) for parts in rows]
     return _join_flat(g, (across[0], across[1]), stack, height, (2, 2))
 

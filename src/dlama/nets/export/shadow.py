@@ -50,7 +50,7 @@ class _Writer:
         both = g.add("Add", self.conv("own", five), self.conv("whole", most))
         h = g.add("Relu", both)
         for number, seen in ((4, four), (3, three), (2, two), (1, one)):
-            joined = self.block(f"join{number}", g.add("Concat", self.upsample_twice(h), seen, axis=1))
+            joined = self.block(f"join{number}", g.add("Concat", self.double_size(h), seen, axis=1))
             h = self.block(f"up{number}", joined)
         shuffled = g.add("DepthToSpace", self.conv("head", h), blocksize=2, mode="CRD")
         return g.add_named("logits", "Squeeze", shuffled, g.ints(1))
@@ -77,7 +77,7 @@ class _Writer:
         how: dict[str, Any] = {"kernel_shape": list(weight.shape[2:]), "strides": [stride] * 2, "pads": [reach] * 4}
         return str(self.g.add("Conv", x, stored, *biases, **how))
 
-    def upsample_twice(self, x: str) -> str:
+    def double_size(self, x: str) -> str:
         """Twice the height and width, each pixel four times."""
         how: dict[str, Any] = {
             "mode": "nearest",

@@ -46,7 +46,7 @@ def saliency(color: UInt8Array) -> Float32Array:
     """H x W saliency in 0..1 of a picture (H x W x 3, RGB). MaskError: no salient object."""
     if contrast(color) < LEAST_CONTRAST:
         raise MaskError(
-            "the picture has nearly one colour all over: nothing stands out in it; another picture is expected"
+            "the picture has nearly one colour all over: it has no salient object; another picture is expected"
         )
     small = cv2.resize(color, (SIDE, SIDE), interpolation=cv2.INTER_AREA).astype(np.float32)
     planes = (small / max(float(small.max()), 1e-6) - MEAN) / DEVIATION
@@ -55,7 +55,7 @@ def saliency(color: UInt8Array) -> Float32Array:
     out = net.run({name: np.ascontiguousarray(planes.transpose(2, 0, 1)[None], np.float32)})[0, 0]
     low, high = float(out.min()), float(out.max())
     if high - low < FLAT:
-        raise MaskError("nothing stands out in the picture; click on an object, or give a box round it")
+        raise MaskError("no salient object was found in the picture; click on an object, or give a box round it")
     height, width = color.shape[:2]
     level = cv2.resize((out - low) / (high - low), (width, height), interpolation=cv2.INTER_LINEAR)
     return np.asarray(level, np.float32)
@@ -68,14 +68,12 @@ def salient_candidates(level: Float32Array, prompt: Prompt) -> tuple[dict[str, B
     """
     mask = (level > 0.5) & prompt.inside
     if not mask.any():
-        raise MaskError(
-            "box holds nothing that stands out in the picture; another box, or clicks on the object, are expected"
-        )
+        raise MaskError("box holds no salient object; another box, or clicks on the object, are expected")
     _, labels = cv2.connectedComponents(mask.astype(np.uint8), connectivity=8)
     for column, row in prompt.clicks:
         if not labels[int(row), int(column)]:
             raise MaskError(
-                f"clicks holds {column:g},{row:g}, where nothing stands out in the picture; click on an object that does, "
+                f"clicks holds {column:g},{row:g}, where there is no salient object; click on one, "
                 "or choose another masker"
             )
     if prompt.clicks:

@@ -42,8 +42,8 @@ ColorShares = tuple[np.ndarray, list[np.ndarray]]
 def cast_interiors(planes: Float32Array) -> list[BoolArray]:
     """The visible cast shapes of the crop, the region of strong ambient occlusion, and the surface round the ground contact."""
     where = planes[4] > 0.5
-    thrown = [np.asarray((plane > 0.5 * plane.max()) & (plane > 0) & where) for plane in planes[FIRST_CAST:]]
-    return [*thrown, np.asarray((planes[10] > OCCLUDED) & where), near_ground_contact(planes) & where]
+    cast = [np.asarray((plane > 0.5 * plane.max()) & (plane > 0) & where) for plane in planes[FIRST_CAST:]]
+    return [*cast, np.asarray((planes[10] > OCCLUDED) & where), near_ground_contact(planes) & where]
 
 
 def near_ground_contact(planes: Float32Array) -> BoolArray:

@@ -47,9 +47,9 @@ def find_shadow(rgbd: RGBD, mask: BoolArray, found: Planes | None = None) -> Boo
     probability, shape = (crop.large(each.astype(np.float32), mask.shape) for each in answer[:2])
     certain = answer[2]
     usable = ground.surface & ~dilate_mask(mask, EDGE_PX)
-    thrown = (shape > 0.5) & usable
-    shadow = regions_touching((probability > SHADOW) & usable, thrown | dilate_mask(mask, NEAR_PX))
-    further = grow_shadow(rgbd, mask, ground, usable, thrown) & ~shadow
+    cast = (shape > 0.5) & usable
+    shadow = regions_touching((probability > SHADOW) & usable, cast | dilate_mask(mask, NEAR_PX))
+    further = grow_shadow(rgbd, mask, ground, usable, cast) & ~shadow
     if further.any() and probability[further].mean() > PLAUSIBLE:
         shadow |= further
     soft = grow_ambient_shadow(rgbd, mask, ground, usable, shadow, occlusion) & ~shadow

@@ -1,7 +1,7 @@
 """Gaps: cells of a hole where the law forbids all adjacent surfaces in; a surface just behind the law's limit out.
 
 Through the gap between two houses a source camera saw past both walls. So the law forbids both planes, and only the sky is
-left. A third wall a little farther back is likelier than a sky that nobody saw there.
+left. A third wall a little farther back is likelier than a sky that no camera saw there.
 """
 
 from __future__ import annotations

@@ -35,7 +35,7 @@ LEAST_CELLS = 30
 AGREEING = np.radians(4.0)
 """Sigma of the angle between the outline and a direction."""
 LEAST_AGREEING = 0.4
-"""Least share of the outline along the two directions. Table tops have .48 to .73, seats and scraps below .35."""
+"""Least share of the outline along the two directions. Table tops have .48 to .73, seats and fragments below .35."""
 TURNS = 90
 """Number of tried directions, over a right angle."""
 
