@@ -36,6 +36,7 @@ MARKS = {
     "polycam": ("keyframes/cameras/", "keyframes/depth/", "keyframes/images/"),
     "record3d": ("metadata", "rgbd/"),
     "arkitscenes": ("lowres_wide.traj", "lowres_depth/", "lowres_wide/"),
+    "azure-kinect": ("recording.mkv",),
     "rosbag": ("metadata.yaml", "bag_0.mcap"),
     "scannetpp": ("iphone/pose_intrinsic_imu.json", "iphone/depth/"),
 }

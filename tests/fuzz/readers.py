@@ -12,6 +12,7 @@ import tempfile
 import zipfile
 import zlib
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -27,6 +28,7 @@ from dlama.datasets.layouts import open_dataset
 from dlama.datasets.posed.trajectory_log import read_log
 from dlama.datasets.sequences.scene_frames import open_frames
 from dlama.datasets.text_tables import read_pose
+from dlama.errors import InputError
 from dlama.evaluation.protocols.methods import Measure, Panel
 from dlama.evaluation.report.panels import choose, read_strip
 from dlama.evaluation.runner.store import Stored, StoredRun, read_stored, result_rows, timing_rows, write_stored
@@ -37,7 +39,7 @@ from dlama.files.rasters.colmap_depth import read_colmap_depth
 from dlama.files.rasters.depth import read_depth, read_disparity, write_depth_exr, write_disparity_pfm
 from dlama.files.rasters.images import picture_hw
 from dlama.files.rasters.pictures import read_color, read_mask, read_region
-from dlama.files.rasters.video_frames import read_video_frame
+from dlama.files.rasters.video_frames import read_raw_frame, read_video_frame
 from dlama.files.results.video import write_video
 from dlama.files.scenes.clouds import read_ply, write_ply
 from dlama.files.scenes.scene_npz import read_npz, read_scene, write_npz
@@ -298,7 +300,9 @@ def arrays() -> list[Reader]:
 
 
 def second_video_frame(path: Path) -> object:
-    """A picture of a video."""
+    """A picture of a video, and its numbers as if they were not packed."""
+    with suppress(InputError):
+        read_raw_frame(path, 1, 0)
     return read_video_frame(path, 1)
 
 

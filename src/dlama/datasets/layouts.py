@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from dlama.datasets.captures.arkitscenes import arkitscenes, looks_like_arkitscenes
+from dlama.datasets.captures.azure_kinect import azure_kinect, looks_like_azure_kinect
 from dlama.datasets.captures.polycam import looks_like_polycam, polycam
 from dlama.datasets.captures.record3d import looks_like_record3d, record3d
 from dlama.datasets.captures.rosbag import FILES as ROSBAG_FILES
@@ -91,6 +92,7 @@ LAYOUTS: dict[str, Layout] = {
     "rosbag": Layout(
         "a .bag, .mcap or .db3 file, or a folder with metadata.yaml", looks_like_rosbag, rosbag, _POSED, ROSBAG_FILES
     ),
+    "azure-kinect": Layout("a .mkv file", looks_like_azure_kinect, azure_kinect, _POSED, (".mkv",)),
     "scannetpp": Layout("pose_intrinsic_imu.json", looks_like_scannetpp, scannetpp, _POSED),
 }
 """Every layout by the name that `layout` takes."""

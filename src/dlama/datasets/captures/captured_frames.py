@@ -16,9 +16,11 @@ from typing import Any
 import cv2
 import numpy as np
 
+from dlama.datasets.posed.numbered_frames import moved_depth
 from dlama.datasets.posed.posed_frames import Lens, PosedFrame, camera_at_depth, shrink_color
 from dlama.datasets.posed.view_pairs import LOG
 from dlama.errors import FileError, ShapeError
+from dlama.files.cameras import make_camera
 from dlama.files.rasters.depth import read_depth
 from dlama.files.rasters.images import read_stored
 from dlama.geometry.camera import Camera, Float64Array
@@ -106,6 +108,22 @@ def enlarge_depth(depth: Float32Array, color: UInt8Array) -> Float32Array:
     large = sharpen_depth(np.asarray(cv2.resize(w, wh, interpolation=cv2.INTER_LINEAR), np.float32), color)
     shown = cv2.resize(known.astype(np.uint8), wh, interpolation=cv2.INTER_NEAREST) > 0
     return np.divide(1, large, out=np.zeros_like(large), where=shown & (large > 0))
+
+
+def register_depth(
+    read: Callable[[], Float32Array], depth_lens: Lens, lens: Lens, color_from_depth: Float64Array
+) -> Float32Array:
+    """Depth moved into the colour camera, at a size at which no cracks open. FileError, CameraError."""
+    depth = np.nan_to_num(read(), nan=0.0, posinf=0.0, neginf=0.0)
+    source, target = _camera_of(depth_lens, color_from_depth), _camera_of(lens, np.eye(4))
+    factor = min(1.0, source.fx / target.fx, source.fy / target.fy)
+    target = target.resized(max(1, round(target.width * factor)), max(1, round(target.height * factor)))
+    return moved_depth(depth.astype(np.float32), source, target)
+
+
+def _camera_of(lens: Lens, pose: Float64Array) -> Camera:
+    assert lens.hw is not None
+    return make_camera(lens.source, lens.hw, lens.intrinsics, lens.pixel_center, pose)
 
 
 def depth_of_png(path: Path) -> Float32Array:

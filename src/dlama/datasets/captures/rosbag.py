@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from dlama.datasets.captures.captured_frames import CaptureFiles, captured_frame, report_left_out
+from dlama.datasets.captures.captured_frames import CaptureFiles, captured_frame, register_depth, report_left_out
 from dlama.datasets.captures.ros_messages import (
     Transforms,
     color_of,
@@ -32,14 +32,12 @@ from dlama.datasets.captures.ros_messages import (
 )
 from dlama.datasets.frames import Dataset
 from dlama.datasets.posed.nerfstudio import SHOWS_PX, distortion_px
-from dlama.datasets.posed.numbered_frames import moved_depth
 from dlama.datasets.posed.posed_frames import Lens, PosedFrame
 from dlama.datasets.posed.view_pairs import LOG, read_posed
 from dlama.datasets.text_tables import nearest_in_time
 from dlama.errors import DlamaError, FileError, MissingExtraError
-from dlama.files.cameras import make_camera
 from dlama.files.fields import FileFields
-from dlama.geometry.camera import Camera, Float64Array
+from dlama.geometry.camera import Float64Array
 from dlama.geometry.rgbd import Float32Array, UInt8Array
 
 FILES = (".bag", ".mcap", ".db3")
@@ -102,7 +100,7 @@ def _frames(scene: str, path: Path) -> list[PosedFrame]:
                         f"{path}: depth is in the frame {depth.frame!r} and colour in {color.frame!r}, and no transform leads "
                         "from one to the other; depth registered to the colour camera is expected"
                     )
-                metres = partial(registered_depth, metres, depth_lens, lens, found)
+                metres = partial(register_depth, metres, depth_lens, lens, found)
             names = f"{path}, {color.name} {number}", f"{path}, {depth.name} {near}"
             picture = partial(read_color_message, path, color.name, place)
             files = CaptureFiles(names, picture, metres, lens, pose, range_m=np.inf)
@@ -129,20 +127,6 @@ def _decode(how: Callable[[Any, str], Any], path: Path, topic: str, place: int) 
         raise
     except Exception as error:  # a damaged message can say anything of itself
         raise FileError(f"{path}, {topic}: is damaged ({str(error) or type(error).__name__})") from error
-
-
-def registered_depth(read: Any, depth_lens: Lens, lens: Lens, color_from_depth: Float64Array) -> Float32Array:
-    """Depth moved into the colour camera, at a size at which no cracks open. FileError, CameraError."""
-    depth = np.nan_to_num(read(), nan=0.0, posinf=0.0, neginf=0.0)
-    source, target = _camera(depth_lens, color_from_depth), _camera(lens, np.eye(4))
-    factor = min(1.0, source.fx / target.fx, source.fy / target.fy)
-    target = target.resized(max(1, round(target.width * factor)), max(1, round(target.height * factor)))
-    return moved_depth(depth.astype(np.float32), source, target)
-
-
-def _camera(lens: Lens, pose: Float64Array) -> Camera:
-    assert lens.hw is not None
-    return make_camera(lens.source, lens.hw, lens.intrinsics, lens.pixel_center, pose)
 
 
 class Bag:

@@ -1,4 +1,4 @@
-"""A video file in; how many pictures it holds, and one of them by its place, out. By PyAV (extra `video`).
+"""A video file in; how many pictures a track of it holds, and one of them by its place, out. By PyAV (extra `video`).
 
 Pictures are found by their time stamps and not by the frame rate: phones record at a varying one.
 """
@@ -6,6 +6,7 @@ Pictures are found by their time stamps and not by the frame rate: phones record
 from __future__ import annotations
 
 import functools
+from collections.abc import Callable
 from pathlib import Path
 from threading import Lock
 from typing import Any
@@ -14,7 +15,8 @@ import numpy as np
 
 from dlama.errors import DlamaError, FileError, MissingExtraError, system_errors
 from dlama.files.rasters.images import check_pixels, existing_file
-from dlama.geometry.rgbd import UInt8Array
+from dlama.geometry.camera import Float64Array
+from dlama.geometry.rgbd import UInt8Array, UInt16Array
 
 AHEAD = 60
 """Pictures that are decoded on the way to a later one rather than sought."""
@@ -22,18 +24,43 @@ AHEAD = 60
 
 @system_errors(FileError)
 def count_video_frames(path: Path) -> int:
-    """How many pictures the first video stream holds; they are not decoded. FileError, MissingExtraError."""
-    return len(_opened(path).stamps)
+    """How many pictures the first track holds; they are not decoded. FileError, MissingExtraError."""
+    return len(_opened(path, 0).stamps)
 
 
 @system_errors(FileError)
-def read_video_frame(path: Path, place: int) -> UInt8Array:
+def video_times(path: Path, track: int) -> Float64Array:
+    """Seconds of the pictures of a track, ascending. FileError, MissingExtraError."""
+    video = _opened(path, track)
+    return np.array(video.stamps, np.float64) * float(video.stream.time_base or 1)
+
+
+@system_errors(FileError)
+def video_tracks(path: Path) -> tuple[list[dict[str, str]], dict[str, bytes]]:
+    """The tags of each video track, and name -> bytes of what is attached to the file. FileError, MissingExtraError."""
+    streams: Any = _opened(path, 0).container.streams
+    attached = {each.name: each.data for each in streams if each.type == "attachment"}
+    return [dict(each.metadata) for each in streams.video], attached
+
+
+@system_errors(FileError)
+def read_video_frame(path: Path, place: int, track: int = 0) -> UInt8Array:
     """The picture at a place from 0: uint8 H x W x 3 RGB, as stored (never turned). FileError, MissingExtraError."""
-    video = _opened(path)
+    return np.asarray(_picture(path, place, track, Video.picture), np.uint8)
+
+
+@system_errors(FileError)
+def read_raw_frame(path: Path, place: int, track: int) -> UInt16Array:
+    """H x W numbers of an uncompressed 16-bit track, big endian in the file (b16g). FileError, MissingExtraError."""
+    return np.asarray(_picture(path, place, track, Video.numbers), np.uint16)
+
+
+def _picture(path: Path, place: int, track: int, how: Callable[[Video, int], np.ndarray]) -> np.ndarray:
+    video = _opened(path, track)
     if not 0 <= place < len(video.stamps):
         raise FileError(f"{path}: holds {len(video.stamps)} pictures; there is none at place {place}")
     try:
-        return video.picture(place)
+        return how(video, place)
     except DlamaError:
         raise
     except Exception as error:  # of decoders
@@ -41,9 +68,9 @@ def read_video_frame(path: Path, place: int) -> UInt8Array:
 
 
 class Video:
-    """An open video; one picture is decoded after the other as long as places ascend."""
+    """A track of an open video; one picture is decoded after the other as long as places ascend."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, track: int) -> None:
         try:
             import av
         except ImportError as error:
@@ -51,7 +78,7 @@ class Video:
         self.path, self.lock, self.next = path, Lock(), 0
         try:
             self.container = av.open(str(path))
-            self.stream = self.container.streams.video[0]
+            self.stream = self.container.streams.video[track]
             found = (packet.pts for packet in self.container.demux(self.stream))
             self.stamps = sorted({stamp for stamp in found if stamp is not None})
         except Exception as error:
@@ -76,12 +103,27 @@ class Video:
             self.next = len(self.stamps)
             raise FileError(f"{self.path}: ends before picture {place}")
 
+    def numbers(self, place: int) -> UInt16Array:
+        """H x W of a track that is not packed."""
+        with self.lock:
+            self.next = len(self.stamps)
+            self.container.seek(self.stamps[place], stream=self.stream)
+            for packet in self.container.demux(self.stream):
+                if packet.pts == self.stamps[place]:
+                    data, (height, width) = bytes(packet), (self.stream.height, self.stream.width)
+                    if len(data) != 2 * height * width:
+                        break
+                    return np.frombuffer(data, ">u2").reshape(height, width).astype(np.uint16)
+            raise FileError(
+                f"{self.path}: picture {place} has not the size of {self.stream.width}x{self.stream.height} numbers"
+            )
 
-def _opened(path: Path) -> Video:
+
+def _opened(path: Path, track: int) -> Video:
     stat = existing_file(path).stat()
-    return _kept_open(Path(path), stat.st_mtime_ns, stat.st_size)
+    return _kept_open(Path(path), track, stat.st_mtime_ns, stat.st_size)
 
 
-@functools.lru_cache(maxsize=2)
-def _kept_open(path: Path, changed: int, size: int) -> Video:
-    return Video(path)
+@functools.lru_cache(maxsize=4)
+def _kept_open(path: Path, track: int, changed: int, size: int) -> Video:
+    return Video(path, track)
