@@ -89,7 +89,7 @@ def hand_in(page: Any, frame: Path, fov: str = "60") -> None:
     """The small frame's picture and depth; the lens is asked for, beside its field, and given."""
     page.set_input_files("#files", [frame / "image.png", frame / "depth.png"])
     complaint = page.locator('[data-error="camera"]')
-    playwright.expect(complaint).to_contain_text("how wide the camera sees")
+    playwright.expect(complaint).to_contain_text("the field of view is not known")
     page.fill("#fov", fov)
     page.get_by_role("button", name="Read again").click()
     page.locator("#marker").wait_for()
@@ -158,10 +158,15 @@ def test_the_whole_way(pages: Pages, frame: Path, tmp_path: Path) -> None:
     page.mouse.down()
     page.mouse.move(box["x"] + 380, box["y"] + 220, steps=4)
     page.mouse.up()
+    page.wait_for_timeout(1500)
     turned = pixels(page, "#scene")
     assert (turned != shown).any(2).mean() > 0.05
     choose(page, "scene-color", "1")
     assert (pixels(page, "#scene") != turned).any(2).mean() > 0.05
+    with page.expect_download() as download:
+        page.get_by_role("button", name="3-D photo").click()
+    download.value.save_as(tmp_path / "photo3d.html")
+    assert (tmp_path / "photo3d.html").read_text("utf-8").startswith("<!doctype html>")
     with page.expect_download() as download:
         page.get_by_role("button", name="Results as zip").click()
     download.value.save_as(tmp_path / "home.zip")

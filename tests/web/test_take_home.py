@@ -134,5 +134,5 @@ def test_nothing_of_it_stays_on_disk(frame: Path, visit: Visit) -> None:
     result = completed(visit, yaw=4)
     take_home.zipped(result, visit.folder)
     take_home.single(result, "image.png", visit.folder)
-    take_home.glb_for_page(result, visit.folder)
+    assert take_home.photo3d_html(result).startswith(b"<!doctype html>")
     assert sorted(path.name for path in visit.folder.rglob("*")) == ["depth.png", "picture.png"]

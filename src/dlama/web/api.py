@@ -219,6 +219,7 @@ ACTIONS: dict[str, Callable[[Visit, Fields], dict[str, Any] | Blob]] = {
     "picture": results.picture,
     "pixel": results.pixel,
     "scene": results.scene,
+    "photo3d": results.photo3d,
     "zip": results.package,
     "file": results.file,
 }

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import cv2
@@ -166,17 +165,6 @@ def pixel(view: View, x: int, y: int) -> dict[str, Any]:
         one = RGBD(view.color[y : y + 1, x : x + 1], view.depth[y : y + 1, x : x + 1], view.camera.cropped(x, y, 1, 1))
         told["point"] = [round(float(value), 4) for value in lift(one).points[0]]
     return told
-
-
-def standpoint(view: View) -> dict[str, Any]:
-    """Where the 3-D view begins: the view's pose, the distance it turns about (m), its angle (degrees, vertical) and aspect."""
-    camera, valid = view.camera, view.depth[view.valid]
-    return {
-        "world_from_cam": camera.world_from_cam.tolist(),
-        "pivot": float(np.median(valid)) if valid.size else 1.0,
-        "fovy": math.degrees(2 * math.atan(camera.height / (2 * camera.fy))),
-        "aspect": camera.width / camera.height,
-    }
 
 
 def source_depth(rgbd: RGBD) -> tuple[UInt8Array, dict[str, Any]]:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 from typing import Any
 
 import dlama
+from dlama.files.scenes.photo3d_page import LARGEST_GLB, describe_box, glb_within
 from dlama.web import pictures, take_home
 from dlama.web.answers import Blob, Fields, pixel_of
 from dlama.web.completion_request import read_request
@@ -87,7 +89,6 @@ def told_result(result: Result) -> dict[str, Any]:
             **{side: pictures.legends(done, side == "right") for side in sides},
             "scene": pictures.scene_origins(done),
         },
-        "start": pictures.standpoint(view),
         "palette": [list(color) for color in pictures.ORIGIN_PALETTE],
         "how": take_home.how(result),
     }
@@ -108,9 +109,15 @@ def pixel(visit: Visit, fields: Fields) -> dict[str, Any]:
 
 
 def scene(visit: Visit, fields: Fields) -> Blob:
-    """The completed scene as GLB, for the page."""
-    data, step = take_home.glb_for_page(visit.needed_result(), visit.folder)
-    return Blob(data, "model/gltf-binary", headers={"X-Step": str(step)})
+    """The 3-D photo as GLB, for the page; its box in a header."""
+    photo, parts = visit.needed_result().photo
+    about = {"X-Box": json.dumps(describe_box(photo.box))}
+    return Blob(glb_within(parts, LARGEST_GLB), "model/gltf-binary", headers=about)
+
+
+def photo3d(visit: Visit, fields: Fields) -> Blob:
+    """The 3-D photo as one HTML file."""
+    return Blob(take_home.photo3d_html(visit.needed_result()), "text/html", "photo3d.html")
 
 
 def package(visit: Visit, fields: Fields) -> Blob:

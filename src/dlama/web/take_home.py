@@ -15,8 +15,7 @@ import dlama
 from dlama.files.rasters.pictures import write_mask
 from dlama.files.results.completion import RESULTS, file_names
 from dlama.files.results.meta_json import as_json
-from dlama.files.scenes.textured_mesh import write_textured_glb
-from dlama.geometry.subsampling import step_for, subsample_scene
+from dlama.files.scenes.photo3d_page import photo3d_page
 from dlama.web.completion_request import CompletionRequest
 from dlama.web.failures import PageError, shown
 from dlama.web.inputs import Source
@@ -25,7 +24,6 @@ from dlama.web.visits import Result
 
 OUT = "out"
 MASK = "mask.png"
-ON_PAGE_POINTS = 600_000
 EVERY = tuple(name for name in RESULTS if name != "mask")
 """What can be taken home as single files; the zip has those that the command line writes."""
 PACKED = (".json", ".txt")
@@ -196,11 +194,7 @@ def single(result: Result, file: str, parent: Path) -> bytes:
         return (written(result, Path(name), (group,)) / file).read_bytes()
 
 
-def glb_for_page(result: Result, parent: Path) -> tuple[bytes, int]:
-    """The scene without what was removed as GLB, subsampled so that a browser turns it smoothly, and the step of that."""
-    step = step_for(result.done.scene, ON_PAGE_POINTS)
-    scene = subsample_scene(result.done.scene, step)
-    with tempfile.TemporaryDirectory(dir=parent) as name:
-        path = Path(name) / "scene.glb"
-        write_textured_glb(path, scene)
-        return path.read_bytes(), step
+def photo3d_html(result: Result) -> bytes:
+    """The 3-D photo as one HTML file."""
+    photo, parts = result.photo
+    return photo3d_page(photo.box, parts).encode()

@@ -10,11 +10,14 @@ import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import dlama
 from dlama.files.drafts import DRAFT, hold, name_of, remove_abandoned
+from dlama.files.results.photo3d import MOST_TRIANGLES
+from dlama.geometry.layered_mesh import MeshPart, mesh_layers
 from dlama.geometry.rgbd import BoolArray
 from dlama.web.completion_request import CompletionRequest
 from dlama.web.failures import PageError
@@ -41,6 +44,13 @@ class Result:
     object_mask: dict[str, Any]
     """How the mask was found, as meta.json says it; empty where it was painted, or nothing was to go."""
     warnings: tuple[str, ...]
+
+    @cached_property
+    def photo(self) -> tuple[dlama.Photo3D, list[MeshPart]]:
+        """Its 3-D photo and the mesh of that; completed when it is first asked for."""
+        how = {name: value for name, value in self.request.method.items() if name in ("filler", "model", "seed")}
+        photo = dlama.photo3d(self.done.scene, **how)
+        return photo, mesh_layers(photo.scene, photo.box, MOST_TRIANGLES)
 
 
 @dataclass(eq=False)

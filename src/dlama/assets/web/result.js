@@ -1,7 +1,8 @@
 // A result in; before and after, its maps, its pixels, its scene in 3-D and its files out.
 import { Compare } from "/compare.js";
 import { $, all, chosen, clearErrors, enable, failed, legend, offer, onOpen, openTab, ramp, warnings } from "/messages.js";
-import { SceneView, readGlb } from "/scene.js";
+import { PhotoView } from "/photo3d.js";
+import { readGlb } from "/scene.js";
 import * as server from "/server.js";
 
 // ---- the result
@@ -78,17 +79,16 @@ let view3d = null;
 async function showScene() {
   if (!result || sceneOf === result) { view3d?.draw(); return; }
   const wanted = result;
-  $("scene-fact").textContent = "loading …";
+  $("scene-fact").textContent = "filling what is hidden from all sides …";
   try {
     const { blob, headers } = await server.fetched("scene");
     const glb = await readGlb(blob);
     if (wanted !== result) return;
-    view3d ??= new SceneView($("scene"));
-    view3d.show(glb, result.start, result.palette);
+    const { start, box } = JSON.parse(headers.get("X-Box"));
+    view3d ??= new PhotoView($("scene"));
+    view3d.show(glb, start, result.palette, box);
     sceneOf = wanted;
-    const step = Number(headers.get("X-Step"));
-    const share = step > 1 ? `, 1 pixel in ${step * step}; the zip has all` : "";
-    $("scene-fact").textContent = glb ? `${glb.count.toLocaleString("en")} points${share}; drag to turn, wheel to come nearer, Shift and drag to move` : "there is nothing but sky";
+    $("scene-fact").textContent = `${glb.count.toLocaleString("en")} points; turns by ${box.angle.toFixed(1)}° to each side: drag, or the wheel to come nearer`;
     showSceneLegend();
   } catch (error) { $("scene-fact").textContent = ""; failed(error, "home"); }
 }
@@ -113,6 +113,7 @@ async function download(action, fields, name) {
   try { server.save((await server.fetched(action, fields)).blob, name); } catch (error) { failed(error, "home"); } finally { $("home-words").textContent = ""; }
 }
 
+$("photo3d").addEventListener("click", () => download("photo3d", {}, "photo3d.html"));
 $("zip").addEventListener("click", () => download("zip", {}, "dlama.zip"));
 $("get-single").addEventListener("click", () => download("file", { name: $("single").value }, $("single").value.split("/").at(-1)));
 for (const button of all("[data-copy]")) button.addEventListener("click", async () => {

@@ -36,7 +36,7 @@ def photo3d_page(box: HeadBox, parts: list[MeshPart]) -> str:
     page = (ASSETS / "photo3d.html").read_text("utf-8")
     room = (LARGEST_PAGE - len(page) - len(scripts) - 2000) * 3 // 4
     filled = {
-        "about": json.dumps(describe_box(box) | {"under": "rgb({}, {}, {})".format(*mean_color(parts))}),
+        "about": json.dumps(describe_box(box) | {"under": mean_color(parts)}),
         "glb": base64.b64encode(glb_within(parts, room)).decode("ascii"),
         "script": MODULE_LINES.sub("", scripts),
     }
@@ -45,9 +45,10 @@ def photo3d_page(box: HeadBox, parts: list[MeshPart]) -> str:
     return page
 
 
-def mean_color(parts: list[MeshPart]) -> list[int]:
-    """RGB of the first picture: what shows where nothing is drawn."""
-    return [] if not parts else [round(level) for level in parts[0].picture.mean((0, 1)).tolist()]
+def mean_color(parts: list[MeshPart]) -> str:
+    """Of the first picture, as CSS has it: what shows where nothing is drawn."""
+    levels = parts[0].picture[::8, ::8].mean((0, 1)).tolist() if parts else [0, 0, 0]
+    return f"rgb({', '.join(str(round(level)) for level in levels)})"
 
 
 def describe_box(box: HeadBox) -> dict[str, Any]:
