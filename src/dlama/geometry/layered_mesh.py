@@ -6,6 +6,7 @@ both show one surface; and the sky, which has no depth, lies on a sphere.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from typing import NamedTuple
 
@@ -15,7 +16,7 @@ from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.decimation import decimate
 from dlama.geometry.head_box import HeadBox
 from dlama.geometry.mesh import Mesh
-from dlama.geometry.projection import rays
+from dlama.geometry.projection import project_to_pixels, rays
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.scene import Scene
 from dlama.geometry.subsampling import step_for, subsample
@@ -27,6 +28,8 @@ GRID_PIXELS = 600_000
 """Vertices are pixels of layers that are subsampled to so many; colours are not."""
 BEHIND, BEHIND_EACH = 0.004, 0.0004
 """Share of the distance by which fills lie behind what they join, and each further one behind those before it."""
+IN_FRONT = 0.95
+"""Share of the measured depth; what is nearer than that hides it."""
 SKY, SKY_QUANTILE = 4.0, 0.98
 """Distance of the sky, in that quantile of the depth of the frames."""
 
@@ -50,7 +53,9 @@ def mesh_layers(scene: Scene, box: HeadBox, most_triangles: int) -> list[MeshPar
     """
     distance = sky_distance(scene, box)
     layers = sorted(scene.layers, key=lambda layer: not layer.camera.same_view_as(box.camera))
-    step = step_for(Scene((layers[0].read(),)), GRID_PIXELS)
+    source = layers[0].read()
+    home = np.where(source.far, depth_of_sphere(box.camera, box.camera, distance), source.depth)
+    step = step_for(Scene((source,)), GRID_PIXELS)
     while True:
         for tolerance in TOLERANCES:
             parts, count = [], 0
@@ -60,7 +65,8 @@ def mesh_layers(scene: Scene, box: HeadBox, most_triangles: int) -> list[MeshPar
                     continue
                 parts.append(mesh_part(layer.read(), own, (box.camera, distance), tolerance))
                 if number:
-                    parts[-1] = move_back(parts[-1], box.camera, BEHIND + BEHIND_EACH * number)
+                    kept = drop_in_front(parts[-1], box.camera, home)
+                    parts[-1] = move_back(kept, box.camera, BEHIND + BEHIND_EACH * number)
                 count += len(parts[-1].mesh.triangles)
                 if count > most_triangles:
                     break
@@ -101,9 +107,16 @@ def mesh_part(layer: View, step: int, sky: tuple[Camera, float], tolerance: floa
     return MeshPart(found.mesh, pixels, layer.color, None if whole else found.surface)
 
 
+def drop_in_front(part: MeshPart, camera: Camera, depth: Float32Array) -> MeshPart:
+    """The part without triangles that hide what a camera measured (its H x W depth): the rims of what a fill shows again."""
+    row, column, z, inside = project_to_pixels(part.mesh.vertices, camera)
+    hides = inside & (z < IN_FRONT * depth[row, column])
+    triangles = part.mesh.triangles[~hides[part.mesh.triangles].any(1)]
+    return part._replace(mesh=dataclasses.replace(part.mesh, triangles=triangles))
+
+
 def move_back(part: MeshPart, camera: Camera, share: float) -> MeshPart:
     """The part with its vertices further from a camera by a share of their distance."""
     home = camera.world_from_cam[:3, 3]
     mesh = part.mesh
-    moved = Mesh(home + (mesh.vertices - home) * (1 + share), mesh.triangles, mesh.color, mesh.origin, mesh.confidence)
-    return part._replace(mesh=moved)
+    return part._replace(mesh=dataclasses.replace(mesh, vertices=home + (mesh.vertices - home) * (1 + share)))
