@@ -84,7 +84,10 @@ def test_what_to_know_of_a_mask_is_in_the_last_line(tmp_path: Path, capsys: pyte
     found = capsys.readouterr().out
     for line in (removed, found):
         assert line.count("; no shadow found, ") == 1 and "of it shadow" not in line
-    assert told_of_mask("object", ["part", "object", "group"], ["look"]) == "; --candidate part or group differs; look"
+    assert (
+        told_of_mask("object", ["part", "object", "group"], ["look"])
+        == "; --candidate part or group gives another mask; look"
+    )
     assert told_of_mask("object", ["object"], []) == ""
 
 

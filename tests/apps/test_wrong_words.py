@@ -11,6 +11,7 @@ from running import refused
 from dlama.apps.cli import VERBS, main
 from dlama.apps.terminal.flags import flags_of, with_flags
 from dlama.apps.terminal.output import errors_as_lines
+from dlama.apps.verbs.sequence import mask_files
 from dlama.errors import CameraError, DlamaError, InputError, MaskError
 
 
@@ -128,3 +129,9 @@ def test_a_pipe_is_no_file(frame: Path, capsys: pytest.CaptureFixture[str]) -> N
     for words in ((frame / "pipe.png", "depth.png", "--fov", 60), ("image.png", "depth.png", "--camera", "/dev/zero")):
         told = refused(capsys, frame, "view", *words, "--yaw", 5)
         assert "is a pipe or device, a file on disk is expected" in told
+
+
+def test_a_folder_of_masks_is_one_and_holds_some(tmp_path: Path) -> None:
+    for folder, words in ((tmp_path / "none", "a folder of masks"), (tmp_path, "which holds no picture")):
+        with pytest.raises(InputError, match=f"masks is {folder}.*{words}"):
+            mask_files((), folder)

@@ -12,11 +12,12 @@ import dlama
 from dlama.completion.completion import Completion
 from dlama.completion.start import scene_of
 from dlama.errors import InputError
+from dlama.geometry.frames.adding import drop_seen_depth
 from dlama.geometry.frames.removal import carry_masks
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import clip_depth
 from dlama.geometry.trajectories import orbit
-from dlama.geometry.view import Origin
+from dlama.geometry.view import HoleType, Origin, View
 from dlama.geometry.visibility import Law
 from worlds import World
 
@@ -77,6 +78,23 @@ def test_the_scene_shows_the_view_again() -> None:
     assert filled.any()
     assert np.abs(again.color.astype(int) - done.view.color)[filled].max() <= 2
     np.testing.assert_allclose(again.depth[filled], done.view.depth[filled], rtol=1e-3)
+
+
+def test_two_frames_are_many() -> None:
+    assert completed(2).meta["frames"]["numbers"] == [0, 1] and "frames" not in completed(1).meta
+
+
+def test_depth_that_was_filled_stays_where_another_frame_has_a_hole() -> None:
+    """Oracle: masks made for it; measured pixels stay in any case."""
+    plain = View.from_rgbd(FRAMES[1])
+    filled, unseen = np.zeros(plain.camera.hw, bool), np.zeros(plain.camera.hw, bool)
+    filled[10:20, 10:30], unseen[10:20, 20:] = True, True
+    filled &= plain.valid
+    one = plain.with_planes(origin=np.where(filled, np.uint8(Origin.DEPTH_FILLED), plain.origin))
+    other = plain.without(unseen, HoleType.NONE)
+    left = drop_seen_depth(one, other)
+    assert np.array_equal(left.hole, plain.hole | (filled & ~unseen)) and (filled & unseen).any()
+    assert np.array_equal(left.depth[~filled], plain.depth[~filled])
 
 
 def test_a_mask_is_carried_to_all_frames() -> None:

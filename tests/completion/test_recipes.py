@@ -11,6 +11,7 @@ import pytest
 
 import dlama
 from dlama.completion.recipes import RECIPES, Recipe, check_seed, find_recipe
+from dlama.completion.start import filler_of_recipe
 from dlama.errors import InputError
 from dlama.evaluation.protocols.methods import Method
 
@@ -107,3 +108,13 @@ def test_seeds_are_bounded_wherever_they_are_given() -> None:
         for make in (check_seed, lambda seed: Method("dlama", "telea", seed=seed)):
             with pytest.raises(InputError, match=f"seed is {seed}"):
                 make(seed)
+
+
+def test_a_filler_keeps_its_own_depth_where_it_is_clipped_alone() -> None:
+    """8-bit depth is a matter of its own: `clip` without it leaves the filler as it is."""
+
+    def own(*_: object) -> None: ...
+
+    assert filler_of_recipe(own, Recipe("mine", depth_by="filler", clip=10.0)) is own  # type: ignore[arg-type]
+    eight_bit = Recipe("mine", depth_by="filler", clip=10.0, eight_bit_depth=True)
+    assert filler_of_recipe(own, eight_bit) is not own  # type: ignore[arg-type]

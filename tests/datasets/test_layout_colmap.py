@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import struct
 from pathlib import Path
 
@@ -101,6 +102,12 @@ def test_damaged_models_are_named(tmp_path: Path) -> None:
     cameras.write_text(text.replace("PINHOLE 48 36 40.0", "SIMPLE_RADIAL 48 36 40.0").replace(" 41.0", "", 1))
     with pytest.raises(
         CameraError, match=r"cameras\.txt:2:3: (camera model SIMPLE_RADIAL has|the camera is distorted)"
+    ):
+        open_frames(root)
+    bent = re.sub(r"PINHOLE 48 36 40.0 41.0 (\S+) (\S+)", r"SIMPLE_RADIAL 48 36 40.0 \1 \2 0.1", text, count=1)
+    cameras.write_text(bent)
+    with pytest.raises(
+        CameraError, match=r"cameras\.txt:2:3: the camera is distorted; .* run colmap image_undistorter"
     ):
         open_frames(root)
     cameras.write_text("\n".join(text.splitlines()[:2]))

@@ -15,7 +15,7 @@ from dlama.completion.pipeline import complete
 from dlama.completion.verbs import remove
 from dlama.errors import InputError, OutputError
 from dlama.files.rasters.depth import read_depth
-from dlama.files.results.completion import BY_DEFAULT, RESULTS, write
+from dlama.files.results.completion import BY_DEFAULT, RESULTS, file_names, write
 from dlama.files.scenes import textured_mesh
 from dlama.files.scenes.scene_npz import read_npz
 from dlama.geometry.camera import Camera
@@ -191,3 +191,11 @@ def test_no_result_replaces_an_input(removal: Completion, tmp_path: Path) -> Non
     assert sorted(each.name for each in tmp_path.iterdir()) == ["depth.png", "elsewhere.png", "image.png"]
     assert picture.read_bytes() == b"the user's picture"
     assert (write(removal, tmp_path, only=["depth"], inputs={"image": picture}) / "depth.exr").is_file()
+
+
+def test_the_files_are_named_before_they_are_written(removal: Completion, tmp_path: Path) -> None:
+    """Oracle: the folder itself."""
+    made = write(removal, tmp_path / "out", also=("points", "scene", "hole"))
+    assert file_names(removal, also=("points", "scene", "hole")) == sorted(
+        path.relative_to(made).as_posix() for path in made.rglob("*") if path.is_file()
+    )

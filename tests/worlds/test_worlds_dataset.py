@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import pickle
 import shutil
@@ -180,3 +181,10 @@ def test_every_seed_is_a_scene(seed: int) -> None:
     plain = [np.full((8, 8, 3), 100, np.uint8)] * 3
     for kind in ("street", "room"):
         assert len(world(seed, kind=kind, textures=plain).shapes) > 10
+
+
+def test_a_world_of_one_texture_layer_is_refused() -> None:
+    made = world(0, kind="room")
+    for wrong in (made.textures[:1], made.textures[..., :3], made.textures[0]):
+        with pytest.raises(InputError, match=r"world\.textures is .*; at least 2 layers x .* x 4 are expected"):
+            dataclasses.replace(made, textures=wrong)

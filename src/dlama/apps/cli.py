@@ -264,7 +264,9 @@ def main(args: Sequence[str] | None = None) -> None:
     else:
         with errors_as_lines():
             if words and not words[0].startswith("-"):
-                meant = difflib.get_close_matches(words[0], VERBS, 1)
+                meant = (
+                    difflib.get_close_matches(words[0], VERBS, 1) if "." not in words[0] else []
+                )  # a file is no verb
                 hint = f"did you mean {meant[0]}? " if meant else ""
                 raise InputError(f"{words[0]!r} is no verb of dlama; {hint}One of {', '.join(VERBS)} is expected")
             tyro.extras.subcommand_cli_from_dict(

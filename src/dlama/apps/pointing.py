@@ -79,5 +79,5 @@ class Pointing:
 def told_of_mask(chosen: str, candidates: Iterable[str], notes: Iterable[str]) -> str:
     """For the last line: which other readings of the clicks there are, and what to know of the mask; "" where nothing is."""
     others = [name for name in candidates if name != chosen]
-    differs = [f"--candidate {' or '.join(others)} differs"] if others else []
+    differs = [f"--candidate {' or '.join(others)} gives another mask"] if others else []
     return "".join(f"; {one}" for one in [*differs, *notes])

@@ -14,7 +14,8 @@ import dlama
 from corruptions import POSES, moved
 from dlama.datasets.dataset_diagnosis import diagnose_dataset
 from dlama.datasets.layouts import open_dataset
-from dlama.perception.diagnosis.poses import check_poses, reorder_quaternion
+from dlama.perception.diagnosis.landing import shrink
+from dlama.perception.diagnosis.poses import check_poses, mean_fit, reorder_quaternion
 from dlama.perception.diagnosis.stereo_pair import check_pair
 from dlama.worlds.layouts.random_scene import build
 from dlama.worlds.world import World
@@ -159,6 +160,10 @@ def test_poses_far_from_the_origin_are_checked() -> None:
         pose[:3, 3] += 4e5, 0, 5.5e6
         frames.append(dlama.RGBD(frame.color, frame.depth, frame.camera.at(pose)))
     assert check_poses(frames, "utm") == []
+    assert (
+        mean_fit([shrink(frame) for frame in frames], lambda pose: pose @ np.diag([1, 1, 1, 1]) + np.eye(4, k=3) * 1e12)
+        == 0
+    )
 
 
 @pytest.mark.parametrize("hw", [(1, 1), (4, 300), (62, 200)])

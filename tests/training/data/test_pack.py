@@ -143,6 +143,8 @@ def test_a_pack_needs_no_other_file_and_keeps_the_split(photos: Path, tmp_path: 
 def test_bad_packs(photos: Path, tmp_path: Path) -> None:
     """Not ours, cut off, or with a spoiled part: each named. A pack that cannot be written leaves the older one."""
     path = tmp_path / "a.pack"
+    with pytest.raises(InputError, match="size is 15 px; 16 or more is expected"):
+        pack([photos], path, megabytes=1, size=15)
     pack([photos], path, megabytes=1, size=64)
     whole = path.read_bytes()
     (tmp_path / "cut.pack").write_bytes(whole[:2000])
