@@ -88,7 +88,7 @@ def test_depth_that_was_filled_stays_where_another_frame_has_a_hole() -> None:
     """Oracle: masks made for it; measured pixels stay in any case."""
     plain = View.from_rgbd(FRAMES[1])
     filled, unseen = np.zeros(plain.camera.hw, bool), np.zeros(plain.camera.hw, bool)
-    filled[10:20, 10:30], unseen[10:20, 20:] = True, True
+    filled[60:80, 10:30], unseen[60:80, 20:] = True, True
     filled &= plain.valid
     one = plain.with_planes(origin=np.where(filled, np.uint8(Origin.DEPTH_FILLED), plain.origin))
     other = plain.without(unseen, HoleType.NONE)
