@@ -235,8 +235,11 @@ ROWS: dict[str, Callable[[], Figures]] = {
     "view-12mp": lambda: view(lambda: demo_frame(4000, 3000), "layered"),
     "masks": masks,
     "stereo": stereo,
+    "photo-1mp": lambda: removal_of_photo(1225),
     "photo-2mp": lambda: removal_of_photo(1600),
+    "photo-4mp": lambda: removal_of_photo(2450),
     "photo-12mp": lambda: removal_of_photo(4000),
+    "photo-24mp": lambda: removal_of_photo(6000),
 }
 """Name -> what measures it, in a process of its own."""
 

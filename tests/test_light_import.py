@@ -43,6 +43,15 @@ def test_nouns_load_nothing_heavy() -> None:
     assert loaded_by("import dlama.errors, dlama.geometry.rgbd, dlama.geometry.cloud, dlama.geometry.scene") == []
 
 
+def test_options_without_clicks_load_no_masks() -> None:
+    """What points at an object is loaded where something is pointed at."""
+    code = "from dlama.jobs.early import check_options; check_options({%s})"
+    probe = "\nimport sys\nprint('dlama.perception.object_masks' in sys.modules)"
+    for given, loaded in (("", "False"), ("'clicks': [(3, 4)]", "True")):
+        done = subprocess.run([sys.executable, "-c", code % given + probe], capture_output=True, text=True, check=True)
+        assert done.stdout.split() == [loaded]
+
+
 def test_this_guard_can_fail() -> None:
     """A module that is loaded is seen."""
     assert loaded_by("import dlama, cv2") == ["cv2"]

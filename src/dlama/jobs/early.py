@@ -60,11 +60,11 @@ def _check_move(given: Mapping[str, Any]) -> None:
 
 def _check_pointing(given: Mapping[str, Any], image: Path | None) -> None:
     """What points at an object, held against the size of the picture."""
+    if not {"clicks", "masker", "candidate"} & set(given):
+        return
     from dlama.perception.masks.prompt import Prompt
     from dlama.perception.object_masks import check_names
 
-    if not {"clicks", "masker", "candidate"} & set(given):
-        return
     check_names(given.get("masker"), given.get("mask_model"), given.get("candidate", "object"))
     hw = _size(image)
     if hw is not None and (given.get("clicks") or given.get("not_clicks") or given.get("box")):
@@ -74,10 +74,10 @@ def _check_pointing(given: Mapping[str, Any], image: Path | None) -> None:
 
 def _check_scale(given: Mapping[str, Any], image: Path | None) -> None:
     """What is known of the scale of estimated depth."""
-    from dlama.perception.depth_scale import check_known
-
     known, height = given.get("metres_at") or (), given.get("camera_height")
     if known or height is not None:
+        from dlama.perception.depth_scale import check_known
+
         check_known(known, height, _size(image))
 
 
