@@ -129,10 +129,9 @@ def estimate_rgbd(
     color = read_color(image)
     own = find_photo_depth(image) if depth_model is None else None
     given = any(value is not None for name, value in lens.items() if name != "pixel_center")
-    known = given or read_stored(image).focal_35mm is not None
     calibrated = own.camera if own is not None and not given else None
     camera, source = calibrated, CALIBRATION if calibrated else ""
-    if camera is None and known:
+    if camera is None and (given or read_stored(image).focal_35mm is not None):
         camera, source = camera_for(color.shape[:2], image=image, **lens)
     if own is not None:
         rgbd = _use_photo_depth(image, color, camera, own, options)

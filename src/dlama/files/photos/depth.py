@@ -19,6 +19,7 @@ from PIL import Image
 
 from dlama.errors import DepthError, DlamaError, MissingExtraError
 from dlama.files.atomic_write import PathLike
+from dlama.files.cameras import FILM_DIAGONAL_MM
 from dlama.files.photos.containers import (
     JPEG_BEGINS,
     STEREO,
@@ -29,6 +30,7 @@ from dlama.files.photos.containers import (
     list_container_items,
     list_further_pictures,
 )
+from dlama.files.photos.stereo import match_stereo_photo
 from dlama.files.rasters.images import (
     HEIC,
     apply_orientation,
@@ -40,9 +42,7 @@ from dlama.files.rasters.images import (
 )
 from dlama.files.rasters.pictures import eight_bit_rgb
 from dlama.geometry.camera import Camera
-from dlama.geometry.holes import fill_with_nearest
 from dlama.geometry.rgbd import Float32Array, UInt8Array
-from dlama.perception.stereo.matching import disparity_pair
 
 APDI, DEPTH_DATA = "{http://ns.apple.com/pixeldatainfo/1.0/}", "{http://ns.apple.com/depthData/1.0/}"
 GDEPTH = "{http://ns.google.com/photos/1.0/depthmap/}"
@@ -52,14 +52,8 @@ SAME_PROPORTIONS = 0.03
 METRE_UNITS = {"m": 1.0, "meters": 1.0, "metres": 1.0, "mm": 1e-3}
 HEIF_KINDS = {0: "inverse depth", 1: "disparity", 2: "depth", 3: "disparity"}
 """depth_representation_type (ITU-T H.265, table F.5): the numbers are linear in this; it has no unit."""
-MATCHED_WIDTH = 1024
-"""Pixels to which the pictures of a stereo photo are shrunk before they are matched."""
-CONVERGING = 0.05
-"""Share of the width by which disparities of a stereo photo may be negative: its cameras may converge."""
 LEAST_LEVEL = 1 / 255
 """Of depth without a unit, below which it counts as this: its inverse would not end."""
-LEAST_MATCHED = 0.1
-"""Share of a stereo photo that must match."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,13 +88,17 @@ def read_photo_depth(path: PathLike) -> PhotoDepth | None:
     if not (heic or data.startswith(JPEG_BEGINS)):
         return None
     try:
-        found = _of_google(file, data) or (_of_heic(file, data) if heic else _of_further_picture(file, data))
+        opened = _open_heic(file, data) if heic else None
+        hw = picture_hw(file) if opened is None else (opened.size[1], opened.size[0])  # not decoded
+        found = _of_google(file, data)
+        if found is None:
+            found = _of_further_picture(file, data, hw) if opened is None else _of_heic(file, data, opened, hw)
     except DlamaError:
         raise
     except Exception as error:  # decoders raise OSError, EOFError, SyntaxError, struct.error, ... on damaged files
         raise DepthError(f"{file}: the depth in it is damaged ({str(error) or type(error).__name__})") from error
     if found is not None:
-        (height, width), shape = picture_hw(file), found.values.shape
+        (height, width), shape = hw, found.values.shape
         if abs(shape[1] / shape[0] * height / width - 1) > SAME_PROPORTIONS:
             raise DepthError(
                 f"{file}: the depth in it is {shape[1]}x{shape[0]} and the picture {width}x{height}; they do not show the same"
@@ -108,12 +106,15 @@ def read_photo_depth(path: PathLike) -> PhotoDepth | None:
     return found
 
 
-def _of_heic(file: Path, data: bytes) -> PhotoDepth | None:
+def _open_heic(file: Path, data: bytes) -> Any:
     try:
         import pillow_heif
     except ImportError as error:
         raise MissingExtraError(f"{file}: a HEIC picture", "pillow-heif", "heic") from error
-    opened = pillow_heif.open_heif(io.BytesIO(data), convert_hdr_to_8bit=False)
+    return pillow_heif.open_heif(io.BytesIO(data), convert_hdr_to_8bit=False)
+
+
+def _of_heic(file: Path, data: bytes, opened: Any, hw: tuple[int, int]) -> PhotoDepth | None:
     images = opened.info.get("depth_images") or []
     if not images:
         return None
@@ -124,7 +125,7 @@ def _of_heic(file: Path, data: bytes) -> PhotoDepth | None:
         codes = apply_orientation(codes, orientation)  # of a writer that turns the picture alone
     packet = _apple_packet(find_xmp(data))
     if packet is not None:
-        return _of_apple(file, codes, packet, orientation, "HEIC, Apple")
+        return _of_apple(codes, packet, orientation, hw, "HEIC, Apple")
     kind = HEIF_KINDS.get(metadata.get("representation_type", -1)) if metadata else None
     if kind is None:
         raise DepthError(f"{file}: the depth image in it has no word of what its numbers mean")
@@ -132,14 +133,14 @@ def _of_heic(file: Path, data: bytes) -> PhotoDepth | None:
     return PhotoDepth(_inverse(_levels(codes), kind != "depth"), False, about=about)
 
 
-def _of_further_picture(file: Path, data: bytes) -> PhotoDepth | None:
+def _of_further_picture(file: Path, data: bytes, hw: tuple[int, int]) -> PhotoDepth | None:
     """A JPEG whose depth, or whose other view, follows it in the same file."""
     items, orientation = list_further_pictures(data), orientation_of(file)
     for item in items:
         packet = _apple_packet(find_xmp(item.data))
         if packet is not None:
             codes = apply_orientation(_decode(file, item.data), orientation)
-            return _of_apple(file, codes, packet, orientation, "JPEG, Apple")
+            return _of_apple(codes, packet, orientation, hw, "JPEG, Apple")
     kinds = (STEREO, 0) if file.suffix.lower() == ".mpo" else (STEREO,)  # some writers leave the type out
     pair = [item for item in items if item.kind in kinds]
     return _of_stereo(file, pair[0], orientation) if pair else None
@@ -154,7 +155,7 @@ def _apple_packet(packets: list[Xmp]) -> Xmp | None:
     return None
 
 
-def _of_apple(file: Path, codes: np.ndarray, packet: Xmp, orientation: int, source: str) -> PhotoDepth:
+def _of_apple(codes: np.ndarray, packet: Xmp, orientation: int, hw: tuple[int, int], source: str) -> PhotoDepth:
     ends = [packet.number(f"{APDI}{name}") for name in ("IntMinValue", "IntMaxValue", "FloatMinValue", "FloatMaxValue")]
     kind = packet.text(f"{APDI}AuxiliaryImageType") or ""
     about: dict[str, Any] = {"source": f"{source} {kind}", **_size(codes)}
@@ -164,16 +165,16 @@ def _of_apple(file: Path, codes: np.ndarray, packet: Xmp, orientation: int, sour
     low, high = ends[2], ends[3]
     if low is None or high is None or high <= low:
         values = _inverse(_levels(codes), kind == "disparity")
-        return PhotoDepth(values, False, _apple_camera(file, packet, orientation), about=about)
+        return PhotoDepth(values, False, _apple_camera(packet, orientation, hw), about=about)
     first, last = ends[0] or 0.0, ends[1] or float(_largest_code(codes))
     values = (low + (codes - first) * ((high - low) / (last - first))).astype(np.float32)
     far = codes <= first if kind == "disparity" else codes >= last
     about |= {"range": [low, high], "unit": "1/m" if kind == "disparity" else "m", **_far_limit(far)}
     values = _inverse(values, kind == "disparity")
-    return PhotoDepth(values, True, _apple_camera(file, packet, orientation), about=about)
+    return PhotoDepth(values, True, _apple_camera(packet, orientation, hw), about=about)
 
 
-def _apple_camera(file: Path, packet: Xmp, orientation: int) -> Camera | None:
+def _apple_camera(packet: Xmp, orientation: int, hw: tuple[int, int]) -> Camera | None:
     """The matrix lists its columns; it is for the stored pixels of a reference size. None where the picture was cropped since."""
     K = packet.numbers(f"{DEPTH_DATA}IntrinsicMatrix")
     width = packet.number(f"{DEPTH_DATA}IntrinsicMatrixReferenceWidth")
@@ -187,7 +188,7 @@ def _apple_camera(file: Path, packet: Xmp, orientation: int) -> Camera | None:
         cy = height - cy
     if orientation in (2, 3, 6, 7):
         cx = width - cx
-    high, wide = picture_hw(file)
+    high, wide = hw
     if abs(width / height * high / wide - 1) > SAME_PROPORTIONS:
         return None
     return Camera(round(width), round(height), fx, fy, cx, cy).resized(wide, high)
@@ -238,32 +239,21 @@ def _of_range(file: Path, picture: bytes, packet: Xmp, space: str, source: str) 
 
 def _of_stereo(file: Path, other: Item, orientation: int) -> PhotoDepth:
     """Inverse depth of the left picture of a stereo photo (the first), by matching; metres where the file says the baseline."""
-    left, right = _shrink(eight_bit_rgb(read_stored(file).values, file)), _shrink(_read_color(file, other, orientation))
-    if left.shape != right.shape:
-        raise DepthError(f"{file}: its two pictures are of different sizes")
-    disparity, _ = disparity_pair(left, right, min_disparity=-round(CONVERGING * left.shape[1]))
-    known = disparity != 0
-    if known.mean() < LEAST_MATCHED:
-        raise DepthError(f"{file}: its two pictures do not match; is it a stereo photo?")
-    filled = fill_with_nearest(disparity, known)
+    stored = read_stored(file)
+    disparity, share = match_stereo_photo(
+        file, eight_bit_rgb(stored.values, file), _read_color(file, other, orientation)
+    )
     about: dict[str, Any] = {
         "source": "stereo photo (MPO), matched",
-        **_size(filled),
-        "matched_share": round(float(known.mean()), 4),
+        **_size(disparity),
+        "matched_share": round(share, 4),
     }
-    baseline, film = find_baseline(other.data), read_stored(file).focal_35mm
-    if baseline and film and float(np.percentile(filled[known], 1)) > 0:
-        focal = film / np.hypot(36, 24) * np.hypot(*left.shape[:2])
+    baseline, farthest = find_baseline(other.data), float(np.percentile(disparity, 1))
+    if baseline and stored.focal_35mm and farthest > 0:
+        focal = stored.focal_35mm / FILM_DIAGONAL_MM * np.hypot(*disparity.shape)
         about |= {"baseline_m": baseline, "accuracy": "relative"}
-        return PhotoDepth((filled / np.float32(focal * baseline)).astype(np.float32), True, about=about)
-    lowest = float(np.percentile(filled[known], 1))
-    return PhotoDepth(np.maximum(filled - np.float32(lowest - 1), np.float32(0)), False, about=about)
-
-
-def _shrink(color: UInt8Array) -> UInt8Array:
-    width = min(MATCHED_WIDTH, color.shape[1])
-    height = round(color.shape[0] * width / color.shape[1])
-    return np.asarray(Image.fromarray(color).resize((width, height), Image.Resampling.BOX))
+        return PhotoDepth((disparity / np.float32(focal * baseline)).astype(np.float32), True, about=about)
+    return PhotoDepth(np.maximum(disparity - np.float32(farthest - 1), np.float32(0)), False, about=about)
 
 
 def _read_color(file: Path, item: Item, orientation: int) -> UInt8Array:
