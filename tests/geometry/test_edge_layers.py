@@ -36,7 +36,7 @@ def test_the_wall_goes_on_under_the_box() -> None:
 
 
 def test_it_closes_what_a_small_turn_opens() -> None:
-    """A turn that opens 1 px beside the box leaves nothing open there; at home every pixel stays."""
+    """A turn that opens 1 px next to the box leaves nothing open there; at home every pixel stays."""
     frame = box_before_a_wall()
     scene = Scene((frame,))
     closed = add_layer(scene, *continue_under_edges(frame, 3))

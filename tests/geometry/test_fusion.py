@@ -34,7 +34,7 @@ def frame_of(*shapes: Plane | Sphere | Box) -> RGBD:
 
 
 def half_filled() -> tuple[Scene, View]:
-    """A wall whose right half was taken out and filled: the scene before fusing, and the filled view."""
+    """A wall whose right half was removed and filled: the scene before fusing, and the filled view."""
     source = View.from_rgbd(frame_of(WALL))
     taken = np.zeros(CAMERA.hw, bool)
     taken[:, 24:] = True

@@ -56,7 +56,7 @@ def test_the_kernel_is_a_disc(radius: int, area: int) -> None:
 
 
 def test_a_negative_radius_is_refused() -> None:
-    """Message: says what came and what was wanted."""
+    """Message: says what came and what was expected."""
     with pytest.raises(InputError, match="dilation is -1 px; 0 or more"):
         disc(-1)
 

@@ -135,7 +135,7 @@ def test_estimated_depth_has_an_origin_and_a_confidence_of_its_own() -> None:
 
 
 def test_view_without_leaves_typed_holes() -> None:
-    """Closed form: what is taken out is 0 in every field and carries the type; every other pixel is as it was."""
+    """Closed form: what is removed is 0 in every field and carries the type; every other pixel is as it was."""
     where = np.array([[1, 0, 0], [0, 0, 1]], np.bool_)
     view = View(**view_fields())
     less = view.without(where, HoleType.OBJECT)
@@ -199,7 +199,7 @@ def test_a_scene_without_frames_is_refused() -> None:
 
 
 def test_pictures_say_what_they_are_in_one_line() -> None:
-    """Closed form: valid depths are 1, 2 and 3 m, two of six pixels lack depth; one more is taken out of the view."""
+    """Closed form: valid depths are 1, 2 and 3 m, two of six pixels lack depth; one more is removed of the view."""
     rgbd = RGBD(COLOR, DEPTH, CAMERA)
     assert repr(rgbd) == "RGBD(3x2, 1 to 3 m, 33 % missing)"
     view = View.from_rgbd(rgbd).without(np.array([[1, 0, 0], [0, 0, 0]], np.bool_), HoleType.OBJECT)

@@ -171,7 +171,7 @@ def test_points_of_a_view_and_of_its_cloud_are_the_same_picture() -> None:
 
 
 def test_what_is_no_mode_is_refused() -> None:
-    """Oracle: the message says what came and what was wanted."""
+    """Oracle: the message says what came and what was expected."""
     frame = RGBD(np.zeros((2, 2, 3), np.uint8), np.ones((2, 2), np.float32), Camera.from_fov(2, 2, 60))
     with pytest.raises(InputError, match=r"'mesh'; one of surface, points"):
         render(frame, frame.camera, "mesh")  # type: ignore[arg-type]

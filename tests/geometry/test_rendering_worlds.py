@@ -135,7 +135,7 @@ def test_nothing_shines_through_a_magnified_foreground(name: str, forward: float
 def test_nothing_is_drawn_between_two_surfaces(name: str, target: Camera) -> None:
     """Law: every drawn point lies on a true surface.
 
-    A footprint is drawn at its vertex's depth up to half a source pixel (and half a target pixel) beside it in x and y, so a
+    A footprint is drawn at its vertex's depth up to half a source pixel (and half a target pixel) next to it in x and y, so a
     point may be off by 0.71 pixels of each; the gaps between the surfaces are twenty times as wide.
     """
     world = EDGES[name]

@@ -96,7 +96,7 @@ def test_any_small_view_is_filled(seed: int, name: str, height: int, width: int)
 @fillers
 @pytest.mark.parametrize("hw", [(1, 2), (2, 1), (1, 40), (40, 1), (1, 600), (600, 1)])
 def test_pictures_one_pixel_wide_or_high(name: str, hw: tuple[int, int]) -> None:
-    """Closed form: a constant picture 1xN or Nx1 with a hole goes on as that constant (16-bit steps of inverse depth).
+    """Closed form: a constant picture 1xN or Nx1 with a hole continues as that constant (16-bit steps of inverse depth).
     OpenCV's Telea drifts by up to a level of colour a pixel on such pictures, so its colour is not asked for."""
     color = np.full((*hw, 3), (10, 200, 90), np.uint8)
     view = View.from_rgbd(
@@ -137,7 +137,7 @@ def test_the_same_seed_gives_the_same_bits(name: str, monkeypatch: pytest.Monkey
 
 @fillers
 def test_only_the_sky_is_known(name: str) -> None:
-    """Closed form: where nothing but sky is in sight, sky goes on."""
+    """Closed form: where nothing but sky is in sight, sky continues."""
     color = np.full((12, 16, 3), (90, 150, 250), np.uint8)
     view = View.from_rgbd(RGBD(color, np.full((12, 16), np.inf, np.float32), Camera.from_fov(16, 12, 60)))
     taken = np.zeros((12, 16), bool)
@@ -208,7 +208,7 @@ def test_network_fillers_want_their_file_and_the_others_none() -> None:
 
 
 def test_a_function_is_a_filler_already() -> None:
-    """Law: it comes back as it is; a model beside it has no use."""
+    """Law: it comes back as it is; a model next to it has no use."""
 
     def own(view: View, law: Law, seed: int) -> Fill:
         return Fill(view.color, view.depth)

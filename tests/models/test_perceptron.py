@@ -33,7 +33,7 @@ def saved(path: Path, arrays: dict[str, np.ndarray]) -> Path:
 
 
 def test_what_is_written_is_read(tmp_path: Path) -> None:
-    """Round trip, beside fields of another one."""
+    """Round trip, next to fields of another one."""
     one, features = made(), np.random.default_rng(1).normal(size=(7, 5))
     path = saved(tmp_path / "two.npz", {**one.arrays("one."), **made(2).arrays("two.")})
     found = Perceptron.of(read_arrays(path), path, layers=2, outputs=2, prefix="one.")

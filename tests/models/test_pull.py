@@ -166,7 +166,7 @@ def test_servers_that_do_not_give_the_file(server: Server, cache_dir: Path, site
 def test_a_full_disk_leaves_nothing_that_is_of_no_use(
     server: Server, cache_dir: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Law: the first write fails, so there is nothing to go on from (oracle: what lies in the directory)."""
+    """Law: the first write fails, so there is nothing to continue from (oracle: what lies in the directory)."""
 
     def full(*_: object) -> int:
         raise OSError(errno.ENOSPC, "No space left on device")

@@ -27,7 +27,7 @@ def _same(state, other) -> None:
 
 
 def test_the_vector_file_itself(vector_file, generator_vector):
-    """Oracle: the published code's tensors; what is beside them is named and left."""
+    """Oracle: the published code's tensors; what is next to them is named and left."""
     weights = read_generator(vector_file)
     assert weights.settings == GeneratorSettings(4, 3, 8, 3, 2) and weights.kind == "safetensors"
     assert set(weights.state) == set(generator_vector[0])

@@ -165,7 +165,7 @@ def test_a_file_tells_its_contract(tmp_path: Path) -> None:
 
 
 def test_files_with_another_contract_get_one_line(tmp_path: Path) -> None:
-    """Law: the file, what came and what was wanted."""
+    """Law: the file, what came and what was expected."""
     plain = weighted_sum(tmp_path / "plain.onnx")
     for model, told in (
         (

@@ -171,7 +171,7 @@ def test_smaller_maps_are_enlarged_in_inverse_depth() -> None:
 def test_bad_options_get_one_line(
     options: dict[str, Any], kind: type[Exception], told: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Law: what came, what was wanted, which parameter."""
+    """Law: what came, what was expected, which parameter."""
     monkeypatch.setenv("DLAMA_MODELS", str(tmp_path))
     ready = {"depth_model": knowing(RGBD_OF_WORLD, "inverse depth", metric=False), "camera": CAMERA, **options}
     with pytest.raises(kind, match=told):

@@ -27,7 +27,7 @@ def canvas_of(depth: np.ndarray) -> Canvas:
 @pytest.mark.parametrize("turned", [False, True])
 @pytest.mark.parametrize("width", [1, 2, 3])
 def test_a_seam_of_one_surface_is_closed_between_its_sides(width: int, turned: bool) -> None:
-    """Closed form: up to WIDEST px inverse depth and colour go on linearly, wider stays open; rows and columns alike."""
+    """Closed form: up to WIDEST px inverse depth and colour continue linearly, wider stays open; rows and columns alike."""
     w = np.broadcast_to(0.5 + 0.001 * np.arange(WIDTH), (HEIGHT, WIDTH)).astype(np.float32)
     depth = 1 / w
     depth[:, 20 : 20 + width] = 0
@@ -50,7 +50,7 @@ def test_a_seam_of_one_surface_is_closed_between_its_sides(width: int, turned: b
 
 
 def test_between_two_surfaces_the_farther_one_goes_on() -> None:
-    """Closed form: beside a near post the wall's own depth and colour; beside sky, sky."""
+    """Closed form: next to a near post the wall's own depth and colour; next to sky, sky."""
     for farther in (4.0, np.inf):
         depth = np.full((HEIGHT, WIDTH), 2, np.float32)
         depth[:, 22:], depth[:, 20:22] = farther, 0

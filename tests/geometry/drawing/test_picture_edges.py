@@ -1,4 +1,4 @@
-"""Edges of depth beside those of the picture: how far off, what moves where, and what never does (oracles: closed forms)."""
+"""Edges of depth misaligned with those of the picture: how far off, what moves where, and what never does (oracles: closed forms)."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def test_how_far_edges_are_off_is_measured(off: int) -> None:
 
 
 def test_edges_in_their_place_are_left_alone() -> None:
-    """The very same depth, and nothing is beside an edge: nothing changes for clean data."""
+    """The very same depth, and nothing is misaligned: nothing changes for clean data."""
     view = View.from_rgbd(frame(EDGE))
     placed = align_edges(view)
     assert placed.depth is view.depth and not placed.mixed.any() and not placed.misaligned.any()
@@ -113,7 +113,7 @@ def test_an_edge_further_off_than_most_is_moved_too() -> None:
 
 
 def test_depth_filled_beside_a_misplaced_edge_counts_for_the_law() -> None:
-    """Where the sensor gave none beside the edge, the wall that was filled there must not be hidden by more table."""
+    """Where the sensor gave none next to the edge, the wall that was filled there must not be hidden by more table."""
     source = frame(torn())
     depth = source.depth.copy()
     depth[:, EDGE : EDGE + 4] = 0
@@ -128,7 +128,7 @@ def test_depth_filled_beside_a_misplaced_edge_counts_for_the_law() -> None:
 
 
 def test_the_law_knows_whether_edges_are_misplaced() -> None:
-    """A frame whose depth edge lies 3 px beside the picture's, and one whose edges coincide."""
+    """A frame whose depth edge lies 3 px off the picture's, and one whose edges coincide."""
     for source, misplaced in ((frame(torn()), True), (frame(EDGE), False)):
         scene = Scene((View.from_rgbd(source),))
         assert Law.of(scene).with_aligned_edges(scene).misplaced_edges is misplaced

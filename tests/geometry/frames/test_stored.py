@@ -136,7 +136,7 @@ def test_views_beside_the_picture_are_not_drawn() -> None:
 
 
 def test_a_stored_view_is_a_view() -> None:
-    """Round trips: replaced, pickled, with a part taken out; none of them holds pixels beyond its cache."""
+    """Round trips: replaced, pickled, with a part removed; none of them holds pixels beyond its cache."""
     reader = Reader()
     plain, cache = View.from_rgbd(reader(LENS)), PixelCache(0)
     stored = StoredView.of(LENS, partial(_view, LENS), cache)

@@ -12,7 +12,7 @@ SIDE = 64
 
 
 def planes(out_of_view: bool) -> JudgePlanes:
-    """A plain picture whose middle is a hole; the first guess goes on as plain, the second has stripes."""
+    """A plain picture whose middle is a hole; the first guess continues as plain, the second has stripes."""
     context = np.zeros((len(CONTEXT), SIDE, SIDE), np.float32)
     context[CONTEXT.index("hole"), 16:48, 16:48] = 1
     context[CONTEXT.index("out of view"), 16:48, 16:48] = out_of_view
@@ -31,7 +31,7 @@ def test_stripes_in_a_plain_picture_are_invented():
 
 
 def test_which_guess_is_first_says_nothing_about_what_is_known():
-    """Law of sets: guesses the other way round, bit for bit; what one paints beside the hole is not what is known there."""
+    """Law of sets: guesses the other way round, bit for bit; what one paints next to the hole is not what is known there."""
     seen = planes(out_of_view=False)
     turned = JudgePlanes(seen.context, seen.guesses[::-1].copy())
     np.testing.assert_array_equal(measure_invented_detail(turned), measure_invented_detail(seen)[::-1])

@@ -1,4 +1,4 @@
-"""Depth first: depth is the continued surfaces', colour the painter's, which never sees an occluder beside a dis-occlusion."""
+"""Depth first: depth is the continued surfaces', colour the painter's, which never sees an occluder next to a dis-occlusion."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def test_occluders_beside_a_disocclusion_are_known_by_their_depth() -> None:
 
 
 def test_what_lies_beyond_the_picture_is_hidden_by_nothing() -> None:
-    """Law: beside a hole that is out of view no known pixel is taken from the painter."""
+    """Law: next to a hole that is out of view no known pixel is taken from the painter."""
     view = step(HoleType.OUT_OF_VIEW)
     assert not find_occluders(view, *flat(view, 3), NOTHING).any()
 
@@ -107,7 +107,7 @@ def test_ground_that_comes_towards_the_camera_hides_nothing() -> None:
 
 def test_a_thing_that_stands_before_the_hole_is_an_occluder_as_a_whole() -> None:
     """Closed form: a box at 1 m, wider than BAND, before a wall at 3 m: all of it and at most MIXED_PX more, though only its
-    edge lies beside the hole. Not where its own surface goes on in what was hidden: there BAND px of it."""
+    edge lies next to the hole. Not where its own surface continues in what was hidden: there BAND px of it."""
     box, hole = np.zeros((2, 160, 320), bool)
     box[40:120, 140:200], hole[40:120, 200:212] = True, True
     depth = np.where(box, 1, 3).astype(np.float32)
@@ -128,7 +128,7 @@ def test_a_thing_that_stands_before_the_hole_is_an_occluder_as_a_whole() -> None
 
 
 def test_estimated_depth_says_less_of_occluders() -> None:
-    """Law: it does not tell where a thing ends, only what stands within BAND beside a dis-occlusion; beside a removed thing
+    """Law: it does not tell where an object ends, only what stands within BAND next to a dis-occlusion; next to a removed object
     it hides nothing."""
     depth = np.full((60, 160), 3, np.float32)
     depth[:, :100] = 1
@@ -144,7 +144,7 @@ def test_estimated_depth_says_less_of_occluders() -> None:
 
 def test_a_seam_along_an_occluder_hides_it_from_nobody() -> None:
     """Law: where the fill continues the occluder's own face for a few pixels into the hole, it is an occluder all the same; a
-    face that goes on over half of the hole is none."""
+    face that continues over half of the hole is none."""
     box, hole = np.zeros((2, 160, 320), bool)
     box[40:120, 140:200], hole[40:120, 200:240] = True, True
     depth = np.where(box, 1, 3).astype(np.float32)

@@ -1,4 +1,4 @@
-"""The default filler against closed-form worlds: planes and sky go on as they are, the occluder never does."""
+"""The default filler against closed-form worlds: planes and sky continue as they are, the occluder never does."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def seen_from(world: World, source: Camera, target: Camera) -> tuple[View, View]
 
 
 def taken_out(background: tuple[Shape, ...], thing: Shape, camera: Camera = CAMERA) -> tuple[View, View, np.ndarray]:
-    """The source view without a thing, before and after filling, and the true depth behind it."""
+    """The source view without an object, before and after filling, and the true depth behind it."""
     world = World((*background, thing))
     source = View.from_rgbd(world.rgbd(camera))
     taken = world.trace(camera)[1] == len(background)
@@ -88,7 +88,7 @@ def test_floor_and_wall_meet_behind_a_removed_box(box: Box) -> None:
 
 
 def hidden_background(world: World, before: View) -> np.ndarray:
-    """Disoccluded pixels that truly show something else than the last shape, not beside that shape: at its silhouette a
+    """Disoccluded pixels that truly show something else than the last shape, not next to that shape: at its silhouette a
     pixel may be either, because the source's pixels are as wide."""
     number = world.trace(before.camera)[1]
     thing = dilate_mask(number == len(world.shapes) - 1, 1)

@@ -1,4 +1,4 @@
-"""Shadows that stay when a thing is taken out: nothing is painted with them, and what is painted begins as dark as they are."""
+"""Shadows that stay when an object is removed: nothing is painted with them, and what is painted begins as dark as they are."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ BESIDE = np.s_[74:92, 60:110]
 
 def test_a_shadow_beside_the_thing_is_found() -> None:
     """Closed form: the dark pixels but for their rim, and nothing 3 px beyond it; none where nothing is dark, and none that
-    lies apart from the thing."""
+    lies apart from the object."""
     view, dark = ground_without_thing(BESIDE)
     label = np.ones(CAMERA.hw, np.int32)
     found = find_remaining_shadow(view, label)
@@ -45,13 +45,13 @@ def test_a_shadow_beside_the_thing_is_found() -> None:
 
 
 def test_a_pattern_is_no_shadow() -> None:
-    """Law: what is as dark farther off as beside the thing is a pattern of the ground."""
+    """Law: what is as dark farther off as next to the object is a pattern of the ground."""
     tiles = [np.s_[row : row + 12, column : column + 16] for row in (52, 80, 104) for column in range(4, 160, 40)]
     assert not find_remaining_shadow(ground_without_thing(*tiles, BESIDE)[0], np.ones(CAMERA.hw, np.int32)).any()
 
 
 def test_holes_of_other_kinds_have_no_shadow() -> None:
-    """Law: what hides part of a view from elsewhere was not taken out."""
+    """Law: what hides part of a view from elsewhere was not removed."""
     view, _ = ground_without_thing(BESIDE)
     other = view.without(view.hole, HoleType.DISOCCLUDED)
     assert not find_remaining_shadow(other, np.ones(CAMERA.hw, np.int32)).any()

@@ -1,4 +1,4 @@
-"""Surfaces go on where their colours do, if only depth is missing (oracles: the scene itself; shortest ways by Dijkstra; the
+"""Surfaces continue where their colours do, if only depth is missing (oracles: the scene itself; shortest ways by Dijkstra; the
 minimum as numpy solves for it)."""
 
 from __future__ import annotations
@@ -144,7 +144,7 @@ def test_bled_depth_of_a_matcher_does_not_spread() -> None:
 
 @pytest.mark.parametrize("where", ["strip at the border", "patch over an edge"])
 def test_a_table_goes_on_as_far_as_its_colour(where: str) -> None:
-    """A Kinect sees no depth in places: table, its edge and the floor below go on there as the colours do."""
+    """A Kinect sees no depth in places: table, its edge and the floor below continue there as the colours do."""
     rows, columns = np.indices((HEIGHT, WIDTH))
     floor, table = 1 / (0.1 + 0.005 * (rows + 20)), 1 / (0.55 + 0.004 * rows)
     on_table = (rows > 30) & (rows < 75 - (columns - 100) // 6) & (columns > 130)

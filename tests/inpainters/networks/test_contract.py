@@ -37,7 +37,7 @@ def test_what_is_written_is_read() -> None:
 
 
 def test_a_generators_metadata_is_read_back(tmp_path: Path) -> None:
-    """Round trip, and hashlib: the record by hand; beside it licence, source file, its digest and all settings."""
+    """Round trip, and hashlib: the record by hand; next to it licence, source file, its digest and all settings."""
     settings, source = GeneratorSettings(), tmp_path / "a.pt"
     source.write_bytes(b"weights")
     words = generator_metadata(settings, source, "MIT")

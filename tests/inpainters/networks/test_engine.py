@@ -274,7 +274,8 @@ def test_level_0_of_depth_is_sky_only_where_there_is_sky(far: bool) -> None:
 
 @pytest.mark.parametrize(("height", "width"), [(96, 128), (512, 512), (300, 700)])
 def test_the_shipped_migan_continues_a_wall(height: int, width: int) -> None:
-    """Closed form, loosely: grey goes on grey, in pictures smaller and larger than the network's 512 px; no file is asked for."""
+    """Closed form, loosely: grey continues grey, in pictures smaller and larger than the network's 512 px; no file is asked
+    for."""
     color = np.random.default_rng(0).integers(118, 138, (height, width, 3), np.uint8)
     frame = RGBD(color, np.full((height, width), 2, np.float32), Camera.from_fov(width, height, 60))
     taken = np.zeros((height, width), bool)
@@ -287,7 +288,7 @@ def test_the_shipped_migan_continues_a_wall(height: int, width: int) -> None:
 
 
 def test_migan_continues_a_plane(migan_pipeline: Path) -> None:
-    """Closed form, loosely: a grey wall at 2 m goes on grey and at about 2 m; known pixels bit for bit."""
+    """Closed form, loosely: a grey wall at 2 m continues grey and at about 2 m; known pixels bit for bit."""
     color = np.random.default_rng(0).integers(118, 138, (256, 256, 3), np.uint8)
     frame = RGBD(color, np.full((256, 256), 2, np.float32), Camera.from_fov(256, 256, 60))
     taken = np.zeros((256, 256), bool)

@@ -1,4 +1,4 @@
-"""Holes painted with patches of the picture (oracles: patterns that go on, laws)."""
+"""Holes painted with patches of the picture (oracles: patterns that continue, laws)."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def test_any_size(shape: tuple[int, int]) -> None:
 
 
 def test_coarser_pictures_are_means_of_what_is_known() -> None:
-    """Closed form: a flat picture stays flat beside a hole; the coarsest hole is narrow; the guess fills it."""
+    """Closed form: a flat picture stays flat next to a hole; the coarsest hole is narrow; the guess fills it."""
     values, hole = np.full((9, 12, 2), 7, np.float32), np.zeros((9, 12), np.bool_)
     hole[2:5, 3:8] = True
     values[hole] = 90
@@ -163,7 +163,7 @@ def test_the_seed_reaches_the_patches(recipe: str) -> None:
 
 
 def camera_frame(off: int, wall: np.ndarray) -> tuple[RGBD, np.ndarray]:
-    """A wall at 2 m behind a plain table at 1 m, whose depth ends `off` columns beside its picture; a hole in the wall."""
+    """A wall at 2 m behind a plain table at 1 m, whose depth ends `off` columns next to its picture; a hole in the wall."""
     rows, columns = np.indices(wall.shape[:2])
     color = np.where((columns < 40)[..., None], np.uint8([200, 160, 90]), wall).astype(np.uint8)
     depth = np.where(columns - off < 40, 1, 2).astype(np.float32)
@@ -172,7 +172,7 @@ def camera_frame(off: int, wall: np.ndarray) -> tuple[RGBD, np.ndarray]:
 
 
 def test_over_layers_depth_is_that_of_layered_and_colours_are_the_pictures() -> None:
-    """Law: depth is the same to the bit, cracks are painted the same; truth: the wall's pattern goes on in the hole."""
+    """Law: depth is the same to the bit, cracks are painted the same; truth: the wall's pattern continues in the hole."""
     rgbd, hole = camera_frame(4, brick_wall())
     crack = (ROWS == 20) & (COLUMNS > 50)
     view = View.from_rgbd(rgbd)

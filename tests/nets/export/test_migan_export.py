@@ -1,4 +1,4 @@
-"""MI-GAN's generator taken out of the published pipeline (oracle: the nodes of that file themselves, run by ONNX Runtime)."""
+"""MI-GAN's generator removed of the published pipeline (oracle: the nodes of that file themselves, run by ONNX Runtime)."""
 
 from __future__ import annotations
 

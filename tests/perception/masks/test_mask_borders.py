@@ -19,7 +19,7 @@ SIDE = 60
 @pytest.mark.parametrize("turn", [0, 1, 2, 3])
 @pytest.mark.parametrize("ramp", [1, 9])
 def test_a_step_is_sharp_within_one_pixel_at_any_border_of_the_picture(ramp: int, turn: int) -> None:
-    """A thing that reaches to a border of the picture: what lies at the other border is not beside it."""
+    """An object that reaches to a border of the picture: what lies at the other border is not next to it."""
     columns = np.arange(SIDE) - 30
     share = np.clip((columns + ramp / 2) / ramp, 0, 1) if ramp > 1 else columns >= 0
     w = np.rot90(np.tile((0.2 + 0.3 * share).astype(np.float32), (SIDE, 1)), turn)
@@ -30,7 +30,7 @@ def test_a_step_is_sharp_within_one_pixel_at_any_border_of_the_picture(ramp: int
 
 
 def test_a_carpet_is_no_foot_of_what_stands_on_it() -> None:
-    """The true pixels of a box on a layer of 1 cm, which rises over the ground as a foot does, but goes on beyond it."""
+    """The true pixels of a box on a layer of 1 cm, which rises over the ground as a foot does, but continues beyond it."""
     camera = Camera.from_fov(320, 240, 70)
     carpet, box = Box((-1.5, 0.99, 2.0), (0.5, 1.0, 3.6)), Box((-0.3, 0.2, 2.6), (0.1, 0.99, 2.9))
     made = World((Plane((0, 1, 0), (0, -1, 0)), Plane((0, 0, 6), (0, 0, -1)), carpet, box))

@@ -1,4 +1,4 @@
-"""Outlines of masks whose depth lies beside the picture: closed-form worlds with shifted depth, known moves, a dense solve."""
+"""Outlines of masks whose depth lies next to the picture: closed-form worlds with shifted depth, known moves, a dense solve."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ BLUE, GREEN, GREY, BROWN = (60, 80, 150), (70, 130, 90), (150, 150, 150), (140, 
 
 
 def shifted(by: tuple[int, int]) -> tuple[RGBD, BoolArray]:
-    """The picture with its depth moved by columns and rows against it, and the true pixels of the first thing."""
+    """The picture with its depth moved by columns and rows against it, and the true pixels of the first object."""
     depth, shown = WORLD.trace(CAMERA)
     color = np.array([BROWN, GREY, BLUE, GREEN], np.uint8)[shown]
     noise = np.random.default_rng(0).normal(0, 3, color.shape)
@@ -34,7 +34,7 @@ def shifted(by: tuple[int, int]) -> tuple[RGBD, BoolArray]:
 
 @pytest.mark.parametrize("by", [(4, 0), (-4, 2), (3, -3)])
 def test_a_mask_follows_the_picture_where_depth_is_shifted(by: tuple[int, int]) -> None:
-    """The truth is where the picture has the thing; the mask of shifted depth alone is off by the shift."""
+    """The truth is where the picture has the object; the mask of shifted depth alone is off by the shift."""
     rgbd, true = shifted(by)
     mask = find_mask(rgbd, clicks=[innermost_pixel(true)]).mask
     assert iou(mask, true) > 0.96

@@ -42,7 +42,7 @@ def without_the_thing() -> RGBD:
 
 
 def test_a_click_on_a_band_finds_the_whole_thing_that_depth_does_not_show() -> None:
-    """The true pixels of the post; what stands out is one thing, whatever its colours."""
+    """The true pixels of the post; what stands out is one object, whatever its colours."""
     found = find_mask(without_the_thing(), clicks=[BAND])
     assert iou(found.mask, striped_post()[1]) > 0.9
     assert "found in estimated depth" in found.notes[0]
@@ -84,13 +84,13 @@ def test_how_much_of_a_box_is_filled() -> None:
 
 
 def test_clicks_beside_the_thing_are_none_of_it() -> None:
-    """The corrected mask holds the click, and not what a click beside it takes away."""
+    """The corrected mask holds the click, and not what a click next to it takes away."""
     mask = find_mask(without_the_thing(), clicks=[BAND], not_clicks=[(96, 78)]).mask
     assert mask[132, 96] and not mask[78, 96] and (mask & ~striped_post()[1]).sum() < 0.1 * mask.sum()
 
 
 def test_the_network_runs_once_for_each_window_of_a_click(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two windows for a click; the same click with another beside it asks for none."""
+    """Two windows for a click; the same click with another next to it asks for none."""
     runs, real = [], photo.saliency
     monkeypatch.setattr(photo, "saliency", lambda color: runs.append(color.shape[:2]) or real(color))
     session = MaskSession(without_the_thing())

@@ -1,4 +1,4 @@
-"""Which pieces are one thing, against the true pixels of closed-form worlds and of generated ones."""
+"""Which pieces are one object, against the true pixels of closed-form worlds and of generated ones."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def test_what_stands_before_a_thing_of_another_colour_is_not_that_thing() -> Non
 
 @pytest.mark.parametrize(("seed", "size"), [(3001, 512), (3009, 256)], ids=["folding-screen", "stool-before-bed"])
 def test_things_of_generated_worlds(seed: int, size: int) -> None:
-    """One click finds all of the thing and no other: what stays of it would stand before the background that is restored."""
+    """One click finds all of the object and no other: what stays of it would stand before the background that is restored."""
     made = world(seed)
     seen = made.raycast(made.camera(0, size))
     true = seen.group == made.object_index
@@ -92,7 +92,7 @@ def drawn(parts: list[tuple[slice, slice, float, tuple[int, int, int]]]) -> tupl
 def test_what_ends_in_the_air_over_a_thing_of_its_colour_belongs_to_it(
     paint: tuple[int, int, int], column: int, one: bool
 ) -> None:
-    """A statue's head, 3 px over its base and a little behind it; not one of another colour, nor what stands beside the base."""
+    """A statue's head, 3 px over its base and a little behind it; not one of another colour, nor what stands next to the base."""
     base = (slice(150, 210), slice(110, 180), 2.6, BROWN)
     rgbd, shown = drawn([base, (slice(100, 147), slice(column, column + 50), 2.85, paint)])
     found = find_mask(rgbd, clicks=[(140, 190)]).mask
@@ -100,7 +100,7 @@ def test_what_ends_in_the_air_over_a_thing_of_its_colour_belongs_to_it(
 
 
 def test_the_lid_of_a_large_bin_belongs_to_it() -> None:
-    """A step of 18 % of its depth and 14 % of its size; what is as far behind a small box is another thing."""
+    """A step of 18 % of its depth and 14 % of its size; what is as far behind a small box is another object."""
     front, lid = (slice(60, 200), slice(30, 290), 0.9, GREEN), (slice(52, 60), slice(40, 280), 1.06, BROWN)
     rgbd, shown = drawn([front, lid])
     assert (find_mask(rgbd, clicks=[(160, 130)]).mask == (shown[0] | shown[1])).all()

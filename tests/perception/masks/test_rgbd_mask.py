@@ -45,7 +45,7 @@ def test_a_click_finds_the_box(scene: tuple[RGBD, np.ndarray], number: int) -> N
 
 
 def test_a_lamp_is_its_shade_and_its_pole(scene: tuple[RGBD, np.ndarray]) -> None:
-    """The pole is two pixels wide and hangs together with the shade through a step in depth; `part` is the shade alone."""
+    """The pole is two pixels wide and is connected with the shade through a step in depth; `part` is the shade alone."""
     rgbd, shown = scene
     found = find_mask(rgbd, clicks=[middle(shown == 3)])
     assert iou(found.mask, (shown == 3) | (shown == 4)) > 0.95
@@ -117,7 +117,7 @@ def test_the_sky_is_no_thing() -> None:
 
 
 def test_what_is_more_than_half_of_the_picture_is_told(scene: tuple[RGBD, np.ndarray]) -> None:
-    """Law: a click on a thing that fills most of the picture gives it, with a note; the small box has none."""
+    """Law: a click on an object that fills most of the picture gives it, with a note; the small box has none."""
     large = World((Plane((0, 0, 5), (0, 0, -1)), Box((-1.2, -1.0, 2.6), (1.4, 1.0, 3.2))))
     assert find_mask(large.rgbd(CAMERA), clicks=[(60, 45)]).notes == (TOO_MUCH,)
     assert find_mask(scene[0], clicks=[middle(scene[1] == 2)]).notes == ()

@@ -60,7 +60,7 @@ def test_a_click_finds_the_box_in_rough_depth(kind: str) -> None:
 
 @pytest.mark.slow
 def test_a_box_and_corrections_are_heeded() -> None:
-    """The drawn box bounds the mask; a pixel beside the thing is none of it, a further click is."""
+    """The drawn box bounds the mask; a pixel next to the object is none of it, a further click is."""
     color, depth, box = scene()
     rgbd = RGBD(color, bent(depth), CAMERA, {"estimator": "none"})
     rows, columns = np.nonzero(box)
@@ -77,7 +77,7 @@ def test_sky_alone_is_refused() -> None:
 
 
 def test_a_click_on_nothing_is_refused() -> None:
-    """On plain ground there is no thing, nor in the sky; one line says so."""
+    """On plain ground there is no object, nor in the sky; one line says so."""
     color, depth, _ = scene()
     with pytest.raises(MaskError, match="clicks holds 20,115, where nothing stands apart"):
         find_mask(RGBD(color, bent(depth), CAMERA, {"estimator": "none"}), clicks=[(20, 115)])
@@ -88,7 +88,7 @@ def test_a_click_on_nothing_is_refused() -> None:
 
 
 def test_a_click_on_the_background_is_refused_in_rough_depth() -> None:
-    """The wall fills the upper rim and more than half of the picture: no thing. (A box may say that it is meant.)"""
+    """The wall fills the upper rim and more than half of the picture: no object. (A box may say that it is meant.)"""
     color, depth, _ = scene()
     with pytest.raises(MaskError, match="clicks holds 20,10, where more than half of the picture"):
         find_mask(RGBD(color, bent(depth), CAMERA, {"estimator": "none"}), clicks=[(20, 10)])
@@ -104,7 +104,7 @@ def test_a_strip_of_a_few_rows_is_one_line_or_a_mask(height: int) -> None:
 
 
 def test_the_ground_itself_is_refused_in_rough_depth() -> None:
-    """A plain floor that runs along the lower rim is no thing."""
+    """A plain floor that runs along the lower rim is no object."""
     color, depth, _ = scene()
     smooth = cv2.GaussianBlur(color, (0, 0), 3)
     with pytest.raises(MaskError, match=r"clicks holds 130,116, (which lies on the ground|where nothing stands apart)"):

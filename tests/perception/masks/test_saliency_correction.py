@@ -1,4 +1,4 @@
-"""What stands out in the picture beside what depth found: surfaces drawn by hand, with the answer each of them must have."""
+"""What stands out in the picture next to what depth found: surfaces drawn by hand, with the answer each of them must have."""
 
 from __future__ import annotations
 

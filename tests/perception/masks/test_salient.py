@@ -30,7 +30,7 @@ def two_balls() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def test_clicks_choose_among_what_stands_out() -> None:
-    """The clicked ball alone; without the ball that a pixel beside the thing lies on; on the lawn nothing stands out."""
+    """The clicked ball alone; without the ball that a pixel next to the object lies on; on the lawn nothing stands out."""
     color, red, yellow = two_balls()
     assert iou(find_mask(color, masker="salient", clicks=[(80, 110)]).mask, red) > 0.85
     assert iou(find_mask(color, masker="salient", not_clicks=[(80, 110)]).mask, yellow) > 0.85

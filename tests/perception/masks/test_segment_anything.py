@@ -115,7 +115,7 @@ INPUTS = {"sam-vit-b": "x", "mobile-sam": "input_image", "efficient-sam": "batch
 
 @pytest.mark.parametrize("name", PAIRS)
 def test_a_click_becomes_the_decoders_mask(tmp_path: Path, name: str) -> None:
-    """Oracle: the discs. The mask with the best score is the thing, its smaller neighbour the part, its larger the group."""
+    """Oracle: the discs. The mask with the best score is the object, its smaller neighbour the part, its larger the group."""
     encoder = tiny_encoder(tmp_path / "encoder.onnx", PAIRS[name], INPUTS[name])
     decoder = tiny_decoder(tmp_path / "decoder.onnx", batched=name == "efficient-sam")
     for model in ((encoder, decoder), f"{name}={encoder},{decoder}", f"{encoder},{decoder}"):
@@ -147,7 +147,7 @@ def seen(contract: PairContract) -> EmbeddedPicture:
 
 def test_points_are_given_as_the_decoder_wants_them() -> None:
     """Closed form: SAM counts in pixels of the longer side 1024, with a padding point where there is no box; labels 1 on,
-    0 beside, 2 and 3 corners. EfficientSAM counts in pixels of the picture, without padding."""
+    0 next to, 2 and 3 corners. EfficientSAM counts in pixels of the picture, without padding."""
     prompt = Prompt(HW, ((10, 20),), ((40, 4),))
     points, labels = seen(PAIRS["sam-vit-b"]).points(prompt)
     np.testing.assert_allclose(points, [[128, 256], [512, 51.2], [0, 0]], rtol=1e-6)

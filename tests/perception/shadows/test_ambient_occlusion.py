@@ -1,4 +1,4 @@
-"""How much of the sky a thing hides against closed forms, and the lit surface of an overcast day against a made one."""
+"""How much of the sky an object hides against closed forms, and the lit surface of an overcast day against a made one."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ GROUND, BACK = Plane((0, 1, 0), (0, -1, 0)), Plane((0, 0, 9), (0, 0, -1))
 
 
 def seen(thing: Box) -> tuple[RGBD, BoolArray, Ground, np.ndarray]:
-    """The frame, the thing's mask, the ground, and the points seen."""
+    """The frame, the object's mask, the ground, and the points seen."""
     world = World((GROUND, BACK, thing))
     rgbd, shown = world.rgbd(CAMERA), world.trace(CAMERA)[1]
     mask = shown == 2
@@ -31,7 +31,7 @@ def seen(thing: Box) -> tuple[RGBD, BoolArray, Ground, np.ndarray]:
 
 
 def hidden_from(rgbd: RGBD, mask: BoolArray, ground: Ground) -> np.ndarray:
-    """H x W: how much of the sky the thing under the mask hides."""
+    """H x W: how much of the sky the object under the mask hides."""
     thing = measure_object(*object_points(rgbd, mask, ground), ground)
     return ambient_occlusion(thing, rgbd.camera, crop_around(mask))
 
@@ -98,7 +98,7 @@ def test_no_more_light_is_lost_than_there_is() -> None:
 
 
 def test_a_thing_that_brightens_keeps_nothing_from_the_surface() -> None:
-    """Law: light that the thing throws on the ground is no negative shadow."""
+    """Law: light that the object throws on the ground is no negative shadow."""
     rgbd, mask, ground, _ = seen(Box((-0.8, 0.2, 2.6), (0.8, 1.0, 3.2)))
     hidden = hidden_from(rgbd, mask, ground)
     gray = np.repeat(np.clip(100 * (1 + hidden), 0, 255).astype(np.uint8)[..., None], 3, 2)

@@ -33,7 +33,7 @@ FLAT[3, 30:60, 50:70], FLAT[4, 30:60, 50:70] = 1, 0
 
 
 def with_shape() -> np.ndarray:
-    """A thing on an even surface whose shape was thrown to its right."""
+    """An object on an even surface whose shape was thrown to its right."""
     planes = FLAT.copy()
     planes[FIRST_CAST, 50:60, 72:100] = 0.5
     return planes

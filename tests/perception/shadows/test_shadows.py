@@ -81,7 +81,7 @@ def test_a_shadow_that_fades_is_followed() -> None:
 
 @pytest.mark.parametrize(("tone", "right"), [(0.65, (-1.6, 0.0)), (0.75, (-0.2, 2.0))])
 def test_a_rug_that_the_shadow_touches_is_no_part_of_it(tone: float, right: tuple[float, float]) -> None:
-    """A rug as dark as the shadow begins beside the box or under it: of what is there the shadow alone is found."""
+    """A rug as dark as the shadow begins next to the box or under it: of what is there the shadow alone is found."""
     rgbd, mask, shadow = lit_and_shadow(0.5)
     points = rays(CAMERA) * rgbd.depth[..., None]
     rug = (points[..., 0] > right[0]) & (points[..., 0] < right[1]) & (points[..., 2] > 2.1) & (points[..., 2] < 4)

@@ -255,7 +255,7 @@ def test_middlebury_pairs(
 
 @pytest.mark.parametrize("name, mae, within", [("cone", 8.768, 0.947), ("Cloth3", 3.980, 0.975)])
 def test_consistency_of_the_true_disparities(data_dir: Path, name: str, mae: float, within: float) -> None:
-    """Oracle: somebody else's code; the numbers published beside the pairs (calib.json, "measured")."""
+    """Oracle: somebody else's code; the numbers published next to the pairs (calib.json, "measured")."""
     left, right, at_left, at_right = middlebury(data_dir, name)
     assert at_right is not None
     score = consistency(left, right, at_left.astype(np.float32), at_right.astype(np.float32))

@@ -28,7 +28,7 @@ def turned(picture: Array, degrees: float) -> Array:
 
 
 def test_a_good_pair_raises_no_doubt() -> None:
-    """Law: rows match and things are farther left in the right picture."""
+    """Law: rows match and objects are farther left in the right picture."""
     left, right = demo()
     assert find_pair_fault(left, right, KNOWN) is None
     offsets = match_corners(left, right).offsets

@@ -1,4 +1,4 @@
-"""What is known beside a hole is led into it: as the slow twin does, along ledges, and no farther than it should."""
+"""Colours at the rim of a hole are blended with known ones: as the slow twin does, along ledges, and no farther than it should."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def test_a_ledge_goes_on_through_a_narrow_hole(width: int) -> None:
 
 
 def test_other_surfaces_and_what_is_spoiled_or_out_of_view_lend_nothing() -> None:
-    """Law: a hole none of whose own surface is known beside it, or that is not asked for, comes back as it was painted."""
+    """Law: a hole none of whose own surface is known next to it, or that is not asked for, comes back as it was painted."""
     _, hole, painted = ledge(6)
     w, label, nothing = np.full(HW, 0.2, np.float32), np.ones(HW, np.int32), np.zeros(HW, bool)
     for result in (

@@ -111,7 +111,7 @@ def test_a_rough_surface_takes_nothing_nearer_even_if_labels_agree():
 
 
 def test_what_stands_out_is_not_copied_as_grain():
-    """Law: of a grey wall with fine noise and a few white spots here and there, the noise goes on in the hole, and of the spots
+    """Law: of a grey wall with fine noise and a few white spots here and there, the noise continues in the hole, and of the spots
     no more than noise could be (6 sigma)."""
     camera, w, _, _ = slanted_plane(192, 10)
     rng = np.random.default_rng(2)
@@ -212,7 +212,7 @@ def test_a_plane_that_is_nowhere_seen_takes_what_lies_at_its_depth():
 
 
 def test_arrays_of_another_picture_are_refused():
-    """Law: one line that names the field, what came and what was wanted."""
+    """Law: one line that names the field, what came and what was expected."""
     color, hole, w, label, camera = random_scene(np.random.default_rng(3), (8, 9))
     with pytest.raises(ShapeError, match=r"label has shape \(8, 8\); \(8, 9\) is expected"):
         synthesize(color, hole, w, label[:, :8], camera)

@@ -1,4 +1,4 @@
-"""What the border cuts goes on as a circle would (oracles: discs and posts drawn whole, then cut; laws)."""
+"""What the border cuts continues as a circle would (oracles: discs and posts drawn whole, then cut; laws)."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ GAPS = np.random.default_rng(0).random(HW) < 0.2
 
 
 def cut(thing: np.ndarray, w: np.ndarray | None = None) -> CutObjects:
-    """Of a thing (h x w) before a wall, all but for what lies beyond the BORDER known."""
+    """Of an object (h x w) before a wall, all but for what lies beyond the BORDER known."""
     w = np.where(thing, THING, WALL).astype(np.float32) if w is None else w
     label = np.where(thing, SMOOTH, 1).astype(np.int32)
     return find_cut_objects(w, label, UNSEEN, dilate_mask(UNSEEN, 2))
@@ -46,20 +46,20 @@ def test_what_is_solid_ends() -> None:
 
 
 def test_a_post_that_is_cut_across_ends() -> None:
-    """Closed form: a bar of 60 x 5 cells goes on for less than its width."""
+    """Closed form: a bar of 60 x 5 cells continues for less than its width."""
     bar = (np.abs(ROWS - 60) <= 2) & (COLUMNS > BORDER - 60) & ~GAPS
     found = cut(bar)
     assert not (found.number > 0)[:, BORDER + 5 :].any()
 
 
 def test_what_runs_along_the_border_is_not_cut() -> None:
-    """Law: a strip of 4 cells beside the border may end there; nothing goes on."""
+    """Law: a strip of 4 cells next to the border may end there; nothing continues."""
     strip = (COLUMNS >= BORDER - 4) & (np.abs(ROWS - 60) < 25) & ~GAPS
     assert not cut(strip).number.any()
 
 
 def test_things_at_different_depths_are_two() -> None:
-    """Law: a disc before a farther one: two numbers, two inverse depths, and the nearer one is in front where both go on."""
+    """Law: a disc before a farther one: two numbers, two inverse depths, and the nearer one is in front where both continue."""
     first, second = (np.hypot(ROWS - row, COLUMNS - BORDER) <= 18 for row in (45, 70))
     w = np.where(GAPS, WALL, np.where(first, 0.5, np.where(second, 0.25, WALL))).astype(np.float32)
     found = cut((first | second) & ~GAPS, w)

@@ -1,4 +1,4 @@
-"""Leaves are copied where a cut crown goes on (oracles: literal twin, a bush drawn whole and then cut, laws)."""
+"""Leaves are copied where a cut crown continues (oracles: literal twin, a bush drawn whole and then cut, laws)."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def bush_before_a_wall(seed: int = 0) -> tuple[View, np.ndarray]:
 
 @pytest.mark.parametrize("filler", [layered, paint_over_depth(find_filler("telea"))], ids=["layered", "telea"])
 def test_a_bush_goes_on_with_its_own_leaves_whoever_paints(filler: Inpainter) -> None:
-    """Truth: out of view the bush is as green, uneven and dense, at the depths of its leaves; beside it the wall goes on."""
+    """Truth: out of view the bush is as green, uneven and dense, at the depths of its leaves; next to it the wall continues."""
     view, bush = bush_before_a_wall()
     done, _ = inpaint(view, filler, Law(()))
     unseen = COLUMNS >= BORDER
@@ -51,14 +51,14 @@ def test_a_bush_goes_on_with_its_own_leaves_whoever_paints(filler: Inpainter) ->
 
 
 def things_of(number: np.ndarray, circle: tuple[float, float, float], w: float = 0.33) -> CutObjects:
-    """One thing, whose cells are pixels."""
+    """One object, whose cells are pixels."""
     two = np.array([0, w], np.float32), np.array([(0, 0, 0), circle], np.float32)
     return CutObjects(np.zeros(number.shape, np.float32), number.astype(np.int32), *two)
 
 
 def test_leaves_are_copied_from_leaves() -> None:
-    """Law: every pixel that is copied is a known one of the bush, none comes out of where the crown does not go on; the same seed
-    gives the same leaves."""
+    """Law: every pixel that is copied is a known one of the bush, none comes out of where the crown does not continue; the
+    same seed gives the same leaves."""
     view, bush = bush_before_a_wall()
     w = np.where(view.hole, 0, 1 / np.where(view.hole, 1, view.depth)).astype(np.float32)
     number = np.hypot(ROWS - 80, COLUMNS - BORDER) <= 50

@@ -1,5 +1,5 @@
-"""What goes on where no camera looked: walls as high and as far as they are seen, and nothing that is small (oracles: closed-form
-worlds, and lines counted by hand)."""
+"""What continues where no camera looked: walls as high and as far as they are seen, and nothing that is small (oracles:
+closed-form worlds, and lines counted by hand)."""
 
 from __future__ import annotations
 
@@ -50,8 +50,8 @@ def turned(shapes: tuple[Shape, ...], yaw: float) -> tuple[View, View, np.ndarra
 
 @pytest.mark.parametrize("yaw", [25, -25])
 def test_a_cut_wall_goes_on_under_a_straight_roof_line(yaw: float) -> None:
-    """Closed form: beside the picture the front is the same plane to 1 % and ends at its own top, the sky is above and the floor
-    below: of the pixels that the source did not see at most 4 % have another surface, all of them beside borders."""
+    """Closed form: next to the picture the front is the same plane to 1 % and ends at its own top, the sky is above and the floor
+    below: of the pixels that the source did not see at most 4 % have another surface, all of them next to borders."""
     before, filled, depth, shape = turned((FLOOR, FRONT), yaw)
     hole = before.hole
     assert (hole & (shape == 1)).sum() > 800 and (hole & np.isposinf(depth)).sum() > 800
@@ -64,8 +64,8 @@ def test_a_cut_wall_goes_on_under_a_straight_roof_line(yaw: float) -> None:
 
 @pytest.mark.parametrize("side", [1, -1])
 def test_a_cut_pole_ends_before_the_wall_behind_it(side: int) -> None:
-    """Law: a pole of which the border leaves 9 px goes on for less than 1.6 times that; the wall behind it goes on beyond, as it
-    truly is (2 %)."""
+    """Law: a pole of which the border leaves 9 px continues for less than 1.6 times that; the wall behind it continues
+    beyond, as it truly is (2 %)."""
     pole = Box((min(1.6 * side, 3 * side), -1.1, 3), (max(1.6 * side, 3 * side), 1, 3.3))
     before, filled, *_ = turned((FLOOR, FRONT, pole), 25.0 * side)
     truth = World((FLOOR, FRONT)).trace(before.camera)[0]
@@ -79,7 +79,7 @@ def test_a_cut_pole_ends_before_the_wall_behind_it(side: int) -> None:
 
 
 def test_lines_count_what_they_meet() -> None:
-    """By hand: a plane at 4 m seen in 30 columns, sky above row 10, a thing before it in 6 columns beside the hole: lines from
+    """By hand: a plane at 4 m seen in 30 columns, sky above row 10, an object before it in 6 columns next to the hole: lines from
     the hole skip it, find the plane after it and count its cells; in the sky they look past it; upright ones meet nothing."""
     w, label = np.full((40, 60), 0.25, np.float32), np.ones((40, 60), np.int32)
     w[:10], label[:10] = 0, 0
@@ -98,7 +98,7 @@ def test_lines_count_what_they_meet() -> None:
 
 
 def test_a_wall_seen_on_both_sides_goes_on_between() -> None:
-    """By hand: a wall with a hole and a thing beside that counts BETWEEN in the hole; where one side is sky, where it is not
+    """By hand: a wall with a hole and an object next to that counts BETWEEN in the hole; where one side is sky, where it is not
     followed and where the hole reaches the border it does not."""
     w, label = np.full((40, 60), 0.25, np.float32), np.ones((40, 60), np.int32)
     w[:10, 30:], label[:10, 30:] = 0, 0
@@ -117,7 +117,7 @@ def test_a_wall_seen_on_both_sides_goes_on_between() -> None:
 
 def test_cost_of_a_wall_that_goes_on_and_of_one_that_has_ended() -> None:
     """Closed form: t cells from a wall seen over 36, below its top, it costs CONTINUED_COST log(1 + t / 36), the sky behind it
-    log(1 + 36 / t); at the height of the sky beside it, PAST, and the sky nothing."""
+    log(1 + 36 / t); at the height of the sky next to it, PAST, and the sky nothing."""
     w, label = np.full((40, 60), 0.25, np.float32), np.ones((40, 60), np.int32)
     w[:20], label[:20] = 0, 0
     hole = np.zeros(w.shape, bool)
@@ -167,7 +167,7 @@ def test_the_horizon_is_that_of_the_floor() -> None:
 
 
 def test_nothing_is_said_in_view() -> None:
-    """Law: cells whose hole is in view, and views without planes, cost nothing and go on nowhere."""
+    """Law: cells whose hole is in view, and views without planes, cost nothing and continue nowhere."""
     hole = np.ones((20, 30), bool)
     for count in (2, 4):
         candidates = np.full((count, *hole.shape), 0.25, np.float32)
@@ -179,7 +179,7 @@ def test_nothing_is_said_in_view() -> None:
 
 def test_what_ends_within_the_picture_does_not_go_on_outside_it() -> None:
     """Closed form: of planes that are not followed the one that the border cuts costs nothing, one that ends before it
-    ENDING_COST; what has no plane nothing where it goes on, twice a jump of what lies beyond, ENDING_COST at most."""
+    ENDING_COST; what has no plane nothing where it continues, twice a jump of what lies beyond, ENDING_COST at most."""
     hole, label = np.zeros((60, 100), bool), np.full((60, 100), 1, np.int32)
     hole[:, 60:] = True
     label[20:40, 10:30] = 2

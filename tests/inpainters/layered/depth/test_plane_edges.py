@@ -1,4 +1,4 @@
-"""Planes on a grid in; lines along their own edges, held against the vanishing points of the edges they were made with, out."""
+"""Planes on a grid in; lines along their own edges, compared with the vanishing points of the edges they were made with, out."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def scene(tabletop: bool = True, round_one: bool = False) -> tuple[PlaneLines, P
 
 
 def inside(x: NDArray[np.float64], y: NDArray[np.float64], round_one: bool) -> NDArray[np.bool_]:
-    """Where rays meet a table top that lies 0.3 m beside and 1 m before the camera, 1.6 x 0.8 m, or round."""
+    """Where rays meet a table top that lies 0.3 m next to and 1 m before the camera, 1.6 x 0.8 m, or round."""
     z = TABLE / np.maximum(y, 1e-6)
     at = np.stack([x * z - 0.3, np.zeros_like(z), z - 1.5], -1)
     if round_one:
@@ -59,7 +59,7 @@ def test_what_has_no_straight_edges_keeps_its_lines() -> None:
 
 
 def test_the_direction_that_leads_back_into_the_picture_comes_first() -> None:
-    """By hand: of a cut from top to bottom the vanishing point beside it, not the one above it."""
+    """By hand: of a cut from top to bottom the vanishing point next to it, not the one above it."""
     cut = np.zeros((40, 60), bool)
     cut[5:30, 40] = True
     points = np.array([[30.0, -500.0, 1.0], [-400.0, 10.0, 1.0]])

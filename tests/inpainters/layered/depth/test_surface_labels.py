@@ -1,4 +1,4 @@
-"""The order of surfaces: which plane may go on behind which inside a hole, as the known pixels say."""
+"""The order of surfaces: which plane may continue behind which inside a hole, as the known pixels say."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def test_a_wall_does_not_go_on_below_the_ground_it_meets() -> None:
 
 
 def test_a_wall_seen_above_a_box_is_not_out_of_order_behind_it() -> None:
-    """Law: the plane of a box's face goes on above the box, where the wall is seen: the wall may stand behind it."""
+    """Law: the plane of a box's face continues above the box, where the wall is seen: the wall may stand behind it."""
     coarse, number = floor_and_wall(HoleType.OBJECT, Box((-1.5, 0.3, 3), (1.5, 1, 3.4)))
     wall = 1 + int(np.bincount(coarse.label[~coarse.hole & (number == 1)].clip(0)).argmax())
     faces = [k for k, value in enumerate(coarse.candidates) if k > 1 and abs(value[0, 0] * 3 - 1) < 0.02]

@@ -89,8 +89,8 @@ def test_unary_costs_equal_their_twin(seed: int) -> None:
 @pytest.mark.parametrize(
     ("value", "label", "known", "known_label", "expected"),
     [
-        (0.5, 1, 0.9, 1, 0.0),  # the same plane goes on, whatever the values
-        (0.0, 0, 0.0, 0, 0.0),  # sky beside sky
+        (0.5, 1, 0.9, 1, 0.0),  # the same plane continues, whatever the values
+        (0.0, 0, 0.0, 0, 0.0),  # sky next to sky
         (0.5, -1, 0.5, -1, RIM[0]),  # no plane is never "the same"
         (0.5, 2, 0.51, 1, RIM[0]),  # within 3 %: they meet
         (0.4, 2, 0.5, 1, RIM[0] + RIM[1]),  # hidden by what is known
