@@ -1,4 +1,5 @@
-"""Edges of depth misaligned with those of the picture: how far off, what moves where, and what never does (oracles: closed forms)."""
+"""Edges of depth misaligned with those of the picture: how far off, what moves where, and what never does (oracles: closed
+forms)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Colours at the rim of a hole are blended with known ones: as the slow twin does, along ledges, and no farther than it should."""
+"""Colours at the rim of a hole are blended with known ones: as the slow twin does, along ledges, and no farther than it
+should."""
 
 from __future__ import annotations
 
