@@ -61,6 +61,7 @@ def refused(capsys: pytest.CaptureFixture[str], *words: str) -> str:
     return told.err
 
 
+@pytest.mark.slow
 def test_worlds_say_what_to_do_next(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Oracle: the command that is printed, run as it stands."""
     main(["worlds", "-o", str(tmp_path / "made"), "--count", "1", "--size", "48", "--no-shadows"])
@@ -106,6 +107,7 @@ def test_evaluate_end_to_end(small_worlds: Path, tmp_path: Path, capsys: pytest.
     assert (tmp_path / "out" / "results.csv").read_bytes() == first
 
 
+@pytest.mark.slow
 def test_no_fill_is_worse_than_telea(small_worlds: Path, tmp_path: Path) -> None:
     """Oracle: black holes are further from the truth than their surroundings carried on, under both recipes."""
     rows = evaluated(

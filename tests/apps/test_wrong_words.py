@@ -48,6 +48,8 @@ from dlama.errors import CameraError, DlamaError, InputError, MaskError
             "--dilate-holes is 99999 px; a whole number from 0 to",
         ),
         ("view a.png --yaw 1 --metres-at 3,4=2 3,4=3 -o out", "--metres-at 3,4: is 2 m and 3 m; one depth of a pixel"),
+        ("view a.png b.png --yaw 1 --clip 1e-9 -o out", "--clip is 1e-09 m; 0.01 or more is expected"),
+        ("mask a.png b.png --click 1,1 -o found.txt", "--output is found.txt; a name that ends in .png is expected"),
         ("view a.png b.png --yaw 1 --only foo,depth,bar -o out", "--only is 'foo', 'bar'; names of image, depth, "),
         ("batch a.csv --workers 0 --threads 0 -o out", "a whole number; --threads is 0; 1 or more is expected"),
         ("batch --images *.png -o out", "give --verb VERB, one of view, remove, depth"),

@@ -13,6 +13,8 @@ from dlama.geometry.rendering import MODES, Mode
 
 DepthBy = Literal["surfaces", "filler"]
 """What fills depth for a filler of pictures: surfaces continued behind the hole, or the filler itself."""
+NEAREST_CLIP_M = 0.01
+"""A nearer clip would make a wall of every scene."""
 WIDEST_PX = 1024
 """By how much masks and holes are dilated at most."""
 
@@ -56,8 +58,8 @@ class Recipe:
         for name, value in (("dilate", 0 if self.dilate is None else self.dilate), ("dilate_holes", self.dilate_holes)):
             if not isinstance(value, Integral) or not 0 <= value <= WIDEST_PX:
                 raise InputError(f"{name} is {value!r} px; a whole number from 0 to {WIDEST_PX} is expected")
-        if self.clip is not None and not (is_finite(self.clip) and self.clip > 0):
-            raise InputError(f"clip is {self.clip!r} m; more than 0 is expected")
+        if self.clip is not None and not (is_finite(self.clip) and self.clip >= NEAREST_CLIP_M):
+            raise InputError(f"clip is {self.clip!r} m; {NEAREST_CLIP_M} or more is expected")
         if self.eight_bit_depth and self.clip is None:
             raise InputError("8-bit depth needs clip, the depth of level 255")
         if not isinstance(self.depth_by, str) or self.depth_by not in ("surfaces", "filler"):

@@ -93,6 +93,7 @@ class Outline(HTMLParser):
             assert self.open.pop() == tag
 
 
+@pytest.mark.slow
 def test_all_files_are_there_and_small(report: Path) -> None:
     """All that a report has; below 20 MB."""
     assert set(FILES) | {"cases", "panels"} == {path.name for path in report.iterdir()}
@@ -206,6 +207,7 @@ def test_markdown_has_the_tables(report: Path) -> None:
         assert wanted in text
 
 
+@pytest.mark.slow
 def test_the_same_results_give_the_same_report(tmp_path: Path) -> None:
     """Oracle: bytes, in two folders; runtimes left out by one fixed number of the protocol's own."""
     dataset = made_up_dataset(2, (10.0, 20.0))
