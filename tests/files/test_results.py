@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from dlama.completion.verbs import remove
 from dlama.errors import InputError, OutputError
 from dlama.files.rasters.depth import read_depth
 from dlama.files.results.completion import BY_DEFAULT, RESULTS, file_names, write
+from dlama.files.results.preview import source_panel
 from dlama.files.scenes import textured_mesh
 from dlama.files.scenes.scene_npz import read_npz
 from dlama.geometry.camera import Camera
@@ -199,3 +201,18 @@ def test_the_files_are_named_before_they_are_written(removal: Completion, tmp_pa
     assert file_names(removal, also=("points", "scene", "hole")) == sorted(
         path.relative_to(made).as_posix() for path in made.rglob("*") if path.is_file()
     )
+
+
+def test_the_source_panel_marks_what_is_removed(removal: Completion) -> None:
+    """Red lies on the object alone; a picture from which nothing is removed is shown as it is."""
+    name, marked = source_panel(removal)
+    plain_name, plain = source_panel(remove_nothing(removal))
+    removed = removal.scene.layers[0].hole_type == HoleType.OBJECT
+    assert (name, plain_name) == ("source, marked: to be removed", "source")
+    assert marked.shape == plain.shape == (*removed.shape, 3) and np.array_equal(plain, removal.source.color)
+    assert np.array_equal((marked != plain).any(-1), removed & (marked != plain).any(-1)) and (marked != plain).any()
+
+
+def remove_nothing(removal: Completion) -> Completion:
+    """The same completion of a scene without removals."""
+    return dataclasses.replace(removal, scene=dataclasses.replace(removal.scene, removals=()))
