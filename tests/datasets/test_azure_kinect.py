@@ -82,6 +82,7 @@ def write_recording(path: Path, *, wide: bool = False, calibration: bool = True,
     return seen
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("wide", [False, True])
 def test_depth_lies_on_the_world_as_colour_sees_it(tmp_path: Path, wide: bool) -> None:
     """Modes, sensor crops, byte order, millimetres, the offset between the cameras; both kinds of calibrations."""
