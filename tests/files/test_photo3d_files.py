@@ -96,7 +96,7 @@ def test_stereo_pictures(folder: Path, photo: Photo3D) -> None:
     assert both.shape == (48, 128, 3)
     ours, theirs = np.full((2, 2, 3), 90, np.uint8), np.full((2, 2, 3), 10, np.uint8)
     assert (anaglyph(ours, theirs) == (90, 10, 10)).all()
-    left, right = (dlama.render(photo.scene, photo.box.at(side, 0, 0)) for side in (-0.4, 0.4))
+    left, right = (dlama.render(photo.scene, photo.box.at(side, 0, 0)) for side in (-0.2, 0.2))
     assert np.nonzero(left.depth < 3)[1].mean() > np.nonzero(right.depth < 3)[1].mean()
 
 

@@ -44,7 +44,7 @@ RESULTS: dict[str, tuple[str, ...]] = {
 BY_DEFAULT = ("page", "mesh")
 MOST_TRIANGLES = 100_000
 """What viewers of augmented reality take."""
-EYES = 0.4
+EYES = 0.2
 """Places of the two eyes of a stereo picture, -1..1 across the box."""
 STEREO_WIDTH, LOOP_WIDTH, LOOP_PICTURES, LOOP_FPS = 1920, 640, 72, 24.0
 
