@@ -9,6 +9,7 @@ from dlama import find_mask
 from dlama.evaluation.metrics.masks import innermost_pixel, iou
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
+from dlama.perception.masks import borders
 from dlama.perception.masks.borders import MOST_PX, decide_by_color, edges_are_sharp
 from dlama.perception.masks.supports import Planes
 from worlds import Box, Plane, World
@@ -51,3 +52,15 @@ def test_a_large_outline_is_decided_in_a_smaller_picture() -> None:
     assert frame.depth.size > MOST_PX
     found = decide_by_color(frame, away < 520, (away > 470) & (away < 540))
     assert found[away < 498].all() and not found[away > 502].any()
+
+
+@pytest.mark.parametrize("most", [MOST_PX, 2000])
+def test_a_band_round_a_box_is_decided_at_every_size(monkeypatch: pytest.MonkeyPatch, most: int) -> None:
+    """Oracle: the box itself; the picture is smaller than MOST_PX, or larger and made smaller."""
+    monkeypatch.setattr(borders, "MOST_PX", most)
+    truth, inner, outer = np.zeros((3, 80, 100), bool)
+    truth[20:60, 30:70], inner[26:54, 36:64], outer[12:68, 22:78] = True, True, True
+    color = np.where(truth[..., None], 200, 60) + np.random.default_rng(0).integers(0, 9, (80, 100, 3))
+    frame = RGBD(color.astype(np.uint8), np.ones((80, 100), np.float32), Camera.from_fov(100, 80, 60))
+    found = decide_by_color(frame, inner | (outer & (np.arange(100) < 50)), outer & ~inner)
+    assert (found & truth).sum() > (0.99 if most == MOST_PX else 0.9) * (found | truth).sum()
