@@ -519,7 +519,7 @@ MUTANTS: tuple[Mutant, ...] = (
             'if all(each.severity != "fault" for each in found):',
             "if True:",
         ),
-        ("frames in a row alone are compared", "(*spread(frames), *chosen)", "chosen"),
+        ("frames in a row alone are compared", "(*spread_frames(frames), *chosen)", "chosen"),
     ),
     *faults(
         "geometry/trajectories.py",

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from dlama.web.answers import Limits
-from dlama.web.server import Server, serving
+from dlama.web.server import Server, open_server
 
 
 class Page:
@@ -65,7 +65,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--completions", type=int, default=50)
     completions = parser.parse_args().completions
-    with serving("127.0.0.1", 0, None, Limits()) as server:
+    with open_server("127.0.0.1", 0, None, Limits()) as server:
         threading.Thread(target=server.serve_forever, daemon=True).start()
         page = Page(server)
         timed("open the example street (512 x 512)", 3, lambda _: page.post("example", name="street"))

@@ -32,7 +32,7 @@ from PIL import Image
 
 import dlama
 from dlama.web.answers import Limits
-from dlama.web.server import Server, serving
+from dlama.web.server import Server, open_server
 
 SIDE = 48
 """Pixels of a visitor's pictures."""
@@ -172,7 +172,7 @@ def resident_mb() -> float:
 
 def soak_page(visitors: int, actions: int) -> int:
     """How many laws were broken."""
-    with serving("127.0.0.1", 0, None, Limits()) as server:
+    with open_server("127.0.0.1", 0, None, Limits()) as server:
         threading.Thread(target=server.serve_forever, daemon=True).start()
         everybody = [Visitor(server, number, actions) for number in range(visitors)]
         started, marks = time.monotonic(), [actions * visitors * step // STEPS for step in range(1, STEPS + 1)]

@@ -43,7 +43,7 @@ class Reach:
 
 
 def attribute(path: str, value: Any) -> Callable[[Any], bool]:
-    """True of a thing whose attribute (a.b.c) is `value`."""
+    """True of an object whose attribute (a.b.c) is `value`."""
 
     def fits(thing: Any) -> bool:
         for name in path.split("."):
@@ -355,7 +355,7 @@ BATCH = {
     "layout": Reach("--data room --layout tum", "batch.jobs", attribute("layout", "tum"), ("jobs.csv",)),
     "ray": Reach("--ray auto", "batch.ray", "auto"),
     "gpus_per_worker": Reach("--gpus-per-worker 0.25", "batch.gpus_per_worker", 0.25),
-    "dry_run": Reach("--dry-run --verb view", "planned_lines.verb", "view"),
+    "dry_run": Reach("--dry-run --verb view", "plan_lines.verb", "view"),
 }
 SERVE = {
     "host": Reach("--host 127.0.0.2", "serving.host", "127.0.0.2"),

@@ -11,7 +11,7 @@ import pytest
 
 from dlama.apps.cli import main
 from dlama.apps.verbs import evaluate as verb
-from dlama.apps.verbs.evaluate import Cases, Methods, command_line, needs_extra
+from dlama.apps.verbs.evaluate import Cases, Methods, check_extra, command_line
 from dlama.errors import InputError, MissingExtraError
 from dlama.evaluation import protocols
 from dlama.evaluation.protocols.methods import Method, ProtocolSettings, Scored
@@ -206,7 +206,7 @@ def test_a_missing_extra_is_named_first(monkeypatch: pytest.MonkeyPatch) -> None
     """With the pip line."""
     monkeypatch.setattr(verb, "NEEDED", {"matplotlib": "no_such_module"})
     with pytest.raises(MissingExtraError, match=r"needs the package 'matplotlib': pip install 'dlama\[evaluate\]'"):
-        needs_extra()
+        check_extra()
 
 
 def test_help_names_every_option(capsys: pytest.CaptureFixture[str]) -> None:

@@ -21,7 +21,7 @@ from tyro.conf import Positional
 
 import dlama
 from dlama.apps import options
-from dlama.apps.cli import VERBS, main, with_joined_lines
+from dlama.apps.cli import VERBS, join_lines, main
 from dlama.apps.terminal.flags import flags_of, with_flags
 from dlama.apps.verbs import evaluate as evaluate_verb
 from dlama.inpainters import FILLERS
@@ -96,7 +96,7 @@ def test_shown_defaults_are_the_defaults(verb: str) -> None:
 @pytest.mark.parametrize("verb", VERBS)
 def test_line_breaks_of_the_source_are_not_shown(verb: str) -> None:
     """Where the source breaks a description help would break it too, in the middle of a sentence (oracle: the source)."""
-    assert not re.search(r"\n {5,}\S", with_joined_lines(str(VERBS[verb].__doc__)))
+    assert not re.search(r"\n {5,}\S", join_lines(str(VERBS[verb].__doc__)))
     for hint in typing.get_type_hints(VERBS[verb]).values():
         if dataclasses.is_dataclass(hint):
             (parsed,) = ast.parse(textwrap.dedent(inspect.getsource(typing.cast(type, hint)))).body

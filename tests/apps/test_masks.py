@@ -11,7 +11,7 @@ from running import FAST, pixels, refused, run
 
 from box_frame import small_frame
 from dlama.apps.cli import main
-from dlama.apps.pointing import told_of_mask
+from dlama.apps.pointing import mask_notes
 
 
 def test_a_click_writes_mask_and_overlay(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -85,10 +85,10 @@ def test_what_to_know_of_a_mask_is_in_the_last_line(tmp_path: Path, capsys: pyte
     for line in (removed, found):
         assert line.count("; no shadow found, ") == 1 and "of it shadow" not in line
     assert (
-        told_of_mask("object", ["part", "object", "group"], ["look"])
+        mask_notes("object", ["part", "object", "group"], ["look"])
         == "; --candidate part or group gives another mask; look"
     )
-    assert told_of_mask("object", ["object"], []) == ""
+    assert mask_notes("object", ["object"], []) == ""
 
 
 def test_remove_wants_one_way_of_saying_what(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

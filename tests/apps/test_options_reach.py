@@ -111,7 +111,7 @@ def calls(loaded: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Call
         spy(f"dlama.apps.{module}.reported", through=True)
     _spy_on_jobs(spy)
     _spy_on_the_rest(spy)
-    spy("dlama.web.server.serving", lambda **_: nullcontext(SimpleNamespace(port=1, serve_forever=lambda: None)))
+    spy("dlama.web.server.open_server", lambda **_: nullcontext(SimpleNamespace(port=1, serve_forever=lambda: None)))
     monkeypatch.chdir(tmp_path)
     return made
 
@@ -173,7 +173,7 @@ def _spy_on_the_rest(spy: Callable[..., None]) -> None:
     spy("dlama.apps.verbs.sequence.summary_line", "")
     spy("dlama.apps.verbs.sequence.summary_values", {})
     spy("dlama.batch", ())
-    spy("dlama.apps.verbs.batch.planned_lines", ())
+    spy("dlama.apps.verbs.batch.plan_lines", ())
     spy("dlama.apps.viewer.contents.contents_of", "contents")
     spy("dlama.apps.viewer.server.serve", "address")
     spy("dlama.models.pull.pull", Path("pulled"))

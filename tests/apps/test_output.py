@@ -122,7 +122,7 @@ def test_version_flag(capsys: pytest.CaptureFixture[str]) -> None:
 def test_a_line_a_minute(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     """Without a terminal long runs say how far they are, on standard error alone, and --quiet says nothing."""
     monkeypatch.setattr(terminal_progress, "MINUTE", 0.01)
-    with evaluate.shown_progress("street", Report()) as progress:
+    with evaluate.show_progress("street", Report()) as progress:
         progress(None, 2, 20)
         err = ""
         while "2 of 20" not in err:
@@ -130,7 +130,7 @@ def test_a_line_a_minute(capsys: pytest.CaptureFixture[str], monkeypatch: pytest
             err += told.err
             assert told.out == ""
     assert re.search(r"progress: street: 2 of 20 done \(10 %\), running for \d+ s\n", err)
-    with evaluate.shown_progress("street", Report(quiet=True)) as progress:
+    with evaluate.show_progress("street", Report(quiet=True)) as progress:
         progress(None, 2, 20)
         time.sleep(0.05)
     assert "2 of 20" not in capsys.readouterr().err

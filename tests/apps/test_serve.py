@@ -19,7 +19,7 @@ from dlama.apps.cli import main
 from dlama.apps.terminal.streams import signals_raise
 from dlama.apps.verbs.serve import address_of, serve_until_interrupted
 from dlama.web.answers import Limits
-from dlama.web.server import serving
+from dlama.web.server import open_server
 
 
 def test_it_serves_until_it_is_ended(tmp_path: Path) -> None:
@@ -48,7 +48,7 @@ def test_it_serves_until_it_is_ended(tmp_path: Path) -> None:
 
 def test_a_signal_in_the_midst_of_a_connection_ends_the_server(monkeypatch: pytest.MonkeyPatch) -> None:
     """Law: a signal that comes while a connection is being handed to its thread ends the server, as any other does."""
-    with serving("127.0.0.1", 0, None, Limits(64, 16.0, 8)) as server:
+    with open_server("127.0.0.1", 0, None, Limits(64, 16.0, 8)) as server:
         hand_on, taken = server.process_request, []
 
         def interrupted(request: socket.socket, address: object) -> None:

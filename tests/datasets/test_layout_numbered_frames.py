@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from dlama.datasets.layouts import open_dataset
-from dlama.datasets.posed.numbered_frames import DEPTH_LENS, load_registered_depth, moved_depth
+from dlama.datasets.posed.numbered_frames import DEPTH_LENS, load_registered_depth, warp_depth
 from dlama.datasets.posed.posed_frames import FrameFiles
 from dlama.errors import CameraError, FileError, ShapeError
 from dlama.files.cameras import write_camera
@@ -79,7 +79,7 @@ def test_of_two_readings_in_one_pixel_the_nearest_stays() -> None:
     source, target = Camera(4, 2, 4, 4, 2, 1), Camera(4, 2, 2, 2, 2, 1)
     depth = np.array([[5, 4, 2, 0], [3, 0, 7, 9]], np.float32)
     # columns 0, 1 -> 1.25, 1.75; 2, 3 -> 2.25, 2.75; rows 0, 1 -> 0.75, 1.25
-    assert moved_depth(depth, source, target).tolist() == [[0, 4, 2, 0], [0, 3, 7, 0]]
+    assert warp_depth(depth, source, target).tolist() == [[0, 4, 2, 0], [0, 3, 7, 0]]
 
 
 def test_tsdf_fusion(tmp_path: Path) -> None:

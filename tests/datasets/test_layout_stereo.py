@@ -131,7 +131,7 @@ def test_bad_folders(tmp_path: Path) -> None:
     with pytest.raises(FileError, match=r"has no true disparity; disp0\.pfm or disp0GT\.pfm is expected"):
         open_dataset(root)
     (root / "calib.txt").unlink()
-    with pytest.raises(FileError, match=r"calib\.txt: no such file; a stereo folder needs it beside im0\.png"):
+    with pytest.raises(FileError, match=r"calib\.txt: no such file; a stereo folder needs it next to im0\.png"):
         open_dataset(root)
 
 

@@ -235,7 +235,7 @@ def test_what_a_bag_lacks_is_said(tmp_path: Path, caplog: pytest.LogCaptureFixtu
     still = "holds no moving transform (/tf): the camera is taken as standing still"
     assert len(frames) == 4 and still in caplog.text
     assert any(still in found.what for found in diagnose(tmp_path / "still.bag"))
-    with pytest.raises(FileError, match=r"a.bag, /camera/color/image_raw: has no camera_info beside it"):
+    with pytest.raises(FileError, match=r"a.bag, /camera/color/image_raw: has no camera_info next to it"):
         open_frames(write_bag(tmp_path / "a.bag", "ros1", info=False))
     with pytest.raises(
         FileError, match=r"depth is in the frame 'other' and colour in .*, and no transform leads from one"

@@ -11,7 +11,7 @@ import pytest
 import dlama
 from dlama.datasets.layouts import open_dataset
 from dlama.datasets.posed.view_pairs import NoPairsError
-from dlama.datasets.sequences.scene_frames import sliced
+from dlama.datasets.sequences.scene_frames import slice_frames
 from dlama.errors import FileError, InputError
 from dlama.files.scenes.scene_npz import read_npz, write_npz
 from dlama.geometry.camera import Camera
@@ -103,4 +103,4 @@ def test_layers_of_a_file_are_read_when_they_are_needed(file: Path) -> None:
     for mine, theirs in zip(stored.layers, whole.layers):
         for plane in ("color", "depth", "hole", "origin", "confidence"):
             np.testing.assert_array_equal(getattr(mine, plane), getattr(theirs, plane))
-    assert cache.bytes == 0 and sliced(whole.layers, ":1") == (whole.layers[0],)
+    assert cache.bytes == 0 and slice_frames(whole.layers, ":1") == (whole.layers[0],)

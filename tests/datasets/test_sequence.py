@@ -17,7 +17,7 @@ from dlama.apps.cli import main
 from dlama.datasets.posed.nerfstudio_writer import write_transforms, write_view
 from dlama.datasets.sequences import sequence as module
 from dlama.datasets.sequences.camera_paths import VIEWS_OF_PATH
-from dlama.datasets.sequences.scene_frames import open_frames, sliced
+from dlama.datasets.sequences.scene_frames import open_frames, slice_frames
 from dlama.errors import FileError, InputError
 from dlama.files.cameras import camera_as_json
 from dlama.geometry.camera import Camera
@@ -232,5 +232,5 @@ def test_bad_words_are_refused_before_anything_is_written(room: Path, tmp_path: 
 
 def test_slices() -> None:
     """As Python's (oracle: Python)."""
-    assert sliced(range(9), None) == tuple(range(9))
-    assert sliced(range(9), "1:8:3") == (1, 4, 7) and sliced(range(9), "-3:") == (6, 7, 8)
+    assert slice_frames(range(9), None) == tuple(range(9))
+    assert slice_frames(range(9), "1:8:3") == (1, 4, 7) and slice_frames(range(9), "-3:") == (6, 7, 8)

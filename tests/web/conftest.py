@@ -10,7 +10,7 @@ import pytest
 
 from box_frame import small_frame
 from dlama.web.answers import Limits
-from dlama.web.server import Server, serving
+from dlama.web.server import Server, open_server
 from dlama.web.visits import Visit, Visits, open_visits
 
 
@@ -47,7 +47,7 @@ def visit(visits: Visits) -> Visit:
 @pytest.fixture
 def server(temporary: Path) -> Iterator[Server]:
     """A server on a free port, answering."""
-    with serving("127.0.0.1", 0, None, Limits(1, 1.0, 3)) as opened:
+    with open_server("127.0.0.1", 0, None, Limits(1, 1.0, 3)) as opened:
         thread = threading.Thread(target=opened.serve_forever, kwargs={"poll_interval": 0.02})
         thread.start()
         yield opened

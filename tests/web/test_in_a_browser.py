@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from dlama.web.answers import Limits
-from dlama.web.server import Server, serving
+from dlama.web.server import Server, open_server
 
 playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed (extra test)")
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
@@ -31,7 +31,7 @@ playwright.expect.set_options(timeout=60_000)
 @pytest.fixture(scope="module")
 def serve() -> Iterator[Server]:
     """A server for all tests of this file."""
-    with serving("127.0.0.1", 0, None, Limits(megabytes=8, visits=40)) as opened:
+    with open_server("127.0.0.1", 0, None, Limits(megabytes=8, visits=40)) as opened:
         thread = threading.Thread(target=opened.serve_forever, kwargs={"poll_interval": 0.05})
         thread.start()
         yield opened

@@ -1,4 +1,4 @@
-"""What a visitor hands in: names, fields, facts, errors beside their field (oracles: by hand, the reader's own numbers)."""
+"""What a visitor hands in: names, fields, facts, errors next to their field (oracles: by hand, the reader's own numbers)."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from dlama.errors import CameraError, DepthError, DlamaError, FileError, InputEr
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
 from dlama.web import api
-from dlama.web.failures import PageError, field_of, in_words_of_the_page, shown
-from dlama.web.inputs import Upload, file_name, known_depth, read_options, small
+from dlama.web.failures import PageError, field_of, hide_paths, use_page_words
+from dlama.web.inputs import Upload, file_name, known_depth, read_options, shrink
 from dlama.web.visits import Visit
 
 
@@ -78,7 +78,7 @@ def test_what_was_found_is_told(visit: Visit, frame: Path) -> None:
     assert facts["depth"] == "2 to 4 m, 0 % missing, 0 % sky"
     assert facts["scale"].startswith("1000 units per metre")
     api.read(visit, {"fov": 60, "depth_scale": "500"})
-    assert visit.source is not None and visit.source.facts["scale"] == "500 units per metre, as you said"
+    assert visit.source is not None and visit.source.facts["scale"] == "500 units per metre, as you chose"
     assert visit.source.rgbd.depth.max() == pytest.approx(8)
 
 
@@ -91,7 +91,7 @@ def test_what_was_found_is_told(visit: Visit, frame: Path) -> None:
         ({"fov": 60, "far": 0.5}, "depth"),
     ],
 )
-def test_errors_stand_beside_their_field(fields: dict[str, Any], field: str, visit: Visit, frame: Path) -> None:
+def test_errors_stand_next_to_their_field(fields: dict[str, Any], field: str, visit: Visit, frame: Path) -> None:
     """By hand: what is missing or wrong, and where it is put right."""
     hand_in(visit, "picture", frame / "image.png")
     hand_in(visit, "depth", frame / "depth.png")
@@ -108,7 +108,7 @@ def test_a_damaged_file_is_named_as_the_visitor_names_it(visit: Visit, frame: Pa
     hand_in(visit, "depth", frame / "broken.exr", "my depth.exr")
     with pytest.raises(FileError) as caught:
         api.read(visit, {"fov": 60})
-    message = shown(str(caught.value), visit.names())
+    message = hide_paths(str(caught.value), visit.names())
     assert message.startswith("my depth.exr: ") and str(visit.folder) not in message
     assert field_of(caught.value, {role: upload.path for role, upload in visit.files.items()}) == "depth"
 
@@ -126,7 +126,7 @@ def test_a_damaged_file_is_named_as_the_visitor_names_it(visit: Visit, frame: Pa
 )  # fmt: skip
 def test_messages_speak_of_the_page(message: str, told: str) -> None:
     """By hand: parameters get the names of the page's fields, words of sentences and of files stay."""
-    assert in_words_of_the_page(message) == told
+    assert use_page_words(message) == told
 
 
 def test_kinds_of_errors_have_fields() -> None:
@@ -163,8 +163,8 @@ def test_the_small_picture_is_the_same_scene() -> None:
     depth = np.arange(1, 601, dtype=np.float32).reshape(20, 30)
     color = np.repeat(np.arange(0, 240, 8, dtype=np.uint8)[None, :, None], 20, 0).repeat(3, 2)
     rgbd = RGBD(color, depth, Camera.from_fov(30, 20, 70))
-    less = small(rgbd, 15)
+    less = shrink(rgbd, 15)
     assert less.camera.wh == (15, 10) and less.camera.fov_deg == pytest.approx(70)
     assert np.isin(less.depth, depth).all()
     np.testing.assert_array_equal(less.color, cv2.resize(color, (15, 10), interpolation=cv2.INTER_AREA))
-    assert small(rgbd, 30) is rgbd
+    assert shrink(rgbd, 30) is rgbd

@@ -76,13 +76,13 @@ def test_grow_and_shrink(grow: int) -> None:
     ],
 )
 def test_marks_that_are_none(fields: dict[str, Any]) -> None:
-    """Refused, beside the marks."""
+    """Refused, next to the marks."""
     with pytest.raises(PageError) as caught:
         read_marks(fields)
     assert caught.value.field == "marks"
 
 
-def test_a_click_on_nothing_is_told_beside_the_marks(visit: Visit, frame: Path) -> None:
+def test_a_click_on_nothing_is_reported_next_to_the_marks(visit: Visit, frame: Path) -> None:
     """The wall is no thing; outside the picture is nowhere; a correction needs something to correct."""
     open_frame(visit, frame)
     for mark in ({"kind": "click", "at": [60, 4]}, {"kind": "click", "at": [600, 4]}, {"kind": "not", "at": [6, 4]}):
@@ -131,7 +131,7 @@ def test_a_pixel_tells_what_it_holds(visit: Visit, frame: Path) -> None:
     """Closed form: a pixel of the wall 4 m ahead, through a lens of 60 degrees."""
     open_frame(visit, frame)
     told = api.source_pixel(visit, {"x": 2, "y": 3})
-    rgbd = visit.needed_source().rgbd
+    rgbd = visit.require_source().rgbd
     camera = rgbd.camera
     assert told["depth"] == pytest.approx(4)
     assert told["point"] == pytest.approx(

@@ -19,7 +19,7 @@ import pytest
 from box_frame import small_frame
 from dlama.errors import InputError
 from dlama.web.answers import Limits
-from dlama.web.server import Server, serving
+from dlama.web.server import Server, open_server
 
 
 def ask(
@@ -91,9 +91,9 @@ def test_only_pages_of_this_server_are_answered(server: Server) -> None:
 
 def test_a_token_is_asked_for(temporary: Path) -> None:
     """With one, nothing is answered without it; its address sets a cookie that opens the page."""
-    with pytest.raises(InputError, match="give token"), serving("0.0.0.0", 0, None, Limits()):
+    with pytest.raises(InputError, match="give token"), open_server("0.0.0.0", 0, None, Limits()):
         pass
-    with serving("127.0.0.1", 0, "secret", Limits()) as server:
+    with open_server("127.0.0.1", 0, "secret", Limits()) as server:
         threading.Thread(target=server.serve_forever, daemon=True).start()
         assert ask(server, "GET", "/")[0] == 401
         assert ask(server, "GET", "/page.js")[0] == 401
@@ -113,7 +113,7 @@ def test_a_token_is_asked_for(temporary: Path) -> None:
 def test_a_port_that_is_taken(server: Server) -> None:
     """One line says which."""
     told = f"host is 127.0.0.1, port is {server.port}: .*give another host or port"
-    with pytest.raises(InputError, match=told), serving("127.0.0.1", server.port, None, Limits()):
+    with pytest.raises(InputError, match=told), open_server("127.0.0.1", server.port, None, Limits()):
         pass
 
 
@@ -228,8 +228,8 @@ def test_a_visit_that_is_being_answered_keeps_nobody_waiting(server: Server, mon
 def test_the_first_page_needs_no_model(temporary: Path) -> None:
     """Oracle: sys.modules of a fresh interpreter that has answered with the page and begun a visit."""
     code = (
-        "import http.client, sys, threading\nfrom dlama.web.answers import Limits\nfrom dlama.web.server import serving\n"
-        "with serving('127.0.0.1', 0, None, Limits()) as server:\n"
+        "import http.client, sys, threading\nfrom dlama.web.answers import Limits\nfrom dlama.web.server import open_server\n"
+        "with open_server('127.0.0.1', 0, None, Limits()) as server:\n"
         "    threading.Thread(target=server.serve_forever, daemon=True).start()\n"
         "    line = http.client.HTTPConnection('127.0.0.1', server.port)\n"
         "    for method, path in (('GET', '/'), ('POST', '/api/settings'), ('POST', '/api/visit')):\n"
@@ -246,12 +246,12 @@ def test_a_killed_server_leaves_nothing_for_long(temporary: Path) -> None:
     """The folder of one that ended without removing it goes when the next begins (oracle: its name, its dead process)."""
     dead = subprocess.Popen([sys.executable, "-c", ""])
     dead.wait()
-    with serving("127.0.0.1", 0, None, Limits()) as server:
+    with open_server("127.0.0.1", 0, None, Limits()) as server:
         name = server.visits.root.name
     left = temporary / name.replace(str(os.getpid()), str(dead.pid), 1)
     left.mkdir()
     (left / "picture.jpg").write_bytes(b"somebody's")
-    with serving("127.0.0.1", 0, None, Limits()):
+    with open_server("127.0.0.1", 0, None, Limits()):
         assert not left.exists()
     assert list(temporary.iterdir()) == []
 
@@ -276,10 +276,10 @@ def test_a_full_disk_is_said_and_leaves_nothing(
 ARENAS_OF_THREADS = """
 import ctypes, sys, threading
 from dlama.web.answers import Limits
-from dlama.web.server import serving
+from dlama.web.server import open_server
 libc = ctypes.CDLL(None)
 libc.malloc.restype, libc.fopen.restype = ctypes.c_void_p, ctypes.c_void_p
-with serving("127.0.0.1", 0, None, Limits()): pass
+with open_server("127.0.0.1", 0, None, Limits()): pass
 together = threading.Barrier(12)
 def allocate():
     libc.malloc(1000)

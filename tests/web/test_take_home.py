@@ -37,7 +37,7 @@ def files_below(folder: Path) -> dict[str, bytes]:
 
 def unpacked(result: Result, visit: Visit) -> dict[str, bytes]:
     """The zip's files."""
-    with zipfile.ZipFile(io.BytesIO(take_home.zipped(result, visit.folder))) as archive:
+    with zipfile.ZipFile(io.BytesIO(take_home.zip_result(result, visit.folder))) as archive:
         assert archive.testzip() is None
         return {name: archive.read(name) for name in archive.namelist()}
 
@@ -111,12 +111,12 @@ def test_single_files_are_those_of_the_zip(frame: Path, visit: Visit) -> None:
     assert result.done.meta and set(take_home.how(result)["files"]) == more | {
         name.removeprefix("out/") for name in packed if name.startswith("out/")
     }
-    assert take_home.single(result, "scene.ply", visit.folder)[:3] == b"ply"
+    assert take_home.single_file(result, "scene.ply", visit.folder)[:3] == b"ply"
     for name in ("image.png", "scene.glb", "depth.exr"):
-        assert take_home.single(result, name, visit.folder) == packed[f"out/{name}"]
+        assert take_home.single_file(result, name, visit.folder) == packed[f"out/{name}"]
     for name in ("../picture.png", "/etc/passwd", "background.ply", ""):
         with pytest.raises(InputError, match="is no file of this result"):
-            take_home.single(result, name, visit.folder)
+            take_home.single_file(result, name, visit.folder)
 
 
 def test_names_that_a_shell_would_take_apart(frame: Path, visit: Visit) -> None:
@@ -132,7 +132,7 @@ def test_nothing_of_it_stays_on_disk(frame: Path, visit: Visit) -> None:
     """Zip, single files and the 3-D scene are made in the visit's folder and leave nothing but the uploads."""
     open_frame(visit, frame)
     result = completed(visit, yaw=4)
-    take_home.zipped(result, visit.folder)
-    take_home.single(result, "image.png", visit.folder)
+    take_home.zip_result(result, visit.folder)
+    take_home.single_file(result, "image.png", visit.folder)
     assert take_home.photo3d_html(result).startswith(b"<!doctype html>")
     assert sorted(path.name for path in visit.folder.rglob("*")) == ["depth.png", "picture.png"]

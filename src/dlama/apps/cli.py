@@ -35,12 +35,12 @@ from dlama.apps.options import (
 )
 from dlama.apps.pointing import Pointing
 from dlama.apps.terminal.flags import flags_of, repeated_list, with_flags, wrong_value
-from dlama.apps.terminal.output import errors_as_lines, reported, stages_bar
+from dlama.apps.terminal.output import errors_as_lines, report_result, stages_bar
 from dlama.apps.verbs.batch import batch
 from dlama.apps.verbs.depth import depth as depth_of_photo
 from dlama.apps.verbs.doctor import doctor
 from dlama.apps.verbs.evaluate import evaluate
-from dlama.apps.verbs.masks import mask as mask_of_thing
+from dlama.apps.verbs.masks import mask as mask_of_object
 from dlama.apps.verbs.model_verbs import models
 from dlama.apps.verbs.photo3d import photo3d
 from dlama.apps.verbs.sequence import sequence
@@ -212,7 +212,7 @@ def demo(method: Method, results: Results, report: Report, output: DEMO_FOLDER =
     """
     from dlama.apps.verbs.demo import demo
 
-    with reported("demo", report) as result, stages_bar("demo", 4 * STAGES, report):
+    with report_result("demo", report) as result, stages_bar("demo", 4 * STAGES, report):
         Command().check(output, results, {}, None, method.settings())
         demo(output, method, result, results)
 
@@ -227,7 +227,7 @@ def version() -> None:
 VERBS: dict[str, Callable[..., Any]] = {
     "view": view,
     "remove": remove,
-    "mask": mask_of_thing,
+    "mask": mask_of_object,
     "stereo": stereo,
     "photo3d": photo3d,
     "sequence": sequence,
@@ -277,7 +277,7 @@ def main(args: Sequence[str] | None = None) -> None:
 def run_verb(name: str, words: Sequence[str]) -> None:
     """One verb with its options; the errors of the library name flags."""
     verb = VERBS[name]
-    verb.__doc__ = with_joined_lines(str(verb.__doc__))
+    verb.__doc__ = join_lines(str(verb.__doc__))
     examples = "\n".join(f"$ {line}" for line in EXAMPLES[name])
     described = f"{verb.__doc__.splitlines()[0]}\n\n{examples}"
     with errors_as_lines(lambda message: with_flags(message, flags_of(verb))):
@@ -293,6 +293,6 @@ def run_verb(name: str, words: Sequence[str]) -> None:
         tyro.cli(verb, prog=f"dlama {name}", description=described, args=words, config=CONFIG)
 
 
-def with_joined_lines(docstring: str) -> str:
+def join_lines(docstring: str) -> str:
     """A docstring with each of its Args in one line: tyro shows line breaks, and those of the source mean nothing."""
     return re.sub(r"\n {8}(?=\S)", " ", inspect.cleandoc(docstring))

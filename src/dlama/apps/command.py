@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 from dlama.apps.options import Estimating, Lens, Masking, Reading, Report, Results
 from dlama.apps.places import Inputs, check_folder_apart
-from dlama.apps.pointing import told_of_mask
-from dlama.apps.terminal.output import Result, reported, stages_bar
+from dlama.apps.pointing import mask_notes
+from dlama.apps.terminal.output import Result, report_result, stages_bar
 from dlama.errors import InputError
 from dlama.jobs.early import check_options
 from dlama.jobs.inputs import JobInputs
@@ -49,7 +49,7 @@ class Command(JobInputs):
     ) -> None:
         """OutputError and InputError for all that can be refused before anything is read: `output`, names, options.
 
-        read: the files that are read, by their roles; image: the picture, whose size tells whether points lie in it.
+        read: the files that are read, by their roles; image: the picture, whose size shows whether points lie in it.
         """
         check_folder_apart(output, read)
         given = {name: value for group in options for name, value in group.items()}
@@ -127,7 +127,7 @@ class Command(JobInputs):
 @contextmanager
 def command(verb: str, report: Report) -> Iterator[Command]:
     """A command under way: a bar while it lasts, its Result at the end."""
-    with reported(verb, report) as result, stages_bar(verb, STAGES, report):
+    with report_result(verb, report) as result, stages_bar(verb, STAGES, report):
         yield Command(result=result)
 
 
@@ -153,7 +153,7 @@ def summary_line(meta: dict[str, Any], place: object, seconds: float) -> str:
     if estimate := meta.get("depth_estimate"):
         how += f", depth {describe_depth_source(estimate)}"
     if pointed := meta.get("object_mask"):
-        how += told_of_mask(pointed["candidate"], pointed["candidates"], pointed["notes"])
+        how += mask_notes(pointed["candidate"], pointed["candidates"], pointed["notes"])
     return f"{place}: {unknown:.1%} was unknown{why}{how}, {seconds:.1f} s"
 
 

@@ -19,7 +19,7 @@ from dlama.models.verify import sha256_of, size_and_sha256
 
 UNKNOWN = "unknown"
 HASH_SUFFIX = ".sha256"
-"""Of the file beside a converted network that has its hash."""
+"""Of the file next to a converted network that has its hash."""
 
 
 def model_for(model: Path | str) -> Path:
@@ -38,22 +38,22 @@ def model_for(model: Path | str) -> Path:
         return path
     size, sha256 = size_and_sha256(path)
     target = directory() / "converted" / f"{path.stem}-{sha256[:16]}-dlama{__version__}.onnx"
-    beside = target.with_suffix(HASH_SUFFIX)
+    hash_file = target.with_suffix(HASH_SUFFIX)
     if target.is_file():
-        if is_whole(target, beside):
+        if is_whole(target, hash_file):
             return target
         print(printable(f"note: {target}: is not as it was written; it is made anew"), file=sys.stderr)
     for note in convert(path, target, licence_of(size, sha256)):
         print(printable(f"note: {note}"), file=sys.stderr)
-    with new_file(beside) as draft:
+    with new_file(hash_file) as draft:
         draft.write_text(f"{sha256_of(target)}\n", "ascii")
     return target
 
 
-def is_whole(file: Path, beside: Path) -> bool:
-    """Whether a file has the sha256 that was written beside it when it was made; False where that is missing or unreadable."""
+def is_whole(file: Path, hash_file: Path) -> bool:
+    """Whether a file has the sha256 that was written next to it when it was made; False where that is missing or unreadable."""
     try:
-        return sha256_of(file) == beside.read_text("ascii").strip()
+        return sha256_of(file) == hash_file.read_text("ascii").strip()
     except (OSError, UnicodeDecodeError, FileError):
         return False
 
@@ -91,11 +91,11 @@ def convert(source: Path, target: Path, licence: str) -> list[str]:
     if weights is None:
         return [f"{source}: MI-GAN pipeline, licence {licence}, its generator written to {target}"]
     planes = f"{weights.settings.in_channels} -> {weights.settings.out_channels} planes"
-    said = f"{source}: {weights.kind}, {planes}, {weights.settings.blocks} blocks, licence {licence}, converted to {target}"
-    return [said, *(f"{source}: {note}" for note in weights.notes)]
+    line = f"{source}: {weights.kind}, {planes}, {weights.settings.blocks} blocks, licence {licence}, converted to {target}"
+    return [line, *(f"{source}: {note}" for note in weights.notes)]
 
 
 def licence_of(size: int, sha256: str) -> str:
-    """What the catalogue says of a file with those bytes; `unknown` where it does not know them."""
+    """The catalogue's entry for a file with those bytes; `unknown` where it has none."""
     known = [record for record in CATALOGUE.values() if record.sha256 == sha256 and record.bytes in (size, None)]
     return known[0].licence if known else UNKNOWN

@@ -14,19 +14,19 @@ Inputs = Mapping[str, Path | str | None]
 """What a file or folder is to the verb (image, depth, data set) -> its path; None: not given."""
 
 
-def check_folder_apart(output: Path, inputs: Inputs, beside: Inputs | None = None) -> None:
+def check_folder_apart(output: Path, inputs: Inputs, not_results: Inputs | None = None) -> None:
     """Raise OutputError where the directory `output` is the folder of an input, is itself the input, or is a file.
 
-    Results have names like image.png and depth.png, and are placed as one folder. beside: inputs that may lie in the output
+    Results have names like image.png and depth.png, and are placed as one folder. not_results: inputs that may lie in the output
     (a camera file, a network), where no result has their name (which is checked when results are written).
     """
     check_place(output)
-    for role, path in _given(inputs):
+    for role, path in _given_paths(inputs):
         if _same(output, path) and path.is_dir():
             raise OutputError(f"output is {output}, an input of this run ({role}); give another directory")
         if path.is_file() and any(_same(output, one.parent) for one in (path, path.resolve())):
             raise OutputError(f"output is {output}, the folder of the {role} {path.name}; give another directory")
-    for role, path in _given(beside or {}):
+    for role, path in _given_paths(not_results or {}):
         if _same(output, path):
             raise OutputError(f"output is {output}, an input of this run ({role}); give another directory")
 
@@ -36,7 +36,7 @@ def check_file_apart(output: Path, inputs: Inputs, *, makes_folder: bool = False
 
     makes_folder: the file's folder is made where it is not there.
     """
-    for role, path in _given(inputs):
+    for role, path in _given_paths(inputs):
         if _same(output, path):
             raise OutputError(f"output is {output}, an input of this run ({role}); give another name")
     check_place(output.parent)
@@ -47,7 +47,7 @@ def check_file_apart(output: Path, inputs: Inputs, *, makes_folder: bool = False
 
 
 def check_place(output: Path) -> None:
-    """Raise OutputError where no directory `output` can be made or written to, as far as that can be told beforehand."""
+    """Raise OutputError where no directory `output` can be made or written to, as far as that can be known beforehand."""
     wrong = ""
     try:
         place = Path(os.path.realpath(check_name(output)))
@@ -67,7 +67,7 @@ def check_place(output: Path) -> None:
         raise OutputError(f"{output}: cannot be written: {wrong}")
 
 
-def _given(inputs: Inputs) -> list[tuple[str, Path]]:
+def _given_paths(inputs: Inputs) -> list[tuple[str, Path]]:
     return [(role, Path(path)) for role, path in inputs.items() if path is not None]
 
 

@@ -49,7 +49,7 @@ class Pointing:
         ),
     ] = None
     candidate: Annotated[str, option("part|object|group", "object")] = "object"
-    """Which reading of an ambiguous click; `dlama mask` says which there are."""
+    """Which reading of an ambiguous click; `dlama mask` prints which there are."""
     with_shadow: Annotated[bool, option("", "off")] = False
     """Add the shadow that the object casts on the surface it stands on, where it is clear."""
 
@@ -76,7 +76,7 @@ class Pointing:
         return find_pointed(picture, image, self.settings(), self.object_class)
 
 
-def told_of_mask(chosen: str, candidates: Iterable[str], notes: Iterable[str]) -> str:
+def mask_notes(chosen: str, candidates: Iterable[str], notes: Iterable[str]) -> str:
     """For the last line: which other readings of the clicks there are, and what to know of the mask; "" where nothing is."""
     others = [name for name in candidates if name != chosen]
     differs = [f"--candidate {' or '.join(others)} gives another mask"] if others else []

@@ -35,12 +35,12 @@ COMPARED = 100
 def diagnose_dataset(root: Path, layout: str | None = None, camera: CameraOption = None) -> list[Finding]:
     """Findings on a data set; the last one says what was understood. A folder that cannot be read is a finding, too."""
     try:
-        dataset, found = _opened(root, layout, camera)
+        dataset, found = _open(root, layout, camera)
         scenes = list(dict.fromkeys(frame.scene for frame in dataset.frames))[:SCENES]
         shown: list[RGBD] = []
         for scene in scenes:
-            said, first = _of_scene([frame for frame in dataset.frames if frame.scene == scene])
-            found += said
+            noted, first = _of_scene([frame for frame in dataset.frames if frame.scene == scene])
+            found += noted
             shown.append(first)
         for each in _of_cases(dataset):
             found += each
@@ -65,7 +65,7 @@ def _of_scene(frames: Sequence[Frame]) -> tuple[list[Finding], RGBD]:
     scene, chosen = frames[0].scene, frames_in_a_row(frames)
     row: dict[str, RGBD] = {}
     small: dict[str, SmallFrame] = {}
-    for frame in {each.name: each for each in (*spread(frames), *chosen)}.values():
+    for frame in {each.name: each for each in (*spread_frames(frames), *chosen)}.values():
         read = frame.load()
         small[f"{scene}/{frame.name}"] = shrink(read)
         if frame in chosen:
@@ -81,13 +81,13 @@ def _of_scene(frames: Sequence[Frame]) -> tuple[list[Finding], RGBD]:
     return [*of_first, *found], first
 
 
-def spread(frames: Sequence[Frame]) -> list[Frame]:
+def spread_frames(frames: Sequence[Frame]) -> list[Frame]:
     """All frames of a scene, or as many as are compared with each other, evenly."""
     return [frames[place] for place in np.linspace(0, len(frames) - 1, min(len(frames), COMPARED)).round().astype(int)]
 
 
 def frames_in_a_row(frames: Sequence[Frame]) -> list[Frame]:
-    """Some of a scene's frames, each beside the next: by yaw about 0 where they have one, else from the middle of the listing."""
+    """Some of a scene's frames, neighbours in a row: by yaw about 0 where they have one, else from the middle of the listing."""
     if all(frame.yaw is not None for frame in frames):
         unlike = {frame.yaw: frame for frame in frames}
         near = sorted(unlike, key=lambda yaw: abs(yaw or 0))[:FRAMES]
@@ -96,17 +96,17 @@ def frames_in_a_row(frames: Sequence[Frame]) -> list[Frame]:
     return list(frames[start : start + FRAMES])
 
 
-def _opened(root: Path, layout: str | None, camera: CameraOption) -> tuple[Dataset, list[Finding]]:
+def _open(root: Path, layout: str | None, camera: CameraOption) -> tuple[Dataset, list[Finding]]:
     """The data set, also where no case can be made of its frames; what its reader logs (frames left out) are notes."""
-    said: list[str] = []
+    noted: list[str] = []
     try:
-        with log_messages(said.append, LOG, logging.getLogger("dlama.kernels")):
+        with log_messages(noted.append, LOG, logging.getLogger("dlama.kernels")):
             dataset, found = open_dataset(root, layout, camera=camera), list[Finding]()
     except NoPairsError as error:
         name = layout or (SCENE if is_scene_file(root) else detect(root))
         found = [Finding("no-overlap", "fault", 0.9, str(error))] if len(error.frames) > 1 else []
         dataset = Dataset(root.name, name, root, error.frames, ())
-    return dataset, [*(Finding("frames", "note", 1.0, note) for note in said), *found]
+    return dataset, [*(Finding("frames", "note", 1.0, note) for note in noted), *found]
 
 
 def _of_picture(frame: RGBD, name: str, mask: BoolArray | None = None) -> list[Finding]:
@@ -120,7 +120,7 @@ def _of_cases(dataset: Dataset) -> Iterator[list[Finding]]:
     for case in (*dataset.of("sii")[:CASES], *dataset.of("ori")[:CASES]):
         truth = case.load()
         if isinstance(truth, StereoTruth):
-            said = check_pair(truth.left, truth.right, truth.rig.doffs)
-            yield [replace(each, what=f"{case.scene}: {each.what}") for each in said]
+            noted = check_pair(truth.left, truth.right, truth.rig.doffs)
+            yield [replace(each, what=f"{case.scene}: {each.what}") for each in noted]
         elif isinstance(truth, RemovalTruth):
             yield _of_picture(truth.source, f"{case.scene}/{case.frame}", truth.mask)

@@ -106,7 +106,7 @@ class Case:
 
     @property
     def key(self) -> str:
-        """What tells this case from every other of a data set; safe as a file name."""
+        """What distinguishes this case from every other of a data set; safe as a file name."""
         return "__".join((self.protocol, self.dataset, self.scene, self.frame))
 
 

@@ -42,7 +42,7 @@ class Layout:
     """One way in which a data set lies on disk."""
 
     looked_for: str
-    """What tells it from the others, in words."""
+    """What distinguishes it from the others, in words."""
     looks_like: Callable[[Path], bool]
     """Looks at names only."""
     read: Callable[..., Dataset]
@@ -124,7 +124,7 @@ def open_dataset(
     root = Path(path)
     if is_scene_file(root):
         refuse_unused(SCENE, frozenset(), {"layout": layout, **particular})
-        return narrowed(scene_file(root, limit=limit), scenes, limit)
+        return select_cases(scene_file(root, limit=limit), scenes, limit)
     if layout is not None and layout not in LAYOUTS:
         raise InputError(f"layout '{layout}' is not known; known are {', '.join(LAYOUTS)}")
     check_place(root)
@@ -133,7 +133,7 @@ def open_dataset(
     refuse_unused(name, chosen.options, particular)
     given = particular | {"scenes": scenes, "limit": limit}
     options = {key: value for key, value in given.items() if value is not None and key in chosen.options}
-    return narrowed(chosen.read(root, **options), scenes, limit)
+    return select_cases(chosen.read(root, **options), scenes, limit)
 
 
 def detect(root: Path) -> str:
@@ -177,7 +177,7 @@ def refuse_unused(name: str, known: frozenset[str], options: Mapping[str, object
             raise InputError(f"{option} does not apply to a data set of layout {name}{for_others}")
 
 
-def narrowed(dataset: Dataset, scenes: Sequence[str] | None, limit: int | None) -> Dataset:
+def select_cases(dataset: Dataset, scenes: Sequence[str] | None, limit: int | None) -> Dataset:
     """The frames and cases of these scenes, and of those cases the first `limit` of each protocol."""
     names = [*(each.scene for each in dataset.frames), *(each.scene for each in dataset.cases)]
     check_scenes(list(dict.fromkeys(names)), scenes)

@@ -71,7 +71,7 @@ def _files(folder: Path) -> StereoFiles:
     left, right = next(names for names in _PICTURES if (folder / names[0]).is_file())
     calib = folder / ("calib.txt" if left == "im0.png" else "calib.json")
     if not calib.is_file():
-        raise FileError(f"{calib}: no such file; a stereo folder needs it beside {left}")
+        raise FileError(f"{calib}: no such file; a stereo folder needs it next to {left}")
     truth = _first(folder, _LEFT_DISPARITY[left])
     if truth is None:
         raise FileError(f"{folder}: has no true disparity; {' or '.join(_LEFT_DISPARITY[left])} is expected")

@@ -63,7 +63,7 @@ class Row:
 
 
 def read_rows(path: Path, *, commas: bool = False) -> list[Row]:
-    """The lines of a text file that say something: no blank lines, none that begins with #. Raises FileError.
+    """The lines of a text file with content: no blank lines, none that begins with #. Raises FileError.
 
     commas: these stand between words, too (CSV).
     """
@@ -134,7 +134,7 @@ def scene_folders(
     scenes: Sequence[str] | None,
     files: Iterable[str] = (),
 ) -> dict[str, Path]:
-    """The folders that hold a scene, by its name: the root, or those up to two levels below; of them the wanted `scenes`.
+    """The folders that hold a scene, by its name: the root, or those up to two levels below; of them the selected `scenes`.
 
     files: endings of files that are looked at like folders.
 

@@ -24,7 +24,7 @@ from dlama.perception.diagnosis.lens import looks_like_radians
 FILM_DIAGONAL_MM = math.hypot(36, 24)
 """35 mm film; "focal length in 35 mm film" compares diagonals (CIPA DCG-001)."""
 NO_INTRINSICS = (
-    "the field of view is not known: give fov, its horizontal field of view in degrees (phone main camera about 65, "
+    "how wide the camera sees is not known: give fov, its horizontal field of view in degrees (phone main camera about 65, "
     "webcam 60, Kinect 57 to 63, EasySynth 90), or `camera`, a JSON file, or fx fy cx cy in pixels"
 )
 CAMERA_FIELDS = ("width", "height", "fx", "fy", "cx", "cy", "K", "pixel_center", "world_from_cam", "comment")

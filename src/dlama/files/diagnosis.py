@@ -38,7 +38,7 @@ from dlama.perception.diagnosis.rgbd_checks import run_checks
 from dlama.perception.diagnosis.stereo_pair import check_pair
 
 GUESSED_FOV = 65.0
-"""Degrees, where the field of view is not known: a phone's."""
+"""Degrees, where how wide the camera sees is not known: a phone's."""
 UNTURNED = (0, 1, 2, 3, 4, 5, 8, 7, 6)
 """EXIF orientation -> the one that undoes it."""
 

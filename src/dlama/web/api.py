@@ -1,4 +1,4 @@
-"""A visit and what its page sent in; what the page gets back out. ACTIONS, at the foot, is the closed list of addresses.
+"""A visit and what its page sent in; what the page gets back out. ACTIONS, at the end, is the closed list of addresses.
 
 Every action is a function (visit, fields) -> JSON-ready values or bytes. No field is ever taken for a path.
 """
@@ -16,7 +16,7 @@ from dlama.errors import DlamaError
 from dlama.web import pictures, results
 from dlama.web.answers import Blob, Fields, Limits, pixel_of
 from dlama.web.completion_request import PAGE_FILLERS, read_request
-from dlama.web.failures import PageError, in_words_of_the_page, shown
+from dlama.web.failures import PageError, hide_paths, use_page_words
 from dlama.web.inputs import ROLES, Upload, check_size, file_name, read_source
 from dlama.web.marks import find, mask_of, others, pointing, read_marks
 from dlama.web.thread_messages import messages_of_thread
@@ -55,7 +55,7 @@ def keep_upload(visit: Visit, role: str, name: str, limits: Limits, write: Calla
         except BaseException as error:
             upload.path.unlink(missing_ok=True)
             if isinstance(error, DlamaError) and not isinstance(error, PageError):
-                raise PageError(shown(str(error), {upload.path: clean}), role) from error
+                raise PageError(hide_paths(str(error), {upload.path: clean}), role) from error
             raise
         visit.files[role] = upload
     return {"role": role, "name": clean}
@@ -72,14 +72,14 @@ def forget_file(visit: Visit, role: str) -> None:
 def state(visit: Visit, fields: Fields) -> dict[str, Any]:
     """Where the visit stands, for a page that is loaded again."""
     files = {role: visit.files[role].name for role in ROLES if role in visit.files}
-    told: dict[str, Any] = {"files": files, "fields": visit.fields}
+    answer: dict[str, Any] = {"files": files, "fields": visit.fields}
     if visit.source is not None:
-        told |= {"source": described(visit), "marks": visit.listed, "masked": visit.mask is not None}
+        answer |= {"source": describe_source(visit), "marks": visit.listed, "masked": visit.mask is not None}
     if visit.run is not None and visit.run.state != "cancelled":  # done or failed: the page has not asked since
-        told["run"] = visit.run.progress()
+        answer["run"] = visit.run.progress()
     if visit.result is not None:
-        told["result"] = results.told_result(visit.result)
-    return told
+        answer["result"] = results.describe_result(visit.result)
+    return answer
 
 
 def forget(visit: Visit, fields: Fields) -> dict[str, Any]:
@@ -103,34 +103,34 @@ def example(visit: Visit, fields: Fields) -> dict[str, Any]:
     if name not in EXAMPLES:
         raise PageError(f"name is {name[:20]!r}; one of {', '.join(EXAMPLES)} is expected")
     start_over(visit, {})
-    _, files, beside = EXAMPLES[name]
+    _, files, fields_of_example = EXAMPLES[name]
     for role, file in files.items():
         place = visit.folder / f"{role}{(dlama.example() / file).suffix}"
         shutil.copyfile(dlama.example() / file, place)
         visit.files[role] = Upload(file, place)
-    return read(visit, beside)
+    return read(visit, fields_of_example)
 
 
 def read(visit: Visit, fields: Fields) -> dict[str, Any]:
-    """Read the uploads, with the fields beside them."""
+    """Read the uploads, with the fields next to them."""
     visit.forget_source()
     visit.fields = {
         name: value for name, value in fields.items() if isinstance(value, (str, int, float)) and len(str(value)) < 400
     }
     with messages_of_thread() as warned:
         visit.source = read_source(visit.files, visit.fields)
-    return {**state(visit, fields), "warnings": [in_words_of_the_page(shown(text, visit.names())) for text in warned]}
+    return {**state(visit, fields), "warnings": [use_page_words(hide_paths(text, visit.names())) for text in warned]}
 
 
-def described(visit: Visit) -> dict[str, Any]:
+def describe_source(visit: Visit) -> dict[str, Any]:
     """What was read, for the page."""
-    source = visit.needed_source()
+    source = visit.require_source()
     width, height = source.rgbd.camera.wh
     names = visit.names()
     return {
         "width": width,
         "height": height,
-        "facts": {name: shown(text, names) for name, text in source.facts.items()},
+        "facts": {name: hide_paths(text, names) for name, text in source.facts.items()},
         "pair": source.pair is not None,
         "estimated": source.rgbd.estimate is not None,
     }
@@ -138,7 +138,7 @@ def described(visit: Visit) -> dict[str, Any]:
 
 def source_picture(visit: Visit, fields: Fields) -> Blob:
     """The picture, or with `kind` depth its depth in colours, or right."""
-    source = visit.needed_source()
+    source = visit.require_source()
     kind = fields.get("kind")
     if kind == "depth":
         shown_depth, ramp = pictures.source_depth(source.rgbd)
@@ -150,13 +150,13 @@ def source_picture(visit: Visit, fields: Fields) -> Blob:
 
 def source_pixel(visit: Visit, fields: Fields) -> dict[str, Any]:
     """What a pixel of the source holds; `x`, `y`."""
-    view = dlama.View.from_rgbd(visit.needed_source().rgbd)
+    view = dlama.View.from_rgbd(visit.require_source().rgbd)
     return pictures.pixel(view, *pixel_of(fields))
 
 
 def mark(visit: Visit, fields: Fields) -> dict[str, Any]:
     """Everything that is marked: `marks`, `with_shadow`, `candidate`, `grow`. The mask itself is fetched by `mask`."""
-    source = visit.needed_source()
+    source = visit.require_source()
     marks = read_marks(fields)
     key = tuple(map(str, pointing(marks).values()))
     if visit.found is None or visit.found[0] != key:
@@ -180,20 +180,20 @@ def mark(visit: Visit, fields: Fields) -> dict[str, Any]:
 
 def mask(visit: Visit, fields: Fields) -> Blob:
     """The mask as a picture, 255 = remove."""
-    source = visit.needed_source()
+    source = visit.require_source()
     chosen = visit.mask if visit.mask is not None else source.rgbd.missing & False
     return Blob(pictures.mask_png(chosen), "image/png")
 
 
 def preview(visit: Visit, fields: Fields) -> Blob:
     """256 pixels of what is known from where the camera is to stand; shares of the hole types in a header."""
-    source = visit.needed_source()
+    source = visit.require_source()
     request = read_request(fields)
     if "small" not in visit.preview:
         visit.preview["small"] = pictures.Preview(source.rgbd, visit.mask)
     picture, shares = visit.preview["small"].show(request)
-    told = ", ".join(f"{name}={share}" for name, share in shares.items())
-    return Blob(pictures.png(picture), "image/png", headers={"X-Holes": told})
+    answer = ", ".join(f"{name}={share}" for name, share in shares.items())
+    return Blob(pictures.png(picture), "image/png", headers={"X-Holes": answer})
 
 
 def alive(visit: Visit, fields: Fields) -> dict[str, Any]:

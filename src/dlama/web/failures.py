@@ -1,4 +1,4 @@
-"""An error of the library in; what the page shows, and the field that it belongs beside, out."""
+"""An error of the library in; what the page shows, and the field that it is about, out."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ WORDS = {
     "metres_at": "known depths",
     "camera_height": "the camera's height above the ground",
     "clicks": "a click",
-    "not_clicks": "a click beside the thing",
+    "not_clicks": "a click outside the object",
     "dilate": "growth of the hole",
     "min_confidence": "“Leave open below”",
 }
@@ -36,11 +36,11 @@ WORDS = {
 PLAIN_WORDS = ("camera", "far", "clicks", "dilate")
 """Those that sentences have too: they are parameters only in backticks, or where a clause begins with them."""
 KINDS: tuple[tuple[type[DlamaError], str], ...] = ((CameraError, "camera"), (DepthError, "depth"), (MaskError, "marks"))
-"""Kind of an error -> the field it is about where nothing else says so."""
+"""Kind of an error -> the field it is about where nothing else names it."""
 
 
 class PageError(InputError):
-    """What the page sent cannot be used; `field` names the part of the page that the message belongs beside."""
+    """What the page sent cannot be used; `field` names the part of the page that the message is about."""
 
     def __init__(self, message: str, field: str = "", status: int = 400) -> None:
         super().__init__(message)
@@ -49,7 +49,7 @@ class PageError(InputError):
 
 
 def field_of(error: DlamaError, files: Mapping[str, Path]) -> str:
-    """The field of the page that an error belongs beside: the file it names, else the parameter, else its kind; "": none.
+    """The field of the page that an error is about: the file it names, else the parameter, else its kind; "": none.
 
     files: role -> where that upload lies.
     """
@@ -66,7 +66,7 @@ def field_of(error: DlamaError, files: Mapping[str, Path]) -> str:
     return next((field for kind, field in KINDS if isinstance(error, kind)), "")
 
 
-def shown(message: str, names: Mapping[Path, str]) -> str:
+def hide_paths(message: str, names: Mapping[Path, str]) -> str:
     """A message with the visitor's own names of the files (`names`: our path -> theirs) in place of ours."""
     words = {str(path): name for path, name in names.items()} | {path.name: name for path, name in names.items()}
     if not words:
@@ -75,7 +75,7 @@ def shown(message: str, names: Mapping[Path, str]) -> str:
     return re.sub(rf"(?<![\w.-])(?:{longest_first})(?![\w-])", lambda match: words[match[0]], message)
 
 
-def in_words_of_the_page(message: str) -> str:
+def use_page_words(message: str) -> str:
     """A message of the library, which names parameters, with what the page calls them."""
     for name, words in WORDS.items():
         message = message.replace(f"`{name}`", words)

@@ -22,7 +22,7 @@ from urllib.parse import parse_qs, unquote, urlsplit
 from dlama.errors import DlamaError
 from dlama.web import api
 from dlama.web.answers import Blob, Limits
-from dlama.web.failures import PageError, field_of, in_words_of_the_page, shown
+from dlama.web.failures import PageError, field_of, hide_paths, use_page_words
 from dlama.web.visits import Visit, Visits
 
 TYPES = {
@@ -39,7 +39,7 @@ MOST_DIGITS = 18
 """Of the length of what is sent."""
 CHUNK = 2**18
 SECONDS = 60
-"""A connection that says nothing for so long is closed."""
+"""A connection without a request for so long is closed."""
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob:; connect-src 'self'; "
     "form-action 'self'; base-uri 'none'; frame-ancestors 'none'"
@@ -54,7 +54,7 @@ ASK_FOR_TOKEN = """<!doctype html><html lang="en"><meta charset="utf-8"><title>d
 """
 
 
-class Serves(Protocol):
+class ServerState(Protocol):
     """What a connection needs to know of its server."""
 
     visits: Visits
@@ -78,7 +78,7 @@ class Handler(BaseHTTPRequestHandler):
     server_version = "dlama"
     sys_version = ""
     timeout = SECONDS
-    server: Serves  # type: ignore[assignment]
+    server: ServerState  # type: ignore[assignment]
 
     def log_message(self, format: str, *args: Any) -> None:
         """Nothing of what visitors do is written down."""
@@ -88,8 +88,8 @@ class Handler(BaseHTTPRequestHandler):
         address = urlsplit(self.path)
         given = parse_qs(address.query).get("token", [""])[0]
         if not self._host_is_ours():
-            self._say(HTTPStatus.FORBIDDEN, "this address is not one that dlama serve listens on")
-        elif self.server.token and given and same(given, self.server.token):
+            self._send_text(HTTPStatus.FORBIDDEN, "this address is not one that dlama serve listens on")
+        elif self.server.token and given and equal_tokens(given, self.server.token):
             cookie = f"{self._cookie_name()}={digest(self.server.token)}; Path=/; HttpOnly; SameSite=Strict"
             self._reply(HTTPStatus.SEE_OTHER, b"", "text/plain", {"Location": "/", "Set-Cookie": cookie})
         elif not self._has_token() and address.path != "/page.css":
@@ -98,7 +98,7 @@ class Handler(BaseHTTPRequestHandler):
             name = "/page.html" if address.path == "/" else address.path
             data = self.server.files.get(name)
             if data is None:
-                self._say(HTTPStatus.NOT_FOUND, "there is no such page")
+                self._send_text(HTTPStatus.NOT_FOUND, "there is no such page")
             else:
                 self._reply(HTTPStatus.OK, data, TYPES[Path(name).suffix])
 
@@ -183,7 +183,7 @@ class Handler(BaseHTTPRequestHandler):
         given = self.headers.get("Content-Length") or "0"
         if "Transfer-Encoding" in self.headers or not given.isdecimal() or len(given) > MOST_DIGITS:
             self.close_connection = True
-            raise PageError("the length of what is sent must be said", status=411)
+            raise PageError("the length of what is sent must be given", status=411)
         if int(given) > most:
             self.close_connection = True
             self._drop(min(int(given), 4 * most))  # a browser reads the answer only once it has sent all
@@ -219,13 +219,13 @@ class Handler(BaseHTTPRequestHandler):
         if not field and self.path.startswith("/api/upload"):
             field = parse_qs(urlsplit(self.path).query).get("role", [""])[0][:20]
         self.close_connection = True  # its body may not have been read
-        self._json({"error": in_words_of_the_page(shown(str(error), names)), "field": field}, HTTPStatus(status))
+        self._json({"error": use_page_words(hide_paths(str(error), names)), "field": field}, HTTPStatus(status))
 
     def _refuse(self, status: HTTPStatus, message: str) -> None:
         self.close_connection = True
         self._json({"error": message, "field": ""}, status)
 
-    def _say(self, status: HTTPStatus, message: str) -> None:
+    def _send_text(self, status: HTTPStatus, message: str) -> None:
         self._reply(status, message.encode(), "text/plain; charset=utf-8")
 
     def _json(self, values: Mapping[str, Any], status: HTTPStatus = HTTPStatus.OK) -> None:
@@ -270,7 +270,9 @@ class Handler(BaseHTTPRequestHandler):
             cookies.load(self.headers.get("Cookie", ""))
         given = cookies.get(self._cookie_name())
         bearer = self.headers.get("Authorization", "").removeprefix("Bearer ")
-        return same(given.value, digest(self.server.token)) if given else same(bearer, self.server.token)
+        return (
+            equal_tokens(given.value, digest(self.server.token)) if given else equal_tokens(bearer, self.server.token)
+        )
 
 
 def digest(token: str) -> str:
@@ -278,6 +280,6 @@ def digest(token: str) -> str:
     return hashlib.sha256(token.encode()).hexdigest()
 
 
-def same(given: str, token: str) -> bool:
-    """Whether two texts are equal, in a time that does not tell where they differ."""
+def equal_tokens(given: str, token: str) -> bool:
+    """Whether two texts are equal, in a time that does not depend on where they differ."""
     return hmac.compare_digest(given.encode("utf-8", "replace"), token.encode())

@@ -1,4 +1,4 @@
-"""Uploaded files and the fields beside them in; an RGB-D picture or a stereo pair, and what was found in them, out."""
+"""Uploaded files and the fields next to them in; an RGB-D picture or a stereo pair, and what was found in them, out."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from dlama.files.rasters.images import SUFFIXES, picture_hw
 from dlama.files.rgbd import nearest_pixels
 from dlama.geometry.rgbd import RGBD, UInt8Array, describe_depth_range, percent
 from dlama.perception.depth_scale import RULES, describe_depth_source
-from dlama.web.failures import PageError, in_words_of_the_page
+from dlama.web.failures import PageError, use_page_words
 
 ROLES: dict[str, tuple[str, ...]] = {
     "picture": SUFFIXES,
@@ -190,19 +190,19 @@ def facts_of(rgbd: RGBD, options: Mapping[str, Any], lens_from: str, files: Mapp
     width, height = rgbd.camera.wh
     facts = {
         "picture": f"{width} x {height} pixels",
-        "camera": f"{rgbd.camera.fov_deg:.1f}° wide, fx {rgbd.camera.fx:.1f} px, {said_of(lens_from)}",
+        "camera": f"{rgbd.camera.fov_deg:.1f}° wide, fx {rgbd.camera.fx:.1f} px, {describe_lens(lens_from)}",
         "depth": f"{describe_depth_range(rgbd.depth)}, {percent(rgbd.missing)} missing, {percent(rgbd.far)} sky",
     }
     if rgbd.estimate is not None:
         about = dict(rgbd.estimate)
         facts["depth"] = f"{describe_depth_source(about)}: {describe_depth_range(rgbd.depth)}"
-        facts["known"] = in_words_of_the_page(RULES[about["scale"]["rule"]])
+        facts["known"] = use_page_words(RULES[about["scale"]["rule"]])
     elif "depth" in files:
         facts["scale"] = scale_in_words(files["depth"].path.suffix, options)
     return facts
 
 
-def said_of(lens_from: str) -> str:
+def describe_lens(lens_from: str) -> str:
     """Where the lens comes from: `assumed`, or `from ...`."""
     return lens_from if lens_from == "assumed" else f"from {lens_from}"
 
@@ -212,12 +212,12 @@ def scale_in_words(suffix: str, options: Mapping[str, Any]) -> str:
     if "depth_range" in options:
         return f"1.0 is {options['depth_range']:g} m"
     if "depth_scale" in options:
-        return f"{options['depth_scale']:g} units per metre, as you said"
+        return f"{options['depth_scale']:g} units per metre, as you chose"
     whole = suffix in (".png", ".tif", ".tiff")
     return "1000 units per metre (millimetres, usual for 16 bits)" if whole else "read as metres"
 
 
-def small(source: RGBD, longest: int) -> RGBD:
+def shrink(source: RGBD, longest: int) -> RGBD:
     """The picture at a size whose longer side is at most `longest` pixels; each depth is that of a pixel, never a mean."""
     width, height = source.camera.wh
     factor = longest / max(width, height)

@@ -1,4 +1,4 @@
-"""What a visitor marked on the picture (clicks, a box, brush strokes) in; the mask of what is to go out."""
+"""What a visitor marked on the picture (clicks, a box, brush strokes) in; the mask of what to remove out."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Marks:
 
     @property
     def points_at(self) -> bool:
-        """Whether clicks or a box point at a thing."""
+        """Whether clicks or a box point at an object."""
         return bool(self.clicks or self.box)
 
     @property
@@ -56,7 +56,7 @@ class Marks:
 
     @property
     def in_words(self) -> bool:
-        """Whether clicks and a box alone say it, as the command line can; strokes and growth need a mask file."""
+        """Whether clicks and a box alone describe it, as the command line can; strokes and growth need a mask file."""
         return self.points_at and not self.strokes and self.grow == 0
 
 
@@ -116,7 +116,7 @@ def pointing(marks: Marks) -> dict[str, Any]:
 
 
 def find(session: dlama.MaskSession, marks: Marks) -> dlama.ObjectMask | None:
-    """The thing that clicks or a box mean; None where there are none. InputError."""
+    """The object that clicks or a box mean; None where there are none. InputError."""
     if marks.points_at:
         return session.find(**pointing(marks))
     if marks.not_clicks and not marks.strokes:

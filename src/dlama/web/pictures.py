@@ -25,7 +25,7 @@ from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin, View
 from dlama.web.completion_request import CompletionRequest
 from dlama.web.failures import PageError
-from dlama.web.inputs import small
+from dlama.web.inputs import shrink
 
 PREVIEW_PX = 256
 KINDS = ("image", "known", "hole_type", "origin", "confidence", "depth", "depth_known", "source")
@@ -49,7 +49,7 @@ class Preview:
     """The scene at 256 pixels: what the source shows of it from any camera, holes in the colours of their types."""
 
     def __init__(self, rgbd: RGBD, mask: BoolArray | None) -> None:
-        self.rgbd = small(rgbd, PREVIEW_PX)
+        self.rgbd = shrink(rgbd, PREVIEW_PX)
         self.scene = Scene((View.from_rgbd(self.rgbd),))
         if mask is not None and mask.any() and not mask.all():
             width, height = self.rgbd.camera.wh
@@ -151,7 +151,7 @@ def pixel(view: View, x: int, y: int) -> dict[str, Any]:
     if not (0 <= x < width and 0 <= y < height):
         raise PageError(f"{x},{y} lies outside the picture, which is {width}x{height}")
     depth = float(view.depth[y, x])
-    told: dict[str, Any] = {
+    found: dict[str, Any] = {
         "x": x,
         "y": y,
         "color": view.color[y, x].tolist(),
@@ -163,8 +163,8 @@ def pixel(view: View, x: int, y: int) -> dict[str, Any]:
     }
     if 0 < depth < np.inf:
         one = RGBD(view.color[y : y + 1, x : x + 1], view.depth[y : y + 1, x : x + 1], view.camera.cropped(x, y, 1, 1))
-        told["point"] = [round(float(value), 4) for value in lift(one).points[0]]
-    return told
+        found["point"] = [round(float(value), 4) for value in lift(one).points[0]]
+    return found
 
 
 def source_depth(rgbd: RGBD) -> tuple[UInt8Array, dict[str, Any]]:

@@ -10,7 +10,7 @@ from dlama.files.scenes.photo3d_page import LARGEST_GLB, describe_box, glb_withi
 from dlama.web import pictures, take_home
 from dlama.web.answers import Blob, Fields, pixel_of
 from dlama.web.completion_request import read_request
-from dlama.web.failures import PageError, in_words_of_the_page, shown
+from dlama.web.failures import PageError, hide_paths, use_page_words
 from dlama.web.marks import pointing
 from dlama.web.runs import Run
 from dlama.web.visits import Result, Visit
@@ -20,8 +20,8 @@ EXPECTED_STAGES = {"view": 4, "remove": 4, "stereo": 6}
 
 
 def complete(visit: Visit, fields: Fields) -> dict[str, Any]:
-    """Begin the completion; `run` tells how far it is."""
-    source, mask, marks = visit.needed_source(), visit.mask, visit.marks
+    """Begin the completion; `run` returns its progress."""
+    source, mask, marks = visit.require_source(), visit.mask, visit.marks
     request = read_request(fields)
     request.camera(source.rgbd)  # refused at once, not when the work begins
     if visit.run is not None and visit.run.active:
@@ -52,15 +52,15 @@ def run(visit: Visit, fields: Fields) -> dict[str, Any]:
     """How far the completion is; at its end its result. Raises what it failed with."""
     if visit.run is None:
         return {"state": "none"}
-    told = visit.run.progress()
+    answer = visit.run.progress()
     if visit.run.state == "failed":
         error, visit.run = visit.run.error, None
         raise error or RuntimeError("the run failed")
     if visit.run.state == "done":
         visit.result, visit.run = visit.run.result, None
-    if visit.result is not None and told["state"] == "done":
-        told["result"] = told_result(visit.result)
-    return told
+    if visit.result is not None and answer["state"] == "done":
+        answer["result"] = describe_result(visit.result)
+    return answer
 
 
 def cancel(visit: Visit, fields: Fields) -> dict[str, Any]:
@@ -69,7 +69,7 @@ def cancel(visit: Visit, fields: Fields) -> dict[str, Any]:
     return {"state": "cancelled"}
 
 
-def told_result(result: Result) -> dict[str, Any]:
+def describe_result(result: Result) -> dict[str, Any]:
     """What came out, for the page."""
     done, names = result.done, {upload.path: upload.name for upload in result.source.files.values()}
     view = pictures.result_views(done, False)[0]
@@ -84,7 +84,7 @@ def told_result(result: Result) -> dict[str, Any]:
         "nothing_visible": done.meta["nothing_visible"],
         "seconds": done.meta["seconds"],
         "filler": done.meta["filler"],
-        "warnings": [in_words_of_the_page(shown(text, names)) for text in result.warnings],
+        "warnings": [use_page_words(hide_paths(text, names)) for text in result.warnings],
         "legends": {
             **{side: pictures.legends(done, side == "right") for side in sides},
             "scene": pictures.scene_origins(done),
@@ -96,7 +96,7 @@ def told_result(result: Result) -> dict[str, Any]:
 
 def picture(visit: Visit, fields: Fields) -> Blob:
     """A picture of the result; `kind`, and `right` of a pair."""
-    done = visit.needed_result().done
+    done = visit.require_result().done
     return Blob(
         pictures.png(pictures.result_picture(done, str(fields.get("kind")), fields.get("right") is True)), "image/png"
     )
@@ -104,29 +104,29 @@ def picture(visit: Visit, fields: Fields) -> Blob:
 
 def pixel(visit: Visit, fields: Fields) -> dict[str, Any]:
     """What a pixel of the result holds; `x`, `y`, and `right` of a pair."""
-    view, _ = pictures.result_views(visit.needed_result().done, fields.get("right") is True)
+    view, _ = pictures.result_views(visit.require_result().done, fields.get("right") is True)
     return pictures.pixel(view, *pixel_of(fields))
 
 
 def scene(visit: Visit, fields: Fields) -> Blob:
     """The 3-D photo as GLB, for the page; its box in a header."""
-    photo, parts = visit.needed_result().photo
+    photo, parts = visit.require_result().photo
     about = {"X-Box": json.dumps(describe_box(photo.box))}
     return Blob(glb_within(parts, LARGEST_GLB), "model/gltf-binary", headers=about)
 
 
 def photo3d(visit: Visit, fields: Fields) -> Blob:
     """The 3-D photo as one HTML file."""
-    return Blob(take_home.photo3d_html(visit.needed_result()), "text/html", "photo3d.html")
+    return Blob(take_home.photo3d_html(visit.require_result()), "text/html", "photo3d.html")
 
 
 def package(visit: Visit, fields: Fields) -> Blob:
     """Everything as a zip."""
-    return Blob(take_home.zipped(visit.needed_result(), visit.folder), "application/zip", "dlama.zip")
+    return Blob(take_home.zip_result(visit.require_result(), visit.folder), "application/zip", "dlama.zip")
 
 
 def file(visit: Visit, fields: Fields) -> Blob:
     """One file of the result; `name`, one of those the result lists."""
     name = str(fields.get("name"))
-    data = take_home.single(visit.needed_result(), name, visit.folder)
+    data = take_home.single_file(visit.require_result(), name, visit.folder)
     return Blob(data, "application/octet-stream", name.rpartition("/")[2])

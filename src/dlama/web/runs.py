@@ -30,7 +30,7 @@ class Run:
 
     def __init__(self, work: Callable[[], Any], expected: int) -> None:
         self.work = work
-        self.finish: Callable[[Any], Any] = _same
+        self.finish: Callable[[Any], Any] = _identity
         """What becomes of what `work` gives, in the same thread."""
         self.expected = expected
         """About as many stages as it has."""
@@ -88,7 +88,7 @@ class Run:
                     self._work()
         finally:
             ONE_AT_A_TIME.release()
-            self.work, self.finish = _nothing, _same
+            self.work, self.finish = _do_nothing, _identity
             self._end()
 
     def _work(self) -> None:
@@ -107,9 +107,9 @@ class Run:
             self.state = "done" if self.error is None else "failed"
 
 
-def _nothing() -> None:
+def _do_nothing() -> None:
     return None
 
 
-def _same(value: Any) -> Any:
+def _identity(value: Any) -> Any:
     return value

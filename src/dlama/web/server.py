@@ -95,7 +95,7 @@ def share_arenas() -> None:
 
 
 @contextmanager
-def serving(host: str, port: int, token: str | None, limits: Limits) -> Iterator[Server]:
+def open_server(host: str, port: int, token: str | None, limits: Limits) -> Iterator[Server]:
     """A server that listens; `serve_forever` answers. At the end it forgets all visits. InputError: the address cannot be had."""
     if not is_loopback(host) and not token:
         raise InputError(f"host is {host}: a token is expected where other machines can reach the page; give token")

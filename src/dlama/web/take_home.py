@@ -17,7 +17,7 @@ from dlama.files.results.completion import RESULTS, file_names
 from dlama.files.results.meta_json import as_json
 from dlama.files.scenes.photo3d_page import photo3d_page
 from dlama.web.completion_request import CompletionRequest
-from dlama.web.failures import PageError, shown
+from dlama.web.failures import PageError, hide_paths
 from dlama.web.inputs import Source
 from dlama.web.marks import Marks, pointing
 from dlama.web.visits import Result
@@ -69,11 +69,11 @@ def option_words(options: Mapping[str, Any]) -> list[str]:
         if name == "metres_at":
             words += [flag, *(f"{x:g},{y:g}={metres:g}" for x, y, metres in value)]
         else:
-            words += [flag, said(value)]
+            words += [flag, format_value(value)]
     return words
 
 
-def said(value: Any) -> str:
+def format_value(value: Any) -> str:
     """A value as it is typed."""
     return repr(value).removesuffix(".0") if isinstance(value, float) else str(value)
 
@@ -83,9 +83,9 @@ def marks_words(marks: Marks) -> list[str]:
     words = []
     for flag, points in (("--click", marks.clicks), ("--not", marks.not_clicks)):
         if points:
-            words += [flag, *(",".join(map(said, one)) for one in points)]
+            words += [flag, *(",".join(map(format_value, one)) for one in points)]
     if marks.box:
-        words.append(f"--box={','.join(map(said, marks.box))}")
+        words.append(f"--box={','.join(map(format_value, marks.box))}")
     if marks.candidate != "object":
         words += ["--candidate", marks.candidate]
     return [*words, "--with-shadow"] if marks.with_shadow else words
@@ -94,10 +94,10 @@ def marks_words(marks: Marks) -> list[str]:
 def move_words(request: CompletionRequest, needed: bool) -> list[str]:
     """The camera's move as flags; `needed`: at least one."""
     moves = {"yaw": request.yaw, "pitch": request.pitch, "dolly": request.dolly}
-    words = [f"--{name}={said(value)}" for name, value in moves.items() if value]
+    words = [f"--{name}={format_value(value)}" for name, value in moves.items() if value]
     if not words and needed:
         words = ["--yaw=0"]
-    return [*words, f"--pivot={said(request.pivot)}"] if words and request.pivot != "auto" else words
+    return [*words, f"--pivot={format_value(request.pivot)}"] if words and request.pivot != "auto" else words
 
 
 def python_lines(result: Result) -> str:
@@ -150,8 +150,8 @@ def how(result: Result) -> dict[str, Any]:
     }
 
 
-def written(result: Result, folder: Path, only: tuple[str, ...] | None = None) -> Path:
-    """Write a result as the command line does, to `folder`/out; with the mask beside it where the command reads one."""
+def write_result(result: Result, folder: Path, only: tuple[str, ...] | None = None) -> Path:
+    """Write a result as the command line does, to `folder`/out; with the mask next to it where the command reads one."""
     roles = {"picture": "left" if result.source.pair is not None else "image"}
     inputs = {roles.get(role, role): upload.path for role, upload in result.source.files.items()}
     names = {upload.path: upload.name for upload in result.source.files.values()}
@@ -161,7 +161,7 @@ def written(result: Result, folder: Path, only: tuple[str, ...] | None = None) -
         write_mask(folder / MASK, result.mask)
     if result.object_mask and not needs_mask_file(result):
         result.done.meta["object_mask"] = result.object_mask
-    lens_from = shown(result.source.intrinsics_from, names)
+    lens_from = hide_paths(result.source.intrinsics_from, names)
     out = dlama.write(result.done, folder / OUT, only=only, inputs=inputs, intrinsics_from=lens_from)
     meta = json.loads((out / "meta.json").read_text("utf-8"))
     for entry in meta["inputs"].values():
@@ -170,11 +170,11 @@ def written(result: Result, folder: Path, only: tuple[str, ...] | None = None) -
     return out
 
 
-def zipped(result: Result, parent: Path) -> bytes:
+def zip_result(result: Result, parent: Path) -> bytes:
     """The files of the command line, the mask where it reads one, and commands.txt with how to do it again."""
     stream = io.BytesIO()
     with tempfile.TemporaryDirectory(dir=parent) as name:
-        out = written(result, Path(name))
+        out = write_result(result, Path(name))
         with zipfile.ZipFile(stream, "w") as archive:
             for path in sorted(each for each in out.rglob("*") if each.is_file()):
                 kind = zipfile.ZIP_DEFLATED if path.suffix in PACKED else zipfile.ZIP_STORED
@@ -185,13 +185,13 @@ def zipped(result: Result, parent: Path) -> bytes:
     return stream.getvalue()
 
 
-def single(result: Result, file: str, parent: Path) -> bytes:
+def single_file(result: Result, file: str, parent: Path) -> bytes:
     """One file of the result. PageError for a name that it has not."""
     if file not in file_names(result.done, EVERY):
         raise PageError(f"{file[:40]!r} is no file of this result")
     group = next((name for name, files in RESULTS.items() if file.rpartition("/")[2] in files), "preview")
     with tempfile.TemporaryDirectory(dir=parent) as name:
-        return (written(result, Path(name), (group,)) / file).read_bytes()
+        return (write_result(result, Path(name), (group,)) / file).read_bytes()
 
 
 def photo3d_html(result: Result) -> bytes:

@@ -42,7 +42,7 @@ class Result:
     """What was to go; None: nothing."""
     mask: BoolArray | None
     object_mask: dict[str, Any]
-    """How the mask was found, as meta.json says it; empty where it was painted, or nothing was to go."""
+    """How the mask was found, as meta.json says it; empty where it was painted, or nothing is removed."""
     warnings: tuple[str, ...]
 
     @cached_property
@@ -84,13 +84,13 @@ class Visit:
         """Our path of each upload -> the visitor's name of it."""
         return {upload.path: upload.name for upload in self.files.values()}
 
-    def needed_source(self) -> Source:
+    def require_source(self) -> Source:
         """What was read. PageError."""
         if self.source is None:
             raise PageError("a picture is expected first", "picture")
         return self.source
 
-    def needed_result(self) -> Result:
+    def require_result(self) -> Result:
         """What was completed. PageError."""
         if self.result is None:
             raise PageError("nothing has been completed yet")

@@ -17,7 +17,7 @@ import numpy as np
 
 from dlama.arguments import is_finite
 from dlama.datasets.frames import Case, Dataset, Frame, Gamma, RemovalTruth, StereoTruth, ViewTruth
-from dlama.datasets.layouts import check_limit, narrowed, open_dataset, refuse_unused
+from dlama.datasets.layouts import check_limit, open_dataset, refuse_unused, select_cases
 from dlama.datasets.posed.posed_frames import CameraOption
 from dlama.errors import FileError, InputError, system_errors
 from dlama.geometry.camera import Camera, StereoRig
@@ -256,7 +256,7 @@ def open_dataset_or_worlds(
     refuse_unused(LAYOUT, frozenset(), options)
     if layout is not None:
         raise InputError(f"'{path}' is generated and has no layout; layout {layout} is for folders")
-    return narrowed(named_worlds(str(path)), scenes, limit)
+    return select_cases(named_worlds(str(path)), scenes, limit)
 
 
 def named_worlds(name: str) -> Dataset:

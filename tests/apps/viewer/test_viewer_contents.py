@@ -78,16 +78,16 @@ def cloud(count: int, origin: int = 1, confidence: float = 1) -> PointCloud:
 
 def test_many_points_are_thinned_alike_and_the_same_each_time() -> None:
     clouds = {"measured": cloud(8000), "filled": cloud(2000)}
-    thin = contents.sampled(clouds, 1000)
+    thin = contents.sample_points(clouds, 1000)
     assert {name: len(each) for name, each in thin.items()} == {"measured": 800, "filled": 200}
-    assert (thin["measured"].points == contents.sampled(clouds, 1000)["measured"].points).all()
-    assert contents.sampled(clouds, 10_000) is clouds
+    assert (thin["measured"].points == contents.sample_points(clouds, 1000)["measured"].points).all()
+    assert contents.sample_points(clouds, 10_000) is clouds
 
 
 def test_colours_by_origin_and_confidence() -> None:
     assert tuple(contents.colors(cloud(1, dlama.Origin.FILLED), "origin")[0]) == ORIGIN_PALETTE[dlama.Origin.FILLED]
-    assert tuple(contents.colors(cloud(1, confidence=0), "confidence")[0]) == contents.UNSURE
-    assert tuple(contents.colors(cloud(1, confidence=1), "confidence")[0]) == contents.SURE
+    assert tuple(contents.colors(cloud(1, confidence=0), "confidence")[0]) == contents.LOW
+    assert tuple(contents.colors(cloud(1, confidence=1), "confidence")[0]) == contents.HIGH
 
 
 def test_a_path_goes_through_its_cameras_and_turns_evenly() -> None:

@@ -113,8 +113,8 @@ def test_metrics_that_are_no_numbers(tmp_path: Path) -> None:
 
 def test_two_processes_do_not_train_in_one_directory(killed: Path) -> None:
     code = (
-        "import sys; from pathlib import Path; from dlama.training.loop.run_files import owned\n"
-        "with owned(Path(sys.argv[1])):\n    print('ready', flush=True); sys.stdin.read()"
+        "import sys; from pathlib import Path; from dlama.training.loop.run_files import lock_run\n"
+        "with lock_run(Path(sys.argv[1])):\n    print('ready', flush=True); sys.stdin.read()"
     )
     with subprocess.Popen(
         [sys.executable, "-c", code, str(killed)], stdin=subprocess.PIPE, stdout=subprocess.PIPE
@@ -143,5 +143,5 @@ def test_a_full_disk_does_not_end_a_run(
     monkeypatch.setattr(run_files.RunFiles, "_begin_metrics", lambda self, step: None)
     monkeypatch.setattr(logging.FileHandler, "_open", lambda self: Path("/dev/full").open("w"))  # noqa: SIM115
     assert train(toy(steps=2, sheet_every=1), tmp_path / "run").step == 2
-    assert sum("No space left on device; the run goes on" in line for line in caplog.messages) == 4
+    assert sum("No space left on device; the run continues" in line for line in caplog.messages) == 4
     assert "Logging error" not in capsys.readouterr().err

@@ -242,7 +242,7 @@ def test_the_run_goes_on_when_a_checkpoint_fails_but_not_without_the_last(tmp_pa
     real = checkpointing.write_checkpoint
     monkeypatch.setattr("dlama.training.loop.callbacks.write_checkpoint", write)
     run = train(toy(steps=2, checkpoint_every=1), tmp_path / "run").run
-    assert "step 1: the disk is full; the run goes on" in (run / "log.txt").read_text()
+    assert "step 1: the disk is full; the run continues" in (run / "log.txt").read_text()
     failing.add(3)
     with pytest.raises(OutputError, match="the disk is full"):
         train(toy(steps=3), run, resume=True)

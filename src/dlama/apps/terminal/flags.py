@@ -27,7 +27,7 @@ KNOWN = re.compile(r"( is (?:not known|no parameter); known are |; the columns a
 """What stands before the names of the fields or columns that a file has, or may have."""
 FLAG = re.compile("--|-[a-z]", re.IGNORECASE)
 """How a flag begins, and no negative number."""
-WANTED = {float: "a number", int: "a whole number"}
+EXPECTED = {float: "a number", int: "a whole number"}
 START = r"(?:(?<=^)|(?<=: )|(?<=; )|(?<=, ))"
 
 
@@ -58,7 +58,7 @@ def wrong_value(verb: Callable[..., Any], words: Sequence[str]) -> str | None:
         behind = itertools.takewhile(lambda one: not FLAG.match(one), words[place + 1 :])
         for given in [value] if equals else itertools.islice(behind, None if several else 1):
             if not any(_fits(given, kind) for kind in kinds):
-                names = [WANTED[kind] if kind in WANTED else str(kind) for kind in kinds if kind is not type(None)]
+                names = [EXPECTED[kind] if kind in EXPECTED else str(kind) for kind in kinds if kind is not type(None)]
                 return (
                     f"{flag} is {given!r}; {', '.join(names[:-1])}{' or ' if names[1:] else ''}{names[-1]} is expected"
                 )
@@ -78,7 +78,7 @@ def _kinds(hint: Any) -> list[Any]:
 
 
 def _fits(value: str, kind: Any) -> bool:
-    if kind not in WANTED:
+    if kind not in EXPECTED:
         return value == kind if isinstance(kind, str) else kind is not type(None) or value == "None"
     try:
         kind(value)

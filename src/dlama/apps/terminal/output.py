@@ -17,9 +17,9 @@ from typing import Any
 from dlama.apps.options import Report
 from dlama.apps.terminal.streams import (
     CANNOT_WRITE,
-    ending,
+    describe_ending,
     exit_code,
-    failed_write,
+    find_write_error,
     open_closed_streams,
     printable,
     show_any_text,
@@ -29,14 +29,14 @@ from dlama.errors import DlamaError
 from dlama.workers.progress import log_messages
 
 KERNELS = logging.getLogger("dlama.kernels")
-"""Says that kernels are being compiled (`geometry.kernels.jit`, which is too heavy to be imported here)."""
+"""Reports that kernels are being compiled (`geometry.kernels.jit`, which is too heavy to be imported here)."""
 
 BAD_INPUT = 2
 """Exit code for anything the user can put right."""
 WITH_FLAGS: ContextVar[Callable[[str], str]] = ContextVar("WITH_FLAGS", default=str)
 """Puts the flags of the verb under way in place of the parameters that a warning of the library names."""
 STREAM_ERRORS = (errno.ENOSPC, errno.EPIPE, errno.EIO, errno.EBADF, errno.EFBIG, getattr(errno, "EDQUOT", errno.ENOSPC))
-"""What a full or broken stream says."""
+"""Errors of a full or broken stream."""
 
 
 @dataclass
@@ -47,21 +47,21 @@ class Result:
     values: dict[str, Any] = field(default_factory=dict)
 
     def add(self, line: str, **values: Any) -> None:
-        """One more line, and what it says."""
+        """One more line, and its values."""
         self.lines.append(line)
         self.values |= values
 
 
 @contextmanager
-def reported(verb: str, report: Report) -> Iterator[Result]:
+def report_result(verb: str, report: Report) -> Iterator[Result]:
     """Warnings and notes of what runs inside, a line each; at its end its Result, if it has one, as lines or one JSON object."""
     result, warned, started = Result(), [], time.perf_counter()
 
     def show(message: Warning | str, *_: Any, **__: Any) -> None:
-        told = WITH_FLAGS.get()(str(message))
-        warned.append(" ".join(told.split()))
+        line = WITH_FLAGS.get()(str(message))
+        warned.append(" ".join(line.split()))
         if not report.quiet:
-            print_line("warning", told)
+            print_line("warning", line)
 
     with warnings.catch_warnings():
         warnings.simplefilter("default", UserWarning)
@@ -93,7 +93,7 @@ def errors_as_lines(with_flags: Callable[[str], str] = str) -> Iterator[None]:
                 yield
             except KeyboardInterrupt as error:
                 code = exit_code(error)
-                print_line("error", f"{ending(error)}; nothing half-written is left")
+                print_line("error", f"{describe_ending(error)}; nothing half-written is left")
     except SystemExit as error:  # of --help, and of wrong words
         code = error.code
     except DlamaError as error:
@@ -105,16 +105,16 @@ def errors_as_lines(with_flags: Callable[[str], str] = str) -> Iterator[None]:
             "error", f"out of memory{f': {error}' if str(error) else ''}; smaller pictures or fewer --jobs may help"
         )
     except OSError as error:
-        code = _explained(error)
-    full = failed_write(sys.stdout)
+        code = _explain(error)
+    full = find_write_error(sys.stdout)
     if full is not None and code in (None, 0):
-        code = _explained(full)
-    failed_write(sys.stderr)
+        code = _explain(full)
+    find_write_error(sys.stderr)
     if code is not None:
         raise SystemExit(code)
 
 
-def _explained(error: OSError) -> int | None:
+def _explain(error: OSError) -> int | None:
     """A line about an error of the system; the exit code."""
     if isinstance(error, BrokenPipeError):  # `dlama --help | head`
         return None
@@ -135,7 +135,7 @@ def print_line(kind: str, message: str) -> None:
     """One line on standard error that begins with its kind (error, warning, note); never wrapped, and coloured on a terminal."""
     line = printable(" ".join(message.split()))
     if not sys.stderr.isatty():
-        with suppress(OSError):  # standard error is full: the work goes on
+        with suppress(OSError):  # standard error is full: the work continues
             print(f"{kind}: {line}", file=sys.stderr, flush=True)
         return
     from rich.console import Console

@@ -9,7 +9,7 @@ from typing import Any
 
 from dlama.apps.options import Report
 from dlama.apps.terminal.output import counting_bar, print_line
-from dlama.apps.terminal.streams import ending, exit_code
+from dlama.apps.terminal.streams import describe_ending, exit_code
 
 MINUTE = 60.0
 """Seconds between two lines about progress where there is no terminal."""
@@ -19,7 +19,7 @@ MINUTE = 60.0
 def bar_or_lines(
     title: str, report: Report, lines: Callable[..., AbstractContextManager[Any]]
 ) -> Iterator[tuple[Any, Any]]:
-    """While a run goes on: the bar (`counting_bar`; None without a terminal), and what `lines` gives (None on a terminal).
+    """During a run: the bar (`counting_bar`; None without a terminal), and what `lines` gives (None on a terminal).
 
     Ctrl-C ends with a line that says that nothing is lost.
 
@@ -33,8 +33,8 @@ def bar_or_lines(
     try:
         without_lines = report.quiet or sys.stderr.isatty()
         minutes = nullcontext() if without_lines else lines(write, every=MINUTE)
-        with counting_bar(title, report) as bar, minutes as told:
-            yield bar, told
+        with counting_bar(title, report) as bar, minutes as lines_or_none:
+            yield bar, lines_or_none
     except KeyboardInterrupt as error:
-        print_line("error", f"{ending(error)}; what is done is kept, and the same command resumes it")
+        print_line("error", f"{describe_ending(error)}; what is done is kept, and the same command resumes it")
         raise SystemExit(exit_code(error)) from None

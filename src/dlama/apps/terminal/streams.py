@@ -48,12 +48,12 @@ def exit_code(error: KeyboardInterrupt) -> int:
     return error.exit_code if isinstance(error, Stopped) else 130
 
 
-def ending(error: KeyboardInterrupt) -> str:
+def describe_ending(error: KeyboardInterrupt) -> str:
     """In a word: what ended it."""
     return error.word if isinstance(error, Stopped) else "interrupted"
 
 
-def _plainly(error: UnicodeError) -> tuple[str, int]:
+def _replace_unencodable(error: UnicodeError) -> tuple[str, int]:
     if not isinstance(error, UnicodeEncodeError):
         raise error
     failed = error.object[error.start : error.end]
@@ -68,7 +68,7 @@ def printable(text: str) -> str:
     )
 
 
-codecs.register_error(PLAINLY, _plainly)
+codecs.register_error(PLAINLY, _replace_unencodable)
 
 
 def open_closed_streams() -> None:
@@ -116,7 +116,7 @@ def signals_raise() -> Iterator[None]:
             signal.signal(each, handler)
 
 
-def failed_write(stream: TextIO) -> OSError | None:
+def find_write_error(stream: TextIO) -> OSError | None:
     """What went wrong with what was printed to a stream; None: it is all out. From now on a failed stream swallows everything."""
     try:
         stream.flush()

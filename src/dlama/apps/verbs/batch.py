@@ -17,7 +17,7 @@ import dlama
 from dlama.apps.options import Estimating, Lens, Masking, Method, Move, Reading, Report, Results, option
 from dlama.apps.places import check_folder_apart
 from dlama.apps.pointing import Pointing
-from dlama.apps.terminal.output import print_line, reported
+from dlama.apps.terminal.output import print_line, report_result
 from dlama.apps.terminal.progress import bar_or_lines
 from dlama.errors import InputError
 from dlama.geometry.rgbd import format_count
@@ -48,7 +48,7 @@ EXAMPLES = (
 
 @dataclass(frozen=True)
 class Which:
-    """What is run, where no list says it."""
+    """What is run, without a list."""
 
     images: Annotated[str | None, option("PATTERN")] = None
     """Pictures, such as 'rgb/*.png'; ** goes through folders. A job's id is its picture's path from there, without suffix."""
@@ -61,7 +61,7 @@ class Which:
     layout: Annotated[str | None, option("NAME", "recognised")] = None
     """How the data set lies on disk."""
     verb: Annotated[Literal["view", "remove", "stereo", "depth"] | None, option("VERB", "as the list says")] = None
-    """view, remove, stereo or depth, of jobs that do not say it."""
+    """view, remove, stereo or depth, of jobs that name none."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ class Running:
     gpus_per_worker: Annotated[float, option("SHARE", "0")] = 0.0
     """On a cluster: the share of a GPU that each worker is given."""
     dry_run: Annotated[bool, option("", "off")] = False
-    """Run nothing; say how many jobs there are and show the first ten as they would run."""
+    """Run nothing; print how many jobs there are and show the first ten as they would run."""
 
 
 @dataclass(frozen=True)
@@ -130,11 +130,11 @@ def batch(
     if words[:1] == ("report",):
         write_page(words[1:], report)
         return
-    with reported("batch", report) as result:
-        defaults = given(move, lens, reading, estimating, masking, pointing, pair, method, results)
+    with report_result("batch", report) as result:
+        defaults = changed_options(move, lens, reading, estimating, masking, pointing, pair, method, results)
         jobs = source(words, which, defaults)
         if running.dry_run:
-            for line in planned_lines(jobs, which.verb, defaults):
+            for line in plan_lines(jobs, which.verb, defaults):
                 result.add(line)
             return
         if output is None:
@@ -142,7 +142,7 @@ def batch(
         check_folder_apart(output, {"folder of frames": which.data, "list of jobs": local_list(words)})
         totals = Totals()
         options = {name: value for name, value in dataclasses.asdict(running).items() if name != "dry_run"}
-        with shown_progress(report, totals) as progress:
+        with show_progress(report, totals) as progress:
             defaults = {} if which.data else defaults  # a data set's jobs have theirs
             for row in dlama.batch(jobs, output, verb=which.verb, progress=progress, **options, **defaults):
                 totals.add(row)
@@ -162,12 +162,12 @@ def write_page(words: Sequence[str], report: Report) -> None:
 
     if len(words) != 1:
         raise InputError(f"batch report is given {len(words)} folders; one is expected: dlama batch report OUT")
-    with reported("batch report", report) as result:
+    with report_result("batch report", report) as result:
         page = write_report(words[0])
         result.add(page, report=page)
 
 
-def given(*groups: Any) -> dict[str, Any]:
+def changed_options(*groups: Any) -> dict[str, Any]:
     """The options that differ from their defaults, by name."""
     found: dict[str, Any] = {}
     for group in groups:
@@ -196,8 +196,8 @@ def source(words: Sequence[str], which: Which, defaults: dict[str, Any]) -> Any:
     return words[0] if words else Pictures(str(which.images), which.depths, which.masks)
 
 
-def planned_lines(jobs: Any, verb: str | None, defaults: dict[str, Any]) -> Iterator[str]:
-    """What --dry-run says: how many jobs of each verb, how many cannot be run, the first ones, and what is wrong with others."""
+def plan_lines(jobs: Any, verb: str | None, defaults: dict[str, Any]) -> Iterator[str]:
+    """What --dry-run prints: how many jobs of each verb, how many cannot run, the first ones, and what is wrong with others."""
     from dlama.jobs.batch import JobList, check_defaults
 
     counts: dict[str, int] = {}
@@ -206,7 +206,7 @@ def planned_lines(jobs: Any, verb: str | None, defaults: dict[str, Any]) -> Iter
         counts[job.verb] = counts.get(job.verb, 0) + 1
         error = job.error or missing_file(job)
         wrong += error is not None
-        options = " ".join(f"{name}={shown_value(value)}" for name, value in job.parameters.items())
+        options = " ".join(f"{name}={format_value(value)}" for name, value in job.parameters.items())
         if number < SHOWN_JOBS:
             shown.append(f"  {job.id}: {job.verb or '?'} {error or options}")
         elif error is not None and len(later) < SHOWN_JOBS:
@@ -227,15 +227,15 @@ def missing_file(job: Job) -> str | None:
     return next((f"{path}: no such file" for path in files if not Path(local_path(path)).exists()), None)
 
 
-def shown_value(value: Any) -> str:
+def format_value(value: Any) -> str:
     """As it would be typed."""
     parts = value if isinstance(value, (list, tuple)) else (value,)
     return ",".join(f"{one:g}" if isinstance(one, float) else str(one) for one in parts)
 
 
 @contextmanager
-def shown_progress(report: Report, totals: Any) -> Iterator[Progress]:
-    """A bar on a terminal, a line a minute elsewhere; the first failures as a line each. Ctrl-C says that nothing is lost."""
+def show_progress(report: Report, totals: Any) -> Iterator[Progress]:
+    """A bar on a terminal, a line a minute elsewhere; the first failures as a line each. Ctrl-C prints that nothing is lost."""
     state: dict[str, Any] = {"done": 0, "total": None}
     started = time.monotonic()
 

@@ -11,7 +11,7 @@ from tyro.conf import Positional
 import dlama
 from dlama.apps.options import Lens, Masking, Reading, Report, option
 from dlama.apps.terminal.flags import flags_of, with_flags
-from dlama.apps.terminal.output import reported
+from dlama.apps.terminal.output import report_result
 
 FOUND = 1
 """Exit code where something is wrong with the inputs."""
@@ -39,7 +39,7 @@ def doctor(
         calib: The inputs are a stereo pair, and this its calibration.
         layout: How the data set lies on disk, as for dlama evaluate.
     """
-    with reported("doctor", report) as result:
+    with report_result("doctor", report) as result:
         options = {**lens.settings(), **reading.settings(), **masking.settings()}
         found = dlama.diagnose(first, second, mask, calib=calib, layout=layout, **options)
         flags = flags_of(doctor)

@@ -17,7 +17,7 @@ from tyro.conf import Positional
 from dlama.apps import model_files
 from dlama.apps.options import CameraFile, Metres, Output, Report, Seed, option
 from dlama.apps.places import check_folder_apart
-from dlama.apps.terminal.output import print_line, reported
+from dlama.apps.terminal.output import print_line, report_result
 from dlama.apps.terminal.progress import bar_or_lines
 from dlama.apps.verbs.evaluate_sequence import evaluate_sequence
 from dlama.completion.options import RECIPE_NAMES
@@ -96,8 +96,8 @@ class Cases:
         if missing:
             raise InputError(f"{dataset.name} has no cases of {missing[0]}; it has {', '.join(has) or 'none at all'}")
         cases: list[Case] = []
-        wanted: list[Protocol] = [one for one in self.protocol if one != "sequence"]
-        for name in wanted or [one for one in has if one != "mask"]:
+        chosen: list[Protocol] = [one for one in self.protocol if one != "sequence"]
+        for name in chosen or [one for one in has if one != "mask"]:
             cases += [case for case in dataset.of(name) if self.has_yaw(case)][: self.limit]
         if not cases:
             known = sorted({abs(case.yaw) for case in dataset.cases if case.yaw is not None})
@@ -187,7 +187,7 @@ def evaluate(
         output: Directory for report.html, summary.md, summary.json, results.csv, timings.csv, and what a later run takes over.
         jobs: Processes; each computes on one core.
     """
-    needs_extra()
+    check_extra()
     check_folder_apart(output, {"data set": dataset, "camera": cases.camera})
     if "sequence" in cases.protocol:
         evaluate_sequence(dataset, output, report, vars(cases))
@@ -197,9 +197,9 @@ def evaluate(
     from dlama.evaluation.report.write import write_report
     from dlama.evaluation.runner.run import run
 
-    with reported("evaluate", report) as result:
+    with report_result("evaluate", report) as result:
         chosen, settings, found = methods.all(), methods.settings(), cases.open(dataset)
-        with shown_progress(found.name, report) as progress:
+        with show_progress(found.name, report) as progress:
             done = run(found.cases, chosen, PROTOCOLS, settings, output, jobs=jobs, progress=progress)
         command = command_line(dataset, output, cases, methods)
         summary = write_report(output, found, done, settings, seed=methods.seed, command=command)
@@ -210,7 +210,7 @@ def evaluate(
         raise SystemExit(FAILED)
 
 
-def needs_extra() -> None:
+def check_extra() -> None:
     """MissingExtraError before anything is computed, where the report could not be written in the end."""
     for package, module in NEEDED.items():
         if find_spec(module) is None:
@@ -245,8 +245,8 @@ def summary_values(done: Results, output: Path) -> dict[str, Any]:
 
 
 @contextmanager
-def shown_progress(title: str, report: Report) -> Iterator[Progress]:
-    """A bar on a terminal, a line a minute elsewhere; failures as a line each, at once. Ctrl-C says that nothing is lost."""
+def show_progress(title: str, report: Report) -> Iterator[Progress]:
+    """A bar on a terminal, a line a minute elsewhere; failures as a line each, at once. Ctrl-C prints that nothing is lost."""
     from dlama.evaluation.report.write import failure_line
     from dlama.evaluation.runner.progress import progress_lines
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from dlama.apps.options import Report
-from dlama.apps.terminal.output import counting_bar, reported
+from dlama.apps.terminal.output import counting_bar, report_result
 from dlama.datasets.frames import Dataset
 from dlama.errors import InputError
 from dlama.files.atomic_write import new_directory
@@ -32,7 +32,7 @@ def evaluate_sequence(dataset: str, output: Path, report: Report, cases: Mapping
 
     if cases["protocol"] != ("sequence",):
         raise InputError("protocol sequence goes alone, it takes other cases than the others")
-    with reported("evaluate", report) as result, counting_bar("sequence", report) as bar:
+    with report_result("evaluate", report) as result, counting_bar("sequence", report) as bar:
 
         def progress(done: int, total: int, name: str) -> None:
             if bar is not None:

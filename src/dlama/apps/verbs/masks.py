@@ -11,7 +11,7 @@ from tyro.conf import Positional
 from dlama.apps.command import command
 from dlama.apps.options import Depth, Estimating, Image, Lens, Reading, Report, option
 from dlama.apps.places import check_file_apart
-from dlama.apps.pointing import Pointing, told_of_mask
+from dlama.apps.pointing import Pointing, mask_notes
 from dlama.errors import InputError
 from dlama.geometry.rgbd import RGBD
 from dlama.jobs.early import check_options
@@ -84,7 +84,7 @@ def found_line(found: dlama.ObjectMask, output: Path, seconds: float) -> str:
     """One line: where the mask lies, how large it is, which other readings there are."""
     shadow = "" if found.shadow is None or not found.shadow.any() else f", {found.shadow.mean():.1%} of it shadow"
     line = f"{output}: {found.chosen} by {found.masker}, {found.mask.mean():.1%} of the picture{shadow}"
-    return f"{line}{told_of_mask(found.chosen, found.candidates, found.notes)}, {seconds:.1f} s"
+    return f"{line}{mask_notes(found.chosen, found.candidates, found.notes)}, {seconds:.1f} s"
 
 
 def found_values(found: dlama.ObjectMask, files: list[Path]) -> dict[str, Any]:

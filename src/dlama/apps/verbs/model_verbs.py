@@ -14,7 +14,7 @@ from tyro.conf import Positional, subcommand
 from dlama.apps.model_files import UNKNOWN, convert, licence_of, source_of
 from dlama.apps.options import Report, option
 from dlama.apps.places import check_file_apart
-from dlama.apps.terminal.output import reported
+from dlama.apps.terminal.output import report_result
 from dlama.errors import FileError, OutputError
 from dlama.models.cache import directory, expected_sha256, target_path
 from dlama.models.records import CATALOGUE, Record, record
@@ -32,7 +32,7 @@ class ListModels(Report):
 
     def run(self) -> None:
         """Print the table."""
-        with reported("models list", self) as result:
+        with report_result("models list", self) as result:
             entries = [
                 {
                     "name": one.name,
@@ -69,7 +69,7 @@ class Info(Report):
 
     def run(self) -> None:
         """Print it, a line each."""
-        with reported("models info", self) as result:
+        with report_result("models info", self) as result:
             entry = record(self.name)
             known = self.about(entry)
             shown = "\n".join(f"{key:9} {value}" for key, value in known.items() if value)
@@ -104,7 +104,7 @@ class Pull(Report):
         from dlama.models.pull import pull
 
         entry = record(self.name)
-        with reported("models pull", self) as result, _bar(entry.name, self.quiet) as progress:
+        with report_result("models pull", self) as result, _bar(entry.name, self.quiet) as progress:
             path = pull(entry, progress)
             detail = verify(entry).detail
             line = f"{path}: {detail}, licence {entry.licence}"
@@ -129,7 +129,7 @@ class Convert(Report):
         check_file_apart(self.output, {"weights": self.weights}, makes_folder=True)
         source = source_of(self.weights)
         licence = self.licence or licence_of(*size_and_sha256(source))
-        with reported("models convert", self) as result:
+        with report_result("models convert", self) as result:
             notes = convert(source, self.output, licence)
             if licence == UNKNOWN:
                 notes += ["note: the licence of these weights is not known; --licence SPDX writes it into the file"]
@@ -145,7 +145,7 @@ class Verify(Report):
 
     def run(self) -> None:
         """Print a line each; what is wrong ends with an error."""
-        with reported("models verify", self) as result:
+        with report_result("models verify", self) as result:
             chosen = (
                 [record(self.name)] if self.name else [one for one in CATALOGUE.values() if target_path(one).is_file()]
             )

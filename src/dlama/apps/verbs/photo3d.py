@@ -69,10 +69,15 @@ def photo3d(
             intrinsics_from=this.intrinsics_from or "the scene",
             seconds={"read": this.read_seconds},
         )
-        told, box = done.meta["photo3d"], done.box
-        cameras = format_count(len(told["filled_cameras"]), "camera")
+        figures, box = done.meta["photo3d"], done.box
+        cameras = format_count(len(figures["filled_cameras"]), "camera")
         line = f"{output}: turns by {box.angle:.1f} degrees about {box.pivot:.3g} m, filled for {cameras}"
-        values = {"output": str(output), "angle": box.angle, "distance": box.distance, "open_share": told["open_share"]}
+        values = {
+            "output": str(output),
+            "angle": box.angle,
+            "distance": box.distance,
+            "open_share": figures["open_share"],
+        }
         this.result.add(
             f"{line}, filler {done.meta['filler']}, {this.seconds:.1f} s", **values, filler=done.meta["filler"]
         )

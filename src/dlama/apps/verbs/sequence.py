@@ -25,7 +25,7 @@ from dlama.apps.options import (
     option,
 )
 from dlama.apps.places import check_folder_apart
-from dlama.apps.terminal.output import reported
+from dlama.apps.terminal.output import report_result
 from dlama.apps.terminal.progress import bar_or_lines
 from dlama.errors import InputError
 from dlama.geometry.rgbd import format_count
@@ -81,10 +81,10 @@ def sequence(
         also: More of these names: scene (scene.npz, which view, video and show read), points.
     """
     started = time.perf_counter()
-    with reported("sequence", report) as result:
+    with report_result("sequence", report) as result:
         check_folder_apart(output, {"data set": dataset, "folder of masks": masks})
         found = read_masks(mask_files(mask, masks), masking)
-        with shown_progress("sequence", report) as progress:
+        with show_progress("sequence", report) as progress:
             options = {"masks": found, "views": views, **vars(source)}
             options |= {"only": names_in(only), "also": names_in(also) or ()}
             meta = dlama.sequence(dataset, output, progress=progress, **options, **method.settings())
@@ -138,8 +138,8 @@ def summary_values(meta: dict[str, Any], output: Path) -> dict[str, Any]:
 
 
 @contextmanager
-def shown_progress(title: str, report: Report) -> Iterator[Callable[[int, int, str, bool], None]]:
-    """A bar with the time left on a terminal, a line a minute elsewhere. Ctrl-C says that nothing is lost."""
+def show_progress(title: str, report: Report) -> Iterator[Callable[[int, int, str, bool], None]]:
+    """A bar with the time left on a terminal, a line a minute elsewhere. Ctrl-C prints that nothing is lost."""
     counts = {"kept": 0, "done": 0, "total": 0}
 
     def line(seconds: float) -> str:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 from urllib.parse import quote
 
 from dlama.apps.options import Report, option
-from dlama.apps.terminal.output import reported
+from dlama.apps.terminal.output import report_result
 from dlama.errors import InputError
 
 if TYPE_CHECKING:
@@ -49,14 +49,14 @@ def serve(
         if not value > 0:
             raise InputError(f"{name} is {value:g}; more than 0 is expected")
     from dlama.web.answers import Limits
-    from dlama.web.server import is_loopback, serving
+    from dlama.web.server import is_loopback, open_server
 
     if token is None and not is_loopback(host):
         if report.quiet:
             raise InputError(f"host is {host} and quiet is on: the token that is made would not be printed; give token")
         token = secrets.token_urlsafe(16)
     limits = Limits(max_megabytes, max_megapixels, max_pages)
-    with reported("serve", report), serving(host, port, token, limits) as server:
+    with report_result("serve", report), open_server(host, port, token, limits) as server:
         address = address_of(host, server.port, token)
         if report.json:
             print(json.dumps({"verb": "serve", "address": address}), flush=True)
@@ -67,7 +67,7 @@ def serve(
 
 def serve_until_interrupted(server: Server) -> None:
     """Connections are taken in a thread of their own: a signal raises in the main one, where it interrupts the wait alone (in the
-    midst of taking a connection it ended that, and the server went on)."""
+    midst of taking a connection it ended that, and the server continued)."""
     thread = threading.Thread(target=server.serve_forever, name="dlama serve", daemon=True)
     thread.start()
     try:

@@ -8,7 +8,7 @@ from typing import Annotated
 from tyro.conf import Positional
 
 from dlama.apps.options import Report, option
-from dlama.apps.terminal.output import reported
+from dlama.apps.terminal.output import report_result
 
 
 def show(
@@ -30,7 +30,7 @@ def show(
         max_points: Of more points so many are drawn, by lot.
         open_browser: The address is printed and no browser is opened.
     """
-    with reported("show", report) as result:
+    with report_result("show", report) as result:
         from dlama.apps.viewer.contents import contents_of
         from dlama.apps.viewer.server import serve
 

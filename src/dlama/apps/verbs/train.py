@@ -13,7 +13,7 @@ from tyro.conf import Positional
 
 from dlama.apps.options import Report, Seed, option
 from dlama.apps.places import check_file_apart, check_folder_apart
-from dlama.apps.terminal.output import KERNELS, reported
+from dlama.apps.terminal.output import KERNELS, report_result
 from dlama.apps.terminal.streams import printable
 from dlama.errors import InputError, MissingExtraError
 from dlama.workers.progress import log_messages
@@ -81,7 +81,7 @@ def train(
     check_folder_apart(
         output, {f"data {path}": path for path in data}, {"settings": settings, "start": start, "trunk": trunk}
     )
-    chosen = chosen_settings(
+    chosen = choose_settings(
         settings,
         start,
         trunk,
@@ -94,7 +94,7 @@ def train(
     require_training()
     from dlama.training.loop import train as loop
 
-    with reported("train", report) as result, logged(report):
+    with report_result("train", report) as result, log_to_terminal(report):
         done = loop.train(chosen, output, data=data, max_minutes=max_minutes, resume=resume)
         if done.first:
             line, values = summary(done)
@@ -122,7 +122,7 @@ def pack(
     check_file_apart(output, {f"data {path}": path for path in data})
     from dlama.training.data import pack as packing  # heavy: loads the sample makers
 
-    with reported("pack", report) as result:
+    with report_result("pack", report) as result:
         lines = packing.pack(data, output, megabytes=megabytes, size=size, seed=seed)
         result.add("\n".join(lines), output=str(output), bytes=output.stat().st_size, contents=lines)
 
@@ -134,7 +134,7 @@ def summary(done: TrainingResult) -> tuple[str, dict[str, Any]]:
     return line, {"output": str(done.run), "step": done.step, "ended": done.ended, "network": network}
 
 
-def chosen_settings(
+def choose_settings(
     name: str, start: Path | None, trunk: Path | None, run: Path | None = None, **loop: Any
 ) -> TrainSettings:
     """A file's or a preset's settings with what the command line says put in; InputError.
@@ -184,7 +184,7 @@ def require_training() -> None:
             raise MissingExtraError("training a network", name, "train")
 
 
-def logged(report: Report) -> AbstractContextManager[None]:
+def log_to_terminal(report: Report) -> AbstractContextManager[None]:
     """What training logs, on standard error, unless --quiet."""
     return nullcontext() if report.quiet else log_messages(print_note, without=KERNELS)
 

@@ -12,7 +12,7 @@ from tyro.conf import Positional
 import dlama
 from dlama.apps.options import Filler, Report, option
 from dlama.apps.places import check_file_apart
-from dlama.apps.terminal.output import counting_bar, reported
+from dlama.apps.terminal.output import counting_bar, report_result
 from dlama.apps.verbs.sequence import Source
 from dlama.geometry.rgbd import format_count
 
@@ -49,7 +49,7 @@ def video(
     from dlama.files.results.video import check_video, write_video
 
     started = time.perf_counter()
-    with reported("video", report) as result, counting_bar("video", report) as bar:
+    with report_result("video", report) as result, counting_bar("video", report) as bar:
         check_video(output)
         check_file_apart(output, {"what is shown": source})
         options = dict(vars(frames))

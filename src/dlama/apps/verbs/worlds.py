@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from dlama.apps.options import Report, Seed, option
 from dlama.apps.places import check_folder_apart
-from dlama.apps.terminal.output import counting_bar, reported
+from dlama.apps.terminal.output import counting_bar, report_result
 
 
 def worlds(
@@ -36,7 +36,7 @@ def worlds(
     """
     scene = {"size": size, "kind": kind, "shadows": shadows, "antialias": antialias, "textures": textures}
     check_folder_apart(output, {"folder of textures": textures})
-    with reported("worlds", report) as result, counting_bar("worlds", report) as progress:
+    with report_result("worlds", report) as result, counting_bar("worlds", report) as progress:
         from dlama.worlds.writer import write_worlds  # in here, so that what it warns of is one line
 
         scenes = write_worlds(output, count=count, seed=seed, progress=progress, **scene)  # type: ignore[arg-type]

@@ -20,8 +20,8 @@ from dlama.geometry.rgbd import BoolArray, UInt8Array
 from dlama.geometry.scene import Scene, contribution
 from dlama.geometry.view import Origin, View, from_source
 
-UNSURE, SURE = (213, 94, 0), (86, 180, 233)
-"""RGB of confidence 0 and 1; people who do not tell red from green tell these apart."""
+LOW, HIGH = (213, 94, 0), (86, 180, 233)
+"""RGB of confidence 0 and 1; people who confuse red and green can distinguish these."""
 MOST_FRAMES = 100
 """Of a data set, evenly spread; each costs a picture and its points."""
 SEEN = (Origin.MEASURED, Origin.REPROJECTED, Origin.ESTIMATED, Origin.ELSEWHERE)
@@ -83,21 +83,23 @@ def of_scene(file: Path) -> Contents:
         for number, layer in enumerate(scene.layers)
         if from_source(layer.origin).any()
     )
-    return Contents(str(file), nonempty(clouds, file), frames, scene)
+    return Contents(str(file), drop_empty(clouds, file), frames, scene)
 
 
 def points_of(layer: View, added: BoolArray) -> tuple[PointCloud, PointCloud]:
     """(measured, filled): the points that a layer adds to its scene (H x W bool), by where they come from."""
     cloud, adds = lift(layer), added[layer.valid]
     known = np.isin(cloud.origin, SEEN)
-    return chosen(cloud, adds & known), chosen(cloud, adds & ~known)
+    return select_points(cloud, adds & known), select_points(cloud, adds & ~known)
 
 
 def of_ply(file: Path) -> Contents:
     """The points of a file, by their origins where it has them."""
     cloud = read_ply(file)
     known = np.isin(cloud.origin, SEEN)
-    return Contents(str(file), nonempty({"measured": chosen(cloud, known), "filled": chosen(cloud, ~known)}, file))
+    return Contents(
+        str(file), drop_empty({"measured": select_points(cloud, known), "filled": select_points(cloud, ~known)}, file)
+    )
 
 
 def of_dataset(folder: Path) -> Contents:
@@ -115,10 +117,10 @@ def of_dataset(folder: Path) -> Contents:
         rgbd = each.load()
         frames.append(Frame(each.name, rgbd.camera, rgbd.color))
         clouds.append(lift(rgbd))
-    return Contents(str(folder), nonempty({"measured": concatenate(clouds)}, folder), tuple(frames), notes=notes)
+    return Contents(str(folder), drop_empty({"measured": concatenate(clouds)}, folder), tuple(frames), notes=notes)
 
 
-def nonempty(clouds: dict[str, PointCloud], path: Path) -> dict[str, PointCloud]:
+def drop_empty(clouds: dict[str, PointCloud], path: Path) -> dict[str, PointCloud]:
     """Those that hold points. InputError where none does."""
     kept = {name: cloud for name, cloud in clouds.items() if len(cloud)}
     if not kept:
@@ -126,12 +128,12 @@ def nonempty(clouds: dict[str, PointCloud], path: Path) -> dict[str, PointCloud]
     return kept
 
 
-def chosen(cloud: PointCloud, where: BoolArray) -> PointCloud:
+def select_points(cloud: PointCloud, where: BoolArray) -> PointCloud:
     """The points of a cloud where `where` (N bool, or numbers of points) says."""
     return PointCloud(cloud.points[where], cloud.color[where], cloud.origin[where], cloud.confidence[where])
 
 
-def sampled(clouds: dict[str, PointCloud], most: int) -> dict[str, PointCloud]:
+def sample_points(clouds: dict[str, PointCloud], most: int) -> dict[str, PointCloud]:
     """At most so many points in all, each cloud thinned by the same share, drawn by lot (the same ones every time)."""
     total = sum(map(len, clouds.values()))
     if total <= most:
@@ -140,7 +142,7 @@ def sampled(clouds: dict[str, PointCloud], most: int) -> dict[str, PointCloud]:
     kept = {}
     for name, cloud in clouds.items():
         count = max(1, round(len(cloud) * most / total))
-        kept[name] = chosen(cloud, np.sort(rng.choice(len(cloud), count, replace=False)))
+        kept[name] = select_points(cloud, np.sort(rng.choice(len(cloud), count, replace=False)))
     return kept
 
 
@@ -150,5 +152,5 @@ def colors(cloud: PointCloud, by: str) -> UInt8Array:
         return np.array(ORIGIN_PALETTE, np.uint8)[cloud.origin]
     if by == "confidence":
         share = np.clip(cloud.confidence, 0, 1)[:, None]
-        return np.rint(share * SURE + (1 - share) * UNSURE).astype(np.uint8)
+        return np.rint(share * HIGH + (1 - share) * LOW).astype(np.uint8)
     return cloud.color

@@ -14,7 +14,7 @@ from PIL import Image
 
 from dlama.apps.terminal.streams import printable
 from dlama.apps.viewer.cameras import camera_of, camera_on_path, go_to, overview, wxyz
-from dlama.apps.viewer.contents import Contents, chosen, colors, sampled
+from dlama.apps.viewer.contents import Contents, colors, sample_points, select_points
 from dlama.errors import InputError, MissingExtraError
 from dlama.files.cameras import camera_as_json
 from dlama.geometry.camera import Camera
@@ -27,7 +27,7 @@ from dlama.geometry.trajectories import FARTHEST_M, dolly, orbit
 COLORS = {"Picture": "picture", "Origin": "origin", "Confidence": "confidence"}
 FRAME_PICTURE = 256
 """Pixels, largest side of the pictures in the frusta."""
-BESIDE, BEHIND = (12.0, 6.0), 0.25
+ASIDE, BEHIND = (12.0, 6.0), 0.25
 """Where a visitor begins: yaw and pitch in degrees from the first camera, and so many times the median distance behind it."""
 STEPS_PER_SECOND = 30
 SECONDS_PER_CAMERA = 1.5
@@ -62,7 +62,7 @@ class Viewer:
         except ImportError as error:
             raise MissingExtraError("the viewer", "viser", "view") from error
         self.contents = contents
-        self.clouds = sampled(contents.clouds, most_points)
+        self.clouds = sample_points(contents.clouds, most_points)
         self.spacing = typical_spacing(contents)
         self.path: list[Camera] = []
         self.changing = threading.Lock()
@@ -141,7 +141,7 @@ class Viewer:
                     fov=2 * np.arctan(camera.height / (2 * camera.fy)),
                     aspect=camera.width / camera.height,
                     scale=max(25 * self.spacing, 1e-3),
-                    image=small(frame.color),
+                    image=shrink(frame.color),
                     wxyz=wxyz(camera),
                     position=camera.world_from_cam[:3, 3],
                 )
@@ -156,7 +156,7 @@ class Viewer:
         """The clouds as the controls say."""
         with self.changing:
             for name, cloud in self.clouds.items():
-                kept = chosen(cloud, cloud.confidence >= self.least.value) if self.least.value > 0 else cloud
+                kept = select_points(cloud, cloud.confidence >= self.least.value) if self.least.value > 0 else cloud
                 self.server.scene.add_point_cloud(
                     f"/points/{name}",
                     kept.points.astype(np.float32),
@@ -187,12 +187,12 @@ class Viewer:
         camera = self.contents.frames[0].camera if self.contents.frames else overview(self.contents)
         ahead = min(float(np.median(self.distances(camera))), FARTHEST_M)
         if self.contents.frames:
-            camera = dolly(orbit(camera, yaw=BESIDE[0], pitch=BESIDE[1], pivot=ahead), -BEHIND * ahead)
+            camera = dolly(orbit(camera, yaw=ASIDE[0], pitch=ASIDE[1], pivot=ahead), -BEHIND * ahead)
         go_to(client, camera, look_ahead=ahead)
 
     def distances(self, camera: Camera) -> np.ndarray:
         """From a camera to a sample of the points, metres."""
-        cloud = concatenate(list(sampled(self.clouds, 5000).values()))
+        cloud = concatenate(list(sample_points(self.clouds, 5000).values()))
         return np.linalg.norm(cloud.points - camera.world_from_cam[:3, 3], axis=1)
 
     def add_to_path(self, event: Any) -> None:
@@ -220,7 +220,9 @@ class Viewer:
     def play(self, event: Any) -> None:
         """The visitor is taken along the path."""
         if len(self.path) < 2:
-            told(event.client, "A path needs two views", "Move somewhere and press 'Add this view', twice at least.")
+            show_note(
+                event.client, "A path needs two views", "Move somewhere and press 'Add this view', twice at least."
+            )
             return
         pause = threading.Event()
         steps = round((len(self.path) - 1) * SECONDS_PER_CAMERA * STEPS_PER_SECOND)
@@ -232,7 +234,7 @@ class Viewer:
     def save_path(self, event: Any) -> None:
         """The cameras of the path as a file that `dlama sequence --views` and `dlama video --path` read."""
         if not self.path:
-            told(event.client, "There is no path yet", "Move somewhere and press 'Add this view'.")
+            show_note(event.client, "There is no path yet", "Move somewhere and press 'Add this view'.")
             return
         cameras = [{"name": f"{number:03d}", **camera_as_json(each)} for number, each in enumerate(self.path)]
         event.client.send_file_download(
@@ -241,20 +243,20 @@ class Viewer:
 
     def save_picture(self, event: Any) -> None:
         """What our renderer sees from here, as a PNG."""
-        picture = rendered(self.contents, camera_of(event.client))
+        picture = render_contents(self.contents, camera_of(event.client))
         buffer = io.BytesIO()
         Image.fromarray(picture).save(buffer, "PNG")
         event.client.send_file_download("dlama.png", buffer.getvalue(), save_immediately=True)
 
 
-def rendered(contents: Contents, camera: Camera) -> UInt8Array:
+def render_contents(contents: Contents, camera: Camera) -> UInt8Array:
     """H x W x 3: the scene as a surface, or where there is none its points, from a camera."""
     if contents.scene is not None:
         return render(contents.scene, camera).color
     return render(concatenate(list(contents.clouds.values())), camera, mode="points").color
 
 
-def told(client: Any, title: str, body: str) -> None:
+def show_note(client: Any, title: str, body: str) -> None:
     """A note that goes away by itself."""
     client.add_notification(title, body, auto_close_seconds=4.0)
 
@@ -269,7 +271,7 @@ def typical_spacing(contents: Contents) -> float:
     return max(float(np.max(high - low)) / 1000, 1e-6)
 
 
-def small(picture: UInt8Array) -> UInt8Array:
+def shrink(picture: UInt8Array) -> UInt8Array:
     """A picture with no side over FRAME_PICTURE."""
     image = Image.fromarray(np.ascontiguousarray(picture))
     image.thumbnail((FRAME_PICTURE, FRAME_PICTURE))

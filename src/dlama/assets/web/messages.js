@@ -15,10 +15,10 @@ export function clearErrors(...fields) {
 }
 
 export function failed(error, fallback = "") {
-  const said = error?.message ?? String(error), wanted = error?.field || fallback;
-  const place = (wanted && document.querySelector(`[data-error="${wanted}"]`)) || (fallback && document.querySelector(`[data-error="${fallback}"]`));
+  const text = error?.message ?? String(error), field = error?.field || fallback;
+  const place = (field && document.querySelector(`[data-error="${field}"]`)) || (fallback && document.querySelector(`[data-error="${fallback}"]`));
   const shown = place && (place.offsetParent !== null || place.closest("section")?.offsetParent != null || !place.closest("[hidden]")) ? place : $("general");
-  shown.textContent = said;
+  shown.textContent = text;
   shown.hidden = false;
   const folded = shown.closest("details");
   if (folded) { folded.hidden = false; folded.open = true; }

@@ -1,4 +1,4 @@
-// The page: from the picture over marks and camera to the result. What the server says is shown beside the field it is about.
+// The page: from the picture over marks and camera to the result. What the server says is shown next to the field it is about.
 import { rolesOf } from "/files.js";
 import { Marker } from "/marker.js";
 import { $, TABS, all, chosen, clearErrors, enable, failed, legend, offer, onOpen, openTab, percent, ramp, warnings } from "/messages.js";
@@ -174,13 +174,13 @@ function sendMarks() {
 async function findMask() {
   clearErrors("marks");
   await shownWhile(async () => {
-    const told = await server.ask("mark", { marks: marker.marks, with_shadow: $("shadow").checked, candidate: $("candidate").value || "object", grow: Number($("grow").value) });
-    marker.setMask(told.share > 0 ? await server.bitmap("mask") : null);
-    const notes = told.notes.length ? `; ${told.notes.join("; ")}` : "";
-    $("mask-fact").textContent = told.share > 0 ? `${percent(told.share)} of the picture${notes}` : "";
-    $("candidate-row").hidden = told.candidates.length < 2;
-    offer(told.candidates, "candidate");
-    $("candidate").value = told.chosen;
+    const answer = await server.ask("mark", { marks: marker.marks, with_shadow: $("shadow").checked, candidate: $("candidate").value || "object", grow: Number($("grow").value) });
+    marker.setMask(answer.share > 0 ? await server.bitmap("mask") : null);
+    const notes = answer.notes.length ? `; ${answer.notes.join("; ")}` : "";
+    $("mask-fact").textContent = answer.share > 0 ? `${percent(answer.share)} of the picture${notes}` : "";
+    $("candidate-row").hidden = answer.candidates.length < 2;
+    offer(answer.candidates, "candidate");
+    $("candidate").value = answer.chosen;
     askPreview(true);
   }, "marks");
 }
@@ -259,11 +259,11 @@ async function complete() {
 
 async function follow() {
   for (;;) {
-    const told = await server.ask("run");
-    $("progress").value = told.share ?? 0;
-    $("run-words").textContent = { waiting: "waiting for its turn", running: STAGES[told.stage] ?? told.stage ?? "" }[told.state] ?? "";
-    if (told.state === "done") { $("run-words").textContent = `${told.result.filler}, ${told.seconds.toFixed(1)} s`; return showResult(told.result); }
-    if (told.state === "cancelled" || told.state === "none") { $("run-words").textContent = "cancelled"; return; }
+    const answer = await server.ask("run");
+    $("progress").value = answer.share ?? 0;
+    $("run-words").textContent = { waiting: "waiting for its turn", running: STAGES[answer.stage] ?? answer.stage ?? "" }[answer.state] ?? "";
+    if (answer.state === "done") { $("run-words").textContent = `${answer.result.filler}, ${answer.seconds.toFixed(1)} s`; return showResult(answer.result); }
+    if (answer.state === "cancelled" || answer.state === "none") { $("run-words").textContent = "cancelled"; return; }
     await new Promise((done) => setTimeout(done, 200));
   }
 }

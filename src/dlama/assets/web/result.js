@@ -11,19 +11,19 @@ let askedPicture = 0, result = null, sceneOf = null;
 
 export function noResult() { result = sceneOf = null; }
 
-export async function showResult(told) {
-  result = told;
+export async function showResult(answer) {
+  result = answer;
   sceneOf = null;
   for (const name of ["result", "scene"]) enable(name, true);
   $("card-home").hidden = false;
-  $("sides").hidden = !told.pair;
+  $("sides").hidden = !answer.pair;
   document.querySelector('input[name="kind"][value="image"]').checked = true;
   document.querySelector('input[name="side"][value="left"]').checked = true;
-  warnings("result-warnings", told.nothing_visible ? ["nothing of the scene is visible from there, so nothing could be filled", ...told.warnings] : told.warnings);
-  offer(told.how.files, "single");
-  $("command").textContent = told.how.command;
-  $("python").textContent = told.how.python;
-  $("mask-file").textContent = told.how.mask_file ? `${told.how.mask_file} comes with the zip.` : "";
+  warnings("result-warnings", answer.nothing_visible ? ["nothing of the scene is visible from there, so nothing could be filled", ...answer.warnings] : answer.warnings);
+  offer(answer.how.files, "single");
+  $("command").textContent = answer.how.command;
+  $("python").textContent = answer.how.python;
+  $("mask-file").textContent = answer.how.mask_file ? `${answer.how.mask_file} comes with the zip.` : "";
   compare.split(50);
   openTab("result");
   await showKind();
@@ -50,23 +50,23 @@ async function showKind() {
 }
 
 function showLegend(kind) {
-  const told = result.legends[right() ? "right" : "left"], rows = told[kind];
+  const answer = result.legends[right() ? "right" : "left"], rows = answer[kind];
   $("ramp").hidden = kind !== "depth" && kind !== "confidence";
   legend("legend", Array.isArray(rows) ? rows : []);
-  if (kind === "depth") ramp("ramp", told.depth.colors, told.depth.metres.map((v) => `${v} m`));
+  if (kind === "depth") ramp("ramp", answer.depth.colors, answer.depth.metres.map((v) => `${v} m`));
   if (kind === "confidence") ramp("ramp", Array.from({ length: 24 }, (_, i) => Array(3).fill(Math.round(i * 255 / 23))), ["0 filled, unsure", "0.5", "1 measured"]);
 }
 
 async function readPixel(across, down) {
   if (!result) return;
   try {
-    const told = await server.ask("pixel", { x: Math.floor(across * result.width), y: Math.floor(down * result.height), right: right() });
+    const answer = await server.ask("pixel", { x: Math.floor(across * result.width), y: Math.floor(down * result.height), right: right() });
     $("cross").hidden = false;
-    $("cross").style.left = `${100 * (told.x + 0.5) / result.width}%`;
-    $("cross").style.top = `${100 * (told.y + 0.5) / result.height}%`;
-    const depth = told.depth === null ? "no depth" : told.depth === "sky" ? "sky" : `${told.depth.toFixed(3)} m`;
-    const rows = [["pixel", `${told.x}, ${told.y}`], ["depth", depth], ["point", told.point ? `${told.point.map((v) => v.toFixed(3)).join(", ")} m` : "none"], ["origin", told.origin], ["confidence", told.confidence.toFixed(2)]];
-    if (told.hole_type !== "none") rows.push(["was", told.hole_type]);
+    $("cross").style.left = `${100 * (answer.x + 0.5) / result.width}%`;
+    $("cross").style.top = `${100 * (answer.y + 0.5) / result.height}%`;
+    const depth = answer.depth === null ? "no depth" : answer.depth === "sky" ? "sky" : `${answer.depth.toFixed(3)} m`;
+    const rows = [["pixel", `${answer.x}, ${answer.y}`], ["depth", depth], ["point", answer.point ? `${answer.point.map((v) => v.toFixed(3)).join(", ")} m` : "none"], ["origin", answer.origin], ["confidence", answer.confidence.toFixed(2)]];
+    if (answer.hole_type !== "none") rows.push(["was", answer.hole_type]);
     $("readout").replaceChildren(...rows.flatMap(([name, value], i) => [`${i ? " · " : ""}${name} `, Object.assign(document.createElement("b"), { textContent: value })]));
   } catch (error) { failed(error, "home"); }
 }

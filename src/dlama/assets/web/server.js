@@ -15,12 +15,12 @@ async function post(path, body, headers = {}) {
     throw new Failure("the server does not answer; is dlama serve still running?", "", 0);
   }
   if (answer.ok) return answer;
-  const said = await answer.json().catch(() => ({ error: `the server said ${answer.status}`, field: "" }));
-  if (answer.status === 410) { sessionStorage.removeItem(KEY); onGone(said.error); }
-  throw new Failure(said.error, said.field, answer.status);
+  const failure = await answer.json().catch(() => ({ error: `the server answered ${answer.status}`, field: "" }));
+  if (answer.status === 410) { sessionStorage.removeItem(KEY); onGone(failure.error); }
+  throw new Failure(failure.error, failure.field, answer.status);
 }
 
-// Begin, or go on with, a visit: the server's settings, and what it still knows of us (null: nothing).
+// Begin, or resume, a visit: the server's settings, and what it still knows of us (null: nothing).
 export async function begin(gone) {
   onGone = () => {};
   visit = sessionStorage.getItem(KEY) ?? "";

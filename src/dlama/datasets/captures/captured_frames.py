@@ -16,7 +16,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from dlama.datasets.posed.numbered_frames import moved_depth
+from dlama.datasets.posed.numbered_frames import warp_depth
 from dlama.datasets.posed.posed_frames import Lens, PosedFrame, camera_at_depth, shrink_color
 from dlama.datasets.posed.view_pairs import LOG
 from dlama.errors import FileError, ShapeError
@@ -118,7 +118,7 @@ def register_depth(
     source, target = _camera_of(depth_lens, color_from_depth), _camera_of(lens, np.eye(4))
     factor = min(1.0, source.fx / target.fx, source.fy / target.fy)
     target = target.resized(max(1, round(target.width * factor)), max(1, round(target.height * factor)))
-    return moved_depth(depth.astype(np.float32), source, target)
+    return warp_depth(depth.astype(np.float32), source, target)
 
 
 def _camera_of(lens: Lens, pose: Float64Array) -> Camera:

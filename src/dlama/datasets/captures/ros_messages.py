@@ -61,7 +61,7 @@ def size_of(message: Any) -> tuple[int, int]:
 def color_of(message: Any, where: str) -> UInt8Array:
     """H x W x 3 RGB. FileError, which begins with `where`."""
     if not hasattr(message, "encoding"):
-        return np.asarray(_opened(bytes(message.data), where).convert("RGB"))
+        return np.asarray(_open_picture(bytes(message.data), where).convert("RGB"))
     channels = CHANNELS[message.encoding]
     pixels = _pixels(message, np.uint8, len(channels), where)
     order = [channels.index(name) for name in "RGB"] if len(channels) > 1 else [0, 0, 0]
@@ -74,7 +74,7 @@ def depth_of(message: Any, where: str) -> Float32Array:
         codes = _pixels(message, DEPTHS[message.encoding], 1, where)[..., 0]
     else:
         data = bytes(message.data)
-        codes = np.asarray(_opened(data[DEPTH_HEADER:], where))
+        codes = np.asarray(_open_picture(data[DEPTH_HEADER:], where))
         if message.format.strip().startswith("32FC1"):
             _, a, b = struct.unpack("<iff", data[:DEPTH_HEADER])
             known = codes > 0
@@ -86,7 +86,7 @@ def depth_of(message: Any, where: str) -> Float32Array:
     )
 
 
-def _opened(data: bytes, where: str) -> Image.Image:
+def _open_picture(data: bytes, where: str) -> Image.Image:
     try:
         picture = Image.open(io.BytesIO(data), formats=("JPEG", "PNG"))
         check_pixels(where, *picture.size)

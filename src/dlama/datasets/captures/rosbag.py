@@ -1,7 +1,7 @@
 """A bag of ROS 1 (.bag), of ROS 2 (a folder with metadata.yaml, .db3) or an MCAP file in; posed frames and cases out.
 
 A colour and a depth topic are chosen, depth that is registered to the colour camera before other depth; their camera_info stands
-beside them. The pose of a picture is that of its frame in the root of /tf and /tf_static (nav_msgs/Odometry counts too) at the
+next to them. The pose of a picture is that of its frame in the root of /tf and /tf_static (nav_msgs/Odometry counts too) at the
 picture's time. Depth of another camera is moved into the colour camera. Read by the package rosbags (extra `ros`);
 formats: wiki.ros.org/Bags/Format/2.0, github.com/ros2/rosbag2, mcap.dev/spec; messages: `ros_messages`.
 """
@@ -76,7 +76,7 @@ def rosbag(root: Path, *, scenes: Sequence[str] | None = None, limit: int | None
 
 
 def _frames(scene: str, path: Path) -> list[PosedFrame]:
-    bag = opened(path)
+    bag = open_bag(path)
     color, depth = bag.pair()
     lens, depth_lens = bag.lens(color), bag.lens(depth)
     transforms, moves = bag.transforms, bag.transforms.moves
@@ -120,7 +120,7 @@ def read_depth_message(path: Path, topic: str, place: int) -> Float32Array:
 
 
 def _decode(how: Callable[[Any, str], Any], path: Path, topic: str, place: int) -> Any:
-    message = opened(path).message(topic, place)
+    message = open_bag(path).message(topic, place)
     try:
         return how(message, f"{path}, {topic}")
     except DlamaError:
@@ -146,7 +146,7 @@ class Bag:
             types = get_typestore(Stores.ROS1_NOETIC if is_old else Stores.ROS2_HUMBLE)
             self.reader = AnyReader([path], default_typestore=types)
             self.reader.open()
-            self.topics, self.infos, self.transforms = self._listed()
+            self.topics, self.infos, self.transforms = self._list_topics()
         except DlamaError:
             raise
         except Exception as error:  # readers raise AnyReaderError, struct.error, KeyError, ... on damaged files
@@ -158,13 +158,13 @@ class Bag:
             with suppress(Exception):
                 self.reader.close()
 
-    def _listed(self) -> tuple[dict[str, tuple[Topic, Any]], dict[str, Any], Transforms]:
+    def _list_topics(self) -> tuple[dict[str, tuple[Topic, Any]], dict[str, Any], Transforms]:
         """Topic -> its pictures and the first message, camera_info by topic, and the transforms."""
         heads: dict[str, list[tuple[float, int, str]]] = {}
         first: dict[str, Any] = {}
         infos, transforms = dict[str, Any](), Transforms()
-        wanted = (*IMAGES, INFO, TF, OLD_TF, ODOMETRY)
-        for topic, kind, place, message in self._messages(*wanted):
+        used_kinds = (*IMAGES, INFO, TF, OLD_TF, ODOMETRY)
+        for topic, kind, place, message in self._messages(*used_kinds):
             if kind in IMAGES:
                 if is_depth(message) or is_color(message):
                     first.setdefault(topic, message)
@@ -233,10 +233,12 @@ class Bag:
         return getattr(self.topics[topic.name][1], "encoding", "") == "mono16" and "depth" not in topic.name.lower()
 
     def _info(self, topic: Topic) -> Any:
-        """The camera_info beside a topic, or that of its frame."""
+        """The camera_info next to a topic, or that of its frame."""
         parts = topic.name.split("/")
-        beside = ["/".join([*parts[:-count], tail]) for count in (1, 2) for tail in ("camera_info", "info/camera_info")]
-        found = next((self.infos[name] for name in beside if name in self.infos), None)
+        candidates = [
+            "/".join([*parts[:-count], tail]) for count in (1, 2) for tail in ("camera_info", "info/camera_info")
+        ]
+        found = next((self.infos[name] for name in candidates if name in self.infos), None)
         of_frame = [info for info in self.infos.values() if info.header.frame_id.lstrip("/") == topic.frame]
         return found if found is not None or not of_frame else of_frame[0]
 
@@ -244,7 +246,7 @@ class Bag:
         """FileError, CameraError; warns of distortion that shows."""
         info = self._info(topic)
         if info is None:
-            raise FileError(f"{self.path}, {topic.name}: has no camera_info beside it; one is expected")
+            raise FileError(f"{self.path}, {topic.name}: has no camera_info next to it; one is expected")
         where = f"{self.path}, camera_info of {topic.name}"
         intrinsics = FileFields(where, {"K": intrinsics_of_info(info)}).intrinsics("K")
         hw = int(info.height), int(info.width)
@@ -254,12 +256,12 @@ class Bag:
         return Lens(where, intrinsics, 0.0, hw)
 
 
-def opened(path: Path) -> Bag:
+def open_bag(path: Path) -> Bag:
     """The bag; the last two stay open."""
     stat = path.stat()
-    return _kept_open(path, stat.st_mtime_ns)
+    return _open_cached(path, stat.st_mtime_ns)
 
 
 @functools.lru_cache(maxsize=2)
-def _kept_open(path: Path, changed: int) -> Bag:
+def _open_cached(path: Path, changed: int) -> Bag:
     return Bag(path)

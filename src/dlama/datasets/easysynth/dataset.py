@@ -95,7 +95,7 @@ def orbit_yaw(source: Float64Array, target: Float64Array) -> float | None:
     It is one where both optical axes meet in a point before both cameras, at the same distance from them (within PIVOT_MISS).
     """
     step = invert_pose(source) @ target
-    angle, offset, axis = _turned_deg(source, target), step[:3, 3], step[:3, 2]
+    angle, offset, axis = _rotation_deg(source, target), step[:3, 3], step[:3, 2]
     if angle < SAME_ORIENTATION_DEG:
         return None
     lines = np.stack([[0.0, 0.0, 1.0], -axis], axis=1)  # source axis * a = offset + target axis * b
@@ -106,7 +106,7 @@ def orbit_yaw(source: Float64Array, target: Float64Array) -> float | None:
     return round(float(np.copysign(angle, offset[0])), 3)  # files carry six digits; 10.000003 is 10
 
 
-def _turned_deg(source: Float64Array, target: Float64Array) -> float:
+def _rotation_deg(source: Float64Array, target: Float64Array) -> float:
     """Degrees between the orientations of two 4x4 poses, 0..180."""
     return float(rotation_deg(target[None, :3, :3], source[:3, :3])[0])
 
@@ -116,7 +116,7 @@ def _scenes(root: Path) -> list[tuple[Path, list[Path]]]:
     found = sequence_folders(root)
     if not found:
         raise FileError(
-            f"{root}: holds no EasySynth sequence (CameraRig.json or CameraPoses.csv beside <camera>/ColorImage), no scene "
+            f"{root}: holds no EasySynth sequence (CameraRig.json or CameraPoses.csv next to <camera>/ColorImage), no scene "
             "of such, and no folder of scenes"
         )
     return found
@@ -167,7 +167,7 @@ def _vpi(sequence: RenderedSequence, without: RenderedSequence | None, color: RG
         for identity in targets:
             goal = by_id[identity].world_from_cam
             yaw = orbit_yaw(start, goal)
-            angle = round(_turned_deg(start, goal), 3) if yaw is None else yaw
+            angle = round(_rotation_deg(start, goal), 3) if yaw is None else yaw
             load = partial(load_view, by_id[source], by_id[identity], truths.get(identity), color)
             yield "vpi", sequence.name_of(camera, identity), load, angle
 

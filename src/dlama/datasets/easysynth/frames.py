@@ -81,7 +81,7 @@ def load_removal(source: RenderedFrame, without: RenderedFrame, object_color: RG
 
     Raises MaskError where the frame does not show the object.
     """
-    frame, truth, mask = load_frame(source), load_frame(without), _visible(source, object_color)
+    frame, truth, mask = load_frame(source), load_frame(without), _object_mask(source, object_color)
     return RemovalTruth(frame, truth, mask, shadow=cast_shadow(frame.color, truth.color, mask))
 
 
@@ -103,12 +103,12 @@ def load_stereo(
     disparities = _disparity(rig, one.depth), _disparity(rig, other.depth)
     if without is None or object_color is None:
         return StereoTruth(one.color, other.color, rig, *disparities)
-    masks = _visible(left, object_color), _visible(right, object_color)
+    masks = _object_mask(left, object_color), _object_mask(right, object_color)
     truths = load_frame(without[0]), load_frame(without[1])
     return StereoTruth(one.color, other.color, rig, *disparities, *masks, *truths)
 
 
-def _visible(files: RenderedFrame, color: RGB) -> BoolArray:
+def _object_mask(files: RenderedFrame, color: RGB) -> BoolArray:
     mask = class_mask(files, color)
     if not mask.any():
         raise MaskError(f"{files.semantic}: no pixel shows the object's class ({','.join(map(str, color))})")

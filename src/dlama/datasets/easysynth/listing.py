@@ -22,7 +22,7 @@ CameraPair = tuple[dict[int, RenderedFrame], dict[int, RenderedFrame]]
 
 @dataclass(frozen=True)
 class Options:
-    """What the files do not say; see RenderedFrame."""
+    """What the files do not hold; see RenderedFrame."""
 
     depth_range: float | None
     gamma: Gamma | None
@@ -51,7 +51,7 @@ class RenderedSequence:
             return None
         one, other = self.cameras.values()
         for left, right in ((one, other), (other, one)):
-            if set(left) == set(right) and all(_rectified(left[each], right[each]) for each in left):
+            if set(left) == set(right) and all(_is_rectified(left[each], right[each]) for each in left):
                 return left, right
         return None
 
@@ -165,7 +165,7 @@ def _pictures(folder: Path, identities: list[int]) -> dict[int, Path]:
             continue
         number = int(match["number"])
         if number in found:
-            raise FileError(f"{path}: is the second picture of frame {number}, beside {found[number].name}")
+            raise FileError(f"{path}: is the second picture of frame {number}, next to {found[number].name}")
         found[number] = path
     if not found:
         raise FileError(f"{folder}: no pictures <sequence>.<NNNN>.<jpeg, png or exr> are there")
@@ -177,7 +177,7 @@ def _pictures(folder: Path, identities: list[int]) -> dict[int, Path]:
     return {each: found.get(each, folder / f"{match['stem']}{each:04d}{match['suffix']}") for each in identities}
 
 
-def _rectified(left: RenderedFrame, right: RenderedFrame) -> bool:
+def _is_rectified(left: RenderedFrame, right: RenderedFrame) -> bool:
     """By the sensors' sizes: pictures are not opened here."""
     try:
         cameras = [

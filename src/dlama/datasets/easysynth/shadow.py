@@ -23,7 +23,7 @@ SAME_EXPOSURE_LEVELS = 2.0
 
 
 def cast_shadow(color: UInt8Array, without: UInt8Array, mask: BoolArray) -> BoolArray | None:
-    """H x W, True = in the object's shadow and not (near) the object; None where it cannot be told or there is none.
+    """H x W, True = in the object's shadow and not (near) the object; None where it cannot be found or there is none.
 
     Darkening is luma without the object minus luma with it, averaged over a box of SMOOTHING_PX. A pixel is dark where that is
     at least DARKER_LEVELS and DARKER_SHARE of its luma without. The shadow is all 8-connected regions of dark pixels that

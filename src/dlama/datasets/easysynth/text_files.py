@@ -48,13 +48,13 @@ class Sensor:
     def camera(self, hw: tuple[int, int], world_from_cam: ArrayLike) -> Camera:
         """The camera of a picture of size `hw`; intrinsics scaled where the sensor has another size.
 
-        Raises CameraError when sensor and picture differ in proportions: then nothing says what was cropped.
+        Raises CameraError when sensor and picture differ in proportions: then the crop is not known.
         """
         across, down = hw[1] / self.width, hw[0] / self.height
         if abs(across / down - 1) > PROPORTION_TOLERANCE:
             raise CameraError(
                 f"{self.source}: the sensor is {self.width:g}x{self.height:g} and the picture {hw[1]}x{hw[0]}; both must "
-                "have the same proportions, else the field of view is not known"
+                "have the same proportions, else how wide the camera sees is not known"
             )
         try:
             size = round(self.width), round(self.height)
@@ -84,7 +84,7 @@ class RigCamera:
 
 
 def read_poses(path: Path) -> dict[int, Pose]:
-    """The poses of a CameraPoses.csv by frame id, in the file's order; the header tells which dialect it is.
+    """The poses of a CameraPoses.csv by frame id, in the file's order; the header names the dialect.
 
     Raises FileError naming line and column: an unknown header, a value that is no finite number, an id given twice, a
     quaternion whose length is not 1, no pose at all.

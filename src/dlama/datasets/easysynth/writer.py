@@ -33,7 +33,7 @@ LEFT, RIGHT = "c0", "c1"
 
 @dataclass(frozen=True, eq=False)
 class SequenceFrame:
-    """One frame of a sequence, as the writer wants it."""
+    """One frame of a sequence, as the writer takes it."""
 
     rgbd: RGBD
     """Colour, depth (metres, +inf = far, 0 = missing) and the posed camera (OpenCV axes, metres)."""
@@ -205,8 +205,8 @@ def _rig_camera(camera: Camera, rig_from_cam: Float64Array) -> dict[str, list[fl
     translation, quaternion = unreal_pose(rig_from_cam)
     return {
         "intrinsics": [camera.fx, 0, camera.cx, 0, camera.fy, camera.cy, 0, 0, 0],  # EasySynth's last is 0, not 1
-        "rotation": _rounded(quaternion),
-        "translation": _rounded(translation),
+        "rotation": _round(quaternion),
+        "translation": _round(translation),
         "sensor_size": [camera.width, camera.height],
     }
 
@@ -215,7 +215,7 @@ def _write_poses(path: Path, cameras: list[Camera]) -> None:
     lines = [",".join(UNREAL_HEADER)]
     for number, camera in enumerate(cameras):
         translation, quaternion = unreal_pose(camera.world_from_cam)
-        values = [*_rounded(translation), *_rounded(quaternion), (number + 1) * FRAME_TIME_S]
+        values = [*_round(translation), *_round(quaternion), (number + 1) * FRAME_TIME_S]
         lines.append(f"{number}," + ",".join(f"{value:.9f}" for value in values))  # EasySynth: 6 digits
     _write_text(path, "\n".join(lines) + "\n")
 
@@ -225,6 +225,6 @@ def _write_text(path: Path, text: str) -> None:
         draft.write_text(text, encoding="utf-8")
 
 
-def _rounded(values: Float64Array) -> list[float]:
+def _round(values: Float64Array) -> list[float]:
     """To nine digits, and no -0."""
     return [round(float(value), 9) + 0.0 for value in values]

@@ -1,4 +1,4 @@
-"""COLMAP folders in (a model in sparse/0, sparse or the folder; images/; depth maps beside them); posed frames and cases out.
+"""COLMAP folders in (a model in sparse/0, sparse or the folder; images/; depth maps next to them); posed frames and cases out.
 
 Depth: depth/NAME.png (16-bit millimetres), .exr, .pfm, .npy, of the picture NAME.jpg; or the dense workspace's own
 stereo/depth_maps/NAME.jpg.geometric.bin (else .photometric.bin). It must have the unit of the model's positions: metres.
@@ -21,7 +21,7 @@ DENSE, DENSE_KINDS = "stereo/depth_maps", (".geometric.bin", ".photometric.bin")
 
 
 def looks_like_colmap(root: Path) -> bool:
-    """True where a model lies in a folder, and no transforms.json of nerfstudio, which often has one beside it."""
+    """True where a model lies in a folder, and no transforms.json of nerfstudio, which often has one next to it."""
     return model_folder(root) is not None and not (root / "transforms.json").is_file()
 
 
@@ -66,7 +66,7 @@ def _frames(scene: str, folder: Path) -> list[PosedFrame]:
 
 
 def depth_of(folder: Path, image: ColmapImage) -> Path | None:
-    """The depth map that lies beside the model for an image."""
+    """The depth map next to the model for an image."""
     stem = Path(image.name).with_suffix("")
     places = [folder / name / f"{stem}{kind}" for name in DEPTH_FOLDERS for kind in DEPTH_KINDS]
     places += [folder / DENSE / f"{image.name}{kind}" for kind in DENSE_KINDS]

@@ -1,8 +1,8 @@
 """A COLMAP model in (cameras and images, text or binary); its cameras and poses out, and a scene as such a model back.
 
 Text: cameras.txt `ID MODEL W H params`, images.txt two lines each, `ID qw qx qy qz tx ty tz CAMERA NAME` and its points.
-Binary: the same fields, little-endian. Poses are world to camera, axes OpenCV's, first pixel's centre at 0.5. Lengths are
-whatever the reconstruction's are: with depth maps beside it, theirs. Format: colmap.github.io/format.html.
+Binary: the same fields, little-endian. Poses are world to camera, axes OpenCV's, first pixel's centre at 0.5. Lengths have
+the reconstruction's unit: with depth maps next to it, theirs. Format: colmap.github.io/format.html.
 """
 
 from __future__ import annotations

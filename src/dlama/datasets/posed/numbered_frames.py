@@ -4,7 +4,7 @@ Depth in millimetres, 0 and 65535 missing; poses camera to world.
 7-Scenes: a pose is the depth camera's. Colour and depth come from two cameras that the set does not align (its page gives
 585, 585, 320, 240 for depth and nothing for colour): depth is moved into the colour camera, whose numbers were measured on
 redkitchen (COLOR_LENS, COLOR_FROM_DEPTH). With `camera` the two are taken as one camera instead.
-tsdf-fusion: one 3x3 K for colour and depth in camera-intrinsics.txt beside the frames or one folder above, first pixel's
+tsdf-fusion: one 3x3 K for colour and depth in camera-intrinsics.txt next to the frames or one folder above, first pixel's
 centre at 0.0 (the fusion code rounds projections to whole pixels). Format: github.com/andyzeng/tsdf-fusion.
 """
 
@@ -83,11 +83,11 @@ def tsdf_fusion(
     """The sequences of a folder (itself one, or holding several). Raises FileError, CameraError."""
 
     def frames(scene: str, folder: Path) -> list[PosedFrame]:
-        advice = f"the layout wants a {TSDF_INTRINSICS}"
+        advice = f"the layout needs a {TSDF_INTRINSICS}"
         lens = lens_for(folder, folder.parent, camera, (TSDF_INTRINSICS,), advice)
         return numbered_frames(scene, folder, lens, posed_frame)
 
-    looked_for = f"frame-XXXXXX.color.jpg, .depth.png and .pose.txt with {TSDF_INTRINSICS} beside or above them"
+    looked_for = f"frame-XXXXXX.color.jpg, .depth.png and .pose.txt with {TSDF_INTRINSICS} next to or above them"
     return read_posed("tsdf-fusion", root, looks_like_tsdf_fusion, looked_for, frames, scenes, limit)
 
 
@@ -135,10 +135,10 @@ def load_registered_depth(files: FrameFiles) -> tuple[Float32Array, Camera]:
     depth, depth_camera = load_depth(files)
     pose = files.world_from_cam @ invert_pose(COLOR_FROM_DEPTH)
     color_camera = make_camera(COLOR_LENS.source, depth_camera.hw, COLOR_LENS.intrinsics, COLOR_LENS.pixel_center, pose)
-    return moved_depth(depth, depth_camera, color_camera), color_camera
+    return warp_depth(depth, depth_camera, color_camera), color_camera
 
 
-def moved_depth(depth: Float32Array, source: Camera, target: Camera) -> Float32Array:
+def warp_depth(depth: Float32Array, source: Camera, target: Camera) -> Float32Array:
     """Depth as seen from another camera close by: each reading goes to the pixel it falls into, the nearest wins.
 
     H x W of the target, 0 where nothing fell. Fit for a target with the shorter focal length, where no cracks open.

@@ -43,7 +43,7 @@ class Lens:
     pixel_center: float
     """Where they put the first pixel's centre: 0.5 or 0.0."""
     hw: tuple[int, int] | None = None
-    """The picture size they are for; None: whatever the picture has."""
+    """The picture size they are for; None: the picture's."""
 
 
 @dataclass(frozen=True, eq=False)

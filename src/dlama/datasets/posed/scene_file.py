@@ -1,6 +1,6 @@
 """A scene.npz in; the measured frames of it as a data set of posed frames, and the cases between them, out.
 
-Depth that was filled counts as missing. A scene out of which a thing was taken is refused: what it hid is no truth.
+Depth that was filled counts as missing. A scene from which an object was removed is refused: what it hid is no truth.
 """
 
 from __future__ import annotations

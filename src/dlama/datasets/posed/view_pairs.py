@@ -62,7 +62,7 @@ def read_posed(
 ) -> Dataset:
     """What all layouts of posed frames have in common: find the scenes, list the frames of each, and the pairs between them.
 
-    `holds_frames` tells the folder of a scene, or a file with one of the endings `files`, `looked_for` says by what;
+    `holds_frames` recognises the folder of a scene, or a file with one of the endings `files`, `looked_for` names by what;
     `read_frames(scene, folder)` lists its frames.
     Raises FileError, InputError (a scene that is not there) and what `read_frames` raises.
     """
@@ -102,7 +102,7 @@ def posed_dataset(layout: str, root: Path, frames: Iterable[PosedFrame], limit: 
 
 
 def _check_names(root: Path, frames: Iterable[PosedFrame]) -> None:
-    """Frames of a scene are told apart by their names alone, which are those of their pictures."""
+    """Frames of a scene are distinguished by their names alone, which are those of their pictures."""
     seen: set[tuple[str, str]] = set()
     for frame in frames:
         if (frame.scene, frame.name) in seen:
@@ -155,7 +155,7 @@ class Overlaps:
     def share(self, source: int, target: int) -> float:
         """Share (0..1) of the source's pixels, holes included, that land in the target within 5 % of its depth.
 
-        1 where one of them cannot be read: the pair is listed, so that whoever loads it reports the bad file. Raises the
+        1 where one of them cannot be read: the pair is listed, so that loading it reports the bad file. Raises the
         reason when not a single frame can be read.
         """
         one, other = self._of(source), self._of(target)
@@ -176,13 +176,13 @@ class Overlaps:
     def _of(self, number: int) -> tuple[Float64Array, Float32Array, Camera] | InputError:
         if number not in self._seen:
             try:
-                self._seen[number] = _sampled(*self._frames[number].load_depth())
+                self._seen[number] = _sample(*self._frames[number].load_depth())
             except InputError as error:
                 self._seen[number] = error
         return self._seen[number]
 
 
-def _sampled(depth: Float32Array, camera: Camera) -> tuple[Float64Array, Float32Array, Camera]:
+def _sample(depth: Float32Array, camera: Camera) -> tuple[Float64Array, Float32Array, Camera]:
     """World points of every eighth pixel, the same pixels' depth (0 = none), and the whole picture's camera."""
     rows, columns = (np.arange(min(EVERY_PIXEL, n) // 2, n, EVERY_PIXEL) for n in depth.shape)
     small = depth[rows[:, None], columns]
@@ -207,8 +207,8 @@ def _targets(
             yield target
         return
     used = [source]
-    for wanted in degrees:
-        for target in _candidates(np.abs(angles - wanted), used):
+    for angle in degrees:
+        for target in _candidates(np.abs(angles - angle), used):
             if overlaps.share(source, target) >= min_overlap:
                 used.append(target)
                 yield target
@@ -216,7 +216,7 @@ def _targets(
 
 
 def _candidates(off: Float64Array, used: list[int]) -> list[int]:
-    """Frames at most DEGREES_OFF from the wanted angle, nearest first; of neighbours in a row, which see much the same,
+    """Frames at most DEGREES_OFF from the requested angle, nearest first; of neighbours in a row, which see much the same,
     only the best."""
     near = off <= DEGREES_OFF
     near[used] = False

@@ -14,7 +14,7 @@ from dlama.geometry.scene import Scene
 from dlama.geometry.trajectories import PATHS, interpolate_cameras, median_pivot, named_path
 
 VIEWS_OF_PATH = 24
-"""Cameras of a path by name, where nothing says how many."""
+"""Cameras of a path by name, where no number is given."""
 LONGEST = 100_000
 """Pictures of a video."""
 
@@ -26,7 +26,9 @@ def cameras_for(views: str | Mapping[str, Camera], scene: Scene) -> dict[str, Ca
     if views == "frames":
         return None
     if views in PATHS:
-        return {f"{views}-{number:04d}": camera for number, camera in enumerate(_named(views, scene, VIEWS_OF_PATH))}
+        return {
+            f"{views}-{number:04d}": camera for number, camera in enumerate(_named_path(views, scene, VIEWS_OF_PATH))
+        }
     if not views.lower().endswith(".json"):
         raise InputError(
             f"views is {views!r}; frames, {', '.join(PATHS)} or a JSON file with a list of cameras is expected"
@@ -47,7 +49,7 @@ def path_for(path: str, scene: Scene, seconds: float, fps: float, width: int | N
     if count > LONGEST:
         raise InputError(f"seconds is {seconds}, fps {fps}: {count} pictures; at most {LONGEST} are expected")
     if path in PATHS:
-        cameras = _named(path, scene, count)
+        cameras = _named_path(path, scene, count)
     elif path.lower().endswith(".json"):
         cameras = interpolate_cameras(list(read_cameras(path).values()), count)
     else:
@@ -60,6 +62,6 @@ def path_for(path: str, scene: Scene, seconds: float, fps: float, width: int | N
     return [camera.resized(width, max(2, round(width * first.height / first.width))) for camera in cameras]
 
 
-def _named(name: str, scene: Scene, count: int) -> list[Camera]:
+def _named_path(name: str, scene: Scene, count: int) -> list[Camera]:
     middle = scene.frames[len(scene.frames) // 2]
     return named_path(name, middle.camera, count, median_pivot(np.where(middle.hole, 0, middle.depth)))

@@ -13,7 +13,7 @@ from pathlib import Path
 from dlama.completion.start import clip_frame
 from dlama.datasets.frames import Frame
 from dlama.datasets.posed.posed_frames import CameraOption
-from dlama.datasets.sequences.scene_frames import open_frames, sliced
+from dlama.datasets.sequences.scene_frames import open_frames, slice_frames
 from dlama.errors import DlamaError, FileError, InputError, first_line
 from dlama.files.atomic_write import PathLike
 from dlama.files.scenes.scene_npz import read_scene
@@ -50,8 +50,8 @@ def read_scene_of(
             raise InputError(f"align is on, and {dataset} is a scene; align the frames that it is made of")
         found = read_scene(dataset)
         return [f"frame-{number:04d}" for number in range(max(found.numbers) + 1)], found, {}
-    chosen = sliced(open_frames(dataset, layout, camera=camera, depth_range=depth_range, scene=scene), which)
-    views, damaged = read_views(aligned(chosen) if align else chosen, PixelCache(), clip)
+    chosen = slice_frames(open_frames(dataset, layout, camera=camera, depth_range=depth_range, scene=scene), which)
+    views, damaged = read_views(align_poses(chosen) if align else chosen, PixelCache(), clip)
     if not views:
         raise FileError(
             f"{dataset}: not one of its {len(chosen)} frames can be read; the first: {next(iter(damaged.values()))}"
@@ -59,7 +59,7 @@ def read_scene_of(
     return list(views), gather_views(list(views.values()), list(views)), damaged
 
 
-def aligned(frames: Sequence[Frame]) -> list[Frame]:
+def align_poses(frames: Sequence[Frame]) -> list[Frame]:
     """The frames with poses that agree with their pictures; those that cannot be read stay as they are."""
     features = dict[int, Features]()
     for place, frame in enumerate(frames):

@@ -41,35 +41,35 @@ MOST_ANIMATED, ANIMATED_WIDTH = 240, 480
 """Pictures of a WebP, which is held in memory whole, and their width; MP4 has all, as they are."""
 
 
-def checked_results(only: Sequence[str] | None, also: Sequence[str] = ()) -> tuple[str, ...]:
+def check_results(only: Sequence[str] | None, also: Sequence[str] = ()) -> tuple[str, ...]:
     """Names of what is to be written: `only` (None: BY_DEFAULT) and `also`. InputError: an unknown name."""
     return choose_names(only, also, RESULTS, BY_DEFAULT)
 
 
-def write_whole(folder: Path, whole: Scene, cameras: Mapping[str, Camera], wanted: Sequence[str]) -> dict[str, Any]:
+def write_whole(folder: Path, whole: Scene, cameras: Mapping[str, Camera], chosen: Sequence[str]) -> dict[str, Any]:
     """What of RESULTS is expected of the scene as a whole; for meta.json: what was left out of it. Raises OutputError.
 
     Points and mesh have every surface once, without removed objects.
     """
     about: dict[str, Any] = {}
-    if "scene" in wanted:
+    if "scene" in chosen:
         LOG.info("write scene")
         write_npz(folder / "scene.npz", whole.frames[0], whole)
-    if {"points", "mesh", "colmap"} & set(wanted):
+    if {"points", "mesh", "colmap"} & set(chosen):
         once = thin_scene(whole)
         counts = [int(contribution(layer.read()).sum()) for layer in once.layers]
-        if {"points", "colmap"} & set(wanted):
+        if {"points", "colmap"} & set(chosen):
             cloud = cloud_of(once, max(1, math.ceil(sum(counts) / MOST_POINTS)))
             about["points"] = {"of": sum(counts), "written": len(cloud)}
-            if "points" in wanted:
+            if "points" in chosen:
                 write_ply(folder / "scene.ply", cloud)
-            if "colmap" in wanted:
+            if "colmap" in chosen:
                 (folder / "sparse" / "0").mkdir(parents=True, exist_ok=True)
                 views = {f"{name}.png": camera for name, camera in cameras.items()}
-                write_model(folder / "sparse" / "0", views, some_of(cloud))
+                write_model(folder / "sparse" / "0", views, thin_points(cloud))
             del cloud
-        if "mesh" in wanted:
-            meshed = largest(once, counts)
+        if "mesh" in chosen:
+            meshed = largest_layers(once, counts)
             about["meshed_layers"] = {"of": len(once.layers), "written": len(meshed.layers)}
             write_textured_glb(folder / "scene.glb", meshed)
     return about
@@ -79,13 +79,13 @@ def cloud_of(scene: Scene, step: int) -> PointCloud:
     """The points that each layer adds, of each every `step`-th."""
     return concatenate(
         [
-            some_of(lift(View.without(layer.read(), ~contribution(layer), HoleType.NONE)), step=step)
+            thin_points(lift(View.without(layer.read(), ~contribution(layer), HoleType.NONE)), step=step)
             for layer in scene.layers
         ]
     )
 
 
-def largest(scene: Scene, counts: Sequence[int], most: int = MOST_MESHED) -> Scene:
+def largest_layers(scene: Scene, counts: Sequence[int], most: int = MOST_MESHED) -> Scene:
     """The scene with those layers only that add most points (`counts`), up to `most` points in all, one at least."""
     order = np.argsort([-count for count in counts], kind="stable")
     total = np.cumsum([counts[place] for place in order])
@@ -93,7 +93,7 @@ def largest(scene: Scene, counts: Sequence[int], most: int = MOST_MESHED) -> Sce
     return Scene(tuple(scene.layers[place] for place in kept))
 
 
-def some_of(cloud: PointCloud, most: int = COLMAP_POINTS, step: int | None = None) -> PointCloud:
+def thin_points(cloud: PointCloud, most: int = COLMAP_POINTS, step: int | None = None) -> PointCloud:
     """Every `step`-th point of a cloud, evenly; where it is not given, so that there are `most` at most."""
     step = max(1, math.ceil(len(cloud) / most)) if step is None else step
     return PointCloud(cloud.points[::step], cloud.color[::step], cloud.origin[::step], cloud.confidence[::step])

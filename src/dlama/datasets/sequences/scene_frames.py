@@ -72,7 +72,7 @@ def _of_scene(root: Path, frames: Sequence[Frame], scene: str | None) -> tuple[F
     return tuple(frame for frame in frames if scene in (None, frame.scene))
 
 
-def sliced(frames: Sequence[T], which: str | None) -> tuple[T, ...]:
+def slice_frames(frames: Sequence[T], which: str | None) -> tuple[T, ...]:
     """Those of `first:end:step` (places from 0, the end not among them, as Python's slices; each part may be left out), or all.
 
     Raises InputError: other words, or nothing left.

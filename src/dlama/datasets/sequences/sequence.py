@@ -19,8 +19,8 @@ from dlama.datasets.posed.nerfstudio_writer import FOLDERS, write_transforms, wr
 from dlama.datasets.posed.posed_frames import CameraOption
 from dlama.datasets.sequences.camera_paths import cameras_for
 from dlama.datasets.sequences.loading import masks_by_number, read_scene_of
-from dlama.datasets.sequences.results import checked_results, write_views_video, write_whole
-from dlama.datasets.sequences.state import Added, SequenceState
+from dlama.datasets.sequences.results import check_results, write_views_video, write_whole
+from dlama.datasets.sequences.state import SequenceState, StepChange
 from dlama.errors import OutputError, system_errors
 from dlama.files.atomic_write import PathLike, new_file
 from dlama.files.results.meta_json import as_json
@@ -33,7 +33,7 @@ from dlama.geometry.view import Origin
 from dlama.inpainters import AUTO
 
 Progress = Callable[[int, int, str, bool], None]
-"""Told after each view: how many are done, of how many, which one, and whether an earlier run had done it."""
+"""Called after each view: how many are done, of how many, which one, and whether an earlier run had done it."""
 
 
 class NamedStep(NamedTuple):
@@ -47,7 +47,7 @@ class NamedStep(NamedTuple):
 
 
 @dataclass
-class Done:
+class StepResults:
     """What the steps of a sequence gave."""
 
     scene: Scene
@@ -93,7 +93,7 @@ def sequence(
 
     Writes a data set in nerfstudio's layout: transforms.json, images/, depth/ (mm), hole/ (255 = filled), origin/, source/ (the
     frame each pixel comes from); scene.glb, meta.json, sparse/0 (a COLMAP model as text), and a video of the views; scene.npz
-    and scene.ply where they are asked for. A run that was killed goes on frame by frame. A frame that cannot be read, comes
+    and scene.ply where they are asked for. A killed run resumes at the frame it was at. A frame that cannot be read, comes
     twice or contradicts all others is warned of and left out. Pixels are read when they are needed: memory hardly grows with
     the number of frames.
 
@@ -107,16 +107,16 @@ def sequence(
         layout, scene, camera, depth_range: Of the data set, as in `dlama evaluate`; `scene` of several.
         filler, model, recipe, dilate, seed: As in `complete`.
         only: What of scene, points, mesh, colmap and video is written next to the views; None: mesh, colmap and video.
-        also: More of them. "scene" is the file that `dlama view` and `dlama video` go on with.
+        also: More of them. "scene" is the file that `dlama view` and `dlama video` read.
         align: Poses are made to agree with the pictures first, where they do not; the results then have the new poses.
-        progress: Told after each view.
+        progress: Called after each view.
     Returns:
         What meta.json holds.
     Raises:
         InputError: what `scene` and `complete` refuse, a mask for a frame that is not there; FileError, OutputError.
     """
     check_arguments(sequence, locals())
-    started, target, wanted = time.perf_counter(), Path(output), checked_results(only, also)
+    started, target, chosen = time.perf_counter(), Path(output), check_results(only, also)
     options = Options(filler=filler, model=model, recipe=recipe, dilate=dilate, seed=seed)
     clip = options.settings.clip
     names, given, damaged = read_scene_of(dataset, frames, layout, scene, camera, depth_range, clip, align)
@@ -129,7 +129,7 @@ def sequence(
     settings = {"filler": plan.filler, "model": str(model), "recipe": recipe, "dilate": dilate, "seed": seed}
     views_by_name = {"views": [(name, shown) for name, _, shown in steps]}
     state = SequenceState(target, settings | views_by_name, start, __version__)
-    done = completed(plan, start, steps, state, target, progress)
+    done = complete_steps(plan, start, steps, state, target, progress)
     ordered = cameras or {name: frame.camera for name, frame in zip(kept, given.frames)}
     meta = {
         "dlama": __version__,
@@ -145,7 +145,7 @@ def sequence(
         "masked_frames": sorted(masks or {}),
         **done.shares(ordered),
         "views_from_earlier_run": done.reused,
-        **written(target, done.scene, ordered, names, wanted),
+        **write_views(target, done.scene, ordered, names, chosen),
         "seconds": round(time.perf_counter() - started, 3),
     }
     with new_file(target / "meta.json") as draft:
@@ -165,16 +165,16 @@ def about_frames(names: Sequence[str], kept: Sequence[str], given: Scene, damage
     }
 
 
-def written(
-    target: Path, scene: Scene, cameras: Mapping[str, Camera], names: Sequence[str], wanted: Sequence[str]
+def write_views(
+    target: Path, scene: Scene, cameras: Mapping[str, Camera], names: Sequence[str], chosen: Sequence[str]
 ) -> dict[str, Any]:
-    """What is made of all views, written: transforms.json and those of RESULTS in `wanted`; for meta.json: what was left out.
+    """What is made of all views, written: transforms.json and those of RESULTS in `chosen`; for meta.json: what was left out.
 
     cameras: of the views, by name; names: of the frames. Raises OutputError.
     """
-    write_transforms(target, cameras, names, {"ply_file_path": "scene.ply"} if "points" in wanted else {})
-    about = write_whole(target, scene, cameras, wanted)
-    if "video" in wanted:
+    write_transforms(target, cameras, names, {"ply_file_path": "scene.ply"} if "points" in chosen else {})
+    about = write_whole(target, scene, cameras, chosen)
+    if "video" in chosen:
         about["video"] = write_views_video(target, list(cameras))
     return about
 
@@ -192,25 +192,25 @@ def steps_for(plan: Plan, start: Scene, names: Sequence[str], cameras: Mapping[s
     return [*frames, *(NamedStep(name, Step(camera), True) for name, camera in (cameras or {}).items())]
 
 
-def completed(
+def complete_steps(
     plan: Plan,
     start: Scene,
     steps: Sequence[NamedStep],
     state: SequenceState,
     target: Path,
     progress: Progress | None,
-) -> Done:
+) -> StepResults:
     """The steps one after the other, each kept as soon as it is done, and its view written into `target`. Raises OutputError."""
     resumed = state.begin()
     for folder in FOLDERS:
         (target / folder).mkdir(exist_ok=True)
-    done = Done(start)
+    done = StepResults(start)
     for number, (name, step, shown) in enumerate(steps):
         added = state.of(number) if resumed else None
         earlier = added is not None
         if added is None:
             found, larger = complete_step(plan, done.scene, step)
-            added = Added.by(step, found.view, done.scene, larger)
+            added = StepChange.by(step, found.view, done.scene, larger)
             if shown:
                 write_view(target, name, added.view)
             added = state.keep(number, added)

@@ -1,4 +1,4 @@
-"""The steps of a sequence that are done in; kept in the output's hidden folder, so that a killed run goes on, out."""
+"""The steps of a sequence that are done in; kept in the output's hidden folder, so that a killed run resumes, out."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ FORMAT = 3
 
 
 @dataclass(frozen=True, eq=False)
-class Added:
+class StepChange:
     """What a step found."""
 
     view: View
@@ -39,7 +39,7 @@ class Added:
     """The frame itself with depth wherever it has a colour, where it is one that had none somewhere."""
 
     @classmethod
-    def by(cls, step: Step, view: View, before: Scene, after: Scene) -> Added:
+    def by(cls, step: Step, view: View, before: Scene, after: Scene) -> StepChange:
         """What the step that completed this view changed."""
         changed = step.place is not None and after.frames[step.place] is not before.frames[step.place]
         frame = after.frames[step.place] if step.place is not None and changed else None
@@ -63,7 +63,7 @@ class SequenceState:
         self._settings = self.folder / "settings.json"
 
     def begin(self) -> bool:
-        """Make the folder; what another run with other inputs left there is removed. True if there is something to go on with."""
+        """Make the folder; what another run with other inputs left there is removed. True if there is something to resume."""
         try:
             same = json.loads(self._settings.read_text("utf-8"))["mark"] == self.mark
         except (OSError, ValueError, KeyError, TypeError):
@@ -76,7 +76,7 @@ class SequenceState:
                 draft.write_text(json.dumps({"mark": self.mark}), encoding="utf-8")
         return same
 
-    def of(self, number: int) -> Added | None:
+    def of(self, number: int) -> StepChange | None:
         """What the step of that number added, if it is done; a file that was cut off counts as not done."""
         file = self._file(number)
         if not file.is_file():
@@ -85,9 +85,9 @@ class SequenceState:
             view, scene = read_npz(file, self.cache)
         except FileError:
             return None
-        return Added(view, scene.fills, None if scene.frames[0].read().hole.all() else scene.frames[0])
+        return StepChange(view, scene.fills, None if scene.frames[0].read().hole.all() else scene.frames[0])
 
-    def keep(self, number: int, added: Added) -> Added:
+    def keep(self, number: int, added: StepChange) -> StepChange:
         """The step is done; the same, whose layers are read from the file when they are needed. Raises OutputError."""
         nothing = np.ones(added.view.camera.hw, bool)
         frame = added.view.without(nothing, HoleType.NONE) if added.frame is None else added.frame
@@ -97,7 +97,7 @@ class SequenceState:
             StoredView.of(layer.camera, partial(read_layer, file, f"layer{number}_"), self.cache, layer)
             for number, layer in enumerate((frame, *added.fills))
         )
-        return Added(added.view, tuple(fills), None if added.frame is None else kept)
+        return StepChange(added.view, tuple(fills), None if added.frame is None else kept)
 
     def end(self) -> None:
         """All is done: nothing is left of this."""

@@ -70,7 +70,7 @@ def choose(stored: Sequence[Stored]) -> list[Chosen]:
             place = (one.protocol, own[1] if len(own) > 1 else ALL, f"{recipe}/{one.filler}")
             which, score = found
             groups[place].append(Chosen(*place, "", one.scene, one.frame, f"{which[0]} {which[2]}", score, run.panel))
-    return [panel for group in groups.values() for panel in _ranked(group)]
+    return [panel for group in groups.values() for panel in _rank(group)]
 
 
 def as_data_urls(folder: Path, chosen: Sequence[Chosen]) -> list[ShownPanel]:
@@ -114,7 +114,7 @@ def _score(run: StoredRun) -> tuple[Which, float] | None:
     return next(((which, values[which]) for which in RANKED_BY if values.get(which, float("nan")) >= 0), None)
 
 
-def _ranked(group: list[Chosen]) -> list[Chosen]:
+def _rank(group: list[Chosen]) -> list[Chosen]:
     """Of equal scores the first in the data set's order, so that every run chooses the same."""
     ordered = sorted(group, key=lambda one: one.score)
     places = {"best": 0, "median": (len(ordered) - 1) // 2, "worst": len(ordered) - 1}

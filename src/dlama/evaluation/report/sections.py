@@ -212,17 +212,17 @@ class _Place:
 
     def whole_figures(self) -> tuple[Figure, ...]:
         """The paper's six numbers and mask ratio, and two in other units."""
-        return self._drawn((*PAPER_SHAPE, *MORE_WHOLE), "Whole pictures")
+        return self._figures_of((*PAPER_SHAPE, *MORE_WHOLE), "Whole pictures")
 
     def hidden_figures(self) -> tuple[Figure, ...]:
         """The unseen pixels."""
-        return self._drawn([("unseen", *which) for which in CURVES], "Unseen pixels")
+        return self._figures_of([("unseen", *which) for which in CURVES], "Unseen pixels")
 
     def region_figures(self) -> tuple[Figure, ...]:
         """The hidden region's metrics, a dot a method."""
         hidden = [region for region in HIDDEN if any(which[0] == region for which in self.all_measures)][:1]
         chosen = self._interesting(hidden or ["whole"])[:12]
-        return self._drawn(chosen, f"Region {(hidden or ['whole'])[0]}")
+        return self._figures_of(chosen, f"Region {(hidden or ['whole'])[0]}")
 
     def whole_tables(self) -> tuple[Table, ...]:
         """One a metric with the methods side by side, then one a method in the paper's shape; of one yaw, one of all."""
@@ -284,7 +284,7 @@ class _Place:
     def _paired_table(self, chosen: Sequence[Which]) -> Table | None:
         return paired_comparison(self.rows, self.protocol, self.dataset, chosen, self.seed)
 
-    def _drawn(self, chosen: Sequence[Which], title: str) -> tuple[Figure, ...]:
+    def _figures_of(self, chosen: Sequence[Which], title: str) -> tuple[Figure, ...]:
         """Curves over yaw where there are two yaws or more, else a dot a method."""
         place = self.summary, self.protocol, self.dataset
         over_yaw = (

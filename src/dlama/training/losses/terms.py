@@ -59,7 +59,7 @@ class LossInputs:
         return self.precise_output[:, plane : plane + 1], self.batch["target"][:, -1:], self.batch["known_depth"]
 
     @functools.cached_property
-    def discriminated(self) -> tuple[Tensor, Sequence[Tensor], Sequence[Tensor]]:
+    def discriminator_outputs(self) -> tuple[Tensor, Sequence[Tensor], Sequence[Tensor]]:
         """Scores and activations of the discriminator at the output, and its activations at the truth (none where feature
         matching has no weight). The truth goes first: the order shows in the running statistics of batch norms."""
         assert self.discriminator is not None
@@ -124,8 +124,10 @@ GENERATOR_TERMS: dict[str, Term] = {
     "depth_choice": Term(_depth_choice, of_choice=True, in_float32=True),
     "expected_error": Term(_expected_error, of_choice=True, in_float32=True),
     "perceptual": Term(_perceptual),
-    "adversarial": Term(lambda x: adversarial.generator_loss(widen_half(x.discriminated[0]))),
-    "feature_matching": Term(lambda x: adversarial.feature_matching(x.discriminated[1], x.discriminated[2])),
+    "adversarial": Term(lambda x: adversarial.generator_loss(widen_half(x.discriminator_outputs[0]))),
+    "feature_matching": Term(
+        lambda x: adversarial.feature_matching(x.discriminator_outputs[1], x.discriminator_outputs[2])
+    ),
 }
 """In the order they are computed and added. A new term is an entry here and its weight in `LossSettings`."""
 DISCRIMINATOR_TERMS = ("discriminator", "gradient_penalty")
