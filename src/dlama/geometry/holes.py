@@ -191,7 +191,7 @@ def check_mask(mask: ArrayLike, hw: tuple[int, int]) -> BoolArray:
 
 def hole_shares(view: View) -> dict[str, float]:
     """Share of the picture (0..1) by hole type, holes filled or not."""
-    counts = np.bincount(view.hole_type.ravel(), minlength=len(HoleType))
+    counts = np.bincount(view.hole_type[view.hole_type > 0], minlength=len(HoleType))
     return {kind.name.lower(): float(counts[kind]) / view.hole_type.size for kind in HoleType if kind}
 
 

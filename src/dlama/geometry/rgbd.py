@@ -90,7 +90,7 @@ class RGBD:
     @property
     def far(self) -> BoolArray:
         """H x W, True where the scene is known to be far (sky)."""
-        return np.isposinf(self.depth)
+        return self.depth == np.inf
 
     @property
     def missing(self) -> BoolArray:

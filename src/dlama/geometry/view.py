@@ -161,7 +161,7 @@ class View:
     @property
     def far(self) -> BoolArray:
         """H x W, True where the view is known (or filled) to be far."""
-        return ~self.hole & np.isposinf(self.depth)
+        return ~self.hole & (self.depth == np.inf)
 
     @property
     def color_hole(self) -> BoolArray:
