@@ -131,7 +131,7 @@ def measure(truth: Truth, method: Method) -> dict[str, float]:
             names = {name: reference.regions[name] for name in ("unseen", "disoccluded", "out-of-view")}
         run_ = run_method(method, truth.source, camera, mask)
         view, unknown = run_.view(), reference.within(unknown)
-        mine = np.where(unknown[..., None], reference.exposed(view.color), reference.color)
+        mine = np.where(unknown[..., None], reference.match_exposure(view.color), reference.color)
         squared = mse_map(reference.color, mine)
         distance = lpips_map(reference.color, mine, unknown)
         found = {"seconds": run_.seconds}

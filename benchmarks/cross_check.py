@@ -19,6 +19,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from dlama.completion.options import Options
 from dlama.completion.pipeline import complete
 from dlama.completion.recipes import RECIPES
 from dlama.completion.start import Plan, plan_for, scene_of
@@ -88,7 +89,7 @@ def to_the_letter(source: RGBD, target: Camera) -> Made:
 def paper_plan(source: RGBD) -> Plan:
     """The paper's recipe with Telea, about to move; nothing holds its depth to a law."""
     recipe = dataclasses.replace(RECIPES["paper"], law=False)
-    return plan_for(scene_of(source, recipe.clip), recipe, filler="telea")[0]
+    return plan_for(scene_of(source, recipe.clip), Options(recipe=recipe, filler="telea"))[0]
 
 
 def made(warped: View, filled: View) -> Made:

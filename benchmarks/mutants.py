@@ -66,19 +66,19 @@ MUTANTS: tuple[Mutant, ...] = (
         ),
     ),
     *faults(
-        "apps/verbs/worlds.py",
+        "apps/verbs/measuring/worlds.py",
         OPTIONS,
         ("--textures is dropped", '"textures": textures}', '"textures": None}'),
         ("--no-shadows is dropped", '"shadows": shadows', '"shadows": True'),
     ),
     *faults(
-        "apps/verbs/evaluate.py",
+        "apps/verbs/measuring/evaluate.py",
         OPTIONS,
         ("evaluate --camera is dropped", "camera=self.camera", "camera=None"),
         ("evaluate --seed is dropped", "seed=self.seed) for name", "seed=0) for name"),
     ),
     *faults(
-        "apps/verbs/train.py",
+        "apps/verbs/networks/train.py",
         OPTIONS,
         ("train --max-minutes is dropped", "=max_minutes, resume", "=None, resume"),
         ("train --steps is dropped", "steps=steps,", "steps=None,"),

@@ -50,7 +50,7 @@ if TYPE_CHECKING:  # what type checkers and editors read; a test holds it equal 
     from dlama.geometry.frames.alignment import align_frames as align_frames
     from dlama.geometry.frames.gathering import scene as scene
     from dlama.geometry.fusion import fuse as fuse
-    from dlama.geometry.head_box import HeadBox as HeadBox
+    from dlama.geometry.layers.head_box import HeadBox as HeadBox
     from dlama.geometry.mesh import Mesh as Mesh
     from dlama.geometry.projection import lift as lift
     from dlama.geometry.rendering import render as render
@@ -91,7 +91,7 @@ MODULES = {
     "Fill": "inpainters.filling",
     "FillReport": "inpainters.filling",
     "Finding": "perception.diagnosis.finding",
-    "HeadBox": "geometry.head_box",
+    "HeadBox": "geometry.layers.head_box",
     "HoleType": "geometry.view",
     "Inpainter": "inpainters.filling",
     "InputError": "errors",

@@ -90,8 +90,8 @@ BASE = {
 """The least words that each command runs with."""
 
 REPORT = {
-    "quiet": Reach("--quiet", "reported.report", attribute("quiet", True)),
-    "json": Reach("--json", "reported.report", attribute("json", True)),
+    "quiet": Reach("--quiet", "report_result.report", attribute("quiet", True)),
+    "json": Reach("--json", "report_result.report", attribute("json", True)),
 }
 
 
@@ -358,12 +358,12 @@ BATCH = {
     "dry_run": Reach("--dry-run --verb view", "plan_lines.verb", "view"),
 }
 SERVE = {
-    "host": Reach("--host 127.0.0.2", "serving.host", "127.0.0.2"),
-    "port": Reach("--port 8000", "serving.port", 8000),
-    "token": Reach("--token secret", "serving.token", "secret"),
-    "max_megabytes": Reach("--max-megabytes 3", "serving.limits", attribute("megabytes", 3)),
-    "max_megapixels": Reach("--max-megapixels 2.5", "serving.limits", attribute("megapixels", 2.5)),
-    "max_pages": Reach("--max-pages 2", "serving.limits", attribute("visits", 2)),
+    "host": Reach("--host 127.0.0.2", "open_server.host", "127.0.0.2"),
+    "port": Reach("--port 8000", "open_server.port", 8000),
+    "token": Reach("--token secret", "open_server.token", "secret"),
+    "max_megabytes": Reach("--max-megabytes 3", "open_server.limits", attribute("megabytes", 3)),
+    "max_megapixels": Reach("--max-megapixels 2.5", "open_server.limits", attribute("megapixels", 2.5)),
+    "max_pages": Reach("--max-pages 2", "open_server.limits", attribute("visits", 2)),
 }
 NAME = instead("big-lama", "record.name", "big-lama", "migan-512")
 CONVERT = {

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from dlama.apps.cli import main
-from dlama.apps.verbs import evaluate as verb
-from dlama.apps.verbs.evaluate import Cases, Methods, check_extra, command_line
+from dlama.apps.verbs.measuring import evaluate as verb
+from dlama.apps.verbs.measuring.evaluate import Cases, Methods, check_extra, command_line
 from dlama.errors import InputError, MissingExtraError
 from dlama.evaluation import protocols
 from dlama.evaluation.protocols.methods import Method, ProtocolSettings, Scored

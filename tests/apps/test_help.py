@@ -23,7 +23,7 @@ import dlama
 from dlama.apps import options
 from dlama.apps.cli import VERBS, join_lines, main
 from dlama.apps.terminal.flags import flags_of, with_flags
-from dlama.apps.verbs import evaluate as evaluate_verb
+from dlama.apps.verbs.measuring import evaluate as evaluate_verb
 from dlama.inpainters import FILLERS
 from test_docs import WORDS
 

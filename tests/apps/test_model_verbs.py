@@ -12,7 +12,7 @@ import pytest
 
 from dlama.apps import cli
 from dlama.apps.model_files import model_for
-from dlama.apps.verbs.model_verbs import models
+from dlama.apps.verbs.networks.model_verbs import models
 from dlama.errors import FileError, InputError
 from dlama.models.records import CATALOGUE
 from dlama.nets.architecture import GeneratorSettings, generator_shapes

@@ -24,7 +24,7 @@ from options_table import BASE, TABLE
 
 import dlama
 from dlama.apps.cli import VERBS, main
-from dlama.apps.verbs import model_verbs
+from dlama.apps.verbs.networks import model_verbs
 from dlama.datasets.frames import Case, Dataset
 
 CASES = (
@@ -106,9 +106,12 @@ def calls(loaded: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Call
 
         monkeypatch.setattr(owner, name, stand_in)
 
-    verbs = ("doctor", "evaluate", "worlds", "train", "model_verbs", "sequence", "batch", "show", "video", "serve")
+    verbs = (
+        *(f"measuring.{verb}" for verb in ("doctor", "evaluate", "worlds")), "networks.train", "networks.model_verbs",
+        "sequence", "batch", "show", "video", "serve",
+    )  # fmt: skip
     for module in ("command", "cli", *(f"verbs.{verb}" for verb in verbs)):
-        spy(f"dlama.apps.{module}.reported", through=True)
+        spy(f"dlama.apps.{module}.report_result", through=True)
     _spy_on_jobs(spy)
     _spy_on_the_rest(spy)
     spy("dlama.web.server.open_server", lambda **_: nullcontext(SimpleNamespace(port=1, serve_forever=lambda: None)))
@@ -177,11 +180,11 @@ def _spy_on_the_rest(spy: Callable[..., None]) -> None:
     spy("dlama.apps.viewer.contents.contents_of", "contents")
     spy("dlama.apps.viewer.server.serve", "address")
     spy("dlama.models.pull.pull", Path("pulled"))
-    spy("dlama.apps.verbs.model_verbs.record", through=True)
-    spy("dlama.apps.verbs.model_verbs.verify", SimpleNamespace(state="verified", path="", detail=""))
-    spy("dlama.apps.verbs.model_verbs.convert", [])
-    spy("dlama.apps.verbs.model_verbs.source_of", lambda model: Path(model))
-    spy("dlama.apps.verbs.model_verbs.size_and_sha256", (3, "abc"))
+    spy("dlama.apps.verbs.networks.model_verbs.record", through=True)
+    spy("dlama.apps.verbs.networks.model_verbs.verify", SimpleNamespace(state="verified", path="", detail=""))
+    spy("dlama.apps.verbs.networks.model_verbs.convert", [])
+    spy("dlama.apps.verbs.networks.model_verbs.source_of", lambda model: Path(model))
+    spy("dlama.apps.verbs.networks.model_verbs.size_and_sha256", (3, "abc"))
 
 
 @pytest.fixture

@@ -16,7 +16,7 @@ import dlama
 from dlama.apps.cli import main
 from dlama.apps.options import RESULTS, Report
 from dlama.apps.terminal import progress as terminal_progress
-from dlama.apps.verbs import evaluate
+from dlama.apps.verbs.measuring import evaluate
 
 VIEW = ("view", "image.png", "depth.png", "--fov", 60, "--yaw", 12, *FAST)
 

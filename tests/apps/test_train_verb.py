@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from dlama.apps.verbs.train import choose_settings
+from dlama.apps.verbs.networks.train import choose_settings
 from dlama.errors import InputError
 from dlama.training.loop.run_files import prepare, write_settings
 

@@ -21,8 +21,8 @@ from dlama.completion.verbs import remove
 from dlama.files.scenes.meshes import write_glb
 from dlama.files.scenes.textured_mesh import write_textured_glb
 from dlama.geometry.camera import Camera
-from dlama.geometry.decimation import decimate
 from dlama.geometry.fusion import scene_mesh
+from dlama.geometry.layers.decimation import decimate
 from dlama.geometry.mesh import Mesh, join_meshes
 from worlds import Box, Plane, World
 

@@ -14,8 +14,8 @@ from pygltflib import GLTF2
 from dlama.completion.verbs import remove, view
 from dlama.files.scenes.textured_mesh import pack_textures, write_textured_glb
 from dlama.geometry.camera import Camera
-from dlama.geometry.decimation import decimate
-from dlama.geometry.layered_mesh import MeshPart
+from dlama.geometry.layers.decimation import decimate
+from dlama.geometry.layers.layered_mesh import MeshPart
 from dlama.geometry.mesh import Mesh, join_meshes
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene

@@ -134,7 +134,8 @@ def test_every_field_is_explained():
 
 def test_settings_load_no_torch():
     """Oracle: sys.modules of a fresh interpreter. The command line's help must be quick, and packing needs no torch."""
-    code = "import sys, dlama.training.presets, dlama.apps.verbs.train, dlama.training.data.pack; print('torch' in sys.modules)"
+    modules = "sys, dlama.training.presets, dlama.apps.verbs.networks.train, dlama.training.data.pack"
+    code = f"import {modules}; print('torch' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"
 

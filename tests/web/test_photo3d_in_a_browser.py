@@ -12,8 +12,8 @@ import pytest
 
 import dlama
 from dlama.completion.photo3d import Photo3D
+from dlama.geometry.layers.subsampling import subsample
 from dlama.geometry.rgbd import RGBD
-from dlama.geometry.subsampling import subsample
 from dlama.geometry.view import View
 
 playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed (extra test)")

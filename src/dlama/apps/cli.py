@@ -38,17 +38,17 @@ from dlama.apps.terminal.flags import flags_of, repeated_list, with_flags, wrong
 from dlama.apps.terminal.output import errors_as_lines, report_result, stages_bar
 from dlama.apps.verbs.batch import batch
 from dlama.apps.verbs.depth import depth as depth_of_photo
-from dlama.apps.verbs.doctor import doctor
-from dlama.apps.verbs.evaluate import evaluate
 from dlama.apps.verbs.masks import mask as mask_of_object
-from dlama.apps.verbs.model_verbs import models
+from dlama.apps.verbs.measuring.doctor import doctor
+from dlama.apps.verbs.measuring.evaluate import evaluate
+from dlama.apps.verbs.measuring.worlds import worlds
+from dlama.apps.verbs.networks.model_verbs import models
+from dlama.apps.verbs.networks.train import pack, train
 from dlama.apps.verbs.photo3d import photo3d
 from dlama.apps.verbs.sequence import sequence
 from dlama.apps.verbs.serve import serve
 from dlama.apps.verbs.show import show
-from dlama.apps.verbs.train import pack, train
 from dlama.apps.verbs.video import video
-from dlama.apps.verbs.worlds import worlds
 from dlama.errors import InputError
 
 DESCRIPTION = (

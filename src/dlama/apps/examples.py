@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dlama.apps.verbs.batch import EXAMPLES as BATCH_EXAMPLES
-from dlama.apps.verbs.train import EXAMPLES as TRAINING_EXAMPLES
+from dlama.apps.verbs.networks.train import EXAMPLES as TRAINING_EXAMPLES
 
 EXAMPLES: dict[str, tuple[str, ...]] = {
     "view": (

@@ -19,16 +19,16 @@ from dlama.completion.start import Plan, plan_for, scene_of
 from dlama.completion.steps import CompletedView, Step, complete_step, frame_steps
 from dlama.geometry.camera import Camera
 from dlama.geometry.drawing.layers import Canvas, Grid, draw, draw_far
-from dlama.geometry.edge_layers import continue_under_edges
 from dlama.geometry.frames.choosing import choose_frames
 from dlama.geometry.fusion import add_layer
-from dlama.geometry.head_box import HeadBox
 from dlama.geometry.holes import box_around, morphological_open, square
+from dlama.geometry.layers.edge_layers import continue_under_edges
+from dlama.geometry.layers.head_box import HeadBox
+from dlama.geometry.layers.subsampling import step_for, subsample_scene
 from dlama.geometry.projection import px_from_px
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.geometry.scene import Scene
-from dlama.geometry.subsampling import step_for, subsample_scene
 from dlama.geometry.view import HoleType, Origin, View
 from dlama.inpainters import AUTO
 from dlama.inpainters.filling import Inpainter

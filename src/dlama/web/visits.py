@@ -17,7 +17,7 @@ from typing import Any
 import dlama
 from dlama.files.drafts import DRAFT, hold, name_of, remove_abandoned
 from dlama.files.results.photo3d import MOST_TRIANGLES
-from dlama.geometry.layered_mesh import MeshPart, mesh_layers
+from dlama.geometry.layers.layered_mesh import MeshPart, mesh_layers
 from dlama.geometry.rgbd import BoolArray
 from dlama.web.completion_request import CompletionRequest
 from dlama.web.failures import PageError

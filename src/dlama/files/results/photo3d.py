@@ -27,7 +27,7 @@ from dlama.files.scenes.scene_npz import write_npz
 from dlama.files.scenes.splats import write_splats
 from dlama.files.schema import SCHEMA
 from dlama.geometry.camera import Camera
-from dlama.geometry.layered_mesh import mesh_layers
+from dlama.geometry.layers.layered_mesh import mesh_layers
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import UInt8Array
 

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from dlama.files.scenes.textured_mesh import textured_glb
-from dlama.geometry.head_box import HeadBox
-from dlama.geometry.layered_mesh import MeshPart
+from dlama.geometry.layers.head_box import HeadBox
+from dlama.geometry.layers.layered_mesh import MeshPart
 
 ASSETS = Path(__file__).parents[2] / "assets" / "web"
 MODULE_LINES = re.compile(r"^import .*\n|^export (?=class|function|async|const)", re.M)

@@ -14,13 +14,13 @@ from plyfile import PlyData, PlyElement
 from dlama.files.atomic_write import PathLike, new_file
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.drawing.layers import mesh_grid
-from dlama.geometry.head_box import HeadBox
 from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
-from dlama.geometry.layered_mesh import depth_of_sphere, sky_distance
+from dlama.geometry.layers.head_box import HeadBox
+from dlama.geometry.layers.layered_mesh import depth_of_sphere, sky_distance
+from dlama.geometry.layers.subsampling import subsample
 from dlama.geometry.projection import rays
 from dlama.geometry.rgbd import BoolArray
 from dlama.geometry.scene import Scene, contribution
-from dlama.geometry.subsampling import subsample
 from dlama.geometry.view import View
 
 MOST_SPLATS = 600_000

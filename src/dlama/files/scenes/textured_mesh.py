@@ -17,9 +17,9 @@ from pygltflib import BufferView, Image, Sampler, Texture, TextureInfo
 from dlama.files.atomic_write import PathLike, new_file
 from dlama.files.scenes.meshes import ARRAY_BUFFER, FLOAT, mesh_document
 from dlama.geometry.camera import Float64Array
-from dlama.geometry.decimation import bounding_box, decimate
 from dlama.geometry.holes import fill_with_nearest
-from dlama.geometry.layered_mesh import MeshPart
+from dlama.geometry.layers.decimation import bounding_box, decimate
+from dlama.geometry.layers.layered_mesh import MeshPart
 from dlama.geometry.mesh import join_meshes
 from dlama.geometry.rgbd import UInt8Array
 from dlama.geometry.scene import Scene

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from dlama.geometry.camera import Camera
-from dlama.geometry.edge_layers import continue_under_edges
 from dlama.geometry.fusion import add_layer
+from dlama.geometry.layers.edge_layers import continue_under_edges
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene

@@ -13,13 +13,13 @@ from typing import NamedTuple
 import numpy as np
 
 from dlama.geometry.camera import Camera, Float64Array
-from dlama.geometry.decimation import decimate
-from dlama.geometry.head_box import HeadBox
+from dlama.geometry.layers.decimation import decimate
+from dlama.geometry.layers.head_box import HeadBox
+from dlama.geometry.layers.subsampling import step_for, subsample
 from dlama.geometry.mesh import Mesh
 from dlama.geometry.projection import project_to_pixels, rays
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.scene import Scene
-from dlama.geometry.subsampling import step_for, subsample
 from dlama.geometry.view import View
 
 TOLERANCES = (0.002, 0.005, 0.01, 0.02)

@@ -7,7 +7,7 @@ import pytest
 
 from dlama.completion.photo3d import Photo3D, photo3d
 from dlama.geometry.camera import Camera
-from dlama.geometry.layered_mesh import MeshPart, depth_of_sphere, mesh_layers, sky_distance
+from dlama.geometry.layers.layered_mesh import MeshPart, depth_of_sphere, mesh_layers, sky_distance
 from dlama.geometry.projection import project, rays
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.trajectories import orbit

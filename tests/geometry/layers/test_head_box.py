@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dlama.geometry.camera import Camera
-from dlama.geometry.head_box import PARALLAX, HeadBox
+from dlama.geometry.layers.head_box import PARALLAX, HeadBox
 from dlama.geometry.projection import lift, project
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import View

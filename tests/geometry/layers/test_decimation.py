@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from dlama.geometry.camera import Camera
-from dlama.geometry.decimation import DecimatedMesh, decimate
 from dlama.geometry.drawing.layers import mesh_grid
 from dlama.geometry.fusion import layer_mesh
 from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
+from dlama.geometry.layers.decimation import DecimatedMesh, decimate
 from dlama.geometry.mesh import Mesh
 from dlama.geometry.projection import project
 from dlama.geometry.rgbd import RGBD

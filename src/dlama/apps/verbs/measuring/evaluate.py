@@ -19,7 +19,7 @@ from dlama.apps.options import CameraFile, Metres, Output, Report, Seed, option
 from dlama.apps.places import check_folder_apart
 from dlama.apps.terminal.output import print_line, report_result
 from dlama.apps.terminal.progress import bar_or_lines
-from dlama.apps.verbs.evaluate_sequence import evaluate_sequence
+from dlama.apps.verbs.measuring.evaluate_sequence import evaluate_sequence
 from dlama.completion.options import RECIPE_NAMES
 from dlama.errors import InputError, MissingExtraError
 from dlama.geometry.rgbd import format_count

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from dlama.geometry.camera import Camera
+from dlama.geometry.layers.subsampling import step_for, subsample, subsample_scene
 from dlama.geometry.projection import lift
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
-from dlama.geometry.subsampling import step_for, subsample, subsample_scene
 from dlama.geometry.view import HoleType, View
 
 

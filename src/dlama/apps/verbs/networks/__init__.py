@@ -1,0 +1,1 @@
+"""Verbs about networks: `dlama models`, `train`, `pack`."""
