@@ -89,7 +89,7 @@ def hand_in(page: Any, frame: Path, fov: str = "60") -> None:
     """The small frame's picture and depth; the lens is asked for, beside its field, and given."""
     page.set_input_files("#files", [frame / "image.png", frame / "depth.png"])
     complaint = page.locator('[data-error="camera"]')
-    playwright.expect(complaint).to_contain_text("the field of view is not known")
+    playwright.expect(complaint).to_contain_text("how wide the camera sees is not known")
     page.fill("#fov", fov)
     page.get_by_role("button", name="Read again").click()
     page.locator("#marker").wait_for()
