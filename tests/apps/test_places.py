@@ -49,6 +49,7 @@ REFUSED = {
     "view": (f"view {PICTURE} --fov 60 --yaw 5 -o .", "--output is ., the folder of the image image.png"),
     "view, by another path": (f"view {PICTURE} --fov 60 --yaw 5 -o scenes/..", "the folder of the image image.png"),
     "view, a linked picture": ("view scenes/linked.png depth.png --fov 60 --yaw 5 -o {folder}", "linked.png"),
+    "photo3d": (f"photo3d {PICTURE} --fov 60 -o .", "--output is ., the folder of the image image.png"),
     "remove": ("remove image.png mask.png --fov 60 -o .", "the folder of the image"),
     "mask": (
         f"mask {PICTURE} --fov 60 --click 3,3 -o image.png",

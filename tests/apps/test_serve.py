@@ -72,7 +72,7 @@ def test_a_signal_in_the_midst_of_a_connection_ends_the_server(monkeypatch: pyte
     ("words", "told"),
     [
         (["--port", "99999"], "--port is 99999; 0 to 65535 is expected"),
-        (["--host", "nowhere.invalid", "--token", "x"], "nowhere.invalid and 7860: "),
+        (["--host", "nowhere.invalid", "--token", "x"], "--host is nowhere.invalid, --port is 7860: "),
         (["--host", "0.0.0.0", "--quiet"], "give --token"),
     ],
 )

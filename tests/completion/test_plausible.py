@@ -78,5 +78,5 @@ def test_a_field_of_view_in_radians() -> None:
 
 def test_a_scene_of_millimetres_is_warned_of() -> None:
     """A clip, a known depth or a baseline that is a thousand times too small (oracle: the warning's number)."""
-    with pytest.warns(UserWarning, match=r"the median depth is 1e-09 m: metres are expected; check the clip"):
-        view(GOOD, yaw=1, clip=1e-9, filler="telea")
+    with pytest.warns(UserWarning, match=r"the median depth is 0.01 m: metres are expected; check the clip"):
+        view(GOOD, yaw=1, clip=0.01, filler="telea")
