@@ -14,8 +14,9 @@ color[:20] = (120, 170, 230)
 rgbd = dlama.RGBD(color, depth, camera)
 
 cloud = dlama.lift(rgbd)
-seen = dlama.render(rgbd, dlama.orbit(camera, 10))
-done = dlama.view(rgbd, yaw=10)
+moved = dlama.orbit(camera, 10)
+seen = dlama.render(rgbd, moved)
+done = dlama.view(rgbd, moved)
 
 print(f"{len(cloud)} points; at 10 degrees {seen.hole.mean():.1%} of the picture is unknown")
 print(f"behind the box the wall was filled at {np.median(done.view.depth[done.view.filled]):.2f} m")

@@ -92,7 +92,9 @@ def test_doctor_and_view_take_one(file: Path) -> None:
     assert dlama.diagnose(file)[-1].what.startswith("room.npz: ")
     scene = dlama.read_scene(file)
     target = dlama.orbit(scene.layers[1].camera, 4.0, 0.0, 2.5)
-    np.testing.assert_array_equal(dlama.view(scene, yaw=4, pivot=2.5).view.color, dlama.complete(scene, [target]).view.color)
+    np.testing.assert_array_equal(
+        dlama.view(scene, yaw=4, pivot=2.5).view.color, dlama.complete(scene, [target]).view.color
+    )
 
 
 def test_layers_of_a_file_are_read_when_they_are_needed(file: Path) -> None:
