@@ -153,6 +153,7 @@ def raise_all(checks: Iterable[Callable[[], Any]]) -> None:
         raise type(wrong[0])("; ".join(dict.fromkeys(str(error) for error in wrong)))
 
 
+@functools.lru_cache(None)
 def typed_options() -> dict[str, tuple[Typed, Any, str]]:
     """Option -> how it is typed in text, its default, and what it does, for the command line."""
     (cls,) = ast.parse(inspect.getsource(Options)).body

@@ -171,7 +171,7 @@ class Unknown:
     def next_camera(self) -> Camera:
         """The camera that sees most of it, cut to what is round it."""
         number = int(np.argmax([hole.sum() for hole in self.holes]))
-        return crop_camera(self.cameras[number], box_around(self.holes[number], AROUND))
+        return self.cameras[number].cropped_to(*box_around(self.holes[number], AROUND))
 
     def look(self, layers: tuple[View, ...]) -> None:
         """Take off what the layers show."""
@@ -180,14 +180,8 @@ class Unknown:
             for hole, camera in zip(self.holes, self.cameras):
                 if hole.any():
                     box = box_around(hole, 0)
-                    hole[box] &= ~find_covered(grid, crop_camera(camera, box))
+                    hole[box] &= ~find_covered(grid, camera.cropped_to(*box))
         self.holes = [morphological_open(hole, square(CLOSED)) for hole in self.holes]
-
-
-def crop_camera(camera: Camera, box: tuple[slice, slice]) -> Camera:
-    """The camera of a box of rows and columns of its picture."""
-    rows, columns = box
-    return camera.cropped(columns.start, rows.start, columns.stop - columns.start, rows.stop - rows.start)
 
 
 def find_covered(grid: Grid, camera: Camera) -> BoolArray:

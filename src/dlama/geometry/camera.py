@@ -173,6 +173,10 @@ class Camera:
                 raise CameraError(f"{name} is {format_value(value)}; a number of pixels is expected")
         return dataclasses.replace(self, width=width, height=height, cx=self.cx - x, cy=self.cy - y)
 
+    def cropped_to(self, rows: slice, columns: slice) -> Camera:
+        """The camera of these rows and columns of the picture (both ends given)."""
+        return self.cropped(columns.start, rows.start, columns.stop - columns.start, rows.stop - rows.start)
+
     def resized(self, width: int, height: int) -> Camera:
         """The camera of the same picture at another size in pixels; what it sees stays the same, up to its borders.
 

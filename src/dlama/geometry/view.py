@@ -234,7 +234,7 @@ class View:
 
     def cropped(self, rows: slice, columns: slice) -> View:
         """The part of the view in these rows and columns (both ends given), as a smaller camera sees it."""
-        camera = self.camera.cropped(columns.start, rows.start, columns.stop - columns.start, rows.stop - rows.start)
+        camera = self.camera.cropped_to(rows, columns)
         planes = {one.name: getattr(self, one.name) for one in dataclasses.fields(View)[1:]}
         parts = {n: None if of is None else freeze(np.ascontiguousarray(of[rows, columns])) for n, of in planes.items()}
         return View(camera, **parts)  # type: ignore[arg-type]

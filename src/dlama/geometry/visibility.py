@@ -104,7 +104,7 @@ class Law:
 
     def cropped(self, view: View, rows: slice, columns: slice) -> Law:
         """The law for a part of a view (`View.cropped`): measurements of the view's own camera are cropped as well."""
-        part = view.camera.cropped(columns.start, rows.start, columns.stop - columns.start, rows.stop - rows.start)
+        part = view.camera.cropped_to(rows, columns)
         measured = tuple(
             (part, np.ascontiguousarray(known[rows, columns])) if camera.same_view_as(view.camera) else (camera, known)
             for camera, known in self.measured

@@ -17,7 +17,6 @@ import numpy as np
 from dlama.datasets.captures.captured_frames import (
     CaptureFiles,
     captured_frame,
-    depth_of_png,
     files_by_stem,
     levels_of_png,
     report_left_out,
@@ -27,6 +26,7 @@ from dlama.datasets.posed.posed_frames import Lens, PosedFrame
 from dlama.datasets.posed.view_pairs import read_posed
 from dlama.datasets.text_tables import natural_order, nearest_in_time, pose_at, read_rows
 from dlama.errors import FileError
+from dlama.files.rasters.depth import read_depth
 from dlama.files.rasters.pictures import read_color_of_camera
 from dlama.geometry.camera import Float64Array, invert_pose
 
@@ -72,7 +72,7 @@ def _frames(scene: str, folder: Path) -> list[PosedFrame]:
             files = CaptureFiles(
                 (str(colors[name]), str(depths[name])),
                 partial(read_color_of_camera, colors[name]),
-                partial(depth_of_png, depths[name]),
+                partial(read_depth, depths[name]),
                 _lens(lenses[lens_names[lens]]),
                 poses[pose],
                 partial(levels_of_png, levels[name]) if name in levels else None,

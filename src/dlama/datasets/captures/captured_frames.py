@@ -21,7 +21,6 @@ from dlama.datasets.posed.posed_frames import Lens, PosedFrame, camera_at_depth,
 from dlama.datasets.posed.view_pairs import LOG
 from dlama.errors import FileError, ShapeError
 from dlama.files.cameras import make_camera
-from dlama.files.rasters.depth import read_depth
 from dlama.files.rasters.images import read_stored
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.holes import fill_with_nearest
@@ -124,12 +123,6 @@ def register_depth(
 def _camera_of(lens: Lens, pose: Float64Array) -> Camera:
     assert lens.hw is not None
     return make_camera(lens.source, lens.hw, lens.intrinsics, lens.pixel_center, pose)
-
-
-def depth_of_png(path: Path) -> Float32Array:
-    """16-bit millimetres as metres; 65535 is missing, as sensors mean it. FileError, DepthError."""
-    depth = read_depth(path)
-    return np.where(np.isfinite(depth), depth, np.float32(0))
 
 
 def levels_of_png(path: Path) -> UInt8Array:

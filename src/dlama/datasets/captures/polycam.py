@@ -17,7 +17,6 @@ import numpy as np
 from dlama.datasets.captures.captured_frames import (
     CaptureFiles,
     captured_frame,
-    depth_of_png,
     files_by_stem,
     levels_of_png,
     report_left_out,
@@ -28,6 +27,7 @@ from dlama.datasets.posed.posed_frames import Lens, PosedFrame
 from dlama.datasets.posed.view_pairs import read_posed
 from dlama.datasets.text_tables import natural_order, pose_at
 from dlama.files.fields import read_json_fields
+from dlama.files.rasters.depth import read_depth
 from dlama.files.rasters.pictures import read_color_of_camera
 
 FOLDER = "keyframes"
@@ -72,7 +72,7 @@ def _frames(scene: str, folder: Path) -> list[PosedFrame]:
             files = CaptureFiles(
                 (str(pictures[name]), str(depths[name])),
                 partial(read_color_of_camera, pictures[name]),
-                partial(depth_of_png, depths[name]),
+                partial(read_depth, depths[name]),
                 lens,
                 pose,
                 partial(levels_of_png, levels[name]) if name in levels else None,

@@ -17,13 +17,14 @@ from pathlib import Path
 
 import numpy as np
 
-from dlama.datasets.captures.captured_frames import CaptureFiles, captured_frame, depth_of_png, report_left_out
+from dlama.datasets.captures.captured_frames import CaptureFiles, captured_frame, report_left_out
 from dlama.datasets.frames import Dataset
 from dlama.datasets.posed.posed_frames import Lens, PosedFrame
 from dlama.datasets.posed.view_pairs import read_posed
 from dlama.datasets.text_tables import natural_order, pose_at
 from dlama.errors import FileError, MissingExtraError
 from dlama.files.fields import read_json_fields
+from dlama.files.rasters.depth import read_depth
 from dlama.files.rasters.images import existing_file
 from dlama.files.rasters.pictures import read_color_of_camera
 from dlama.files.rasters.video_frames import count_video_frames, read_video_frame
@@ -103,7 +104,7 @@ def _depths(folder: Path) -> Callable[[int], Callable[[], Float32Array] | None]:
 
 
 def _depth_file(path: Path) -> Callable[[], Float32Array] | None:
-    return partial(depth_of_png, path) if path.is_file() else None
+    return partial(read_depth, path) if path.is_file() else None
 
 
 def depth_of_bin(path: Path, number: int) -> Float32Array:

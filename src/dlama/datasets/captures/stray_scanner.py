@@ -17,7 +17,6 @@ import numpy as np
 from dlama.datasets.captures.captured_frames import (
     CaptureFiles,
     captured_frame,
-    depth_of_png,
     files_by_stem,
     levels_of_png,
     report_left_out,
@@ -28,6 +27,7 @@ from dlama.datasets.posed.view_pairs import read_posed
 from dlama.datasets.text_tables import matrix_of, pose_of, read_rows
 from dlama.errors import FileError
 from dlama.files.fields import FileFields
+from dlama.files.rasters.depth import read_depth
 from dlama.files.rasters.video_frames import count_video_frames, read_video_frame
 
 VIDEO, ODOMETRY, MATRIX = "rgb.mp4", "odometry.csv", "camera_matrix.csv"
@@ -74,7 +74,7 @@ def _frames(scene: str, folder: Path) -> list[PosedFrame]:
             files = CaptureFiles(
                 (f"{folder / VIDEO}, picture {place}", str(depths[name])),
                 partial(read_video_frame, folder / VIDEO, place),
-                partial(depth_of_png, depths[name]),
+                partial(read_depth, depths[name]),
                 lens,
                 pose,
                 partial(levels_of_png, levels[name]) if name in levels else None,

@@ -17,6 +17,7 @@ from dlama.completion.completion import Completion
 from dlama.files.atomic_write import PathLike
 from dlama.files.cameras import camera_as_json
 from dlama.files.schema import SCHEMA
+from dlama.geometry.camera import Camera
 from dlama.geometry.figures.false_color import HOLE_PALETTE, ORIGIN_PALETTE
 from dlama.geometry.view import HoleType, Origin
 from dlama.models.verify import sha256_of
@@ -25,13 +26,20 @@ from dlama.models.verify import sha256_of
 def describe_completion(completion: Completion, intrinsics_from: str) -> dict[str, Any]:
     """The head of meta.json: where the views stand, what their codes mean, which versions made them."""
     return {
-        "dlama": __version__,
-        "schema": SCHEMA,
-        "source_camera": {**camera_as_json(completion.source.camera), "intrinsics_from": intrinsics_from},
+        **describe_source(completion.source.camera, intrinsics_from),
         "cameras": [camera_as_json(view.camera) for view in completion.views],
         **completion.meta,
         "legends": legends(),
         "versions": versions(),
+    }
+
+
+def describe_source(camera: Camera, intrinsics_from: str) -> dict[str, Any]:
+    """The first entries of every meta.json: the version, the format's, and the source camera."""
+    return {
+        "dlama": __version__,
+        "schema": SCHEMA,
+        "source_camera": {**camera_as_json(camera), "intrinsics_from": intrinsics_from},
     }
 
 

@@ -12,20 +12,17 @@ from typing import Any
 
 import numpy as np
 
-from dlama import __version__
 from dlama.arguments import check_arguments
 from dlama.completion.photo3d import Photo3D
 from dlama.errors import OutputError, system_errors
 from dlama.files.atomic_write import PathLike, new_directory
-from dlama.files.cameras import camera_as_json
 from dlama.files.rasters.pictures import write_color
 from dlama.files.results.completion import check_inputs_stay, choose_names
-from dlama.files.results.meta_json import as_json, hash_inputs, versions
+from dlama.files.results.meta_json import as_json, describe_source, hash_inputs, versions
 from dlama.files.results.video import check_video, write_video
 from dlama.files.scenes.photo3d_page import LARGEST_GLB, glb_within, photo3d_page
 from dlama.files.scenes.scene_npz import write_npz
 from dlama.files.scenes.splats import write_splats
-from dlama.files.schema import SCHEMA
 from dlama.geometry.camera import Camera
 from dlama.geometry.layers.layered_mesh import mesh_layers
 from dlama.geometry.rendering import render
@@ -88,7 +85,7 @@ def write_photo3d(
                 LOG.info("write %s", file)
                 write()
         meta = {
-            **describe_source(photo, intrinsics_from),
+            **describe_source(photo.box.camera, intrinsics_from),
             **photo.meta,
             "files": about,
             "inputs": hash_inputs(inputs or {}, {}),
@@ -98,15 +95,6 @@ def write_photo3d(
         meta["seconds"] = {stage: round(value, 4) for stage, value in took.items()}
         (folder / "meta.json").write_text(as_json(meta), encoding="utf-8")
     return target
-
-
-def describe_source(photo: Photo3D, intrinsics_from: str) -> dict[str, Any]:
-    """The head of meta.json."""
-    return {
-        "dlama": __version__,
-        "schema": SCHEMA,
-        "source_camera": {**camera_as_json(photo.box.camera), "intrinsics_from": intrinsics_from},
-    }
 
 
 def file_writers(photo: Photo3D, folder: Path, about: dict[str, Any]) -> dict[str, Callable[[], Any]]:
