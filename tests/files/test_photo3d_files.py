@@ -31,7 +31,7 @@ def photo() -> Photo3D:
 @pytest.fixture(scope="module")
 def folder(photo: Photo3D, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """All files but the loop, which another test writes."""
-    return write_photo3d(photo, tmp_path_factory.mktemp("p") / "out", also=("splats", "stereo", "scene"))
+    return write_photo3d(photo, tmp_path_factory.mktemp("p") / "out", also=("splats", "spz", "stereo", "scene"))
 
 
 def test_the_mesh_opens_elsewhere(folder: Path) -> None:

@@ -22,7 +22,8 @@ from dlama.files.results.meta_json import as_json, describe_source, hash_inputs,
 from dlama.files.results.video import check_video, write_video
 from dlama.files.scenes.photo3d_page import LARGEST_GLB, glb_within, photo3d_page
 from dlama.files.scenes.scene_npz import write_npz
-from dlama.files.scenes.splats import write_splats
+from dlama.files.scenes.splats import scene_splats, write_splats
+from dlama.files.scenes.spz import write_spz
 from dlama.geometry.camera import Camera
 from dlama.geometry.layers.layered_mesh import mesh_layers
 from dlama.geometry.rendering import render
@@ -33,6 +34,7 @@ RESULTS: dict[str, tuple[str, ...]] = {
     "page": ("photo3d.html",),
     "mesh": ("photo3d.glb",),
     "splats": ("splats.ply",),
+    "spz": ("splats.spz",),
     "stereo": ("side_by_side.jpg", "anaglyph.jpg"),
     "loop": ("loop.mp4",),
     "scene": ("scene.npz",),
@@ -63,8 +65,9 @@ def write_photo3d(
         photo: What `photo3d` gave.
         directory: Files of the same names in it are replaced, all others stay.
         only: Which of "page" (photo3d.html, one file that opens from disk, up to 8 MB), "mesh" (photo3d.glb, up to 100,000
-            triangles and 10 MB), "splats" (splats.ply), "stereo" (side_by_side.jpg, anaglyph.jpg for red and cyan glasses),
-            "loop" (loop.mp4, extra `video`) and "scene" (scene.npz); None: page and mesh. meta.json is always written.
+            triangles and 10 MB), "splats" (splats.ply), "spz" (splats.spz, the same in a tenth of the bytes), "stereo"
+            (side_by_side.jpg, anaglyph.jpg for red and cyan glasses), "loop" (loop.mp4, extra `video`) and "scene"
+            (scene.npz); None: page and mesh. meta.json is always written.
         also: More of them.
         inputs: Role -> file; path and SHA-256 of each go into meta.json.
         intrinsics_from: In words, where the source camera's intrinsics come from.
@@ -107,8 +110,11 @@ def file_writers(photo: Photo3D, folder: Path, about: dict[str, Any]) -> dict[st
         about["triangles"] = sum(len(part.mesh.triangles) for part in found)
         return found
 
-    def splats() -> None:
-        about["splats"] = write_splats(folder / "splats.ply", scene, box)
+    @cache
+    def splats() -> Any:
+        found = scene_splats(scene, box)
+        about["splats"] = len(found)
+        return found
 
     @cache
     def eyes() -> tuple[UInt8Array, UInt8Array]:
@@ -120,7 +126,8 @@ def file_writers(photo: Photo3D, folder: Path, about: dict[str, Any]) -> dict[st
     return {
         "photo3d.html": lambda: (folder / "photo3d.html").write_text(photo3d_page(box, parts()), "utf-8"),
         "photo3d.glb": lambda: (folder / "photo3d.glb").write_bytes(glb_within(parts(), LARGEST_GLB)),
-        "splats.ply": splats,
+        "splats.ply": lambda: write_splats(folder / "splats.ply", splats()),
+        "splats.spz": lambda: write_spz(folder / "splats.spz", splats()),
         "side_by_side.jpg": lambda: write_color(folder / "side_by_side.jpg", np.concatenate(eyes(), 1)),
         "anaglyph.jpg": lambda: write_color(folder / "anaglyph.jpg", anaglyph(*eyes())),
         "loop.mp4": lambda: write_video(folder / "loop.mp4", loop_pictures(photo), LOOP_FPS),

@@ -35,20 +35,23 @@ FIELDS = (
 )  # fmt: skip
 
 
-def write_splats(path: PathLike, scene: Scene, box: HeadBox) -> int:
-    """Write the splats of a scene, of layers that are subsampled so that they are MOST_SPLATS or fewer; how many. OutputError."""
-    layers = [layer.read() for layer in scene.layers]
-    step = math.ceil(math.sqrt(sum(int((contribution(one) | one.far).sum()) for one in layers) / MOST_SPLATS))
-    sky = box.camera, sky_distance(scene, box)
-    own = [max(1, round(step * one.camera.fx / box.camera.fx)) for one in layers]
-    parts = [layer_splats(subsample(one, n), sky) for one, n in zip(layers, own) if min(one.camera.hw) >= 2 * n]
-    rows = np.concatenate(parts)
+def write_splats(path: PathLike, rows: np.ndarray) -> None:
+    """Write splats, N x len(FIELDS), of `scene_splats`. OutputError."""
     vertex = np.empty(len(rows), [(name, "<f4") for name in FIELDS])
     for number, name in enumerate(FIELDS):
         vertex[name] = rows[:, number]
     with new_file(path) as draft:
         PlyData([PlyElement.describe(vertex, "vertex")], byte_order="<").write(str(draft))
-    return len(rows)
+
+
+def scene_splats(scene: Scene, box: HeadBox) -> np.ndarray:
+    """N x len(FIELDS): the splats of a scene, of layers that are subsampled so that they are MOST_SPLATS or fewer."""
+    layers = [layer.read() for layer in scene.layers]
+    step = math.ceil(math.sqrt(sum(int((contribution(one) | one.far).sum()) for one in layers) / MOST_SPLATS))
+    sky = box.camera, sky_distance(scene, box)
+    own = [max(1, round(step * one.camera.fx / box.camera.fx)) for one in layers]
+    parts = [layer_splats(subsample(one, n), sky) for one, n in zip(layers, own) if min(one.camera.hw) >= 2 * n]
+    return np.concatenate(parts)
 
 
 def layer_splats(layer: View, sky: tuple[Camera, float]) -> np.ndarray:

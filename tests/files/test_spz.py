@@ -1,0 +1,104 @@
+"""Compressed splats (oracle: a reader written from the format's specification, https://github.com/nianticlabs/spz, README)."""
+
+from __future__ import annotations
+
+import gzip
+import struct
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from dlama.files.scenes.splats import FIELDS
+from dlama.files.scenes.spz import write_spz
+
+
+class Splats(NamedTuple):
+    """What a file holds, in its own axes."""
+
+    bits: int
+    points: np.ndarray
+    opacity: np.ndarray
+    color: np.ndarray
+    sizes: np.ndarray
+    turns: np.ndarray
+
+
+def read_spz(path: Path) -> Splats:
+    """Number by number, as the specification has them."""
+    data = gzip.decompress(path.read_bytes())
+    magic, version, count, degree, bits, flags, reserved = struct.unpack_from("<IIIBBBB", data)
+    assert (magic, version, degree, flags, reserved) == (0x5053474E, 3, 0, 0, 0)
+    assert len(data) == 16 + 20 * count
+    at = 16
+    points = [
+        int.from_bytes(data[at + 3 * n : at + 3 * n + 3], "little", signed=True) / 2**bits for n in range(3 * count)
+    ]
+    at += 9 * count
+    alphas = [data[at + n] / 255 for n in range(count)]
+    at += count
+    color = [(data[at + n] / 255 - 0.5) / 0.15 for n in range(3 * count)]
+    at += 3 * count
+    scales = [data[at + n] / 16 - 10 for n in range(3 * count)]
+    at += 3 * count
+    turns = [smallest_three(int.from_bytes(data[at + 4 * n : at + 4 * n + 4], "little")) for n in range(count)]
+    three = (np.array(values).reshape(count, 3) for values in (points, color, scales))
+    points_, color_, scales_ = three
+    return Splats(bits, points_, np.array(alphas), color_, scales_, np.array(turns).reshape(count, 4))
+
+
+def smallest_three(word: int) -> list[float]:
+    """x, y, z, w: the largest is not stored; the last of the others lies in the lowest bits."""
+    largest, found = word >> 30, [0.0] * 4
+    for place in (3, 2, 1, 0):
+        if place != largest:
+            found[place] = (word & 511) / 511 * 0.5**0.5 * (-1 if word & 512 else 1)
+            word >>= 10
+    found[largest] = (1 - sum(value**2 for value in found)) ** 0.5
+    return found
+
+
+def splats(count: int, reach: float) -> np.ndarray:
+    """Random ones; the first rotations are about the axes, and halfway between them."""
+    rng = np.random.default_rng(1)
+    turns = np.concatenate([np.eye(4), -np.eye(4), [(0.5, 0.5, -0.5, 0.5)], rng.normal(size=(count, 4))])[:count]
+    turns /= np.linalg.norm(turns, axis=1, keepdims=True)
+    parts = {
+        "xyz": rng.uniform(-reach, reach, (count, 3)),
+        "normal": np.zeros((count, 3)),
+        "color": rng.uniform(-1.77, 1.77, (count, 3)),
+        "opacity": rng.normal(0, 3, (count, 1)),
+        "scales": rng.uniform(-9, 5, (count, 3)),
+        "turns": turns,
+    }
+    return np.concatenate(list(parts.values()), 1)
+
+
+@pytest.mark.parametrize("reach, bits", [(0.3, 14), (500, 14), (1500, 12), (1e5, 6)])
+def test_what_is_read_is_what_was_written(tmp_path: Path, reach: float, bits: int) -> None:
+    """Within half a step of each number; y and z change their signs, as OpenGL's axes do."""
+    rows = splats(200, reach)
+    write_spz(tmp_path / "a.spz", rows)
+    found = read_spz(tmp_path / "a.spz")
+    ours = dict(zip(FIELDS, rows.T))
+    assert found.bits == bits
+    assert np.abs(found.points - rows[:, :3] * (1, -1, -1)).max() <= 0.5001 / 2**bits
+    assert np.abs(found.opacity - 1 / (1 + np.exp(-ours["opacity"]))).max() <= 0.5001 / 255
+    assert np.abs(found.color - rows[:, 6:9]).max() <= 0.5001 / 255 / 0.15
+    assert np.abs(found.sizes - rows[:, 10:13]).max() <= 0.5001 / 16
+    w, x, y, z = (ours[f"rot_{n}"] for n in range(4))
+    same = np.abs((found.turns * np.stack([x, -y, -z, w], 1)).sum(1))
+    assert same.min() > np.cos(0.002)  # of the half angle, rad: three numbers, each off by .0007 at most
+
+
+def test_none_and_what_does_not_fit(tmp_path: Path) -> None:
+    """No splats are a file of a header; the farthest coordinate keeps its sign where it is rounded up to the next bit; what is
+    larger than a byte holds becomes the largest."""
+    write_spz(tmp_path / "none.spz", splats(0, 1))
+    assert len(read_spz(tmp_path / "none.spz").points) == 0
+    rows = splats(1, 1)
+    rows[:, :3], rows[:, 10:13] = 2**9 - 1e-9, 9
+    write_spz(tmp_path / "far.spz", rows)
+    found = read_spz(tmp_path / "far.spz")
+    assert np.allclose(found.points, (512, -512, -512), atol=1e-3) and np.allclose(found.sizes, 255 / 16 - 10)
