@@ -5,6 +5,7 @@ Runs where playwright is installed and a Chromium is found; elsewhere it is skip
 
 from __future__ import annotations
 
+import base64
 import shutil
 import threading
 import zipfile
@@ -16,6 +17,7 @@ import cv2
 import numpy as np
 import pytest
 
+import dlama
 from dlama.web.answers import Limits
 from dlama.web.server import Server, open_server
 
@@ -96,13 +98,13 @@ def hand_in(page: Any, frame: Path, fov: str = "60") -> None:
     playwright.expect(complaint).to_be_hidden()
 
 
-def click(page: Any, x: float, y: float) -> None:
-    """A click on a pixel of the small frame, once the page has come to rest."""
+def click(page: Any, x: float, y: float, wh: tuple[int, int] = (64, 48)) -> None:
+    """A click on a pixel of a picture of that size, once the page has come to rest."""
     box, before = page.locator("#canvas").bounding_box(), None
     while box != before:
         page.wait_for_timeout(100)
         box, before = page.locator("#canvas").bounding_box(), box
-    page.mouse.click(box["x"] + box["width"] * (x + 0.5) / 64, box["y"] + box["height"] * (y + 0.5) / 48)
+    page.mouse.click(box["x"] + box["width"] * (x + 0.5) / wh[0], box["y"] + box["height"] * (y + 0.5) / wh[1])
 
 
 def slide(page: Any, name: str, value: str) -> None:
@@ -173,6 +175,65 @@ def test_the_whole_way(pages: Pages, frame: Path, tmp_path: Path) -> None:
     with zipfile.ZipFile(tmp_path / "home.zip") as archive:
         assert archive.testzip() is None and "out/scene.glb" in archive.namelist()
     playwright.expect(page.locator("#command")).to_contain_text("--click 30,24 --yaw=12")
+
+
+def test_filling_from_all_sides_is_cancelled(pages: Pages) -> None:
+    """The 3-D tab says so, the result stays, and the tab opened again fills and shows the scene."""
+    page = pages.open()
+    page.locator("[data-example=street]").click()
+    page.locator("#marker").wait_for()
+    page.locator("#method summary").click()
+    page.select_option("#filler", "telea")
+    complete(page)
+    page.get_by_role("tab", name="3-D").click()
+    page.locator("#scene-cancel").click()
+    playwright.expect(page.locator("#scene-fact")).to_contain_text("cancelled")
+    playwright.expect(page.locator("#scene-progress")).to_be_hidden()
+    page.get_by_role("tab", name="Result").click()
+    playwright.expect(page.locator("#after")).to_be_visible()
+    page.get_by_role("tab", name="3-D").click()
+    playwright.expect(page.locator("#scene-fact")).to_contain_text("points", timeout=PATIENCE)
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:the field of view is assumed")
+def test_five_minutes_of_a_newcomer(pages: Pages, browser: Any, tmp_path: Path) -> None:
+    """A photo alone is dropped on the page, an object clicked, gone, the 3-D photo saved and opened from disk on a phone, where a
+    finger turns it (oracles: the picture on the canvas changes, and its camera stays in the box)."""
+    page = pages.open(accept_downloads=True)
+    photo = cv2.resize(cv2.imread(str(dlama.example() / "street.jpg")), (256, 256), interpolation=cv2.INTER_AREA)
+    drop(page, "street.jpg", cv2.imencode(".jpg", photo)[1].tobytes())
+    page.locator("#marker").wait_for()
+    click(page, 128, 172, (256, 256))
+    playwright.expect(page.locator("#mask-fact")).to_contain_text("% of the picture")
+    complete(page)
+    with page.expect_download() as download:
+        page.get_by_role("button", name="3-D photo").click()
+    download.value.save_as(tmp_path / "photo3d.html")
+    phone = browser.new_context(viewport={"width": 390, "height": 780}, has_touch=True, is_mobile=True)
+    opened = phone.new_page()
+    opened.goto(f"file://{tmp_path / 'photo3d.html'}")
+    opened.wait_for_selector("body[data-ready]")
+    before, box = pixels(opened, "#photo"), opened.locator("#photo").bounding_box()
+    touch, y = phone.new_cdp_session(opened), box["y"] + box["height"] / 2
+    for kind, x in (("touchStart", 300), ("touchMove", 200), ("touchMove", 100), ("touchEnd", None)):
+        points = [] if x is None else [{"x": box["x"] + x, "y": y}]
+        touch.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+    opened.wait_for_function("photo.at[0] > 0.3")
+    assert all(abs(value) <= 1 for value in opened.evaluate("photo.aim"))
+    assert (np.abs(pixels(opened, "#photo").astype(int) - before).max(2) > 10).mean() > 0.05
+    phone.close()
+
+
+def drop(page: Any, name: str, data: bytes) -> None:
+    """A file dropped on the page."""
+    script = """([name, text]) => {
+        const carried = new DataTransfer();
+        carried.items.add(new File([Uint8Array.from(atob(text), (one) => one.charCodeAt(0))], name, { type: 'image/jpeg' }));
+        return carried;
+    }"""
+    carried = page.evaluate_handle(script, [name, base64.b64encode(data).decode()])
+    page.dispatch_event("body", "drop", {"dataTransfer": carried})
 
 
 def test_marks_are_undone_and_painted(pages: Pages, frame: Path) -> None:

@@ -143,6 +143,28 @@ def test_a_completion_can_be_cancelled(visit: Visit) -> None:
     assert completed(visit, yaw=1).done.views
 
 
+def test_filling_from_all_sides_is_a_run_of_its_own(visit: Visit, frame: Path) -> None:
+    """Cancelled it leaves the completion as it was (oracle: the same object); asked for twice it is one run."""
+    open_frame(visit, frame)
+    with pytest.raises(PageError, match="nothing has been completed yet"):
+        results.turn(visit, {})
+    result = completed(visit, yaw=1)
+    results.turn(visit, {})
+    first = visit.run
+    results.turn(visit, {})
+    assert first is not None and visit.run is first
+    with pytest.raises(PageError, match="under way"):
+        results.complete(visit, {"yaw": 2})
+    results.cancel(visit, {})
+    assert results.run(visit, {})["state"] == "cancelled" and visit.result is result
+    first.join()
+    results.turn(visit, {})
+    assert visit.run is not None and visit.run is not first
+    visit.run.join()
+    assert results.run(visit, {})["state"] == "done" and visit.result is result and "photo" in vars(result)
+    assert results.scene(visit, {}).data[:4] == b"glTF"
+
+
 def test_nothing_of_earlier_results_is_kept(visits: Visits, frame: Path) -> None:
     """Oracle: weak references to the results of earlier runs, and of a visit that ended."""
     visit = visits.begin()

@@ -214,6 +214,7 @@ ACTIONS: dict[str, Callable[[Visit, Fields], dict[str, Any] | Blob]] = {
     "mask": mask,
     "preview": preview,
     "complete": results.complete,
+    "turn": results.turn,
     "run": results.run,
     "cancel": results.cancel,
     "picture": results.picture,

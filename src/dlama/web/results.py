@@ -15,7 +15,7 @@ from dlama.web.marks import pointing
 from dlama.web.runs import Run
 from dlama.web.visits import Result, Visit
 
-EXPECTED_STAGES = {"view": 4, "remove": 4, "stereo": 6}
+EXPECTED_STAGES = {"view": 4, "remove": 4, "stereo": 6, "photo3d": 30}
 """What a completion logs."""
 
 
@@ -24,8 +24,7 @@ def complete(visit: Visit, fields: Fields) -> dict[str, Any]:
     source, mask, marks = visit.require_source(), visit.mask, visit.marks
     request = read_request(fields)
     request.camera(source.rgbd)  # refused at once, not when the work begins
-    if visit.run is not None and visit.run.active:
-        raise PageError("a completion is under way; cancel it first")
+    refuse_second(visit)
     found = visit.found[1] if visit.found else None
     about: dict[str, Any] = {}
     if mask is not None and found is not None and marks.in_words and source.pair is None:
@@ -44,6 +43,25 @@ def complete(visit: Visit, fields: Fields) -> dict[str, Any]:
         done, source, request, marks if mask is not None else None, mask, about, tuple(started.warnings)
     )
     visit.run, visit.result = started, None
+    started.start()
+    return started.progress()
+
+
+def refuse_second(visit: Visit) -> None:
+    """PageError where a run is under way."""
+    if visit.run is not None and visit.run.active:
+        raise PageError("a completion is under way; cancel it first")
+
+
+def turn(visit: Visit, fields: Fields) -> dict[str, Any]:
+    """Begin to fill what is hidden from all sides; `run` returns its progress."""
+    result = visit.require_result()
+    if visit.run is not None and visit.run.turns and visit.run.active:
+        return visit.run.progress()
+    refuse_second(visit)
+    started = Run(lambda: result.photo, EXPECTED_STAGES["photo3d"], turns=True)
+    started.finish = lambda _: result
+    visit.run = started
     started.start()
     return started.progress()
 

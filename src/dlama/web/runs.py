@@ -28,8 +28,10 @@ class Cancelled(BaseException):
 class Run:
     """One completion under way, in a thread of its own."""
 
-    def __init__(self, work: Callable[[], Any], expected: int) -> None:
+    def __init__(self, work: Callable[[], Any], expected: int, turns: bool = False) -> None:
         self.work = work
+        self.turns = turns
+        """Whether it fills what is hidden from all sides."""
         self.finish: Callable[[Any], Any] = _identity
         """What becomes of what `work` gives, in the same thread."""
         self.expected = expected

@@ -258,14 +258,13 @@ async function complete() {
 }
 
 async function follow() {
-  for (;;) {
-    const answer = await server.ask("run");
-    $("progress").value = answer.share ?? 0;
-    $("run-words").textContent = { waiting: "waiting for its turn", running: STAGES[answer.stage] ?? answer.stage ?? "" }[answer.state] ?? "";
-    if (answer.state === "done") { $("run-words").textContent = `${answer.result.filler}, ${answer.seconds.toFixed(1)} s`; return showResult(answer.result); }
-    if (answer.state === "cancelled" || answer.state === "none") { $("run-words").textContent = "cancelled"; return; }
-    await new Promise((done) => setTimeout(done, 200));
-  }
+  const answer = await server.follow(({ state, stage, share }) => {
+    $("progress").value = share ?? 0;
+    $("run-words").textContent = { waiting: "waiting for its turn", running: STAGES[stage] ?? stage ?? "" }[state] ?? "";
+  });
+  if (answer.state !== "done") { $("run-words").textContent = "cancelled"; return; }
+  $("run-words").textContent = `${answer.result.filler}, ${answer.seconds.toFixed(1)} s`;
+  await showResult(answer.result);
 }
 
 function setRunning(on) {

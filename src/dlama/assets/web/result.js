@@ -76,11 +76,23 @@ for (const input of all('input[name="kind"], input[name="side"]')) input.addEven
 // ---- 3-D
 let view3d = null;
 
+// Fill what is hidden from all sides; false where that was cancelled. `words` says how far it is.
+async function turn(words) {
+  const bar = [$("scene-cancel"), $("scene-progress")];
+  $(words).textContent = "filling what is hidden from all sides …";
+  await server.inTurn(() => server.ask("turn"));
+  for (const one of bar) one.hidden = false;
+  try {
+    const { state } = await server.follow(({ share }) => { $("scene-progress").value = share ?? 0; });
+    return state !== "cancelled";
+  } finally { for (const one of bar) one.hidden = true; }
+}
+
 async function showScene() {
   if (!result || sceneOf === result) { view3d?.draw(); return; }
   const wanted = result;
-  $("scene-fact").textContent = "filling what is hidden from all sides …";
   try {
+    if (!(await turn("scene-fact"))) { $("scene-fact").textContent = "cancelled; open this tab again to fill it"; return; }
     const { blob, headers } = await server.fetched("scene");
     const glb = await readGlb(blob);
     if (wanted !== result) return;
@@ -102,6 +114,7 @@ function showSceneLegend() {
 
 for (const input of all('input[name="scene-color"]')) input.addEventListener("change", () => { if (view3d) { view3d.mode = Number(input.value); view3d.draw(); } showSceneLegend(); });
 onOpen.scene = showScene;
+$("scene-cancel").addEventListener("click", () => server.ask("cancel").catch((error) => failed(error, "home")));
 $("scene-home").addEventListener("click", () => view3d?.home());
 
 export function repaint() { view3d?.draw(); }
@@ -113,7 +126,11 @@ async function download(action, fields, name) {
   try { server.save((await server.fetched(action, fields)).blob, name); } catch (error) { failed(error, "home"); } finally { $("home-words").textContent = ""; }
 }
 
-$("photo3d").addEventListener("click", () => download("photo3d", {}, "photo3d.html"));
+$("photo3d").addEventListener("click", async () => {
+  try {
+    if (await turn("home-words")) await download("photo3d", {}, "photo3d.html"); else $("home-words").textContent = "cancelled";
+  } catch (error) { $("home-words").textContent = ""; failed(error, "home"); }
+});
 $("zip").addEventListener("click", () => download("zip", {}, "dlama.zip"));
 $("get-single").addEventListener("click", () => download("file", { name: $("single").value }, $("single").value.split("/").at(-1)));
 for (const button of all("[data-copy]")) button.addEventListener("click", async () => {

@@ -42,6 +42,16 @@ export async function fetched(action, fields = {}) {
   return { blob: await answer.blob(), headers: answer.headers };
 }
 
+// Follow what is under way until it ends: `show` gets each answer; the last one is returned.
+export async function follow(show) {
+  for (;;) {
+    const answer = await ask("run");
+    show(answer);
+    if (!["waiting", "running"].includes(answer.state)) return answer;
+    await new Promise((done) => setTimeout(done, 200));
+  }
+}
+
 // What changes the visit goes one after the other, in the order it was asked for, however long an answer takes.
 let last = Promise.resolve();
 export function inTurn(work) {
