@@ -196,7 +196,7 @@ def test_filling_from_all_sides_is_cancelled(pages: Pages) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.filterwarnings("ignore:the field of view is assumed")
+@pytest.mark.filterwarnings("ignore:the (field of view|scale)")  # of a photo alone, assumed
 def test_five_minutes_of_a_newcomer(pages: Pages, browser: Any, tmp_path: Path) -> None:
     """A photo alone is dropped on the page, an object clicked, gone, the 3-D photo saved and opened from disk on a phone, where a
     finger turns it (oracles: the picture on the canvas changes, and its camera stays in the box)."""
