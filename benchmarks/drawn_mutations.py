@@ -5,8 +5,8 @@
     python benchmarks/drawn_mutations.py --since COMMIT --count 172 --times times.xml
 
 Nobody chooses what is drawn: conditions are negated, operators and bounds exchanged, numbers changed, calls and errors left
-out. Some change nothing that can be seen (a tolerance, the size of a cache); those are judged by hand. Faults that were
-written by hand stand in mutants.py. Needs `pip install coverage`.
+out. Some change nothing that can be seen (a tolerance, the size of a cache); those are judged by hand. Each is put into a
+scratch copy; the checkout itself is never changed. Needs `pip install coverage`.
 """
 
 from __future__ import annotations
@@ -16,14 +16,16 @@ import ast
 import os
 import random
 import re
+import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 import xml.etree.ElementTree as ElementTree
 from collections import Counter, defaultdict
 from collections.abc import Iterator
-from contextlib import nullcontext
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 
 import cv2  # noqa: F401  libraries that each forked process needs
@@ -32,8 +34,12 @@ import pytest
 import torch  # noqa: F401
 from coverage import CoverageData
 
-from mutations import FAILED, LIMIT, PASSED, ROOT, scratch_copy
-
+ROOT = Path(__file__).resolve().parents[1]
+COPIED = ("src", "tests", "examples", "docs", "benchmarks", "conda", "pyproject.toml", "README.md", "CHANGELOG.md")
+LIMIT = 900
+"""Seconds that the tests of one fault may take."""
+PASSED, FAILED = 0, 1
+"""Exit codes of pytest; others mean that it tested nothing."""
 PACKAGE = ROOT / "src" / "dlama"
 NEGATED = {"Lt": ">=", "LtE": ">", "Gt": "<=", "GtE": "<", "Eq": "!=", "NotEq": "==", "In": "not in", "NotIn": "in"}
 NEGATED |= {"Is": "is not", "IsNot": "is"}
@@ -42,6 +48,21 @@ NAMES = {"min": "max", "max": "min", "any": "all", "all": "any", "floor": "ceil"
 NAMES |= {"minimum": "maximum", "maximum": "minimum", "argmin": "argmax", "argmax": "argmin"}
 Fault = tuple[str, int, int, int, int, str]
 """File in src/dlama, first line and column, last line and column (1-based lines, columns in bytes), and what is put there."""
+
+
+@contextmanager
+def scratch_copy(tests: Path, kernels: bool) -> Iterator[Path]:
+    """A copy of the checkout with those tests. kernels: without compiled ones, which would be taken for those of the fault."""
+    with tempfile.TemporaryDirectory(prefix="dlama-mutant-") as name:
+        folder = Path(name)
+        for part in COPIED:
+            place = tests if part == "tests" else ROOT / part
+            if place.is_dir():
+                ignored = shutil.ignore_patterns("*.nbi", "*.nbc") if kernels else None
+                shutil.copytree(place, folder / part, ignore=ignored)
+            elif place.is_file():
+                shutil.copy2(place, folder / part)
+        yield folder
 
 
 def changed_lines(since: str) -> dict[str, set[int]]:

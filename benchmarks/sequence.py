@@ -19,18 +19,19 @@ import numpy as np
 from dlama.datasets.frames import Frame
 from dlama.datasets.sequences.scene_frames import open_frames
 from dlama.evaluation.protocols.methods import ProtocolSettings
-from dlama.evaluation.protocols.sequence import (
-    METHODS,
-    SynthesisedView,
-    fill_with_telea,
-    score_sequence,
-    table,
-)
-from dlama.evaluation.protocols.sequence_run import sort_along_orbit, source_distance
 from dlama.geometry.camera import Camera
 from dlama.geometry.frames.alignment import align_frames
 from dlama.geometry.rgbd import RGBD
 from dlama.worlds.dataset import open_dataset_or_worlds
+from held_out_frames import (
+    METHODS,
+    SynthesisedView,
+    fill_with_telea,
+    score_sequence,
+    sort_along_orbit,
+    source_distance,
+    table,
+)
 
 VOXEL_M = 0.01
 TRUNCATION = 4.0

@@ -18,9 +18,9 @@ import numpy as np
 import dlama
 from dlama.datasets.sequences.scene_frames import open_frames
 from dlama.evaluation.metrics.pictures import channel_gain, with_gain
-from dlama.evaluation.protocols.sequence import SequenceMethod, run_dlama, run_z_buffer, sources_of
 from dlama.geometry.rgbd import RGBD, UInt8Array
 from dlama.worlds.dataset import world
+from held_out_frames import SequenceMethod, run_dlama, run_z_buffer, sources_of
 from sequence import InItsOwnProcess, resized
 
 WIDTH, HEIGHT = 480, 360

@@ -19,10 +19,10 @@ import warnings
 from pathlib import Path
 
 from hypothesis import HealthCheck, Phase, given, settings
+from mutations import EDITS, Edit, mutated
 from readers import Reader, all_readers
 
 from dlama.errors import DlamaError
-from mutations import EDITS, Edit, mutated
 
 EXAMPLES = 40
 MEMORY = 10**9

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import runpy
 import subprocess
 import sys
 from dataclasses import fields, is_dataclass, replace
@@ -13,7 +12,7 @@ from typing import get_args
 import pytest
 
 from dlama.errors import FileError, InputError, ShapeError
-from dlama.training.flops import discriminator_flop, generator_flop, network_cost, parameters
+from dlama.nets.architecture import count_parameters
 from dlama.training.kinds import PLANES, SAMPLES, Planes
 from dlama.training.presets import PRESETS, from_json, settings_of, to_json
 from dlama.training.settings import DataSettings, LoopSettings, LossSettings, NetworkSettings, TrainSettings
@@ -112,7 +111,7 @@ def test_kinds_are_whole():
 def test_old_settings_files_still_load():
     """Oracle: the files of published runs, and the kinds and settings that the first edition wrote."""
     folder = Path(__file__).parents[2] / "benchmarks" / "training_settings"
-    assert len([settings_of(path) for path in folder.glob("*.json")]) >= 5
+    assert len([settings_of(path) for path in folder.glob("*.json")]) >= 3
     first = {"data": {"mixture": dict.fromkeys(("sketch", "world", "frame", "removal"), 1.0), "cases": 0.25}}
     found = from_json(json.dumps(first | {"loop": {"validate_every": 5, "guard_every": 7}}))
     assert found.data.cases == 0.25 and set(found.data.mixture) == set(first["data"]["mixture"])
@@ -145,65 +144,14 @@ def test_budgets_of_the_presets():
     torch = pytest.importorskip("torch", reason="the networks need torch: pip install 'dlama[train]'")
     from dlama.nets.generator import Generator
 
-    small = network_cost(PRESETS["small-rgbd"].settings, 512)
-    assert 4.5e6 < small.parameters < 5.5e6 and 45e9 < small.flop < 55e9
-    assert all(network_cost(PRESETS[name].settings).parameters < 1e6 for name in ("tiny", "mini-rgbd", "mini-stereo"))
-    assert 50e6 < network_cost(PRESETS["big-rgbd"].settings).parameters < 52e6
+    small = PRESETS["small-rgbd"].settings.network
+    assert 4.5e6 < small.parameters < 5.5e6
+    assert all(PRESETS[name].settings.network.parameters < 1e6 for name in ("tiny", "mini-rgbd", "mini-stereo"))
+    assert 50e6 < PRESETS["big-rgbd"].settings.network.parameters < 52e6
     with torch.device("meta"):
-        net = Generator(PRESETS["small-rgbd"].settings.network.generator)
+        net = Generator(small.generator)
     assert small.parameters == sum(parameter.numel() for parameter in net.parameters())
-    assert parameters({"a.weight": (2, 3), "a.running_mean": (7,)}) == 6
-
-
-def test_flop_agree_with_a_profiler():
-    """Oracle: torch's FLOP counter, which counts the convolutions (not the transforms)."""
-    torch = pytest.importorskip("torch", reason="the networks need torch: pip install 'dlama[train]'")
-    from torch.utils.flop_counter import FlopCounterMode
-
-    from dlama.nets.discriminator import Discriminator
-    from dlama.nets.generator import Generator
-
-    network = PRESETS["mini-rgbd"].settings.network
-    for net, counted, planes in (
-        (Generator(network.generator), generator_flop(network.generator, 64, 64), 5),
-        (Discriminator(network.discriminator), discriminator_flop(network.discriminator, 64, 64), 4),
-    ):
-        with FlopCounterMode(display=False) as counter, torch.no_grad():
-            net(torch.rand(1, planes, 64, 64))
-        assert counted == pytest.approx(counter.get_total_flops(), rel=0.03)
-
-
-@pytest.mark.parametrize("name", ["mini-rgbd", "mini-stereo"])
-def test_flop_of_a_step_agree_with_torch(name):
-    """Oracle: torch's formulas, applied to every operation of a real step: both networks, the trunk and R1. (The closed form
-    counts the first layers' gradients towards their input, which nobody asks for: less than 7 % of so small a network.)"""
-    pytest.importorskip("pytorch_lightning", reason="the loop needs Lightning: pip install 'dlama[train]'")
-    from dlama.training.flops import fourier_flop, step_flop
-
-    step_cost = runpy.run_path(str(Path(__file__).parents[2] / "benchmarks" / "step_cost.py"))["step_cost"]
-    settings = PRESETS[name].settings
-    settings = replace(settings, data=replace(settings.data, size=64))
-    counted = sum(flop for flop, _ in step_cost(settings).values()) + fourier_flop(settings)
-    assert step_flop(settings) == pytest.approx(counted, rel=0.07)
-
-
-def test_estimates_say_so_and_are_their_formula():
-    """Oracle: the formula by hand: a share of the nominal rate over the FLOP of a step, or what 15 cores make of samples."""
-    from dlama.training.flops import Estimate, estimate, step_flop
-
-    settings = PRESETS["small-rgbd"].settings
-    found = estimate(settings)
-    assert found.slow == pytest.approx(0.1 * 990e12 / step_flop(settings)) and found.fast == pytest.approx(
-        2 * found.slow
-    )
-    assert found.made == 15 * 17 and found.samples_per_second == (255, 255)
-    assert Estimate(1e12, 99.0, 198.0, 150.0).samples_per_second == (99, 150)
-    for name in ("small-rgbd", "small-stereo", "big-rgbd"):
-        assert "ESTIMATE, not measured" in PRESETS[name].samples_per_second
-    large = estimate(replace(settings, data=replace(settings.data, size=512)))
-    assert large.made == pytest.approx(found.made / 4)
-    with pytest.raises(InputError, match="sketch"):
-        estimate(PRESETS["tiny"].settings)
+    assert count_parameters({"a.weight": (2, 3), "a.running_mean": (7,)}) == 6
 
 
 def test_resuming_with_other_settings_is_refused():

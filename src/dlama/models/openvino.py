@@ -1,6 +1,6 @@
 """An ONNX file in -> a session with the few methods of onnxruntime's that a network file calls, run by OpenVINO, out.
 
-On x86 processors it runs a LaMa faster than ONNX Runtime (measured by `benchmarks/lama_network.py`); it refuses the MI-GAN
+On x86 processors it runs a LaMa faster than ONNX Runtime; it refuses the MI-GAN
 pipeline.
 """
 

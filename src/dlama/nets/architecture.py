@@ -6,6 +6,7 @@ Convolutions"; its tensor names are kept so that published weights load strictly
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TypeAlias
@@ -131,6 +132,11 @@ def discriminator_shapes(settings: DiscriminatorSettings) -> dict[str, tuple[int
         before = here
     last = settings.layers + 1
     return shapes | {f"model{last}.0.weight": (1, before, 4, 4), f"model{last}.0.bias": (1,)}
+
+
+def count_parameters(shapes: dict[str, tuple[int, ...]]) -> int:
+    """Number of trained parameters of tensors by name; running statistics of batch norms are not trained."""
+    return sum(math.prod(shape) for name, shape in shapes.items() if name.endswith(("weight", "bias")))
 
 
 def settings_from_state(shapes: Shapes, activation: str = "sigmoid") -> GeneratorSettings:

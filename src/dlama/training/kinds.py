@@ -78,19 +78,16 @@ class SampleKind:
     """Whether samples are crops with guesses, made beforehand (`data.guess_crops`)."""
     worlds: bool = False
     """Whether the samples that no case gives are made of procedural worlds; shares are `data.cases` and 1 less that."""
-    per_core: float | None = None
-    """Samples/s of 256 x 256 pixels that one EPYC core makes: MEASURED, worlds with photos on them, eight consecutive samples
-    of a world (`benchmarks/samples.py`). None: not measured on a core."""
 
 
 SAMPLES: dict[str, SampleKind] = {
     "sketch": SampleKind(views=(1, 2)),
     "photo": SampleKind(photos="required"),
     "warped-photo": SampleKind(photos="required", cases="frame"),
-    "world": SampleKind(photos="optional", worlds=True, per_core=17.0),
+    "world": SampleKind(photos="optional", worlds=True),
     "frame": SampleKind(cases="frame", cases_required=True),
-    "removal": SampleKind(photos="optional", cases="removal", worlds=True, per_core=19.0),
-    "stereo": SampleKind(views=(2,), photos="optional", cases="stereo", worlds=True, per_core=17.0),
+    "removal": SampleKind(photos="optional", cases="removal", worlds=True),
+    "stereo": SampleKind(views=(2,), photos="optional", cases="stereo", worlds=True),
     "guesses": SampleKind(crops=True),
 }
 """Names are those of `data.mixture` in settings files; `sketch` are the scenes of `data.samples.toy_scenes`."""

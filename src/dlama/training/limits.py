@@ -13,8 +13,7 @@ from pathlib import Path
 from dlama.completion.memory import GB, available_bytes
 from dlama.errors import InputError, OutputError
 from dlama.models.network_file import processor_count
-from dlama.nets.architecture import GeneratorSettings, discriminator_shapes, generator_shapes
-from dlama.training.flops import parameters
+from dlama.nets.architecture import GeneratorSettings, count_parameters, discriminator_shapes, generator_shapes
 from dlama.training.settings import TrainSettings
 
 GENERATOR_COPIES, DISCRIMINATOR_COPIES = 8, 7
@@ -99,14 +98,16 @@ def training_bytes(settings: TrainSettings) -> float:
 def checkpoint_bytes(settings: TrainSettings) -> float:
     """Bytes that a run's files take at least: two checkpoints (weights, two moments; the moving average), while one replaces the
     other, and the network."""
-    return 4.0 * (2 * _numbers(settings, SAVED + 1, SAVED) + parameters(generator_shapes(settings.network.generator)))
+    return 4.0 * (
+        2 * _numbers(settings, SAVED + 1, SAVED) + count_parameters(generator_shapes(settings.network.generator))
+    )
 
 
 def _numbers(settings: TrainSettings, of_generator: int, of_discriminator: int) -> float:
     """Numbers in so many copies of the weights of both networks; a discriminator only where the loss has one."""
-    numbers = of_generator * parameters(generator_shapes(settings.network.generator))
+    numbers = of_generator * count_parameters(generator_shapes(settings.network.generator))
     if settings.loss.uses_discriminator:
-        numbers += of_discriminator * parameters(discriminator_shapes(settings.network.discriminator))
+        numbers += of_discriminator * count_parameters(discriminator_shapes(settings.network.discriminator))
     return float(numbers)
 
 

@@ -1,7 +1,6 @@
 """A preset's name or a settings file in -> settings out, and settings in -> JSON out; needs no torch.
 
 Reading is strict: an unknown name or a value of another type is refused; a setting that a file leaves out keeps its default.
-`flops` counts the parameters and FLOP of presets.
 """
 
 from __future__ import annotations
@@ -14,7 +13,6 @@ from pathlib import Path
 from typing import Any, Literal
 
 from dlama.errors import FileError, InputError, system_errors
-from dlama.training.flops import estimate
 from dlama.training.settings import (
     DataSettings,
     LoopSettings,
@@ -34,9 +32,10 @@ class Preset:
     """One line for people."""
     settings: TrainSettings
     samples_per_second: str
-    """Training speed, where and how it was measured; or an estimate, marked as one, and how it was made."""
+    """Training speed, where and how it was measured."""
 
 
+UNTIMED = "not measured on a GPU"
 MINI = "3 per core in fp32, 5 in bf16 (CPU time of one EPYC core with AVX-512 bf16; a core for making samples comes on top)"
 BIG_SCREEN = DataSettings(size=512, held_out=32)
 FINISH = OptimiserSettings(warm_up=200, decay="cosine")
@@ -110,19 +109,14 @@ def _choice() -> TrainSettings:
     )  # fmt: skip
 
 
-def _gpu_preset(purpose: str, settings: TrainSettings) -> Preset:
-    """With an estimated speed: these were not timed on a GPU."""
-    return Preset(purpose, settings, str(estimate(settings)))
-
-
 PRESETS: dict[str, Preset] = {
     "tiny": Preset("one minute on a CPU: does the whole loop work?", _tiny(), "60 on one EPYC core"),
     "mini-rgbd": Preset("colour and depth, on a CPU", _mini("rgbd", "world"), MINI),
     "mini-stereo": Preset("both pictures of a pair, on a CPU", _mini("stereo", "stereo"), MINI),
     "choice": Preset("the judge of filler `choice`, on a CPU", _choice(), "4 on one EPYC core"),
-    "small-rgbd": _gpu_preset("colour and depth, on one GPU", _small("rgbd", "world")),
-    "small-stereo": _gpu_preset("both pictures of a pair, on one GPU", _small("stereo", "stereo")),
-    "big-rgbd": _gpu_preset("colour and depth in big-lama's shape; start from its weights", _big()),
+    "small-rgbd": Preset("colour and depth, on one GPU", _small("rgbd", "world"), UNTIMED),
+    "small-stereo": Preset("both pictures of a pair, on one GPU", _small("stereo", "stereo"), UNTIMED),
+    "big-rgbd": Preset("colour and depth in big-lama's shape; start from its weights", _big(), UNTIMED),
 }
 """By name, in the order of their size."""
 

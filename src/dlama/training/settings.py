@@ -10,7 +10,14 @@ from dataclasses import dataclass, field, fields
 from typing import Any, Literal
 
 from dlama.errors import InputError
-from dlama.nets.architecture import DiscriminatorSettings, GeneratorSettings, JudgeSettings
+from dlama.nets.architecture import (
+    DiscriminatorSettings,
+    GeneratorSettings,
+    JudgeSettings,
+    count_parameters,
+    generator_shapes,
+    judge_shapes,
+)
 from dlama.training.kinds import PLANES, SAMPLES, Planes, PlanesKind
 
 TRUNKS = ("auto", "resnet50-dilated", "vgg16", "alexnet", "random", "lpips")
@@ -69,6 +76,11 @@ class NetworkSettings:
     def discriminator(self) -> DiscriminatorSettings:
         """The architecture as `dlama.nets` takes it; its input are all planes of the output together."""
         return DiscriminatorSettings(self.kind.outputs, self.discriminator_width, self.discriminator_layers)
+
+    @property
+    def parameters(self) -> int:
+        """How many trained numbers the network that is exported has."""
+        return count_parameters(judge_shapes(self.judge) if self.kind.guesses else generator_shapes(self.generator))
 
     @property
     def views(self) -> int:

@@ -1,6 +1,6 @@
 """A loop written in Python in; the same loop as machine code, kept on disk and run on all cores, out. numba is set up here only.
 
-What keeps the first run of all short, when every kernel has yet to be compiled (figures: `python benchmarks/compile_time.py`):
+What keeps the first run of all short, when every kernel has yet to be compiled:
 
 - Kernels are plain scalar loops that write into arrays they are handed, allocate nothing, and run over rows [first, last), so
   that `in_bands` can spread them over threads. numba's own parallel loops take twice as long to compile, an allocation as long

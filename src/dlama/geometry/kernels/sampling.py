@@ -1,8 +1,7 @@
 """Reading a picture between its pixels: colours and a place in them in; the colour there out (numba pieces).
 
 Cubic B-spline interpolation inside a surface, bilinear next to its edges, so that nothing bleeds across them. Bilinear
-everywhere blurs: on street frames turned by 10 degrees, LPIPS over what both cameras see is a third lower so
-(`python benchmarks/headroom.py`).
+everywhere blurs: on street frames turned by 10 degrees, LPIPS over what both cameras see is a third lower so.
 """
 
 from __future__ import annotations

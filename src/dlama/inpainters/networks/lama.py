@@ -16,7 +16,7 @@ from dlama.inpainters.networks.engine import Engine, open_engine
 from dlama.inpainters.networks.view_tensors import DepthPlane, color_from_planes, color_planes
 
 BATCHED: tuple[str, ...] = ()
-"""Providers on which one pass for colour and depth was measured to be faster than two (benchmarks/engine.py); none so far."""
+"""Providers on which one pass for colour and depth was measured to be faster than two; none so far."""
 
 
 def lama_filler(model: str | Path | Engine, contract: Contract | None = None) -> Inpainter:

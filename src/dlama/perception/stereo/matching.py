@@ -29,7 +29,7 @@ LARGEST_STEP = 2000
 MARGIN_PX = 2
 """Columns added to the range, so that its ends get sub-pixel values as well."""
 BLOCK_SIZE = 3
-"""Pixels; 1, 3 and 5 were measured (benchmarks/stereo_matching.py)."""
+"""Pixels; 1, 3 and 5 were measured."""
 
 
 @dataclass(frozen=True)

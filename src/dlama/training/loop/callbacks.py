@@ -15,7 +15,6 @@ import torch
 
 from dlama.errors import DlamaError, OutputError
 from dlama.training.data.batches import Batch
-from dlama.training.flops import network_cost
 from dlama.training.loop.checkpointing import checkpoint_of, write_checkpoint
 from dlama.training.loop.module import TrainingModule, rate_factor
 from dlama.training.loop.random_state import random_state, set_random_state
@@ -27,10 +26,9 @@ from dlama.training.settings import TrainSettings
 LOG = logging.getLogger("dlama")
 ALL_STEPS, TIME_IS_UP = "all steps done", "time is up"
 """Why a run ended; else it is the name of a signal."""
-SPEED = ("learning_rate", "samples_per_second", "waiting", "tflop_per_second", "memory_gb")
-"""Columns of metrics.csv: the generator's learning rate; samples of all devices per second, share of time spent waiting for
-samples, and TFLOP/s of both networks (`NetworkCost.flop_per_sample`, without the trunk), all three since the row before; peak
-memory of the first device (of the process, on a CPU)."""
+SPEED = ("learning_rate", "samples_per_second", "waiting", "memory_gb")
+"""Columns of metrics.csv: the generator's learning rate; samples of all devices per second and share of time spent waiting for
+samples, both since the row before; peak memory of the first device (of the process, on a CPU)."""
 
 
 class Stopwatch:
@@ -220,7 +218,6 @@ class RunCallback(pl.Callback):
             self.settings.optimiser.generator_rate * rate_factor(self.settings, max(module.step - 1, 0)),
             rate,
             waiting,
-            rate * network_cost(self.settings).flop_per_sample / 1e12,
             peak_memory(module.device) / 1e9,
         )
         seconds = self.stopwatch.seconds

@@ -20,7 +20,6 @@ from dlama.nets.export.judge import export_judge
 from dlama.nets.generator import Generator
 from dlama.nets.judge import GuessMixer
 from dlama.nets.safetensors_file import write_safetensors
-from dlama.training.flops import network_cost
 from dlama.training.settings import TrainSettings
 
 
@@ -75,7 +74,7 @@ def _files(settings: TrainSettings) -> list[str]:
     return [
         f"# {settings.name}",
         "",
-        f"Fills {settings.network.kind.description}. {network_cost(settings, 512)}.",
+        f"Fills {settings.network.kind.description}. {settings.network.parameters / 1e6:.2f} M parameters.",
         "",
         "| file | what |",
         "|---|---|",

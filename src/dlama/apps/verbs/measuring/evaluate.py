@@ -19,7 +19,6 @@ from dlama.apps.options import CameraFile, Metres, Output, Report, Seed, option
 from dlama.apps.places import check_folder_apart
 from dlama.apps.terminal.output import print_line, report_result
 from dlama.apps.terminal.progress import bar_or_lines
-from dlama.apps.verbs.measuring.evaluate_sequence import evaluate_sequence
 from dlama.completion.options import RECIPE_NAMES
 from dlama.errors import InputError, MissingExtraError
 from dlama.geometry.rgbd import format_count
@@ -40,7 +39,6 @@ NEEDED = {"scikit-image": "skimage", "scipy": "scipy", "matplotlib": "matplotlib
 YAW_NEAR = 0.5
 """Degrees by which a pair's yaw may differ from the one asked for."""
 Protocol = Literal["vpi", "ori", "sii", "mask"]
-Asked = Literal["vpi", "ori", "sii", "mask", "sequence"]
 
 
 @dataclass(frozen=True)
@@ -48,12 +46,11 @@ class Cases:
     """Which cases of the data set are run."""
 
     protocol: Annotated[
-        tuple[Asked, ...],
+        tuple[Protocol, ...],
         option(
-            "vpi|ori|sii|mask ...|sequence",
+            "vpi|ori|sii|mask ...",
             "vpi ori sii, as the data set has",
-            help="View change, object removal, stereo; and how well the removed object's mask is found by clicks and boxes. "
-            "Or sequence, alone: held-out frames made of 1, 2, 4 and 8 others.",
+            help="View change, object removal, stereo; and how well the removed object's mask is found by clicks and boxes.",
         ),
     ] = ()
     scenes: Annotated[tuple[str, ...], option("SCENE ...", "all")] = ()
@@ -96,8 +93,7 @@ class Cases:
         if missing:
             raise InputError(f"{dataset.name} has no cases of {missing[0]}; it has {', '.join(has) or 'none at all'}")
         cases: list[Case] = []
-        chosen: list[Protocol] = [one for one in self.protocol if one != "sequence"]
-        for name in chosen or [one for one in has if one != "mask"]:
+        for name in self.protocol or [one for one in has if one != "mask"]:
             cases += [case for case in dataset.of(name) if self.has_yaw(case)][: self.limit]
         if not cases:
             known = sorted({abs(case.yaw) for case in dataset.cases if case.yaw is not None})
@@ -189,9 +185,6 @@ def evaluate(
     """
     check_extra()
     check_folder_apart(output, {"data set": dataset, "camera": cases.camera})
-    if "sequence" in cases.protocol:
-        evaluate_sequence(dataset, output, report, vars(cases))
-        return
     from dlama.evaluation.protocols import PROTOCOLS
     from dlama.evaluation.report.reliability import reliability_lines
     from dlama.evaluation.report.write import write_report

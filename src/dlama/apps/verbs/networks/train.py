@@ -162,15 +162,14 @@ def choose_settings(
 
 def preset_lines() -> list[str]:
     """What each preset is for, and what it costs."""
-    from dlama.training.flops import network_cost
     from dlama.training.presets import PRESETS
 
     lines = []
     for name, preset in PRESETS.items():
         s = preset.settings
         lines += [f"{name}: {preset.purpose}"]
-        lines += [f"    {network_cost(s, 512)}"]
         lines += [
+            f"    {s.network.parameters / 1e6:.2f} M parameters",
             f"    {s.loop.steps} steps of {s.loop.batch} samples of {s.data.size} x {s.data.size} pixels, {s.loop.precision}",
             f"    samples/s: {preset.samples_per_second}",
         ]

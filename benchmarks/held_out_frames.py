@@ -1,10 +1,10 @@
-"""Sequences: posed frames of one scene in; how well views of held-out frames come out, by number of source frames, out.
+"""Posed frames of one scene in; how well views of held-out frames come out, by number of source frames, out.
 
 A held-out frame is the truth; its sources are the frames nearest to it in the sequence, on both sides in turn, its direct
 neighbours left out. Its pixels are sorted by how many of the sources see them, from the true depths: one, several or none.
 Colours are compared after one gain a channel, fitted for each method where a source sees: the frames differ in exposure.
-Poses are aligned first, that of the truth too and for all methods alike (`sequence_run`): where it is off by some pixels, SSIM
-rewards blur.
+Poses are aligned first, that of the truth too and for all methods alike (`sequence.py`): where it is off by some pixels, SSIM
+rewards blur. Used by sequence.py and sequence_pictures.py.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import cv2
 import numpy as np
 
 from dlama.completion.pipeline import complete
+from dlama.datasets.frames import Frame
 from dlama.evaluation.metrics.pictures import channel_gain
 from dlama.evaluation.metrics.regions import source_visibility
 from dlama.evaluation.protocols.methods import Measure, ProtocolSettings
@@ -31,6 +32,8 @@ COUNTS = (1, 2, 4, 8)
 """Source frames."""
 APART = 2
 """Places in the sequence between a held-out frame and its nearest sources."""
+DENSE = 30
+"""From so many frames on, a held-out frame's sources are APART places away and more; of fewer its neighbours are sources."""
 SHOWN = ("ssim", "lpips", "mse", "mae")
 
 
@@ -117,6 +120,18 @@ def score_sequence(
                 for measure in measures_of(made, truth, regions, settings):
                     yield Row(names[place], count, method, measure)
                 yield Row(names[place], count, method, Measure("whole", "time", "seconds", seconds))
+
+
+def sort_along_orbit(frames: Sequence[Frame]) -> list[Frame]:
+    """The frames of a scene along its orbit, where it has one, else as listed."""
+    if all(frame.yaw is not None for frame in frames):
+        return sorted({frame.yaw: frame for frame in frames}.values(), key=lambda frame: frame.yaw or 0)
+    return list(frames)
+
+
+def source_distance(frames: Sequence[Frame]) -> int:
+    """Places between a held-out frame and its nearest sources."""
+    return APART if len(frames) >= DENSE else 1
 
 
 def visibility_by_count(sources: Sequence[RGBD], truth: RGBD, tolerance: float) -> dict[str, BoolArray]:
