@@ -106,3 +106,8 @@ def system_errors(kind: type[DlamaError]) -> Iterator[None]:
             raise
         names = [str(name) for name in (error.filename, error.filename2) if name is not None]
         raise kind(": ".join([*names, (error.strerror or str(error)).lower()])) from error
+
+
+def format_count(count: int, noun: str) -> str:
+    """A count with its noun, for people: `1 layer`, `2 layers`; `noun` takes an s."""
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"

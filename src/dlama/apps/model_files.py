@@ -12,7 +12,6 @@ from dlama import __version__
 from dlama.apps.terminal.streams import printable
 from dlama.errors import FileError, OutputError, system_errors
 from dlama.files.atomic_write import new_file
-from dlama.inpainters.networks.contract import generator_metadata, migan_metadata
 from dlama.models.cache import directory, locate, user_path
 from dlama.models.records import CATALOGUE
 from dlama.models.verify import sha256_of, size_and_sha256
@@ -74,6 +73,7 @@ def convert(source: Path, target: Path, licence: str) -> list[str]:
 
     An .onnx file is taken for the published MI-GAN pipeline, any other for a LaMa checkpoint.
     """
+    from dlama.inpainters.networks.contract import generator_metadata, migan_metadata
     from dlama.nets.checkpoints import read_generator
     from dlama.nets.export.generator import export_onnx
     from dlama.nets.export.migan import export_migan

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 from tyro.conf import arg
 
-from dlama.apps import model_files
 from dlama.completion.options import typed_options
 from dlama.errors import InputError
 from dlama.jobs.parameters import check_move, check_one_target, known_depths
@@ -269,7 +268,9 @@ class LibraryOptions:
 
     def network(self) -> Path | None:
         """The ONNX file of --model; a checkpoint is converted once, into the cache."""
-        return None if self.model is None else model_files.model_for(self.model)
+        from dlama.apps.model_files import model_for
+
+        return None if self.model is None else model_for(self.model)
 
 
 @options_as_fields()

@@ -15,8 +15,8 @@ from dlama.datasets.posed.posed_frames import CameraOption
 from dlama.datasets.posed.scene_file import LAYOUT as SCENE
 from dlama.datasets.posed.scene_file import is_scene_file
 from dlama.datasets.posed.view_pairs import LOG, NoPairsError
-from dlama.errors import InputError
-from dlama.geometry.rgbd import RGBD, BoolArray, describe_depth_range, format_count
+from dlama.errors import InputError, format_count
+from dlama.geometry.rgbd import RGBD, BoolArray, describe_depth_range
 from dlama.perception.diagnosis.finding import Finding, Observed
 from dlama.perception.diagnosis.landing import SmallFrame, shrink
 from dlama.perception.diagnosis.lens import check_lens

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dlama.errors import format_count
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.figures.points import point_viewer
-from dlama.geometry.rgbd import Float32Array, UInt8Array, check_fields, format_count, row_count
+from dlama.geometry.rgbd import Float32Array, UInt8Array, check_fields, row_count
 
 
 @dataclass(frozen=True, eq=False)

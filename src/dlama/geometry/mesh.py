@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.errors import ShapeError
+from dlama.errors import ShapeError, format_count
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.cloud import describe_extent
-from dlama.geometry.rgbd import Float32Array, UInt8Array, check_fields, format_count, row_count
+from dlama.geometry.rgbd import Float32Array, UInt8Array, check_fields, row_count
 
 
 @dataclass(frozen=True, eq=False)

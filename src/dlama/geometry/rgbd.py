@@ -112,11 +112,6 @@ def percent(where: BoolArray) -> str:
     return f"{share:.0f} %" if share >= 1 else f"{share:.1g} %"
 
 
-def format_count(count: int, noun: str) -> str:
-    """A count with its noun, for people: `1 layer`, `2 layers`; `noun` takes an s."""
-    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
-
-
 def describe_depth_range(depth: Float32Array) -> str:
     """Smallest and largest valid depth (H x W metres, 0 = missing, +inf = far), for people: `1.4 to 14 m`, `no depth`."""
     valid = depth[(depth > 0) & (depth < np.inf)]

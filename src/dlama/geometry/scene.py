@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 
 from dlama.arguments import check
-from dlama.errors import InputError, ShapeError
+from dlama.errors import InputError, ShapeError, format_count
 from dlama.geometry.cloud import concatenate
 from dlama.geometry.figures.points import point_viewer
 from dlama.geometry.projection import lift
-from dlama.geometry.rgbd import RGBD, BoolArray, format_count
+from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.geometry.view import HoleType, Origin, View
 
 FILLED_BEFORE = (Origin.FILLED, Origin.DEPTH_FILLED)

@@ -19,8 +19,7 @@ from dlama.apps.places import check_folder_apart
 from dlama.apps.pointing import Pointing
 from dlama.apps.terminal.output import print_line, report_result
 from dlama.apps.terminal.progress import bar_or_lines
-from dlama.errors import InputError
-from dlama.geometry.rgbd import format_count
+from dlama.errors import InputError, format_count
 from dlama.jobs.lists.data_sets import DatasetJobs
 from dlama.jobs.lists.folders import Pictures
 from dlama.jobs.result import Totals

@@ -9,7 +9,6 @@ from tyro.conf import Positional
 from dlama.apps.command import command
 from dlama.apps.options import Estimating, Image, Lens, Metres, Output, Reading, Report, Results
 from dlama.apps.terminal.flags import flags_of, with_flags
-from dlama.geometry.rgbd import describe_depth_range
 
 
 def depth(
@@ -29,6 +28,7 @@ def depth(
         far: Depth at or beyond this is far (sky).
     """
     from dlama.files.results.estimated_depth import FILES, write_depth
+    from dlama.geometry.rgbd import describe_depth_range
     from dlama.perception.depth_scale import RULES, describe_depth_source
 
     with command("depth", report) as this:

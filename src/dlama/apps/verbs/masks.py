@@ -13,7 +13,6 @@ from dlama.apps.options import Depth, Estimating, Image, Lens, Reading, Report, 
 from dlama.apps.places import check_file_apart
 from dlama.apps.pointing import Pointing, mask_notes
 from dlama.errors import InputError
-from dlama.geometry.rgbd import RGBD
 from dlama.jobs.early import check_options
 
 if TYPE_CHECKING:
@@ -65,6 +64,7 @@ def write_found(found: dlama.ObjectMask, picture: dlama.RGBD | UInt8Array, outpu
     """The mask, and next to it NAME_overlay.png: the object tinted and outlined. OutputError."""
     from dlama.files.rasters.pictures import write_color, write_mask
     from dlama.files.results.preview import tint
+    from dlama.geometry.rgbd import RGBD
 
     overlay = overlay_of(output)
     write_mask(output, found.mask)

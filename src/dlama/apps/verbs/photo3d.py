@@ -10,7 +10,7 @@ from tyro.conf import Positional
 import dlama
 from dlama.apps.command import command
 from dlama.apps.options import Depth, Estimating, Filler, Lens, Output, Reading, Report, Results, names_in, option
-from dlama.geometry.rgbd import format_count
+from dlama.errors import format_count
 
 
 def photo3d(

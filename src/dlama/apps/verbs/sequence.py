@@ -27,8 +27,7 @@ from dlama.apps.options import (
 from dlama.apps.places import check_folder_apart
 from dlama.apps.terminal.output import report_result
 from dlama.apps.terminal.progress import bar_or_lines
-from dlama.errors import InputError
-from dlama.geometry.rgbd import format_count
+from dlama.errors import InputError, format_count
 from dlama.workers.progress import progress_line, write_line_every
 
 if TYPE_CHECKING:

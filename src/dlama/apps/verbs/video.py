@@ -14,7 +14,7 @@ from dlama.apps.options import Filler, Report, option
 from dlama.apps.places import check_file_apart
 from dlama.apps.terminal.output import counting_bar, report_result
 from dlama.apps.verbs.sequence import Source
-from dlama.geometry.rgbd import format_count
+from dlama.errors import format_count
 
 if TYPE_CHECKING:
     from dlama.geometry.rgbd import UInt8Array

@@ -15,13 +15,13 @@ from PIL import Image
 from dlama.apps.terminal.streams import printable
 from dlama.apps.viewer.cameras import camera_of, camera_on_path, go_to, overview, wxyz
 from dlama.apps.viewer.contents import Contents, colors, sample_points, select_points
-from dlama.errors import InputError, MissingExtraError
+from dlama.errors import InputError, MissingExtraError, format_count
 from dlama.files.cameras import camera_as_json
 from dlama.geometry.camera import Camera
 from dlama.geometry.cloud import concatenate
 from dlama.geometry.fusion import scene_mesh
 from dlama.geometry.rendering import render
-from dlama.geometry.rgbd import UInt8Array, format_count
+from dlama.geometry.rgbd import UInt8Array
 from dlama.geometry.trajectories import FARTHEST_M, dolly, orbit
 
 COLORS = {"Picture": "picture", "Origin": "origin", "Confidence": "confidence"}

@@ -14,10 +14,10 @@ import numpy as np
 from dlama.datasets.frames import Case, Dataset, ViewTruth
 from dlama.datasets.posed.posed_frames import PosedFrame
 from dlama.datasets.text_tables import scene_folders
-from dlama.errors import FileError, InputError
+from dlama.errors import FileError, InputError, format_count
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.projection import project, rays
-from dlama.geometry.rgbd import RGBD, Float32Array, format_count
+from dlama.geometry.rgbd import RGBD, Float32Array
 from dlama.geometry.rotations import rotation_deg
 
 LOG = logging.getLogger("dlama")

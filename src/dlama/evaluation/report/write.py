@@ -11,7 +11,7 @@ from typing import Any
 
 from dlama import __version__
 from dlama.datasets.frames import Dataset
-from dlama.errors import OutputError
+from dlama.errors import OutputError, format_count
 from dlama.evaluation.metrics.pictures import SETTINGS as METRIC_SETTINGS
 from dlama.evaluation.protocols.methods import ProtocolSettings
 from dlama.evaluation.report.page import flatten, page
@@ -24,7 +24,6 @@ from dlama.evaluation.runner.run import Results
 from dlama.evaluation.runner.store import result_rows, timing_rows, write_rows
 from dlama.evaluation.runner.worker import Outcome
 from dlama.files.atomic_write import new_file
-from dlama.geometry.rgbd import format_count
 
 FILES = ("results.csv", "timings.csv", "summary.json", "summary.md", "report.html")
 PACKAGES = ("numpy", "numba", "opencv-python-headless", "onnxruntime", "scikit-image", "scipy", "matplotlib")

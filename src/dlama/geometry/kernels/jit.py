@@ -36,6 +36,7 @@ if (
     )
 
 from numba import config, njit  # noqa: E402
+from numba.core.caching import FunctionCache  # noqa: E402
 from numba.core.event import Event, Listener, register  # noqa: E402
 
 if vars(config)["DISABLE_JIT"]:
@@ -73,13 +74,28 @@ def kernel(function: Loop) -> Loop:
     numba keeps it in the first of these that can be written: NUMBA_CACHE_DIR, `__pycache__` next to the file, the user's cache.
     Warns once where none can; the kernel works all the same.
     """
+    dispatcher = compiled(function, nogil=True)
+    if vars(config)["DISABLE_JIT"]:
+        return dispatcher
     try:
-        return compiled(function, cache=True, nogil=True)
+        cast(Any, dispatcher)._cache = KernelCache(function)
     except RuntimeError as error:
         if "cannot cache" not in str(error):
             raise
         _warn_not_kept()
-        return compiled(function, nogil=True)
+    return dispatcher
+
+
+class KernelCache(FunctionCache):  # type: ignore[misc]
+    """numba's cache on disk, without the types and functions that it prepares for a compilation at every load.
+
+    A third of a second for the first kernel of a process; numba prepares them again before it compiles anything.
+    """
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """The compiled kernel of that signature; None where it is not on disk."""
+        with self._guard_against_spurious_io_errors():
+            return self._load_overload(sig, target_context)
 
 
 def compiled(function: Loop, **options: bool) -> Loop:

@@ -14,14 +14,12 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 from tyro.conf import Positional
 
-from dlama.apps import model_files
 from dlama.apps.options import CameraFile, Metres, Output, Report, Seed, option
 from dlama.apps.places import check_folder_apart
 from dlama.apps.terminal.output import print_line, report_result
 from dlama.apps.terminal.progress import bar_or_lines
 from dlama.completion.options import RECIPE_NAMES
-from dlama.errors import InputError, MissingExtraError
-from dlama.geometry.rgbd import format_count
+from dlama.errors import InputError, MissingExtraError, format_count
 from dlama.inpainters import FILLERS
 
 if TYPE_CHECKING:
@@ -146,6 +144,8 @@ class Methods:
 
     def models(self) -> dict[str, Path]:
         """Filler -> its ONNX file; a checkpoint is converted once, into the cache."""
+        from dlama.apps.model_files import model_for
+
         found: dict[str, Path] = {}
         for word in self.model:
             filler, equals, file = word.partition("=")
@@ -155,7 +155,7 @@ class Methods:
                 )
             if filler not in self.fillers:
                 raise InputError(f"--model {word} has no use: {filler} is not among --fillers {' '.join(self.fillers)}")
-            found[filler] = model_files.model_for(file)
+            found[filler] = model_for(file)
         return found
 
     def settings(self) -> ProtocolSettings:
