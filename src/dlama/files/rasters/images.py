@@ -166,9 +166,17 @@ def _open(file: Path, data: bytes) -> Iterator[Image.Image]:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # Pillow's remarks on damaged tags and large pictures
         with file.open("rb") as stream:
-            heic = HEIC.match(stream.read(12))
+            head = stream.read(12)
         source = io.BytesIO(data) if data else file
-        with _heic(file) if heic else Image.open(source, formats=("PNG", "JPEG", "WEBP", "TIFF")) as picture:
+        first = "JPEG" if head[:2] == b"\xff\xd8" else "WEBP" if head[8:] == b"WEBP" else "PNG"
+        formats = (
+            first,
+            "PNG",
+            "JPEG",
+            "WEBP",
+            "TIFF",
+        )  # Pillow loads the forty others where the first is not this file's
+        with _heic(file) if HEIC.match(head) else Image.open(source, formats=formats) as picture:
             check_pixels(file, picture.width, picture.height)
             yield picture
 

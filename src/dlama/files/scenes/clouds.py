@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from plyfile import PlyData, PlyElement
 
 from dlama.errors import FileError
 from dlama.files.atomic_write import PathLike, new_file
@@ -33,6 +32,8 @@ def write_ply(path: PathLike, cloud: PointCloud) -> None:
 
     Coordinates are world metres in OpenCV axes, float (double where any exceeds 10 km). Raises OutputError.
     """
+    from plyfile import PlyData, PlyElement
+
     reach = float(np.abs(cloud.points).max()) if len(cloud) else 0.0
     real = "<f8" if reach > FLOAT32_REACH else "<f4"
     layout = [(axis, real) for axis in "xyz"] + [(name, "u1") for name in (*COLORS, "origin")] + [("confidence", "<f4")]
@@ -52,6 +53,8 @@ def read_ply(path: PathLike) -> PointCloud:
 
     Files of other programs have no `origin` (taken as measured) and no `confidence` (taken as 1). Raises FileError.
     """
+    from plyfile import PlyData
+
     file = existing_file(path)
     try:
         _check_claims(file)
