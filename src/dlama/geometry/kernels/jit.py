@@ -86,7 +86,7 @@ def kernel(function: Loop) -> Loop:
     return dispatcher
 
 
-class KernelCache(FunctionCache):  # type: ignore[misc]
+class KernelCache(FunctionCache):
     """numba's cache on disk, without the types and functions that it prepares for a compilation at every load.
 
     A third of a second for the first kernel of a process; numba prepares them again before it compiles anything.
