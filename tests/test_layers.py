@@ -13,6 +13,7 @@ SOURCE = Path(__file__).parent.parent / "src" / "dlama"
 ORDER = [
     "errors",
     "arguments",
+    "progress",
     "geometry",
     "models",
     "perception",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gc
-import logging
 import threading
 import time
 import warnings
@@ -14,22 +13,20 @@ import pytest
 from handing_in import completed, open_frame
 
 from dlama.errors import InputError
+from dlama.progress import begin_stage
 from dlama.web import api, results
 from dlama.web.failures import PageError
-from dlama.web.runs import Run
-from dlama.web.thread_messages import messages_by_thread, messages_of_thread
+from dlama.web.runs import Run, warnings_by_thread, warnings_of_thread
 from dlama.web.visits import Visit, Visits
-
-LOG = logging.getLogger("dlama")
 
 
 def test_stages_and_warnings_of_its_own_thread_are_heard() -> None:
     """Those of another thread are not."""
-    with messages_by_thread():
+    with warnings_by_thread():
 
         def work() -> str:
-            LOG.info("fill")
-            other = threading.Thread(target=lambda: LOG.info("another"))
+            begin_stage("fill")
+            other = threading.Thread(target=lambda: begin_stage("another"))
             other.start()
             other.join()
             warnings.warn("a doubt", UserWarning, stacklevel=1)
@@ -44,9 +41,9 @@ def test_stages_and_warnings_of_its_own_thread_are_heard() -> None:
 
 def test_warnings_go_elsewhere_where_nobody_listens() -> None:
     """As before: to whoever caught them."""
-    with warnings.catch_warnings(record=True) as caught, messages_by_thread():
+    with warnings.catch_warnings(record=True) as caught, warnings_by_thread():
         warnings.warn("one", UserWarning, stacklevel=1)
-        with messages_of_thread() as heard:
+        with warnings_of_thread() as heard:
             warnings.warn("two", UserWarning, stacklevel=1)
     assert [str(one.message) for one in caught] == ["one"] and heard == ["two"]
 
@@ -60,11 +57,11 @@ def test_a_run_is_cancelled_at_its_next_stage() -> None:
             try:
                 began.set()
                 time.sleep(0.01)
-                LOG.info("a stage")
+                begin_stage("a stage")
             except Exception:
                 steps.append(-1)
 
-    with messages_by_thread():
+    with warnings_by_thread():
         run = Run(work, 1)
         run.start()
         assert began.wait(600)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import logging
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -32,8 +31,8 @@ from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin, View
 from dlama.inpainters import AUTO
 from dlama.inpainters.filling import Inpainter
+from dlama.progress import Progress, begin_stage, take_progress
 
-LOG = logging.getLogger("dlama")
 HIDDEN_PIXELS = 500_000
 """Of a larger picture what is hidden is filled at a whole fraction of its size that has at most so many pixels."""
 CLOSED = 3
@@ -65,6 +64,7 @@ class Photo3D:
         return f"Photo3D({width}x{height}, to be looked at within {reach}, {len(self.scene.fills)} fills)"
 
 
+@take_progress
 def photo3d(
     rgbd: RGBD | Scene,
     *,
@@ -73,6 +73,7 @@ def photo3d(
     filler: str | Inpainter = AUTO,
     model: str | Path | None = None,
     seed: int = 0,
+    progress: Progress | None = None,
 ) -> Photo3D:
     """Complete a scene for all cameras of a head box round the source camera, each hole once.
 
@@ -85,7 +86,7 @@ def photo3d(
         angle: Degrees to which the camera may turn about the pivot (the median depth), to each side, up and down; None: so that
             the median parallax from end to end is 4 % of the picture's width.
         distance: How far it may go forward and back, as a share of the pivot's distance; None: half of its way to the side.
-        filler, model, seed: As in `complete`.
+        filler, model, seed, progress: As in `complete`.
     Raises:
         InputError: an unknown name, an angle or a distance that is none; DepthError: nothing has a depth.
     """
@@ -120,7 +121,7 @@ def photo3d(
             for layer in added:
                 small = add_layer(small, found.view, layer.hole_type != HoleType.NONE, OVERLAP)
             unknown.look(added)
-        LOG.info("filled for camera %d, %.2f %% still unknown", len(seen), 100 * unknown.share)
+        begin_stage(f"filled for camera {len(seen)}, {unknown.share:.2%} still unknown")
     with clock("edges"):
         small = add_edge_layers(small, [middle, grid_box.wide()])
     scene = small if step == 1 else add_fills(start, small, small.fills[given:], step)

@@ -23,14 +23,17 @@ from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
 from dlama.geometry.scene import Scene
 from dlama.inpainters.filling import FillReport
 from dlama.models.network_file import make_room
+from dlama.progress import Progress, take_progress
 
 
 @take_options
+@take_progress
 def complete(
     rgbd: RGBD | Scene | Sequence[FrameSource],
     cameras: Sequence[Camera],
     *,
     mask: BoolArray | Mapping[int, BoolArray] | None = None,
+    progress: Progress | None = None,
     **options: Unpack[OptionKeywords],
 ) -> Completion:
     """Complete the scene of one RGB-D picture, or of many frames, from several cameras, one after the other, into one Scene.
@@ -42,6 +45,7 @@ def complete(
             completion, which is gone on from, or of `read_scene`.
         cameras: Where to look from, in the world of the picture's camera.
         mask: H x W bool, True = remove, or number of a frame -> its mask: as of `Scene.without`, which it stands for.
+        progress: Called with the name of each stage as it begins; what it raises ends the work.
         options: How the scene is completed (`Options`). meta says what `auto` and `dilate` chose, and why.
 
     Raises:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import logging
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -20,19 +19,18 @@ from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import Origin, View
 from dlama.inpainters.filling import FillReport
-
-LOG = logging.getLogger("dlama")
+from dlama.progress import begin_stage
 
 
 class Clock:
-    """Seconds by stage. `with clock("fill"):` logs the stage as it begins and adds what it took."""
+    """Seconds by stage. `with clock("fill"):` reports the stage as it begins and adds what it took."""
 
     def __init__(self) -> None:
         self.seconds: dict[str, float] = {}
 
     @contextmanager
     def __call__(self, stage: str) -> Iterator[None]:
-        LOG.info("%s", stage)
+        begin_stage(stage)
         started = time.perf_counter()
         yield
         self.seconds[stage] = round(self.seconds.get(stage, 0.0) + time.perf_counter() - started, 4)

@@ -9,7 +9,6 @@ used (`geometry.frames`); the rest is filled in the frame that sees most of it, 
 from __future__ import annotations
 
 import dataclasses
-import logging
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from typing import Any, NamedTuple
@@ -27,8 +26,8 @@ from dlama.geometry.view import HoleType, Origin, View
 from dlama.geometry.visibility import Law, project_depth
 from dlama.inpainters.confidence import LARGEST_CONFIDENCE
 from dlama.inpainters.filling import FillReport, inpaint, paste_part
+from dlama.progress import begin_stage
 
-LOG = logging.getLogger("dlama")
 NOTHING_FILLED = FillReport(0, 0, 0, {})
 SEEN_AGAIN = (Origin.REPROJECTED, Origin.ESTIMATED)
 """Origins of what the source view shows, seen from elsewhere."""
@@ -160,7 +159,7 @@ def complete_step(
 def complete_frame(plan: Plan, scene: Scene, place: int) -> tuple[CompletedView, Scene]:
     """One frame, completed after what other frames and earlier fills show of it; and the scene, in which it has depth wherever it
     has a colour."""
-    LOG.info("fill frame %d", scene.numbers[place])
+    begin_stage(f"fill frame {scene.numbers[place]}")
     frame = scene.frames[place]
     before = measured_view(plan, scene, frame.camera)
     known, taken_over = show_earlier_fill(plan, scene, before)

@@ -18,6 +18,7 @@ from dlama.geometry.scene import Scene
 from dlama.geometry.trajectories import PIVOT_M, median_pivot, orbit
 from dlama.geometry.trajectories import dolly as dollied
 from dlama.geometry.view import View
+from dlama.progress import Progress
 
 
 def target_camera(
@@ -57,6 +58,7 @@ def view(
     pitch: float = 0.0,
     pivot: float | Literal["auto"] = "auto",
     dolly: float = 0.0,
+    progress: Progress | None = None,
     **options: Unpack[OptionKeywords],
 ) -> Completion:
     """The scene from another viewpoint, holes filled in colour and depth.
@@ -68,6 +70,7 @@ def view(
         pitch: Degrees; positive: the camera moves up and looks down.
         pivot: Metres ahead on the optical axis that the orbit turns about; "auto": the median depth.
         dolly: Metres forward, after the orbit.
+        progress: Called with the name of each stage as it begins; what it raises ends the work.
         options: How the scene is completed (`Options`).
 
     Raises:
@@ -83,7 +86,7 @@ def view(
     """
     check_arguments(view, locals())
     target = target_camera(rgbd, camera, yaw=yaw, pitch=pitch, pivot=pivot, dolly=dolly)
-    return complete(rgbd, [target], **options)
+    return complete(rgbd, [target], progress=progress, **options)
 
 
 @take_options
@@ -96,6 +99,7 @@ def remove(
     pitch: float = 0.0,
     pivot: float | Literal["auto"] = "auto",
     dolly: float = 0.0,
+    progress: Progress | None = None,
     **options: Unpack[OptionKeywords],
 ) -> Completion:
     """The scene without the object under `mask`, from the source camera or from elsewhere.
@@ -115,4 +119,4 @@ def remove(
     """
     check_arguments(remove, locals())
     target = target_camera(rgbd, camera, yaw=yaw, pitch=pitch, pivot=pivot, dolly=dolly)
-    return complete(rgbd, [target], mask=mask, **options)
+    return complete(rgbd, [target], mask=mask, progress=progress, **options)

@@ -5,7 +5,6 @@ The command line's options are read by this file too: what computes is imported 
 
 from __future__ import annotations
 
-import logging
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -15,13 +14,12 @@ from typing import TYPE_CHECKING, Any
 
 from dlama.errors import InputError
 from dlama.jobs.pointing import find_pointed
+from dlama.progress import begin_stage
 
 if TYPE_CHECKING:
     from dlama.completion.completion import Completion
     from dlama.geometry.camera import StereoRig
     from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
-
-LOG = logging.getLogger("dlama")
 
 
 @dataclass
@@ -51,11 +49,11 @@ class JobInputs:
     @contextmanager
     def reading(self, *names: Path) -> Iterator[None]:
         """Files being read: shown in the bar, and timed."""
-        LOG.info("read %s", ", ".join(name.name for name in names))
+        begin_stage(f"read {', '.join(name.name for name in names)}")
         started = time.perf_counter()
         yield
         self.read_seconds += time.perf_counter() - started
-        LOG.info("complete")
+        begin_stage("complete")
 
     def read_picture(
         self, image: Path, depth: Path | None, lens: Mapping[str, Any], options: Mapping[str, Any]
@@ -132,7 +130,7 @@ class JobInputs:
         if self.object_mask:
             done.meta["object_mask"] = self.object_mask
         seconds = {"read": self.read_seconds}
-        addresses = {"input_addresses": self.addresses} if self.addresses else {}
+        addresses: dict[str, Any] = {"input_addresses": self.addresses} if self.addresses else {}
         write(
             done,
             output,

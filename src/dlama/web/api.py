@@ -19,7 +19,7 @@ from dlama.web.completion_request import PAGE_FILLERS, read_request
 from dlama.web.failures import PageError, hide_paths, use_page_words
 from dlama.web.inputs import ROLES, Upload, check_size, file_name, read_source
 from dlama.web.marks import find, mask_of, others, pointing, read_marks
-from dlama.web.thread_messages import messages_of_thread
+from dlama.web.runs import warnings_of_thread
 from dlama.web.visits import Visit
 
 EXAMPLES: dict[str, tuple[str, dict[str, str], dict[str, Any]]] = {
@@ -117,7 +117,7 @@ def read(visit: Visit, fields: Fields) -> dict[str, Any]:
     visit.fields = {
         name: value for name, value in fields.items() if isinstance(value, (str, int, float)) and len(str(value)) < 400
     }
-    with messages_of_thread() as warned:
+    with warnings_of_thread() as warned:
         visit.source = read_source(visit.files, visit.fields)
     return {**state(visit, fields), "warnings": [use_page_words(hide_paths(text, visit.names())) for text in warned]}
 

@@ -16,7 +16,7 @@ from dlama.web.runs import Run
 from dlama.web.visits import Result, Visit
 
 EXPECTED_STAGES = {"view": 4, "remove": 4, "stereo": 6, "photo3d": 30}
-"""What a completion logs."""
+"""Stages of a completion."""
 
 
 def complete(visit: Visit, fields: Fields) -> dict[str, Any]:

@@ -1,6 +1,6 @@
-"""A completion that was asked for in; its progress, and in the end its result, out. It can be cancelled at any time.
+"""A completion that was asked for in; its progress, warnings, and in the end its result, out. It can be cancelled at any time.
 
-A run ends at the next stage that the library logs: an exception thrown into a thread from outside could hit a compiler or an
+A run ends as its next stage begins: an exception thrown into a thread from outside could hit a compiler or an
 allocation half way, which ends in a crash. Its visitor need not wait for that: a cancelled run counts as ended at once.
 """
 
@@ -9,16 +9,55 @@ from __future__ import annotations
 import threading
 import time
 import traceback
-from collections.abc import Callable
-from contextlib import suppress
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from typing import Any
 
 from dlama.errors import DlamaError
-from dlama.web.thread_messages import messages_of_thread
+from dlama.progress import show_progress
 
 ONE_AT_A_TIME = threading.Semaphore(1)
 """A completion uses all cores and much memory; the next one waits for its turn."""
 POLL_SECONDS = 0.05
+
+
+class _Warned(threading.local):
+    """What takes the warnings of this thread."""
+
+    lines: list[str] | None = None
+
+
+_warned = _Warned()
+
+
+@contextmanager
+def warnings_by_thread() -> Iterator[None]:
+    """While this is open `warnings_of_thread` works; warnings of other threads go where they went before."""
+    with warnings.catch_warnings():
+        before = warnings.showwarning
+
+        def show(message: Warning | str, category: type[Warning], filename: str, lineno: int, *rest: object) -> None:
+            if _warned.lines is None:
+                before(message, category, filename, lineno, *rest)  # type: ignore[arg-type]
+            elif str(message) not in _warned.lines:
+                _warned.lines.append(str(message))
+
+        warnings.simplefilter("always", UserWarning)
+        warnings.showwarning = show  # type: ignore[assignment]
+        yield
+
+
+@contextmanager
+def warnings_of_thread() -> Iterator[list[str]]:
+    """The warnings of this thread, as a list that grows."""
+    before = _warned.lines
+    lines: list[str] = []
+    _warned.lines = lines
+    try:
+        yield lines
+    finally:
+        _warned.lines = before
 
 
 class Cancelled(BaseException):
@@ -73,11 +112,11 @@ class Run:
         """Wait for its end."""
         self._thread.join()
 
-    def _on_message(self, message: str) -> None:
+    def _begin_stage(self, name: str) -> None:
         if self._cancel.is_set():
             raise Cancelled
         self.stages += 1
-        self.stage = message
+        self.stage = name
 
     def _run(self) -> None:
         while not ONE_AT_A_TIME.acquire(timeout=POLL_SECONDS):
@@ -86,7 +125,7 @@ class Run:
         try:
             if not self._cancel.is_set():
                 self.state = "running"
-                with suppress(Cancelled), messages_of_thread(self._on_message) as self.warnings:
+                with suppress(Cancelled), show_progress(self._begin_stage), warnings_of_thread() as self.warnings:
                     self._work()
         finally:
             ONE_AT_A_TIME.release()

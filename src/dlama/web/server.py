@@ -19,7 +19,7 @@ from typing import Any
 from dlama.errors import InputError
 from dlama.web.answers import Limits
 from dlama.web.handler import LOOPBACK, TYPES, Handler
-from dlama.web.thread_messages import messages_by_thread
+from dlama.web.runs import warnings_by_thread
 from dlama.web.visits import Visits, open_visits
 
 ASSETS = Path(__file__).parents[1] / "assets" / "web"
@@ -102,7 +102,7 @@ def open_server(host: str, port: int, token: str | None, limits: Limits) -> Iter
     if not 0 <= port <= 65535:
         raise InputError(f"port is {port}; 0 to 65535 is expected")
     share_arenas()
-    with messages_by_thread(), open_visits(limits.visits) as visits:
+    with warnings_by_thread(), open_visits(limits.visits) as visits:
         try:
             server = Server((host, port), visits, token, limits)
         except OSError as error:

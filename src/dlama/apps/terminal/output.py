@@ -26,6 +26,7 @@ from dlama.apps.terminal.streams import (
     signals_raise,
 )
 from dlama.errors import DlamaError
+from dlama.progress import show_progress
 from dlama.workers.progress import log_messages
 
 KERNELS = logging.getLogger("dlama.kernels")
@@ -147,7 +148,7 @@ def print_line(kind: str, message: str) -> None:
 
 @contextmanager
 def stages_bar(title: str, total: int, report: Report) -> Iterator[None]:
-    """A progress bar on standard error, on a terminal: each message that dlama logs is one of about `total` stages."""
+    """A progress bar on standard error, on a terminal: stages are about `total`."""
     if report.quiet or not sys.stderr.isatty():
         yield
         return
@@ -158,7 +159,7 @@ def stages_bar(title: str, total: int, report: Report) -> Iterator[None]:
     columns = (SpinnerColumn(), text, BarColumn(24), TimeElapsedColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(title, total=total)
-        with log_messages(lambda message: bar.update(task, advance=1, description=printable(f"{title}: {message}"))):
+        with show_progress(lambda stage: bar.update(task, advance=1, description=printable(f"{title}: {stage}"))):
             yield
 
 

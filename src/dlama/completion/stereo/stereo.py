@@ -65,6 +65,7 @@ from dlama.inpainters import AUTO, find_filler
 from dlama.inpainters.filling import FillReport, Inpainter
 from dlama.inpainters.networks.pair import PairFiller
 from dlama.perception.stereo.matching import Matcher
+from dlama.progress import Progress, take_progress
 
 RightView = Literal["given", "synthesised"]
 """What becomes of the right picture where no object is removed."""
@@ -72,6 +73,7 @@ RIGHT_VIEWS: tuple[RightView, ...] = ("given", "synthesised")
 
 
 @take_options
+@take_progress
 def stereo(
     left: UInt8Array,
     right: UInt8Array,
@@ -84,6 +86,7 @@ def stereo(
     matcher: str | Path | Matcher | None = None,
     max_disparity: float | None = None,
     far: float | None = None,
+    progress: Progress | None = None,
     **options: Unpack[OptionKeywords],
 ) -> StereoCompletion:
     """Depth from a rectified pair; with `mask` the object is removed from both views.
@@ -102,6 +105,7 @@ def stereo(
         max_disparity: px, the largest disparity looked for; default: found.
         far: metres; what is measured at or beyond it is far (sky); default: what half a pixel of disparity cannot distinguish
             from infinity.
+        progress: Called with the name of each stage as it begins; what it raises ends the work.
         options: How the views are completed (`Options`).
 
     Raises:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import re
 import warnings
 from collections.abc import Mapping, Sequence
@@ -23,8 +22,7 @@ from dlama.geometry.frames.stored import PixelCache
 from dlama.geometry.rgbd import BoolArray
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
-
-LOG = logging.getLogger("dlama")
+from dlama.progress import begin_stage
 
 
 def read_scene_of(
@@ -68,7 +66,7 @@ def align_poses(frames: Sequence[Frame]) -> list[Frame]:
     found = estimate_poses(list(features.values()))
     if found.poses is None:
         return list(frames)
-    LOG.info("align frames: %.1f px apart before, %.1f px after", found.before_px, found.after_px)
+    begin_stage(f"align frames: {found.before_px:.1f} px apart before, {found.after_px:.1f} px after")
     poses = dict(zip(features, found.poses))
     return [
         replace(frame, load=with_pose(frame.load, poses[place])) if place in poses else frame

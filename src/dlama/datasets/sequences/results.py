@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from importlib.util import find_spec
@@ -26,8 +25,8 @@ from dlama.geometry.projection import lift
 from dlama.geometry.rgbd import UInt8Array
 from dlama.geometry.scene import Scene, contribution
 from dlama.geometry.view import HoleType, View
+from dlama.progress import begin_stage
 
-LOG = logging.getLogger("dlama")
 RESULTS = ("scene", "points", "mesh", "colmap", "video")
 """What can be written next to the views: scene.npz, scene.ply, scene.glb, sparse/0, and video.mp4 or video.webp."""
 BY_DEFAULT = ("mesh", "colmap", "video")
@@ -53,7 +52,7 @@ def write_whole(folder: Path, whole: Scene, cameras: Mapping[str, Camera], chose
     """
     about: dict[str, Any] = {}
     if "scene" in chosen:
-        LOG.info("write scene")
+        begin_stage("write scene")
         write_npz(folder / "scene.npz", whole.frames[0], whole)
     if {"points", "mesh", "colmap"} & set(chosen):
         once = thin_scene(whole)
@@ -104,7 +103,7 @@ def write_views_video(folder: Path, names: Sequence[str]) -> str:
 
     Holes were filled once for all of them, so that nothing flickers. Raises OutputError.
     """
-    LOG.info("write video")
+    begin_stage("write video")
     if find_spec("av") is not None:
         write_video(folder / "video.mp4", pictures(folder, names), FPS)
         return "video.mp4"

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import logging
 import shutil
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextvars import copy_context
 from pathlib import Path
 from typing import Any
 
@@ -22,8 +22,7 @@ from dlama.files.scenes import scene_npz as scenes
 from dlama.geometry.figures.false_color import CHOICE_PALETTE, HOLE_PALETTE, ORIGIN_PALETTE
 from dlama.geometry.rgbd import BoolArray, UInt8Array
 from dlama.geometry.view import View
-
-LOG = logging.getLogger("dlama")
+from dlama.progress import Progress, begin_stage, take_progress
 
 Writer = Callable[[], Any]
 """Writes one file."""
@@ -47,6 +46,7 @@ BY_DEFAULT = ("image", "depth", "origin", "confidence", "mesh", "preview")
 """What is written where nothing is named: what a person opens, and what training reads."""
 
 
+@take_progress
 @system_errors(OutputError)
 def write(
     completion: Completion,
@@ -59,6 +59,7 @@ def write(
     seconds: Mapping[str, float] | None = None,
     input_addresses: Mapping[str, str] | None = None,
     mask: BoolArray | None = None,
+    progress: Progress | None = None,
 ) -> Path:
     """Write a completion to a directory (made if need be) and return it. If anything fails nothing is left behind.
 
@@ -227,8 +228,9 @@ def run_writers(writers: Mapping[str, Writer]) -> dict[str, Any]:
     """What each of the writers returns, two at a time (encoders let go of the interpreter); the first error is raised."""
 
     def one(item: tuple[str, Writer]) -> tuple[str, Any]:
-        LOG.info("write %s", item[0])
+        begin_stage(f"write {item[0]}")
         return item[0], item[1]()
 
+    contexts = [copy_context() for _ in writers]  # stages of the writers go where those of this thread go
     with ThreadPoolExecutor(2) as pool:
-        return dict(pool.map(one, writers.items()))
+        return dict(pool.map(lambda context, item: context.run(one, item), contexts, writers.items()))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -28,8 +27,8 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.layers.layered_mesh import mesh_layers
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import UInt8Array
+from dlama.progress import Progress, begin_stage, take_progress
 
-LOG = logging.getLogger("dlama")
 RESULTS: dict[str, tuple[str, ...]] = {
     "page": ("photo3d.html",),
     "mesh": ("photo3d.glb",),
@@ -48,6 +47,7 @@ EYES = 0.2
 STEREO_WIDTH, LOOP_WIDTH, LOOP_PICTURES, LOOP_FPS = 1920, 640, 72, 24.0
 
 
+@take_progress
 @system_errors(OutputError)
 def write_photo3d(
     photo: Photo3D,
@@ -58,6 +58,7 @@ def write_photo3d(
     inputs: Mapping[str, PathLike] | None = None,
     intrinsics_from: str = "given in Python",
     seconds: Mapping[str, float] | None = None,
+    progress: Progress | None = None,
 ) -> Path:
     """Write a 3-D photo to a directory (made if need be) and return it. If anything fails nothing is left behind.
 
@@ -72,6 +73,7 @@ def write_photo3d(
         inputs: Role -> file; path and SHA-256 of each go into meta.json.
         intrinsics_from: In words, where the source camera's intrinsics come from.
         seconds: Stages before, such as reading, for meta.json.
+        progress: Called with the name of each file as it is written.
     Raises:
         InputError: an unknown name; MissingExtraError: a loop without PyAV; OutputError: the directory cannot be written.
     """
@@ -85,7 +87,7 @@ def write_photo3d(
     with new_directory(target) as folder:
         for file, write in file_writers(photo, folder, about).items():
             if file in files:
-                LOG.info("write %s", file)
+                begin_stage(f"write {file}")
                 write()
         meta = {
             **describe_source(photo.box.camera, intrinsics_from),
