@@ -57,7 +57,7 @@ def constant(view: View, law: Law, seed: int) -> Fill:
 @pytest.fixture
 def constant_filler(monkeypatch: pytest.MonkeyPatch) -> str:
     """Its name, while the test runs."""
-    monkeypatch.setitem(FILLERS, "constant", FillerRecord(f"{__name__}:constant"))
+    monkeypatch.setitem(FILLERS, "constant", FillerRecord(lambda: constant))
     return "constant"
 
 

@@ -7,10 +7,10 @@ command line's help reads the names, and a filler's code is imported on first us
 
 from __future__ import annotations
 
-import pkgutil
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING
 
 from dlama.errors import InputError
 
@@ -18,16 +18,15 @@ if TYPE_CHECKING:
     from dlama.inpainters.filling import Inpainter
 
 
-Given = TypeVar("Given")
 ASSETS = Path(__file__).parents[1] / "assets"
 
 
 @dataclass(frozen=True)
 class FillerRecord:
-    """A filler's code and its requirements."""
+    """How a filler is made, and its requirements."""
 
-    entry_point: str
-    """`module:name` of the Inpainter; of a filler that runs a network, of the function that makes one of a model file."""
+    make: Callable[[Path], Inpainter] | Callable[[], Inpainter]
+    """Imports the filler's code and gives the filler; of one that runs a network (`needs_model`), of its model file."""
     needs_model: bool = False
     """Whether it runs a network file."""
     shipped: str | None = None
@@ -64,8 +63,8 @@ def find_filler(filler: str | Inpainter, model: str | Path | None = None) -> Inp
             raise InputError(f"filler is {filler!r}; one of {', '.join(FILLER_NAMES)} is expected, or a function")
         return filler
     file = model_file(filler, model)
-    found: Any = pkgutil.resolve_name(FILLERS[filler].entry_point)
-    return found if file is None else found(file)
+    make: Callable[..., Inpainter] = FILLERS[filler].make
+    return make() if file is None else make(file)
 
 
 def model_file(filler: str, model: str | Path | None = None) -> Path | None:
@@ -85,20 +84,71 @@ def model_file(filler: str, model: str | Path | None = None) -> Path | None:
     return None if record.shipped is None else ASSETS / record.shipped
 
 
+def _layered() -> Inpainter:
+    from dlama.inpainters.layered.filler import layered
+
+    return layered
+
+
+def _layered_patches(file: Path) -> Inpainter:
+    from dlama.inpainters.patchmatch.over_layers import layered_patches_filler
+
+    return layered_patches_filler(file)
+
+
+def _telea() -> Inpainter:
+    from dlama.inpainters.opencv import telea
+
+    return telea
+
+
+def _lama(file: Path) -> Inpainter:
+    from dlama.inpainters.networks.lama import lama_filler
+
+    return lama_filler(file)
+
+
+def _migan(file: Path) -> Inpainter:
+    from dlama.inpainters.networks.migan import migan_filler
+
+    return migan_filler(file)
+
+
+def _patchmatch(file: Path) -> Inpainter:
+    from dlama.inpainters.patchmatch.filler import patchmatch_filler
+
+    return patchmatch_filler(file)
+
+
+def _choice(file: Path) -> Inpainter:
+    from dlama.inpainters.choice.filler import choice_filler
+
+    return choice_filler(file)
+
+
+def _joint(file: Path) -> Inpainter:
+    from dlama.inpainters.networks.joint import joint_filler
+
+    return joint_filler(file)
+
+
+def _pair(file: Path) -> Inpainter:
+    from dlama.inpainters.networks.pair import pair_filler
+
+    return pair_filler(file)
+
+
+MIGAN = "migan/migan-512.onnx"
 FILLERS: dict[str, FillerRecord] = {
-    "layered": FillerRecord("dlama.inpainters.layered.filler:layered"),
-    "layered-patches": FillerRecord(
-        "dlama.inpainters.patchmatch.over_layers:layered_patches_filler", True, "migan/migan-512.onnx"
-    ),
-    "telea": FillerRecord("dlama.inpainters.opencv:telea"),
-    "lama": FillerRecord(
-        "dlama.inpainters.networks.lama:lama_filler", needs_model=True, source="`dlama models pull big-lama` gets one"
-    ),
-    "migan": FillerRecord("dlama.inpainters.networks.migan:migan_filler", True, "migan/migan-512.onnx"),
-    "patchmatch": FillerRecord("dlama.inpainters.patchmatch.filler:patchmatch_filler", True, "migan/migan-512.onnx"),
-    "choice": FillerRecord("dlama.inpainters.choice.filler:choice_filler", True, "choice/choice.onnx"),
-    "joint": FillerRecord("dlama.inpainters.networks.joint:joint_filler", needs_model=True),
-    "pair": FillerRecord("dlama.inpainters.networks.pair:pair_filler", needs_model=True),
+    "layered": FillerRecord(_layered),
+    "layered-patches": FillerRecord(_layered_patches, needs_model=True, shipped=MIGAN),
+    "telea": FillerRecord(_telea),
+    "lama": FillerRecord(_lama, needs_model=True, source="`dlama models pull big-lama` gets one"),
+    "migan": FillerRecord(_migan, needs_model=True, shipped=MIGAN),
+    "patchmatch": FillerRecord(_patchmatch, needs_model=True, shipped=MIGAN),
+    "choice": FillerRecord(_choice, needs_model=True, shipped="choice/choice.onnx"),
+    "joint": FillerRecord(_joint, needs_model=True),
+    "pair": FillerRecord(_pair, needs_model=True),
 }
 """Name -> record; the default for exact depth comes first."""
 

@@ -15,7 +15,6 @@ from dlama.geometry.projection import depth_from_inverse, inverse_depth
 from dlama.geometry.rgbd import BoolArray
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law, project_depth
-from dlama.inpainters import ASSETS
 from dlama.inpainters.choice.guesses import GUESSES, Guess, GuessMaker, guess_of_filler, make_guesses, makers_of
 from dlama.inpainters.choice.judge import Verdict, is_judge, open_judge, run_judge
 from dlama.inpainters.choice.mixing import choose_depth, crop_and_resize, enlarge_maps, mix_colors, softmax
@@ -31,7 +30,7 @@ from dlama.inpainters.networks.migan import migan_filler
 from dlama.models.cache import user_path
 from dlama.models.network_file import NetworkFile
 
-JUDGE = ASSETS / "choice" / "choice.onnx"
+JUDGE = Path(__file__).parents[2] / "assets" / "choice" / "choice.onnx"
 """The judge that ships."""
 
 

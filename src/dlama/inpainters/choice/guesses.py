@@ -16,12 +16,11 @@ from dlama.geometry.projection import depth_from_inverse, inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law, project_depth
-from dlama.inpainters import ASSETS, FILLERS
 from dlama.inpainters.filling import Inpainter, Painter
 from dlama.inpainters.layered.depth.surfaces import Surfaces
 from dlama.inpainters.layered.depth_first import find_occluders
 from dlama.inpainters.layered.filler import continue_lawfully, paint_surfaces
-from dlama.inpainters.networks.migan import migan_filler
+from dlama.inpainters.networks.migan import SHIPPED, migan_filler
 from dlama.inpainters.networks.view_tensors import FAR_SHARE
 from dlama.inpainters.spreading import Spread, pull_push, spread_small, telea_spread
 
@@ -82,7 +81,7 @@ def layered_guess(prepared: PreparedView) -> Guess:
 
 def migan_guess(prepared: PreparedView) -> Guess:
     """The network's colours on continued surfaces."""
-    return painter_guess("migan", migan_filler(ASSETS / str(FILLERS["migan"].shipped)))(prepared)
+    return painter_guess("migan", migan_filler(SHIPPED))(prepared)
 
 
 def telea_guess(prepared: PreparedView) -> Guess:

@@ -26,6 +26,8 @@ from dlama.inpainters.networks.tiling import Layout, fill_crops
 from dlama.inpainters.networks.view_tensors import DepthPlane, color_from_planes, color_planes
 from dlama.inpainters.opencv import telea
 
+SHIPPED = Path(__file__).parents[2] / "assets" / "migan" / "migan-512.onnx"
+"""The generator that comes with the package."""
 GROW = 3
 """Pixels by which the hole grows for the pipeline only: from 3 on, nothing in the hole leaks."""
 CRACK_SIDE = 3
