@@ -25,7 +25,7 @@ def test_a_message_with_a_very_long_value_is_shortened() -> None:
     [
         InputError("fov is 0"),
         OutputError("out: no space left on device"),
-        MissingExtraError("dlama show", "viser", "view"),
+        MissingExtraError("dlama video", "av", "video"),
         NoPairsError("room: no two frames overlap", ()),
     ],
 )

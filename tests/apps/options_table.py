@@ -292,11 +292,10 @@ PACK = {
     "seed": Reach("--seed 9", "pack.seed", 9),
 }
 SHOW = {
-    "what": instead("scene.npz", "contents_of.path", Path("scene.npz"), "out"),
-    "host": Reach("--host 0.0.0.0", "serve.host", "0.0.0.0"),
-    "port": Reach("--port 9000", "serve.port", 9000),
-    "max_points": Reach("--max-points 7", "serve.most_points", 7),
-    "open_browser": Reach("--no-open-browser", "serve.open_browser", False),
+    "what": instead("scene.npz", "points_in.path", Path("scene.npz"), "out"),
+    "output": Reach("-o page.html", "show_page.output", Path("page.html")),
+    "max_points": Reach("--max-points 7", "point_viewer.most", 7),
+    "open_browser": Reach("--no-open-browser", "show_page.open_browser", False),
 }
 DOCTOR = {
     **{

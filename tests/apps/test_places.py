@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 import dlama
+import dlama.datasets.layouts  # its readers are bound before the fixture replaces some
 from box_frame import small_frame
 from dlama.apps import cli
 from dlama.apps.cli import VERBS, main
@@ -64,11 +65,12 @@ REFUSED = {
     "pack": ("pack pack.dlama -o pack.dlama", "--output is pack.dlama, an input of this run (data pack.dlama)"),
     "sequence": ("sequence scenes -o scenes", "--output is scenes, an input of this run (data set)"),
     "video": ("video scene.webp -o scene.webp", "--output is scene.webp, an input of this run (what is shown)"),
+    "show": ("show scene.webp -o scene.webp", "--output is scene.webp, an input of this run (what is shown)"),
     "batch": ("batch jobs.csv -o .", "--output is ., the folder of the list of jobs jobs.csv"),
     "batch, of a data set": ("batch --data scenes -o scenes", "an input of this run (folder of frames)"),
     "models": ("models convert model.pt -o model.onnx", "--output is model.onnx, an input of this run (weights)"),
 }
-WITHOUT_BOTH = {"demo", "doctor", "version", "show", "serve"}
+WITHOUT_BOTH = {"demo", "doctor", "version", "serve"}
 """Verbs that read nothing of the user's, or write nothing."""
 
 

@@ -59,7 +59,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "show": (
         "dlama show out",
         "dlama show out/scene.ply --max-points 1000000",
-        "dlama show room --port 9000",
+        "dlama show room -o room.html --no-open-browser",
     ),
     "models": (
         "dlama models list",

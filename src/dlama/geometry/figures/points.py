@@ -18,8 +18,8 @@ MOST_POINTS = 20_000
 """Drawn of a cloud, drawn by lot: 11 bytes a point, so that a saved notebook stays small (0.3 MB)."""
 NEAREST_SHARE = 0.98
 """Share of the points, the nearest to the middle, that set the scale: a few far ones must not shrink the rest to a dot."""
-HEIGHT = 420
-"""Pixels of the frame."""
+FRAME = "width:100%;max-width:720px;height:420px"
+"""Size of the frame in a notebook, as CSS."""
 
 
 def point_viewer(
@@ -29,19 +29,23 @@ def point_viewer(
     origin: NDArray[np.uint8],
     confidence: NDArray[np.float32],
     cam_from_world: NDArray[np.float64] | None = None,
+    *,
+    most: int = MOST_POINTS,
+    size: str = FRAME,
 ) -> str:
     """HTML of N x 3 points (metres) with colours (N x 3, RGB), Origin codes (N) and confidences (N, 0..1).
 
     Drag turns them, the wheel moves nearer; buttons show picture, origin or confidence. `cam_from_world` (4 x 4) says from
-    where they are seen first, by default from the world's origin along z. Of more than MOST_POINTS a sample is drawn.
+    where they are seen first, by default from the world's origin along z. Of more than `most` a sample is drawn. `size`: of
+    the frame, as CSS.
     """
     if not len(points):
         return f"<div><code>{html.escape(title)}</code>: no points to show</div>"
     pose = np.eye(4) if cam_from_world is None else np.asarray(cam_from_world, np.float64)
     drawn = np.arange(len(points))
-    if len(points) > MOST_POINTS:
-        drawn = np.sort(np.random.default_rng(0).choice(len(points), MOST_POINTS, replace=False))
-        title = f"{title}, {MOST_POINTS} points of {len(points)} shown"
+    if len(points) > most:
+        drawn = np.sort(np.random.default_rng(0).choice(len(points), most, replace=False))
+        title = f"{title}, {most} points of {len(points)} shown"
     seen = points[drawn] @ pose[:3, :3].T + pose[:3, 3]
     middle = np.median(seen, axis=0)
     distance = np.linalg.norm(seen - middle, axis=1)
@@ -62,6 +66,6 @@ def point_viewer(
     return (
         f"<div><code>{html.escape(title)}</code>"
         f'<iframe title="{html.escape(title, quote=True)}" sandbox="allow-scripts" '
-        f'style="display:block;width:100%;max-width:720px;height:{HEIGHT}px;border:0;margin-top:8px" '
+        f'style="display:block;{size};border:0;margin-top:8px" '
         f'srcdoc="{html.escape(page, quote=True)}"></iframe></div>'
     )

@@ -18,6 +18,16 @@ def show_html(content: str) -> None:
         display = import_module("IPython.display")
         display.display(display.HTML(content))
         return
+    webbrowser.open(temporary_page(content).as_uri())
+
+
+def temporary_page(content: str) -> Path:
+    """HTML as a page in a temporary file, which stays."""
     with tempfile.NamedTemporaryFile("w", prefix="dlama-", suffix=".html", encoding="utf-8", delete=False) as file:
-        file.write(f"<!doctype html><meta charset='utf-8'><title>dlama</title><body style='{PAGE_STYLE}'>{content}")
-    webbrowser.open(Path(file.name).as_uri())
+        file.write(whole_page(content))
+    return Path(file.name)
+
+
+def whole_page(content: str) -> str:
+    """HTML with the head of a page before it."""
+    return f"<!doctype html><meta charset='utf-8'><title>dlama</title><body style='{PAGE_STYLE}'>{content}"
