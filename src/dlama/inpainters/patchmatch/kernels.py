@@ -165,7 +165,7 @@ def match_rows(
     for t in range(first, last):
         row, column = int(targets[t, 0]), int(targets[t, 1])
         best_row, best_column = int(now[t, 0]), int(now[t, 1])
-        least = np.float64(cost[t])
+        least, compared = np.float64(cost[t]), False  # whether the best one was: neighbours mostly name it again
         draw = (t * 7919 + start) % len(random)
         radius = reach
         q = 0
@@ -190,6 +190,10 @@ def match_rows(
             draw = (draw + 1) % len(random)
             if source_row < 0 or source_column < 0 or source_row >= height or source_column >= width:
                 continue
+            if source_row == best_row and source_column == best_column:
+                if compared:
+                    continue
+                compared = True
             if not is_source[source_row, source_column]:
                 continue
             more = penalty(row, column, source_row, source_column, weights, used, label)
@@ -197,7 +201,7 @@ def match_rows(
                 continue
             value = more + difference(values, row, column, source_row, source_column, least - more)
             if value < least:
-                best_row, best_column, least = source_row, source_column, value
+                best_row, best_column, least, compared = source_row, source_column, value, True
         found[t, 0], found[t, 1], cost[t] = best_row, best_column, least
 
 
