@@ -24,6 +24,8 @@ SEARCHED = 0.003
 """Least share of the picture of a region whose plane is searched for repeating texture."""
 SAMPLES = 320
 """Number of known points at which an offset is scored."""
+COARSE = 4
+"""Of the known points every so-many-th is enough to find where the texture may repeat; all refine and choose."""
 MOST_OFFSETS = 28
 """Most offsets of a region."""
 GRAIN = 9.0
@@ -157,11 +159,15 @@ class _OffsetSearch:
         moves = [np.quantile(w * np.hypot(a[0] - u * a[2], a[1] - v * a[2]), 0.6) for a in self.axes]
         return self.grid.cell_size / np.maximum(moves, 1e-9)
 
-    def score(self, offsets: Array, band: int = 0) -> Float32Array:
-        """Correlation of the known texture with itself under each offset; band: 0 all detail, 1 fine, 2 middle, 3 colour."""
-        least = max(12, len(self.points) // 12)
+    def score(self, offsets: Array, band: int = 0, every: int = 1) -> Float32Array:
+        """Correlation of the known texture with itself under each offset, at every so-many-th of the known points.
+
+        band: 0 all detail, 1 fine, 2 middle, 3 colour.
+        """
+        points = np.ascontiguousarray(self.points[::every])
+        least = max(12, len(points) // 12)
         offsets = np.ascontiguousarray(offsets, np.float64)
-        return kernels.correlate(offsets, self.points, self.compared[band], *self._sources(), least)
+        return kernels.correlate(offsets, points, self.compared[band], *self._sources(), least)
 
     def _sources(self) -> tuple[int, Float32Array, NDArray[np.int32], int, Array]:
         """Description of the sources for the kernels: cell size, inverse depth and label of the cells, the region's label and
@@ -206,7 +212,7 @@ class _OffsetSearch:
         ticks = np.arange(-reach, reach + 1)
         grid = np.stack(np.meshgrid(ticks, ticks), -1)
         offsets = grid * (spacing * self.step)
-        score = self.score(offsets.reshape(-1, 2)).reshape(grid.shape[:2])
+        score = self.score(offsets.reshape(-1, 2), every=COARSE).reshape(grid.shape[:2])
         score[np.abs(grid).max(-1) * spacing < 3] = 0
         window = np.ones((2 * radius + 1, 2 * radius + 1), np.uint8)
         top = (score > 0) & (score >= cv2.dilate(score, window))
