@@ -18,10 +18,10 @@ Spread = Callable[[np.ndarray, BoolArray], Float32Array]
 """(H x W x C values, H x W known) -> H x W x C, extrapolated to all pixels."""
 
 
-def spread_small(values: np.ndarray, known: BoolArray, spread: Spread) -> Float32Array:
-    """As `spread`, computed with LARGEST pixels at most and enlarged; uint8 values are rounded to levels before that."""
+def spread_small(values: np.ndarray, known: BoolArray, spread: Spread, largest: int = LARGEST) -> Float32Array:
+    """As `spread`, computed with `largest` pixels at most and enlarged; uint8 values are rounded to levels before that."""
     height, width = known.shape
-    by = min(1.0, LARGEST / max(height, width))
+    by = min(1.0, largest / max(height, width))
     size = max(1, round(width * by)), max(1, round(height * by))
     small, share = shrink_known(values, known, size)
     filled = spread(small, share >= 0.5)

@@ -32,6 +32,8 @@ Lower heights look clearer and err more. Squared error of street, +-10 to +-40, 
 a weight of .2 at all heights, LPIPS .1 % less."""
 WIDE = 0.1
 """Sigma of the blur within one surface, over the picture's longer side."""
+GUESSED = 256
+"""Longer side of the picture in which Telea guesses; only its low frequencies are used."""
 GRID = 128
 """Longer side of the grid for that blur."""
 
@@ -125,4 +127,4 @@ def smooth_guess(view: View, where: BoolArray) -> Float32Array:
     LPIPS by up to 1 %.
     """
     pulled = pull_push(view.color, ~view.hole)[where]
-    return np.asarray((pulled + spread_small(view.color, ~view.hole, telea_spread)[where]) / 2, np.float32)
+    return np.asarray((pulled + spread_small(view.color, ~view.hole, telea_spread, GUESSED)[where]) / 2, np.float32)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,25 +21,29 @@ NON_PLANAR_NEARER = np.float32(1.2)
 def trusted_rows(
     first: Whole,
     last: Whole,
-    hole: BoolArray,
     inverse_depth: Float32Array,
     label: NDArray[np.int32],
     reach: Whole,
+    near_hole: UInt8Array,
+    nearest: Float32Array,
     out: BoolArray,
 ) -> None:
-    """Rows of `trusted_sources`."""
-    height, width = hole.shape
+    """Rows of `trusted_sources`. near_hole, nearest: H x W, whether a hole is within `reach`, and the largest inverse depth."""
+    height, width = out.shape
     for y in range(first, last):
         for x in range(width):
-            if hole[y, x]:
+            if near_hole[y, x]:
                 continue
             kind, good = label[y, x], True
             own = inverse_depth[y, x] * NEARER + 1e-6
+            if nearest[y, x] <= own:
+                out[y, x] = True
+                continue
             rough = inverse_depth[y, x] * NON_PLANAR_NEARER + 1e-6
             for j in range(max(0, y - reach), min(height, y + reach + 1)):
                 for i in range(max(0, x - reach), min(width, x + reach + 1)):
                     nearer = inverse_depth[j, i] > (own if label[j, i] != kind else rough)
-                    if hole[j, i] or (nearer and (label[j, i] != kind or kind < 0)):
+                    if nearer and (label[j, i] != kind or kind < 0):
                         good = False
                 if not good:
                     break
@@ -47,8 +52,9 @@ def trusted_rows(
 
 def trusted_sources(hole: BoolArray, inverse_depth: Float32Array, label: NDArray[np.int32], reach: int) -> BoolArray:
     """Known pixels with their surface's own colour: no hole and no nearer surface within `reach` px."""
-    out = np.zeros(hole.shape, np.bool_)
-    in_bands(trusted_rows, len(hole), hole, inverse_depth, label, reach, out)
+    square, out = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8), np.zeros(hole.shape, np.bool_)
+    near_hole, nearest = (cv2.dilate(plane, square) for plane in (hole.view(np.uint8), inverse_depth))
+    in_bands(trusted_rows, len(hole), inverse_depth, label, reach, near_hole, nearest, out)
     return out
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,20 +17,23 @@ SKY_LABEL = 0
 
 
 @piece
-def first_known(w: Float32Array, hole: BoolArray, row: Whole, column: Whole, dr: Real, dc: Real) -> tuple[Real, Real]:
-    """Inverse depth and distance of the first known pixel from a hole pixel in a direction; -1 if there is none."""
+def first_known(w: Float32Array, apart: Float32Array, row: Whole, column: Whole, dr: Real, dc: Real) -> tuple[Real, Real]:
+    """Inverse depth and distance of the first known pixel from a hole pixel in a direction; -1 if there is none.
+
+    apart: H x W, rows or columns to the nearest known pixel, whichever are more: so many steps meet none.
+    """
     height, width = w.shape
-    steps = 0.0
-    y, x = row + 0.5, column + 0.5
-    while True:
-        y += dr
-        x += dc
-        steps += 1.0
+    steps, y, x = 0.0, row + 0.5, column + 0.5
+    free = np.float64(apart[row, column])
+    while free > 0:
+        y += free * dr
+        x += free * dc
+        steps += free
         if not (0 <= y < height and 0 <= x < width):
             return -1.0, 0.0
         r, c = np.int64(y), np.int64(x)
-        if not hole[r, c]:
-            return np.float64(w[r, c]), steps
+        free = np.float64(apart[r, c])
+    return np.float64(w[r, c]), steps
 
 
 @piece
@@ -61,20 +65,21 @@ def far_side_rows(
     first: Whole,
     last: Whole,
     w: Float32Array,
-    hole: BoolArray,
+    apart: Float32Array,
     ways: Float64Array,
     values: Float64Array,
     weights: Float64Array,
     out: Float32Array,
 ) -> None:
-    """Rows of `far_side`. ways: directions x 2, a step's rows and columns; values, weights: H x directions, room to work."""
+    """Rows of `far_side`. apart: as of `first_known`; ways: directions x 2, a step's rows and columns; values, weights: H x
+    directions, room to work."""
     for row in range(first, last):
         for column in range(w.shape[1]):
-            if not hole[row, column]:
+            if apart[row, column] == 0:
                 continue
             count = np.int64(0)
             for way in range(len(ways)):
-                value, distance = first_known(w, hole, row, column, ways[way, 0], ways[way, 1])
+                value, distance = first_known(w, apart, row, column, ways[way, 0], ways[way, 1])
                 if value > 0:
                     values[row, count] = value
                     weights[row, count] = 1.0 / distance
@@ -93,7 +98,8 @@ def far_side(w: Float32Array, hole: BoolArray) -> Float32Array:
     ways = np.array([(math.sin(angle), math.cos(angle)) for angle in angles])
     values, weights = np.empty((2, len(w), DIRECTIONS))
     out = np.zeros(w.shape, np.float32)
-    in_bands(far_side_rows, len(w), np.ascontiguousarray(w), hole, ways, values, weights, out, band=16)
+    apart = cv2.distanceTransform(hole.view(np.uint8), cv2.DIST_C, 3)
+    in_bands(far_side_rows, len(w), np.ascontiguousarray(w), apart, ways, values, weights, out, band=16)
     return out
 
 
@@ -211,8 +217,8 @@ def send(
     for k in range(count):
         best = belief[line, k]
         for other in range(count):
-            if other != k and belief[line, other] < best:
-                cost = belief[line, other] + pair_cost(values[other, row, column], values[k, to_row, to_column], potts)
+            if other != k and belief[line, other] + potts < best:  # a border costs `potts` at least
+                cost = belief[line, other] + pair_cost(values[row, column, other], values[to_row, to_column, k], potts)
                 best = cost if cost < best else best
         messages[outgoing, to_row, to_column, k] = best
         smallest = best if best < smallest else smallest
@@ -233,7 +239,7 @@ def sweep(
     belief: Float64Array,
 ) -> None:
     """Messages there and back along each row (across = 1: directions 0 from left, 1 from right) or column (2 from above, 3 from
-    below); lines first..last only, which do not meet. belief: lines x L, room to work."""
+    below); lines first..last only, which do not meet. values: H x W x L; belief: lines x L, room to work."""
     length = hole.shape[1] if across else hole.shape[0]
     base = 0 if across else 2
     for line in range(first, last):
@@ -250,8 +256,8 @@ def sweep(
 
 
 def beliefs(unary: Float32Array, values: Float32Array, hole: BoolArray, potts: float, rounds: int) -> Float32Array:
-    """H x W x L min-marginals by loopy belief propagation (sequential sweeps along rows and columns)."""
-    messages = np.zeros((4, *unary.shape), np.float32)
+    """H x W x L min-marginals by loopy belief propagation (sequential sweeps along rows and columns). values: L x H x W."""
+    messages, values = np.zeros((4, *unary.shape), np.float32), np.ascontiguousarray(values.transpose(1, 2, 0))
     belief = np.empty((max(hole.shape), unary.shape[2]))
     for _ in range(rounds):
         for across in (1, 0):
