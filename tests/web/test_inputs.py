@@ -15,7 +15,7 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
 from dlama.web import api
 from dlama.web.failures import PageError, field_of, hide_paths, use_page_words
-from dlama.web.inputs import Upload, file_name, known_depth, read_options, shrink
+from dlama.web.inputs import Upload, file_name, read_options, shrink
 from dlama.web.visits import Visit
 
 
@@ -67,7 +67,7 @@ def test_fields_become_options() -> None:
         with pytest.raises(PageError) as caught:
             read_options({name: value})
         assert caught.value.field == field
-    assert known_depth("320,400=2.5") == (320, 400, 2.5)
+    assert read_options({"camera": "/etc/passwd", "sharpen": True}) == {}
 
 
 def test_what_was_found_is_told(visit: Visit, frame: Path) -> None:

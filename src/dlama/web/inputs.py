@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -14,12 +13,15 @@ import cv2
 import numpy as np
 
 import dlama
-from dlama.files.cameras import camera_for
+from dlama.errors import InputError
 from dlama.files.rasters.images import SUFFIXES, picture_hw
 from dlama.files.rgbd import nearest_pixels
 from dlama.geometry.rgbd import RGBD, UInt8Array, describe_depth_range, percent
+from dlama.jobs import parameters
+from dlama.jobs.inputs import JobInputs
+from dlama.jobs.parameters import ESTIMATING, LENS, READING
 from dlama.perception.depth_scale import RULES, describe_depth_source
-from dlama.web.failures import PageError, use_page_words
+from dlama.web.failures import PageError, field_of, use_page_words
 
 ROLES: dict[str, tuple[str, ...]] = {
     "picture": SUFFIXES,
@@ -30,8 +32,13 @@ ROLES: dict[str, tuple[str, ...]] = {
 }
 """What a visitor can hand in -> the endings its file may have."""
 LONGEST_NAME = 80
-NUMBERS = ("fov", "fx", "fy", "cx", "cy", "pixel_center", "depth_scale", "depth_range", "far", "camera_height")
-TEXTS = {"channel": r"[\w.]{1,40}", "resize_depth": "nearest", "depth_model": r"[\w-]{1,40}"}
+OPTIONS = {**LENS, **READING, **ESTIMATING}
+"""Options of `read_rgbd` as a job list has them; the page's fields are called so."""
+del OPTIONS["camera"], OPTIONS["sharpen"]  # which the page has no fields for; no field is ever taken for a path
+NAMES = {"channel": r"[\w.]{1,40}", "depth_model": r"[\w-]{1,40}"}
+"""What a name may look like: none is a path."""
+MOST_KNOWN = 20
+"""Pixels of known depth."""
 OF_DEPTH_FILE = ("depth_scale", "depth_range", "channel", "resize_depth")
 OF_ESTIMATE = ("depth_model", "metres_at", "camera_height")
 
@@ -54,7 +61,8 @@ class Source:
     """The picture with its depth; of a pair the left one, with the depth that matching gives."""
     options: Mapping[str, Any]
     """Keyword arguments of `read_rgbd` that differ from its defaults."""
-    intrinsics_from: str
+    job: JobInputs
+    """Which files were read, and where the lens comes from."""
     facts: Mapping[str, str]
     """Field of the page -> what was found, in words."""
     pair: tuple[UInt8Array, UInt8Array, dlama.StereoRig] | None = None
@@ -82,49 +90,24 @@ def file_name(name: str, role: str, taken: Mapping[str, Upload]) -> tuple[str, s
 
 def read_options(fields: Mapping[str, Any]) -> dict[str, Any]:
     """Keyword arguments of `read_rgbd` from the fields of the page; empty ones are left out. PageError."""
-    options: dict[str, Any] = {}
-    for name in NUMBERS:
-        if fields.get(name) not in (None, ""):
-            options[name] = number(name, fields[name])
-    for name, pattern in TEXTS.items():
-        if fields.get(name) not in (None, ""):
-            text = str(fields[name])
-            if not re.fullmatch(pattern, text):
-                raise PageError(
-                    f"{name} is {text[:40]!r}; {'a name' if name != 'resize_depth' else pattern} is expected", "scale"
-                )
-            options[name] = text
-    known = str(fields.get("metres_at") or "").split()
-    if known:
-        options["metres_at"] = tuple(known_depth(text) for text in known[:20])
-    return options
-
-
-def known_depth(text: str) -> tuple[float, float, float]:
-    """(x, y, metres) of `X,Y=D`. PageError."""
-    parts = re.fullmatch(r"([\d.]+),([\d.]+)=([\d.]+)", text)
+    given = {name: fields[name] for name in OPTIONS if fields.get(name) not in (None, "")}
+    for name, pattern in NAMES.items():
+        if name in given and not re.fullmatch(pattern, str(given[name])):
+            raise PageError(f"{name} is {str(given[name])[:40]!r}; a name is expected", "scale")
+    if "metres_at" in given:
+        given["metres_at"] = " ".join(str(given["metres_at"]).split()[:MOST_KNOWN])
     try:
-        if parts is None:
-            raise ValueError
-        x, y, metres = map(float, parts.groups())
-    except ValueError:
-        raise PageError(
-            f"metres_at is {text[:40]!r}; X,Y=D is expected: a pixel and its depth in metres, such as 320,400=2.5",
-            "known",
-        ) from None
-    return x, y, metres
+        return {name: OPTIONS[name](name, value) for name, value in given.items()}
+    except InputError as error:
+        raise PageError(str(error), field_of(error, {})) from None
 
 
-def number(name: str, value: Any, where: str | None = None) -> float:
-    """A finite number. PageError."""
+def number(name: str, value: Any, where: str) -> float:
+    """A finite number. PageError, about the field `where`."""
     try:
-        found = float(value)
-    except (TypeError, ValueError):
-        found = math.nan
-    if not math.isfinite(found):
-        field_name = where or ("camera" if name in NUMBERS[:6] else "known" if name == "camera_height" else "scale")
-        raise PageError(f"{name} is {str(value)[:40]!r}; a number is expected", field_name)
-    return found
+        return parameters.number(name, value)
+    except InputError as error:
+        raise PageError(str(error), where) from None
 
 
 def check_size(upload: Upload, most_pixels: int, role: str) -> None:
@@ -152,21 +135,14 @@ def read_picture(files: Mapping[str, Upload], fields: Mapping[str, Any]) -> Sour
     depth = files["depth"].path if "depth" in files else None
     for name in OF_ESTIMATE if depth else OF_DEPTH_FILE:
         options.pop(name, None)
-    lens: dict[str, Any] = {
-        name: options[name] for name in ("fov", "fx", "fy", "cx", "cy", "pixel_center") if name in options
-    }
+    lens = {name: options[name] for name in LENS if name in options}
     if "camera" in files:
-        lens["camera"] = files["camera"].path
-    image = files["picture"].path
-    if depth is None:
-        rgbd = dlama.read_rgbd(image, **options, **({"camera": lens["camera"]} if "camera" in lens else {}))
-        source = str((rgbd.estimate or {})["field_of_view"]["from"])
-    else:
-        camera, source = camera_for(picture_hw(image), image=image, **lens)
-        rest = {name: value for name, value in options.items() if name not in lens}
-        rgbd = dlama.read_rgbd(image, depth, camera=camera, **rest)
+        lens["camera"] = str(files["camera"].path)
+    job = JobInputs()
+    rest = {name: value for name, value in options.items() if name not in lens}
+    rgbd = job.read_picture(files["picture"].path, depth, lens, rest)
     used = {role: files[role] for role in ("picture", "depth", "camera") if role in files}
-    return Source(rgbd, options, source, facts_of(rgbd, options, source, used), files=used)
+    return Source(rgbd, options, job, facts_of(rgbd, options, job.intrinsics_from, used), files=used)
 
 
 def read_pair(files: Mapping[str, Upload], fields: Mapping[str, Any]) -> Source:
@@ -174,15 +150,13 @@ def read_pair(files: Mapping[str, Upload], fields: Mapping[str, Any]) -> Source:
     for role, what in (("right", "the right picture"), ("calib", "the calibration, calib.txt or JSON,")):
         if role not in files:
             raise PageError(f"{what} of the stereo pair is expected", role)
-    left, right = dlama.read_color(files["picture"].path), dlama.read_color(files["right"].path)
-    rig = dlama.read_stereo_calib(files["calib"].path, hw=(left.shape[0], left.shape[1]))
-    done = dlama.stereo(left, right, rig)
-    view = done.views[0]
+    job = JobInputs()
+    left, right, rig = job.pair(*(files[role].path for role in ("picture", "right", "calib")))
+    view = dlama.stereo(left, right, rig).views[0]
     rgbd = RGBD(left, view.depth, rig.left)
     used = {role: files[role] for role in ("picture", "right", "calib")}
-    source = f"calib {files['calib'].path.name}"
-    facts = facts_of(rgbd, {}, source, used) | {"calib": f"baseline {rig.baseline_m:.4g} m"}
-    return Source(rgbd, {}, source, facts, (left, right, rig), used)
+    facts = facts_of(rgbd, {}, job.intrinsics_from, used) | {"calib": f"baseline {rig.baseline_m:.4g} m"}
+    return Source(rgbd, {}, job, facts, (left, right, rig), used)
 
 
 def facts_of(rgbd: RGBD, options: Mapping[str, Any], lens_from: str, files: Mapping[str, Upload]) -> dict[str, str]:

@@ -152,8 +152,7 @@ def how(result: Result) -> dict[str, Any]:
 
 def write_result(result: Result, folder: Path, only: tuple[str, ...] | None = None) -> Path:
     """Write a result as the command line does, to `folder`/out; with the mask next to it where the command reads one."""
-    roles = {"picture": "left" if result.source.pair is not None else "image"}
-    inputs = {roles.get(role, role): upload.path for role, upload in result.source.files.items()}
+    inputs = dict(result.source.job.inputs)
     names = {upload.path: upload.name for upload in result.source.files.values()}
     if needs_mask_file(result) and result.mask is not None:
         inputs["mask"] = folder / MASK
@@ -161,7 +160,7 @@ def write_result(result: Result, folder: Path, only: tuple[str, ...] | None = No
         write_mask(folder / MASK, result.mask)
     if result.object_mask and not needs_mask_file(result):
         result.done.meta["object_mask"] = result.object_mask
-    lens_from = hide_paths(result.source.intrinsics_from, names)
+    lens_from = hide_paths(result.source.job.intrinsics_from, names)
     out = dlama.write(result.done, folder / OUT, only=only, inputs=inputs, intrinsics_from=lens_from)
     meta = json.loads((out / "meta.json").read_text("utf-8"))
     for entry in meta["inputs"].values():
