@@ -80,8 +80,9 @@ def test_far_pixels_are_fused_once() -> None:
     depth[5, 7] = 0
     source = View.from_rgbd(RGBD(np.zeros((*CAMERA.hw, 3), np.uint8), depth, CAMERA))
     hole = np.zeros(CAMERA.hw, bool)
-    filled = dataclasses.replace(source, depth=np.full_like(depth, np.inf), hole=hole)
-    assert filled.origin[5, 7] == Origin.DEPTH_FILLED and filled.hole_type[5, 7] == HoleType.SENSOR
+    origin = np.where(source.hole, np.uint8(Origin.DEPTH_FILLED), source.origin)
+    filled = dataclasses.replace(source, depth=np.full_like(depth, np.inf), hole=hole, origin=origin)
+    assert filled.hole_type[5, 7] == HoleType.SENSOR
     scene = fuse(Scene((source,)), filled)
     assert len(scene.layers) == 2 and scene.layers[1].far[5, 7]
     assert fuse(scene, filled) is scene

@@ -116,7 +116,9 @@ def test_view_from_rgbd_marks_sensor_holes() -> None:
     missing = np.array([[0, 0, 1], [0, 1, 0]], np.bool_)
     np.testing.assert_array_equal(view.hole, missing)
     np.testing.assert_array_equal(view.hole_type, missing * HoleType.SENSOR)
-    np.testing.assert_array_equal(view.origin, np.where(missing, Origin.DEPTH_FILLED, Origin.MEASURED))
+    assert (view.origin == Origin.MEASURED).all()
+    np.testing.assert_array_equal(view.depth_hole, missing)
+    assert not view.color_hole.any() and view.without(missing, HoleType.SENSOR).color_hole[missing].all()
     np.testing.assert_array_equal(view.confidence, ~missing)
     np.testing.assert_array_equal(view.color, COLOR)
     np.testing.assert_array_equal(view.valid, [[1, 0, 0], [1, 0, 1]])
@@ -126,7 +128,7 @@ def test_view_from_rgbd_marks_sensor_holes() -> None:
 def test_estimated_depth_has_an_origin_and_a_confidence_of_its_own() -> None:
     """Closed form: where measured depth would be MEASURED and sure it is ESTIMATED and less sure; nothing else differs."""
     measured, estimated = (View.from_rgbd(RGBD(COLOR, DEPTH, CAMERA, about)) for about in (None, {"model": "x"}))
-    known = measured.origin == Origin.MEASURED
+    known = ~measured.hole
     np.testing.assert_array_equal(estimated.origin, np.where(known, Origin.ESTIMATED, measured.origin))
     np.testing.assert_array_equal(estimated.confidence, np.where(known, np.float32(0.6), np.float32(0)))
     np.testing.assert_array_equal(from_source(estimated.origin), from_source(measured.origin))

@@ -82,7 +82,7 @@ def test_any_small_view_is_filled(seed: int, name: str, height: int, width: int)
     if view.hole.all():
         assert filled is view and report.notes["nothing_visible"] and report.hole_pixels == 0
         return
-    known, sensor = ~view.hole, view.hole & (view.origin == Origin.DEPTH_FILLED)
+    known, sensor = ~view.hole, view.depth_hole
     np.testing.assert_array_equal(filled.color[known | sensor], view.color[known | sensor])
     np.testing.assert_array_equal(filled.depth[known], view.depth[known])
     assert not filled.hole.any() and (filled.depth > 0).all()

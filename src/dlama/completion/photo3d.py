@@ -206,7 +206,7 @@ def add_fills(start: Scene, small: Scene, fills: tuple[View, ...], step: int) ->
     """The scene as given with what was filled in the smaller one; sensor holes get the depth of the smaller frame's pixel."""
     frames = []
     for frame, other in zip(start.frames, small.frames):
-        hole = frame.hole & (frame.origin == Origin.DEPTH_FILLED)
+        hole = frame.depth_hole
         if hole.any():
             rows, columns = (
                 np.minimum(np.arange(side) // step, least - 1) for side, least in zip(frame.camera.hw, other.camera.hw)
@@ -216,6 +216,7 @@ def add_fills(start: Scene, small: Scene, fills: tuple[View, ...], step: int) ->
             frame = frame.with_planes(
                 depth=np.where(filled, other.depth[nearest], frame.depth),
                 hole=frame.hole & ~filled,
+                origin=np.where(filled, np.uint8(Origin.DEPTH_FILLED), frame.origin),
                 confidence=np.where(filled, other.confidence[nearest], frame.confidence),
             )
         frames.append(frame)

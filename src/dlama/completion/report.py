@@ -60,7 +60,7 @@ def meta_data(plan: Plan, source: View, warped: Sequence[View], record: Record) 
         "decisions": {name: dict(decision) for name, decision in plan.decisions.items()},
         "seed": plan.seed,
         "hole_share": [share(view.color_hole) for view in warped],
-        "depth_only_share": [share(view.hole & ~view.color_hole) for view in warped],
+        "depth_only_share": [share(view.depth_hole) for view in warped],
         "hole_share_by_type": [hole_shares(view) for view in warped],
         "dilation": {
             "kernel": "disc of the radius given in the recipe",

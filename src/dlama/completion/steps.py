@@ -125,12 +125,12 @@ def close_holes(law: Law, view: View, earlier: View, *, measured: bool = False) 
     depth, moved = project_depth(view, np.where(closed, earlier.depth, view.depth), closed, law)
     of_color = closed & view.color_hole
     again = np.isin(earlier.origin, SEEN_AGAIN) & (not measured)
-    origin = np.where(again, np.uint8(Origin.FILLED), earlier.origin)
+    origin = np.where(of_color, np.where(again, np.uint8(Origin.FILLED), earlier.origin), np.uint8(Origin.DEPTH_FILLED))
     known = view.with_planes(
         color=np.where(of_color[..., None], earlier.color, view.color),
         depth=depth,
         hole=view.hole & ~closed,
-        origin=np.where(of_color, origin, view.origin),
+        origin=np.where(closed, origin, view.origin),
         confidence=np.where(
             closed, np.where(again, np.float32(LARGEST_CONFIDENCE), earlier.confidence), view.confidence
         ),
@@ -164,7 +164,7 @@ def complete_frame(plan: Plan, scene: Scene, place: int) -> tuple[CompletedView,
     before = measured_view(plan, scene, frame.camera)
     known, taken_over = show_earlier_fill(plan, scene, before)
     view, filled = fill(plan, known)
-    colored = frame.hole & (frame.origin == Origin.DEPTH_FILLED)
+    colored = frame.depth_hole
     if colored.any():
         frames = (*scene.frames[:place], frame.with_pixels(view, colored), *scene.frames[place + 1 :])
         scene = dataclasses.replace(scene, frames=frames)

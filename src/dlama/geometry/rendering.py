@@ -28,7 +28,7 @@ from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.projection import project
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, freeze
 from dlama.geometry.scene import Scene, contribution
-from dlama.geometry.view import HoleType, Origin, View, from_source
+from dlama.geometry.view import HoleType, Origin, View
 
 TYPE_OF_RANK = np.array(
     [HoleType.OUT_OF_VIEW, HoleType.DISOCCLUDED, HoleType.SENSOR, HoleType.FLYING, HoleType.OBJECT, HoleType.CRACK],
@@ -86,7 +86,7 @@ def render(
         canvas.errors = np.zeros((*camera.hw, 2), np.float32)
     for number, grid in enumerate(grids):
         if number or merged is not None:
-            measured = bool(from_source(grid.layer.origin).any())
+            measured = grid.layer.shows_source
             drawn = draw(grid, camera, Canvas.empty(camera, with_errors))
             canvas.put(drawn, tolerance=0.005, over_measured=measured, at_home=merged is None and grids[0].own_camera)
         else:
@@ -151,7 +151,7 @@ def hole_types(grids: list[Grid], removals: tuple[View, ...], camera: Camera, ho
             break
         if grid.own_camera:
             np.maximum(ranks, RANK_OF_TYPE[layer.hole_type], out=ranks, where=hole)
-        elif from_source(layer.origin).any():
+        elif layer.shows_source:
             depth, grid_rank = close_grid(layer, removals)
             x, y, w = transform_depth(depth, grid.matrix, grid.offset)
             crack_rank = hole_kernels.CRACK_RANK if grid.joined is None else hole_kernels.DISOCCLUDED_RANK

@@ -78,9 +78,8 @@ class HoleType(IntEnum):
 class View:
     """A picture of the scene from `camera`, with depth, provenance, and the unknown as a bool field.
 
-    In a hole colour, depth, origin and confidence are 0. A sensor hole of a source view keeps its measured colour with the origin
-    DEPTH_FILLED: only its depth is to be filled. After filling `hole` is False there and `hole_type` keeps the reason. Raises
-    ShapeError.
+    In a hole depth and confidence are 0, and so are colour and origin unless the colour is known (`depth_hole`): it was measured,
+    which the origin says. After filling `hole` is False there and `hole_type` keeps the reason. Raises ShapeError.
     """
 
     camera: Camera
@@ -89,7 +88,7 @@ class View:
     depth: Float32Array
     """H x W, planar z in metres; +inf = far, 0 only inside holes."""
     hole: BoolArray
-    """H x W, True = nothing is known here, to be filled."""
+    """H x W, True = depth is unknown here, and mostly colour too (`color_hole`): to be filled."""
     hole_type: UInt8Array
     """H x W, HoleType codes; non-zero where the pixel is, or was before filling, a hole."""
     origin: UInt8Array
@@ -131,7 +130,7 @@ class View:
             depth=rgbd.depth,
             hole=freeze(missing),
             hole_type=freeze(missing * np.uint8(HoleType.SENSOR)),
-            origin=freeze(np.where(missing, np.uint8(Origin.DEPTH_FILLED), np.uint8(known))),
+            origin=freeze(np.where(missing, np.uint8(Origin.MEASURED), np.uint8(known))),
             confidence=freeze((~missing) * np.float32(certainty)),
         )
 
@@ -165,8 +164,13 @@ class View:
 
     @property
     def color_hole(self) -> BoolArray:
-        """H x W, True in holes whose colour is unknown too; of a sensor hole's pixels only the depth is."""
-        return self.hole & (self.origin != Origin.DEPTH_FILLED)
+        """H x W, True in holes whose colour is unknown too."""
+        return self.hole & ~from_source(self.origin)
+
+    @property
+    def depth_hole(self) -> BoolArray:
+        """H x W, True in holes whose colour was measured, such as a sensor's: depth alone is to be filled."""
+        return self.hole & from_source(self.origin)
 
     @property
     def filled(self) -> BoolArray:
@@ -189,10 +193,11 @@ class View:
 
     @cached_property
     def origins(self) -> frozenset[int]:
-        """The Origin codes of its pixels."""
+        """The Origin codes of what is known in it."""
         import cv2  # late: nouns load numpy alone
 
-        return frozenset(np.flatnonzero(cv2.calcHist([self.origin], [0], None, [256], [0, 256])).tolist())
+        known = (~self.hole).view(np.uint8)
+        return frozenset(np.flatnonzero(cv2.calcHist([self.origin], [0], known, [256], [0, 256])).tolist())
 
     @property
     def shows_source(self) -> bool:
@@ -207,11 +212,7 @@ class View:
     @cached_property
     def has_filled_depth(self) -> bool:
         """True if a pixel of it has a measured colour and a depth that was filled, or that another frame measured."""
-        return bool(self.origins & set(DEPTH_FROM_OTHERS)) and bool(self._filled_depth.any())
-
-    @property
-    def _filled_depth(self) -> BoolArray:
-        return np.isin(self.origin, DEPTH_FROM_OTHERS) & ~self.hole
+        return bool(self.origins & set(DEPTH_FROM_OTHERS))
 
     @cached_property
     def has_errors(self) -> bool:
@@ -242,15 +243,16 @@ class View:
     def reopen(self, where: BoolArray) -> View:
         """The same view with the fills in the pixels of `where` (H x W bool) unknown again, depth 0.
 
-        Measured colours stay, with their origin; `hole_type` keeps the reason of the hole.
+        Measured colours stay; `hole_type` keeps the reason of the hole.
         """
         guessed = where & (self.origin != Origin.DEPTH_FILLED)
+        origin = select(self.origin, ~guessed)
         keep = ~where
         return self.with_planes(
             color=select(self.color, ~guessed),
             depth=select(self.depth, keep),
             hole=self.hole | where,
-            origin=np.where(guessed, np.uint8(Origin.UNKNOWN), self.origin),
+            origin=np.where(where & ~guessed, np.uint8(Origin.MEASURED), origin),
             confidence=select(self.confidence, keep),
             frame=None if self.frame is None else self.frame * keep,
             errors=self.errors_where(keep),
@@ -260,11 +262,11 @@ class View:
         """A frame with its sensor holes open; itself, where no depth was filled."""
         if not self.has_filled_depth:
             return self
-        filled = self._filled_depth
+        filled = np.isin(self.origin, DEPTH_FROM_OTHERS) & ~self.hole
         return self.with_planes(
             depth=select(self.depth, ~filled),
             hole=self.hole | filled,
-            origin=np.where(filled, np.uint8(Origin.DEPTH_FILLED), self.origin),
+            origin=np.where(filled, np.uint8(Origin.MEASURED), self.origin),
             confidence=select(self.confidence, ~filled),
             errors=None,
         )

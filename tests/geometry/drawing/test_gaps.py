@@ -86,7 +86,7 @@ def test_a_measured_colour_without_depth_stays() -> None:
     depth = np.full((HEIGHT, WIDTH), 2, np.float32)
     depth[:, 20] = 0
     canvas = canvas_of(depth)
-    canvas.color[:, 20], canvas.origin[:, 20] = 99, Origin.DEPTH_FILLED
+    canvas.color[:, 20], canvas.origin[:, 20] = 99, Origin.MEASURED
     close_gaps(canvas)
     assert (canvas.depth[:, 20] == 0).all() and (canvas.color[:, 20] == 99).all()
     for same in (np.zeros((3, 4), np.float32), np.ones((3, 4), np.float32)):

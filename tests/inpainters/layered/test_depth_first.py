@@ -179,14 +179,14 @@ def test_what_lies_behind_a_removed_object_is_its_background() -> None:
 def test_beside_a_hole_that_lacks_depth_alone_nothing_is_hidden() -> None:
     """Law: what is painted are colours; a sensor hole has its own, so nothing near it is an occluder."""
     view = step(HoleType.SENSOR)
-    view = dataclasses.replace(view, origin=np.where(view.hole, np.uint8(Origin.DEPTH_FILLED), view.origin))
+    view = dataclasses.replace(view, origin=np.where(view.hole, np.uint8(Origin.MEASURED), view.origin))
     assert not find_occluders(view, *flat(view, 3), NOTHING).any()
 
 
 def test_a_sensor_hole_keeps_its_colour() -> None:
     """Law: where only depth is missing no painter is asked."""
     view = step(HoleType.SENSOR)
-    view = dataclasses.replace(view, origin=np.where(view.hole, np.uint8(Origin.DEPTH_FILLED), view.origin))
+    view = dataclasses.replace(view, origin=np.where(view.hole, np.uint8(Origin.MEASURED), view.origin))
     shown: list[np.ndarray] = []
     fill = paint_over_depth(recording(shown))(view, NOTHING, 0)
     assert not shown and fill.color is view.color

@@ -15,7 +15,7 @@ import pytest
 from dlama.errors import FileError, InputError
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
-from dlama.geometry.view import HoleType, Origin, View
+from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
 from dlama.inpainters import find_filler
 from dlama.inpainters.filling import inpaint
@@ -54,7 +54,7 @@ def unchanged(before: View, after: View) -> None:
     known = ~before.hole
     for name in ("color", "depth", "origin", "confidence"):
         np.testing.assert_array_equal(getattr(after, name)[known], getattr(before, name)[known], err_msg=name)
-    sensor = before.origin == Origin.DEPTH_FILLED
+    sensor = before.depth_hole
     np.testing.assert_array_equal(after.color[sensor], before.color[sensor])
     assert not after.hole.any() and (after.depth > 0).all()
 

@@ -66,7 +66,7 @@ def continue_depth(view: View, law: Law, seed: int) -> View:
 
     The depth of known pixels on planes is freed of noise.
     """
-    depth_only = view.hole & ~view.color_hole
+    depth_only = view.depth_hole
     if not view.valid.any():
         return view
     proposed = depth_from_inverse(continue_surfaces(view, law, seed).inverse_depth)
@@ -77,6 +77,7 @@ def continue_depth(view: View, law: Law, seed: int) -> View:
         view,
         depth=depth,
         hole=view.hole & ~depth_only,
+        origin=np.where(depth_only, np.uint8(Origin.DEPTH_FILLED), view.origin),
         confidence=np.where(depth_only, confidence, view.confidence),
         errors=np.where(depth_only[..., None], errors, 0 if view.errors is None else view.errors).astype(np.float32),
     )

@@ -30,7 +30,7 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.frames.stored import CACHE_BYTES, PixelCache, StoredView
 from dlama.geometry.rgbd import Float32Array, UInt8Array
 from dlama.geometry.scene import Scene
-from dlama.geometry.view import View
+from dlama.geometry.view import Origin, View
 
 OF_LAYER = re.compile(r"(layer|object)\d+_")
 """How the name of a layer's array begins."""
@@ -196,6 +196,10 @@ def _view(prefix: str, arrays: Mapping[str, np.ndarray]) -> View:
     depth, hole, types, origin, confidence = (
         arrays[prefix + name] for name in ("depth", "hole", "hole_type", "origin", "confidence")
     )
+    if (
+        early := hole & (origin == Origin.DEPTH_FILLED)
+    ).any():  # as files of the first days mark a known colour in a hole
+        origin = np.where(early, np.uint8(Origin.MEASURED), origin)
     planes = [arrays[prefix + name] for name in ERRORS if prefix + name in arrays]
     errors = np.stack(planes, -1) if len(planes) == len(ERRORS) else None
     return View(camera, color, depth, hole, types, origin, confidence, arrays.get(f"{prefix}frame"), errors)

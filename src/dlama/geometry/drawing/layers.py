@@ -123,7 +123,7 @@ class Canvas:
         """
         wins = (other.depth > 0) & ((self.depth == 0) | (other.depth < self.depth * (1 - tolerance)))
         if not over_measured:
-            wins &= ~from_source(self.origin)
+            wins &= ~from_source(self.origin) | (self.depth == 0)
             if at_home:
                 wins &= (self.origin != Origin.DEPTH_FILLED) | (self.depth == 0)
         paste(other.color, wins, self.color)
@@ -247,9 +247,8 @@ def draw_as_surface(grid: Grid, joined: UInt8Array, camera: Camera, canvas: Canv
 def copy_onto(canvas: Canvas, layer: View) -> None:
     """The layer seen from its own camera: every finite pixel as it is; a sensor hole its colour, but no depth."""
     copy_where(canvas, layer, layer.valid)
-    color_only = layer.hole & (layer.origin == Origin.DEPTH_FILLED)
-    paste(layer.color, color_only, canvas.color)
-    paste(layer.origin, color_only, canvas.origin)
+    paste(layer.color, layer.depth_hole, canvas.color)
+    paste(layer.origin, layer.depth_hole, canvas.origin)
 
 
 def copy_where(canvas: Canvas, layer: View, where: BoolArray) -> None:

@@ -114,7 +114,7 @@ def confidence_margin(grid: Grid) -> Float32Array:
 def _keep_own(canvas: Canvas, best: UInt16Array, own: View) -> None:
     """A frame's own pixels as they are; depth of others where it has none is ELSEWHERE, and its own colours stay."""
     known = own.valid | own.far
-    colored = own.hole & (own.origin == Origin.DEPTH_FILLED)
+    colored = own.depth_hole
     others = ~known & (canvas.depth > 0) & (best > 0)
     _drop(canvas, best, find_slivers(others & ~colored))
     others &= best > 0

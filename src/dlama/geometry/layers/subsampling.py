@@ -11,7 +11,7 @@ import numpy as np
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import UInt8Array, freeze
 from dlama.geometry.scene import Scene
-from dlama.geometry.view import Origin, View
+from dlama.geometry.view import View
 
 
 def step_for(scene: Scene, most: int) -> int:
@@ -47,7 +47,7 @@ def subsample(view: View, step: int) -> View:
 
     depth, hole, origin = (middle(plane) for plane in (view.depth, view.hole, view.origin))
     color = mean_colors(view.color[:rows, :columns], ~view.color_hole[:rows, :columns], step)
-    color[hole & (origin != Origin.DEPTH_FILLED)] = 0
+    color[middle(view.color_hole)] = 0
     return View(
         subsample_camera(view.camera, step, (rows // step, columns // step)),
         freeze(color),

@@ -49,7 +49,7 @@ def continue_surfaces(view: View, law: Law, seed: int = 0) -> Surfaces:
     planes = find_planes(w, view.valid, seed, noise)
     label = label_known(w, view.valid, view.far, planes, noise)
     w = denoise(w, label, planes, noise)
-    missing = view.hole & ~view.color_hole
+    missing = view.depth_hole
     by_color = None
     if missing.any():
         by_color = fill_along_colors(view.color, missing, w, label, planes, view.hole, noisy=noise > 0)
