@@ -6,5 +6,5 @@ verify    a file on this disk -> whether it is the one the record means
 pull      a record -> its file, downloaded, checked and moved into place
 contracts   what a network takes and gives, in the metadata of its file
 perceptron   a small npz file that ships, rows of features -> outputs
-network_file   an ONNX file -> arrays in, arrays out, by ONNX Runtime or by `openvino`
+network_file   an ONNX file -> arrays in, arrays out, by ONNX Runtime
 """

@@ -1,7 +1,7 @@
-"""An ONNX file in -> the same file ready to run, by ONNX Runtime or OpenVINO, out: arrays in, arrays out, no torch.
+"""An ONNX file in -> the same file ready to run, by ONNX Runtime, out: arrays in, arrays out, no torch.
 
 Sessions are opened when first needed, on the first of CUDA, CoreML, DirectML and CPU that is installed, or on the one
-that is asked for (OpenVINO only so); which one ran, the notes say. What the arrays mean is the caller's affair.
+that is asked for; which one ran, the notes say. What the arrays mean is the caller's affair.
 """
 
 from __future__ import annotations
@@ -17,7 +17,6 @@ from weakref import WeakSet
 import numpy as np
 
 from dlama.errors import DlamaError, FileError, InputError, MissingExtraError, first_line, system_errors
-from dlama.models.openvino import OpenVinoSession
 from dlama.models.verify import sha256_of
 
 PROVIDERS = {
@@ -25,10 +24,9 @@ PROVIDERS = {
     "coreml": "CoreMLExecutionProvider",
     "directml": "DmlExecutionProvider",
     "cpu": "CPUExecutionProvider",
+    "openvino": "OpenVINOExecutionProvider",
 }
-"""ONNX Runtime's, in the order of preference."""
-OPENVINO = "openvino"
-"""Not a part of ONNX Runtime: its own package, used when asked for."""
+"""ONNX Runtime's, in the order of preference; what comes after cpu only where it is asked for."""
 PROVIDER_VARIABLE = "DLAMA_PROVIDER"
 """Environment variable that names the provider where the code does not."""
 
@@ -68,19 +66,17 @@ class NetworkFile:
     def __post_init__(self) -> None:
         if not self.path.is_file():
             raise FileError(f"{self.path}: no such model file")
-        if self.provider is not None and self.provider not in (*PROVIDERS, OPENVINO):
-            raise InputError(f"provider is {self.provider!r}; one of {', '.join([*PROVIDERS, OPENVINO])} is expected")
+        if self.provider is not None and self.provider not in PROVIDERS:
+            raise InputError(f"provider is {self.provider!r}; one of {', '.join(PROVIDERS)} is expected")
         if self.threads < 1:
             raise InputError(f"threads is {self.threads}; 1 or more is expected")
 
     @cached_property
     def session(self) -> Any:
-        """The onnxruntime (or OpenVINO) session. FileError where the file is no ONNX network."""
+        """The onnxruntime session. FileError where the file is no ONNX network."""
         _OPEN.add(self)
         try:
-            return (
-                OpenVinoSession(self.path, self.threads) if self.provider == OPENVINO else self._onnxruntime_session()
-            )
+            return self._onnxruntime_session()
         except DlamaError:
             raise
         except Exception as error:  # their errors share no base class of their own
@@ -142,7 +138,7 @@ class NetworkFile:
 
     @property
     def metadata(self) -> Mapping[str, str]:
-        """Key -> text that stands in the file (by OpenVINO the contract only)."""
+        """Key -> text that stands in the file."""
         return self.session.get_modelmeta().custom_metadata_map
 
     def run(self, feed: dict[str, np.ndarray]) -> np.ndarray:
@@ -158,7 +154,6 @@ class NetworkFile:
             raise FileError(f"{self.path}: failed on {sizes} ({first_line(error)})") from error
 
 
-@system_errors(FileError)
 @system_errors(FileError)
 def file_stamp(path: Path) -> tuple[int, int]:
     """Time of change in ns, and bytes: what tells a file from a newer one of the same name. FileError where there is none."""

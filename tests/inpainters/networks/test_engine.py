@@ -3,10 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import importlib.util
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -136,40 +132,6 @@ def test_bad_files_are_refused(tmp_path: Path) -> None:
     ):
         with pytest.raises(InputError, match=told):
             inpaint(holed(), find_filler(name, path), NOTHING)
-
-
-def openvino_run(folder: str) -> None:
-    """What the next test runs in a process of its own: OpenVINO's threads and torch's do not stand each other."""
-    path = Path(folder)
-    rng = np.random.default_rng(1)
-    model = written(path / "any.onnx", 3, rng.normal(size=(3, 4)), 0.1)
-    planes, hole = rng.random((2, 3, 40, 51), np.float32), rng.random((40, 51)) > 0.6
-    ours, theirs = Engine(model, provider="cpu"), Engine(model, provider="openvino")
-    assert theirs.contract == ours.contract and theirs.running_on == "openvino"
-    first = theirs.fill(planes, hole)
-    np.testing.assert_allclose(first, ours.fill(planes, hole), rtol=1e-5, atol=1e-6)
-    theirs.fill(1 - planes, hole)
-    np.testing.assert_array_equal(first, theirs.fill(planes, hole))
-    os.environ["DLAMA_PROVIDER"] = "openvino"
-    view = holed()
-    after, report = inpaint(view, find_filler("lama", constant(path / "c.onnx", 3, 0.2, 0.4, 0.6)), NOTHING)
-    unchanged(view, after)
-    assert report.notes["provider"] == "openvino"
-    (path / "text.onnx").write_text("no network")
-    with pytest.raises(FileError, match=r"text\.onnx: cannot be opened"):
-        _ = Engine(path / "text.onnx", provider="openvino").session
-    print("all of it ran")
-
-
-def test_openvino_gives_what_onnxruntime_gives(tmp_path: Path) -> None:
-    """Somebody else's code: the same network by both, to float32 rounding; the contract is read, the notes name who ran."""
-    if importlib.util.find_spec("openvino") is None:
-        pytest.skip("OpenVINO is not installed: pip install 'dlama[openvino]'")
-    here = Path(__file__)
-    code = f"import sys; sys.path[:0] = {[str(here.parent), str(here.parents[2])]!r}\n"
-    code += f"import test_engine; test_engine.openvino_run({str(tmp_path)!r})"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=600)
-    assert done.returncode == 0 and "all of it ran" in done.stdout, done.stderr
 
 
 def test_one_engine_stays_open(tmp_path: Path) -> None:

@@ -45,7 +45,7 @@ SOURCE = Path(__file__).parents[2]
 
 
 PACKAGES = (
-    *("numpy", "numba", "opencv-python-headless", "opencv-python", "onnxruntime", "onnxruntime-gpu", "openvino"),
+    *("numpy", "numba", "opencv-python-headless", "opencv-python", "onnxruntime", "onnxruntime-gpu"),
     *("scikit-image", "scipy", "pillow", "OpenEXR"),
 )
 """Other people's code that decides about numbers: another version of one makes results stale."""

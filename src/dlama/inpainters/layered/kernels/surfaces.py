@@ -17,7 +17,9 @@ SKY_LABEL = 0
 
 
 @piece
-def first_known(w: Float32Array, apart: Float32Array, row: Whole, column: Whole, dr: Real, dc: Real) -> tuple[Real, Real]:
+def first_known(
+    w: Float32Array, apart: Float32Array, row: Whole, column: Whole, dr: Real, dc: Real
+) -> tuple[Real, Real]:
     """Inverse depth and distance of the first known pixel from a hole pixel in a direction; -1 if there is none.
 
     apart: H x W, rows or columns to the nearest known pixel, whichever are more: so many steps meet none.
