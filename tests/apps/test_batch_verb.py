@@ -33,6 +33,7 @@ def jobs(frame: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     return "jobs.csv"
 
 
+@pytest.mark.slow
 def test_a_list_its_rerun_and_its_page(jobs: str, capsys: pytest.CaptureFixture[str]) -> None:
     """What is printed, exit code 1 for the bad row, what is kept the second time, and the page."""
     with pytest.raises(SystemExit) as stop:

@@ -63,6 +63,7 @@ def test_a_lost_standard_error_keeps_the_exit_code(tmp_path: Path, closing: str)
     assert (done.returncode, done.stdout, done.stderr) == (2, "", "")
 
 
+@pytest.mark.slow
 def test_a_closed_stream_does_not_stop_the_work(tmp_path: Path) -> None:
     """And no file gets its number (oracle: the picture is a PNG)."""
     done = shell(f"view {PICTURE} >&- 2>&- <&-", tmp_path)

@@ -37,6 +37,7 @@ def on_a_terminal(words: list[str], folder: Path) -> str:
     return shown.decode()
 
 
+@pytest.mark.slow
 def test_a_terminal_sees_stages(tmp_path: Path) -> None:
     """The bar names what is read and written; the summary is the last line."""
     shown = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", on_a_terminal(WORDS, tmp_path))

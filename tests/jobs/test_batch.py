@@ -86,6 +86,7 @@ def test_what_is_done_is_kept_and_what_changed_is_done_again(tmp_path: Path) -> 
     assert len(table(tmp_path / "out")) == 3
 
 
+@pytest.mark.slow
 def test_results_come_in_order_where_asked(tmp_path: Path) -> None:
     """Oracle: the list."""
     small_frame(tmp_path)
@@ -158,6 +159,7 @@ def test_a_folder_that_is_no_result_is_never_replaced(tmp_path: Path) -> None:
     assert (tmp_path / "out" / "v" / "000" / "diary.txt").read_text() == "mine"
 
 
+@pytest.mark.slow
 def test_two_runs_do_not_write_to_the_same_place(tmp_path: Path) -> None:
     """The second is refused while the first is under way."""
     pytest.importorskip("fcntl")
@@ -181,6 +183,7 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="no signals")
 def test_a_killed_driver_loses_nothing(tmp_path: Path) -> None:
     """kill -9 in the middle: no worker outlives it; the next run keeps what was done and does the rest (oracle: the list)."""

@@ -97,6 +97,7 @@ def test_a_damaged_shard_is_named(tmp_path: Path) -> None:
             Packer(output, manifest, 1).add(again)
 
 
+@pytest.mark.slow
 def test_what_waits_is_packed_by_the_next_run(tmp_path: Path) -> None:
     """A run that is left in the middle: nothing is done twice, and every id is in one shard at the end."""
     rows = view_rows(5)

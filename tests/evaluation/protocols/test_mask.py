@@ -35,6 +35,7 @@ def test_the_square_is_found_and_removed(constant_filler: str) -> None:
     } <= set(found)
 
 
+@pytest.mark.slow
 def test_variants_remove_with_other_masks(constant_filler: str) -> None:
     """The found mask is the true one and there is no shadow: all runs score alike."""
     settings = dataclasses.replace(QUICK, mask_changes=(3,))

@@ -154,6 +154,7 @@ def test_one_bad_frame_does_not_stop_the_rest(tmp_path: Path) -> None:
     assert not (tmp_path / "errors.json").exists() and not (tmp_path / "errors").exists()
 
 
+@pytest.mark.slow
 def test_two_processes_give_the_same_bytes(tmp_path: Path, log: Path) -> None:
     """Oracles: one process's results; the log says that others did it, each with one thread; failures travel back."""
     dataset = made_up_dataset(2, (10.0, -10.0))
@@ -169,6 +170,7 @@ def test_two_processes_give_the_same_bytes(tmp_path: Path, log: Path) -> None:
     assert "in protocol" in double.failures[0].trace
 
 
+@pytest.mark.slow
 def test_a_process_that_dies_takes_only_its_case(tmp_path: Path) -> None:
     """Oracle: one case kills its process; it fails and nothing else, for what was under way beside it is run again."""
     whole = made_up_dataset(1)
@@ -188,6 +190,7 @@ def die_once(mark: Path, seed: int) -> object:
     return made_up.truth(seed)
 
 
+@pytest.mark.slow
 def test_a_process_that_was_killed_once_costs_nothing(tmp_path: Path) -> None:
     """Every case has its result in the end."""
     whole = made_up_dataset(1)
@@ -229,6 +232,7 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc").is_dir(), reason="processes are counted in /proc")
 def test_no_process_outlives_a_killed_evaluation(tmp_path: Path) -> None:
     """Oracle: the process table, after SIGKILL of the first process."""

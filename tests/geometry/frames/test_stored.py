@@ -74,6 +74,7 @@ def readers(reader: Reader) -> list[Callable[[], RGBD]]:
     return [partial(reader, camera) for camera in CAMERAS]
 
 
+@pytest.mark.slow
 def test_results_are_those_of_frames_in_memory(limited: list[PixelCache]) -> None:
     """Bit for bit, with a removal; and never more than the limit is held."""
     reader = Reader()

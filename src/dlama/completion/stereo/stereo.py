@@ -19,7 +19,7 @@ import numpy as np
 from dlama.arguments import check_arguments
 from dlama.completion.completion import StereoCompletion
 from dlama.completion.memory import check_memory
-from dlama.completion.options import OptionKeywords, Unpack, options_of, take_options
+from dlama.completion.options import OptionKeywords, Options, Unpack, options_of, take_options
 from dlama.completion.plausible import warn_of_scale
 from dlama.completion.recipes import Recipe
 from dlama.completion.report import Clock, Record
@@ -119,12 +119,7 @@ def stereo(
     given = options_of(options)
     chosen = given.settings
     check_memory((rig.left, rig.right))
-    refuse_model_of_auto(given.filler, given.model)
-    inpainter = None if given.filler == AUTO else find_filler(given.filler, given.model)
-    if isinstance(inpainter, PairFiller) and chosen.depth_by != "surfaces":
-        raise InputError(
-            f"depth_by is {chosen.depth_by!r} and the filler 'pair', which fills no depth; surfaces is expected"
-        )
+    inpainter = filler_of_pair(given)
     one_by_one = mask is not None and not chosen.source_first
     if disparity is not None and one_by_one:
         raise InputError(
@@ -155,6 +150,17 @@ def stereo(
     done = complete_pair(pair, draft, Clock())
     completion = dataclasses.replace(done, about={**matches.notes, **done.about}).as_completion(rig)
     return completion.with_min_confidence(given.min_confidence)
+
+
+def filler_of_pair(options: Options) -> Inpainter | None:
+    """The filler that the options name; None: it is chosen by the depth. InputError: one that cannot be, or fills no depth."""
+    refuse_model_of_auto(options.filler, options.model)
+    if options.filler == AUTO:
+        return None
+    inpainter, depth_by = find_filler(options.filler, options.model), options.settings.depth_by
+    if isinstance(inpainter, PairFiller) and depth_by != "surfaces":
+        raise InputError(f"depth_by is {depth_by!r} and the filler 'pair', which fills no depth; surfaces is expected")
+    return inpainter
 
 
 def choose_right_view(asked: RightView | None, recipe: Recipe, removing: bool) -> RightView:

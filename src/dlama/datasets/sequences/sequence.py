@@ -126,7 +126,13 @@ def sequence(
     numbered = masks_by_number(masks or {}, names)
     plan, start, _ = plan_for(given, options, numbered or None)
     steps = steps_for(plan, start, kept, cameras)
-    settings = {"filler": plan.filler, "model": str(model), "recipe": recipe, "dilate": dilate, "seed": seed}
+    settings = {
+        "filler": plan.filler,
+        "model": None if model is None else str(model),
+        "recipe": recipe,
+        "dilate": plan.recipe.dilate,
+        "seed": seed,
+    }
     views_by_name = {"views": [(name, shown) for name, _, shown in steps]}
     state = SequenceState(target, settings | views_by_name, start, __version__)
     done = complete_steps(plan, start, steps, state, target, progress)
@@ -135,13 +141,9 @@ def sequence(
         "dlama": __version__,
         "dataset": str(dataset),
         **about_frames(names, kept, given, damaged),
-        "recipe": recipe,
-        "dilate": plan.recipe.dilate,
+        **settings,
         "aligned": align,
-        "filler": plan.filler,
         "decisions": {name: dict(decision) for name, decision in plan.decisions.items()},
-        "model": None if model is None else str(model),
-        "seed": seed,
         "masked_frames": sorted(masks or {}),
         **done.shares(ordered),
         "views_from_earlier_run": done.reused,
