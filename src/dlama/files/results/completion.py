@@ -225,12 +225,21 @@ def scene_writers(folder: Path, completion: Completion) -> dict[str, Writer]:
 
 
 def run_writers(writers: Mapping[str, Writer]) -> dict[str, Any]:
-    """What each of the writers returns, two at a time (encoders let go of the interpreter); the first error is raised."""
+    """What each of the writers returns, two at a time (encoders let go of the interpreter); the first error is raised.
 
-    def one(item: tuple[str, Writer]) -> tuple[str, Any]:
-        begin_stage(f"write {item[0]}")
-        return item[0], item[1]()
+    One of the two threads is the caller's: memory that was freed in it is used again.
+    """
+    left, results = iter(list(writers.items())), {}
 
-    contexts = [copy_context() for _ in writers]  # stages of the writers go where those of this thread go
-    with ThreadPoolExecutor(2) as pool:
-        return dict(pool.map(lambda context, item: context.run(one, item), contexts, writers.items()))
+    def work() -> None:
+        for name, writer in left:
+            begin_stage(f"write {name}")
+            results[name] = writer()
+
+    with ThreadPoolExecutor(1) as pool:
+        other = pool.submit(copy_context().run, work)  # its stages go where those of this thread go
+        try:
+            work()
+        finally:
+            other.result()
+    return results
