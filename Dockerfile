@@ -14,7 +14,7 @@ COPY --from=build /opt/dlama /usr/local
 RUN useradd --create-home --uid 10001 dlama && mkdir /opt/kernels && chown dlama /opt/kernels
 USER dlama
 WORKDIR /tmp
-RUN NUMBA_CACHE_DIR=/opt/kernels dlama demo -o /tmp/demo && rm -rf /tmp/demo
+RUN NUMBA_CACHE_DIR=/opt/kernels dlama warm-up
 ENV NUMBA_CACHE_DIR=/tmp/kernels HOME=/tmp PYTHONDONTWRITEBYTECODE=1
 EXPOSE 7860
 ENTRYPOINT ["sh", "-c", "cp -rp /opt/kernels /tmp/kernels && exec dlama \"$@\"", "dlama"]

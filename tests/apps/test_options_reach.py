@@ -108,7 +108,7 @@ def calls(loaded: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Call
 
     verbs = (
         *(f"measuring.{verb}" for verb in ("doctor", "evaluate", "worlds")), "networks.train", "networks.model_verbs",
-        "sequence", "batch", "show", "video", "serve",
+        "sequence", "batch", "show", "video", "serve", "warm_up",
     )  # fmt: skip
     for module in ("command", "cli", *(f"verbs.{verb}" for verb in verbs)):
         spy(f"dlama.apps.{module}.report_result", through=True)
@@ -181,6 +181,7 @@ def _spy_on_the_rest(spy: Callable[..., None]) -> None:
     spy("dlama.apps.verbs.show.points_in", (point, None, ""))
     spy("dlama.geometry.figures.points.point_viewer", "")
     spy("dlama.apps.verbs.show.show_page", Path("page.html"))
+    spy("dlama.geometry.kernels.ahead.start_compiling", [])
     spy("dlama.models.pull.pull", Path("pulled"))
     spy("dlama.apps.verbs.networks.model_verbs.record", through=True)
     spy("dlama.apps.verbs.networks.model_verbs.verify", SimpleNamespace(state="verified", path="", detail=""))

@@ -70,7 +70,7 @@ REFUSED = {
     "batch, of a data set": ("batch --data scenes -o scenes", "an input of this run (folder of frames)"),
     "models": ("models convert model.pt -o model.onnx", "--output is model.onnx, an input of this run (weights)"),
 }
-WITHOUT_BOTH = {"demo", "doctor", "version", "serve"}
+WITHOUT_BOTH = {"demo", "doctor", "version", "serve", "warm-up"}
 """Verbs that read nothing of the user's, or write nothing."""
 
 

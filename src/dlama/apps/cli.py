@@ -49,6 +49,7 @@ from dlama.apps.verbs.sequence import sequence
 from dlama.apps.verbs.serve import serve
 from dlama.apps.verbs.show import show
 from dlama.apps.verbs.video import video
+from dlama.apps.verbs.warm_up import warm_up
 from dlama.errors import InputError
 
 DESCRIPTION = (
@@ -239,6 +240,7 @@ VERBS: dict[str, Callable[..., Any]] = {
     "doctor": doctor,
     "show": show,
     "version": version,
+    "warm-up": warm_up,
     "models": models,
     "evaluate": evaluate,
     "worlds": worlds,

@@ -86,5 +86,6 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "dlama serve --host 0.0.0.0 --token SECRET",
     ),
     "version": ("dlama version",),
+    "warm-up": ("dlama warm-up",),
 }
 """What `dlama VERB --help` shows below its first line."""

@@ -64,10 +64,17 @@ def report_result(verb: str, report: Report) -> Iterator[Result]:
         if not report.quiet:
             print_line("warning", line)
 
+    def compiling(note: str) -> None:
+        from dlama.geometry.kernels.ahead import help_compiling
+
+        if not report.quiet:
+            print_line("note", note)
+        help_compiling(verb)
+
     with warnings.catch_warnings():
         warnings.simplefilter("default", UserWarning)
         warnings.showwarning = show
-        with log_messages(lambda note: None if report.quiet else print_line("note", note), KERNELS):
+        with log_messages(compiling, KERNELS):
             yield result
     if not result.lines:
         return

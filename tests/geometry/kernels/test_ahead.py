@@ -1,0 +1,55 @@
+"""The list of kernels compiled ahead, against what jobs really call (oracle: numba's own record of the types)."""
+
+from __future__ import annotations
+
+import os
+import pkgutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import dlama
+from dlama.geometry.kernels import ahead
+
+
+def test_types_round_trip() -> None:
+    """Round trip: the words that numba's types are written as give those types again."""
+    from numba import typeof
+
+    frozen = np.zeros((2, 3, 4), np.uint8)
+    frozen.flags.writeable = False
+    arrays = {"uint8.3Cr": frozen, "bool.1C": np.zeros(3, bool), "float32.2C": np.zeros((2, 2), np.float32)}
+    for word, value in arrays.items():
+        assert ahead.numba_type(word) == typeof(value)
+    assert ahead.numba_type("int64") == typeof(3) and ahead.numba_type("float64") == typeof(0.5)
+
+
+def test_a_job_has_its_own_list() -> None:
+    """A view needs a part of all; an unknown job may need any. Every name is a kernel."""
+    every = ahead.listed_kernels()
+    assert 0 < len(ahead.listed_kernels("view")) < len(every) == len(ahead.listed_kernels("evaluate"))
+    assert all(hasattr(pkgutil.resolve_name(words[1]), "compile") for words in every)
+
+
+def test_a_view_calls_listed_kernels_only() -> None:
+    """Frozen vector: with what a view of the bundled street calls. Where it differs: python benchmarks/kernels.py."""
+    folder = dlama.example()
+    dlama.view(dlama.read_rgbd(folder / "street.jpg", folder / "depth.png", fov=90), yaw=20, pivot=12.0)
+    listed = {(words[1], tuple(map(ahead.numba_type, words[2:]))) for words in ahead.listed_kernels("view")}
+    names = {name for name, _ in listed}
+    for name in ("dlama.geometry.kernels.rasterize:draw_surface", "dlama.inpainters.layered.kernels.surfaces:sweep"):
+        called = {(name, types) for types in pkgutil.resolve_name(name).signatures}
+        assert name in names and called & listed
+
+
+@pytest.mark.slow
+def test_a_process_leaves_its_share_on_disk(tmp_path: Path) -> None:
+    """Law: the first, the seventeenth ... kernel from the list's end on is kept, and no other."""
+    line = [sys.executable, "-m", ahead.__name__, "view", "0", "16"]
+    subprocess.run(line, check=True, env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}, timeout=600)
+    kept = {file.name.rpartition("-")[0] for file in tmp_path.rglob("*.nbi")}
+    share = ahead.listed_kernels("view")[::-1][::16]
+    assert kept == {words[1].rpartition(".")[2].replace(":", ".") for words in share}
