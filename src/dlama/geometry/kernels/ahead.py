@@ -10,6 +10,7 @@ import atexit
 import pkgutil
 import subprocess
 import sys
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -29,8 +30,7 @@ def listed_kernels(job: str | None = None) -> list[list[str]]:
 
 def numba_type(word: str) -> Any:
     """`int64`, or `uint8.3C` for arrays: number of dimensions, layout, r = read-only."""
-    from numba import types
-
+    types: Any = import_module("numba").types
     name, _, layout = word.partition(".")
     number = getattr(types, "boolean" if name == "bool" else name)
     return types.Array(number, int(layout[0]), layout[1], readonly=layout.endswith("r")) if layout else number
