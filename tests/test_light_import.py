@@ -12,7 +12,6 @@ HEAVY = (
     "torch",
     "OpenEXR",
     "plyfile",
-    "pygltflib",
     "rich",
     "tyro",
     "onnxruntime",

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from pygltflib import (
+
+from dlama.files.atomic_write import PathLike, new_file
+from dlama.files.scenes.gltf import (
     GLTF2,
     Accessor,
     Asset,
@@ -16,9 +18,7 @@ from pygltflib import (
     Primitive,
     Scene,
 )
-from pygltflib import Mesh as GltfMesh
-
-from dlama.files.atomic_write import PathLike, new_file
+from dlama.files.scenes.gltf import Mesh as GltfMesh
 from dlama.geometry.mesh import Mesh
 from dlama.geometry.rgbd import UInt8Array
 
@@ -36,9 +36,9 @@ def write_glb(path: PathLike, mesh: Mesh) -> None:
     from the world's origin. Vertices without any triangle become points; an empty mesh an empty scene. Raises
     OutputError.
     """
-    document, _ = mesh_document(mesh)
+    document, blob = mesh_document(mesh)
     with new_file(path) as draft:
-        draft.write_bytes(b"".join(document.save_to_bytes()))
+        draft.write_bytes(b"".join(document.glb(blob.bytes)))
 
 
 def linear_light(color: UInt8Array) -> np.ndarray:
@@ -82,9 +82,8 @@ class Blob:
         return len(self.document.accessors) - 1
 
     def close(self) -> None:
-        """The chunk as it is now becomes the document's."""
+        """The document says how long the chunk is now."""
         self.document.buffers = [Buffer(byteLength=len(self.bytes))]
-        self.document.set_binary_blob(bytes(self.bytes))
 
 
 def mesh_document(mesh: Mesh, colors: bool = True) -> tuple[GLTF2, Blob]:

@@ -12,9 +12,9 @@ from collections.abc import Sequence
 
 import numpy as np
 from PIL import Image as Pillow
-from pygltflib import BufferView, Image, Sampler, Texture, TextureInfo
 
 from dlama.files.atomic_write import PathLike, new_file
+from dlama.files.scenes.gltf import BufferView, Image, Sampler, Texture, TextureInfo
 from dlama.files.scenes.meshes import ARRAY_BUFFER, FLOAT, mesh_document
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.holes import fill_with_nearest
@@ -63,7 +63,7 @@ def textured_glb(parts: Sequence[MeshPart], quality: int = JPEG_QUALITY) -> list
         document.textures = [Texture(source=0, sampler=0)]
         document.materials[0].pbrMetallicRoughness.baseColorTexture = TextureInfo(index=0)
         blob.close()
-    return list(document.save_to_bytes())
+    return document.glb(blob.bytes)
 
 
 def pack_textures(parts: Sequence[MeshPart]) -> tuple[UInt8Array, list[Float64Array]]:
