@@ -42,6 +42,13 @@ def test_nouns_load_nothing_heavy() -> None:
     assert loaded_by("import dlama.errors, dlama.geometry.rgbd, dlama.geometry.cloud, dlama.geometry.scene") == []
 
 
+def test_help_loads_no_numpy() -> None:
+    """Verbs say what they take before anything is computed."""
+    probe = "import sys, dlama.apps.cli; print('numpy' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", probe], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["False"]
+
+
 def test_options_without_clicks_load_no_masks() -> None:
     """What points at an object is loaded where something is pointed at."""
     code = "from dlama.jobs.early import check_options; check_options({%s})"

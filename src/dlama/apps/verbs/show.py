@@ -11,7 +11,6 @@ from tyro.conf import Positional
 from dlama.apps.options import Report, option
 from dlama.apps.places import check_file_apart
 from dlama.apps.terminal.output import report_result
-from dlama.arguments import check_count
 from dlama.errors import FileError, InputError, format_count
 
 if TYPE_CHECKING:
@@ -43,6 +42,7 @@ def show(
     if output is not None:
         check_file_apart(output, {"what is shown": what})
     with report_result("show", report) as result:
+        from dlama.arguments import check_count
         from dlama.geometry.figures.points import point_viewer
 
         check_count(max_points, "max_points")
