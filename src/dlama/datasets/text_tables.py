@@ -56,20 +56,27 @@ class Row:
             raise FileError(f"{self.at(index)}: '{self.words[index][:40]}' stands where a {kind} is expected")
         return value
 
+    def whole(self, index: int) -> int:
+        """The word as a whole number >= 0; raises FileError."""
+        word = self.words[index]
+        if not (word.isascii() and word.isdecimal()):
+            raise FileError(f"{self.at(index)}: '{word[:40]}' stands where a whole number >= 0 is expected")
+        return int(word)
+
     def numbers(self, what: str, count: int, *, finite: bool = True) -> list[float]:
         """All words as numbers; raises FileError unless there are `count`."""
         self.need(count, what)
         return [self.number(index, finite=finite) for index in range(count)]
 
 
-def read_rows(path: Path, *, commas: bool = False) -> list[Row]:
+def read_rows(path: Path, *, commas: bool = False, text: str | None = None) -> list[Row]:
     """The lines of a text file with content: no blank lines, none that begins with #. Raises FileError.
 
-    commas: these stand between words, too (CSV).
+    commas: these stand between words, too (CSV). text: what the file holds; None: it is read, as UTF-8.
     """
     file = existing_file(path)
     try:
-        text = file.read_text(encoding="utf-8-sig")
+        text = file.read_text(encoding="utf-8-sig") if text is None else text
     except UnicodeDecodeError as error:
         raise FileError(f"{file}: is no text (byte {error.start} is not UTF-8)") from error
     rows = []

@@ -7,7 +7,7 @@ With P the map of axes to OpenCV's (det P = -1: the handedness flips) R_cv = P R
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dlama.datasets.text_tables import Row, read_rows
 from dlama.errors import CameraError, FileError
 from dlama.files.fields import FileFields, json_fields
 from dlama.files.semantic_classes import unreal_text
@@ -89,23 +90,21 @@ def read_poses(path: Path) -> dict[int, Pose]:
     Raises FileError naming line and column: an unknown header, a value that is no finite number, an id given twice, a
     quaternion whose length is not 1, no pose at all.
     """
-    lines = unreal_text(path).splitlines()
-    header = tuple(cell.strip() for cell in lines[0].split(","))
-    if header not in (UNREAL_HEADER, METRIC_HEADER):
+    rows = read_rows(path, commas=True, text=unreal_text(path))
+    header = rows[0].words if rows else ()
+    read = {UNREAL_HEADER: _unreal_pose, METRIC_HEADER: _metric_pose}.get(header)
+    if read is None:
         raise FileError(
-            f"{path}:1:1: the header is '{lines[0][:80]}'; '{','.join(UNREAL_HEADER)}' (EasySynth 1.2 and later) or "
-            f"'{','.join(METRIC_HEADER)}' (1.0, 1.1) is expected"
+            f"{path}:1:1: the header is '{','.join(header)[:80]}'; '{','.join(UNREAL_HEADER)}' (EasySynth 1.2 and later) "
+            f"or '{','.join(METRIC_HEADER)}' (1.0, 1.1) is expected"
         )
-    read: Callable[[Path, _Row], Pose] = _unreal_pose if header == UNREAL_HEADER else _metric_pose
     poses: dict[int, Pose] = {}
-    for number, line in enumerate(lines[1:], 2):
-        if not line.strip():
-            continue
-        row = _Row(path, number, header, line)
-        identity = row.whole("id")
+    for row in rows[1:]:
+        row.need(len(header), ",".join(header))
+        identity = row.whole(0)
         if identity in poses:
-            raise row.error("id", f"is {identity} for the second time; every frame has one line")
-        poses[identity] = read(path, row)
+            raise FileError(f"{row.at(0)}: id is {identity} for the second time; every frame has one line")
+        poses[identity] = read(row)
     if not poses:
         raise FileError(f"{path}:2:1: there is no pose; a line per frame is expected")
     return poses
@@ -136,70 +135,37 @@ def unreal_pose(world_from_cam: Float64Array) -> tuple[Float64Array, Float64Arra
     return OPENCV_FROM_UNREAL.T @ world_from_cam[:3, 3] * CENTIMETRES, quaternion_from_rotation(rotation)
 
 
-class _Row:
-    """One line of a table; every complaint says where."""
-
-    def __init__(self, path: Path, number: int, header: tuple[str, ...], line: str, begins: int = 1) -> None:
-        cells = line.split(",")
-        if len(cells) != len(header):
-            raise FileError(
-                f"{path}:{number}:{begins + len(line)}: the line has {len(cells)} values; "
-                f"{len(header)} are expected ({','.join(header)})"
-            )
-        self._at, self._cells, self._columns = f"{path}:{number}", {}, {}
-        for name, cell in zip(header, cells):
-            self._cells[name] = cell.strip()
-            self._columns[name] = begins + len(cell) - len(cell.lstrip())
-            begins += len(cell) + 1
-
-    def error(self, name: str, complaint: str) -> FileError:
-        """The error that says where the value called `name` stands, and what is wrong with it."""
-        return FileError(f"{self._at}:{self._columns[name]}: {name} {complaint}")
-
-    def number(self, name: str) -> float:
-        """A finite number."""
-        try:
-            value = float(self._cells[name])
-        except ValueError:
-            raise self.error(name, f"is '{self._cells[name][:40]}'; a number is expected") from None
-        if not math.isfinite(value):
-            raise self.error(name, f"is '{self._cells[name][:40]}'; a finite number is expected")
-        return value
-
-    def numbers(self, *names: str) -> list[float]:
-        """Finite numbers."""
-        return [self.number(name) for name in names]
-
-    def whole(self, name: str) -> int:
-        """A whole number >= 0."""
-        text = self._cells[name]
-        if not (text.isascii() and text.isdecimal()):
-            raise self.error(name, f"is '{text[:40]}'; a whole number >= 0 is expected")
-        return int(text)
+def _unreal_pose(row: Row) -> Pose:
+    *translation, _ = _numbers(row, UNREAL_HEADER, "tx", "ty", "tz", "t")
+    return Pose(opencv_pose(translation, _quaternion(row, UNREAL_HEADER)), None)
 
 
-def _unreal_pose(path: Path, row: _Row) -> Pose:
-    translation = row.numbers("tx", "ty", "tz")
-    row.number("t")
-    return Pose(opencv_pose(translation, _quaternion(row)), None)
-
-
-def _metric_pose(path: Path, row: _Row) -> Pose:
+def _metric_pose(row: Row) -> Pose:
     pose = np.eye(4)
-    pose[:3, :3] = rotation_from_quaternion(_quaternion(row))
-    pose[:3, 3] = row.numbers("tx", "ty", "tz")
-    fx, fy, cx, cy = row.numbers("fx", "fy", "cx", "cy")
-    for name, value in (("fx", fx), ("fy", fy), ("cx", cx), ("cy", cy)):
+    pose[:3, :3] = rotation_from_quaternion(_quaternion(row, METRIC_HEADER))
+    pose[:3, 3] = _numbers(row, METRIC_HEADER, "tx", "ty", "tz")
+    names = ("fx", "fy", "cx", "cy")
+    lens = _numbers(row, METRIC_HEADER, *names)
+    for name, value in zip(names, lens):
         if value <= 0:
-            raise row.error(name, f"is {value:g}; a number of pixels > 0 is expected")
-    return Pose(pose, Sensor(fx, fy, cx, cy, 2 * cx, 2 * cy, path))  # cx, cy are written as half the picture
+            raise FileError(
+                f"{row.at(METRIC_HEADER.index(name))}: {name} is {value:g}; a number of pixels > 0 is expected"
+            )
+    fx, fy, cx, cy = lens
+    return Pose(pose, Sensor(fx, fy, cx, cy, 2 * cx, 2 * cy, row.path))  # cx, cy are written as half the picture
 
 
-def _quaternion(row: _Row) -> list[float]:
-    quaternion = row.numbers("qx", "qy", "qz", "qw")
+def _numbers(row: Row, header: tuple[str, ...], *names: str) -> list[float]:
+    """The values of these columns."""
+    return [row.number(header.index(name)) for name in names]
+
+
+def _quaternion(row: Row, header: tuple[str, ...]) -> list[float]:
+    quaternion = _numbers(row, header, "qx", "qy", "qz", "qw")
     length = math.hypot(*quaternion)
     if abs(length - 1) > QUATERNION_TOLERANCE:
-        raise row.error("qx", f"begins a quaternion of length {length:.6g}; length 1 is expected")
+        where = row.at(header.index("qx"))
+        raise FileError(f"{where}: qx begins a quaternion of length {length:.6g}; length 1 is expected")
     return quaternion
 
 
