@@ -13,7 +13,7 @@ from dlama.training.loop.run_files import prepare, write_settings
 
 def test_a_resumed_run_knows_what_it_was_started_from(tmp_path: Path) -> None:
     """Begun with --start and --trunk, it is resumed without them; other weights are refused as another run."""
-    begun = choose_settings("tiny", Path("a.ckpt"), Path("vgg16.pth"), steps=3)
+    begun = choose_settings("tiny", Path("a.ckpt"), Path("trunk.pth"), steps=3)
     write_settings(tmp_path, begun)
     assert choose_settings("tiny", None, None, tmp_path, steps=3) == begun
     prepare(tmp_path, choose_settings("tiny", None, None, tmp_path), resume=True)

@@ -65,7 +65,7 @@ def test_what_a_file_leaves_out_keeps_its_default():
         lambda: LossSettings(adversarial=-1.0),
         lambda: LossSettings(adversarial=-1),
         lambda: LossSettings(perceptual=float("nan")),
-        lambda: LossSettings(trunk="vgg16"),
+        lambda: LossSettings(trunk="resnet50-dilated"),
         lambda: LossSettings(trunk="random", trunk_weights="x.pth"),
         lambda: LoopSettings(batch=0),
         lambda: LoopSettings(precision="fp16"),

@@ -20,7 +20,7 @@ from dlama.nets.architecture import (
 )
 from dlama.training.kinds import PLANES, SAMPLES, Planes, PlanesKind
 
-TRUNKS = ("auto", "resnet50-dilated", "vgg16", "alexnet", "random", "lpips")
+TRUNKS = ("auto", "resnet50-dilated", "random", "lpips")
 """Names of the perceptual term's frozen network."""
 
 
@@ -130,9 +130,8 @@ class LossSettings:
     expected_error: float = 0.0
     """Of choice: negative logarithm of the likelihood (Laplace) of the result's errors under the expected ones."""
     trunk: str = "auto"
-    """Network of the perceptual term: resnet50-dilated, vgg16, alexnet, random (frozen random weights, no file); lpips (the
-    distance of the evaluation, from the file that ships, in place of equation 5); auto: found by the names of the tensors in
-    `trunk_weights`, random without a file."""
+    """Network of the perceptual term: resnet50-dilated, random (frozen random weights, no file); lpips (the distance of the
+    evaluation, from the file that ships, in place of equation 5); auto: resnet50-dilated with `trunk_weights`, else random."""
     trunk_weights: str | None = None
     """Its weight file: .safetensors or .pth."""
     trunk_width: int = 32

@@ -1,7 +1,7 @@
 """Pictures B x 3 x H x W in 0..1, output and truth, in -> the high receptive field perceptual loss (equation 5) out.
 
-The paper's weight (30) was found for the published trunk, whose batch norms keep activations near 1. Those of other trunks
-are up to a hundred times larger, and outweigh every other term; so their layers are scaled to mean square 1 on one picture.
+The paper's weight (30) was found for the published trunk, whose batch norms keep activations near 1. Those of the random trunk
+are far larger, and would outweigh every other term; so its layers are scaled to mean square 1 on one picture.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from dlama.errors import FileError
 from dlama.models.cache import user_path
 from dlama.training.losses.lpips import LpipsLoss
 from dlama.training.losses.pixels import widen_half
-from dlama.training.losses.trunks import IMAGENET_MEAN, IMAGENET_STD, LPIPS_TRUNKS, random_trunk, read_trunk
+from dlama.training.losses.trunks import IMAGENET_MEAN, IMAGENET_STD, random_trunk, read_trunk
 from dlama.training.settings import LossSettings
 
 
@@ -62,8 +62,6 @@ class PerceptualLoss(nn.Module):
     @property
     def note(self) -> str:
         """For the log and the model card."""
-        if self.name in LPIPS_TRUNKS:
-            return f"perceptual trunk {self.name}; LPIPS compares with that trunk too, so LPIPS flatters this network"
         if self.name == "random":
             return "perceptual trunk random: frozen, drawn from a fixed seed, never trained on pictures"
         return f"perceptual trunk {self.name}"
@@ -88,5 +86,4 @@ def perceptual_loss(settings: LossSettings) -> PerceptualLoss | LpipsLoss:
     path = user_path(settings.trunk_weights)
     if not path.is_file():
         raise FileError(f"{path}: no such file (loss.trunk_weights)")
-    name, trunk = read_trunk(settings.trunk, path)
-    return PerceptualLoss(trunk, name, scaled=name != "resnet50-dilated")
+    return PerceptualLoss(read_trunk(path), "resnet50-dilated")

@@ -1,8 +1,8 @@
-"""A name and a weight file in -> a frozen network whose activations compare pictures, out.
+"""A weight file, or none, in -> a frozen network whose activations compare pictures, out.
 
 `resnet50-dilated` has the structure and the tensor names of the encoder of CSAIL's ADE20K segmentation network (ResNet-50
-with a deep stem, its last two stages dilated instead of halved), which big-lama was trained with; `vgg16` and `alexnet`
-have torchvision's names. Loading is strict. `random` needs no file: its weights are drawn from a fixed seed.
+with a deep stem, its last two stages dilated instead of halved), which big-lama was trained with. Loading is strict.
+`random` needs no file: its weights are drawn from a fixed seed.
 """
 
 from __future__ import annotations
@@ -21,12 +21,6 @@ from dlama.errors import FileError, first_line
 IMAGENET_MEAN, IMAGENET_STD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
 STAGES = ((3, 64, 1, 1), (4, 128, 2, 1), (6, 256, 1, 2), (3, 512, 1, 4))
 """ResNet-50: blocks, width, stride, dilation of each stage; the first block of a dilated stage has half its dilation."""
-VGG16 = (64, 64, 0, 128, 128, 0, 256, 256, 256, 0, 512, 512, 512, 0, 512, 512, 512)
-VGG_TAPS, ALEX_TAPS = (3, 8, 15, 22, 29), (1, 4, 7, 9, 11)
-ALEXNET = ((3, 64, 11, 4, 2), (64, 192, 5, 1, 2), (192, 384, 3, 1, 1), (384, 256, 3, 1, 1), (256, 256, 3, 1, 1))
-POOLED = (0, 1)
-LPIPS_TRUNKS = ("alexnet", "vgg16")
-"""Those that the published LPIPS compares with: an LPIPS score of a network trained with one of them is flattered."""
 SEED = 20240301
 
 
@@ -97,25 +91,6 @@ class TappedChain(nn.Module):
         return found
 
 
-def vgg16() -> TappedChain:
-    """After the last ReLU of each of the five stages."""
-    layers: list[nn.Module] = []
-    before = 3
-    for width in VGG16:
-        layers += [nn.Conv2d(before, width, 3, padding=1), nn.ReLU()] if width else [nn.MaxPool2d(2, 2)]
-        before = width or before
-    return TappedChain(layers, VGG_TAPS)
-
-
-def alexnet() -> TappedChain:
-    """After each of the five ReLUs."""
-    layers: list[nn.Module] = []
-    for i, (before, after, kernel, stride, padding) in enumerate(ALEXNET):
-        layers += [nn.Conv2d(before, after, kernel, stride, padding), nn.ReLU()]
-        layers += [nn.MaxPool2d(3, 2)] if i in POOLED else []
-    return TappedChain(layers, ALEX_TAPS)
-
-
 def random_trunk(width: int) -> TappedChain:
     """Seven 3x3 convolutions, two of them halving, then dilated 1, 2, 4, 8: the last sees about 130 pixels.
 
@@ -133,33 +108,19 @@ def random_trunk(width: int) -> TappedChain:
     return TappedChain(layers, tuple(range(1, 2 * len(steps), 2)))
 
 
-TRUNKS = {"resnet50-dilated": DilatedResnet50, "vgg16": vgg16, "alexnet": alexnet}
-
-
-def read_trunk(kind: str, path: Path) -> tuple[str, nn.Module]:
-    """Name and network of the trunk in a weight file (.safetensors, .pth).
-
-    kind: one of TRUNKS, or auto: found by the names of the tensors. FileError names the tensors that differ.
-    """
-    state = dict(_trunk_tensors(_tensors(path)))
-    names = set(state)
-    found = (
-        "resnet50-dilated"
-        if "layer4.0.conv3.weight" in names
-        else "vgg16"
-        if "features.28.weight" in names
-        else "alexnet"
-    )
-    name = found if kind == "auto" else kind
-    trunk = TRUNKS[name]()
+def read_trunk(path: Path) -> DilatedResnet50:
+    """The trunk `resnet50-dilated` of a weight file (.safetensors, .pth). FileError names the tensors that differ."""
+    state, trunk = dict(_trunk_tensors(_tensors(path))), DilatedResnet50()
     expected = {key: tensor for key, tensor in trunk.state_dict().items() if not key.endswith("num_batches_tracked")}
     wrong = [key for key in {**expected, **state} if key not in expected or key not in state]
     wrong += [key for key in expected if key in state and state[key].shape != expected[key].shape]
     if wrong:
-        raise FileError(f"{path}: no trunk {name!r}: {len(wrong)} tensors are missing, not part of it or of another shape: "
-                        f"{', '.join(wrong[:3])}")  # fmt: skip
+        raise FileError(
+            f"{path}: no trunk 'resnet50-dilated': {len(wrong)} tensors are missing, not part of it or of another shape: "
+            f"{', '.join(wrong[:3])}"
+        )
     trunk.load_state_dict(state, strict=False)  # the counters alone are left, as checked above
-    return name, trunk
+    return trunk
 
 
 def _trunk_tensors(tensors: Mapping[str, Tensor]) -> Iterator[tuple[str, Tensor]]:

@@ -65,7 +65,7 @@ def train(
         max_minutes: Stop after so long, with a checkpoint and the network as it is then.
         resume: Continue the run in this directory, exactly as if it had never stopped.
         start: A LaMa checkpoint to start from; planes it lacks are added. Of choice: the ONNX file of a judge.
-        trunk: Weights of the perceptual trunk: dilated ResNet-50, VGG-16 or AlexNet (.safetensors, .pth).
+        trunk: Weights of the perceptual trunk, the dilated ResNet-50 of ADE20K (.safetensors, .pth).
         steps: Batches until the end.
         batch: Samples of a batch, on each device.
         precision: bf16 is faster on GPUs, and on CPUs that have it (lscpu says avx512_bf16 or amx_bf16).
