@@ -22,6 +22,7 @@ from dlama.files.scenes import scene_npz as scenes
 from dlama.geometry.figures.false_color import CHOICE_PALETTE, HOLE_PALETTE, ORIGIN_PALETTE
 from dlama.geometry.rgbd import BoolArray, UInt8Array
 from dlama.geometry.view import View
+from dlama.models.network_file import make_room
 from dlama.progress import Progress, begin_stage, take_progress
 
 Writer = Callable[[], Any]
@@ -95,6 +96,7 @@ def write(
         **describe_completion(completion, intrinsics_from),
         "inputs": hash_inputs(inputs or {}, input_addresses or {}),
     }
+    make_room(main_view(completion).hole.size)
     with new_directory(target) as folder:
         writers = scene_writers(folder, completion)  # the longest first, so that both threads end together
         for place, view in views_by_folder(completion).items():
