@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from dlama.arguments import check_arguments
@@ -21,6 +22,8 @@ from dlama.inpainters.filling import Inpainter
 
 KEYS, CAMERAS_PER_KEY = 9, 5
 """Cameras of a path, evenly, for which the scene is filled before any view is made: so many at most, one in so many."""
+SLIVERS = 2e-3
+"""Share of a view up to which AUTO fills what is left open by Telea: little is left between the cameras that were filled first."""
 KEPT = 2e-4
 """Share of a view: what is left open and more than this becomes part of the scene, too."""
 
@@ -49,17 +52,19 @@ def render_path(
     if not cameras:
         raise InputError("cameras is empty; a path of one camera or more is expected")
     inpainter = find_filler(choose_filler(scene, filler, model).filler, model)
-    return _views(scene, list(cameras), inpainter, seed)
+    return _views(scene, list(cameras), inpainter, find_filler("telea") if filler == AUTO else inpainter, seed)
 
 
-def _views(scene: Scene, cameras: list[Camera], filler: Inpainter, seed: int) -> Iterator[View]:
+def _views(scene: Scene, cameras: list[Camera], filler: Inpainter, of_slivers: Inpainter, seed: int) -> Iterator[View]:
     keys = min(KEYS, max(2, len(cameras) // CAMERAS_PER_KEY))
     places = sorted({round(number * (len(cameras) - 1) / (keys - 1)) for number in range(keys)})
     whole = complete(scene, [cameras[place] for place in places], filler=filler, seed=seed).scene
     plan, _, _ = plan_for(whole, Options(filler=filler, seed=seed))
     for camera in cameras:
         open_view = render(whole, camera)
-        view, _ = fill(with_edge_law(plan, whole, camera), open_view)
-        if float(open_view.hole.mean()) > KEPT:
+        share = float(open_view.hole.mean())
+        chosen = replace(plan, inpainter=of_slivers) if share <= SLIVERS else plan
+        view, _ = fill(with_edge_law(chosen, whole, camera), open_view)
+        if share > KEPT:
             whole = fuse(whole, view, known=~open_view.hole)
         yield view
