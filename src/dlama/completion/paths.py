@@ -23,7 +23,7 @@ from dlama.inpainters.filling import Inpainter
 KEYS, CAMERAS_PER_KEY = 9, 5
 """Cameras of a path, evenly, for which the scene is filled before any view is made: so many at most, one in so many."""
 SLIVERS = 2e-3
-"""Share of a view up to which AUTO fills what is left open by Telea: little is left between the cameras that were filled first."""
+"""Share of a view up to which AUTO fills what is still open by Telea: between cameras that were filled first little is."""
 KEPT = 2e-4
 """Share of a view: what is left open and more than this becomes part of the scene, too."""
 
