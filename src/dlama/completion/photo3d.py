@@ -23,6 +23,7 @@ from dlama.geometry.fusion import add_layer
 from dlama.geometry.holes import box_around, morphological_open, square
 from dlama.geometry.layers.edge_layers import continue_under_edges
 from dlama.geometry.layers.head_box import HeadBox
+from dlama.geometry.layers.soft_edges import separate_colors
 from dlama.geometry.layers.subsampling import step_for, subsample_scene
 from dlama.geometry.projection import px_from_px
 from dlama.geometry.rendering import render
@@ -107,6 +108,8 @@ def photo3d(
     for number in frame_steps(plan, small, [middle]):
         found, small = complete_step(plan, small, number, clock)
         steps.append(found)
+    with clock("edges"):
+        small = dataclasses.replace(small, frames=tuple(separate_colors(frame.read()) for frame in small.frames))
     with clock("look"):
         grid_box = dataclasses.replace(box, camera=middle)
         unknown = Unknown.of(small, grid_box)
@@ -123,8 +126,8 @@ def photo3d(
             unknown.look(added)
         begin_stage(f"filled for camera {len(seen)}, {unknown.share:.2%} still unknown")
     with clock("edges"):
-        small = add_edge_layers(small, [middle, grid_box.wide()])
-    scene = small if step == 1 else add_fills(start, small, small.fills[given:], step)
+        small = add_edge_layers(small, grid_box)
+    scene = add_fills(start, small, small.fills[given:], step)
     meta = about_depth(rgbd, start) | collect_meta(plan, source, steps, clock)
     return Photo3D(scene, box, meta | {"photo3d": describe_box(box, seen, step, unknown)})
 
@@ -194,11 +197,11 @@ def find_covered(grid: Grid, camera: Camera) -> BoolArray:
     return canvas.depth > 0
 
 
-def add_edge_layers(scene: Scene, cameras: list[Camera]) -> Scene:
-    """The scene with what it shows of each camera continued under its depth edges."""
-    for camera in cameras:
-        seen = render(scene, camera, types=False)
-        scene = add_layer(scene, *continue_under_edges(seen, max(2, round(UNDER_EDGES * camera.width))))
+def add_edge_layers(scene: Scene, box: HeadBox) -> Scene:
+    """The scene with what it shows of the source camera, and of the one that sees most, continued under its depth edges."""
+    for camera in (box.camera, box.wide()):
+        seen, reach = render(scene, camera, types=False), max(2, round(UNDER_EDGES * camera.width))
+        scene = add_layer(scene, *continue_under_edges(seen, reach, box.step_that_shows(camera)))
     return scene
 
 

@@ -1,4 +1,4 @@
-// A GLB of ours (one textured mesh with _ORIGIN and _CONFIDENCE) in; its picture on a canvas, turned by the pointer, out.
+// A GLB of ours (a mesh of textured parts with _ORIGIN and _CONFIDENCE, soft ones last) in; its picture on a canvas, turned by the pointer, out.
 const VERTEX = `#version 300 es
 in vec3 position; in vec2 uv; in float origin; in float confidence;
 uniform mat4 clip; out vec2 at; flat out int code; out float sure;
@@ -8,11 +8,12 @@ precision highp float;
 in vec2 at; flat in int code; in float sure; out vec4 color;
 uniform sampler2D picture; uniform int mode; uniform vec3 palette[8];
 void main() {
-  vec3 seen = texture(picture, at).rgb;
+  vec4 texel = texture(picture, at);
+  vec3 seen = texel.rgb;
   float light = 0.35 + 0.65 * dot(seen, vec3(0.299, 0.587, 0.114));
   if (mode == 1) seen = palette[clamp(code, 0, 7)] * light;
   if (mode == 2) seen = mix(vec3(0.83, 0.22, 0.10), mix(vec3(0.98, 0.85, 0.35), vec3(0.16, 0.55, 0.80), clamp(2.0 * sure - 1.0, 0.0, 1.0)), clamp(2.0 * sure, 0.0, 1.0)) * light;
-  color = vec4(seen, 1.0);
+  color = vec4(seen, texel.a);
 }`;
 
 export async function readGlb(blob) {
@@ -20,20 +21,24 @@ export async function readGlb(blob) {
   if (head.getUint32(0, true) !== 0x46546c67) throw new Error("no GLB");
   const length = head.getUint32(12, true);
   const json = JSON.parse(new TextDecoder().decode(new Uint8Array(data, 20, length)));
-  const start = 20 + length + 8, primitive = json.meshes?.[0]?.primitives?.[0];
-  if (!primitive) return null;
+  const start = 20 + length + 8, primitives = json.meshes?.[0]?.primitives;
+  if (!primitives) return null;
   const taken = (number) => {
     const accessor = json.accessors[number], view = json.bufferViews[accessor.bufferView];
     return { accessor, offset: start + (view.byteOffset ?? 0) + (accessor.byteOffset ?? 0), length: view.byteLength, stride: view.byteStride ?? 0 };
   };
-  const image = json.images && json.bufferViews[json.images[0].bufferView];
-  const texture = image && await createImageBitmap(new Blob([new Uint8Array(data, start + (image.byteOffset ?? 0), image.byteLength)], { type: json.images[0].mimeType }));
-  const attributes = {};
-  for (const [name, key] of [["POSITION", "position"], ["TEXCOORD_0", "uv"], ["_ORIGIN", "origin"], ["_CONFIDENCE", "confidence"]]) {
-    if (primitive.attributes[name] !== undefined) attributes[key] = taken(primitive.attributes[name]);
-  }
-  const indices = primitive.indices === undefined ? null : taken(primitive.indices);
-  return { data, attributes, indices, texture, middle: json.nodes[0].translation ?? [0, 0, 0], count: attributes.position.accessor.count };
+  const parts = await Promise.all(primitives.map(async (primitive) => {
+    const material = json.materials?.[primitive.material], number = material?.pbrMetallicRoughness.baseColorTexture?.index;
+    const image = number !== undefined && json.images[json.textures[number].source], view = image && json.bufferViews[image.bufferView];
+    const texture = image && await createImageBitmap(new Blob([new Uint8Array(data, start + (view.byteOffset ?? 0), view.byteLength)], { type: image.mimeType }), { premultiplyAlpha: "none" });
+    const attributes = {};
+    for (const [name, key] of [["POSITION", "position"], ["TEXCOORD_0", "uv"], ["_ORIGIN", "origin"], ["_CONFIDENCE", "confidence"]]) {
+      if (primitive.attributes[name] !== undefined) attributes[key] = taken(primitive.attributes[name]);
+    }
+    const indices = primitive.indices === undefined ? null : taken(primitive.indices);
+    return { attributes, indices, texture, soft: material?.alphaMode === "BLEND", count: (indices ?? attributes.position).accessor.count };
+  }));
+  return { data, parts, middle: json.nodes[0].translation ?? [0, 0, 0] };
 }
 
 const SIZES = { SCALAR: 1, VEC2: 2, VEC3: 3, VEC4: 4 };
@@ -70,37 +75,40 @@ export class SceneView {
     new ResizeObserver(() => this.draw()).observe(canvas);
   }
 
-  get ready() { return Boolean(this.gl && this.count); }
+  get ready() { return Boolean(this.gl && this.parts?.length); }
 
   // start: { world_from_cam (4 x 4, rows), pivot (m), fovy (degrees) } in OpenCV axes; palette: rows of RGB 0..255.
   show(glb, start, palette) {
     this.start = start;
-    this.count = 0;
+    this.parts = [];
     if (!glb) return;
     const gl = this.gl ??= this.begin();
     if (!gl) throw new Error("this browser shows no 3-D (WebGL 2 is off); scene.glb in the zip opens in other viewers");
     if (palette.length) gl.uniform3fv(gl.getUniformLocation(this.program, "palette"), palette.flat().map((v) => v / 255));
-    gl.bindVertexArray(this.vertices = gl.createVertexArray());
-    for (const name of ["position", "uv", "origin", "confidence"]) {
-      const place = gl.getAttribLocation(this.program, name), found = glb.attributes[name];
-      if (!found || place < 0) continue;
-      const { accessor, offset, length, stride } = found;
+    this.parts = glb.parts.map((part) => this.load(glb.data, part));
+    this.middle = glb.middle;
+    this.home();
+  }
+
+  load(data, { attributes, indices, texture, soft, count }) {
+    const gl = this.gl, vertices = gl.createVertexArray(), picture = gl.createTexture();
+    gl.bindVertexArray(vertices);
+    for (const [name, { accessor, offset, length, stride }] of Object.entries(attributes)) {
+      const place = gl.getAttribLocation(this.program, name);
+      if (place < 0) continue;
       gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
-      gl.bufferData(gl.ARRAY_BUFFER, new Uint8Array(glb.data, offset, length), gl.STATIC_DRAW);
+      gl.bufferData(gl.ARRAY_BUFFER, new Uint8Array(data, offset, length), gl.STATIC_DRAW);
       gl.enableVertexAttribArray(place);
       gl.vertexAttribPointer(place, SIZES[accessor.type], accessor.componentType, Boolean(accessor.normalized), stride, 0);
     }
-    this.points = !glb.indices;
-    this.count = glb.indices ? glb.indices.accessor.count : glb.count;
-    if (glb.indices) {
+    if (indices) {
       gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
-      gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, new Uint8Array(glb.data, glb.indices.offset, glb.indices.length), gl.STATIC_DRAW);
+      gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, new Uint8Array(data, indices.offset, indices.length), gl.STATIC_DRAW);
     }
-    gl.bindTexture(gl.TEXTURE_2D, gl.createTexture());
-    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA, gl.RGBA, gl.UNSIGNED_BYTE, glb.texture);
+    gl.bindTexture(gl.TEXTURE_2D, picture);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA, gl.RGBA, gl.UNSIGNED_BYTE, texture);
     for (const [name, value] of [[gl.TEXTURE_MIN_FILTER, gl.LINEAR], [gl.TEXTURE_WRAP_S, gl.CLAMP_TO_EDGE], [gl.TEXTURE_WRAP_T, gl.CLAMP_TO_EDGE]]) gl.texParameteri(gl.TEXTURE_2D, name, value);
-    this.middle = glb.middle;
-    this.home();
+    return { vertices, picture, points: !indices, soft, count };
   }
 
   begin() {
@@ -117,6 +125,8 @@ export class SceneView {
     gl.linkProgram(program);
     gl.useProgram(program);
     gl.enable(gl.DEPTH_TEST);
+    gl.depthFunc(gl.LEQUAL);
+    gl.blendFuncSeparate(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA, gl.ONE, gl.ONE);
     return gl;
   }
 
@@ -186,7 +196,13 @@ export class SceneView {
     const lens = new Float32Array([focal * wide / aspect, 0, 0, 0, 0, focal * wide, 0, 0, 0, 0, (far + near) / (near - far), -1, 0, 0, 2 * far * near / (near - far), 0]);
     gl.uniformMatrix4fv(gl.getUniformLocation(this.program, "clip"), false, times(lens, look));
     gl.uniform1i(gl.getUniformLocation(this.program, "mode"), this.mode);
-    if (this.points) gl.drawArrays(gl.POINTS, 0, this.count);
-    else gl.drawElements(gl.TRIANGLES, this.count, gl.UNSIGNED_INT, 0);
+    for (const { vertices, picture, points, soft, count } of this.parts) {
+      gl.bindVertexArray(vertices);
+      gl.bindTexture(gl.TEXTURE_2D, picture);
+      soft ? gl.enable(gl.BLEND) : gl.disable(gl.BLEND);
+      gl.depthMask(!soft);
+      points ? gl.drawArrays(gl.POINTS, 0, count) : gl.drawElements(gl.TRIANGLES, count, gl.UNSIGNED_INT, 0);
+    }
+    gl.depthMask(true);
   }
 }

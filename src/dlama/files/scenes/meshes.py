@@ -97,15 +97,27 @@ def mesh_document(mesh: Mesh, colors: bool = True) -> tuple[GLTF2, Blob]:
         return document, blob
     vertices = mesh.vertices * GLTF_FROM_OPENCV
     middle = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
+    document.extensionsUsed = ["KHR_materials_unlit"]
+    document.meshes = [GltfMesh(primitives=[])]
+    document.nodes = [Node(name="scene", mesh=0, translation=middle.tolist())]
+    document.scenes[0].nodes = [0]
+    primitive = add_primitive(document, blob, mesh)
+    if colors:
+        color = linear_light(mesh.color)
+        primitive.attributes.COLOR_0 = blob.add(color, "VEC4", UNSIGNED_SHORT, ARRAY_BUFFER, normalized=True)
+    blob.close()
+    return document, blob
+
+
+def add_primitive(document: GLTF2, blob: Blob, mesh: Mesh) -> Primitive:
+    """A mesh, with an unlit material of its own, added to the document's mesh."""
+    vertices = mesh.vertices * GLTF_FROM_OPENCV - document.nodes[0].translation
     attributes = Attributes(
-        POSITION=blob.add((vertices - middle).astype("<f4"), "VEC3", FLOAT, ARRAY_BUFFER),
+        POSITION=blob.add(vertices.astype("<f4"), "VEC3", FLOAT, ARRAY_BUFFER),
         _ORIGIN=blob.add(mesh.origin, "SCALAR", UNSIGNED_BYTE, ARRAY_BUFFER),
         _CONFIDENCE=blob.add(mesh.confidence.astype("<f4"), "SCALAR", FLOAT, ARRAY_BUFFER),
     )
-    if colors:
-        color = linear_light(mesh.color)
-        attributes.COLOR_0 = blob.add(color, "VEC4", UNSIGNED_SHORT, ARRAY_BUFFER, normalized=True)
-    primitive = Primitive(attributes=attributes, material=0, mode=POINTS)
+    primitive = Primitive(attributes=attributes, material=len(document.materials), mode=POINTS)
     if len(mesh.triangles):
         # ours run clockwise as seen, glTF's fronts counter-clockwise
         corners = mesh.triangles[:, ::-1].astype("<u4")
@@ -113,10 +125,8 @@ def mesh_document(mesh: Mesh, colors: bool = True) -> tuple[GLTF2, Blob]:
         primitive.mode = TRIANGLES
     unlit: dict[str, dict[str, object]] = {"KHR_materials_unlit": {}}
     surface = PbrMetallicRoughness(baseColorFactor=[1, 1, 1, 1], metallicFactor=0, roughnessFactor=1)
-    document.materials = [Material(pbrMetallicRoughness=surface, doubleSided=True, extensions=unlit, alphaCutoff=None)]
-    document.extensionsUsed = ["KHR_materials_unlit"]
-    document.meshes = [GltfMesh(primitives=[primitive])]
-    document.nodes = [Node(name="scene", mesh=0, translation=middle.tolist())]
-    document.scenes[0].nodes = [0]
-    blob.close()
-    return document, blob
+    document.materials.append(
+        Material(pbrMetallicRoughness=surface, doubleSided=True, extensions=unlit, alphaCutoff=None)
+    )
+    document.meshes[0].primitives.append(primitive)
+    return primitive

@@ -16,7 +16,8 @@ from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.drawing.layers import mesh_grid
 from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
 from dlama.geometry.layers.head_box import HeadBox
-from dlama.geometry.layers.layered_mesh import depth_of_sphere, sky_distance
+from dlama.geometry.layers.layered_mesh import sky_distance
+from dlama.geometry.layers.source_sheets import depth_of_sphere
 from dlama.geometry.layers.subsampling import subsample
 from dlama.geometry.projection import rays
 from dlama.geometry.rgbd import BoolArray

@@ -14,8 +14,8 @@ import numpy as np
 from PIL import Image as Pillow
 
 from dlama.files.atomic_write import PathLike, new_file
-from dlama.files.scenes.gltf import BufferView, Image, Sampler, Texture, TextureInfo
-from dlama.files.scenes.meshes import ARRAY_BUFFER, FLOAT, mesh_document
+from dlama.files.scenes.gltf import GLTF2, BufferView, Image, Sampler, Texture, TextureInfo
+from dlama.files.scenes.meshes import ARRAY_BUFFER, FLOAT, Blob, add_primitive, mesh_document
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.holes import fill_with_nearest
 from dlama.geometry.layers.decimation import bounding_box, decimate
@@ -45,25 +45,41 @@ def write_textured_glb(path: PathLike, scene: Scene, objects: bool = False) -> N
 
 
 def textured_glb(parts: Sequence[MeshPart], quality: int = JPEG_QUALITY) -> list[bytes]:
-    """A GLB file, in pieces, of meshes with their pictures, as one mesh with one texture, a JPEG of that quality (0..100)."""
-    document, blob = mesh_document(join_meshes([part.mesh for part in parts]), colors=False)
-    if document.meshes:
-        texture, places = pack_textures(parts)
-        pixels = np.concatenate([part.pixels + place for part, place in zip(parts, places)])
-        uv = pixels / (texture.shape[1], texture.shape[0])  # glTF's v runs down, too
-        attributes = document.meshes[0].primitives[0].attributes
-        attributes.TEXCOORD_0 = blob.add(uv.astype("<f4"), "VEC2", FLOAT, ARRAY_BUFFER)
-        stream = io.BytesIO()
-        Pillow.fromarray(texture).save(stream, "JPEG", quality=quality, subsampling=0 if quality >= JPEG_QUALITY else 2)
-        jpeg = stream.getvalue()
-        document.bufferViews.append(BufferView(buffer=0, byteOffset=len(blob.bytes), byteLength=len(jpeg)))
-        blob.bytes += jpeg + bytes(-len(jpeg) % 4)
-        document.images = [Image(bufferView=len(document.bufferViews) - 1, mimeType="image/jpeg")]
-        document.samplers = [Sampler(magFilter=LINEAR, minFilter=LINEAR, wrapS=CLAMP_TO_EDGE, wrapT=CLAMP_TO_EDGE)]
-        document.textures = [Texture(source=0, sampler=0)]
-        document.materials[0].pbrMetallicRoughness.baseColorTexture = TextureInfo(index=0)
-        blob.close()
+    """A GLB file, in pieces, of meshes with their pictures: one mesh with one texture, a JPEG of that quality (0..100), and one
+    more for each part whose picture has alpha, a PNG."""
+    opaque = [part for part in parts if not part.soft]
+    document, blob = mesh_document(join_meshes([part.mesh for part in opaque]), colors=False)
+    if not document.meshes:
+        return document.glb(blob.bytes)
+    texture, places = pack_textures(opaque)
+    pixels = np.concatenate([part.pixels + place for part, place in zip(opaque, places)])
+    document.samplers = [Sampler(magFilter=LINEAR, minFilter=LINEAR, wrapS=CLAMP_TO_EDGE, wrapT=CLAMP_TO_EDGE)]
+    options = {"quality": quality, "subsampling": 0 if quality >= JPEG_QUALITY else 2}
+    add_texture(document, blob, texture, pixels, "JPEG", **options)
+    for part in parts:
+        if part.soft and len(part.mesh.triangles):
+            add_primitive(document, blob, part.mesh)
+            document.materials[-1].alphaMode = "BLEND"
+            add_texture(document, blob, part.picture, part.pixels, "PNG")
+    blob.close()
     return document.glb(blob.bytes)
+
+
+def add_texture(
+    document: GLTF2, blob: Blob, picture: UInt8Array, pixels: Float64Array, kind: str, **options: int
+) -> None:
+    """A picture in a file of that kind becomes the texture of the document's last primitive; pixels: N x 2, x and y in it."""
+    uv = pixels / (picture.shape[1], picture.shape[0])  # glTF's v runs down, too
+    attributes = document.meshes[0].primitives[-1].attributes
+    attributes.TEXCOORD_0 = blob.add(uv.astype("<f4"), "VEC2", FLOAT, ARRAY_BUFFER)
+    stream = io.BytesIO()
+    Pillow.fromarray(picture).save(stream, kind, **options)
+    file = stream.getvalue()
+    document.bufferViews.append(BufferView(buffer=0, byteOffset=len(blob.bytes), byteLength=len(file)))
+    blob.bytes += file + bytes(-len(file) % 4)
+    document.images.append(Image(bufferView=len(document.bufferViews) - 1, mimeType=f"image/{kind.lower()}"))
+    document.textures.append(Texture(source=len(document.images) - 1, sampler=0))
+    document.materials[-1].pbrMetallicRoughness.baseColorTexture = TextureInfo(index=len(document.textures) - 1)
 
 
 def pack_textures(parts: Sequence[MeshPart]) -> tuple[UInt8Array, list[Float64Array]]:

@@ -61,26 +61,26 @@ def find_flying_pixels(view: View) -> BoolArray:
     return remove_flying_pixels(view)[1]
 
 
-def remove_flying_pixels(layer: View) -> tuple[Float32Array, BoolArray, Float32Array]:
+def remove_flying_pixels(layer: View, step: float = 0.0) -> tuple[Float32Array, BoolArray, Float32Array]:
     """Depth without holes and flying pixels (0), its edges aligned with the picture; the flying pixels; and inverse depth with
-    a margin, for `depth_edges`."""
+    a margin, for `depth_edges`. step: in inverse depth (1/m), up to which neighbours are one surface at least."""
     placed, mixed, _ = align_edges(layer)
     unknown = layer.hole | mixed
     w = edges.inverse_with_margin(placed, unknown)
     depth, fly = np.empty_like(placed), np.empty_like(layer.hole)
     ratio = edge_ratio(layer.camera)
-    least = step_by_noise(w, ratio)
+    least = max(step, step_by_noise(w, ratio))
     in_bands(edges.reject_flying, len(depth), w, placed, unknown, ratio, least, depth, fly)
     fly |= mixed
     w[edges.PAD : -edges.PAD, edges.PAD : -edges.PAD][fly] = 0
     return depth, fly, w
 
 
-def join_neighbours(w: Float32Array, camera: Camera) -> UInt8Array:
-    """H x W bits RIGHT (1), DOWN (2): is a pixel joined to its right, its lower neighbour? w: as of `remove_flying_pixels`."""
+def join_neighbours(w: Float32Array, camera: Camera, step: float = 0.0) -> UInt8Array:
+    """H x W bits RIGHT (1), DOWN (2): is a pixel joined to its right, its lower one? w, step: as of `remove_flying_pixels`."""
     joined = np.empty(camera.hw, np.uint8)
     ratio = edge_ratio(camera)
-    in_bands(edges.join, len(joined), w, ratio, step_by_noise(w, ratio), joined)
+    in_bands(edges.join, len(joined), w, ratio, max(step, step_by_noise(w, ratio)), joined)
     return joined
 
 
@@ -195,10 +195,10 @@ class Grid:
         return self.joined if self.joined is not None else mesh_grid(self.layer)[1]
 
 
-def mesh_grid(layer: View) -> tuple[Float32Array, UInt8Array]:
-    """Depth without flying pixels, and which neighbours are joined into one surface."""
-    depth, _, w = remove_flying_pixels(layer)
-    return depth, join_neighbours(w, layer.camera)
+def mesh_grid(layer: View, step: float = 0.0) -> tuple[Float32Array, UInt8Array]:
+    """Depth without flying pixels, and which neighbours are joined into one surface (`step`: as of `remove_flying_pixels`)."""
+    depth, _, w = remove_flying_pixels(layer, step)
+    return depth, join_neighbours(w, layer.camera, step)
 
 
 def draw(grid: Grid, camera: Camera, canvas: Canvas) -> Canvas:

@@ -39,7 +39,9 @@ class DecimatedMesh(NamedTuple):
     """H x W: the pixels of the layer that are shown."""
 
 
-def decimate(layer: View, share: float | None = None) -> DecimatedMesh:
+def decimate(
+    layer: View, share: float | None = None, grid: tuple[Float32Array, UInt8Array] | None = None
+) -> DecimatedMesh:
     """The surface of a layer, with large triangles where it is flat.
 
     Vertices are pixels of the layer, at their own place in space. The loss: at each pixel that a triangle covers its depth
@@ -47,10 +49,10 @@ def decimate(layer: View, share: float | None = None) -> DecimatedMesh:
     given), and the place in the picture that its texture shows by half a pixel at most. Confidence is linear between vertices.
     Outlines are kept: no triangle covers pixels at both sides of a depth edge, nor pixels of two origins unless it is as small as
     a pixel. Pixels that have no triangle in the grid, as those of a wire one pixel wide, become squares of their own size. Flying
-    pixels, which rendering leaves out, and far ones have none.
+    pixels, which rendering leaves out, and far ones have none. grid: the layer's `mesh_grid`, where it is another than that.
     """
     layer = layer.read()
-    depth, joined = mesh_grid(layer)
+    depth, joined = grid or mesh_grid(layer)
     surface = (depth > 0) & (depth < np.inf)
     box = bounding_box(surface)
     depth, joined, origin = np.where(surface[box], depth[box], np.float32(0)), joined[box], layer.origin[box]

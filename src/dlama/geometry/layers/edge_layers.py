@@ -22,11 +22,12 @@ CONFIDENCE = np.float32(0.2)
 STEPS = ((0, 1), (0, -1), (1, 0), (-1, 0))
 
 
-def continue_under_edges(view: View, reach: int) -> tuple[View, BoolArray]:
+def continue_under_edges(view: View, reach: int, least: float = 0.0) -> tuple[View, BoolArray]:
     """The view with the surfaces behind its depth edges continued by `reach` px under the nearer ones, at the depth and in the
     colour of their last pixels; and H x W, True at these pixels, which are FILLED. Holes take the nearest pixel's depth before.
+    least: step in inverse depth (1/m) up to which neighbours are one surface.
     """
-    depth, joined = mesh_grid(view)
+    depth, joined = mesh_grid(view, least)
     depth = np.where(view.far, np.float32(np.inf), depth)
     if not (depth > 0).any():
         return view, np.zeros(depth.shape, bool)

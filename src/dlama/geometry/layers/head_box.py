@@ -25,6 +25,8 @@ FORWARD = 0.5
 """The default reach forward and back, in that to the side."""
 WIDEST = 0.2
 """Share of its size by which the picture of the wide camera grows at each side, at most."""
+SMALL_PARALLAX = 0.5
+"""px by which surfaces that are drawn as one move apart at most."""
 SIDES = (-1.0, 0.0, 1.0)
 
 
@@ -85,6 +87,11 @@ class HeadBox:
         depth = SIDES if self.distance > 0 else (0.0,)
         places = [place for place in itertools.product(SIDES, SIDES, depth) if any(place)]
         return [self.at(*place) for place in places] if self.angle > 0 or self.distance > 0 else []
+
+    def step_that_shows(self, camera: Camera) -> float:
+        """Step in inverse depth (1/m) that moves two surfaces apart by SMALL_PARALLAX px of a camera's picture from the middle of
+        the box to its side."""
+        return SMALL_PARALLAX / max(camera.fx * self.pivot * math.tan(math.radians(self.angle)), 1e-9)
 
     def wide(self) -> Camera:
         """The camera at the back of the box with a picture so much larger that it holds what the others see at its pivot."""

@@ -8,70 +8,93 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import NamedTuple
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import cache
 
 import numpy as np
 
-from dlama.geometry.camera import Camera, Float64Array
+from dlama.geometry.camera import Camera
+from dlama.geometry.drawing.layers import mesh_grid
 from dlama.geometry.layers.decimation import decimate
 from dlama.geometry.layers.head_box import HeadBox
+from dlama.geometry.layers.source_sheets import (
+    MeshPart,
+    Sheet,
+    cut_source,
+    depth_of_sphere,
+    move_back,
+    pixels_of_grid,
+    place_sky,
+)
 from dlama.geometry.layers.subsampling import step_for, subsample
-from dlama.geometry.mesh import Mesh
-from dlama.geometry.projection import project_to_pixels, rays
-from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
-from dlama.geometry.scene import Scene
+from dlama.geometry.projection import project_to_pixels
+from dlama.geometry.rgbd import Float32Array
+from dlama.geometry.scene import Scene, contribution
 from dlama.geometry.view import View
 
-TOLERANCES = (0.002, 0.005, 0.01, 0.02)
-"""Shares of the depth by which it may be off, from which the first is taken that gives few enough triangles."""
+TOLERANCES, LEAST_SHARE, LARGEST_SHARE = (0.1, 0.25, 0.5, 1.0), 0.002, 0.05
+"""px of the grid by which depth that is off may move a pixel to the side of the box, from which the first is taken that gives few
+enough triangles; the least and the largest share of the depth that this may be."""
+SOURCE_SHARE = 0.5
+"""Of the triangles."""
 GRID_PIXELS = 600_000
 """Vertices are pixels of layers that are subsampled to so many; colours are not."""
-BEHIND, BEHIND_EACH = 0.004, 0.0004
-"""Share of the distance by which fills lie behind what they join, and each further one behind those before it."""
+BEHIND = 0.002
+"""Share of the distance by which fills lie behind what they join, and by a quarter of what their depth may be off each behind
+the one before it, lest the two show in turn."""
 IN_FRONT = 0.95
-"""Share of the measured depth; what is nearer than that hides it."""
+"""Share of the measured depth; what is nearer than that is another surface, which hides it."""
 SKY, SKY_QUANTILE = 4.0, 0.98
 """Distance of the sky, in that quantile of the depth of the frames."""
-
-
-class MeshPart(NamedTuple):
-    """The surface of one layer and the picture on it."""
-
-    mesh: Mesh
-    pixels: Float64Array
-    """N x 2: x and y (px; the first pixel's centre is at 0.5) of each vertex in the picture."""
-    picture: UInt8Array
-    """H x W x 3."""
-    shown: BoolArray | None
-    """H x W: the pixels that are shown; None: the whole picture."""
 
 
 def mesh_layers(scene: Scene, box: HeadBox, most_triangles: int) -> list[MeshPart]:
     """The layers of a scene, those of the box's camera first, with about `most_triangles` in all, at most.
 
-    Where the largest of TOLERANCES does not do, vertices are pixels of smaller layers.
+    The source takes SOURCE_SHARE of them. Where the largest of TOLERANCES does not do, vertices are fewer pixels. The last part
+    is what is soft of the source, its picture with alpha.
     """
     distance = sky_distance(scene, box)
-    layers = sorted(scene.layers, key=lambda layer: not layer.camera.same_view_as(box.camera))
-    source = layers[0].read()
+    first, *others = sorted(scene.layers, key=lambda layer: not layer.camera.same_view_as(box.camera))
+    source = first.read()
     home = np.where(source.far, depth_of_sphere(box.camera, box.camera, distance), source.depth)
     step = step_for(Scene((source,)), GRID_PIXELS)
+    parallax = source.camera.fx / step * math.tan(math.radians(box.angle))
+    shares = [min(max(px / max(parallax, 1e-9), LEAST_SHARE), LARGEST_SHARE) for px in TOLERANCES]
+
+    @cache
+    def sheets(step: int) -> list[Sheet]:
+        return cut_source(source, box, step, distance)
+
+    def fills(step: int, share: float) -> Iterator[MeshPart]:
+        for number, layer in enumerate(others, 1):
+            own = max(1, round(step * layer.camera.fx / source.camera.fx))
+            if min(layer.camera.hw) >= 2 * own:
+                part = mesh_part(layer.read(), own, box, distance, share)
+                behind = BEHIND + (1 + number / 4) * share
+                yield move_back(drop_in_front(part, box.camera, home), box.camera, behind)
+
+    own = fit_triangles(
+        lambda n, share: (sheet.mesh(share) for sheet in sheets(n)), step, shares, most_triangles * SOURCE_SHARE
+    )
+    rest = most_triangles - sum(len(part.mesh.triangles) for part in own)
+    return [*own[:-1], *fit_triangles(fills, 2 * step, shares[1:], rest), own[-1]]
+
+
+def fit_triangles(
+    parts_of: Callable[[int, float], Iterable[MeshPart]], step: int, shares: Sequence[float], most: float
+) -> list[MeshPart]:
+    """What `parts_of` gives for the first of the steps and shares with which it has no more than so many triangles."""
     while True:
-        for tolerance in TOLERANCES:
-            parts, count = [], 0
-            for number, layer in enumerate(layers):
-                own = max(1, round(step * layer.camera.fx / layers[0].camera.fx))
-                if min(layer.camera.hw) < 2 * own:
-                    continue
-                parts.append(mesh_part(layer.read(), own, (box.camera, distance), tolerance))
-                if number:
-                    kept = drop_in_front(parts[-1], box.camera, home)
-                    parts[-1] = move_back(kept, box.camera, BEHIND + BEHIND_EACH * number)
-                count += len(parts[-1].mesh.triangles)
-                if count > most_triangles:
+        for share in shares:
+            found, count = [], 0
+            for part in parts_of(step, share):
+                found.append(part)
+                count += len(part.mesh.triangles)
+                if count > most:
                     break
             else:
-                return parts
+                return found
         step += 1
 
 
@@ -83,40 +106,24 @@ def sky_distance(scene: Scene, box: HeadBox) -> float:
     return max(SKY * farthest, aside * math.sqrt(GRID_PIXELS) / box.camera.width * box.camera.fx)
 
 
-def depth_of_sphere(camera: Camera, centre: Camera, radius: float) -> Float32Array:
-    """H x W metres at which the rays of a camera meet a sphere about another one, in which it is."""
-    directions = rays(camera) @ camera.world_from_cam[:3, :3].T
-    aside = camera.world_from_cam[:3, 3] - centre.world_from_cam[:3, 3]
-    a, b, c = (directions**2).sum(2), directions @ aside, aside @ aside - radius**2
-    return np.asarray((np.sqrt(b**2 - a * c) - b) / a, np.float32)
-
-
-def mesh_part(layer: View, step: int, sky: tuple[Camera, float], tolerance: float) -> MeshPart:
+def mesh_part(layer: View, step: int, box: HeadBox, sky: float, tolerance: float) -> MeshPart:
     """A layer's surface, with a vertex at every step-th pixel at most; the whole picture of a frame, of a fill what is shown.
 
-    sky: the camera about which it lies, and how many metres away.
+    sky: metres from the box's camera at which it lies.
     """
-    small = subsample(layer, step)
-    if small.far.any():
-        small = small.with_planes(depth=np.where(small.far, depth_of_sphere(small.camera, *sky), small.depth))
-    found = decimate(small, tolerance)
-    pixels = found.pixels if step == 1 else (found.pixels - 0.5) * step + step // 2 + 0.5
-    whole = layer.shows_source
-    if step > 1 and not whole:
-        return MeshPart(found.mesh, found.pixels, small.color, found.surface)
-    return MeshPart(found.mesh, pixels, layer.color, None if whole else found.surface)
+    small = place_sky(subsample(layer, step), box.camera, sky)
+    found = decimate(small, tolerance, mesh_grid(small, box.step_that_shows(small.camera)))
+    shown = None if layer.shows_source else contribution(layer) | layer.far
+    return MeshPart(found.mesh, pixels_of_grid(found.pixels, step), layer.color, shown)
 
 
 def drop_in_front(part: MeshPart, camera: Camera, depth: Float32Array) -> MeshPart:
-    """The part without triangles that hide what a camera measured (its H x W depth): the rims of what a fill shows again."""
+    """The part without triangles that hide what a camera measured (its H x W depth): the rims of what a fill shows again.
+    Vertices that are a little in front of it move back."""
     row, column, z, inside = project_to_pixels(part.mesh.vertices, camera)
-    hides = inside & (z < IN_FRONT * depth[row, column])
-    triangles = part.mesh.triangles[~hides[part.mesh.triangles].any(1)]
-    return part._replace(mesh=dataclasses.replace(part.mesh, triangles=triangles))
-
-
-def move_back(part: MeshPart, camera: Camera, share: float) -> MeshPart:
-    """The part with its vertices further from a camera by a share of their distance."""
+    share = np.where(inside, z / np.where(inside, depth[row, column], 1), 1)
+    triangles = part.mesh.triangles[~(share < IN_FRONT)[part.mesh.triangles].any(1)]
     home = camera.world_from_cam[:3, 3]
-    mesh = part.mesh
-    return part._replace(mesh=dataclasses.replace(mesh, vertices=home + (mesh.vertices - home) * (1 + share)))
+    back = np.where((share >= IN_FRONT) & (share < 1), share, 1)[:, None]
+    vertices = home + (part.mesh.vertices - home) / back
+    return part._replace(mesh=dataclasses.replace(part.mesh, vertices=vertices, triangles=triangles))

@@ -1,0 +1,113 @@
+"""Numba kernels of soft borders: pixels near depth edges, their colours and both surfaces in; the near one's share out."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dlama.geometry.kernels.jit import Real, Whole, kernel, piece
+from dlama.geometry.rgbd import Float32Array, UInt8Array
+
+NEAR_SAMPLE, FAR_SAMPLE = 1, 2
+CONTRAST = 30.0
+"""Levels (root of the sum over channels) by which two colours must differ to tell how a pixel is mixed of them."""
+MIXED, PRIOR = 20.0, 60.0
+"""Levels by which a sample that may be mixed itself counts as further off, and a share that contradicts the depth."""
+
+
+@piece
+def step_of(one: UInt8Array, other: UInt8Array, channel: Whole) -> Real:
+    """Levels from one colour to another in a channel."""
+    return np.float64(one[channel]) - np.float64(other[channel])
+
+
+@kernel
+def separate(
+    first: Whole,
+    last: Whole,
+    pixels: NDArray[np.int32],
+    offsets: NDArray[np.int32],
+    color: UInt8Array,
+    w: Float32Array,
+    middle: Float32Array,
+    side: Float32Array,
+    step: Whole,
+    reach: Real,
+    room: UInt8Array,
+    alpha: Float32Array,
+    front: UInt8Array,
+    back: UInt8Array,
+) -> None:
+    """Of each pixel the pair of samples, one of either surface, that mix to it best: the near one's share, and both colours.
+
+    pixels: N x 2, row and column; offsets: K x 2, of the samples (px). color: H x W x 3. Of the grid, one in step x step pixels:
+    w inverse depth (1/m), middle of the two surfaces' (1/m), side signed distance to the edge (cells; > 0 on the near one, reach
+    at most). room: N x K. Out: alpha H x W, front and back H x W x 3.
+    """
+    rows, columns, grid_rows, grid_columns = color.shape[0], color.shape[1], w.shape[0], w.shape[1]
+    for n in range(first, last):
+        row, column = pixels[n, 0], pixels[n, 1]
+        r, c = min(row // step, grid_rows - 1), min(column // step, grid_columns - 1)
+        hard = 1.0 if side[r, c] > 0 else 0.0
+        prior = PRIOR * PRIOR * (side[r, c] / reach) * (side[r, c] / reach)
+        for k in range(len(offsets)):
+            y, x = row + offsets[k, 0], column + offsets[k, 1]
+            room[n, k] = 0
+            if 0 <= y < rows and 0 <= x < columns:
+                there = w[min(y // step, grid_rows - 1), min(x // step, grid_columns - 1)]
+                if there > 0:
+                    room[n, k] = NEAR_SAMPLE if there > middle[r, c] else FAR_SAMPLE
+        best, share, nearest, farthest = np.inf, hard, -1, -1
+        for i in range(len(offsets)):
+            if room[n, i] != NEAR_SAMPLE:
+                continue
+            y, x = row + offsets[i, 0], column + offsets[i, 1]
+            near = color[y, x]
+            off = 1.0 - min(abs(side[min(y // step, grid_rows - 1), min(x // step, grid_columns - 1)]) / reach, 1.0)
+            for j in range(len(offsets)):
+                if room[n, j] != FAR_SAMPLE:
+                    continue
+                y, x = row + offsets[j, 0], column + offsets[j, 1]
+                far = color[y, x]
+                other = 1.0 - min(
+                    abs(side[min(y // step, grid_rows - 1), min(x // step, grid_columns - 1)]) / reach, 1.0
+                )
+                length, along, here = 0.0, 0.0, 0.0
+                for channel in range(3):
+                    d, e = step_of(near, far, channel), step_of(color[row, column], far, channel)
+                    length += d * d
+                    along += d * e
+                    here += e * e
+                a = hard
+                if length > CONTRAST * CONTRAST:
+                    a = min(max(along / length, 0.0), 1.0)
+                cost = here - 2 * a * along + a * a * length + prior * (a - hard) * (a - hard)
+                cost += MIXED * MIXED * (off * off + other * other)
+                if cost < best:
+                    best, share, nearest, farthest = cost, a, i, j
+        alpha[row, column] = share
+        if farthest >= 0:
+            for channel in range(3):
+                front[row, column, channel] = color[row + offsets[nearest, 0], column + offsets[nearest, 1], channel]
+                back[row, column, channel] = color[row + offsets[farthest, 0], column + offsets[farthest, 1], channel]
+
+
+@kernel
+def smooth(
+    first: Whole, last: Whole, pixels: NDArray[np.int32], color: UInt8Array, alpha: Float32Array, out: Float32Array
+) -> None:
+    """Of each pixel (N x 2) the mean share of those in 5 x 5 round it that have its colour; out: N."""
+    rows, columns = alpha.shape
+    for n in range(first, last):
+        row, column = pixels[n, 0], pixels[n, 1]
+        total, weights = 0.0, 0.0
+        for y in range(max(row - 2, 0), min(row + 3, rows)):
+            for x in range(max(column - 2, 0), min(column + 3, columns)):
+                square = 0.0
+                for channel in range(3):
+                    d = step_of(color[y, x], color[row, column], channel)
+                    square += d * d
+                weight = 1.0 / (1.0 + square / 300.0)
+                total += weight * alpha[y, x]
+                weights += weight
+        out[n] = total / weights
