@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 import pytest
 import trimesh
+from PIL import Image
 from plyfile import PlyData
 
 import dlama
@@ -35,10 +36,14 @@ def folder(photo: Photo3D, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_the_mesh_opens_elsewhere(folder: Path) -> None:
-    """trimesh reads a textured mesh; it is as small as meta.json says."""
-    (mesh,) = trimesh.load(folder / "photo3d.glb", process=False).dump()
+    """trimesh reads a textured mesh, and its soft borders; it is as small as meta.json says."""
+    mesh, soft = trimesh.load(folder / "photo3d.glb", process=False).dump()
     told = json.loads((folder / "meta.json").read_text())
-    assert mesh.visual.kind == "texture" and len(mesh.faces) == told["files"]["triangles"] <= module.MOST_TRIANGLES
+    assert (
+        mesh.visual.kind == "texture"
+        and len(mesh.faces) + len(soft.faces) == told["files"]["triangles"] <= module.MOST_TRIANGLES
+    )
+    assert (soft.visual.material.alphaMode, soft.visual.material.baseColorTexture.mode) == ("BLEND", "RGBA")
     assert (folder / "photo3d.glb").stat().st_size < 10e6 and told["photo3d"]["filled_cameras"]
     assert -mesh.vertices[:, 2].min() > 4  # glTF looks along -z: the wall is at 4 m
 
@@ -107,7 +112,9 @@ def test_the_loop_ends_where_it_begins(photo: Photo3D, monkeypatch: pytest.Monke
     write_photo3d(photo, tmp_path / "out", only=("loop",))
     video = cv2.VideoCapture(str(tmp_path / "out" / "loop.mp4"))
     assert int(video.get(cv2.CAP_PROP_FRAME_COUNT)) == 6 and int(video.get(cv2.CAP_PROP_FRAME_WIDTH)) == 64
-    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["loop.mp4", "meta.json"]
+    with Image.open(tmp_path / "out" / "loop.webp") as picture:
+        assert picture.n_frames == 6
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["loop.mp4", "loop.webp", "meta.json"]
 
 
 def test_the_scene_comes_back(folder: Path, photo: Photo3D) -> None:

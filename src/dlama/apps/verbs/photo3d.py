@@ -39,7 +39,7 @@ def photo3d(
         angle: Degrees to which it turns to each side, up and down.
         distance: How far it goes forward and back, as a share of the distance it turns about.
         only: What is written, of page (photo3d.html), mesh (photo3d.glb), splats (.ply), spz (the splats, compressed), stereo
-            (side by side, anaglyph), loop (.mp4, extra video), scene.
+            (side by side, anaglyph), loop (.mp4 and .webp, extra video), scene.
         also: More of these names.
     """
     from dlama.datasets.sequences.loading import read_scene_of

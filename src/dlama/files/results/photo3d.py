@@ -35,7 +35,7 @@ RESULTS: dict[str, tuple[str, ...]] = {
     "splats": ("splats.ply",),
     "spz": ("splats.spz",),
     "stereo": ("side_by_side.jpg", "anaglyph.jpg"),
-    "loop": ("loop.mp4",),
+    "loop": ("loop.mp4", "loop.webp"),
     "scene": ("scene.npz",),
 }
 """What `write_photo3d` can be asked for by name -> its files; meta.json is always written."""
@@ -67,7 +67,7 @@ def write_photo3d(
         directory: Files of the same names in it are replaced, all others stay.
         only: Which of "page" (photo3d.html, one file that opens from disk, up to 8 MB), "mesh" (photo3d.glb, up to 100,000
             triangles and 10 MB), "splats" (splats.ply), "spz" (splats.spz, the same in a tenth of the bytes), "stereo"
-            (side_by_side.jpg, anaglyph.jpg for red and cyan glasses), "loop" (loop.mp4, extra `video`) and "scene"
+            (side_by_side.jpg, anaglyph.jpg for red and cyan glasses), "loop" (loop.mp4, loop.webp, extra `video`) and "scene"
             (scene.npz); None: page and mesh. meta.json is always written.
         also: More of them.
         inputs: Role -> file; path and SHA-256 of each go into meta.json.
@@ -125,6 +125,10 @@ def file_writers(photo: Photo3D, folder: Path, about: dict[str, Any]) -> dict[st
         )
         return left, right
 
+    @cache
+    def loop() -> list[UInt8Array]:
+        return list(loop_pictures(photo))
+
     return {
         "photo3d.html": lambda: (folder / "photo3d.html").write_text(photo3d_page(box, parts()), "utf-8"),
         "photo3d.glb": lambda: (folder / "photo3d.glb").write_bytes(glb_within(parts(), LARGEST_GLB)),
@@ -132,7 +136,8 @@ def file_writers(photo: Photo3D, folder: Path, about: dict[str, Any]) -> dict[st
         "splats.spz": lambda: write_spz(folder / "splats.spz", splats()),
         "side_by_side.jpg": lambda: write_color(folder / "side_by_side.jpg", np.concatenate(eyes(), 1)),
         "anaglyph.jpg": lambda: write_color(folder / "anaglyph.jpg", anaglyph(*eyes())),
-        "loop.mp4": lambda: write_video(folder / "loop.mp4", loop_pictures(photo), LOOP_FPS),
+        "loop.mp4": lambda: write_video(folder / "loop.mp4", loop(), LOOP_FPS),
+        "loop.webp": lambda: write_video(folder / "loop.webp", loop(), LOOP_FPS),
         "scene.npz": lambda: write_npz(folder / "scene.npz", render(scene, box.camera), scene),
     }
 
