@@ -30,10 +30,10 @@ REACH, LEAST_REACH = 0.006, 2.0
 """To each side of a depth edge, in the width and in px of the grid."""
 RINGS, DIRECTIONS = (0.8, 1.4, 2.2), 10
 """Where colours are sampled: distances in the reach, and how many on each ring."""
-SURE = 0.08
+NOISE = 0.08
 """Shares this close to 0 or 1 are taken as that: noise of the picture."""
 THIN = 0.3
-"""Share below which the near surface's colour is that of a sample: of the pixel little can be told."""
+"""Share below which the near surface's colour is that of a sample: its own says too little."""
 STEPS = ((RIGHT, np.s_[:, :-1], np.s_[:, 1:]), (DOWN, np.s_[:-1], np.s_[1:]))
 
 
@@ -114,7 +114,7 @@ def find_soft_edges(color: UInt8Array, w: Float32Array, joined: UInt8Array, step
     smoothed = np.empty(len(pixels), np.float32)
     in_bands(smooth, len(pixels), pixels, color, alpha, smoothed, band=1024)
     at = pixels[:, 0], pixels[:, 1]
-    share = np.clip((smoothed - SURE) / (1 - 2 * SURE), 0, 1)
+    share = np.clip((smoothed - NOISE) / (1 - 2 * NOISE), 0, 1)
     alpha[at] = share
     own, share = color[at].astype(np.float32), share[:, None]
     back[at] = behind = np.where(share > 0, back[at], own)
@@ -136,7 +136,7 @@ def find_edges(w: Float32Array, joined: UInt8Array) -> tuple[BoolArray, BoolArra
 
 
 def enlarge(plane: np.ndarray, step: int, size: tuple[int, int]) -> np.ndarray:
-    """The plane of the grid in the picture's size (width, height): each value in its step x step pixels; the last ones go on."""
+    """The plane of the grid in the picture's size (width, height): each value in its step x step pixels; the last ones are repeated."""
     large = np.repeat(np.repeat(plane, step, 0), step, 1)
     pad = max(0, size[1] - large.shape[0]), max(0, size[0] - large.shape[1])
     return np.pad(large, ((0, pad[0]), (0, pad[1])), mode="edge")[: size[1], : size[0]] if any(pad) else large

@@ -1,7 +1,7 @@
 """A source view in; the three layers out that show it from near by: what is opaque, what reaches under edges, what is soft.
 
 Together they give the picture again at the source camera. From elsewhere borders are as fine and as soft as in the picture,
-whatever the mesh's grid.
+not as the grid of the mesh is.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ def cut_source(source: View, box: HeadBox, step: int, sky: float) -> list[Sheet]
     least_alpha, most_alpha = alpha.min((1, 3)), alpha.max((1, 3))
     band = soft.band & (least_alpha < 1) & (most_alpha > 0)
     opaque = ~(soft.near_side & soft.band & (least_alpha < OPAQUE))
-    blocks = cover_blocks(soft.band & (band | ~opaque | beside_edges(joined))) & (depth > 0)
+    blocks = cover_blocks(soft.band & (band | ~opaque | next_to_edges(joined))) & (depth > 0)
     picture: UInt8Array = np.where(enlarge(soft.near_side, step, source.camera.wh)[..., None], source.color, soft.back)
     under = fill_with_nearest(soft.back, enlarge(~soft.near_side | soft.band, step, source.camera.wh))
     small = np.asarray(cv2.resize(under[:rows, :columns], depth.shape[::-1], interpolation=cv2.INTER_AREA), np.uint8)
@@ -105,7 +105,7 @@ def as_depth(layer: View, depth: Float32Array) -> View:
     return layer.with_planes(depth=depth, hole=depth == 0)
 
 
-def beside_edges(joined: UInt8Array) -> BoolArray:
+def next_to_edges(joined: UInt8Array) -> BoolArray:
     """H x W, True where a pixel is not joined to its right or its lower neighbour, or they not to it."""
     cut = joined != (RIGHT | DOWN)
     return cv2.dilate(cut.view(np.uint8), np.ones((3, 3), np.uint8)).view(bool)
