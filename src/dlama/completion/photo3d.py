@@ -44,7 +44,7 @@ OVERLAP = 4
 """px by which fills reach over what was known: renderers of triangles close no gaps."""
 UNDER_EDGES = 0.025
 """Share of the width by which surfaces continue under depth edges, where nothing else was filled."""
-ENOUGH, MOST_CAMERAS = 2e-4, 14
+ENOUGH, MOST_CAMERAS = 1e-3, 14
 """Share of any view of the grid that may stay open; cameras that are filled at most."""
 
 
