@@ -18,7 +18,7 @@ def without(rule: str) -> Iterator[None]:
     """Switch a rule off; "" is none."""
     start = len(_REPLACED)
     if rule:
-        RULES[rule]()
+        (RULES | SHADOW_RULES)[rule]()
     try:
         yield
     finally:
@@ -139,6 +139,34 @@ def _depth_camera() -> None:
     _replace("geometry.drawing.picture_edges", "edge_uncertainty", lambda view: 0)
 
 
+def _shadow(name: str, value: Any, place: str = "find") -> Callable[[], None]:
+    return lambda: _replace(f"perception.shadows.{place}", name, value)
+
+
+def _no_pixel_classifier() -> None:
+    """Pixels of a shadow by the network alone."""
+    from dlama.perception.shadows import classifier as room
+
+    def of_network(planes: Any, parts: Any, file: Any = None) -> Any:
+        import dataclasses
+
+        marked = room.network_probability(planes, room.color_shares(planes), file)
+        return [dataclasses.replace(one, probability=marked) for one in before(planes, parts, file)]
+
+    before = room.find_likely_shadows
+    _set(room, "find_likely_shadows", of_network)
+
+
+SHADOW_RULES: dict[str, Callable[[], None]] = {
+    "grow-shadow": _shadow("grow_shadow", lambda rgbd, mask, *rest: np.zeros_like(mask)),
+    "grow-ambient": _shadow("grow_ambient_shadow", lambda rgbd, mask, *rest: np.zeros_like(mask)),
+    "pixel-classifier": _no_pixel_classifier,
+    "cast-candidates": _shadow("TRIED", 0, "classifier"),
+    "second-candidate": _shadow("TRIED", 1, "classifier"),
+    "largest": _shadow("LARGEST", np.inf),
+    "near-only": _shadow("regions_touching", lambda mask, seeds: mask),
+}
+"""The same of `dlama.perception.shadows`, for `shadow_rules.py`."""
 RULES: dict[str, Callable[[], None]] = {
     "foliage": _foliage,
     "low-frequency": _low_frequency,

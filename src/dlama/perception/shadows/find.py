@@ -14,7 +14,6 @@ from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.perception.masks.supports import Planes, find_planes_of_picture
 from dlama.perception.shadows.cast import SMALLEST_PX
 from dlama.perception.shadows.classifier import SHADOW, shadow_probability
-from dlama.perception.shadows.contrast import has_contrast
 from dlama.perception.shadows.ground import EDGE_PX, find_ground
 from dlama.perception.shadows.growing import grow_ambient_shadow, grow_shadow
 from dlama.perception.shadows.planes import shadow_planes
@@ -25,8 +24,6 @@ PLAUSIBLE = 0.1
 """Least mean probability of what darkness alone adds: elsewhere a rug or a pattern is dark."""
 FAINT = 0.02
 """The same of the ambient-occlusion component, which is faint."""
-TRUSTED = 0.8
-"""Probability from which a shadow needs no contrast against the surface's pattern."""
 LARGEST = 4.0
 """Largest area of a shadow, in areas of the object."""
 
@@ -45,7 +42,6 @@ def find_shadow(rgbd: RGBD, mask: BoolArray, found: Planes | None = None) -> Boo
     if answer is None:
         return none
     probability, shape = (crop.large(each.astype(np.float32), mask.shape) for each in answer[:2])
-    certain = answer[2]
     usable = ground.surface & ~dilate_mask(mask, EDGE_PX)
     cast = (shape > 0.5) & usable
     shadow = regions_touching((probability > SHADOW) & usable, cast | dilate_mask(mask, NEAR_PX))
@@ -56,8 +52,6 @@ def find_shadow(rgbd: RGBD, mask: BoolArray, found: Planes | None = None) -> Boo
     if soft.any() and probability[soft].mean() > FAINT:
         shadow |= soft
     if not SMALLEST_PX <= shadow.sum() <= LARGEST * mask.sum():
-        return none
-    if certain < TRUSTED and not has_contrast(rgbd, shadow, usable):
         return none
     contact = dilate_mask(shadow, EDGE_PX + 2) & dilate_mask(mask, EDGE_PX + 1)
     return np.asarray((shadow | contact) & ground.surface & ~mask)
