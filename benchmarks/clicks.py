@@ -5,7 +5,7 @@
 
 Domains: procedural worlds by sensor (`world`), the same with objects on islands, plinths and tables (`stand`), streets with exact
 and with estimated depth, real pictures with a depth camera's and with estimated depth. The click is the innermost pixel of what
-is seen of the object; what stands on the object does not count. Printed: mean IoU with its 95 % interval (bootstrap over pictures),
+is seen of the object; what stands on the object does not count. Printed: mean IoU with its 95 % interval (bootstrap by picture),
 share of clicks under .5, processor seconds a picture and click. Three minutes on one core.
 """
 
