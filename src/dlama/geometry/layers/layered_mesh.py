@@ -17,6 +17,7 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.drawing.layers import mesh_grid
 from dlama.geometry.layers.decimation import decimate
 from dlama.geometry.layers.head_box import HeadBox
+from dlama.geometry.layers.soft_edges import join_depth
 from dlama.geometry.layers.source_sheets import (
     MeshPart,
     Sheet,
@@ -112,7 +113,9 @@ def mesh_part(layer: View, step: int, box: HeadBox, sky: float, tolerance: float
     sky: metres from the box's camera at which it lies.
     """
     small = place_sky(subsample(layer, step), box.camera, sky)
-    found = decimate(small, tolerance, mesh_grid(small, box.step_that_shows(small.camera)))
+    least = box.step_that_shows(small.camera)
+    grid = join_depth(mesh_grid(small, least)[0], small.camera, least)
+    found = decimate(small, tolerance, grid)
     shown = None if layer.shows_source else contribution(layer) | layer.far
     return MeshPart(found.mesh, pixels_of_grid(found.pixels, step), layer.color, shown)
 

@@ -136,7 +136,7 @@ def find_edges(w: Float32Array, joined: UInt8Array) -> tuple[BoolArray, BoolArra
 
 
 def enlarge(plane: np.ndarray, step: int, size: tuple[int, int]) -> np.ndarray:
-    """The plane of the grid in the picture's size (width, height): each value in its step x step pixels; the last ones are repeated."""
+    """The plane of the grid in the picture's size (width, height): each value step x step times, the last ones repeated."""
     large = np.repeat(np.repeat(plane, step, 0), step, 1)
     pad = max(0, size[1] - large.shape[0]), max(0, size[0] - large.shape[1])
     return np.pad(large, ((0, pad[0]), (0, pad[1])), mode="edge")[: size[1], : size[0]] if any(pad) else large
