@@ -38,8 +38,8 @@ def photo3d(
         output: Directory for the results, made if need be; files of the same names are replaced.
         angle: Degrees to which it turns to each side, up and down.
         distance: How far it goes forward and back, as a share of the distance it turns about.
-        only: What is written, of page (photo3d.html), mesh (photo3d.glb), splats (.ply), spz (the splats, compressed), stereo
-            (side by side, anaglyph), loop (.mp4 and .webp, extra video), scene.
+        only: What is written, of page (photo3d.html), mesh (photo3d.glb), usdz (extra usd), splats (.ply), spz (the
+            splats, compressed), stereo (side by side, anaglyph), loop (.mp4 and .webp, extra video), scene.
         also: More of these names.
     """
     from dlama.datasets.sequences.loading import read_scene_of

@@ -23,6 +23,7 @@ from dlama.files.scenes.photo3d_page import LARGEST_GLB, glb_within, photo3d_pag
 from dlama.files.scenes.scene_npz import write_npz
 from dlama.files.scenes.splats import scene_splats, write_splats
 from dlama.files.scenes.spz import write_spz
+from dlama.files.scenes.usdz import check_usd, write_usdz
 from dlama.geometry.camera import Camera
 from dlama.geometry.layers.layered_mesh import mesh_layers
 from dlama.geometry.rendering import render
@@ -32,6 +33,7 @@ from dlama.progress import Progress, begin_stage, take_progress
 RESULTS: dict[str, tuple[str, ...]] = {
     "page": ("photo3d.html",),
     "mesh": ("photo3d.glb",),
+    "usdz": ("photo3d.usdz",),
     "splats": ("splats.ply",),
     "spz": ("splats.spz",),
     "stereo": ("side_by_side.jpg", "anaglyph.jpg"),
@@ -66,21 +68,24 @@ def write_photo3d(
         photo: What `photo3d` gave.
         directory: Files of the same names in it are replaced, all others stay.
         only: Which of "page" (photo3d.html, one file that opens from disk, up to 8 MB), "mesh" (photo3d.glb, up to 100,000
-            triangles and 10 MB), "splats" (splats.ply), "spz" (splats.spz, the same in a tenth of the bytes), "stereo"
-            (side_by_side.jpg, anaglyph.jpg for red and cyan glasses), "loop" (loop.mp4, loop.webp, extra `video`) and "scene"
-            (scene.npz); None: page and mesh. meta.json is always written.
+            triangles and 10 MB), "usdz" (photo3d.usdz for AR Quick Look, extra `usd`), "splats" (splats.ply), "spz" (splats.spz,
+            the same in a tenth of the bytes), "stereo" (side_by_side.jpg, anaglyph.jpg for red and cyan glasses), "loop"
+            (loop.mp4, loop.webp, extra `video`) and "scene" (scene.npz); None: page and mesh. meta.json is always written.
         also: More of them.
         inputs: Role -> file; path and SHA-256 of each go into meta.json.
         intrinsics_from: In words, where the source camera's intrinsics come from.
         seconds: Stages before, such as reading, for meta.json.
         progress: Called with the name of each file as it is written.
     Raises:
-        InputError: an unknown name; MissingExtraError: a loop without PyAV; OutputError: the directory cannot be written.
+        InputError: an unknown name; MissingExtraError: a loop without PyAV, usdz without usd-core; OutputError: the directory
+            cannot be written.
     """
     check_arguments(write_photo3d, locals())
     names, target, started = choose_names(only, also, tuple(RESULTS), BY_DEFAULT), Path(directory), time.perf_counter()
     if "loop" in names:
         check_video(target / RESULTS["loop"][0])
+    if "usdz" in names:
+        check_usd()
     files = [file for name in names for file in RESULTS[name]]
     check_inputs_stay(target, [*files, "meta.json"], inputs or {})
     about: dict[str, Any] = {}
@@ -132,6 +137,7 @@ def file_writers(photo: Photo3D, folder: Path, about: dict[str, Any]) -> dict[st
     return {
         "photo3d.html": lambda: (folder / "photo3d.html").write_text(photo3d_page(box, parts()), "utf-8"),
         "photo3d.glb": lambda: (folder / "photo3d.glb").write_bytes(glb_within(parts(), LARGEST_GLB)),
+        "photo3d.usdz": lambda: write_usdz(folder / "photo3d.usdz", parts()),
         "splats.ply": lambda: write_splats(folder / "splats.ply", splats()),
         "splats.spz": lambda: write_spz(folder / "splats.spz", splats()),
         "side_by_side.jpg": lambda: write_color(folder / "side_by_side.jpg", np.concatenate(eyes(), 1)),

@@ -1,0 +1,70 @@
+"""USDZ files of 3-D photos (oracles: OpenUSD's own reader and validators; the parts that were written)."""
+
+from __future__ import annotations
+
+import io
+import sys
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from dlama.errors import MissingExtraError
+from dlama.files.scenes.usdz import USD_FROM_OPENCV, write_usdz
+from dlama.geometry.layers.layered_mesh import MeshPart
+from dlama.geometry.mesh import Mesh
+
+
+def part(x: float, channels: int) -> MeshPart:
+    """A quad at that x, five metres off, with a picture of 4 x 2 pixels that is bright at the top."""
+    corners = np.array([[x, 0, 5], [x + 1, 0, 5], [x + 1, 1, 5], [x, 1, 5]], np.float64)
+    mesh = Mesh(
+        corners, np.array([[0, 1, 2], [0, 2, 3]], np.int32), np.zeros((4, 3), np.uint8), np.ones(4, np.uint8),
+        np.ones(4, np.float32),
+    )  # fmt: skip
+    picture = np.zeros((2, 4, channels), np.uint8)
+    picture[0] = 255
+    return MeshPart(mesh, np.array([[0, 0], [4, 0], [4, 2], [0, 2]], np.float64), picture, None)
+
+
+def test_what_is_read_back_is_what_was_written(tmp_path: Path) -> None:
+    """Oracle: OpenUSD reads points in metres, y up, triangles counter-clockwise in front, texture coordinates with v up, and its
+    validators find nothing; the soft part is a mesh of its own whose picture has alpha."""
+    pxr = pytest.importorskip("pxr.Usd", reason="usd-core is not installed (extra usd)")
+    from pxr import UsdGeom, UsdValidation
+
+    parts = [part(0, 3), part(3, 4)]
+    write_usdz(tmp_path / "photo.usdz", parts)
+    stage = pxr.Stage.Open(str(tmp_path / "photo.usdz"))
+    assert UsdGeom.GetStageUpAxis(stage) == "Y" and UsdGeom.GetStageMetersPerUnit(stage) == 1
+    middle = np.array([2, 0.5, 5])
+    for name, one in zip(("opaque", "soft0"), parts):
+        mesh = UsdGeom.Mesh(stage.GetPrimAtPath(f"/photo/{name}"))
+        np.testing.assert_allclose(
+            np.array(mesh.GetPointsAttr().Get()), (one.mesh.vertices - middle) * USD_FROM_OPENCV, atol=1e-6
+        )
+        uv = np.array(UsdGeom.PrimvarsAPI(mesh).GetPrimvar("st").Get())
+        np.testing.assert_allclose(uv, [[0, 1], [1, 1], [1, 0], [0, 0]], atol=1e-6)
+        assert (
+            np.array(mesh.GetFaceVertexIndicesAttr().Get()).reshape(-1, 3).tolist()
+            == one.mesh.triangles[:, ::-1].tolist()
+        )
+    registry = UsdValidation.ValidationRegistry()
+    found = UsdValidation.ValidationContext(registry.GetOrLoadAllValidators()).Validate(stage)
+    assert [error.GetMessage() for error in found] == []
+    with zipfile.ZipFile(tmp_path / "photo.usdz") as archive:
+        pictures = {name: Image.open(io.BytesIO(archive.read(name))) for name in archive.namelist()[1:]}
+    assert {name: one.mode for name, one in pictures.items()} == {"opaque.jpg": "RGB", "soft0.png": "RGBA"}
+
+
+def test_without_the_package_the_error_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The extra by name, and no file."""
+    for name in ("pxr", "pxr.Usd"):
+        monkeypatch.setitem(sys.modules, name, None)
+    with pytest.raises(
+        MissingExtraError, match=r"a USDZ file needs the package 'usd-core': pip install 'dlama\[usd\]'"
+    ):
+        write_usdz(tmp_path / "photo.usdz", [part(0, 3)])
+    assert list(tmp_path.iterdir()) == []
