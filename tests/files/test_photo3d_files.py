@@ -127,6 +127,6 @@ def test_the_scene_comes_back(folder: Path, photo: Photo3D) -> None:
 
 def test_unknown_names_are_refused(photo: Photo3D, tmp_path: Path) -> None:
     """Before anything is written."""
-    with pytest.raises(InputError, match=r"'usdz'.*page, mesh"):
-        write_photo3d(photo, tmp_path / "out", also=("usdz",))
+    with pytest.raises(InputError, match=r"'obj'.*page, mesh"):
+        write_photo3d(photo, tmp_path / "out", also=("obj",))
     assert list(tmp_path.iterdir()) == []
