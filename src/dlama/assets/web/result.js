@@ -100,7 +100,8 @@ async function showScene() {
     view3d ??= new PhotoView($("scene"));
     view3d.show(glb, start, result.palette, box);
     sceneOf = wanted;
-    $("scene-fact").textContent = `${glb.count.toLocaleString("en")} points; turns by ${box.angle.toFixed(1)}° to each side: drag, or the wheel to come nearer`;
+    const points = glb.parts.reduce((sum, { attributes }) => sum + attributes.position.accessor.count, 0);
+    $("scene-fact").textContent = `${points.toLocaleString("en")} points; turns by ${box.angle.toFixed(1)}° to each side: drag, or the wheel to come nearer`;
     showSceneLegend();
   } catch (error) { $("scene-fact").textContent = ""; failed(error, "home"); }
 }
