@@ -124,7 +124,8 @@ def drop_in_front(part: MeshPart, camera: Camera, depth: Float32Array) -> MeshPa
     """The part without triangles that hide what a camera measured (its H x W depth): the rims of what a fill shows again.
     Vertices that are a little in front of it move back."""
     row, column, z, inside = project_to_pixels(part.mesh.vertices, camera)
-    share = np.where(inside, z / np.where(inside, depth[row, column], 1), 1)
+    measured = np.where(inside, depth[row, column], np.float32(0))
+    share = np.where(measured > 0, z / np.where(measured > 0, measured, 1), 1)
     triangles = part.mesh.triangles[~(share < IN_FRONT)[part.mesh.triangles].any(1)]
     home = camera.world_from_cam[:3, 3]
     back = np.where((share >= IN_FRONT) & (share < 1), share, 1)[:, None]
