@@ -22,6 +22,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from click_worlds import ClickScene, ClickWorld, objects_in_sight
 from dlama.datasets.frames import RemovalTruth
 from dlama.datasets.layouts import open_dataset
 from dlama.errors import MaskError
@@ -29,7 +30,6 @@ from dlama.evaluation.metrics.masks import innermost_pixel, iou, largest_region
 from dlama.geometry.holes import dilate_mask
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.perception.object_masks import MaskSession
-from dlama.training.data.click_worlds import ClickScene, ClickWorld, objects_in_sight
 from world_cases import FARTHEST_M, SENSORS, as_seen, scaled_estimate
 
 FIRST = {"tune": 1000, "validate": 2000}

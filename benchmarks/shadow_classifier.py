@@ -28,8 +28,8 @@ from dlama.models.network_file import NetworkFile
 from dlama.perception.shadows.classifier import CLIP, PARTS, SHADOW, Classifier, LikelyShadows, find_likely_shadows
 from dlama.perception.shadows.features import candidate_features, cast_interiors, color_shares, pixel_features
 from dlama.perception.shadows.network import NETWORK
-from dlama.training.data.shadow_crops import ShadowCrops, write_shadow_crops
-from dlama.training.logistic import logistic_weights
+from logistic import logistic_weights
+from shadow_crops import ShadowCrops, write_shadow_crops
 
 TRAIN_SEED, PAVED_SEED, HELD_OUT_SEED = 50_000, 55_000, 90_000
 FEWEST_PX, GOOD = 25, 0.5

@@ -3,7 +3,7 @@
     python benchmarks/shadow_classifier.py crops FOLDER --photos ../shared/photos
     python benchmarks/shadow_network.py FOLDER [-o src/dlama/assets/shadow/shadow.onnx]
 
-It learns four crops in five of FOLDER/train (`src/dlama/nets/shadow.py`); the fifth is for the classifiers that judge its answers
+It learns four crops in five of FOLDER/train (`benchmarks/shadow_net.py`); the fifth is for the classifiers that judge its answers
 (`shadow_classifier.py train`), and its loss is printed.
 """
 
@@ -19,12 +19,12 @@ import torch
 from torch import Tensor
 from torch.nn.functional import binary_cross_entropy_with_logits
 
-from dlama.nets.export.shadow import export_shadow
-from dlama.nets.shadow import ShadowNet
 from dlama.perception.shadows.crop import SIDE
 from dlama.perception.shadows.network import network_planes
 from dlama.perception.shadows.planes import FIRST_CAST, MULTIPLE, PLANES
-from dlama.training.data.shadow_crops import ShadowCrops
+from shadow_crops import ShadowCrops
+from shadow_export import export_shadow
+from shadow_net import ShadowNet
 
 FEWEST_PX = 25
 """Pixels of a crop's shadow that count as one."""

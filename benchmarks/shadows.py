@@ -28,8 +28,8 @@ from dlama.perception.shadows.cast import WEIGHTS, find_cast_shape
 from dlama.perception.shadows.find import find_shadow
 from dlama.perception.shadows.ground import EDGE_PX, find_ground, measure_object, object_points
 from dlama.perception.shadows.search import Scale
-from dlama.training.logistic import logistic_weights
 from dlama.worlds.dataset import open_dataset_or_worlds, worlds
+from logistic import logistic_weights
 
 RIDGE = 1.0
 """Squared weights, of features in standard deviations, count so much."""

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from dlama.datasets.easysynth.writer import write_sequence
+from dlama.datasets.easysynth.writer import write_scene
 from dlama.geometry.trajectories import orbit
 from rendered_walls import CAMERA, CLASSES, frame
 
@@ -15,5 +15,5 @@ from rendered_walls import CAMERA, CLASSES, frame
 def sequence(tmp_path: Path) -> Path:
     """Three frames of one camera, at 0, 10 and -10 degrees."""
     frames = [frame(orbit(CAMERA, yaw)) for yaw in (0, 10, -10)]
-    write_sequence(tmp_path / "seq", "seq", frames, depth_range=10, classes=CLASSES)
-    return tmp_path / "seq"
+    write_scene(tmp_path, "seq", {"with": frames}, depth_range=10, classes=CLASSES)
+    return tmp_path / "seq" / "with"

@@ -265,8 +265,8 @@ def test_numbering_that_begins_elsewhere(sequence: Path) -> None:
     for kind in (sequence / "CameraComponent").glob("*/"):
         for path in sorted(kind.iterdir(), reverse=True):
             number = int(path.stem.split(".")[1])
-            path.rename(path.with_name(f"seq.{number + 7:04d}{path.suffix}"))
-    assert easysynth(sequence).frames[1].load.args[0].color.name == "seq.0008.png"  # type: ignore[attr-defined]
-    (sequence / "CameraComponent" / "ColorImage" / "seq.0008.png").unlink()
-    with pytest.raises(FileError, match=r"ColorImage/seq.0001.png: no such file"):
+            path.rename(path.with_name(f"seq_with.{number + 7:04d}{path.suffix}"))
+    assert easysynth(sequence).frames[1].load.args[0].color.name == "seq_with.0008.png"  # type: ignore[attr-defined]
+    (sequence / "CameraComponent" / "ColorImage" / "seq_with.0008.png").unlink()
+    with pytest.raises(FileError, match=r"ColorImage/seq_with.0001.png: no such file"):
         easysynth(sequence).frames[1].load()

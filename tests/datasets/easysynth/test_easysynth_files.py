@@ -58,7 +58,7 @@ BAD = [
     ("CameraRig.json", Path.unlink, r"CameraRig.json: no such file, or no camera 'CameraComponent'"),
     ("CameraComponent/ColorImage", shutil.rmtree, r"holds no EasySynth sequence"),
     (
-        "CameraComponent/DepthImage/seq.0001.exr",
+        "CameraComponent/DepthImage/seq_with.0001.exr",
         lambda path: shutil.copy(path, path.with_name("x.0001.exr")),
         r"second",
     ),

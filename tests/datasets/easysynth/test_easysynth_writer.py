@@ -9,12 +9,7 @@ import numpy as np
 import pytest
 
 from dlama.datasets.easysynth.dataset import easysynth
-from dlama.datasets.easysynth.writer import (
-    SequenceFrame,
-    StereoSequence,
-    write_scene,
-    write_sequence,
-)
+from dlama.datasets.easysynth.writer import SequenceFrame, StereoSequence, write_scene
 from dlama.datasets.frames import RemovalTruth, StereoTruth, ViewTruth
 from dlama.errors import CameraError, InputError, OutputError, ShapeError
 from dlama.files.rasters.float_files import read_exr
@@ -112,8 +107,8 @@ def test_the_exr_holds_normalised_half_floats(scene: Path) -> None:
 def test_reading_the_exr_alone(tmp_path: Path) -> None:
     """Round trip without DepthMM: within half a step of half floats (2^-12 of the range), far from the range on."""
     frame = shot(CAMERA)
-    folder = tmp_path / "seq"
-    write_sequence(folder, "seq", [frame], depth_range=6.0, classes=CLASSES)
+    folder = tmp_path / "seq" / "with"
+    write_scene(tmp_path, "seq", {"with": [frame]}, depth_range=6.0, classes=CLASSES)
     empty_out(folder / "CameraComponent" / "DepthMM")
     read = easysynth(folder, depth_range=6.0).frames[0].load()
     true = frame.rgbd.depth
@@ -148,16 +143,16 @@ def test_depth_states_and_limits_survive(tmp_path: Path) -> None:
     depth = np.array([[0, np.inf, 65.534, 65.6], [0.0012, 1, 10, 20]], np.float32)
     camera = Camera.from_fov(4, 2, 90)
     frame = SequenceFrame(RGBD(np.zeros((2, 4, 3), np.uint8), depth, camera), np.zeros((2, 4), np.uint8))
-    write_sequence(tmp_path / "s", "s", [frame], depth_range=10, classes=CLASSES)
-    read = easysynth(tmp_path / "s").frames[0].load().depth
+    write_scene(tmp_path, "s", {"with": [frame]}, depth_range=10, classes=CLASSES)
+    read = easysynth(tmp_path / "s" / "with").frames[0].load().depth
     np.testing.assert_allclose(read, [[0, np.inf, 65.534, np.inf], [0.001, 1, 10, 20]], atol=1e-6)
 
 
 def test_jpeg_where_asked_for(tmp_path: Path) -> None:
     """The reader finds the JPEG under the name EasySynth gives it; grey levels survive to within compression."""
-    write_sequence(tmp_path / "s", "s", [shot(CAMERA)], depth_range=10, classes=CLASSES, color="jpeg")
-    assert (tmp_path / "s" / "CameraComponent" / "ColorImage" / "s.0000.jpeg").exists()
-    read = easysynth(tmp_path / "s").frames[0].load().color.astype(int)
+    write_scene(tmp_path, "s", {"with": [shot(CAMERA)]}, depth_range=10, classes=CLASSES, color="jpeg")
+    assert (tmp_path / "s" / "with" / "CameraComponent" / "ColorImage" / "s_with.0000.jpeg").exists()
+    read = easysynth(tmp_path / "s" / "with").frames[0].load().color.astype(int)
     assert np.abs(read - shot(CAMERA).rgbd.color).mean() < 4
 
 
@@ -192,13 +187,13 @@ def test_what_cannot_be_written_is_refused(tmp_path: Path) -> None:
         ([frame], {"classes": {}}, InputError, "classes are"),
         ([frame], {"color": "exr"}, InputError, "color is 'exr'"),
         ([], {}, InputError, "no frames"),
-        ([wrong_size], {}, ShapeError, "s.0000: semantic is uint8"),
+        ([wrong_size], {}, ShapeError, "s_with.0000: semantic is uint8"),
         ([unknown], {}, InputError, "class 3, there are 3"),
-        ([frame, other_lens], {}, CameraError, "s.0001: the camera has another lens"),
+        ([frame, other_lens], {}, CameraError, "s_with.0001: the camera has another lens"),
     ]
     for frames, changes, error, message in cases:
         with pytest.raises(error, match=message):
-            write_sequence(tmp_path / "s", "s", frames, **{"depth_range": 10, "classes": color, **changes})
+            write_scene(tmp_path, "s", {"with": frames}, **{"depth_range": 10, "classes": color, **changes})
     skew = StereoSequence((frame,), (shot(moved(CAMERA, shift=(0.1, 0.05, 0))),))
     with pytest.raises(CameraError, match="baseline"):
         write_scene(tmp_path, "s", {"stereo_with": skew}, depth_range=10, classes=color)

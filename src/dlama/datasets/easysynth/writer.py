@@ -28,7 +28,7 @@ FRAME_TIME_S = 1 / 30
 """EasySynth's t starts at one frame time, not at 0."""
 DEEPEST_MM = 65534.5
 """Beyond it a 16-bit picture of millimetres can only say far."""
-LEFT, RIGHT = "c0", "c1"
+MONO, LEFT, RIGHT = "CameraComponent", "c0", "c1"
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,28 +71,6 @@ class _Style:
             raise InputError(f"color is '{self.color}'; 'png' (lossless) or 'jpeg' is expected")
 
 
-def write_sequence(
-    folder: Path,
-    name: str,
-    frames: Iterable[SequenceFrame],
-    *,
-    depth_range: float,
-    classes: Mapping[str, RGB],
-    camera: str = "CameraComponent",
-    color: ColorFormat = "png",
-) -> None:
-    """Write one camera's sequence to the new (or empty) `folder`, pictures called `<name>.<NNNN>`; frame 0 comes first.
-
-    As EasySynth 1.2 writes it: poses in CameraPoses.csv (the rig's and the camera's), CameraRig.json, SemanticClasses.csv,
-    ColorImage, SemanticImage, DepthImage (half-float EXR, R = G = B = depth / `depth_range` clipped to 0..1, in metres;
-    1 = at or beyond it) and, beyond EasySynth, DepthMM (16-bit mm; beyond 65.534 m is far). `frames` is gone through once.
-    `classes` are colours by name. All frames have one lens. Raises InputError, ShapeError, CameraError, OutputError.
-    """
-    style = _Style(depth_range, classes, color)
-    with _new(folder) as draft:
-        _write_mono(draft, name, frames, style, camera)
-
-
 def write_scene(
     root: Path,
     scene: str,
@@ -103,10 +81,13 @@ def write_scene(
     color: ColorFormat = "png",
     texts: Mapping[str, str] | None = None,
 ) -> None:
-    """Write the sequences of a scene to `root/scene/<key>`, called `<scene>_<key>`; all of them or none.
+    """Write the sequences of a scene to `root/scene/<key>`, pictures called `<scene>_<key>.<NNNN>`; all of them or none.
 
-    Arguments and errors as in `write_sequence`; a StereoSequence becomes a rig of two cameras. `texts`: further files of the
-    scene, name -> content.
+    As EasySynth 1.2 writes it: poses in CameraPoses.csv (the rig's and the camera's), CameraRig.json, SemanticClasses.csv,
+    ColorImage, SemanticImage, DepthImage (half-float EXR, R = G = B = depth / `depth_range` clipped to 0..1, in metres;
+    1 = at or beyond it) and, beyond EasySynth, DepthMM (16-bit mm; beyond 65.534 m is far). Frames are gone through once, and
+    all of a sequence have one lens; a StereoSequence becomes a rig of two cameras. `classes` are colours by name; `texts`:
+    further files of the scene, name -> content. Raises InputError, ShapeError, CameraError, OutputError.
     """
     style = _Style(depth_range, classes, color)
     with _new(Path(root) / scene) as draft:
@@ -115,7 +96,7 @@ def write_scene(
             if isinstance(frames, StereoSequence):
                 _write_stereo(draft / key, f"{scene}_{key}", frames, style)
             else:
-                _write_mono(draft / key, f"{scene}_{key}", frames, style, "CameraComponent")
+                _write_mono(draft / key, f"{scene}_{key}", frames, style)
         for name, text in (texts or {}).items():
             _write_text(draft / name, text)
 
@@ -130,9 +111,9 @@ def _new(folder: Path) -> AbstractContextManager[Path]:
     return new_directory(folder)
 
 
-def _write_mono(folder: Path, name: str, frames: Iterable[SequenceFrame], style: _Style, camera: str) -> None:
-    cameras = _write_pictures(folder / camera, name, frames, style)
-    _write_rig(folder, {camera: cameras}, style)
+def _write_mono(folder: Path, name: str, frames: Iterable[SequenceFrame], style: _Style) -> None:
+    cameras = _write_pictures(folder / MONO, name, frames, style)
+    _write_rig(folder, {MONO: cameras}, style)
 
 
 def _write_stereo(folder: Path, name: str, frames: StereoSequence, style: _Style) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dlama.training.data.click_worlds import ClickWorld, objects_in_sight
+from click_worlds import ClickWorld, objects_in_sight
 from dlama.worlds.dataset import world
 
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from dlama.geometry.projection import rays
 from dlama.perception.shadows.planes import MULTIPLE, PLANES
-from dlama.training.data.shadow_crops import LOW_M, ShadowCrops, add_paving, shadow_crop, write_shadow_crops
 from dlama.worlds.dataset import world
 from dlama.worlds.raycast.shape_rows import GROUND_GROUP, LAYER
+from shadow_crops import LOW_M, ShadowCrops, add_paving, shadow_crop, write_shadow_crops
 
 
 def test_a_seed_says_it_all_and_truth_lies_on_the_surface(tmp_path: Path) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dlama.training.logistic import logistic_weights
+from logistic import logistic_weights
 
 
 def test_no_other_weights_are_better() -> None:

@@ -13,8 +13,8 @@ from dlama.models.network_file import NetworkFile
 torch = pytest.importorskip("torch")
 pytest.importorskip("onnx")
 
-from dlama.nets.export.shadow import export_shadow  # noqa: E402
-from dlama.nets.shadow import SHADOW_MULTIPLE, ShadowNet  # noqa: E402
+from shadow_export import export_shadow  # noqa: E402
+from shadow_net import SHADOW_MULTIPLE, ShadowNet  # noqa: E402
 
 
 def small_network() -> ShadowNet:

@@ -1,7 +1,7 @@
 """Planes of a crop round an object in -> the logit of each pixel lying in the object's shadow out: a small U-Net.
 
 Convolutions with batch norms at a half to a thirty-second of the crop's size, the largest value of each channel over the whole
-crop at the coarsest (whether there is such a shadow anywhere), and back up. `export.shadow` writes it as an ONNX file.
+crop at the coarsest (whether there is such a shadow anywhere), and back up. `shadow_export` writes it as an ONNX file.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Weights of the shadow's U-Net (`nets.shadow`) and metadata in; an ONNX file out. Needs numpy and onnx, no torch.
+"""Weights of the shadow's U-Net (`shadow_net`) and metadata in; an ONNX file out. Needs numpy and onnx, no torch.
 
 Input: planes B x C x H x W. Output: logits B x H x W; B, H and W free, H and W multiples of 32. Batch norms are folded into the
 convolutions before them (in float64), weights stored in half precision and computed with in single precision.
@@ -56,7 +56,7 @@ class _Writer:
         return g.add_named("logits", "Squeeze", shuffled, g.ints(1))
 
     def block(self, name: str, x: str, stride: int = 1) -> str:
-        """`nets.shadow.Block`."""
+        """`shadow_net.Block`."""
         weight = self.state[f"{name}.0.weight"].astype(np.float64)
         gain, shift, mean, variance = (
             self.state[f"{name}.1.{part}"].astype(np.float64)
