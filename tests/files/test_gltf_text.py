@@ -101,6 +101,8 @@ def test_the_texture_is_the_picture(tmp_path: Path) -> None:
     assert "COLOR_0" not in one["attributes"]
     assert material["pbrMetallicRoughness"].get("baseColorFactor", [1, 1, 1, 1]) == [1, 1, 1, 1]
     np.testing.assert_allclose(values(document, blob, one["attributes"]["POSITION"]) + moved, on_axes(mesh), atol=1e-5)
+    for name in ("_ORIGIN", "_CONFIDENCE"):  # Blender 5.0's importer takes single numbers as floats only
+        assert document["accessors"][one["attributes"][name]]["componentType"] == 5126
     np.testing.assert_array_equal(values(document, blob, one["attributes"]["_ORIGIN"])[:, 0], mesh.origin)
     np.testing.assert_array_equal(values(document, blob, one["attributes"]["_CONFIDENCE"])[:, 0], mesh.confidence)
     indices = values(document, blob, one["indices"])[:, 0].reshape(-1, 3)

@@ -25,7 +25,7 @@ from dlama.geometry.rgbd import UInt8Array
 GLTF_FROM_OPENCV = np.array([1.0, -1.0, -1.0])
 """glTF: x right, y up, looking along -z. A half turn about x, so nothing is mirrored."""
 ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER = 34962, 34963
-UNSIGNED_BYTE, UNSIGNED_SHORT, UNSIGNED_INT, FLOAT = 5121, 5123, 5125, 5126
+UNSIGNED_SHORT, UNSIGNED_INT, FLOAT = 5123, 5125, 5126
 POINTS, TRIANGLES = 0, 4
 
 
@@ -86,14 +86,14 @@ class Blob:
         self.document.buffers = [Buffer(byteLength=len(self.bytes))]
 
 
-def mesh_document(mesh: Mesh, colors: bool = True) -> tuple[GLTF2, Blob]:
+def mesh_document(mesh: Mesh | None, colors: bool = True) -> tuple[GLTF2, Blob]:
     """The document of a mesh with an unlit material, and its binary chunk, to which more can be added (then `Blob.close`).
 
-    colors: with colours of vertices (COLOR_0). A mesh without vertices gives an empty scene.
+    colors: with colours of vertices (COLOR_0). No mesh, or one without vertices, gives an empty scene.
     """
     document = GLTF2(asset=Asset(generator="dlama"), scene=0, scenes=[Scene(nodes=[])])
     blob = Blob(document)
-    if not len(mesh.vertices):
+    if mesh is None or not len(mesh.vertices):
         return document, blob
     vertices = mesh.vertices * GLTF_FROM_OPENCV
     middle = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
@@ -114,7 +114,7 @@ def add_primitive(document: GLTF2, blob: Blob, mesh: Mesh) -> Primitive:
     vertices = mesh.vertices * GLTF_FROM_OPENCV - document.nodes[0].translation
     attributes = Attributes(
         POSITION=blob.add(vertices.astype("<f4"), "VEC3", FLOAT, ARRAY_BUFFER),
-        _ORIGIN=blob.add(mesh.origin, "SCALAR", UNSIGNED_BYTE, ARRAY_BUFFER),
+        _ORIGIN=blob.add(mesh.origin.astype("<f4"), "SCALAR", FLOAT, ARRAY_BUFFER),  # Blender 5.0 fails on bytes
         _CONFIDENCE=blob.add(mesh.confidence.astype("<f4"), "SCALAR", FLOAT, ARRAY_BUFFER),
     )
     primitive = Primitive(attributes=attributes, material=len(document.materials), mode=POINTS)

@@ -47,22 +47,33 @@ def write_textured_glb(path: PathLike, scene: Scene, objects: bool = False) -> N
 def textured_glb(parts: Sequence[MeshPart], quality: int = JPEG_QUALITY) -> list[bytes]:
     """A GLB file, in pieces, of meshes with their pictures: one mesh with one texture, a JPEG of that quality (0..100), and one
     more for each part whose picture has alpha, a PNG."""
-    opaque = [part for part in parts if not part.soft]
-    document, blob = mesh_document(join_meshes([part.mesh for part in opaque]), colors=False)
-    if not document.meshes:
+    packed = pack_parts(parts)
+    document, blob = mesh_document(packed[0].mesh if packed else None, colors=False)
+    if not packed:
         return document.glb(blob.bytes)
-    texture, places = pack_textures(opaque)
-    pixels = np.concatenate([part.pixels + place for part, place in zip(opaque, places)])
     document.samplers = [Sampler(magFilter=LINEAR, minFilter=LINEAR, wrapS=CLAMP_TO_EDGE, wrapT=CLAMP_TO_EDGE)]
     options = {"quality": quality, "subsampling": 0 if quality >= JPEG_QUALITY else 2}
-    add_texture(document, blob, texture, pixels, "JPEG", **options)
-    for part in parts:
-        if part.soft and len(part.mesh.triangles):
+    for number, part in enumerate(packed):
+        if number:
             add_primitive(document, blob, part.mesh)
+        if part.soft:
             document.materials[-1].alphaMode = "BLEND"
             add_texture(document, blob, part.picture, part.pixels, "PNG")
+        else:
+            add_texture(document, blob, part.picture, part.pixels, "JPEG", **options)
     blob.close()
     return document.glb(blob.bytes)
+
+
+def pack_parts(parts: Sequence[MeshPart]) -> list[MeshPart]:
+    """The parts as files have them, none empty: all opaque ones as one, with one picture; then each soft one."""
+    opaque = [part for part in parts if not part.soft and len(part.mesh.vertices)]
+    soft = [part for part in parts if part.soft and len(part.mesh.triangles)]
+    if not opaque:
+        return soft
+    texture, places = pack_textures(opaque)
+    pixels = np.concatenate([part.pixels + place for part, place in zip(opaque, places)])
+    return [MeshPart(join_meshes([part.mesh for part in opaque]), pixels, texture, None), *soft]
 
 
 def add_texture(

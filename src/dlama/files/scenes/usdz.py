@@ -18,11 +18,9 @@ from PIL import Image as Pillow
 from dlama.errors import MissingExtraError, OutputError
 from dlama.files.atomic_write import PathLike, new_file
 from dlama.files.scenes.meshes import GLTF_FROM_OPENCV
-from dlama.files.scenes.textured_mesh import JPEG_QUALITY, pack_textures
+from dlama.files.scenes.textured_mesh import JPEG_QUALITY, pack_parts
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.layers.layered_mesh import MeshPart
-from dlama.geometry.mesh import Mesh, join_meshes
-from dlama.geometry.rgbd import UInt8Array
 
 USD_FROM_OPENCV = GLTF_FROM_OPENCV
 """Both have x right, y up, and look along -z."""
@@ -47,51 +45,45 @@ def write_usdz(path: PathLike, parts: Sequence[MeshPart], quality: int = JPEG_QU
     quality: of the opaque parts' JPEG, 0 to 100. Raises MissingExtraError, OutputError; nothing half-written is left.
     """
     usd, utils = _usd("Usd"), _usd("UsdUtils")
-    opaque = [part for part in parts if not part.soft and len(part.mesh.triangles)]
-    with tempfile.TemporaryDirectory() as name, new_file(path) as draft:
-        folder = Path(name)
+    packed = [part for part in pack_parts(parts) if len(part.mesh.triangles)]
+    with tempfile.TemporaryDirectory() as made, new_file(path) as draft:
+        folder = Path(made)
         stage = usd.Stage.CreateNew(str(folder / "photo.usdc"))
-        set_up_stage(stage)
-        middle = middle_of(parts)
-        if opaque:
-            texture, places = pack_textures(opaque)
-            pixels = np.concatenate([part.pixels + place for part, place in zip(opaque, places)])
-            Pillow.fromarray(texture).save(folder / "opaque.jpg", quality=quality)
-            add_mesh(
-                stage, "opaque", join_meshes([part.mesh for part in opaque]), middle, pixels, texture, "opaque.jpg"
-            )
-        for number, part in enumerate(part for part in parts if part.soft and len(part.mesh.triangles)):
-            file = f"soft{number}.png"
-            Pillow.fromarray(part.picture).save(folder / file)
-            add_mesh(stage, f"soft{number}", part.mesh, middle, part.pixels, part.picture, file)
+        middle = middle_of(packed)
+        set_up_stage(stage, middle)
+        for number, part in enumerate(packed):
+            name, ending = (f"soft{number}", "png") if part.soft else ("opaque", "jpg")
+            Pillow.fromarray(part.picture).save(folder / f"{name}.{ending}", quality=quality)
+            add_mesh(stage, name, part, middle, f"{name}.{ending}")
         stage.GetRootLayer().Save()
-        packed = folder / "photo.usdz"
-        if not utils.CreateNewUsdzPackage(str(folder / "photo.usdc"), str(packed)):
+        whole = folder / "photo.usdz"
+        if not utils.CreateNewUsdzPackage(str(folder / "photo.usdc"), str(whole)):
             raise OutputError(f"{path}: usd-core could not pack the scene")
-        draft.write_bytes(packed.read_bytes())
+        draft.write_bytes(whole.read_bytes())
 
 
-def set_up_stage(stage: Any) -> None:
-    """Metres, y up, one root."""
+def set_up_stage(stage: Any, middle: Float64Array) -> None:
+    """Metres, y up, one root, which stands where `middle` is (metres): the camera is the origin."""
     geometry = _usd("UsdGeom")
     geometry.SetStageUpAxis(stage, geometry.Tokens.y)
     geometry.SetStageMetersPerUnit(stage, 1.0)
-    stage.SetDefaultPrim(geometry.Xform.Define(stage, ROOT).GetPrim())
+    root = geometry.Xform.Define(stage, ROOT)
+    root.AddTranslateOp().Set(tuple((middle * USD_FROM_OPENCV).tolist()))
+    stage.SetDefaultPrim(root.GetPrim())
 
 
 def middle_of(parts: Sequence[MeshPart]) -> Float64Array:
-    """3, metres: middle of all vertices, which becomes the origin, so that float32 keeps its precision."""
-    vertices = [part.mesh.vertices for part in parts if len(part.mesh.vertices)]
+    """3, metres: middle of all vertices, to which positions are relative, so that float32 keeps its precision."""
+    vertices = [part.mesh.vertices for part in parts]
     if not vertices:
         return np.zeros(3)
     lows, highs = np.min([one.min(0) for one in vertices], 0), np.max([one.max(0) for one in vertices], 0)
     return np.asarray((lows + highs) / 2, np.float64)
 
 
-def add_mesh(
-    stage: Any, name: str, mesh: Mesh, middle: Float64Array, pixels: Float64Array, picture: UInt8Array, file: str
-) -> None:
-    """A mesh (vertices less `middle`, metres) with a picture file as its emission; pixels: N x 2, x and y of vertices in it."""
+def add_mesh(stage: Any, name: str, part: MeshPart, middle: Float64Array, file: str) -> None:
+    """A part (vertices less `middle`, metres) with its picture's file as its emission."""
+    mesh, picture = part.mesh, part.picture
     geometry, sdf, types = _usd("UsdGeom"), _usd("Sdf"), _usd("Vt")
     shape = geometry.Mesh.Define(stage, f"{ROOT}/{name}")
     points = ((mesh.vertices - middle) * USD_FROM_OPENCV).astype(np.float32)
@@ -103,12 +95,12 @@ def add_mesh(
     shape.CreateSubdivisionSchemeAttr(geometry.Tokens.none)
     shape.CreateDoubleSidedAttr(True)
     size = np.array([picture.shape[1], picture.shape[0]])
-    uv = pixels / size * (1, -1) + (0, 1)  # v runs up
+    uv = part.pixels / size * (1, -1) + (0, 1)  # v runs up
     primvar = geometry.PrimvarsAPI(shape).CreatePrimvar(
         "st", sdf.ValueTypeNames.TexCoord2fArray, geometry.Tokens.vertex
     )
     primvar.Set(types.Vec2fArray.FromNumpy(np.ascontiguousarray(uv.astype(np.float32))))
-    material = add_material(stage, f"{ROOT}/{name}_material", file, alpha=picture.shape[2] == 4)
+    material = add_material(stage, f"{ROOT}/{name}_material", file, alpha=part.soft)
     binding = _usd("UsdShade").MaterialBindingAPI.Apply(shape.GetPrim())
     binding.Bind(material)
 
