@@ -34,8 +34,8 @@ TYPES = (HoleType.DISOCCLUDED, HoleType.OUT_OF_VIEW, HoleType.SENSOR, HoleType.O
 FEATURES, OUTPUTS = 28, 4
 REACH = 3.0
 """Features are clipped at so many standard deviations of the training data."""
-PIECE = 1 << 15
-"""Pixels of one batch."""
+PIECE = 1 << 10
+"""Pixels of one batch: so few that a matrix product takes one thread, since waiting threads took more time than the product."""
 LARGEST_CONFIDENCE = 0.99
 """Largest probability of a filled pixel; 1 is what was measured."""
 WEIGHTS = Path(__file__).parents[1] / "assets" / "confidence" / "confidence.npz"
@@ -88,7 +88,7 @@ def judge_fill(view: View, color: UInt8Array, depth: Float32Array) -> tuple[Floa
 
 
 def run_in_batches(network: ConfidenceNetwork, rows: Float32Array) -> tuple[Float32Array, Float32Array]:
-    """The network's outputs for FEATURES x N `rows`, in batches: intermediate results are twice as large as the rows."""
+    """The network's outputs for FEATURES x N `rows`, in batches that stay in the processor's cache."""
     probabilities, expected = np.empty((2, rows.shape[1], 2), np.float32)
     for start in range(0, rows.shape[1], PIECE):
         piece = slice(start, start + PIECE)

@@ -34,9 +34,11 @@ def blend_out_of_view(view: View, surfaces: Surfaces, depth: Float32Array, color
     return blend_with_low_frequency(view, color, view.color_hole & (surfaces.leaves < 0), w, surfaces.label, law.sky)
 
 
-def paint_surfaces(view: View, surfaces: Surfaces, depth: Float32Array, law: Law, seed: int) -> UInt8Array:
-    """H x W x 3: the view's colours, with each surface in its colour holes painted with its own texture; depth: H x W m,
-    filled."""
+def paint_surfaces(
+    view: View, surfaces: Surfaces, depth: Float32Array, law: Law, seed: int, detail: bool = True
+) -> UInt8Array:
+    """H x W x 3: the view's colours, with each surface in its colour holes painted with its own texture; depth: H x W m, filled;
+    detail: False paints smooth colours alone."""
     if not view.color_hole.any():
         return view.color
     w = np.where(view.hole, inverse_depth(depth), surfaces.inverse_depth)
@@ -45,7 +47,7 @@ def paint_surfaces(view: View, surfaces: Surfaces, depth: Float32Array, law: Law
     shadow = find_remaining_shadow(view, label)
     leafy = paint_leaves(view.color, view, surfaces)
     open_ = view.color_hole & (surfaces.leaves < 0)
-    color = synthesize(leafy, open_, w, label, view.camera, seed=seed, sky=law.sky, spoiled=shadow)
+    color = synthesize(leafy, open_, w, label, view.camera, seed=seed, sky=law.sky, spoiled=shadow, detail=detail)
     return blend_at_rim(color, view.color_hole, open_ & ~np.isin(view.hole_type, NOT_BLENDED), w, label, shadow)
 
 

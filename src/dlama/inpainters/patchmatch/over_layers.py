@@ -1,16 +1,17 @@
 """`layered-patches`: a view with holes in; depth as of `layered`, colours from patches of the picture, out.
 
 For removed objects, and for all holes in pictures of a depth camera. Their planes are inexact and hold several materials, so
-that texture copied within a plane leaves seams; patches of the picture do not. MI-GAN gives the first guess where the source
-picture shows the surroundings of a hole. Beyond its border, where the network would invent another room, the continued surfaces
-do. Occluders of a removed object are hidden from both: a table would extend to where the chair behind it was. So is the
-object's remaining shadow. Next to other holes nothing is hidden, for little else is left to paint with. Behind a removed object
-patches come from any surface.
+that texture copied within a plane leaves seams; patches of the picture do not. Their search starts from the smooth colours of
+the continued surfaces; behind a removed object it starts from MI-GAN's guess, which is worth its time there alone. Occluders of
+a removed object are hidden from both: a table would extend to where the chair behind it was. So is the object's remaining
+shadow. Next to other holes nothing is hidden, for little else is left to paint with. Behind a removed object patches come from
+any surface.
 """
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,9 +29,7 @@ from dlama.inpainters.networks.migan import migan_filler
 from dlama.inpainters.patchmatch.completion import QUICK, complete_picture
 from dlama.inpainters.patchmatch.guess import guess_coarsely
 
-INNER = (HoleType.OBJECT, HoleType.DISOCCLUDED)
-"""Types of holes that the network guesses."""
-REPAINTED = (*INNER, HoleType.OUT_OF_VIEW)
+REPAINTED = (HoleType.OBJECT, HoleType.DISOCCLUDED, HoleType.OUT_OF_VIEW)
 """Types of holes that patches paint; cracks are too thin to gain by it."""
 
 
@@ -41,17 +40,20 @@ def layered_patches_filler(model: str | Path) -> Inpainter:
     def fill(view: View, law: Law, seed: int) -> Fill:
         surfaces, depth, moved = continue_lawfully(view, law, seed)
         hole = view.color_hole & np.isin(view.hole_type, REPAINTED if law.misplaced_edges else (HoleType.OBJECT,))
-        inner = hole & np.isin(view.hole_type, INNER)
-        color = view.color
-        if (view.color_hole & ~inner).any():
-            color = paint_surfaces(view, surfaces, depth, law, seed)
+        removed = hole & (view.hole_type == HoleType.OBJECT)
+        color, notes = view.color, dict[str, Any](planes=len(surfaces.planes))
+        if (view.color_hole & ~removed).any():
+            color = paint_surfaces(view, surfaces, depth, law, seed, detail=not law.misplaced_edges)
         if hole.any():
             label, hidden = exclude_from_patches(view, surfaces, depth, law, hole)
-            guess = guess_coarsely(network.paint, color, inner | hidden, seed) if inner.any() else color
+            guess = color
+            if removed.any():
+                guess = guess_coarsely(network.paint, color, removed | hidden, seed)
+                notes["guess"] = network.notes()
             done = complete_picture(color, hole | hidden, guess, seed, label=label, effort=QUICK)
             color = np.where(hidden[..., None], color, done)
         color = blend_out_of_view(view, surfaces, depth, color, law)
-        return Fill(color, depth, moved, {"planes": len(surfaces.planes), "guess": network.notes()})
+        return Fill(color, depth, moved, notes)
 
     return fill
 

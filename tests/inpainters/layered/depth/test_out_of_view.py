@@ -87,13 +87,13 @@ def test_lines_count_what_they_meet() -> None:
     hole[:, :24] = True
     w[20:, 24:30], label[20:, 24:30] = 0.5, -1
     away = cv2.distanceTransform(hole.astype(np.uint8), cv2.DIST_L2, 5)
-    plane, level = np.array([[0.0, 0.0, 0.25]]), np.array([[1.0, 0.0, 0.0]])
-    first, length, both = seen_on_lines(plane, level, w, label, hole, away, hole, 1)
+    plane, level, every = np.array([[0.0, 0.0, 0.25]]), np.array([[1.0, 0.0, 0.0]]), np.ones(1, np.bool_)
+    first, length, both = seen_on_lines(plane, level, every, w, label, hole, away, hole, 1)
     for row, start, count in ((5, 24, 0), (15, 24, 36), (30, 30, 30)):
         np.testing.assert_allclose(first[0, row, :24], start - np.arange(24), atol=1)
         np.testing.assert_array_equal(length[0, row, :24], count)
     assert (first[0, :, 24:] == -1).all() and not both.any()
-    upwards = seen_on_lines(plane, np.array([[0.0, 1.0, 0.0]]), w, label, hole, away, hole, 1)
+    upwards = seen_on_lines(plane, np.array([[0.0, 1.0, 0.0]]), every, w, label, hole, away, hole, 1)
     assert (upwards[0] == -1).all()
 
 

@@ -51,13 +51,16 @@ class CopiedDetail:
     gains: Float32Array
     """Base grid x 3: weight 0..1 of the fine band, of the middle band and of the copied colour as it stands."""
 
+    @classmethod
+    def none(cls, shape: tuple[int, ...]) -> CopiedDetail:
+        """No detail on a base grid of that shape: the base colour alone."""
+        nowhere, weightless = np.full(shape, -1, np.int32), np.zeros((*shape, 3), np.float32)
+        return cls(np.zeros((2, 3)), np.zeros((1, 2)), nowhere, weightless)
+
 
 def copy_detail(grid: TextureGrid, region: HoleRegion, bases: Bases, rng: np.random.Generator) -> CopiedDetail:
     """Offsets and weights for one region; none (base colour alone) where nothing can be copied."""
-    shape = bases[0].shape[:2]
-    nothing = CopiedDetail(
-        np.zeros((2, 3)), np.zeros((1, 2)), np.full(shape, -1, np.int32), np.zeros((*shape, 3), np.float32)
-    )
+    nothing = CopiedDetail.none(bases[0].shape[:2])
     # Where there is no plane, neither scale nor slant is known: measured, no gain.
     if region.label < 0 or region.sources.sum() < 24 or len(region.pixels) < 2 * grid.base_cell_size**2:
         return nothing

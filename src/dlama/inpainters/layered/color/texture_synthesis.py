@@ -18,7 +18,7 @@ from dlama.errors import ShapeError
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.sky import Sky
-from dlama.inpainters.layered.color.patch_offsets import Bases, copy_detail
+from dlama.inpainters.layered.color.patch_offsets import Bases, CopiedDetail, copy_detail
 from dlama.inpainters.layered.color.texture_grid import UNTRUSTED, HoleRegion, Int32Array, TextureGrid, labels_in
 from dlama.inpainters.layered.kernels import base_color as base_kernels
 from dlama.inpainters.layered.kernels.patch_offsets import paint
@@ -47,12 +47,13 @@ def synthesize(
     seed: int = 0,
     sky: Sky | None = None,
     spoiled: BoolArray | None = None,
+    detail: bool = True,
 ) -> UInt8Array:
     """Colour for the hole, from known pixels of the same surface; known pixels come back bit-identical.
 
     color: H x W x 3 uint8 (RGB; ignored in the hole). hole: H x W bool, True = to be filled. inverse_depth: H x W
     float32, 1/m, 0 = sky, filled everywhere. label: H x W int32, -1 = non-planar, 0 = sky, k >= 1 = the k-th plane,
-    filled everywhere. camera gives K. sky: of all source pictures. The same
+    filled everywhere. camera gives K. sky: of all source pictures. detail: False leaves the smooth base colours alone. The same
     seed gives the same bits. Raises ShapeError.
     """
     _check(color, hole, inverse_depth, label, camera)
@@ -79,20 +80,21 @@ def synthesize(
         if not region.sources.any():
             continue
         bases = base_colors(grid, region, under)
-        detail = copy_detail(grid.at_unit_depth(region.label), region, bases, rng)
+        unit = grid.at_unit_depth(region.label)
+        copied = copy_detail(unit, region, bases, rng) if detail else CopiedDetail.none(bases[0].shape[:2])
         paint(
             out,
             grid.color,
             region.pixels,
-            grid.at_unit_depth(region.label).inverse_depth,
+            unit.inverse_depth,
             region.trusted(grid),
             region.label,
-            detail.axes,
+            copied.axes,
             bases,
             grid.base_cell_size,
-            detail.choice,
-            detail.gains,
-            detail.offsets,
+            copied.choice,
+            copied.gains,
+            copied.offsets,
         )
     return out
 

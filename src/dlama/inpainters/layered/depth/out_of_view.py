@@ -95,8 +95,8 @@ def follow_lines(
     if not unseen.any() or not followed.any():
         return on, cost
     planes, along, across, away = lines[:4]
-    first, length, _ = seen_on_lines(planes, along, w, label, hole, away, unseen, STRIDE)
-    other_first, other_length, _ = seen_on_lines(planes, across, w, label, hole, away, unseen, STRIDE_ACROSS)
+    first, length, _ = seen_on_lines(planes, along, followed, w, label, hole, away, unseen, STRIDE)
+    other_first, other_length, _ = seen_on_lines(planes, across, followed, w, label, hole, away, unseen, STRIDE_ACROSS)
     few = candidates[:, ::STRIDE, ::STRIDE], unseen[::STRIDE, ::STRIDE]
     few_on, few_cost = np.zeros_like(few[0]), np.zeros_like(few[0])
     hidden = np.zeros_like(few[0])
@@ -133,8 +133,7 @@ def penalise_between(
     on = np.zeros(candidates.shape, np.float32)
     if not hidden.any() or not followed.any():
         return on
-    both = seen_on_lines(lines.planes, lines.along, w, label, hole, lines.away, hidden, 1)[2]
-    on[2:] = BETWEEN * (both & followed[:, None, None])
+    on[2:] = BETWEEN * seen_on_lines(lines.planes, lines.along, followed, w, label, hole, lines.away, hidden, 1)[2]
     return on
 
 

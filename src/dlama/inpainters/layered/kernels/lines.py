@@ -81,6 +81,7 @@ def line_rows(
     end: Whole,
     planes: Float64Array,
     towards: Float64Array,
+    followed: BoolArray,
     w: Float32Array,
     label: NDArray[np.int32],
     hole: BoolArray,
@@ -98,7 +99,7 @@ def line_rows(
             if not asking[y, x]:
                 continue
             for k in range(len(planes)):
-                if planes[k, 0] * x + planes[k, 1] * y + planes[k, 2] <= 1e-3:
+                if not followed[k] or planes[k, 0] * x + planes[k, 1] * y + planes[k, 2] <= 1e-3:
                     continue
                 dc, dr = towards[k, 0] - towards[k, 2] * x, towards[k, 1] - towards[k, 2] * y
                 size = math.sqrt(dc * dc + dr * dr)
@@ -119,6 +120,7 @@ def line_rows(
 def seen_on_lines(
     planes: NDArray[np.float64],
     towards: NDArray[np.float64],
+    followed: BoolArray,
     w: Float32Array,
     label: NDArray[np.int32],
     hole: BoolArray,
@@ -129,12 +131,13 @@ def seen_on_lines(
     """K x h' x w' cells from each queried cell to the plane along its line, and the length over which the plane is seen there.
 
     planes: K x 3, w = a x + b y + c over cells (first cell: x = y = 0); towards: K x 3, homogeneous vanishing point of each
-    plane's lines; w, label: h x w inverse depth and label of the known cells; hole, asking: h x w; away: h x w, cells to known
-    ones. Every stride-th row and column is queried. -1: undecided; length 0: the line looks behind the plane. The third: True
-    where the plane is seen in both directions.
+    plane's lines; followed: K, the planes that are looked for; w, label: h x w inverse depth and label of the known cells;
+    hole, asking: h x w; away: h x w, cells to known ones. Every stride-th row and column is queried. -1: undecided, or not
+    looked for; length 0: the line looks behind the plane. The third: True where the plane is seen in both directions.
     """
     height, width = (-(-size // stride) for size in hole.shape)
     first = np.full((len(planes), height, width), -1, np.float32)
     length, both = np.zeros_like(first), np.zeros(first.shape, np.bool_)
-    in_bands(line_rows, height, planes, towards, w, label, hole, away, asking, stride, first, length, both, band=8)
+    known = w, label, hole, away, asking
+    in_bands(line_rows, height, planes, towards, followed, *known, stride, first, length, both, band=8)
     return first, length, both
