@@ -153,7 +153,7 @@ def a_function(
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ({"camera": "cam.json"}, r"^camera is of type str; a Camera is expected \(`read_camera` reads one\)$"),
+        ({"camera": "cam.json"}, r"^camera is of type str; a Camera is expected \(`read_camera\(\)` reads one\)$"),
         ({"camera": None}, "^camera is None; a Camera is expected"),
         ({"cameras": CAMERA}, "^cameras is of type Camera; a list of Cameras is expected$"),
         ({"cameras": [CAMERA, "cam.json"]}, r"^cameras\[1\] is of type str; a Camera is expected"),

@@ -20,6 +20,14 @@ def test_a_message_with_a_very_long_value_is_shortened() -> None:
         )
 
 
+def test_an_error_carries_the_parameters_that_it_is_about() -> None:
+    """By hand: in the message's order; Python reads plain names, what passes the error on has them in backticks."""
+    error = InputError("`fov` is 0; give `depth_scale=5` or `loop.steps`, not `dlama view` or x")
+    assert error.parameters == ("fov", "depth_scale", "loop.steps")
+    assert str(error) == "fov is 0; give depth_scale=5 or loop.steps, not `dlama view` or x"
+    assert str(InputError(f"again: {error.marked}")) == f"again: {error}"
+
+
 @pytest.mark.parametrize(
     "error",
     [

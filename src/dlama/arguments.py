@@ -19,7 +19,7 @@ from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_
 
 import numpy as np
 
-from dlama.errors import InputError, InputTypeError
+from dlama.errors import InputError, InputTypeError, marked_name
 
 ROWS = (Sequence, tuple, list)
 """Annotations that a list, a tuple or a set fits: what has a length and can be gone through."""
@@ -35,12 +35,12 @@ WORDS: dict[Any, str] = {
     Literal: "a name",
 }
 WHERE_FROM = {
-    "Camera": " (`read_camera` reads one)",
-    "StereoRig": " (`read_stereo_calib` reads one)",
-    "RGBD": " (`read_rgbd` reads a picture with depth, `estimate_depth(color).rgbd` estimates the depth of one)",
-    "Scene": " (`scene` makes one of frames, `read_scene` reads one)",
-    "View": " (`render` gives one)",
-    "Completion": " (`view`, `remove`, `stereo` and `complete` give one)",
+    "Camera": " (`read_camera()` reads one)",
+    "StereoRig": " (`read_stereo_calib()` reads one)",
+    "RGBD": " (`read_rgbd()` reads a picture with depth, `estimate_depth(color).rgbd` estimates the depth of one)",
+    "Scene": " (`scene()` makes one of frames, `read_scene()` reads one)",
+    "View": " (`render()` gives one)",
+    "Completion": " (`view()`, `remove()`, `stereo()` and `complete()` give one)",
     "Law": " (`Law.of(scene)` gives one)",
 }
 """Name of a type -> where a user gets one from."""
@@ -65,7 +65,7 @@ def _annotations(function: Callable[..., Any]) -> dict[str, Any]:
 
 def check(value: object, annotation: Any, name: str) -> None:
     """Raise InputTypeError, which calls the value `name`, where it is not of the annotated type."""
-    complaint = _complaint(value, annotation, name)
+    complaint = _complaint(value, annotation, marked_name(name))
     if complaint:
         raise InputTypeError(complaint)
 
@@ -81,20 +81,20 @@ def as_array(value: object, name: str, expected: str = "an array") -> np.ndarray
         reason = ""
     except Exception as error:  # what the object raises: a tensor on a graphics card, one with gradients
         reason = f" ({error})"
-    raise InputTypeError(f"{name} is of type {type(value).__name__}{reason}; {expected} is expected")
+    raise InputTypeError(f"{marked_name(name)} is of type {type(value).__name__}{reason}; {expected} is expected")
 
 
 def check_number(value: object, name: str, what: str = "a number") -> None:
     """Raise InputTypeError, which calls the value `name`, unless it is a number (or None); `what`: what is expected, in words."""
     if value is not None and not isinstance(value, Real):
-        raise InputTypeError(f"{name} is {value!r}; {what} is expected")
+        raise InputTypeError(f"{marked_name(name)} is {value!r}; {what} is expected")
 
 
 def check_count(value: object, name: str) -> None:
     """Raise InputError, which calls the value `name`, unless it is a whole number of 1 or more (or None)."""
     if value is not None and not (isinstance(value, Integral) and int(value) >= 1):
         raise (InputError if isinstance(value, Real) else InputTypeError)(
-            f"{name} is {value!r}; 1 or more is expected, a whole number"
+            f"{marked_name(name)} is {value!r}; 1 or more is expected, a whole number"
         )
 
 

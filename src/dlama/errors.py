@@ -1,5 +1,8 @@
 """What can go wrong, as one small tree; a message says what came, what was expected, and which file or field.
 
+A parameter of a public function stands in the message in backticks (`mask`, `depth_scale=1000`): so an error carries what it is
+about, Python's users read the plain name, and the command line puts its flag there, the page its field.
+
 DlamaError
 ├── InputError          what the user gave cannot be used (the command line ends with exit code 2)
 │   ├── FileError       a file is missing, unreadable, truncated or of the wrong kind
@@ -14,12 +17,30 @@ DlamaError
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import re
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, ClassVar
 
 LONGEST = 1200
 """Characters of a message."""
+PARAMETER = re.compile(r"`([A-Za-z_][\w.]*)(?:=([^`]*))?`")
+"""A parameter in a message, with the value it is to have, if any."""
+
+
+def name_parameters(message: str, call: Callable[[str, str], str]) -> str:
+    """The message with `call(name, value)` in place of each parameter in backticks; value: the one it is to have, or ""."""
+    return PARAMETER.sub(lambda found: call(found[1], found[2] or ""), message)
+
+
+def plain_name(name: str, value: str = "") -> str:
+    """A parameter as Python has it."""
+    return f"{name}={value}" if value else name
+
+
+def marked_name(name: str) -> str:
+    """A name in backticks if it is a parameter's, as it is if it is words (`job 3`)."""
+    return f"`{name}`" if name.isidentifier() else name
 
 
 class DlamaError(Exception):
@@ -28,8 +49,18 @@ class DlamaError(Exception):
     guide: ClassVar[str] = ""
     """The page that explains this kind of error, which the command line names; "": none does."""
 
+    @property
+    def marked(self) -> str:
+        """The whole message with parameters in backticks, for an error that passes it on."""
+        return super().__str__()
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """The parameters that the message names, in its order: the first is the one it is about."""
+        return tuple(found[1] for found in PARAMETER.finditer(self.marked))
+
     def __str__(self) -> str:
-        text = super().__str__()
+        text = name_parameters(self.marked, plain_name)
         return text if len(text) <= LONGEST else f"{text[: 2 * LONGEST // 3]} ... {text[-LONGEST // 4 :]}"
 
     def __reduce__(self) -> tuple[Any, ...]:

@@ -86,7 +86,7 @@ def test_a_dry_run_runs_nothing(jobs: str, capsys: pytest.CaptureFixture[str]) -
         (["batch", "nothing.csv", "-o", "out"], "nothing.csv: cannot be read: no such file or directory"),
         (["batch", "jobs.csv", "-o", "out", "--workers", "0"], "--workers is 0; 1 or more is expected"),
         (["batch", "jobs.csv", "-o", "out", "--gpus-per-worker", "1"], r"--gpus-per-worker is 1.0 without --?ray"),
-        (["batch", "jobs.csv", "-o", "out", "--depths", "x"], "depths and masks go with"),
+        (["batch", "jobs.csv", "-o", "out", "--depths", "x"], "--depths and --masks go with --images"),
         (["batch", "report"], "batch report is given 0 folders; one is expected"),
         (["batch", "report", "nowhere"], "nowhere: holds no results of `dlama batch`"),
     ],

@@ -61,7 +61,7 @@ REFUSED = {
     "depth": ("depth image.png -o .", "the folder of the image"),
     "evaluate": ("evaluate scenes -o scenes", "--output is scenes, an input of this run (data set)"),
     "worlds": ("worlds --textures scenes -o scenes", "(folder of textures)"),
-    "train": ("train tiny --data scenes -o scenes", "(--data scenes)"),
+    "train": ("train tiny --data scenes -o scenes", "(data scenes)"),
     "pack": ("pack pack.dlama -o pack.dlama", "--output is pack.dlama, an input of this run (data pack.dlama)"),
     "sequence": ("sequence scenes -o scenes", "--output is scenes, an input of this run (data set)"),
     "video": ("video scene.webp -o scene.webp", "--output is scene.webp, an input of this run (what is shown)"),

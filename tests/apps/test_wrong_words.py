@@ -9,7 +9,7 @@ import pytest
 from running import refused
 
 from dlama.apps.cli import VERBS, main
-from dlama.apps.terminal.flags import flags_of, with_flags
+from dlama.apps.terminal.flags import flags_of
 from dlama.apps.terminal.output import errors_as_lines
 from dlama.apps.verbs.sequence import mask_files
 from dlama.errors import CameraError, DlamaError, InputError, MaskError
@@ -77,19 +77,6 @@ def test_a_file_is_no_directory_for_results(frame: Path, capsys: pytest.CaptureF
 def test_a_bad_mask_is_told_before_depth_is_estimated(frame: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """One line, no warning of an estimate before it."""
     assert "the mask not given?" in refused(capsys, frame, "remove", "image.png", "depth.png", "--fov", 60)
-
-
-@pytest.mark.parametrize(
-    "message",
-    [
-        "camera.json: field 'fx' is missing; it has width, height",
-        "jobs.csv: line 1: column 'picture' is no parameter; known are id, verb, image, fx, depth_scale, mask_model",
-        "jobs.csv: line 1: there is no column id; the columns are fx, depth_scale",
-    ],
-)
-def test_fields_of_files_are_no_flags(message: str) -> None:
-    """Law: what stands in a file is called as there; the first had been `field '--fx'`."""
-    assert with_flags(message, flags_of(VERBS["batch"])) == message
 
 
 @pytest.mark.parametrize(("error", "guide"), [(CameraError, "concepts/conventions"), (MaskError, "guides/remove")])

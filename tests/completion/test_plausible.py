@@ -34,7 +34,7 @@ def test_good_input_gets_no_warning() -> None:
 
 
 def test_an_inverted_mask() -> None:
-    with pytest.warns(UserWarning, match=r"the mask removes 80 % of the picture.*mask_polarity turns it round"):
+    with pytest.warns(UserWarning, match=r"the mask removes 80 % of the picture.*`mask_polarity` turns it round"):
         remove(GOOD, ~MASK, filler="telea", dilate=0)
 
 
@@ -72,7 +72,7 @@ def test_millimetres_as_metres() -> None:
 
 def test_a_field_of_view_in_radians() -> None:
     """1.0472 radians are 60 degrees."""
-    with pytest.warns(UserWarning, match=r"fov is 1\.0472 degrees.*radians, give fov=60"):
+    with pytest.warns(UserWarning, match=r"`fov` is 1\.0472 degrees.*radians, give `fov=60`"):
         camera_for((48, 64), fov=1.0472)
 
 

@@ -209,15 +209,15 @@ def test_camera_from_exif(tmp_path: Path) -> None:
 def test_no_intrinsics_teach_fov(tmp_path: Path) -> None:
     Image.new("RGB", (8, 6)).save(tmp_path / "plain.jpg")
     for image in (None, tmp_path / "plain.jpg"):
-        with pytest.raises(CameraError, match=r"give fov, .*phone.*65.*`camera`"):
+        with pytest.raises(CameraError, match=r"give fov, .*phone.*65.*camera"):
             camera_for((6, 8), image=image)
 
 
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"camera": "c.json", "fov": 60}, "`camera` and fov contradict"),
-        ({"camera": "c.json", "cx": 3}, "`camera` and cx contradict"),
+        ({"camera": "c.json", "fov": 60}, "camera and fov contradict"),
+        ({"camera": "c.json", "cx": 3}, "camera and cx contradict"),
         ({"fov": 60, "fx": 500}, "fov and fx contradict"),
         ({"fov": 60, "fy": 500}, "fov and fy contradict"),
         ({"fy": 500}, "fy is given without fx"),

@@ -171,7 +171,9 @@ def test_much_depth_at_the_far_limit_is_said(tmp_path: Path) -> None:
     codes = CODES.copy()
     codes[:16] = 255
     path = put(tmp_path / "a.jpg", gdepth(COLOR, codes, 0.4, 6.0, "RangeInverse", False))
-    with pytest.warns(UserWarning, match=r"34% of its depth lie at the farthest .* 6 m, and may be farther; far=5.94"):
+    with pytest.warns(
+        UserWarning, match=r"34% of its depth lie at the farthest .* 6 m, and may be farther; `far=5.94`"
+    ):
         read_rgbd(path, fov=60)
     assert own_rgbd(path, fov=60, far=5.94).far.mean() == pytest.approx(1 / 3, abs=0.03)
 

@@ -48,7 +48,7 @@ def test_units_and_radians_are_told_together(tmp_path: Path) -> None:
     five = np.where(metres < 13, np.round(metres * 5000), 65535).astype(np.uint16)
     found = dlama.diagnose(*write(tmp_path, depth=five), fov=np.radians(75))
     assert checks(found) == ["fov-radians", "depth-scale", "understood"]
-    assert found[0].mend == "give fov=75" and found[1].mend == "give depth_scale=5000"
+    assert found[0].mend == "give `fov=75`" and found[1].mend == "give `depth_scale=5000`"
     assert checks(dlama.diagnose(*write(tmp_path, depth=five), fov=75, depth_scale=5000)) == ["understood"]
 
 

@@ -101,7 +101,7 @@ def test_values_as_typed_and_from_json(name: str, typed: Any, value: Any) -> Non
         ({"yaw": 1, "sharpen": "maybe"}, "sharpen is 'maybe'; true or false is expected"),
         ({"yaw": 1, "mode": "lines"}, "mode is 'lines'; one of surface, points is expected"),
         ({"yaw": 1, "mask": "m.png"}, "mask does not apply to view"),
-        ({"yaw": 1, "to": "t.json"}, "to=TARGET.json and `yaw` contradict each other"),
+        ({"yaw": 1, "to": "t.json"}, "to=TARGET.json and yaw contradict each other"),
         ({}, "no camera move is given"),
     ],
 )

@@ -88,7 +88,7 @@ def test_what_was_found_is_told(visit: Visit, frame: Path) -> None:
         ({}, "camera"),
         ({"fov": "200"}, "camera"),
         ({"fov": "60", "depth_scale": "-1"}, "scale"),
-        ({"fov": 60, "far": 0.5}, "depth"),
+        ({"fov": 60, "far": 0.5}, "scale"),
     ],
 )
 def test_errors_stand_next_to_their_field(fields: dict[str, Any], field: str, visit: Visit, frame: Path) -> None:
@@ -116,12 +116,12 @@ def test_a_damaged_file_is_named_as_the_visitor_names_it(visit: Visit, frame: Pa
 @pytest.mark.parametrize(
     ("message", "told"),
     [
-        ("give fov, or `camera`, a file", "give the field of view, or a camera file, a file"),
-        ("or give resize_depth=nearest", "or give “Bring depth to the picture's size”"),
+        ("give `fov`, or `camera`, a file", "give the field of view, or a camera file, a file"),
+        ("or give `resize_depth=nearest`", "or give “Bring depth to the picture's size”"),
         ("a.json: fx is 3 and the camera is far", "a.json: fx is 3 and the camera is far"),
-        ("clicks holds 3,4, which lies on a wall; far away", "a click holds 3,4, which lies on a wall; far away"),
+        ("`clicks` holds 3,4, which lies on a wall; far away", "a click holds 3,4, which lies on a wall; far away"),
         ("no depth is nearer than `far`, 3 m", "no depth is nearer than where the sky begins, 3 m"),
-        ("fov.json: no such file", "fov.json: no such file"),
+        ("see `depth_by` and `depth_scale=5`", "see depth_by and units per metre=5"),
     ],
 )  # fmt: skip
 def test_messages_speak_of_the_page(message: str, told: str) -> None:
@@ -133,8 +133,8 @@ def test_kinds_of_errors_have_fields() -> None:
     """By hand."""
     assert field_of(CameraError("left_K is wrong"), {}) == "camera"
     assert field_of(DepthError("nothing"), {}) == "depth"
-    assert field_of(InputError("seed is -1; more is expected"), {}) == "method"
-    assert field_of(InputError("clicks holds 3,4, which lies on a wall"), {}) == "marks"
+    assert field_of(InputError("`seed` is -1; more is expected"), {}) == "method"
+    assert field_of(InputError("`clicks` holds 3,4, which lies on a wall"), {}) == "marks"
     assert field_of(InputError("something"), {}) == ""
 
 

@@ -70,7 +70,7 @@ class Command(JobInputs):
         for one in options:
             for field_, value in vars(one).items():
                 if value != getattr(type(one)(), field_):
-                    raise InputError(f"{field_} does not apply to a scene ({file.name}); it is for pictures")
+                    raise InputError(f"`{field_}` does not apply to a scene ({file.name}); it is for pictures")
         self.inputs["scene"] = file
         with self.reading(file):
             return read_scene(file)

@@ -23,12 +23,12 @@ def check_folder_apart(output: Path, inputs: Inputs, not_results: Inputs | None 
     check_place(output)
     for role, path in _given_paths(inputs):
         if _same(output, path) and path.is_dir():
-            raise OutputError(f"output is {output}, an input of this run ({role}); give another directory")
+            raise OutputError(f"`output` is {output}, an input of this run ({role}); give another directory")
         if path.is_file() and any(_same(output, one.parent) for one in (path, path.resolve())):
-            raise OutputError(f"output is {output}, the folder of the {role} {path.name}; give another directory")
+            raise OutputError(f"`output` is {output}, the folder of the {role} {path.name}; give another directory")
     for role, path in _given_paths(not_results or {}):
         if _same(output, path):
-            raise OutputError(f"output is {output}, an input of this run ({role}); give another directory")
+            raise OutputError(f"`output` is {output}, an input of this run ({role}); give another directory")
 
 
 def check_file_apart(output: Path, inputs: Inputs, *, makes_folder: bool = False) -> None:
@@ -38,7 +38,7 @@ def check_file_apart(output: Path, inputs: Inputs, *, makes_folder: bool = False
     """
     for role, path in _given_paths(inputs):
         if _same(output, path):
-            raise OutputError(f"output is {output}, an input of this run ({role}); give another name")
+            raise OutputError(f"`output` is {output}, an input of this run ({role}); give another name")
     check_place(output.parent)
     there = makes_folder or output.parent.is_dir()
     wrong = "it is a directory" if output.is_dir() else "" if there else "its folder is not there"

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, fields
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple, TypedDict, TypeVar, get_type_hints
 
-from dlama.errors import InputError, InputTypeError
+from dlama.errors import InputError, InputTypeError, marked_name
 from dlama.inpainters import AUTO
 
 if sys.version_info >= (3, 11):
@@ -137,7 +137,7 @@ def options_of(given: Mapping[str, Any]) -> Options:
     names = [one.name for one in fields(Options)]
     for name in given:
         if name not in names:
-            raise InputTypeError(f"{name} is no parameter; the options are {', '.join(names)}")
+            raise InputTypeError(f"{marked_name(name)} is no parameter; the options are {', '.join(names)}")
     return Options(**given)
 
 
@@ -150,7 +150,7 @@ def raise_all(checks: Iterable[Callable[[], Any]]) -> None:
         except InputError as error:
             wrong.append(error)
     if wrong:
-        raise type(wrong[0])("; ".join(dict.fromkeys(str(error) for error in wrong)))
+        raise type(wrong[0])("; ".join(dict.fromkeys(error.marked for error in wrong)))
 
 
 @functools.lru_cache(None)

@@ -26,7 +26,7 @@ def warn_of_scale(rgbd: RGBD | View) -> None:
     median = median_depth(rgbd)
     if median > PLAUSIBLE_M[1]:
         _warn(
-            f"the median depth is {median:.4g} m: metres are expected; divide millimetres by 1000 (depth_scale=1000 of a file)"
+            f"the median depth is {median:.4g} m: metres are expected; divide millimetres by 1000 (`depth_scale=1000` of a file)"
         )
     elif 0 < median < PLAUSIBLE_M[0]:
         _warn(
@@ -41,7 +41,7 @@ def warn_of_mask(mask: BoolArray | Mapping[int, BoolArray]) -> None:
         if looks_inverted(one):
             _warn(
                 f"the mask removes {100 * float(one.mean()):.0f} % of the picture: if it marks what stays, it is inverted "
-                "(mask_polarity turns it round)"
+                "(`mask_polarity` turns it round)"
             )
 
 
@@ -58,7 +58,7 @@ def warn_of_unknown(rgbd: RGBD | View, warped: Sequence[View]) -> None:
     median = median_depth(rgbd)
     _warn(
         f"{100 * max(odd):.0f} % of the view is unknown, with a median depth of {median:.3g} m: if the scene is not that "
-        "near or far, its scale is wrong (see depth_scale: TUM 5000, KITTI 256, millimetres 1000); else move the camera less"
+        "near or far, its scale is wrong (see `depth_scale`: TUM 5000, KITTI 256, millimetres 1000); else move the camera less"
     )
 
 

@@ -52,20 +52,20 @@ class Recipe:
 
     def __post_init__(self) -> None:
         if not isinstance(self.mode, str) or self.mode not in MODES:
-            raise InputError(f"mode is {self.mode!r}; one of {', '.join(MODES)} is expected")
+            raise InputError(f"`mode` is {self.mode!r}; one of {', '.join(MODES)} is expected")
         for name in ("eight_bit_depth", "law", "footprint", "source_first"):
             check(getattr(self, name), bool, name)
         for name, value in (("dilate", 0 if self.dilate is None else self.dilate), ("dilate_holes", self.dilate_holes)):
             if not isinstance(value, Integral) or not 0 <= value <= WIDEST_PX:
-                raise InputError(f"{name} is {value!r} px; a whole number from 0 to {WIDEST_PX} is expected")
+                raise InputError(f"`{name}` is {value!r} px; a whole number from 0 to {WIDEST_PX} is expected")
         if self.clip is not None and not (is_finite(self.clip) and self.clip >= NEAREST_CLIP_M):
-            raise InputError(f"clip is {self.clip!r} m; {NEAREST_CLIP_M} or more is expected")
+            raise InputError(f"`clip` is {self.clip!r} m; {NEAREST_CLIP_M} or more is expected")
         if self.eight_bit_depth and self.clip is None:
             raise InputError("8-bit depth needs clip, the depth of level 255")
         if not isinstance(self.depth_by, str) or self.depth_by not in ("surfaces", "filler"):
-            raise InputError(f"depth_by is {self.depth_by!r}; surfaces or filler is expected")
+            raise InputError(f"`depth_by` is {self.depth_by!r}; surfaces or filler is expected")
         if self.eight_bit_depth and self.depth_by != "filler":
-            raise InputError("8-bit depth is the filler's; depth_by 'filler' is expected with it")
+            raise InputError("8-bit depth is the filler's; `depth_by` 'filler' is expected with it")
 
 
 SEEDS = 2**32
@@ -88,14 +88,14 @@ RECIPES: dict[str, Recipe] = {
 def check_seed(seed: int) -> int:
     """The seed, if it is 0 to 2**32 - 1, as NumPy's generators take it; else InputError."""
     if not isinstance(seed, Integral) or not 0 <= seed < SEEDS:
-        raise InputError(f"seed is {seed!r}; a whole number from 0 to {SEEDS - 1} is expected")
+        raise InputError(f"`seed` is {seed!r}; a whole number from 0 to {SEEDS - 1} is expected")
     return seed
 
 
 def check_confidence(min_confidence: float) -> float:
     """The least confidence, if it is a probability; else InputError."""
     if not is_finite(min_confidence) or not 0 <= min_confidence <= 1:
-        raise InputError(f"min_confidence is {min_confidence!r}; a probability from 0 to 1 is expected")
+        raise InputError(f"`min_confidence` is {min_confidence!r}; a probability from 0 to 1 is expected")
     return min_confidence
 
 
@@ -113,7 +113,7 @@ def find_recipe(
     Raises InputError: an unknown name (the known ones are listed), or options that contradict each other.
     """
     if not isinstance(name, Recipe) and name not in RECIPES:
-        raise InputError(f"recipe is {name!r}; one of {', '.join(RECIPES)} is expected")
+        raise InputError(f"`recipe` is {name!r}; one of {', '.join(RECIPES)} is expected")
     chosen = name if isinstance(name, Recipe) else RECIPES[name]
     options: dict[str, Any] = {
         "mode": mode, "dilate": dilate, "dilate_holes": dilate_holes, "clip": clip, "depth_by": depth_by

@@ -90,7 +90,7 @@ def scene_of(given: RGBD | Scene | Sequence[FrameSource], clip: float | None = N
     if not isinstance(given, Scene):
         return scene([clip_frame(frame, clip) for frame in given])
     if clip is not None:
-        raise InputError(f"clip is {clip} m: a scene cannot be clipped; give its frames instead")
+        raise InputError(f"`clip` is {clip} m: a scene cannot be clipped; give its frames instead")
     return given
 
 
@@ -125,7 +125,7 @@ def refuse_model_of_auto(filler: str | Inpainter, model: str | Path | None) -> N
     """Raise InputError where a model is given and the filler is `auto`: which one it chooses depends on the picture."""
     if filler == AUTO and model is not None:
         raise InputError(
-            f"model is {model} and filler 'auto', which chooses by the depth; name the filler that runs the model"
+            f"`model` is {model} and filler 'auto', which chooses by the depth; name the filler that runs the model"
         )
 
 

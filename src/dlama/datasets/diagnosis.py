@@ -90,4 +90,4 @@ def diagnose(
 def _refuse(first: PathLike, others: Mapping[str, Any]) -> None:
     for name, value in others.items():
         if value is not None and value != DEFAULTS.get(name):
-            raise InputError(f"{Path(first)}: {name} is {value}; it does not apply to these inputs")
+            raise InputError(f"{Path(first)}: `{name}` is {value}; it does not apply to these inputs")

@@ -142,7 +142,7 @@ def detect(root: Path) -> str:
     for _ in range(LEVELS):
         found = [name for name, each in LAYOUTS.items() if any(each.fits(place) for place in level)]
         if len(found) > 1:
-            raise SeveralLayoutsError(f"{root}: may be {' or '.join(found)}; say which by layout=NAME")
+            raise SeveralLayoutsError(f"{root}: may be {' or '.join(found)}; say which by `layout=NAME`")
         if found:
             return found[0]
         inside = [place for place in level if place.is_dir()]
@@ -165,7 +165,7 @@ def check_place(root: Path) -> None:
 def check_limit(limit: int | None) -> None:
     """Raises InputError for a number of cases below 1."""
     if limit is not None and limit < 1:
-        raise InputError(f"limit is {limit}; a whole number >= 1 is expected")
+        raise InputError(f"`limit` is {limit}; a whole number >= 1 is expected")
 
 
 def refuse_unused(name: str, known: frozenset[str], options: Mapping[str, object]) -> None:
@@ -174,7 +174,7 @@ def refuse_unused(name: str, known: frozenset[str], options: Mapping[str, object
         if value is not None and option not in known:
             takers = [each for each, layout in LAYOUTS.items() if option in layout.options]
             for_others = f"; it is for {', '.join(takers)}" if takers else ""
-            raise InputError(f"{option} does not apply to a data set of layout {name}{for_others}")
+            raise InputError(f"`{option}` does not apply to a data set of layout {name}{for_others}")
 
 
 def select_cases(dataset: Dataset, scenes: Sequence[str] | None, limit: int | None) -> Dataset:

@@ -23,9 +23,11 @@ from dlama.perception.diagnosis.lens import looks_like_radians
 
 FILM_DIAGONAL_MM = math.hypot(36, 24)
 """35 mm film; "focal length in 35 mm film" compares diagonals (CIPA DCG-001)."""
+OPTIONS = "camera options"
+"""What messages call a camera that no file gives."""
 NO_INTRINSICS = (
-    "how wide the camera sees is not known: give fov, its horizontal field of view in degrees (phone main camera about 65, "
-    "webcam 60, Kinect 57 to 63, EasySynth 90), or `camera`, a JSON file, or fx fy cx cy in pixels"
+    "how wide the camera sees is not known: give `fov`, its horizontal field of view in degrees (phone main camera about 65, "
+    "webcam 60, Kinect 57 to 63, EasySynth 90), or `camera`, a JSON file, or `fx` `fy` `cx` `cy` in pixels"
 )
 CAMERA_FIELDS = ("width", "height", "fx", "fy", "cx", "cy", "K", "pixel_center", "world_from_cam", "comment")
 STEREO_FIELDS = ("left_K", "right_K", "baseline_m", "doffs", "pixel_center", "width", "height", "comment")
@@ -174,7 +176,7 @@ def camera_for(
     given = [name for name, value in numbers.items() if value is not None]
     for name, value in {**numbers, "fov": fov}.items():
         if value is not None and not isinstance(value, Real):
-            raise CameraError(f"{name} is {value!r}; a number is expected")
+            raise CameraError(f"`{name}` is {value!r}; a number is expected")
     _check_one_source(camera, given, fov)
     if camera is not None:
         if isinstance(camera, Camera):
@@ -185,7 +187,7 @@ def camera_for(
     focal_x, focal_y, source = _focal_lengths(hw, fx, fy, fov, image)
     border = 0.5 - pixel_center  # cx and cy count as the options do, the middle counts from the picture's border
     center = (hw[1] / 2 - border if cx is None else cx, hw[0] / 2 - border if cy is None else cy)
-    made = make_camera("camera options", hw, (focal_x, focal_y, *center), pixel_center, world_from_cam)
+    made = make_camera(OPTIONS, hw, (focal_x, focal_y, *center), pixel_center, world_from_cam)
     return made, source
 
 
@@ -206,11 +208,11 @@ def make_camera(
             [[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]], hw[1], hw[0], pixel_center, world_from_cam
         )
     except CameraError as error:
-        raise CameraError(f"{source}: {error}") from error
+        raise CameraError(f"{source}: {error.marked if source == OPTIONS else error}") from error
     if not (0 <= camera.cx <= camera.width and 0 <= camera.cy <= camera.height):
         warnings.warn(
             f"{source}: the principal point ({camera.cx:g}, {camera.cy:g}) lies outside the {hw[1]}x{hw[0]} picture; "
-            "right for a crop, else check cx and cy",
+            "right for a crop, else check `cx` and `cy`",
             UserWarning,
             stacklevel=2,
         )
@@ -242,11 +244,11 @@ def _left_and_right(fields: FileFields, left_K: str, right_K: str) -> tuple[Intr
 def _check_one_source(camera: PathLike | Camera | None, given: list[str], fov: float | None) -> None:
     if camera is not None and (given or fov is not None):
         other = given[0] if given else "fov"
-        raise CameraError(f"`camera` and {other} contradict each other; give one of them")
+        raise CameraError(f"`camera` and `{other}` contradict each other; give one of them")
     if fov is not None and {"fx", "fy"} & set(given):
-        raise CameraError(f"fov and {given[0]} contradict each other; give one of them")
+        raise CameraError(f"`fov` and `{given[0]}` contradict each other; give one of them")
     if "fy" in given and "fx" not in given:
-        raise CameraError("fy is given without fx; give fx (and fy only where it differs)")
+        raise CameraError("`fy` is given without `fx`; give `fx` (and `fy` only where it differs)")
 
 
 def _focal_lengths(
@@ -257,7 +259,7 @@ def _focal_lengths(
     if fov is not None:
         if looks_like_radians(fov):
             warnings.warn(
-                f"fov is {fov:g} degrees, as narrow as a telescope's; if these are radians, give fov={math.degrees(fov):.4g}",
+                f"`fov` is {fov:g} degrees, as narrow as a telescope's; if these are radians, give `fov={math.degrees(fov):.4g}`",
                 UserWarning,
                 stacklevel=4,
             )

@@ -68,7 +68,7 @@ def diagnose_rgbd(
         color = eight_bit_rgb(read_stored(image).values, image)
         found, seen = _observe(image, depth, color, depth_options)
     except InputError as error:
-        return [Finding("reading", "fault", 1.0, str(error))]
+        return [Finding("reading", "fault", 1.0, error.marked)]
     noted, camera = _camera(image, seen.color.shape[:2], lens_options)
     found += noted
     if seen.values.shape != seen.color.shape[:2]:
@@ -99,7 +99,7 @@ def diagnose_photo(image: PathLike, lens_options: Mapping[str, Any]) -> list[Fin
                 ]
             rgbd = read_rgbd(image, **lens_options)
     except InputError as error:
-        return [Finding("photo-depth", "fault", 1.0, str(error))]
+        return [Finding("photo-depth", "fault", 1.0, error.marked)]
     found = check_lens(rgbd.camera)
     found += [Finding("photo-depth", "note", 1.0, " ".join(str(one.message).split())) for one in noted]
     about = own.about
@@ -117,7 +117,7 @@ def diagnose_pair(left: PathLike, right: PathLike, calib: PathLike) -> list[Find
         pictures = read_color(left), read_color(right)
         rig = read_stereo_calib(calib, hw=pictures[0].shape[:2])
     except InputError as error:
-        return [Finding("reading", "fault", 1.0, str(error))]
+        return [Finding("reading", "fault", 1.0, error.marked)]
     names = f"{Path(left).name}, {Path(right).name}"
     if pictures[0].shape != pictures[1].shape:
         sizes = " and ".join(f"{each.shape[1]}x{each.shape[0]}" for each in pictures)
@@ -211,7 +211,7 @@ def _resize(
     (h, w), (height, width) = hw, values.shape
     what = f"{Path(depth).name}: is {width}x{height} and {Path(image).name} {w}x{h}"
     if abs(width / height * h / w - 1) <= SAME_PROPORTIONS:
-        finding = Finding("size", "fault", 1.0, f"{what}, of the same proportions", "give resize_depth=nearest")
+        finding = Finding("size", "fault", 1.0, f"{what}, of the same proportions", "give `resize_depth=nearest`")
         return [] if asked else [finding], nearest_pixels(values, (h, w))
     turned = abs(height / width * h / w - 1) <= SAME_PROPORTIONS
     mend = "turn one of them by 90 degrees" if turned else "crop one of them to what the other shows"
@@ -233,9 +233,9 @@ def _camera(image: PathLike, hw: tuple[int, ...], options: Mapping[str, Any]) ->
             camera, _ = camera_for(size, image=image, **given)
     except CameraError as error:
         guessed = Camera.from_fov(size[1], size[0], GUESSED_FOV)
-        return [*found, Finding("camera", "fault", 1.0, str(error))], guessed
+        return [*found, Finding("camera", "fault", 1.0, error.marked)], guessed
     except InputError as error:
-        return [*found, Finding("reading", "fault", 1.0, str(error))], Camera.from_fov(size[1], size[0], GUESSED_FOV)
+        return [*found, Finding("reading", "fault", 1.0, error.marked)], Camera.from_fov(size[1], size[0], GUESSED_FOV)
     return found + check_lens(camera, exif), camera
 
 
@@ -245,7 +245,7 @@ def _mask(
     try:
         mask = read_mask(path, **options)
     except InputError as error:
-        return [Finding("reading", "fault", 1.0, str(error))], None
+        return [Finding("reading", "fault", 1.0, error.marked)], None
     if mask.shape != seen.values.shape:
         (height, width), (h, w) = mask.shape, seen.values.shape
         what = f"{Path(path).name}: the mask is {width}x{height} and {seen.names[0]} {w}x{h}"

@@ -92,7 +92,7 @@ def read_rgbd(
     if depth is None:
         for name, value in of_file.items():
             if value is not None:
-                raise InputError(f"{name} is given without a depth file; it says how one is read")
+                raise InputError(f"`{name}` is given without a depth file; it says how one is read")
         return estimate_rgbd(image, lens, depth_model, far, options)
     of_estimate = {
         "metres_at": len(metres_at) > 0,
@@ -149,7 +149,7 @@ def find_photo_depth(image: PathLike) -> PhotoDepth | None:
     try:
         return read_photo_depth(image)
     except DepthError as error:
-        warnings.warn(f"{error}; depth is estimated instead", UserWarning, stacklevel=3)
+        warnings.warn(f"{error.marked}; depth is estimated instead", UserWarning, stacklevel=3)
         return None
 
 
@@ -175,7 +175,7 @@ def _use_photo_depth(
         if not own.absolute:
             warnings.warn(
                 f"{image}: its depth is relative ({own.about['source']}): its metres are the phone's guess, "
-                "give metres_at or camera_height",
+                "give `metres_at` or `camera_height`",
                 UserWarning,
                 stacklevel=4,
             )
@@ -184,7 +184,7 @@ def _use_photo_depth(
         farthest = float(rgbd.depth[np.isfinite(rgbd.depth)].max())
         warnings.warn(
             f"{image}: {limit:.0%} of its depth lie at the farthest that it can say, {farthest:.3g} m, and may be farther; "
-            f"far={0.99 * farthest:.3g} takes them as far",
+            f"`far={0.99 * farthest:.3g}` takes them as far",
             UserWarning,
             stacklevel=4,
         )
@@ -197,9 +197,9 @@ def _resize_depth(
     """Nearest pixel; depths are never mixed, a mean of two surfaces lies on neither."""
     sizes = f"{depth} is {metres.shape[1]}x{metres.shape[0]} and {image} {hw[1]}x{hw[0]}"
     if how is None:
-        raise ShapeError(f"{sizes}; both must have the same size, or give resize_depth=nearest")
+        raise ShapeError(f"{sizes}; both must have the same size, or give `resize_depth=nearest`")
     if how != "nearest":
-        raise ShapeError(f"resize_depth is {how!r}; 'nearest' is expected")
+        raise ShapeError(f"`resize_depth` is {how!r}; 'nearest' is expected")
     proportions = metres.shape[1] / metres.shape[0] * hw[0] / hw[1]
     if abs(proportions - 1) > SAME_PROPORTIONS:
         raise ShapeError(

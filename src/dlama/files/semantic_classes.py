@@ -47,7 +47,7 @@ def class_color(name: str, classes_csv: PathLike | None, picture: PathLike) -> R
     parts = name.split(",")
     if len(parts) == 3 and all(part.strip().lstrip("+-").isdecimal() for part in parts):
         if not all(CHANNEL.fullmatch(part.strip()) and int(part) <= 255 for part in parts):
-            raise MaskError(f"mask_class is {name[:40]}; R,G,B of 0 to 255 each is expected")
+            raise MaskError(f"`mask_class` is {name[:40]}; R,G,B of 0 to 255 each is expected")
         return int(parts[0]), int(parts[1]), int(parts[2])
     table = _find_table(picture) if classes_csv is None else classes_csv
     classes = read_classes(table)

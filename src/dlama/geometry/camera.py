@@ -40,7 +40,7 @@ FARTHEST_M = 1e9
 def _check_size(width: int, height: int) -> None:
     for name, value in (("width", width), ("height", height)):
         if not is_finite(value) or value % 1:
-            raise CameraError(f"camera {name} is {format_value(value)}; a whole number of pixels is expected")
+            raise CameraError(f"camera `{name}` is {format_value(value)}; a whole number of pixels is expected")
     if width < 1 or height < 1:
         raise CameraError(f"camera size is {width}x{height}; width and height must be at least 1")
 
@@ -73,17 +73,17 @@ class Camera:
         for name in ("fx", "fy", "cx", "cy"):
             value = getattr(self, name)
             if not is_finite(value):
-                raise CameraError(f"camera {name} is {format_value(value)}; a finite number of pixels is expected")
+                raise CameraError(f"camera `{name}` is {format_value(value)}; a finite number of pixels is expected")
             if abs(value) > LARGEST_PX:
-                raise CameraError(f"camera {name} is {value:g} px; at most {LARGEST_PX:g} px is expected")
+                raise CameraError(f"camera `{name}` is {value:g} px; at most {LARGEST_PX:g} px is expected")
         for name in ("fx", "fy"):
             value = getattr(self, name)
             if value <= 0:
                 raise CameraError(
-                    f"camera {name} is {value}; K is singular or negative, a focal length > 0 is expected"
+                    f"camera `{name}` is {value}; K is singular or negative, a focal length > 0 is expected"
                 )
             if value < SMALLEST_FOCAL_PX:
-                raise CameraError(f"camera {name} is {value:g} px; at least {SMALLEST_FOCAL_PX:g} px is expected")
+                raise CameraError(f"camera `{name}` is {value:g} px; at least {SMALLEST_FOCAL_PX:g} px is expected")
         object.__setattr__(self, "world_from_cam", check_pose(self.world_from_cam))
 
     @classmethod
@@ -97,7 +97,9 @@ class Camera:
             (320.0, 320.0, 240.0)
         """
         if not is_finite(fov_deg) or not 0 < fov_deg < 180:
-            raise CameraError(f"fov is {format_value(fov_deg)} degrees; a field of view between 0 and 180 is expected")
+            raise CameraError(
+                f"`fov` is {format_value(fov_deg)} degrees; a field of view between 0 and 180 is expected"
+            )
         _check_size(width, height)
         focal = 0.5 * width / math.tan(math.radians(fov_deg) / 2)
         pose = np.eye(4) if world_from_cam is None else check_pose(world_from_cam)
@@ -170,7 +172,7 @@ class Camera:
         """
         for name, value in (("x", x), ("y", y)):
             if not is_finite(value):
-                raise CameraError(f"{name} is {format_value(value)}; a number of pixels is expected")
+                raise CameraError(f"`{name}` is {format_value(value)}; a number of pixels is expected")
         return dataclasses.replace(self, width=width, height=height, cx=self.cx - x, cy=self.cy - y)
 
     def cropped_to(self, rows: slice, columns: slice) -> Camera:
@@ -201,7 +203,7 @@ class Camera:
 def check_pixel_center(value: object) -> None:
     """Raise CameraError unless it is 0.5 or 0.0, the two places where files put the first pixel's centre."""
     if not isinstance(value, Real) or value not in (0.0, 0.5):
-        raise CameraError(f"pixel_center is {format_value(value)}; 0.5 or 0.0 is expected")
+        raise CameraError(f"`pixel_center` is {format_value(value)}; 0.5 or 0.0 is expected")
 
 
 @dataclass(frozen=True, eq=False)

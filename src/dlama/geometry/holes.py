@@ -177,15 +177,15 @@ def check_mask(mask: ArrayLike, hw: tuple[int, int]) -> BoolArray:
     """The mask as an array. MaskError unless it is a bool picture of that size that removes something and leaves something."""
     mask = as_array(mask, "mask", "a bool array H x W")
     if mask.dtype != np.bool_ or mask.ndim != 2:
-        raise MaskError(f"mask is {mask.dtype} with shape {mask.shape}; bool H x W is expected, True = remove")
+        raise MaskError(f"`mask` is {mask.dtype} with shape {mask.shape}; bool H x W is expected, True = remove")
     if mask.shape != hw:
         raise MaskError(
-            f"mask is {mask.shape[1]}x{mask.shape[0]} and the picture {hw[1]}x{hw[0]}; both must have the same size"
+            f"`mask` is {mask.shape[1]}x{mask.shape[0]} and the picture {hw[1]}x{hw[0]}; both must have the same size"
         )
     if not mask.any():
-        raise MaskError("mask is empty: it marks nothing to remove (is its polarity 'known'?)")
+        raise MaskError("`mask` is empty: it marks nothing to remove (is its polarity 'known'?)")
     if mask.all():
-        raise MaskError("mask is full: it leaves nothing to fill from (is its polarity 'known'?)")
+        raise MaskError("`mask` is full: it leaves nothing to fill from (is its polarity 'known'?)")
     return mask
 
 

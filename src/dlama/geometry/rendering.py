@@ -67,7 +67,7 @@ def render(
     """
     check_arguments(render, locals())
     if mode not in MODES:
-        raise InputError(f"mode is {mode!r}; one of {', '.join(MODES)} is expected")
+        raise InputError(f"`mode` is {mode!r}; one of {', '.join(MODES)} is expected")
     if isinstance(source, PointCloud):
         return render_cloud(source, camera, mode)
     scene = to_scene(source)

@@ -53,7 +53,7 @@ class Scene:
             check(getattr(self, name), Sequence[Any], name)
         count = len(self.frames)
         if not count:
-            raise ShapeError("frames is empty; a scene of one frame or more is expected")
+            raise ShapeError("`frames` is empty; a scene of one frame or more is expected")
         for name, default in (("numbers", range(count)), ("gains", [(1.0, 1.0, 1.0)] * count)):
             object.__setattr__(self, name, tuple(getattr(self, name) or default))
             if len(getattr(self, name)) != count:
@@ -116,7 +116,7 @@ class Scene:
             return self.numbers.index(number)
         first, last = self.numbers[0], self.numbers[-1]
         known = f"{first} to {last}" if len(self.numbers) > 8 else ", ".join(map(str, self.numbers))
-        raise InputError(f"mask is for frame {number}, which is not in the scene; it has frames {known}")
+        raise InputError(f"`mask` is for frame {number}, which is not in the scene; it has frames {known}")
 
     def __repr__(self) -> str:
         parts = (

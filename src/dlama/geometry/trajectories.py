@@ -37,9 +37,9 @@ def orbit(camera: Camera, yaw: float, pitch: float = 0.0, pivot: float = PIVOT_M
     check_arguments(orbit, locals())
     for name, value in (("yaw", yaw), ("pitch", pitch)):
         if not is_finite(value) or not abs(value) <= MOST_DEGREES:
-            raise InputError(f"{name} is {value!r}; a finite angle in degrees, at most {MOST_DEGREES:g}, is expected")
+            raise InputError(f"`{name}` is {value!r}; a finite angle in degrees, at most {MOST_DEGREES:g}, is expected")
     if not is_finite(pivot) or not 0 <= pivot <= FARTHEST_M:
-        raise InputError(f"pivot is {pivot!r}; a distance >= 0 in metres, ahead of the camera, is expected")
+        raise InputError(f"`pivot` is {pivot!r}; a distance >= 0 in metres, ahead of the camera, is expected")
     center = np.array([0.0, 0.0, pivot])
     turned_from_source = _rotation_x(pitch) @ _rotation_y(yaw)
     source_from_turned = np.eye(4)
@@ -54,7 +54,7 @@ def dolly(camera: Camera, metres: float) -> Camera:
     Raises InputError when `metres` is not finite.
     """
     if not is_finite(metres) or not abs(metres) <= FARTHEST_M:
-        raise InputError(f"dolly is {metres!r}; a finite distance in metres, at most {FARTHEST_M:g}, is expected")
+        raise InputError(f"`dolly` is {metres!r}; a finite distance in metres, at most {FARTHEST_M:g}, is expected")
     pose = camera.world_from_cam.copy()
     pose[:3, 3] += metres * pose[:3, 2]
     return camera.at(pose)
@@ -88,7 +88,7 @@ PATHS = {"orbit": orbit_path, "spiral": spiral_path, "dolly": dolly_path}
 def named_path(name: str, camera: Camera, count: int, pivot: float = PIVOT_M) -> list[Camera]:
     """The cameras of a path of PATHS that begins at `camera`. Raises InputError: an unknown name, or fewer than one camera."""
     if name not in PATHS:
-        raise InputError(f"path is {name!r}; one of {', '.join(PATHS)} is expected")
+        raise InputError(f"`path` is {name!r}; one of {', '.join(PATHS)} is expected")
     if count < 1:
         raise InputError(f"a path of {count} cameras was asked for; one or more are expected")
     return PATHS[name](camera, count, pivot)

@@ -58,9 +58,9 @@ def find_filler(filler: str | Inpainter, model: str | Path | None = None) -> Inp
     """
     if not isinstance(filler, str):
         if model is not None:
-            raise InputError(f"model is {model} and the filler a function; a model goes with a filler's name")
+            raise InputError(f"`model` is {model} and the filler a function; a model goes with a filler's name")
         if not callable(filler):
-            raise InputError(f"filler is {filler!r}; one of {', '.join(FILLER_NAMES)} is expected, or a function")
+            raise InputError(f"`filler` is {filler!r}; one of {', '.join(FILLER_NAMES)} is expected, or a function")
         return filler
     file = model_file(filler, model)
     make: Callable[..., Inpainter] = FILLERS[filler].make
@@ -73,12 +73,12 @@ def model_file(filler: str, model: str | Path | None = None) -> Path | None:
     InputError: an unknown name, or a model missing or given to a filler that takes none.
     """
     if filler not in FILLERS:
-        raise InputError(f"filler is {filler!r}; one of {', '.join(FILLER_NAMES)} is expected")
+        raise InputError(f"`filler` is {filler!r}; one of {', '.join(FILLER_NAMES)} is expected")
     record = FILLERS[filler]
     if not record.needs_model and model is not None:
-        raise InputError(f"model is {model} and filler {filler!r} runs no network; no model is expected")
+        raise InputError(f"`model` is {model} and filler {filler!r} runs no network; no model is expected")
     if record.needs_model and model is None and record.shipped is None:
-        raise InputError(f"model is missing: filler {filler!r} runs a network file ({record.source})")
+        raise InputError(f"`model` is missing: filler {filler!r} runs a network file ({record.source})")
     if model is not None:
         return Path(model)
     return None if record.shipped is None else ASSETS / record.shipped

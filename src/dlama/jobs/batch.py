@@ -12,7 +12,7 @@ from typing import Any
 
 from dlama.arguments import check, check_arguments, check_count, check_number
 from dlama.completion.memory import available_bytes
-from dlama.errors import InputError, MissingExtraError
+from dlama.errors import InputError, MissingExtraError, marked_name
 from dlama.files.atomic_write import PathLike, check_name
 from dlama.jobs.job import Job, job_of, resolve_path
 from dlama.jobs.lists.tables import rows as rows_of
@@ -117,10 +117,10 @@ class JobList:
 def check_defaults(verb: str | None, defaults: Mapping[str, Any]) -> dict[str, Any]:
     """Those that are given (not None), files as whole paths. InputError: an unknown verb, or a parameter that no verb has."""
     if verb is not None and verb not in VERBS:
-        raise InputError(f"verb is {verb!r}; one of {', '.join(VERBS)} is expected")
+        raise InputError(f"`verb` is {verb!r}; one of {', '.join(VERBS)} is expected")
     for name in defaults:
         if name not in KNOWN:
-            raise InputError(f"{name} is no parameter of a verb; known are {', '.join(KNOWN)}")
+            raise InputError(f"{marked_name(name)} is no parameter of a verb; known are {', '.join(KNOWN)}")
     here = str(Path.cwd())  # of which workers on other computers know nothing
     return {
         name: resolve_path(os.fspath(value), here, name in FILES) if name in (*FILES, *NETWORKS) else value
@@ -136,7 +136,7 @@ def _check_counts(**counts: int | None) -> None:
         try:
             check_count(count, name)
         except InputError as error:
-            wrong.append(str(error))
+            wrong.append(error.marked)
     if wrong:
         raise InputError("; ".join(wrong))
 
@@ -147,11 +147,11 @@ def worker_starter(
     """What starts the workers. InputError: numbers that cannot be. MissingExtraError: Ray is not installed."""
     if ray is None:
         if gpus_per_worker:
-            raise InputError(f"gpus_per_worker is {gpus_per_worker} without ray; it is for clusters")
+            raise InputError(f"`gpus_per_worker` is {gpus_per_worker} without `ray`; it is for clusters")
         chosen = count_workers(workers, threads)
         return lambda: Pool(work, *chosen)
     if gpus_per_worker < 0:
-        raise InputError(f"gpus_per_worker is {gpus_per_worker}; 0 or more is expected")
+        raise InputError(f"`gpus_per_worker` is {gpus_per_worker}; 0 or more is expected")
     if find_spec("ray") is None:
         raise MissingExtraError(f"ray={ray}", "ray", "batch")
     from dlama.jobs.on_ray import RayWorkers
@@ -165,7 +165,7 @@ def count_workers(workers: int | None, threads: int | None) -> tuple[int, int]:
     if workers is not None:
         check_processes(workers, "workers")
     if threads is not None and not (isinstance(threads, Integral) and 1 <= threads <= max(cores, 2)):
-        raise InputError(f"threads is {threads!r}; 1 to {cores}, as many as this computer has cores, is expected")
+        raise InputError(f"`threads` is {threads!r}; 1 to {cores}, as many as this computer has cores, is expected")
     fitting = cores if free is None else max(1, min(cores, int(free / PROCESS_BYTES)))
     count = workers or max(1, fitting // (threads or 1))
     return count, threads or max(1, cores // count)

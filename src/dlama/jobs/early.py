@@ -45,7 +45,7 @@ def check_options(given: Mapping[str, Any], image: Path | None = None, removes: 
 
 def _check_results(names: tuple[str, ...], removes: bool) -> None:
     if "mask" in names and not removes:
-        raise InputError("mask is to be written, and no object is removed whose mask it would be")
+        raise InputError("`mask` is to be written, and no object is removed whose mask it would be")
 
 
 def _check_move(given: Mapping[str, Any]) -> None:

@@ -104,7 +104,9 @@ class JobInputs:
 
         if path is None:
             if scale is not None:
-                raise InputError("disparity_scale is given without disparity; the file it belongs to is expected too")
+                raise InputError(
+                    "`disparity_scale` is given without `disparity`; the file it belongs to is expected too"
+                )
             return None
         self.inputs["disparity"] = path
         with self.reading(path):

@@ -68,7 +68,7 @@ def job_of(row: Mapping[str, Any], defaults: Mapping[str, Any], base: str, where
     called = str(given.pop("verb", verb or ""))
     try:
         if not called:
-            raise InputError(f"verb is missing; one of {', '.join(VERBS)} is expected, in the list or as verb=NAME")
+            raise InputError(f"`verb` is missing; one of {', '.join(VERBS)} is expected, in the list or as `verb=NAME`")
         own = dict.fromkeys(VERBS.get(called, ()))
         values = check_parameters(called, {key: value for key, value in defaults.items() if key in own} | given)
     except InputError as error:

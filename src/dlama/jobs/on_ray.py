@@ -86,8 +86,8 @@ class RayWorkers:
         if room < 1:
             self.close()
             raise InputError(
-                f"ray={address} has no room for a worker: {self.ray.cluster_resources()}; fewer threads or a smaller "
-                "gpus_per_worker is expected"
+                f"`ray={address}` has no room for a worker: {self.ray.cluster_resources()}; fewer threads or a smaller "
+                "`gpus_per_worker` is expected"
             )
         self.count = workers or room
         self._workers: list[_Worker] = []
@@ -203,9 +203,9 @@ def _connect(ray: Any, address: str) -> bool:
         ray.init(address=address, **options)
     except Exception as error:  # a node that does not start in time is a bare Exception
         if address == "local":
-            raise DlamaError(f"ray=local: no cluster could be started here ({first_line(error)})") from error
+            raise DlamaError(f"`ray=local`: no cluster could be started here ({first_line(error)})") from error
         raise InputError(
-            f"ray={address}: no such cluster ({first_line(error)}); local, auto or HOST:PORT is expected"
+            f"`ray={address}`: no such cluster ({first_line(error)}); local, auto or HOST:PORT is expected"
         ) from error
     return True
 

@@ -24,7 +24,7 @@ def text(name: str, value: Any) -> str:
     """Any text; of a path its text."""
     found = os.fspath(value) if isinstance(value, os.PathLike) else value
     if not isinstance(found, str) or "\0" in found:
-        raise InputError(f"{name} is {value!r}; a text is expected")
+        raise InputError(f"`{name}` is {value!r}; a text is expected")
     return found
 
 
@@ -37,7 +37,7 @@ def number(name: str, value: Any) -> float:
         if not math.isfinite(found):
             raise ValueError
     except (TypeError, ValueError, OverflowError):
-        raise InputError(f"{name} is {value!r}; a number is expected") from None
+        raise InputError(f"`{name}` is {value!r}; a number is expected") from None
     return found
 
 
@@ -45,7 +45,7 @@ def whole_number(name: str, value: Any) -> int:
     """A whole number."""
     found = number(name, value)
     if found != int(found):
-        raise InputError(f"{name} is {value!r}; a whole number is expected")
+        raise InputError(f"`{name}` is {value!r}; a whole number is expected")
     return int(found)
 
 
@@ -53,7 +53,7 @@ def switch(name: str, value: Any) -> bool:
     """True or false, also in words."""
     word = str(value).lower()
     if word not in YES + NO:
-        raise InputError(f"{name} is {value!r}; true or false is expected")
+        raise InputError(f"`{name}` is {value!r}; true or false is expected")
     return word in YES
 
 
@@ -62,7 +62,7 @@ def one_of(*names: str) -> Parse:
 
     def parse(name: str, value: Any) -> str:
         if not isinstance(value, str) or value not in names:
-            raise InputError(f"{name} is {value!r}; one of {', '.join(names)} is expected")
+            raise InputError(f"`{name}` is {value!r}; one of {', '.join(names)} is expected")
         return str(value)
 
     return parse
@@ -81,7 +81,7 @@ def numbers(name: str, value: Any, count: int, expected: str) -> list[float]:
     except (TypeError, ValueError, OverflowError):
         found = []
     if len(found) != count:
-        raise InputError(f"{name} is {value!r}; {expected} in pixels is expected")
+        raise InputError(f"`{name}` is {value!r}; {expected} in pixels is expected")
     return found
 
 
@@ -106,7 +106,7 @@ def known_depths(typed: Sequence[str]) -> tuple[tuple[float, float, float], ...]
             x, y, metres = map(float, parts.groups())
         except ValueError:
             raise InputError(
-                f"metres_at is {word!r}; X,Y=D is expected: a pixel and its depth in metres, such as 320,400=2.5"
+                f"`metres_at` is {word!r}; X,Y=D is expected: a pixel and its depth in metres, such as 320,400=2.5"
             ) from None
         found.append((x, y, metres))
     return tuple(found)
@@ -135,7 +135,7 @@ def _split_values(name: str, value: Any, expected: str, count: int | None = None
     except TypeError:
         found = None
     if found is None or (count is not None and len(found) != count):
-        raise InputError(f"{name} is {value!r}; {expected} is expected, or a list")
+        raise InputError(f"`{name}` is {value!r}; {expected} is expected, or a list")
     return found
 
 
@@ -212,14 +212,14 @@ def check_parameters(verb: str, given: Mapping[str, Any], loaded: bool = False) 
     loaded: its inputs come from a data set, so none need be named.
     """
     if verb not in VERBS:
-        raise InputError(f"verb is {verb!r}; one of {', '.join(VERBS)} is expected")
+        raise InputError(f"`verb` is {verb!r}; one of {', '.join(VERBS)} is expected")
     known = VERBS[verb]
     for name in given:
         if name not in known:
-            raise InputError(f"{name} does not apply to {verb}; its parameters are {', '.join(known)}")
+            raise InputError(f"`{name}` does not apply to {verb}; its parameters are {', '.join(known)}")
     for name in NEEDED[verb]:
         if name not in given and not loaded:
-            raise InputError(f"{name} is missing; {verb} needs {', '.join(NEEDED[verb])}")
+            raise InputError(f"`{name}` is missing; {verb} needs {', '.join(NEEDED[verb])}")
     found = {name: known[name](name, value) for name, value in given.items()}
     orbit = {name: found.get(name) for name in ("yaw", "pitch", "dolly")}
     if verb == "view":
@@ -232,7 +232,7 @@ def check_move(**moves: Any) -> None:
     """InputError where no camera move is given."""
     if all(value is None for value in moves.values()):
         raise InputError(
-            "no camera move is given: give yaw=DEG (positive: to the right), pitch=DEG, dolly=METRES or to=TARGET.json"
+            "no camera move is given: give `yaw=DEG` (positive: to the right), `pitch=DEG`, `dolly=METRES` or `to=TARGET.json`"
         )
 
 
@@ -240,4 +240,4 @@ def check_one_target(to: Any, **orbit: Any) -> None:
     """InputError where a target camera and an orbit were both given."""
     given = [name for name, value in orbit.items() if value is not None]
     if to is not None and given:
-        raise InputError(f"to=TARGET.json and `{given[0]}` contradict each other; give one of them")
+        raise InputError(f"`to=TARGET.json` and `{given[0]}` contradict each other; give one of them")

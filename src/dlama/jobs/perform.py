@@ -101,7 +101,7 @@ def _perform(task: Task) -> JobResult:
     if job.error:
         raise InputError(job.error)
     if job.verb not in PERFORM:
-        raise InputError(f"verb is {job.verb!r}; one of {', '.join(PERFORM)} is expected")
+        raise InputError(f"`verb` is {job.verb!r}; one of {', '.join(PERFORM)} is expected")
     stamps = {
         role: file_stamp(path) for role, path in job.files.items()
     }  # before they are read: a change meanwhile is seen
@@ -141,7 +141,7 @@ def _remove(this: JobInputs, job: Job, p: Mapping[str, Any], output: Path) -> No
     elif "mask" in p:
         mask = this.read_mask_file(Path(p["mask"]), _select(p, MASKING), _path(p, "image"))
     else:
-        raise InputError("no object to remove is given: give mask=FILE, click, box or salient")
+        raise InputError("no object to remove is given: give `mask=FILE`, `click`, `box` or `salient`")
     this.write_completion(remove(rgbd, mask, **_target(p), **_method(p)), output, **_select(p, RESULTS))
 
 

@@ -42,7 +42,7 @@ def mask_settings(
 ) -> dict[str, Any]:
     """The options as keyword arguments of find_mask; raises InputError."""
     if salient and masker not in (None, "salient"):
-        raise InputError(f"salient=True and masker={masker} contradict each other; give one of them")
+        raise InputError(f"`salient=True` and `masker={masker}` contradict each other; give one of them")
     return {
         "clicks": points("click", click),
         "not_clicks": points("not_click", not_click),
@@ -63,7 +63,7 @@ def find_pointed(
     if object_class is None:
         return object_masks.find_mask(picture, **settings)
     if settings["clicks"] or settings["not_clicks"] or settings["box"] or settings["masker"]:
-        raise InputError("object_class and other ways to point at an object contradict each other; give one of them")
+        raise InputError("`object_class` and other ways to point at an object contradict each other; give one of them")
     from dlama.files.rasters.pictures import read_mask
     from dlama.files.semantic_classes import semantic_picture
 

@@ -71,7 +71,7 @@ class NetworkFile:
         if self.provider is not None and self.provider not in PROVIDERS:
             raise InputError(f"provider is {self.provider!r}; one of {', '.join(PROVIDERS)} is expected")
         if self.threads < 1:
-            raise InputError(f"threads is {self.threads}; 1 or more is expected")
+            raise InputError(f"`threads` is {self.threads}; 1 or more is expected")
 
     @cached_property
     def session(self) -> Any:

@@ -32,8 +32,8 @@ LEVEL = math.cos(math.radians(40))
 RULES = {
     "metric model": "scale as the network says",
     "photo": "scale as the photo says",
-    "metres_at": "scale from metres_at",
-    "camera_height": "scale from camera_height",
+    "metres_at": "scale from `metres_at`",
+    "camera_height": "scale from `camera_height`",
     "assumed": "scale assumed",
 }
 """`Scale.rule` -> where the scale comes from, in words, parameters by their names."""
@@ -113,11 +113,11 @@ def check_known(
 ) -> None:
     """Raise InputError for contradictions, values that are no distances, and pixels outside a picture of that size."""
     if len(metres_at) and camera_height is not None:
-        raise InputError("metres_at and camera_height contradict each other; give one of them")
+        raise InputError("`metres_at` and `camera_height` contradict each other; give one of them")
     if camera_height is not None and not (is_finite(camera_height) and camera_height > 0):
-        raise InputError(f"camera_height is {format_value(camera_height)} m; a number above 0 is expected")
+        raise InputError(f"`camera_height` is {format_value(camera_height)} m; a number above 0 is expected")
     for x, y, metres in metres_at:
-        at = f"metres_at {x:g},{y:g}={metres:g}"
+        at = f"`metres_at` {x:g},{y:g}={metres:g}"
         if hw is not None and not (0 <= x < hw[1] and 0 <= y < hw[0]):
             raise InputError(
                 f"{at}: lies outside the {hw[1]}x{hw[0]} picture; x of 0 to {hw[1] - 1}, y of 0 to {hw[0] - 1} are expected"
@@ -129,7 +129,7 @@ def check_known(
         before = depths.setdefault((int(x), int(y)), metres)
         if before != metres:
             raise InputError(
-                f"metres_at {x:g},{y:g}: is {before:g} m and {metres:g} m; one depth of a pixel is expected"
+                f"`metres_at` {x:g},{y:g}: is {before:g} m and {metres:g} m; one depth of a pixel is expected"
             )
 
 
@@ -146,7 +146,7 @@ def fit_scale_to_points(
     factor, shift = float(solved[0]), float(solved[1]) if shifted else 0.0
     if factor <= 0:
         raise InputError(
-            "metres_at contradicts the picture: what is given as nearer was estimated to be farther; look the pixels up again"
+            "`metres_at` contradicts the picture: what is given as nearer was estimated to be farther; look the pixels up again"
         )
     fitted = factor * found + shift
     fitted = 1 / np.maximum(fitted, 1 / FARTHEST_M) if inverse else fitted
@@ -163,7 +163,9 @@ def median_value_at(values: Float32Array, x: float, y: float, metres: float) -> 
     patch = values[max(0, row - PATCH) : row + PATCH + 1, max(0, column - PATCH) : column + PATCH + 1]
     patch = patch[(patch > 0) & np.isfinite(patch)]
     if not patch.size:
-        raise InputError(f"metres_at {x:g},{y:g}={metres:g}: is sky by the estimated depth; give a pixel on a surface")
+        raise InputError(
+            f"`metres_at` {x:g},{y:g}={metres:g}: is sky by the estimated depth; give a pixel on a surface"
+        )
     return float(np.median(patch))
 
 
@@ -174,7 +176,7 @@ def fit_scale_to_ground(values: Float32Array, inverse: bool, camera: Camera, cam
     plane = ground_plane(w, camera)
     if plane is None:
         raise InputError(
-            "camera_height is given and no ground is seen: no plane of the estimated depth lies level; give metres_at"
+            "`camera_height` is given and no ground is seen: no plane of the estimated depth lies level; give `metres_at`"
         )
     per_meter = camera_height * float(np.linalg.norm(plane))  # 1 / |plane| is the camera's distance from it
     about = {

@@ -124,8 +124,8 @@ def estimate_depth(
         raise DepthError(f"the network {name} sees nothing but sky in this picture; give depth")
     if scale.rule == "assumed":
         warnings.warn(
-            f"the scale of the estimated depth is assumed (median {scale.about['assumed_median_m']:g} m): give metres_at, "
-            "camera_height or a metric depth_model",
+            f"the scale of the estimated depth is assumed (median {scale.about['assumed_median_m']:g} m): give `metres_at`, "
+            "`camera_height` or a metric `depth_model`",
             UserWarning,
             stacklevel=2,
         )
@@ -188,7 +188,7 @@ def find_estimator(depth_model: str | Path | Estimator) -> tuple[str, Estimator]
         )
     if not isinstance(depth_model, Path) and Path(text).suffix.lower() != ".onnx" and not Path(text).is_file():
         raise InputError(
-            f"depth_model is {text!r}; one of {', '.join(ESTIMATORS)}, an ONNX file, or NAME=FILE is expected"
+            f"`depth_model` is {text!r}; one of {', '.join(ESTIMATORS)}, an ONNX file, or NAME=FILE is expected"
         )
     path = user_path(text)
     network = open_network(path)
@@ -196,7 +196,7 @@ def find_estimator(depth_model: str | Path | Estimator) -> tuple[str, Estimator]
     if contract is None:
         raise InputError(
             f"{path}: carries no contract and is none of the catalogue's files; say whose contract it keeps: "
-            f"depth_model=NAME={path.name}, NAME of {', '.join(ESTIMATORS)}"
+            f"`depth_model=NAME={path.name}`, NAME of {', '.join(ESTIMATORS)}"
         )
     return path.name, _file_estimator(path, contract)
 
@@ -244,7 +244,7 @@ def resolve_camera(
         longer = 0.5 * max(width, height) / math.tan(math.radians(ASSUMED_FOV) / 2)
         camera, source = Camera(width, height, longer, longer, width / 2, height / 2), "assumed"
         warnings.warn(
-            f"the field of view is assumed ({ASSUMED_FOV:g} degrees across the longer side): give fov or `camera`",
+            f"the field of view is assumed ({ASSUMED_FOV:g} degrees across the longer side): give `fov` or `camera`",
             UserWarning,
             stacklevel=3,
         )

@@ -104,13 +104,13 @@ class MaskSession:
             (hw[0], hw[1]), tuple(on), tuple(edge_offset), None if box is None else (box[0], box[1], box[2], box[3])
         )
         if MASKERS[self.masker].needs_prompt and not prompt.clicks and prompt.box is None:
-            raise InputError("clicks and `box` are both missing; give clicks on the object, or a `box` round it")
+            raise InputError("`clicks` and `box` are both missing; give `clicks` on the object, or a `box` round it")
         if with_shadow and not isinstance(picture, RGBD):
-            raise InputError("with_shadow needs depth and the picture has none; an RGBD is expected")
+            raise InputError("`with_shadow` needs depth and the picture has none; an RGBD is expected")
         masks, notes = self._pointed(prompt)
         masks = {each: make_read_only(mask) for each, mask in masks.items() if mask.any()}
         if not masks:
-            raise MaskError("nothing of the object is left; fewer not_clicks are expected")
+            raise MaskError("nothing of the object is left; fewer `not_clicks` are expected")
         chosen = candidate if candidate in masks else next(iter(masks))
         if masks[chosen].mean() > MOST:
             notes = (*notes, TOO_MUCH)
@@ -121,11 +121,11 @@ def check_names(masker: str | None, mask_model: MaskModel | None, candidate: str
     """The masker, by its name. InputError: an unknown masker or candidate, or networks for a masker that takes none."""
     masker = masker or "rgbd"
     if masker not in MASKERS:
-        raise InputError(f"masker is {masker!r}; one of {', '.join(MASKERS)} is expected")
+        raise InputError(f"`masker` is {masker!r}; one of {', '.join(MASKERS)} is expected")
     if mask_model is not None and not MASKERS[masker].takes_model:
-        raise InputError(f"mask_model is given and the masker {masker!r} runs no network of the user's choice")
+        raise InputError(f"`mask_model` is given and the masker {masker!r} runs no network of the user's choice")
     if candidate not in CANDIDATES:
-        raise InputError(f"candidate is {candidate!r}; one of {', '.join(CANDIDATES)} is expected")
+        raise InputError(f"`candidate` is {candidate!r}; one of {', '.join(CANDIDATES)} is expected")
     return masker
 
 
@@ -142,7 +142,7 @@ def complete_mask(
     if not with_shadow:
         return ObjectMask(mask, masks, chosen, masker, notes=tuple(notes))
     if not isinstance(picture, RGBD):
-        raise InputError("with_shadow needs depth and the picture has none; an RGBD is expected")
+        raise InputError("`with_shadow` needs depth and the picture has none; an RGBD is expected")
     shadow = find_shadow(picture, mask)
     missing = () if shadow.any() else ("no shadow found",)
     return ObjectMask(make_read_only(mask | shadow), masks, chosen, masker, make_read_only(shadow), (*notes, *missing))

@@ -45,7 +45,7 @@ def check_pack(pictures: int, megabytes: float, size: int, output: Path) -> None
     free = available_bytes()
     if free is not None and needed > free:
         raise InputError(
-            f"megabytes is {megabytes:g}: a pack of {pictures} pictures of {size} px takes at least "
+            f"`megabytes` is {megabytes:g}: a pack of {pictures} pictures of {size} px takes at least "
             f"{needed / GB:.2f} GB of memory while it is made, {free / GB:.2f} GB are free; give less"
         )
     check_disk(needed, output, f"a pack of {pictures} pictures of {size} px")
@@ -68,7 +68,7 @@ def check_devices(settings: TrainSettings) -> None:
     """Raise InputError for more GPUs or, on a CPU, more processes than this computer has."""
     asked, (there, what) = settings.loop.devices, _devices(settings)
     if asked > there:
-        raise InputError(f"loop.devices is {asked}; this computer has {there} {what}, so at most {there} is expected")
+        raise InputError(f"`loop.devices` is {asked}; this computer has {there} {what}, so at most {there} is expected")
 
 
 def check_memory(settings: TrainSettings) -> None:
@@ -79,7 +79,7 @@ def check_memory(settings: TrainSettings) -> None:
     if free is not None and needed > free:
         s = settings
         raise InputError(
-            f"network.width {s.network.width}, data.size {s.data.size} and loop.batch {s.loop.batch} take at least "
+            f"`network.width` {s.network.width}, data.size {s.data.size} and `loop.batch` {s.loop.batch} take at least "
             f"{needed / GB:.1f} GB of memory{' on each GPU' if gpu else ''}, {free / GB:.1f} GB are "
             f"{'there' if gpu else 'free'}; make one of them smaller"
         )

@@ -142,7 +142,7 @@ class LossSettings:
         for each in fields(self):
             value = getattr(self, each.name)
             if isinstance(value, (int, float)) and not 0 <= value < float("inf"):
-                raise InputError(f"loss.{each.name} is {value}; 0 or more is expected")
+                raise InputError(f"`loss.{each.name}` is {value}; 0 or more is expected")
         _at_least("loss", self, 1, "penalty_every", "trunk_width")
         if self.trunk in ("random", "lpips") and self.trunk_weights:
             raise InputError(
@@ -182,10 +182,10 @@ class OptimiserSettings:
         one_of("optimiser.decay", self.decay, ("none", "cosine"))
         for name in ("generator_rate", "discriminator_rate"):
             if not 0 < getattr(self, name) < 1:
-                raise InputError(f"optimiser.{name} is {getattr(self, name)}; a number between 0 and 1 is expected")
+                raise InputError(f"`optimiser.{name}` is {getattr(self, name)}; a number between 0 and 1 is expected")
         for name in ("beta1", "beta2", "average"):
             if not 0 <= getattr(self, name) < 1:
-                raise InputError(f"optimiser.{name} is {getattr(self, name)}; 0 or more and below 1 is expected")
+                raise InputError(f"`optimiser.{name}` is {getattr(self, name)}; 0 or more and below 1 is expected")
         _at_least("optimiser", self, 0, "warm_up", "clip")
 
 
@@ -292,7 +292,7 @@ class TrainSettings:
 def one_of(name: str, value: Any, known: Any) -> None:
     """InputError unless the value is one of the known ones."""
     if value not in known:
-        raise InputError(f"{name} is {value!r}; one of {', '.join(map(str, known))} is expected")
+        raise InputError(f"`{name}` is {value!r}; one of {', '.join(map(str, known))} is expected")
 
 
 def _at_least(group: str, settings: Any, least: int, *names: str) -> None:
@@ -300,4 +300,4 @@ def _at_least(group: str, settings: Any, least: int, *names: str) -> None:
     for name in names:
         value = getattr(settings, name)
         if not value >= least:
-            raise InputError(f"{group}.{name} is {value}; {least} or more is expected")
+            raise InputError(f"`{group}.{name}` is {value}; {least} or more is expected")

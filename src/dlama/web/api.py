@@ -55,7 +55,7 @@ def keep_upload(visit: Visit, role: str, name: str, limits: Limits, write: Calla
         except BaseException as error:
             upload.path.unlink(missing_ok=True)
             if isinstance(error, DlamaError) and not isinstance(error, PageError):
-                raise PageError(hide_paths(str(error), {upload.path: clean}), role) from error
+                raise PageError(hide_paths(error.marked, {upload.path: clean}), role) from error
             raise
         visit.files[role] = upload
     return {"role": role, "name": clean}

@@ -59,7 +59,7 @@ def read_request(fields: Mapping[str, Any]) -> CompletionRequest:
         values[name] = number(name, given, "move")
         if not (0 if name == "pivot" else -most) <= values[name] <= most:
             raise PageError(
-                f"{name} is {values[name]:g}; {0 if name == 'pivot' else -most:g} to {most:g} is expected", "move"
+                f"`{name}` is {values[name]:g}; {0 if name == 'pivot' else -most:g} to {most:g} is expected", "move"
             )
     return CompletionRequest(**values, method=read_method(fields))
 
@@ -71,10 +71,10 @@ def read_method(fields: Mapping[str, Any]) -> dict[str, Any]:
         found = {name: METHOD[name](name, value) for name, value in given.items()}
         options = options_of(found)
     except InputError as error:
-        raise PageError(str(error), "method") from None
+        raise PageError(error.marked, "method") from None
     for name, known in (("filler", PAGE_FILLERS), ("recipe", RECIPE_NAMES)):
         if getattr(options, name) not in known:
-            raise PageError(f"{name} is {found[name]!r}; one of {', '.join(known)} is expected", "method")
+            raise PageError(f"`{name}` is {found[name]!r}; one of {', '.join(known)} is expected", "method")
     if (options.dilate or 0) > MOST_DILATION:
-        raise PageError(f"dilate is {options.dilate}; 0 to {MOST_DILATION} is expected", "method")
+        raise PageError(f"`dilate` is {options.dilate}; 0 to {MOST_DILATION} is expected", "method")
     return {name: value for name, value in found.items() if value != getattr(Options, name, None)}

@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping
 from pathlib import Path
 
-from dlama.errors import CameraError, DepthError, DlamaError, InputError, MaskError
+from dlama.errors import CameraError, DepthError, DlamaError, InputError, MaskError, name_parameters, plain_name
 
 FIELDS = (
     ("camera", ("fov", "fx", "fy", "cx", "cy", "camera", "pixel_center")),
@@ -33,8 +33,6 @@ WORDS = {
     "min_confidence": "“Leave open below”",
 }
 """Parameter that a message of the library names -> what the page calls it."""
-PLAIN_WORDS = ("camera", "far", "clicks", "dilate")
-"""Those that sentences have too: they are parameters only in backticks, or where a clause begins with them."""
 KINDS: tuple[tuple[type[DlamaError], str], ...] = ((CameraError, "camera"), (DepthError, "depth"), (MaskError, "marks"))
 """Kind of an error -> the field it is about where nothing else names it."""
 
@@ -55,15 +53,13 @@ def field_of(error: DlamaError, files: Mapping[str, Path]) -> str:
     """
     if isinstance(error, PageError):
         return error.field
-    message = str(error)
-    asked = next((name for name, words in FIELDS if re.search(rf"\bgive `?({'|'.join(words)})\b", message)), "")
-    named = [role for role, path in files.items() if message.startswith(str(path))]
-    if named or asked:
-        return asked if asked in ("camera", "scale") else named[0] if named else asked
-    for name, words in FIELDS:
-        if re.match(rf"`?({'|'.join(words)})`?( is | hold|=| and )", message):
-            return name
-    return next((field for kind, field in KINDS if isinstance(error, kind)), "")
+    about = next((name for name, words in FIELDS if set(error.parameters[:1]) & set(words)), "")
+    if about in ("camera", "scale"):
+        return about
+    named = [role for role, path in files.items() if str(error).startswith(str(path))]
+    return next((field for field in (*named, about) if field), "") or next(
+        (field for kind, field in KINDS if isinstance(error, kind)), ""
+    )
 
 
 def hide_paths(message: str, names: Mapping[Path, str]) -> str:
@@ -76,11 +72,9 @@ def hide_paths(message: str, names: Mapping[Path, str]) -> str:
 
 
 def use_page_words(message: str) -> str:
-    """A message of the library, which names parameters, with what the page calls them."""
-    for name, words in WORDS.items():
-        message = message.replace(f"`{name}`", words)
-        if name in PLAIN_WORDS:
-            message = re.sub(rf"(^|: |; )(give |){name}(?= is | hold)", rf"\1\2{words}", message)
-        else:
-            message = re.sub(rf"(?<![\w./-]){re.escape(name)}(?![\w./-])", words, message)
-    return message
+    """A message of the library, which names parameters in backticks, with what the page calls them."""
+
+    def call(name: str, value: str) -> str:
+        return WORDS.get(plain_name(name, value)) or plain_name(WORDS.get(name, name), value)
+
+    return name_parameters(message, call)

@@ -219,7 +219,7 @@ class Handler(BaseHTTPRequestHandler):
         if not field and self.path.startswith("/api/upload"):
             field = parse_qs(urlsplit(self.path).query).get("role", [""])[0][:20]
         self.close_connection = True  # its body may not have been read
-        self._json({"error": use_page_words(hide_paths(str(error), names)), "field": field}, HTTPStatus(status))
+        self._json({"error": use_page_words(hide_paths(error.marked, names)), "field": field}, HTTPStatus(status))
 
     def _refuse(self, status: HTTPStatus, message: str) -> None:
         self.close_connection = True

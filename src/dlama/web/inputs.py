@@ -93,13 +93,13 @@ def read_options(fields: Mapping[str, Any]) -> dict[str, Any]:
     given = {name: fields[name] for name in OPTIONS if fields.get(name) not in (None, "")}
     for name, pattern in NAMES.items():
         if name in given and not re.fullmatch(pattern, str(given[name])):
-            raise PageError(f"{name} is {str(given[name])[:40]!r}; a name is expected", "scale")
+            raise PageError(f"`{name}` is {str(given[name])[:40]!r}; a name is expected", "scale")
     if "metres_at" in given:
         given["metres_at"] = " ".join(str(given["metres_at"]).split()[:MOST_KNOWN])
     try:
         return {name: OPTIONS[name](name, value) for name, value in given.items()}
     except InputError as error:
-        raise PageError(str(error), field_of(error, {})) from None
+        raise PageError(error.marked, field_of(error, {})) from None
 
 
 def number(name: str, value: Any, where: str) -> float:
@@ -107,7 +107,7 @@ def number(name: str, value: Any, where: str) -> float:
     try:
         return parameters.number(name, value)
     except InputError as error:
-        raise PageError(str(error), where) from None
+        raise PageError(error.marked, where) from None
 
 
 def check_size(upload: Upload, most_pixels: int, role: str) -> None:

@@ -98,16 +98,16 @@ def share_arenas() -> None:
 def open_server(host: str, port: int, token: str | None, limits: Limits) -> Iterator[Server]:
     """A server that listens; `serve_forever` answers. At the end it forgets all visits. InputError: the address cannot be had."""
     if not is_loopback(host) and not token:
-        raise InputError(f"host is {host}: a token is expected where other machines can reach the page; give token")
+        raise InputError(f"`host` is {host}: a token is expected where other machines can reach the page; give `token`")
     if not 0 <= port <= 65535:
-        raise InputError(f"port is {port}; 0 to 65535 is expected")
+        raise InputError(f"`port` is {port}; 0 to 65535 is expected")
     share_arenas()
     with warnings_by_thread(), open_visits(limits.visits) as visits:
         try:
             server = Server((host, port), visits, token, limits)
         except OSError as error:
             reason = (error.strerror or str(error)).lower()
-            raise InputError(f"host is {host}, port is {port}: {reason}; give another host or port") from error
+            raise InputError(f"`host` is {host}, `port` is {port}: {reason}; give another host or port") from error
         try:
             yield server
         finally:

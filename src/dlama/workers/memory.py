@@ -22,11 +22,11 @@ def check_processes(count: int, name: str) -> None:
     check_count(count, name)
     if count > max(cores, LEAST):
         raise InputError(
-            f"{name} is {count}; this computer has {cores} processor cores, so at most {cores} is expected"
+            f"`{name}` is {count}; this computer has {cores} processor cores, so at most {cores} is expected"
         )
     if count > 1 and free is not None and count * PROCESS_BYTES > free:
         raise InputError(
-            f"{name} is {count}; as many processes take at least {count * PROCESS_BYTES / GB:.1f} GB of memory, "
+            f"`{name}` is {count}; as many processes take at least {count * PROCESS_BYTES / GB:.1f} GB of memory, "
             f"{free / GB:.1f} GB are free, so at most {max(1, int(free / PROCESS_BYTES))} is expected"
         )
 

@@ -61,12 +61,12 @@ def world(
 def _check_whole(name: str, value: int, least: int, most: int | None = None) -> None:
     if not isinstance(value, Integral) or value < least or (most is not None and value > most):
         limits = f">= {least}" if most is None else f"from {least} to {most}"
-        raise InputError(f"{name} is {value!r}; a whole number {limits} is expected")
+        raise InputError(f"`{name}` is {value!r}; a whole number {limits} is expected")
 
 
 def _check_kind(kind: str | None) -> None:
     if kind is not None and kind not in KINDS:
-        raise InputError(f"kind is '{kind}'; {' or '.join(KINDS)} is expected")
+        raise InputError(f"`kind` is '{kind}'; {' or '.join(KINDS)} is expected")
 
 
 @lru_cache(maxsize=4)

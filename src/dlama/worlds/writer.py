@@ -52,7 +52,7 @@ def write_worlds(
 
     every = world_settings(count, seed, size, kind, shadows, antialias, textures)
     if size > LONGEST_SIDE:
-        raise InputError(f"size is {size}; at most {LONGEST_SIDE} pixels are expected")
+        raise InputError(f"`size` is {size}; at most {LONGEST_SIDE} pixels are expected")
     check_memory([Camera.from_fov(size, size, 60.0)])
     return [_write_or_keep(Path(folder), each, step) for each in every]
 

@@ -185,5 +185,5 @@ def test_a_far_limit_nearer_than_everything_is_refused() -> None:
     """As of a depth file (oracle: the nearest depth of that disparity)."""
     picture = np.random.default_rng(0).integers(0, 256, (*CAMERA.hw, 3), dtype=np.uint8)
     disparity = np.full(CAMERA.hw, 4, np.float32)
-    with pytest.raises(DepthError, match=r"no depth is nearer than `far`, 1e-09 m; the scene has "):
+    with pytest.raises(DepthError, match=r"no depth is nearer than far, 1e-09 m; the scene has "):
         stereo(picture, picture[:, ::-1].copy(), rig(), disparity=disparity, far=1e-9)

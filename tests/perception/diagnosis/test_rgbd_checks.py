@@ -58,7 +58,7 @@ def test_ground_and_unit_are_found() -> None:
     assert extent is not None and extent.floor is not None and EYE[0] - 0.02 < extent.floor < EYE[1] + 0.02
     spoil, _ = SPOILT["1/5000 m read as mm"]
     (finding,) = run_checks(spoil(world(3)))
-    assert "1/5000 m" in finding.what and finding.mend == "give depth_scale=5000"
+    assert "1/5000 m" in finding.what and finding.mend == "give `depth_scale=5000`"
 
 
 @pytest.mark.parametrize(("right", "down"), [(14, 0), (-9, 5), (0, -12)])
@@ -124,8 +124,8 @@ def test_masks_of_half_the_picture() -> None:
 @pytest.mark.parametrize(
     ("given", "check", "mend"),
     [
-        ({"fov": 1.57}, "fov-radians", "give fov=89.95"),
-        ({"fx": 0.8}, "focal-length", "give fx=512"),
+        ({"fov": 1.57}, "fov-radians", "give `fov=89.95`"),
+        ({"fx": 0.8}, "focal-length", "give `fx=512`"),
     ],
 )
 def test_options_that_are_meant_otherwise(given: dict[str, float | None], check: str, mend: str) -> None:

@@ -93,7 +93,7 @@ def test_noisy_depth_keeps_to_the_picture(scene: tuple[RGBD, np.ndarray]) -> Non
         ({"box": (10, 10, 0, 5)}, InputError, "box is 0 x 5 pixels"),
         ({"box": (200, 10, 5, 5)}, InputError, "outside the picture of 160x120"),
         ({"box": (1, 2, 3)}, InputError, "4 numbers"),
-        ({}, InputError, "clicks and `box` are both missing"),
+        ({}, InputError, "clicks and box are both missing"),
         ({"clicks": [(80, 118)]}, MaskError, "clicks holds 80,118, which lies on a plain surface"),
         ({"clicks": [(3, 5)], "masker": "magic"}, InputError, "one of rgbd, salient"),
         ({"clicks": [(3, 5)], "candidate": "all"}, InputError, "one of part, object, group"),

@@ -127,7 +127,7 @@ def test_what_cannot_be_resumed(tmp_path):
     with pytest.raises(FileError, match="no run to resume"):
         train(toy(), tmp_path / "none", resume=True)
     run = train(toy(steps=1), tmp_path / "run").run
-    with pytest.raises(OutputError, match="give `resume` to continue it"):
+    with pytest.raises(OutputError, match="give resume to continue it"):
         train(toy(), run)
     with pytest.raises(InputError, match=r"loop.batch is 3, the run to resume has 2"):
         train(toy(batch=3), run, resume=True)

@@ -1,8 +1,6 @@
-"""A message of the library, which names parameters, in; the same with the flags of the command line, out.
+"""A message of the library, which names parameters in backticks, in; the same with the flags of the command line, out.
 
-`depth_range is 0.5 m` becomes `--depth-range is 0.5 m`. Names that no sentence has (with an underscore, and fx, fov, yaw, ...)
-are flags wherever they stand; names that are words too (mask, far, model) only where they stand as a parameter: before `is`
-at the start of a clause, before `=`, in backticks, or right after give, with, without, see, choose.
+`depth_range` is 0.5 m becomes --depth-range is 0.5 m. And words of the command line that cannot be, before tyro sees them.
 """
 
 from __future__ import annotations
@@ -18,17 +16,11 @@ from typing import Any
 
 from tyro.conf import Positional
 
-SYMBOLS = frozenset({"fx", "fy", "cx", "cy", "fov", "yaw"})
-"""Parameters without an underscore that are no words."""
-BEFORE = r"(?:(?<=give )|(?<=with )|(?<=without )|(?<=see )|(?<=choose )|(?<=\())"
-NO_FIELD = r"(?<!\.json: )(?<!\.txt: )(?<!\.json: camera )(?<!\.txt: camera )(?<!field ')"
-"""Right after the name of such a file, or the word, stands one of its fields."""
-KNOWN = re.compile(r"( is (?:not known|no parameter); known are |; the columns are )")
-"""What stands before the names of the fields or columns that a file has, or may have."""
+from dlama.errors import name_parameters, plain_name
+
 FLAG = re.compile("--|-[a-z]", re.IGNORECASE)
 """How a flag begins, and no negative number."""
 EXPECTED = {float: "a number", int: "a whole number"}
-START = r"(?:(?<=^)|(?<=: )|(?<=; )|(?<=, ))"
 
 
 def flags_of(verb: Callable[..., Any]) -> dict[str, str]:
@@ -112,16 +104,11 @@ def _classes(hint: Any) -> list[Any]:
 
 
 def with_flags(message: str, flags: dict[str, str]) -> str:
-    """The message with flags in place of the parameters it names; what a file's fields are called, after `KNOWN`, stays."""
-    message, *of_file = KNOWN.split(message, maxsplit=1)
-    for name, flag in flags.items():
-        word = rf"{NO_FIELD}(?<![\w./-]){name}(?![\w./-])"
-        anywhere = "_" in name or name in SYMBOLS
-        message = re.sub(rf"`{name}`", flag, message)
-        message = re.sub(rf"{word}=", f"{flag} ", message)
-        # `train` sets fields of these two
-        message = re.sub(rf"{NO_FIELD}(?<![\w./-])(?:loop|network)\.{name}(?![\w./-])", flag, message)
-        several = rf"(?<![\w./-]){name}s(?![\w./-])"  # `clicks` takes what --click gives, one by one
-        message = re.sub(several if "_" in name else rf"{START}{several}(?= holds | and )", flag, message)
-        message = re.sub(word if anywhere else rf"{START}{word}(?= is )|{BEFORE}{word}", flag, message)
-    return "".join([message, *of_file])
+    """The message with flags in place of the parameters that it has in backticks; one without a flag keeps its name."""
+
+    def call(name: str, value: str) -> str:
+        own = name.removeprefix("loop.").removeprefix("network.")  # `train` sets fields of these two
+        flag = flags.get(own) or flags.get(own.removesuffix("s"))  # `clicks` takes what --click gives, one by one
+        return plain_name(name, value) if flag is None else f"{flag} {value}".rstrip()
+
+    return name_parameters(message, call)

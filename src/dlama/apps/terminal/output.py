@@ -106,7 +106,7 @@ def errors_as_lines(with_flags: Callable[[str], str] = str) -> Iterator[None]:
         code = error.code
     except DlamaError as error:
         code = BAD_INPUT
-        print_line("error", with_flags(str(error)) + (f" (see {error.guide})" if error.guide else ""))
+        print_line("error", with_flags(error.marked) + (f" (see {error.guide})" if error.guide else ""))
     except MemoryError as error:
         code = BAD_INPUT
         print_line(

@@ -137,7 +137,7 @@ def batch(
                 result.add(line)
             return
         if output is None:
-            raise InputError("output is missing; a directory for the results is expected: -o DIR")
+            raise InputError("`output` is missing; a directory for the results is expected: -o DIR")
         check_folder_apart(output, {"folder of frames": which.data, "list of jobs": local_list(words)})
         totals = Totals()
         options = {name: value for name, value in dataclasses.asdict(running).items() if name != "dry_run"}
@@ -181,17 +181,17 @@ def source(words: Sequence[str], which: Which, defaults: dict[str, Any]) -> Any:
     """The list, the pictures of a pattern, or the frames of a data set. InputError: none of them, or two."""
     if len(words) + (which.images is not None) + (which.data is not None) != 1:
         raise InputError(
-            f"{len(words)} lists, images={which.images} and data={which.data}; one list of jobs, "
-            "images=PATTERN or data=DATASET is expected"
+            f"{len(words)} lists, `images={which.images}` and `data={which.data}`; one list of jobs, "
+            "`images=PATTERN` or `data=DATASET` is expected"
         )
     if which.images is None and (which.depths or which.masks):
-        raise InputError("depths and masks go with images=PATTERN")
+        raise InputError("`depths` and `masks` go with `images=PATTERN`")
     if which.data is not None:
         return DatasetJobs(which.data, which.verb, which.layout, defaults)
     if which.layout is not None:
-        raise InputError("layout goes with data=DATASET")
+        raise InputError("`layout` goes with `data=DATASET`")
     if which.images is not None and which.verb is None:
-        raise InputError("no verb for the pictures is given: give verb=VERB, one of view, remove, depth")
+        raise InputError("no verb for the pictures is given: give `verb=VERB`, one of view, remove, depth")
     return words[0] if words else Pictures(str(which.images), which.depths, which.masks)
 
 

@@ -76,7 +76,7 @@ def write_found(found: dlama.ObjectMask, picture: dlama.RGBD | UInt8Array, outpu
 def overlay_of(output: Path) -> Path:
     """Where the overlay of a mask goes. InputError: the mask's name does not end in .png."""
     if output.suffix.lower() != ".png":
-        raise InputError(f"output is {output}; a name that ends in .png is expected")
+        raise InputError(f"`output` is {output}; a name that ends in .png is expected")
     return output.with_name(f"{output.stem}_overlay.png")
 
 

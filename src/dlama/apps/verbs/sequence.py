@@ -105,16 +105,16 @@ def mask_files(named: Sequence[str], folder: Path | None) -> dict[str, Path]:
     for word in named:
         frame, equals, file = word.partition("=")
         if not (frame and equals and file):
-            raise InputError(f"mask is {word!r}; FRAME=FILE is expected, such as 0=mask.png")
+            raise InputError(f"`mask` is {word!r}; FRAME=FILE is expected, such as 0=mask.png")
         if frame in files:
-            raise InputError(f"mask is given twice for frame {frame}; one mask a frame is expected")
+            raise InputError(f"`mask` is given twice for frame {frame}; one mask a frame is expected")
         files[frame] = Path(file)
     if folder is not None:
         if not folder.is_dir():
-            raise InputError(f"masks is {folder}; a folder of masks with the names of their frames is expected")
+            raise InputError(f"`masks` is {folder}; a folder of masks with the names of their frames is expected")
         listed = sorted(path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES)
         if not listed:
-            raise InputError(f"masks is {folder}, which holds no picture")
+            raise InputError(f"`masks` is {folder}, which holds no picture")
         files |= {path.stem: path for path in listed if path.stem not in files}
     return files
 

@@ -47,13 +47,15 @@ def serve(
     """
     for name, value in (("max_megabytes", max_megabytes), ("max_megapixels", max_megapixels), ("max_pages", max_pages)):
         if not value > 0:
-            raise InputError(f"{name} is {value:g}; more than 0 is expected")
+            raise InputError(f"`{name}` is {value:g}; more than 0 is expected")
     from dlama.web.answers import Limits
     from dlama.web.server import is_loopback, open_server
 
     if token is None and not is_loopback(host):
         if report.quiet:
-            raise InputError(f"host is {host} and quiet is on: the token that is made would not be printed; give token")
+            raise InputError(
+                f"`host` is {host} and `quiet` is on: the token that is made would not be printed; give `token`"
+            )
         token = secrets.token_urlsafe(16)
     limits = Limits(max_megabytes, max_megapixels, max_pages)
     with report_result("serve", report), open_server(host, port, token, limits) as server:

@@ -46,7 +46,7 @@ def find_matches(
     given = {"disparity": disparity, "matcher": matcher, "max_disparity": max_disparity}
     named = [name for name, value in given.items() if value is not None]
     if len(named) > 1:
-        raise InputError(f"{named[0]} and {named[1]} contradict each other; give one of them")
+        raise InputError(f"`{named[0]}` and `{named[1]}` contradict each other; give one of them")
     match, notes = matcher_for(matcher, max_disparity)
     refuse_identical(left, right)
     if disparity is None:
@@ -83,10 +83,10 @@ def matches_of_disparity(disparity: Float32Array, hw: tuple[int, int]) -> tuple[
     """A left disparity (H x W px; 0, NaN, inf = unknown) and what it says of the right view. Raises ShapeError, InputError."""
     given = np.asarray(disparity)
     if given.ndim != 2 or given.dtype.kind not in "fiu":
-        raise ShapeError(f"disparity is {given.dtype} {given.shape}; px as numbers, H x W, are expected")
+        raise ShapeError(f"`disparity` is {given.dtype} {given.shape}; px as numbers, H x W, are expected")
     if given.shape != hw:
         raise ShapeError(
-            f"disparity is {given.shape[1]}x{given.shape[0]} and the pictures {hw[1]}x{hw[0]}; both must have the same size"
+            f"`disparity` is {given.shape[1]}x{given.shape[0]} and the pictures {hw[1]}x{hw[0]}; both must have the same size"
         )
     left = np.where(np.isfinite(given), given, 0).astype(np.float32)
     if not left.any():

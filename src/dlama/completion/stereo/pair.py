@@ -126,7 +126,7 @@ def check_pair_inputs(
 ) -> tuple[UInt8Array, UInt8Array]:
     """Both pictures as arrays. Raises ShapeError where one has not the rig's size, InputError where `far` is no distance."""
     if far is not None and not (isinstance(far, Real) and far > 0):
-        raise InputError(f"far is {far!r} m; more than 0 is expected")
+        raise InputError(f"`far` is {far!r} m; more than 0 is expected")
     pictures = check_color(left, "left"), check_color(right, "right")
     for name, picture in zip(("left", "right"), pictures):
         if picture.shape[:2] != rig.left.hw:

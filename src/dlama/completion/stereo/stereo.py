@@ -115,7 +115,7 @@ def stereo(
     check_arguments(stereo, locals())
     left, right = check_pair_inputs(left, right, rig, far)
     if mask is None and mask_right is not None:
-        raise InputError("mask_right was given without mask; the mask of the left view is expected too")
+        raise InputError("`mask_right` was given without `mask`; the mask of the left view is expected too")
     given = options_of(options)
     chosen = given.settings
     check_memory((rig.left, rig.right))
@@ -123,7 +123,7 @@ def stereo(
     one_by_one = mask is not None and not chosen.source_first
     if disparity is not None and one_by_one:
         raise InputError(
-            f"disparity is given and the recipe {chosen.name!r} matches the filled pictures anew; a matcher is expected"
+            f"`disparity` is given and the recipe {chosen.name!r} matches the filled pictures anew; a matcher is expected"
         )
     matches = find_matches(left, right, disparity=disparity, matcher=matcher, max_disparity=max_disparity)
     if far is not None:
@@ -159,7 +159,9 @@ def filler_of_pair(options: Options) -> Inpainter | None:
         return None
     inpainter, depth_by = find_filler(options.filler, options.model), options.settings.depth_by
     if isinstance(inpainter, PairFiller) and depth_by != "surfaces":
-        raise InputError(f"depth_by is {depth_by!r} and the filler 'pair', which fills no depth; surfaces is expected")
+        raise InputError(
+            f"`depth_by` is {depth_by!r} and the filler 'pair', which fills no depth; surfaces is expected"
+        )
     return inpainter
 
 
@@ -168,9 +170,9 @@ def choose_right_view(asked: RightView | None, recipe: Recipe, removing: bool) -
     if asked is None:
         return "given" if removing or recipe.source_first else "synthesised"
     if asked not in RIGHT_VIEWS:
-        raise InputError(f"right_view is {asked!r}; one of {', '.join(RIGHT_VIEWS)} is expected")
+        raise InputError(f"`right_view` is {asked!r}; one of {', '.join(RIGHT_VIEWS)} is expected")
     if removing and asked == "synthesised":
-        raise InputError("right_view is 'synthesised' and a mask is given; with a mask both pictures are completed")
+        raise InputError("`right_view` is 'synthesised' and a mask is given; with a mask both pictures are completed")
     return asked
 
 

@@ -29,7 +29,7 @@ class Options:
 
     def __post_init__(self) -> None:
         if self.gamma not in ("srgb", "linear", None):
-            raise InputError(f"gamma is {self.gamma!r}; 'srgb' or 'linear' is expected")
+            raise InputError(f"`gamma` is {self.gamma!r}; 'srgb' or 'linear' is expected")
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,7 +139,7 @@ def _depth_pictures(place: Path, identities: list[int], options: Options) -> tup
     first = next(iter(pictures.values()))
     if options.depth_range is None:
         raise DepthError(
-            f"{place / DEPTH}: depth is divided by EasySynth's 'Depth range', which no file holds: give depth_range=METRES"
+            f"{place / DEPTH}: depth is divided by EasySynth's 'Depth range', which no file holds: give `depth_range=METRES`"
         )
     if first.suffix.lower() == ".exr":
         return "exr", pictures
@@ -148,7 +148,7 @@ def _depth_pictures(place: Path, identities: list[int], options: Options) -> tup
     if options.gamma is None:
         raise DepthError(
             f"{first}: depth as PNG has 256 steps and is usually gamma-encoded by Unreal; render it as EXR, or say how it is "
-            "encoded: gamma=srgb (to be undone) or gamma=linear"
+            "encoded: `gamma=srgb` (to be undone) or `gamma=linear`"
         )
     return "png", pictures
 

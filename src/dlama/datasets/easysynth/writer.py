@@ -62,7 +62,7 @@ class _Style:
 
     def __post_init__(self) -> None:
         if not (self.depth_range > 0 and np.isfinite(self.depth_range)):
-            raise InputError(f"depth_range is {self.depth_range}; metres > 0 are expected")
+            raise InputError(f"`depth_range` is {self.depth_range}; metres > 0 are expected")
         if not 0 < len(self.classes) <= 256 or len(set(self.classes.values())) < len(self.classes):
             raise InputError(
                 f"classes are {dict(self.classes)}; 1 to 256 names with a colour each, all different, are expected"

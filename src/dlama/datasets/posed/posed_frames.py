@@ -109,7 +109,7 @@ def lens_for(folder: Path, root: Path, camera: CameraOption, names: Sequence[str
                 return read_lens(place / name)
         if place == root:
             break
-    raise CameraError(f"{folder}: has no {' or '.join(names)}, and {advice}; give camera=FILE.json")
+    raise CameraError(f"{folder}: has no {' or '.join(names)}, and {advice}; give `camera=FILE.json`")
 
 
 def read_lens(path: Path) -> Lens:

@@ -50,7 +50,7 @@ def _lens(folder: Path, root: Path, camera: CameraOption) -> Lens:
     if camera is not None:
         return lens_for(folder, root, camera, (), "")
     if not (folder / INTRINSICS).is_file():
-        raise CameraError(f"{folder / INTRINSICS}: no such file; it, or camera=FILE.json, is expected")
+        raise CameraError(f"{folder / INTRINSICS}: no such file; it, or `camera=FILE.json`, is expected")
     return text_lens(folder / INTRINSICS, (4, 4))
 
 

@@ -31,7 +31,7 @@ def cameras_for(views: str | Mapping[str, Camera], scene: Scene) -> dict[str, Ca
         }
     if not views.lower().endswith(".json"):
         raise InputError(
-            f"views is {views!r}; frames, {', '.join(PATHS)} or a JSON file with a list of cameras is expected"
+            f"`views` is {views!r}; frames, {', '.join(PATHS)} or a JSON file with a list of cameras is expected"
         )
     return read_cameras(views)
 
@@ -43,21 +43,21 @@ def path_for(path: str, scene: Scene, seconds: float, fps: float, width: int | N
     """
     if not (math.isfinite(seconds) and seconds > 0 and math.isfinite(fps) and 0 < fps <= 240):
         raise InputError(
-            f"seconds is {seconds}, fps {fps}; both more than 0, and at most 240 pictures a second are expected"
+            f"`seconds` is {seconds}, `fps` {fps}; both more than 0, and at most 240 pictures a second are expected"
         )
     count = max(1, round(seconds * fps))
     if count > LONGEST:
-        raise InputError(f"seconds is {seconds}, fps {fps}: {count} pictures; at most {LONGEST} are expected")
+        raise InputError(f"`seconds` is {seconds}, `fps` {fps}: {count} pictures; at most {LONGEST} are expected")
     if path in PATHS:
         cameras = _named_path(path, scene, count)
     elif path.lower().endswith(".json"):
         cameras = interpolate_cameras(list(read_cameras(path).values()), count)
     else:
-        raise InputError(f"path is {path!r}; {', '.join(PATHS)} or a JSON file with a list of cameras is expected")
+        raise InputError(f"`path` is {path!r}; {', '.join(PATHS)} or a JSON file with a list of cameras is expected")
     if width is None:
         return cameras
     if width < 2:
-        raise InputError(f"width is {width} px; 2 or more is expected")
+        raise InputError(f"`width` is {width} px; 2 or more is expected")
     first = cameras[0]
     return [camera.resized(width, max(2, round(width * first.height / first.width))) for camera in cameras]
 

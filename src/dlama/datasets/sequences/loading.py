@@ -41,11 +41,11 @@ def read_scene_of(
     """
     if Path(dataset).suffix.lower() == ".npz":
         if which is not None:
-            raise InputError(f"frames is {which}, and {dataset} is a scene; its frames cannot be chosen any more")
+            raise InputError(f"`frames` is {which}, and {dataset} is a scene; its frames cannot be chosen any more")
         if clip is not None:
             raise InputError(f"recipe clips depth at {clip:g} m, and {dataset} is a scene; give its frames instead")
         if align:
-            raise InputError(f"align is on, and {dataset} is a scene; align the frames that it is made of")
+            raise InputError(f"`align` is on, and {dataset} is a scene; align the frames that it is made of")
         found = read_scene(dataset)
         return [f"frame-{number:04d}" for number in range(max(found.numbers) + 1)], found, {}
     chosen = slice_frames(open_frames(dataset, layout, camera=camera, depth_range=depth_range, scene=scene), which)
@@ -102,7 +102,7 @@ def masks_by_number(masks: Mapping[str, BoolArray], names: Sequence[str]) -> dic
         else:
             few = ", ".join(names[:3]) + (f", ... {names[-1]}" if len(names) > 3 else "")
             raise InputError(
-                f"mask is for frame {name}, which is not there; a name ({few}) or a place, 0 to {len(names) - 1}, is expected"
+                f"`mask` is for frame {name}, which is not there; a name ({few}) or a place, 0 to {len(names) - 1}, is expected"
             )
         if number in found:
             raise InputError(f"mask: frame {names[number]} has two; one mask a frame is expected")

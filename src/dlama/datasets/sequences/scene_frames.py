@@ -66,7 +66,7 @@ def _check_one_sequence(root: Path) -> None:
 def _of_scene(root: Path, frames: Sequence[Frame], scene: str | None) -> tuple[Frame, ...]:
     scenes = list(dict.fromkeys(frame.scene for frame in frames))
     if scene is None and len(scenes) > 1:
-        raise InputError(f"{root}: holds {len(scenes)} scenes ({', '.join(scenes[:8])}); say which by scene=NAME")
+        raise InputError(f"{root}: holds {len(scenes)} scenes ({', '.join(scenes[:8])}); say which by `scene=NAME`")
     if scene is not None and scene not in scenes:
         raise InputError(f"scene '{scene}' is not in this data set; it has {', '.join(scenes)}")
     return tuple(frame for frame in frames if scene in (None, frame.scene))
@@ -80,9 +80,9 @@ def slice_frames(frames: Sequence[T], which: str | None) -> tuple[T, ...]:
     if which is None:
         return tuple(frames)
     if not re.fullmatch(r"-?\d*:-?\d*(:\d+)?", which) or which.endswith(":0"):
-        raise InputError(f"frames is {which!r}; FIRST:END:STEP is expected, places from 0, such as 0:480:10 or ::5")
+        raise InputError(f"`frames` is {which!r}; FIRST:END:STEP is expected, places from 0, such as 0:480:10 or ::5")
     parts = [int(part) if part else None for part in which.split(":")]
     found = tuple(frames[slice(*parts)])
     if not found:
-        raise InputError(f"frames is {which}, and there are {len(frames)}; nothing is left")
+        raise InputError(f"`frames` is {which}, and there are {len(frames)}; nothing is left")
     return found

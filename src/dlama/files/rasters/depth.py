@@ -56,11 +56,12 @@ def read_depth(
         scale = depth_scale or 1.0
     else:
         if depth_range is not None:
-            raise DepthError(f"{path}: holds whole numbers; depth_range is for depth normalised to 0..1 (EXR)")
+            raise DepthError(f"{path}: holds whole numbers; `depth_range` is for depth normalised to 0..1 (EXR)")
         scale = depth_scale or MILLIMETRES
         depth = depth_from_mm(values, scale)
     depth[np.isnan(depth)] = 0
-    _check_not_all_far(path, depth, f"depth_scale={scale:g}" if depth_range is None else f"depth_range={depth_range:g}")
+    option = f"`depth_scale={scale:g}`" if depth_range is None else f"`depth_range={depth_range:g}`"
+    _check_not_all_far(path, depth, option)
     depth[depth > FAR_METRES] = np.inf
     _check_plausible(path, depth, scale, depth_range)
     if depth_range is None:
@@ -176,7 +177,7 @@ def _one_channel(path: PathLike, values: np.ndarray, what: str) -> np.ndarray:
 def eight_bit_advice(what: str) -> str:
     """What to do with 8-bit `what` (depth or disparity), in words."""
     if what == "disparity":
-        return "holds 8-bit numbers; say how many of them make a pixel (disparity_scale, Middlebury 2003: 4)"
+        return "holds 8-bit numbers; say how many of them make a pixel (`disparity_scale`, Middlebury 2003: 4)"
     return (
         "holds 8-bit numbers, too coarse for depth (256 steps) and often gamma-encoded or only a picture of depth; "
         "save depth as 16-bit PNG in millimetres, or as EXR"
@@ -193,8 +194,8 @@ def _metres_from_floats(
     at_one = np.count_nonzero(values == 1)
     if at_one and np.nanmax(values) == 1 and ((values > 0) & (values < 1)).any():
         raise DepthError(
-            f"{path}: looks normalised to 0..1 ({at_one} values are exactly 1, none is larger): give depth_range "
-            "in metres (EasySynth), or depth_scale=1 if these are metres"
+            f"{path}: looks normalised to 0..1 ({at_one} values are exactly 1, none is larger): give `depth_range` "
+            "in metres (EasySynth), or `depth_scale=1` if these are metres"
         )
     return values.astype(np.float32)
 
@@ -206,7 +207,7 @@ def _check_not_all_far(path: PathLike, depth: Float32Array, option: str) -> None
         raise DepthError(
             f"{path}: every depth lies beyond {FAR_METRES:g} m with {option} (the nearest at {valid.min():.4g} m); "
             "is it the number of units that make a metre, 1000 for millimetres?"
-            if option.startswith("depth_scale")
+            if option.startswith("`depth_scale")
             else f"{path}: every depth lies beyond {FAR_METRES:g} m with {option}; metres are expected"
         )
 
@@ -225,12 +226,12 @@ def _check_plausible(path: PathLike, depth: Float32Array, scale: float, depth_ra
 def _scale_advice(median: float, scale: float, depth_range: float | None) -> str:
     """What the scale probably is, in words that can be typed."""
     if depth_range is not None:
-        return f"which no room or street has; is depth_range={depth_range:g} in metres?"
+        return f"which no room or street has; is `depth_range={depth_range:g}` in metres?"
     if PLAUSIBLE_M[0] <= median / 1000 <= PLAUSIBLE_M[1]:
-        return f"it looks like millimetres read as metres: depth_scale={scale * 1000:g}"
+        return f"it looks like millimetres read as metres: `depth_scale={scale * 1000:g}`"
     if PLAUSIBLE_M[0] <= median * 1000 <= PLAUSIBLE_M[1]:
-        return f"it looks like metres read as millimetres: depth_scale={scale / 1000:g}"
-    return f"{PLAUSIBLE_M[0]:g} to {PLAUSIBLE_M[1]:g} m is expected; depth_scale says how many units make a metre"
+        return f"it looks like metres read as millimetres: `depth_scale={scale / 1000:g}`"
+    return f"{PLAUSIBLE_M[0]:g} to {PLAUSIBLE_M[1]:g} m is expected; `depth_scale` says how many units make a metre"
 
 
 def _check_not_negative(path: PathLike, values: np.ndarray, what: str) -> None:
@@ -246,13 +247,13 @@ def check_depth_options(depth_scale: float | None, depth_range: float | None, fa
     """Raise DepthError for an option of `read_depth` that is no number > 0, and for two that contradict each other."""
     _check_positive(depth_scale=depth_scale, depth_range=depth_range, far=far)
     if depth_scale is not None and depth_range is not None:
-        raise DepthError("depth_scale and depth_range contradict each other; give one")
+        raise DepthError("`depth_scale` and `depth_range` contradict each other; give one")
 
 
 def _check_positive(**options: float | None) -> None:
     for name, value in options.items():
         if value is not None and not (is_finite(value) and value > 0):
-            raise DepthError(f"{name} is {value!r}; a number > 0 is expected")
+            raise DepthError(f"`{name}` is {value!r}; a number > 0 is expected")
 
 
 def _valid(depth: np.ndarray) -> np.ndarray:

@@ -89,7 +89,7 @@ def read_mask(
     check_arguments(read_mask, locals())
     if mask_polarity not in ("fill", "known"):
         raise MaskError(
-            f"mask_polarity is {mask_polarity!r}; 'fill' (255 = remove) or 'known' (255 = keep) is expected"
+            f"`mask_polarity` is {mask_polarity!r}; 'fill' (255 = remove) or 'known' (255 = keep) is expected"
         )
     if mask_class is not None:
         mask = _class_mask(path, mask_class, classes_csv)
@@ -102,9 +102,9 @@ def read_mask(
         mask = ~mask
     if not mask.any():
         hint = f" (its largest value is {largest}; 255 means remove)" if 0 < largest <= HIGHEST_BLACK else ""
-        raise MaskError(f"{path}: the mask is empty, nothing is to be removed{hint}; see mask_polarity")
+        raise MaskError(f"{path}: the mask is empty, nothing is to be removed{hint}; see `mask_polarity`")
     if mask.all():
-        raise MaskError(f"{path}: the mask is full, nothing would be known; see mask_polarity")
+        raise MaskError(f"{path}: the mask is full, nothing would be known; see `mask_polarity`")
     return mask
 
 
@@ -179,7 +179,7 @@ def _grey(path: PathLike) -> UInt8Array:
     if spread > HIGHEST_BLACK:
         raise MaskError(
             f"{path}: is a colour picture, a black and white mask is expected; for a semantic picture name the class: "
-            "mask_class=NAME or mask_class=R,G,B"
+            "`mask_class=NAME` or `mask_class=R,G,B`"
         )
     return values[..., 0]
 
@@ -195,7 +195,7 @@ def _threshold(path: PathLike, grey: UInt8Array, soft_mask: bool) -> BoolArray:
         hint = " (it holds 16-bit numbers, as depth does: is it the depth, and the mask not given?)" if deep else ""
         raise MaskError(
             f"{path}: {between.size} of {grey.size} pixels are neither black nor white (values {shown}); "
-            f"0 and 255 are expected, or soft_mask, which takes values above 127 as white{hint}"
+            f"0 and 255 are expected, or `soft_mask`, which takes values above 127 as white{hint}"
         )
     return grey >= LOWEST_WHITE
 

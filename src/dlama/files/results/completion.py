@@ -88,7 +88,7 @@ def write(
     names = check_results(only, also)
     if "mask" in names and mask is None:
         raise InputError(
-            f"{'also' if 'mask' in also else 'only'} names mask, and no object was removed whose mask it would be"
+            f"`{'also' if 'mask' in also else 'only'}` names mask, and no object was removed whose mask it would be"
         )
     target, started = Path(directory), time.perf_counter()
     check_inputs_stay(target, file_names(completion, names), inputs or {})
@@ -146,7 +146,7 @@ def check_results(only: Sequence[str] | None, also: Sequence[str] = ()) -> tuple
     """
     chosen = choose_names(only, also, tuple(RESULTS), BY_DEFAULT)
     if only is not None and not only:
-        raise InputError(f"only is empty; names of {', '.join(RESULTS)} are expected")
+        raise InputError(f"`only` is empty; names of {', '.join(RESULTS)} are expected")
     return chosen
 
 
@@ -160,7 +160,7 @@ def choose_names(
     for option, names in (("only", chosen), ("also", more)):
         unknown = [repr(name) for name in names if name not in known]
         if unknown:
-            raise InputError(f"{option} is {', '.join(unknown)}; names of {', '.join(known)} are expected")
+            raise InputError(f"`{option}` is {', '.join(unknown)}; names of {', '.join(known)} are expected")
     return tuple(dict.fromkeys((*(default if only is None else chosen), *more)))
 
 

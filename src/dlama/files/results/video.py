@@ -23,7 +23,7 @@ def check_video(path: PathLike) -> None:
     """Raise before anything is computed: InputError for a name of another kind, MissingExtraError without what writes it."""
     suffix = Path(path).suffix.lower()
     if suffix not in (*VIDEOS, *ANIMATIONS):
-        raise InputError(f"output is {path}; a name that ends in {', '.join((*VIDEOS, *ANIMATIONS))} is expected")
+        raise InputError(f"`output` is {path}; a name that ends in {', '.join((*VIDEOS, *ANIMATIONS))} is expected")
     if suffix in VIDEOS:
         _av()
 
@@ -37,7 +37,7 @@ def write_video(path: PathLike, pictures: Iterable[UInt8Array], fps: float = 24.
     """
     check_video(path)
     if not 0 < fps <= 240:
-        raise InputError(f"fps is {fps}; more than 0 and at most 240 pictures a second are expected")
+        raise InputError(f"`fps` is {fps}; more than 0 and at most 240 pictures a second are expected")
     frames = _check_sizes(pictures)
     with new_file(path) as draft:
         if Path(path).suffix.lower() in VIDEOS:

@@ -52,7 +52,7 @@ def scene(
     check_arguments(scene, locals())
     called = [f"frame {number}" for number in range(len(frames))] if names is None else list(names)
     if not frames:
-        raise InputError("frames is empty; one posed RGB-D frame or more is expected")
+        raise InputError("`frames` is empty; one posed RGB-D frame or more is expected")
     if len(called) != len(frames):
         raise InputError(f"names has {len(called)} names for {len(frames)} frames; as many are expected")
     cache = PixelCache()

@@ -69,7 +69,7 @@ def mask_growth(scene: Scene, dilate: int | None = None) -> Growth:
     """`dilate` px where given; else GROWTH_PX, plus HALO_PX for a depth camera, scaled for pictures wider than GROWTH_WIDTH."""
     if dilate is not None:
         if not isinstance(dilate, Integral) or dilate < 0:
-            raise InputError(f"dilate is {dilate!r} px; a whole number, 0 or more, is expected")
+            raise InputError(f"`dilate` is {dilate!r} px; a whole number, 0 or more, is expected")
         return Growth(int(dilate), "as given")
     profile = DepthProfile.of(scene)
     larger = max(1.0, max(max(frame.camera.wh) for frame in scene.frames) / GROWTH_WIDTH)
@@ -86,7 +86,9 @@ def remove_object(scene: Scene, mask: BoolArray | Mapping[int, BoolArray], dilat
     for place, (layer, one) in enumerate(zip(measured.layers, carry_masks(measured, masks))):
         larger = dilate_mask(one, growth.px)
         if (larger | (layer.hole_type == HoleType.OBJECT)).all():
-            raise MaskError(f"dilate is {growth.px} px: the mask grown by that is full and leaves nothing to fill from")
+            raise MaskError(
+                f"`dilate` is {growth.px} px: the mask grown by that is full and leaves nothing to fill from"
+            )
         before, given_up = before + int(one.sum()), given_up + int(larger.sum()) - int(one.sum())
         if larger.any():
             removed.append(part_under_mask(layer, one, larger))
@@ -111,10 +113,12 @@ def masks_by_place(scene: Scene, mask: BoolArray | Mapping[int, BoolArray]) -> d
     """Place of a frame -> its mask. Raises MaskError, InputError."""
     if not isinstance(mask, Mapping):
         if len(scene.frames) > 1:
-            raise InputError("mask is one picture, and there are many frames; {number of the frame: mask} is expected")
+            raise InputError(
+                "`mask` is one picture, and there are many frames; {number of the frame: mask} is expected"
+            )
         mask = {scene.numbers[0]: mask}
     if not mask:
-        raise InputError("mask is empty; {number of the frame: mask} is expected")
+        raise InputError("`mask` is empty; {number of the frame: mask} is expected")
     places = {scene.place_of(number): one for number, one in mask.items()}
     return {place: check_mask(one, scene.frames[place].camera.hw) for place, one in places.items()}
 

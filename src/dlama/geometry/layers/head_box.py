@@ -49,9 +49,9 @@ class HeadBox:
     def __post_init__(self) -> None:
         for name, most in (("angle", 45.0), ("distance", 0.9)):
             if not is_finite(getattr(self, name)) or not 0 <= getattr(self, name) <= most:
-                raise InputError(f"{name} is {getattr(self, name)!r}; a number from 0 to {most:g} is expected")
+                raise InputError(f"`{name}` is {getattr(self, name)!r}; a number from 0 to {most:g} is expected")
         if not is_finite(self.pivot) or self.pivot <= 0:
-            raise InputError(f"pivot is {self.pivot!r}; a distance > 0 in metres is expected")
+            raise InputError(f"`pivot` is {self.pivot!r}; a distance > 0 in metres is expected")
 
     @classmethod
     def of(cls, view: View, angle: float | None = None, distance: float | None = None) -> HeadBox:

@@ -35,7 +35,7 @@ class PairFiller:
     def __call__(self, view: View, law: Law, seed: int) -> Fill:
         """Not for one view alone: InputError."""
         raise InputError(
-            "filler 'pair' paints both pictures of a stereo pair with depth_by surfaces: `dlama stereo` runs it"
+            "filler 'pair' paints both pictures of a stereo pair with `depth_by=surfaces`: `dlama stereo` runs it"
         )
 
     def painter(self, other: UInt8Array, other_hole: BoolArray, *, left: bool) -> Painter:

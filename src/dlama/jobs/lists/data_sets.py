@@ -34,7 +34,7 @@ class DatasetJobs:
         verb = self.verb or ""
         refused = [name for name, value in self.defaults.items() if name not in TAKEN and value is not None]
         if refused:
-            raise InputError(f"{refused[0]} does not apply to a data set, which has its own files, cameras and units")
+            raise InputError(f"`{refused[0]}` does not apply to a data set, which has its own files, cameras and units")
         given = {name: value for name, value in self.defaults.items() if value is not None}
         parameters = check_parameters(verb, given, loaded=True)
         dataset = open_dataset(self.root, self.layout)

@@ -34,7 +34,7 @@ class Pictures:
             patterns = {"depth": self.depths, "mask": self.masks}
             yield row | {role: fill_pattern(pattern, path, role) for role, pattern in patterns.items() if pattern}
         if empty:
-            raise InputError(f"images is {self.images!r}; no picture is called so")
+            raise InputError(f"`images` is {self.images!r}; no picture is called so")
 
 
 def fill_pattern(pattern: str, image: str, role: str) -> str:
@@ -43,7 +43,7 @@ def fill_pattern(pattern: str, image: str, role: str) -> str:
     try:
         return pattern.format(stem=path.stem, name=path.name, folder=str(path.parent))
     except (KeyError, IndexError, ValueError) as error:
-        raise InputError(f"{role}s is {pattern!r}; {{stem}}, {{name}} and {{folder}} are what it may hold") from error
+        raise InputError(f"`{role}s` is {pattern!r}; {{stem}}, {{name}} and {{folder}} are what it may hold") from error
 
 
 def _fixed_folders(pattern: str) -> str:

@@ -67,7 +67,7 @@ def check_depth_unit(seen: Observed) -> list[Finding]:
     else:
         shows = f"half of it within {extent.middle * factor:.3g} m, {extent.middle:.3g} m as read"
     what = f"{seen.names[1]}: values look like {usual[best]} ({shows})"
-    return [Finding("depth-scale", "fault", certainty(margin, 2.0), what, f"give depth_scale={best:g}")]
+    return [Finding("depth-scale", "fault", certainty(margin, 2.0), what, f"give `depth_scale={best:g}`")]
 
 
 def measure_extent(seen: Observed) -> Extent | None:

@@ -29,7 +29,7 @@ def check_mask_coverage(seen: Observed) -> list[Finding]:
         what = (
             f"{name}: would remove {percent(seen.mask)} of the picture and most of its border; white seems to mean keep"
         )
-        mend = "give the other mask_polarity (known: white stays)"
+        mend = "give the other `mask_polarity` (known: white stays)"
         return [Finding("inverted-mask", "fault", certainty(seen.mask.mean() - 0.4, 0.15), what, mend)]
     if covered < FEWEST_PX:
         return [Finding("tiny-mask", "note", 0.8, f"{name}: removes only {covered} pixels of the picture")]

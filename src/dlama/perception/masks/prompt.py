@@ -39,20 +39,20 @@ class Prompt:
                 x, y = check_numbers(name, point, 2, "(x, y)")
                 if not (0 <= x < width and 0 <= y < height):
                     raise InputError(
-                        f"{name} holds {x:g},{y:g}, which lies outside the picture; x in 0..{width - 1} and "
+                        f"`{name}` holds {x:g},{y:g}, which lies outside the picture; x in 0..{width - 1} and "
                         f"y in 0..{height - 1} are expected"
                     )
         both = set(self.pixels(self.clicks)) & set(self.pixels(self.not_clicks))
         if both:
             row, column = min(both)
-            raise InputError(f"clicks and not_clicks both hold pixel {column},{row}; one of them is expected")
+            raise InputError(f"`clicks` and `not_clicks` both hold pixel {column},{row}; one of them is expected")
         if self.box is not None:
             x, y, wide, high = check_numbers("box", self.box, 4, "(x, y, width, height)")
             if wide < 1 or high < 1:
-                raise InputError(f"box is {wide:g} x {high:g} pixels; a width and a height of 1 or more are expected")
+                raise InputError(f"`box` is {wide:g} x {high:g} pixels; a width and a height of 1 or more are expected")
             if x >= width or y >= height or x + wide <= 0 or y + high <= 0:
                 raise InputError(
-                    f"box is {x:g},{y:g},{wide:g},{high:g}, which lies outside the picture of {width}x{height}; "
+                    f"`box` is {x:g},{y:g},{wide:g},{high:g}, which lies outside the picture of {width}x{height}; "
                     "x,y,width,height of a part of it are expected"
                 )
 
@@ -84,5 +84,5 @@ def check_numbers(name: str, values: Sequence[float], count: int, kind: str) -> 
     except (TypeError, ValueError):
         numbers = ()
     if len(numbers) != count or not all(math.isfinite(number) for number in numbers):
-        raise InputError(f"{name} holds {values!r}; {count} numbers {kind} are expected")
+        raise InputError(f"`{name}` holds {values!r}; {count} numbers {kind} are expected")
     return numbers

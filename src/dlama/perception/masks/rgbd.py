@@ -130,7 +130,7 @@ def split_clicks(rgbd: RGBD, found: Planes, prompt: Prompt) -> tuple[list[Pixel]
         row, column = flat[0]
         what = "the sky" if rgbd.far[flat[0]] else "a plain surface (ground, wall or table)"
         raise MaskError(
-            f"clicks holds {column},{row}, which lies on {what}: nothing stands apart there; "
+            f"`clicks` holds {column},{row}, which lies on {what}: nothing stands apart there; "
             "click on an object, or give a box round it"
         )
     return seeds, flat, support
@@ -165,7 +165,7 @@ def snap_to_piece(pieces: Pieces, seed: Pixel) -> Pixel:
     distance, nearest = nearest_known(pieces.free)
     if not distance[seed] <= SNAP_PX * 1.5:
         raise MaskError(
-            f"clicks holds {seed[1]},{seed[0]}, where depth shows nothing that stands apart; "
+            f"`clicks` holds {seed[1]},{seed[0]}, where depth shows nothing that stands apart; "
             "click on an object, or give a box round it"
         )
     row, column = divmod(int(nearest[seed]), pieces.free.shape[1])

@@ -100,7 +100,7 @@ def rough_candidates(rough: RoughDepth, prompt: Prompt) -> dict[str, BoolArray]:
     if prompt.clicks and all(rough.far[pixel] for pixel in Prompt.pixels(prompt.clicks)):
         row, column = Prompt.pixels(prompt.clicks)[0]
         raise MaskError(
-            f"clicks holds {column},{row}, which lies on the sky: nothing stands apart there; click on an object"
+            f"`clicks` holds {column},{row}, which lies on the sky: nothing stands apart there; click on an object"
         )
     state = np.full(prompt.hw, cv2.GC_BGD, np.uint8)
     if prompt.box is not None:
@@ -117,7 +117,7 @@ def rough_candidates(rough: RoughDepth, prompt: Prompt) -> dict[str, BoolArray]:
         if mask.sum() < NOTHING * len(prompt.clicks) * SEED_PX**2:
             row, column = Prompt.pixels(prompt.clicks)[0]
             raise MaskError(
-                f"clicks holds {column},{row}, where nothing stands apart in colour or rough depth; "
+                f"`clicks` holds {column},{row}, where nothing stands apart in colour or rough depth; "
                 "click amid an object, or give a box round it"
             )
         if prompt.box is None:
@@ -143,7 +143,7 @@ def refuse_background(mask: BoolArray, prompt: Prompt) -> None:
     if mask.mean() > BACKGROUND and mask[0].mean() > BACKGROUND:
         row, column = Prompt.pixels(prompt.clicks)[0]
         raise MaskError(
-            f"clicks holds {column},{row}, where more than half of the picture and of its upper rim are connected: "
+            f"`clicks` holds {column},{row}, where more than half of the picture and of its upper rim are connected: "
             "that is background (sky, wall); click on an object, or give a box round it"
         )
 
@@ -153,7 +153,7 @@ def refuse_ground(rough: RoughDepth, mask: BoolArray, prompt: Prompt) -> None:
     if rough.ground[mask].mean() > ALL_GROUND and mask[-1].mean() > BACKGROUND:
         row, column = Prompt.pixels(prompt.clicks)[0]
         raise MaskError(
-            f"clicks holds {column},{row}, which lies on the ground: nothing stands apart there; "
+            f"`clicks` holds {column},{row}, which lies on the ground: nothing stands apart there; "
             "click on an object, or give a box round it"
         )
 

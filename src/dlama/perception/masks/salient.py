@@ -73,7 +73,7 @@ def salient_candidates(level: Float32Array, prompt: Prompt) -> tuple[dict[str, B
     for column, row in prompt.clicks:
         if not labels[int(row), int(column)]:
             raise MaskError(
-                f"clicks holds {column:g},{row:g}, where there is no salient object; click on one, "
+                f"`clicks` holds {column:g},{row:g}, where there is no salient object; click on one, "
                 "or choose another masker"
             )
     if prompt.clicks:

@@ -204,7 +204,7 @@ def find_pair(mask_model: object) -> tuple[NetworkFile, NetworkFile, PairContrac
     )
     if mask_model is None:
         raise InputError(
-            f"masker 'segment-anything' runs a pair of networks and mask_model names none; {expected} is expected"
+            f"masker 'segment-anything' runs a pair of networks and `mask_model` names none; {expected} is expected"
         )
     if isinstance(mask_model, tuple):
         files, contract = [Path(one) for one in mask_model], None
@@ -217,12 +217,12 @@ def find_pair(mask_model: object) -> tuple[NetworkFile, NetworkFile, PairContrac
             contract = PAIRS[name] if equals and name in PAIRS else None
             files = [Path(one) for one in (after if contract else text).split(",")]
     if len(files) != 2:
-        raise InputError(f"mask_model is {mask_model!r}; {expected} is expected")
+        raise InputError(f"`mask_model` is {mask_model!r}; {expected} is expected")
     encoder, decoder = (NetworkFile(user_path(file)) for file in files)
     contract = contract or read_file_contract(encoder)
     if contract is None:
         raise InputError(
-            f"{encoder.path}: carries no contract; say whose it keeps: mask_model=NAME={files[0].name},{files[1].name}, "
+            f"{encoder.path}: carries no contract; say whose it keeps: `mask_model=NAME={files[0].name},{files[1].name}`, "
             f"NAME of {', '.join(PAIRS)}"
         )
     return encoder, decoder, contract

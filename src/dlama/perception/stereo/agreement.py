@@ -78,7 +78,7 @@ def transfer_mask(mask_left: BoolArray, left_disparity: Float32Array) -> BoolArr
 
     if mask_left.shape != left_disparity.shape:
         raise MaskError(
-            f"mask is {mask_left.shape} and the left disparity {left_disparity.shape}; both must be the same"
+            f"`mask` is {mask_left.shape} and the left disparity {left_disparity.shape}; both must be the same"
         )
     carried = np.zeros(mask_left.shape, np.uint8)
     if not mask_left.any():

@@ -81,7 +81,7 @@ def disparity_pair(
         _check_reach(left.shape[1], min_disparity, max_disparity)
     if not (is_finite(min_disparity) and is_finite(max_disparity) and min_disparity < max_disparity):
         raise InputError(
-            f"max_disparity is {format_value(max_disparity)} px; more than {format_value(min_disparity)} px is expected"
+            f"`max_disparity` is {format_value(max_disparity)} px; more than {format_value(min_disparity)} px is expected"
         )
     limits = min_disparity, max_disparity
     whole = _search(left, right, limits, WHOLE, _scale_of_whole(left.shape, max_disparity - min_disparity))
@@ -97,7 +97,7 @@ def _check_reach(width: int, min_disparity: float, max_disparity: float) -> None
     most, asked = min(width, LARGEST_STEP // scale), max(-min_disparity, max_disparity)
     if asked > most:
         raise InputError(
-            f"max_disparity is {format_value(asked)} px; at most {most} px is expected in pictures {width} px wide"
+            f"`max_disparity` is {format_value(asked)} px; at most {most} px is expected in pictures {width} px wide"
         )
 
 

@@ -86,9 +86,9 @@ def pack(data: Sequence[Path], output: Path, megabytes: float = 45.0, size: int 
     if not data:
         raise InputError("nothing to pack: give folders of pictures or of data sets")
     if size < 16:
-        raise InputError(f"size is {size} px; 16 or more is expected")
+        raise InputError(f"`size` is {size} px; 16 or more is expected")
     if not megabytes > 0:
-        raise InputError(f"megabytes is {megabytes}; more than 0 is expected")
+        raise InputError(f"`megabytes` is {megabytes}; more than 0 is expected")
     found, rng = find_training_data(data), np.random.default_rng(check_seed(seed))
     check_pack(len(found.photos) + len(found.cases), megabytes, size, output)
     contents = PackContents(megabytes * 1e6 - END_BYTES - 2 * len(INDEX) - PART_BYTES - 200)

@@ -93,7 +93,7 @@ def _restore(module: TrainingModule, checkpoint: dict[str, Any], processes: int)
     before = len(checkpoint["random_states"])
     if before != processes:
         raise InputError(
-            f"the run has {before} processes (loop.devices times loop.nodes), not {processes}; keep them to resume"
+            f"the run has {before} processes (`loop.devices` times loop.nodes), not {processes}; keep them to resume"
         )
     for name, network in module.networks.items():
         prefix = f"{name}."

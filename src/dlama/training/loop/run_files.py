@@ -130,7 +130,7 @@ def refuse_changes(before: TrainSettings, now: TrainSettings) -> None:
         old, new = vars(getattr(before, group)), vars(getattr(now, group))
         for name in old:
             if old[name] != new[name] and name not in MAY_CHANGE.get(group, ()):
-                raise InputError(f"{group}.{name} is {new[name]!r}, the run to resume has {old[name]!r}")
+                raise InputError(f"`{group}.{name}` is {new[name]!r}, the run to resume has {old[name]!r}")
 
 
 class RunFiles:

@@ -132,11 +132,11 @@ class Methods:
 
         for name in self.recipes:
             if name not in RECIPE_NAMES:
-                raise InputError(f"recipes is {name!r}; one of {', '.join(RECIPE_NAMES)} is expected")
+                raise InputError(f"`recipes` is {name!r}; one of {', '.join(RECIPE_NAMES)} is expected")
         models = self.models()
         for filler in self.fillers:
             if filler not in (NO_FILL, *FILLERS):
-                raise InputError(f"fillers is {filler!r}; one of {', '.join((NO_FILL, *FILLERS))} is expected")
+                raise InputError(f"`fillers` is {filler!r}; one of {', '.join((NO_FILL, *FILLERS))} is expected")
             if filler in NETWORK_FILLERS and FILLERS[filler].shipped is None and filler not in models:
                 raise InputError(f"filler {filler!r} runs a network: --model {filler}=FILE is expected")
         fillers, recipes = dict.fromkeys(self.fillers), dict.fromkeys(self.recipes)

@@ -125,7 +125,7 @@ class Convert(Report):
     def run(self) -> None:
         """Convert, and print what a user should know."""
         if self.output.suffix.lower() != ".onnx":
-            raise OutputError(f"output is {self.output}; a name that ends in .onnx is expected")
+            raise OutputError(f"`output` is {self.output}; a name that ends in .onnx is expected")
         check_file_apart(self.output, {"weights": self.weights}, makes_folder=True)
         source = source_of(self.weights)
         licence = self.licence or licence_of(*size_and_sha256(source))
