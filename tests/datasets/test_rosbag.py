@@ -18,8 +18,9 @@ from dlama.datasets.layouts import detect, open_dataset
 from dlama.datasets.sequences.scene_frames import open_frames
 from dlama.errors import DlamaError, FileError, MissingExtraError
 from dlama.geometry.camera import Camera, invert_pose
-from dlama.geometry.rotations import quaternion_from_rotation, rotation_deg
+from dlama.geometry.rotations import rotation_deg
 from posed_folders import LENS, WORLD, cameras, check_frames, truth
+from rosbag_writer import Writer
 
 rosbags = pytest.importorskip("rosbags", reason="rosbags is not installed (extra ros)")
 
@@ -27,91 +28,6 @@ OPTICAL, BODY, ROOT = "camera_color_optical_frame", "base_link", "map"
 OPTICAL_IN_BODY = np.array([[0.0, 0, 1, 0.1], [-1, 0, 0, 0.02], [0, -1, 0, 0.3], [0, 0, 0, 1]])
 """x forward, y left, z up (REP 103) -> x right, y down, z forward."""
 KINDS = ("ros1", "sqlite3", "mcap")
-
-
-class Writer:
-    """A bag under way, of any kind."""
-
-    def __init__(self, path: Path, kind: str) -> None:
-        from rosbags.rosbag1 import Writer as Writer1
-        from rosbags.rosbag2 import StoragePlugin
-        from rosbags.rosbag2 import Writer as Writer2
-        from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-
-        self.old = kind == "ros1"
-        self.types = get_typestore(Stores.ROS1_NOETIC if self.old else Stores.ROS2_HUMBLE)
-        if self.old:
-            text = "geometry_msgs/TransformStamped[] transforms"
-            self.types.register(get_types_from_msg(text, "tf2_msgs/msg/TFMessage"))
-        plugin = StoragePlugin.MCAP if kind == "mcap" else StoragePlugin.SQLITE3
-        self.writer: Any = Writer1(path) if self.old else Writer2(path, version=9, storage_plugin=plugin)
-        self.connections: dict[str, Any] = {}
-        self.count = 0
-
-    def __enter__(self) -> Writer:
-        self.writer.open()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.writer.close()
-
-    def make(self, kind: str, **fields: Any) -> Any:
-        """A message; ROS 1 has a number in its heads and other letters in CameraInfo."""
-        if self.old and kind.endswith("Header"):
-            fields["seq"] = 0
-        if self.old and kind.endswith("CameraInfo"):
-            fields = {name.upper() if name in ("d", "k", "r", "p") else name: value for name, value in fields.items()}
-        return self.types.types[kind](**fields)
-
-    def head(self, frame: str, seconds: float) -> Any:
-        whole = int(seconds)
-        stamp = self.make("builtin_interfaces/msg/Time", sec=whole, nanosec=round((seconds - whole) * 1e9))
-        return self.make("std_msgs/msg/Header", stamp=stamp, frame_id=frame)
-
-    def put(self, topic: str, kind: str, seconds: float, message: Any) -> None:
-        if topic not in self.connections:
-            self.connections[topic] = self.writer.add_connection(topic, kind, typestore=self.types)
-        data = self.types.serialize_ros1(message, kind) if self.old else self.types.serialize_cdr(message, kind)
-        self.count += 1
-        self.writer.write(self.connections[topic], int(seconds * 1e9) + self.count, data)
-
-    def image(self, topic: str, frame: str, seconds: float, values: np.ndarray, encoding: str) -> None:
-        """Rows are padded by three bytes."""
-        height, width = values.shape[:2]
-        rows = values.reshape(height, -1).view(np.uint8)
-        rows = np.concatenate([rows, np.full((height, 3), 99, np.uint8)], 1)
-        fields = {"height": height, "width": width, "encoding": encoding, "is_bigendian": 0, "step": rows.shape[1]}
-        message = self.make("sensor_msgs/msg/Image", header=self.head(frame, seconds), **fields, data=rows.ravel())
-        self.put(topic, "sensor_msgs/msg/Image", seconds, message)
-
-    def packed(self, topic: str, frame: str, seconds: float, data: bytes, form: str) -> None:
-        message = self.make(
-            "sensor_msgs/msg/CompressedImage",
-            header=self.head(frame, seconds),
-            format=form,
-            data=np.frombuffer(data, np.uint8),
-        )
-        self.put(topic, "sensor_msgs/msg/CompressedImage", seconds, message)
-
-    def info(self, topic: str, frame: str, camera: Camera, distortion: float = 0.0) -> None:
-        K = camera.K.copy()
-        K[:2, 2] -= 0.5
-        roi = self.make("sensor_msgs/msg/RegionOfInterest", x_offset=0, y_offset=0, height=0, width=0, do_rectify=False)
-        message = self.make(
-            "sensor_msgs/msg/CameraInfo", header=self.head(frame, 1.0), height=camera.height, width=camera.width,
-            distortion_model="plumb_bob", d=np.array([distortion, 0, 0, 0, 0]), k=K.ravel(), r=np.eye(3).ravel(),
-            p=np.eye(3, 4).ravel(), binning_x=0, binning_y=0, roi=roi,
-        )  # fmt: skip
-        self.put(topic, "sensor_msgs/msg/CameraInfo", 1.0, message)
-
-    def transform(self, topic: str, parent: str, child: str, seconds: float, pose: np.ndarray) -> None:
-        x, y, z, w = map(float, quaternion_from_rotation(pose[:3, :3]))
-        turn = self.make("geometry_msgs/msg/Quaternion", x=x, y=y, z=z, w=w)
-        shift = self.make("geometry_msgs/msg/Vector3", **dict(zip("xyz", map(float, pose[:3, 3]))))
-        moved = self.make("geometry_msgs/msg/Transform", translation=shift, rotation=turn)
-        head = self.head(parent, seconds)
-        each = self.make("geometry_msgs/msg/TransformStamped", header=head, child_frame_id=child, transform=moved)
-        self.put(topic, "tf2_msgs/msg/TFMessage", seconds, self.make("tf2_msgs/msg/TFMessage", transforms=[each]))
 
 
 def write_bag(

@@ -13,6 +13,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+import cv2
 import numpy as np
 from PIL import Image
 
@@ -25,6 +26,8 @@ from dlama.geometry.rotations import slerp
 
 CHANNELS = {"rgb8": "RGB", "bgr8": "BGR", "rgba8": "RGBA", "bgra8": "BGRA", "8UC3": "BGR", "mono8": "L", "8UC1": "L"}
 """Encodings of colour pictures -> their channels in order (sensor_msgs/image_encodings.hpp)."""
+PACKED = {"yuv422": cv2.COLOR_YUV2RGB_UYVY, "yuv422_yuy2": cv2.COLOR_YUV2RGB_YUY2, "YUYV": cv2.COLOR_YUV2RGB_YUY2}
+"""Encodings of colour pictures of which two pixels share their chroma."""
 DEPTHS = {"16UC1": np.uint16, "mono16": np.uint16, "32FC1": np.float32}
 """Encodings of depth."""
 MILLIMETRES = np.float32(1000)
@@ -32,6 +35,26 @@ DEPTH_HEADER = 12
 """Bytes before the PNG of packed depth."""
 BETWEEN_S = 0.25
 """Seconds beyond the first and the last transform up to which these hold, and between two that are interpolated."""
+
+
+@dataclass(frozen=True)
+class Topic:
+    """Pictures of one topic."""
+
+    name: str
+    frame: str
+    """Of their heads."""
+    stamps: Float64Array
+    """Seconds of their heads, ascending."""
+    places: tuple[int, ...]
+    """When each was recorded, ns: by it a message is found again."""
+
+
+def times_to_match(color: Topic, depth: Topic) -> tuple[Float64Array, Float64Array]:
+    """Seconds of the pictures and of the depth: of their heads, or, where two clocks wrote these, when each was recorded."""
+    if color.stamps[0] <= depth.stamps[-1] and depth.stamps[0] <= color.stamps[-1]:
+        return color.stamps, depth.stamps
+    return np.array(color.places) * 1e-9, np.array(depth.places) * 1e-9
 
 
 def seconds_of(message: Any) -> float:
@@ -46,7 +69,11 @@ def is_depth(message: Any) -> bool:
 
 def is_color(message: Any) -> bool:
     """Whether an Image or a CompressedImage holds a picture."""
-    return message.encoding in CHANNELS if hasattr(message, "encoding") else "compressedDepth" not in message.format
+    return (
+        message.encoding in {*CHANNELS, *PACKED}
+        if hasattr(message, "encoding")
+        else "compressedDepth" not in message.format
+    )
 
 
 def size_of(message: Any) -> tuple[int, int]:
@@ -62,14 +89,16 @@ def color_of(message: Any, where: str) -> UInt8Array:
     """H x W x 3 RGB. FileError, which begins with `where`."""
     if not hasattr(message, "encoding"):
         return np.asarray(_open_picture(bytes(message.data), where).convert("RGB"))
+    if message.encoding in PACKED:
+        return np.asarray(cv2.cvtColor(_pixels(message, np.uint8, 2, where), PACKED[message.encoding]), np.uint8)
     channels = CHANNELS[message.encoding]
     pixels = _pixels(message, np.uint8, len(channels), where)
     order = [channels.index(name) for name in "RGB"] if len(channels) > 1 else [0, 0, 0]
     return np.ascontiguousarray(pixels[..., order])
 
 
-def depth_of(message: Any, where: str) -> Float32Array:
-    """h x w metres; 0 or NaN is missing. FileError, which begins with `where`."""
+def depth_of(message: Any, where: str, unit: float | None = None) -> Float32Array:
+    """h x w metres; 0 or NaN is missing. unit: metres a level, if not REP 118's. FileError, which begins with `where`."""
     if hasattr(message, "encoding"):
         codes = _pixels(message, DEPTHS[message.encoding], 1, where)[..., 0]
     else:
@@ -81,6 +110,8 @@ def depth_of(message: Any, where: str) -> Float32Array:
             return np.where(known, a / np.where(known, codes.astype(np.float32) - np.float32(b), 1), 0).astype(
                 np.float32
             )
+    if unit is not None:
+        return codes.astype(np.float32) * np.float32(unit)
     return codes.astype(np.float32) / (
         MILLIMETRES if codes.dtype.kind in "ui" or codes.dtype == np.int32 else np.float32(1)
     )
@@ -196,6 +227,7 @@ def intrinsics_of_info(info: Any) -> list[list[float]]:
 
 
 def distortion_of_info(info: Any) -> Mapping[str, float]:
-    """k1, k2, p1, p2, k3 of a CameraInfo with the model plumb_bob; empty for others."""
+    """k1, k2, p1, p2, k3 of a CameraInfo with the model plumb_bob (RealSense: Brown Conrady of any kind); empty for others."""
     found = np.asarray(info.d if hasattr(info, "d") else info.D, np.float64).ravel()
-    return dict(zip(("k1", "k2", "p1", "p2", "k3"), found.tolist())) if info.distortion_model == "plumb_bob" else {}
+    known = info.distortion_model == "plumb_bob" or "Brown Conrady" in info.distortion_model
+    return dict(zip(("k1", "k2", "p1", "p2", "k3"), found.tolist())) if known else {}

@@ -3,7 +3,8 @@
 A colour and a depth topic are chosen, depth that is registered to the colour camera before other depth; their camera_info stands
 next to them. The pose of a picture is that of its frame in the root of /tf and /tf_static (nav_msgs/Odometry counts too) at the
 picture's time. Depth of another camera is moved into the colour camera. Read by the package rosbags (extra `ros`);
-formats: wiki.ros.org/Bags/Format/2.0, github.com/ros2/rosbag2, mcap.dev/spec; messages: `ros_messages`.
+formats: wiki.ros.org/Bags/Format/2.0, github.com/ros2/rosbag2, mcap.dev/spec; messages: `ros_messages`. What a RealSense camera
+recorded by itself names its topics in its own way: `realsense`.
 """
 
 from __future__ import annotations
@@ -11,7 +12,6 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from threading import Lock
@@ -19,8 +19,11 @@ from typing import Any
 
 import numpy as np
 
+from dlama.datasets.captures import realsense
 from dlama.datasets.captures.captured_frames import CaptureFiles, captured_frame, register_depth, report_left_out
 from dlama.datasets.captures.ros_messages import (
+    Topic,
+    Track,
     Transforms,
     color_of,
     depth_of,
@@ -29,6 +32,7 @@ from dlama.datasets.captures.ros_messages import (
     is_color,
     is_depth,
     seconds_of,
+    times_to_match,
 )
 from dlama.datasets.frames import Dataset
 from dlama.datasets.posed.nerfstudio import SHOWS_PX, distortion_px
@@ -37,29 +41,15 @@ from dlama.datasets.posed.view_pairs import LOG, read_posed
 from dlama.datasets.text_tables import nearest_in_time
 from dlama.errors import DlamaError, FileError, MissingExtraError
 from dlama.files.fields import FileFields
-from dlama.geometry.camera import Float64Array
 from dlama.geometry.rgbd import Float32Array, UInt8Array
 
 FILES = (".bag", ".mcap", ".db3")
 META = "metadata.yaml"
 IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 INFO, TF, ODOMETRY = "sensor_msgs/msg/CameraInfo", "tf2_msgs/msg/TFMessage", "nav_msgs/msg/Odometry"
-OLD_TF = "tf/msg/tfMessage"
+KINDS = (*IMAGES, INFO, TF, "tf/msg/tfMessage", ODOMETRY)
 NEAREST_S = 0.02
 """Seconds by which colour and depth may differ."""
-
-
-@dataclass(frozen=True)
-class Topic:
-    """Pictures of one topic."""
-
-    name: str
-    frame: str
-    """Of their heads."""
-    stamps: Float64Array
-    """Seconds of their heads, ascending."""
-    places: tuple[int, ...]
-    """When each was recorded, ns: by it a message is found again."""
 
 
 def looks_like_rosbag(root: Path) -> bool:
@@ -83,9 +73,10 @@ def _frames(scene: str, path: Path) -> list[PosedFrame]:
     if not moves:
         LOG.warning("%s: holds no moving transform (/tf): the camera is taken as standing still", path)
     frames, left_out = [], {"without depth": 0, "without a pose": 0}
+    matched, of_depth = times_to_match(color, depth)
     registered = color.frame == depth.frame
     for number, (stamp, place) in enumerate(zip(color.stamps.tolist(), color.places)):
-        near = nearest_in_time(depth.stamps, stamp, NEAREST_S)
+        near = nearest_in_time(of_depth, matched[number], NEAREST_S)
         pose = transforms.root_from(color.frame, stamp) if near is not None else None
         if near is None:
             left_out["without depth"] += 1
@@ -116,7 +107,7 @@ def read_color_message(path: Path, topic: str, place: int) -> UInt8Array:
 
 def read_depth_message(path: Path, topic: str, place: int) -> Float32Array:
     """The depth of a topic, h x w metres. FileError."""
-    return _decode(depth_of, path, topic, place)
+    return _decode(partial(depth_of, unit=open_bag(path).units.get(topic)), path, topic, place)
 
 
 def _decode(how: Callable[[Any, str], Any], path: Path, topic: str, place: int) -> Any:
@@ -146,6 +137,7 @@ class Bag:
             types = get_typestore(Stores.ROS1_NOETIC if is_old else Stores.ROS2_HUMBLE)
             self.reader = AnyReader([path], default_typestore=types)
             self.reader.open()
+            self.units = dict[str, float]()
             self.topics, self.infos, self.transforms = self._list_topics()
         except DlamaError:
             raise
@@ -163,23 +155,19 @@ class Bag:
         heads: dict[str, list[tuple[float, int, str]]] = {}
         first: dict[str, Any] = {}
         infos, transforms = dict[str, Any](), Transforms()
-        used_kinds = (*IMAGES, INFO, TF, OLD_TF, ODOMETRY)
-        for topic, kind, place, message in self._messages(*used_kinds):
+        options = dict[str, float]()
+        for topic, kind, place, message in self._messages():
             if kind in IMAGES:
                 if is_depth(message) or is_color(message):
                     first.setdefault(topic, message)
-                    heads.setdefault(topic, []).append((seconds_of(message), place, message.header.frame_id))
+                    frame = realsense.stream_of(topic) or message.header.frame_id
+                    heads.setdefault(topic, []).append((seconds_of(message), place, frame))
             elif kind == INFO:
                 infos.setdefault(topic, message)
-            elif kind == ODOMETRY:
-                where = f"{self.path}, {topic}"
-                ends = message.child_frame_id, message.header.frame_id
-                transforms.add(*ends, seconds_of(message), message.pose.pose, False, where)
+            elif unit := realsense.unit_of_option(topic, message):
+                options.setdefault(*unit)
             else:
-                for each in message.transforms:
-                    ends = each.child_frame_id, each.header.frame_id
-                    fixed = topic.endswith("static")
-                    transforms.add(*ends, seconds_of(each), each.transform, fixed, f"{self.path}, {topic}")
+                self._add_transforms(transforms, topic, message)
         topics = {}
         for name, found in heads.items():
             ordered = sorted(found)
@@ -188,14 +176,44 @@ class Bag:
                 Topic(name, ordered[0][2].lstrip("/"), stamps, tuple(place for _, place, _ in ordered)),
                 first[name],
             )
+            stream = realsense.stream_of(name)
+            if stream and is_depth(first[name]) and not self._is_infrared(name, first[name]):
+                self._find_unit(name, options.get(stream.rsplit("/", 1)[0], 0.0))
         return topics, infos, transforms
 
-    def _messages(self, *kinds: str) -> Iterator[tuple[str, str, int, Any]]:
-        chosen = [each for each in self.reader.connections if each.msgtype in kinds]
+    def _add_transforms(self, transforms: Transforms, topic: str, message: Any) -> None:
+        """Those of a message of odometry, of a transform of RealSense, or of /tf."""
+        where = f"{self.path}, {topic}"
+        if stream := realsense.extrinsics_of(topic, message, where):
+            transforms.tracks.setdefault(stream[0], Track(stream[1], [0.0], [stream[2]], fixed=True))
+        elif hasattr(message, "pose"):
+            ends = message.child_frame_id, message.header.frame_id
+            transforms.add(*ends, seconds_of(message), message.pose.pose, False, where)
+        elif hasattr(message, "transforms"):
+            for each in message.transforms:
+                ends = each.child_frame_id, each.header.frame_id
+                transforms.add(*ends, seconds_of(each), each.transform, topic.endswith("static"), where)
+
+    def _find_unit(self, topic: str, option: float) -> None:
+        """Metres a level of RealSense's depth: of its images, or of the option of its sensor."""
+        if topic not in self.units:
+            if not option > 0:
+                LOG.warning("%s, %s: no unit of depth is recorded: millimetres are taken", self.path, topic)
+            self.units[topic] = option if option > 0 else 1e-3
+
+    def _messages(self) -> Iterator[tuple[str, str, int, Any]]:
+        chosen = [each for each in self.reader.connections if each.msgtype in KINDS or realsense.is_used(each.topic)]
         if not chosen:
             raise FileError(f"{self.path}: holds no pictures of ROS (sensor_msgs/Image or CompressedImage)")
         for connection, place, data in self.reader.messages(connections=chosen):
-            yield connection.topic, connection.msgtype, place, self.reader.deserialize(data, connection.msgtype)
+            yield connection.topic, connection.msgtype, place, self._deserialize(connection, data)
+
+    def _deserialize(self, connection: Any, data: Any) -> Any:
+        if connection.msgtype == IMAGES[0] and realsense.stream_of(connection.topic):
+            data, unit = realsense.split_image(data)
+            if unit is not None and unit > 0:
+                self.units.setdefault(connection.topic, unit)
+        return self.reader.deserialize(data, connection.msgtype)
 
     def message(self, topic: str, place: int) -> Any:
         """The message of a topic that was recorded at `place`, ns. FileError."""
@@ -203,7 +221,7 @@ class Bag:
             chosen = [each for each in self.reader.connections if each.topic == topic]
             try:
                 for connection, _, data in self.reader.messages(connections=chosen, start=place, stop=place + 1):
-                    return self.reader.deserialize(data, connection.msgtype)
+                    return self._deserialize(connection, data)
             except Exception as error:
                 raise FileError(f"{self.path}, {topic}: is damaged ({str(error) or type(error).__name__})") from error
         raise FileError(f"{self.path}, {topic}: has lost the message at {place} ns")
@@ -212,7 +230,9 @@ class Bag:
         """The colour and the depth topic: those of one camera frame first, then by name. FileError."""
         colors = [found for found, message in self.topics.values() if is_color(message) and not is_depth(message)]
         depths = [
-            found for found, message in self.topics.values() if is_depth(message) and not self._is_infrared(found)
+            found
+            for found, message in self.topics.values()
+            if is_depth(message) and not self._is_infrared(found.name, message)
         ]
         if not colors or not depths:
             found = ", ".join(sorted(self.topics)) or "none"
@@ -228,9 +248,10 @@ class Bag:
         grey = getattr(self.topics[topic.name][1], "encoding", "") in ("mono8", "8UC1")
         return grey or "infra" in topic.name, self._info(topic) is None, -len(topic.stamps), topic.name
 
-    def _is_infrared(self, topic: Topic) -> bool:
-        """mono16 is depth where the topic says so."""
-        return getattr(self.topics[topic.name][1], "encoding", "") == "mono16" and "depth" not in topic.name.lower()
+    def _is_infrared(self, topic: str, message: Any) -> bool:
+        """mono16, and of RealSense 16UC1, is depth where the topic says so."""
+        grey = getattr(message, "encoding", "") == "mono16" or realsense.stream_of(topic) is not None
+        return grey and "depth" not in topic.lower()
 
     def _info(self, topic: Topic) -> Any:
         """The camera_info next to a topic, or that of its frame."""

@@ -1,0 +1,204 @@
+"""Recordings of a RealSense camera itself (oracle: the closed-form world that each was written from, by librealsense's layout).
+
+After ros_file_format.h and ros_writer.cpp of librealsense: topics by device, sensor and stream, one head for all of them, options
+as messages, transforms from the reference to each stream, and the unit of depth behind each image.
+"""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dlama.datasets.captures.realsense import split_image
+from dlama.datasets.diagnosis import diagnose
+from dlama.datasets.layouts import detect
+from dlama.datasets.sequences.scene_frames import open_frames
+from dlama.errors import DlamaError, FileError
+from dlama.geometry.camera import Camera, invert_pose
+from dlama.geometry.rgbd import RGBD
+from dlama.geometry.rotations import quaternion_from_rotation
+from posed_folders import LENS, WORLD, cameras
+from rosbag_writer import Writer
+
+pytest.importorskip("rosbags", reason="rosbags is not installed (extra ros)")
+
+DEPTH, COLOR = "/device_0/sensor_0/Depth_0", "/device_0/sensor_1/Color_0"
+DEPTH_LENS = Camera(128, 96, 110.0, 110.0, 64.5, 47.5)
+UNIT = 1e-4
+COUNT = 3
+
+
+def turned(degrees: float, shift: tuple[float, float, float]) -> np.ndarray:
+    """4x4: a turn about y, and a shift."""
+    pose, angle = np.eye(4), np.deg2rad(degrees)
+    pose[:3, :3] = [[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]]
+    pose[:3, 3] = shift
+    return pose
+
+
+TO_DEPTH, TO_COLOR = turned(1, (0.01, 0, 0)), turned(-2, (0.06, 0.005, 0.002))
+"""Points of the reference to each stream's axes."""
+
+
+class RealSense(Writer):
+    """A recording under way."""
+
+    def picture(self, stream: str, seconds: float, values: np.ndarray, encoding: str, unit: float | None) -> None:
+        """An image, of new recordings with the unit behind it, which the head's frame "1" says."""
+        topic, kind = f"{stream}/image/data", "sensor_msgs/msg/Image"
+        head = self.head("0" if unit is None else "1", seconds)
+        rows = values.reshape(len(values), -1).view(np.uint8)
+        message = self.make(
+            kind, header=head, height=values.shape[0], width=values.shape[1], encoding=encoding, is_bigendian=0,
+            step=rows.shape[1], data=rows.ravel(),
+        )  # fmt: skip
+        if topic not in self.connections:
+            self.connections[topic] = self.writer.add_connection(topic, kind, typestore=self.types)
+        data = bytes(self.types.serialize_ros1(message, kind)) + (b"" if unit is None else struct.pack("<f", unit))
+        self.count += 1
+        self.writer.write(self.connections[topic], round((seconds - 9) * 1e9) + self.count, data)
+        self.note(f"{stream}/image/metadata", "system_time", "1573.25")
+
+    def note(self, topic: str, key: str, value: str) -> None:
+        kind = "diagnostic_msgs/msg/KeyValue"
+        self.put(topic, kind, 1, self.make(kind, key=key, value=value))
+
+    def number(self, topic: str, value: float) -> None:
+        self.put(topic, "std_msgs/msg/Float32", 1, self.make("std_msgs/msg/Float32", data=value))
+
+    def extrinsics(self, stream: str, pose: np.ndarray) -> None:
+        x, y, z, w = map(float, quaternion_from_rotation(pose[:3, :3]))
+        turn = self.make("geometry_msgs/msg/Quaternion", x=x, y=y, z=z, w=w)
+        shift = self.make("geometry_msgs/msg/Vector3", **dict(zip("xyz", map(float, pose[:3, 3]))))
+        kind = "geometry_msgs/msg/Transform"
+        self.put(f"{stream}/tf/0", kind, 1, self.make(kind, translation=shift, rotation=turn))
+
+
+def truth() -> list[RGBD]:
+    """What the colour camera sees, the reference where the world's cameras are."""
+    return [WORLD.rgbd(LENS.at(one.world_from_cam @ invert_pose(TO_COLOR))) for one in cameras()[:COUNT]]
+
+
+def write_recording(
+    path: Path, *, units: str = "option", lag: float = 0.004, extrinsics: bool = True, encoding: str = "rgb8"
+) -> Path:
+    """Depth in a tenth of a millimetre; units: where they stand ("option", "image", "property" or "none")."""
+    with RealSense(path, "ros1") as bag:
+        bag.note("/device_0/info", "Name", "Intel RealSense D435")
+        bag.number("/device_0/sensor_0/option/Exposure/value", 8500)
+        if units == "option":
+            bag.number("/device_0/sensor_0/option/Depth Units/value", UNIT)
+        if units == "property":
+            bag.note("/device_0/sensor_0/property", "Exposure", "8500")
+            bag.note("/device_0/sensor_0/property", "Depth Units", str(UNIT))
+        bag.info(f"{DEPTH}/info/camera_info", "", DEPTH_LENS)
+        bag.info(f"{COLOR}/info/camera_info", "", LENS)
+        if extrinsics:
+            bag.extrinsics(DEPTH, TO_DEPTH)
+            bag.extrinsics(COLOR, TO_COLOR)
+        for number, (camera, color) in enumerate(zip(cameras(), truth())):
+            seconds = 10 + number / 10
+            depth = WORLD.rgbd(DEPTH_LENS.at(camera.world_from_cam @ invert_pose(TO_DEPTH))).depth
+            codes = np.rint(np.where(np.isfinite(depth), depth, 0) / UNIT).astype(np.uint16)
+            behind = {"image": UNIT, "option": 0.0}.get(units)
+            grey = np.full(codes.shape, 7, np.uint8)
+            bag.picture("/device_0/sensor_0/Infrared_1", seconds, grey, "8UC1", None if behind is None else 0.0)
+            bag.picture(DEPTH, seconds + lag, codes, "mono16", behind)
+            values = color.color if encoding == "rgb8" else as_yuyv(color.color)
+            bag.picture(COLOR, seconds, values, encoding, None if behind is None else 0.0)
+    return path
+
+
+def as_yuyv(color: np.ndarray) -> np.ndarray:
+    """H x W x 2 of H x W x 3 (Rec. 601, 16..235), the chroma of every second pixel."""
+    r, g, b = (color[..., n].astype(np.float64) for n in range(3))
+    y = 16 + (65.738 * r + 129.057 * g + 25.064 * b) / 256
+    u, v = 128 + (-37.945 * r - 74.494 * g + 112.439 * b) / 256, 128 + (112.439 * r - 94.154 * g - 18.285 * b) / 256
+    chroma = np.where(np.arange(color.shape[1]) % 2 == 0, u.repeat(1, 1), np.roll(v, 1, 1))
+    return np.rint(np.stack([y, chroma], 2)).astype(np.uint8)
+
+
+def check(path: Path, mean_level: float = 0) -> None:
+    """Each frame is the world's as the colour camera sees it."""
+    frames = open_frames(path)
+    assert len(frames) == COUNT
+    for frame, true in zip(frames, truth()):
+        read: Any = frame.load()
+        assert read.color.shape == true.color.shape and read.valid.mean() > 0.7
+        assert np.abs(read.color.astype(int) - true.color).mean() <= mean_level
+        error = np.abs(read.depth - true.depth)[read.valid]
+        assert np.percentile(error, 90) < 0.02 * np.median(true.depth)
+        assert np.allclose(read.camera.world_from_cam, invert_pose(TO_COLOR), atol=1e-6)
+
+
+@pytest.mark.parametrize("units", ["option", "image", "property"])
+def test_depth_is_registered_in_metres(tmp_path: Path, units: str) -> None:
+    """Wherever the unit stands; the reference is neither of the two cameras, which are turned against it; grey is not taken."""
+    path = write_recording(tmp_path / "a.bag", units=units)
+    assert detect(tmp_path) == "rosbag"
+    check(path)
+    found = diagnose(path)
+    assert "layout rosbag, 3 frames" in found[-1].what
+    assert any("the camera is taken as standing still" in one.what for one in found)
+
+
+def test_clocks_of_their_own_are_matched_by_when_each_was_recorded(tmp_path: Path) -> None:
+    """Depth stamped by another clock, an hour off, whose messages were recorded in turn with the pictures."""
+    whole = write_recording(tmp_path / "a.bag")
+    check(whole)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(RealSense, "head", shift_clock(RealSense.head))
+        check(write_recording(tmp_path / "b.bag"))
+
+
+def shift_clock(head: Any) -> Any:
+    """Stamps of the depth (which is 4 ms late) an hour later."""
+    return lambda bag, frame, seconds: head(bag, frame, seconds + 3600 * (abs(seconds * 10 % 1 - 0.04) < 0.01))
+
+
+def test_pictures_as_the_camera_sends_them(tmp_path: Path) -> None:
+    """YUYV: colours within a few levels, for two pixels share their chroma."""
+    check(write_recording(tmp_path / "a.bag", encoding="YUYV"), mean_level=12)
+
+
+def test_what_a_recording_lacks_is_said(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """No unit: millimetres, with a line; no transforms: an error that names both streams."""
+    frames = open_frames(write_recording(tmp_path / "a.bag", units="none"))
+    line = f"a.bag, {DEPTH}/image/data: no unit of depth is recorded: millimetres are taken"
+    assert len(frames) == COUNT and line in caplog.text
+    with pytest.raises(
+        FileError, match=r"'device_0/sensor_0/Depth_0' and colour in 'device_0/sensor_1/Color_0', and no"
+    ):
+        open_frames(write_recording(tmp_path / "b.bag", extrinsics=False))
+
+
+def test_images_are_split_where_they_end() -> None:
+    """Closed form: a message of ROS 1 with a text of any length; more or fewer bytes behind it are no unit."""
+    text = b"hello"
+    body = struct.pack("<III", 1, 2, 3) + struct.pack("<I", len(text)) + text + struct.pack("<II", 1, 2)
+    body += struct.pack("<I", 6) + b"mono16" + struct.pack("<BI", 0, 4) + struct.pack("<I", 4) + b"data"
+    assert split_image(body) == (body, None)
+    assert split_image(body + struct.pack("<f", 0.5)) == (body, 0.5)
+    assert split_image(body + b"xyz") == (body, None)
+
+
+def test_damaged_recordings_are_one_line(tmp_path: Path) -> None:
+    """Cut at any place, and wrong bytes anywhere: frames, or errors of the package that name the file."""
+    whole, rng = write_recording(tmp_path / "a.bag").read_bytes(), np.random.default_rng(0)
+    for number in range(24):
+        data = bytearray(whole)
+        if number % 3 == 0:
+            del data[int(rng.integers(20, len(data))) :]
+        for place in rng.integers(20, len(data), 6):
+            data[place] = rng.integers(0, 256)
+        path = tmp_path / f"{number}.bag"
+        path.write_bytes(data)
+        try:
+            for frame in open_frames(path):
+                frame.load()
+        except DlamaError as error:
+            assert str(path) in str(error) and "\n" not in str(error)
