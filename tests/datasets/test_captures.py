@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import shutil
 import sys
 import zipfile
 import zlib
@@ -17,7 +18,7 @@ from PIL import Image
 
 from dlama.datasets.captures.captured_frames import enlarge_depth
 from dlama.datasets.diagnosis import diagnose
-from dlama.datasets.layouts import detect, open_dataset
+from dlama.datasets.layouts import LAYOUTS, detect, open_dataset
 from dlama.datasets.sequences.scene_frames import open_frames
 from dlama.errors import FileError, MissingExtraError
 from dlama.geometry.camera import Camera, invert_pose
@@ -321,3 +322,22 @@ def test_doctor_says_which_it_is(tmp_path: Path, layout: str) -> None:
     if layout == "record3d":
         assert f"layout {layout}, 4 frames" in diagnose(root / "scan.r3d")[-1].what
     assert len(cameras()) == 4
+
+
+@pytest.mark.parametrize(
+    ("layout", "part", "there"),
+    [
+        ("stray-scanner", "depth", "odometry.csv"),
+        ("polycam", "keyframes/depth", "keyframes"),
+        ("arkitscenes", "lowres_wide.traj", "lowres_depth, lowres_wide_intrinsics"),
+        ("scannetpp", "pose_intrinsic_imu.json", "iphone"),
+    ],
+)
+def test_doctor_names_the_layout_of_which_a_part_is_missing(tmp_path: Path, layout: str, part: str, there: str) -> None:
+    """One line, with what is there and all that is needed, in place of the list of all layouts."""
+    root = WRITERS[layout](tmp_path / "scan")
+    (missing,) = root.rglob(part)
+    shutil.rmtree(missing) if missing.is_dir() else missing.unlink()
+    (only,) = diagnose(tmp_path / "scan")
+    needs = LAYOUTS[layout].looked_for
+    assert only.what.endswith(f"holds {there} as layout {layout} does, but not all it needs: {needs}")

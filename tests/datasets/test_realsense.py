@@ -13,6 +13,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from dlama import read_color, read_scene
+from dlama.apps.cli import main
 from dlama.datasets.captures.realsense import split_image
 from dlama.datasets.diagnosis import diagnose
 from dlama.datasets.layouts import detect
@@ -142,8 +144,18 @@ def test_depth_is_registered_in_metres(tmp_path: Path, units: str) -> None:
     assert detect(tmp_path) == "rosbag"
     check(path)
     found = diagnose(path)
-    assert "layout rosbag, 3 frames" in found[-1].what
+    assert "nothing wrong: layout rosbag, 3 frames" in found[-1].what
     assert any("the camera is taken as standing still" in one.what for one in found)
+
+
+def test_commands_take_a_recording(tmp_path: Path) -> None:
+    """`dlama photo3d FILE.bag` is about its middle frame; `dlama view` says where a recording goes."""
+    path = write_recording(tmp_path / "a.bag")
+    main(["photo3d", str(path), "--filler", "telea", "--only", "scene", "-o", str(tmp_path / "out")])
+    frames = read_scene(tmp_path / "out" / "scene.npz").frames
+    assert len(frames) == COUNT and np.allclose(frames[1].camera.world_from_cam, invert_pose(TO_COLOR), atol=1e-6)
+    with pytest.raises(FileError, match=r"a recording goes into sequence, photo3d, show and doctor"):
+        read_color(path)
 
 
 def test_clocks_of_their_own_are_matched_by_when_each_was_recorded(tmp_path: Path) -> None:

@@ -104,7 +104,8 @@ def _open(root: Path, layout: str | None, camera: CameraOption) -> tuple[Dataset
             dataset, found = open_dataset(root, layout, camera=camera), list[Finding]()
     except NoPairsError as error:
         name = layout or (SCENE if is_scene_file(root) else detect(root))
-        found = [Finding("no-overlap", "fault", 0.9, str(error))] if len(error.frames) > 1 else []
+        stands_still = len({frame.world_from_cam.tobytes() for frame in error.frames}) == 1
+        found = [] if stands_still else [Finding("no-overlap", "fault", 0.9, str(error))]
         dataset = Dataset(root.name, name, root, error.frames, ())
     return dataset, [*(Finding("frames", "note", 1.0, note) for note in noted), *found]
 

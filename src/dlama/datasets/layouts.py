@@ -52,6 +52,8 @@ class Layout:
     afterwards where not."""
     files: tuple[str, ...] = ()
     """Endings of files that are such a data set by themselves."""
+    parts: tuple[str, ...] = ()
+    """Names that no other layout has: a folder with one of them that does not fit lacks a part."""
 
     def fits(self, place: Path) -> bool:
         """Whether a folder, or a file, is such a data set."""
@@ -76,7 +78,9 @@ LAYOUTS: dict[str, Layout] = {
     "pairs": Layout("pairs.json", looks_like_pairs, pairs_json, _FOLDERS),
     "removal": Layout("with.color.png and without.color.png", looks_like_removal, removal_folder, _FOLDERS),
     "stereo": Layout("im0.png and im1.png, or left.png and right.png", looks_like_stereo, stereo_folder, _FOLDERS),
-    "tum": Layout("rgb.txt, depth.txt and groundtruth.txt", looks_like_tum, tum, _POSED_BARE),
+    "tum": Layout(
+        "rgb.txt, depth.txt and groundtruth.txt", looks_like_tum, tum, _POSED_BARE, parts=("groundtruth.txt", "rgb.txt")
+    ),
     "7-scenes": Layout("frame-*.pose.txt and frame-*.depth.png", looks_like_seven_scenes, seven_scenes, _POSED_BARE),
     "scannet": Layout("folders color, depth and pose", looks_like_scannet, scannet, _POSED_BARE),
     "tsdf-fusion": Layout(
@@ -85,15 +89,27 @@ LAYOUTS: dict[str, Layout] = {
     "redwood": Layout("trajectory.log and a folder depth", looks_like_trajectory_log, trajectory_log, _POSED_BARE),
     "colmap": Layout("images and cameras (.txt or .bin) in sparse/0 or sparse", looks_like_colmap, colmap, _POSED),
     "nerfstudio": Layout("transforms.json", looks_like_nerfstudio, nerfstudio, _POSED),
-    "stray-scanner": Layout("rgb.mp4, odometry.csv and depth", looks_like_stray_scanner, stray_scanner, _POSED),
-    "polycam": Layout("keyframes with depth and cameras", looks_like_polycam, polycam, _POSED),
-    "record3d": Layout("a .r3d file, or metadata and a folder rgbd", looks_like_record3d, record3d, _POSED, (".r3d",)),
-    "arkitscenes": Layout("lowres_wide.traj and a folder lowres_depth", looks_like_arkitscenes, arkitscenes, _POSED),
+    "stray-scanner": Layout(
+        "rgb.mp4, odometry.csv and depth", looks_like_stray_scanner, stray_scanner, _POSED, parts=("odometry.csv",)
+    ),
+    "polycam": Layout("keyframes with depth and cameras", looks_like_polycam, polycam, _POSED, parts=("keyframes",)),
+    "record3d": Layout(
+        "a .r3d file, or metadata and a folder rgbd", looks_like_record3d, record3d, _POSED, (".r3d",), ("rgbd",)
+    ),
+    "arkitscenes": Layout(
+        "lowres_wide.traj and a folder lowres_depth",
+        looks_like_arkitscenes,
+        arkitscenes,
+        _POSED,
+        parts=("lowres_wide.traj", "lowres_depth", "lowres_wide_intrinsics"),
+    ),
     "rosbag": Layout(
         "a .bag, .mcap or .db3 file, or a folder with metadata.yaml", looks_like_rosbag, rosbag, _POSED, ROSBAG_FILES
     ),
     "azure-kinect": Layout("a .mkv file", looks_like_azure_kinect, azure_kinect, _POSED, (".mkv",)),
-    "scannetpp": Layout("pose_intrinsic_imu.json", looks_like_scannetpp, scannetpp, _POSED),
+    "scannetpp": Layout(
+        "pose_intrinsic_imu.json", looks_like_scannetpp, scannetpp, _POSED, parts=("pose_intrinsic_imu.json", "iphone")
+    ),
 }
 """Every layout by the name that `layout` takes."""
 RECORDINGS = tuple(suffix for layout in LAYOUTS.values() for suffix in layout.files)
@@ -147,6 +163,13 @@ def detect(root: Path) -> str:
             return found[0]
         inside = [place for place in level if place.is_dir()]
         level = [each for folder in inside for each in (*folders_in(folder), *files_in(folder, RECORDINGS))]
+    lacks = [name for name, each in LAYOUTS.items() if any((root / part).exists() for part in each.parts)]
+    if len(lacks) == 1:
+        name = lacks[0]
+        there = ", ".join(part for part in LAYOUTS[name].parts if (root / part).exists())
+        raise InputError(
+            f"{root}: holds {there} as layout {name} does, but not all it needs: {LAYOUTS[name].looked_for}"
+        )
     looked_for = "; ".join(f"{name}: {each.looked_for}" for name, each in LAYOUTS.items())
     raise InputError(f"{root}: is no data set of a known layout, nor are the folders below. Looked for {looked_for}")
 

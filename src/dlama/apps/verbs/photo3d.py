@@ -33,7 +33,7 @@ def photo3d(
 
     Args:
         image: The picture: PNG, JPEG, WebP, TIFF or HEIC. Or the scene.npz of a result, such as of an object removed, or of a
-            stereo pair; or the folder of a data set of posed frames.
+            stereo pair; or the folder of a data set of posed frames, or a recording (.bag, .mcap, .db3, .mkv, .r3d).
         depth: Its depth, same size: 16-bit PNG or TIFF (millimetres), EXR, PFM, NPY or NPZ; without it, it is estimated.
         output: Directory for the results, made if need be; files of the same names are replaced.
         angle: Degrees to which it turns to each side, up and down.
@@ -42,6 +42,7 @@ def photo3d(
             splats, compressed), stereo (side by side, anaglyph), loop (.mp4 and .webp, extra video), scene.
         also: More of these names.
     """
+    from dlama.datasets.layouts import is_capture_file
     from dlama.datasets.sequences.loading import read_scene_of
     from dlama.files.results.completion import choose_names
     from dlama.files.results.photo3d import BY_DEFAULT, RESULTS
@@ -49,11 +50,12 @@ def photo3d(
     with command("photo3d", report) as this:
         how, chosen, more = filler.settings(), names_in(only), names_in(also) or ()
         choose_names(chosen, more, tuple(RESULTS), BY_DEFAULT)
-        picture = None if image.is_dir() or image.suffix.lower() == ".npz" else image
+        posed = image.is_dir() or is_capture_file(image)
+        picture = None if posed or image.suffix.lower() == ".npz" else image
         options = reading.settings(), estimating.settings(), how
         this.check(output, Results(), {"image": image, "depth": depth}, picture, *options)
         given: dlama.RGBD | dlama.Scene
-        if image.is_dir():
+        if posed:
             given = read_scene_of(image)[1]
         elif picture is None:
             given = this.scene(image, depth, (lens, reading, estimating))

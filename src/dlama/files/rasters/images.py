@@ -301,5 +301,9 @@ def _describe_file(file: Path) -> str:
     if found is not None:
         return f", but {found}: save it as PNG"
     suffix = file.suffix.lower()
+    if suffix in (".bag", ".mcap", ".db3", ".mkv", ".r3d"):
+        return "; a recording goes into sequence, photo3d, show and doctor"
+    if head.startswith(b"PK") and suffix != ".npz":
+        return ", but a ZIP archive: unpack it, and give the folder or the picture in it"
     which = "a scene" if suffix == ".npz" else "the scene.npz of the result" if suffix in (".ply", ".glb") else ""
     return f"; {which} goes into view, sequence, video and show (--also scene writes it)" if which else ""
