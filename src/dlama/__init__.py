@@ -15,10 +15,10 @@ if TYPE_CHECKING:  # what type checkers and editors read; a test holds it equal 
     from dlama.completion.completion import Completion as Completion
     from dlama.completion.completion import StereoCompletion as StereoCompletion
     from dlama.completion.options import Options as Options
-    from dlama.completion.paths import render_path as render_path
     from dlama.completion.photo3d import Photo3D as Photo3D
     from dlama.completion.photo3d import photo3d as photo3d
     from dlama.completion.pipeline import complete as complete
+    from dlama.completion.pipeline import render_path as render_path
     from dlama.completion.recipes import Recipe as Recipe
     from dlama.completion.stereo.stereo import stereo as stereo
     from dlama.completion.verbs import remove as remove
@@ -135,7 +135,7 @@ MODULES = {
     "read_stereo_calib": "files.cameras",
     "read_scene": "files.scenes.scene_npz",
     "remove": "completion.verbs",
-    "render_path": "completion.paths",
+    "render_path": "completion.pipeline",
     "render": "geometry.rendering",
     "sequence": "datasets.sequences.sequence",
     "scene": "geometry.frames.gathering",

@@ -12,7 +12,7 @@ import dlama
 from dlama.completion.completion import Completion
 from dlama.completion.start import scene_of
 from dlama.errors import InputError
-from dlama.geometry.frames.adding import drop_seen_depth
+from dlama.geometry.frames.gathering import drop_seen_depth
 from dlama.geometry.frames.removal import carry_masks
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import clip_depth

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from dlama.datasets.layouts import detect
-from dlama.datasets.posed.colmap_model import read_model, write_model
+from dlama.datasets.posed.colmap import read_model, write_model
 from dlama.datasets.sequences.scene_frames import open_frames
 from dlama.errors import CameraError, FileError
 from dlama.files.rasters.depth import write_depth_png

@@ -64,7 +64,7 @@ def test_official_lightning_checkpoint(tmp_path, random_state):
 
 
 def _judge(torch):
-    from dlama.nets.discriminator import Discriminator
+    from dlama.nets.generator import Discriminator
 
     torch.manual_seed(3)
     return Discriminator(DiscriminatorSettings(3, 8, 3)).state_dict()

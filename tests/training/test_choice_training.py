@@ -23,8 +23,8 @@ from dlama.training.data.guess_crops import INDEX, SIDE, FillTask, GuessCrop, cr
 from dlama.training.data.samples.guesses import GuessSamples  # noqa: E402
 from dlama.training.data.sensors import add_photo_noise, stereo_matcher, structured_light  # noqa: E402
 from dlama.training.loop.train import train  # noqa: E402
-from dlama.training.losses.choice import depth_choice, error_likelihood, relative_error  # noqa: E402
-from dlama.training.losses.lpips import LpipsLoss  # noqa: E402
+from dlama.training.losses.perceptual import LpipsLoss  # noqa: E402
+from dlama.training.losses.terms import depth_choice, error_likelihood, relative_error  # noqa: E402
 from dlama.training.presets import PRESETS  # noqa: E402
 from worlds import Box, Plane, Sphere, World  # noqa: E402
 

@@ -106,7 +106,7 @@ class Scene:
         Raises:
             InputError: no depth, another size (ShapeError), or two frames without common surfaces.
         """
-        add_frame = import_module("dlama.geometry.frames.adding").add_frame
+        add_frame = import_module("dlama.geometry.frames.gathering").add_frame
         found: Scene = add_frame(self, frame)
         return found
 

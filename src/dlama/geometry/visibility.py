@@ -2,11 +2,15 @@
 
 Seen from a source camera, filled depth is never in front of what was measured there (tolerance: the larger of 1 mm and 0.1 %),
 and covers no far pixel. A removed object's own depth counts as measured: its background lies behind it.
+
+Of many frames, depth is kept in blocks of pixels, small enough for a thousand.
 """
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass, replace
+from weakref import WeakKeyDictionary
 
 import cv2
 import numpy as np
@@ -15,7 +19,6 @@ from dlama.arguments import check
 from dlama.geometry.camera import Camera
 from dlama.geometry.drawing.picture_edges import align_edges
 from dlama.geometry.frames.choosing import MOST_FRAMES, choose_frames
-from dlama.geometry.frames.coarse import coarse_camera, coarse_depth
 from dlama.geometry.kernels import visibility as kernels
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.projection import px_from_px
@@ -23,6 +26,33 @@ from dlama.geometry.rgbd import BoolArray, Float32Array, paste
 from dlama.geometry.scene import Scene
 from dlama.geometry.sky import Sky
 from dlama.geometry.view import View, from_source
+
+BLOCK = 8
+"""px."""
+_depths: WeakKeyDictionary[View, Float32Array] = WeakKeyDictionary()
+
+
+def coarse_depth(view: View) -> Float32Array:
+    """The nearest depth measured in each block of pixels, ceil(H / BLOCK) x ceil(W / BLOCK) metres; computed once.
+
+    0 where a pixel of the block has none, inf = far.
+    """
+    if view not in _depths:
+        whole = view.read()
+        depth = np.where(from_source(whole.origin) & ~whole.hole, whole.depth, np.float32(0))
+        rows, columns = (-size % BLOCK for size in depth.shape)
+        padded = np.pad(depth, ((0, rows), (0, columns)))
+        blocks = padded.reshape(padded.shape[0] // BLOCK, BLOCK, padded.shape[1] // BLOCK, BLOCK)
+        _depths[view] = np.asarray(blocks.min((1, 3)), np.float32)
+    return _depths[view]
+
+
+def coarse_camera(camera: Camera) -> Camera:
+    """The camera whose pixels are those blocks."""
+    width, height = (-(-size // BLOCK) for size in camera.wh)
+    lens = {name: getattr(camera, name) / BLOCK for name in ("fx", "fy", "cx", "cy")}
+    return dataclasses.replace(camera, width=width, height=height, **lens)
+
 
 MAX_ROUNDS = 8
 """Passes over all source cameras, after which remaining violations are put at infinity."""

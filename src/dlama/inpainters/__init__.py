@@ -127,7 +127,7 @@ def _choice(file: Path) -> Inpainter:
 
 
 def _joint(file: Path) -> Inpainter:
-    from dlama.inpainters.networks.joint import joint_filler
+    from dlama.inpainters.networks.lama import joint_filler
 
     return joint_filler(file)
 

@@ -1,7 +1,8 @@
 """Stacked planes B x C x H x W in -> filled planes out: the FFC ResNet generator with the published module names.
 
 Suvorov et al. 2022. The input is colour (and depth), already zeroed in the hole, then the mask (1 = fill) as the
-last plane; values 0..1.
+last plane; values 0..1. The discriminator of its training: patch scores and every activation before them, a PatchGAN
+(Isola et al. 2017) in the configuration of Suvorov et al.; attribute names are the published ones.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import torch
 from torch import Tensor, nn
 
 from dlama.errors import ShapeError
+from dlama.nets.architecture import DiscriminatorSettings as DiscriminatorSettings
 from dlama.nets.architecture import GeneratorSettings as GeneratorSettings
 from dlama.nets.architecture import settings_from_state as settings_from_state
 from dlama.nets.ffc import FFC_BN_ACT, FFCResnetBlock
@@ -81,3 +83,28 @@ def refuse_size(settings: GeneratorSettings, shape: tuple[int, ...]) -> None:
     if any(side % settings.multiple or side < settings.minimum for side in shape[2:]):
         expected = f"multiples of {settings.multiple}, {settings.minimum} or more"
         raise ShapeError(f"generator: height and width are {shape[2]} and {shape[3]}, expected {expected}")
+
+
+class Discriminator(nn.Module):
+    """4x4 convolutions with leaky ReLU; `model<i>` are the published names."""
+
+    def __init__(self, settings: DiscriminatorSettings | None = None) -> None:
+        super().__init__()
+        self.settings = s = settings or DiscriminatorSettings()
+        before = s.in_channels
+        for layer in range(s.layers + 1):
+            here = s.channels_at(layer)
+            stride = 1 if layer == s.layers else 2
+            parts: list[nn.Module] = [nn.Conv2d(before, here, 4, stride, padding=2)]
+            parts += [nn.BatchNorm2d(here)] if layer else []
+            setattr(self, f"model{layer}", nn.Sequential(*parts, nn.LeakyReLU(0.2, inplace=True)))
+            before = here
+        setattr(self, f"model{s.layers + 1}", nn.Sequential(nn.Conv2d(before, 1, 4, 1, padding=2)))
+
+    def forward(self, x: Tensor) -> tuple[Tensor, list[Tensor]]:
+        """B x in_channels x H x W, values 0..1 -> (scores B x 1 x h x w, higher = real; activations of each layer)."""
+        features = []
+        for layer in range(self.settings.layers + 1):
+            x = getattr(self, f"model{layer}")(x)
+            features.append(x)
+        return getattr(self, f"model{self.settings.layers + 1}")(x), features

@@ -6,7 +6,7 @@ import warnings
 
 import numpy as np
 
-from dlama.datasets.easysynth.shadow import cast_shadow
+from dlama.datasets.easysynth.frames import cast_shadow
 
 
 def test_shadow_is_the_darkened_region_beside_the_object() -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dlama.errors import ShapeError
-from dlama.evaluation.metrics.disparity import disparity_errors, left_right_difference, visible_in_right
+from dlama.evaluation.metrics.depth import disparity_errors, left_right_difference, visible_in_right
 from reference.metrics_twin import left_right
 
 

@@ -24,13 +24,12 @@ from dlama.errors import MissingExtraError
 from dlama.evaluation.protocols.methods import Method, ProtocolSettings
 from dlama.evaluation.report import panels
 from dlama.evaluation.report.charts import Figure, curves
-from dlama.evaluation.report.page import page
 from dlama.evaluation.report.panels import Chosen, ShownPanel, as_data_urls, choose
 from dlama.evaluation.report.sections import EXPLAINED, Section
 from dlama.evaluation.report.summary import summarise
 from dlama.evaluation.report.tables import Cell, Table
 from dlama.evaluation.report.templates import PARTS
-from dlama.evaluation.report.write import FILES, settings_hash, write_report
+from dlama.evaluation.report.write import FILES, page, settings_hash, write_report
 from dlama.evaluation.runner.run import Results, run
 from dlama.evaluation.runner.store import result_rows
 from dlama.evaluation.runner.strips import CELL, GAP, color_error, cut_strip, depth_error, heat_map, shrink, strip

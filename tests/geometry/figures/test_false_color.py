@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dlama.files.results.legends import hole_legend, percent
+from dlama.files.results.preview import hole_legend, percent
 from dlama.geometry.figures.false_color import (
     HATCH,
     HOLE_PALETTE,

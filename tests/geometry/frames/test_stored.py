@@ -17,14 +17,13 @@ from dlama.geometry import visibility
 from dlama.geometry.camera import Camera
 from dlama.geometry.frames import gathering
 from dlama.geometry.frames.choosing import MOST_FRAMES
-from dlama.geometry.frames.coarse import BLOCK, coarse_camera, coarse_depth
 from dlama.geometry.frames.extent import may_show
 from dlama.geometry.frames.stored import PixelCache, StoredView, count_bytes
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, View
-from dlama.geometry.visibility import Law
+from dlama.geometry.visibility import BLOCK, Law, coarse_camera, coarse_depth
 from worlds import Box, Plane, World, moved
 
 LENS = Camera.from_fov(48, 36, 70)

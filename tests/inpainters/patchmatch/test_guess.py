@@ -3,7 +3,7 @@
 import numpy as np
 
 from dlama.geometry.rgbd import BoolArray, UInt8Array
-from dlama.inpainters.patchmatch.guess import GUESS_SIDE, guess_coarsely
+from dlama.inpainters.patchmatch.filler import GUESS_SIDE, guess_coarsely
 
 
 def test_a_painter_sees_a_large_picture_small_and_without_the_hole() -> None:

@@ -9,9 +9,9 @@ import pytest
 torch = pytest.importorskip("torch", reason="training needs torch: pip install 'dlama[train]'")
 
 from dlama.nets.architecture import DiscriminatorSettings  # noqa: E402
-from dlama.nets.discriminator import Discriminator  # noqa: E402
 from dlama.nets.ffc import FFC_BN_ACT, FourierUnit, SpectralTransform  # noqa: E402
-from dlama.training.losses import adversarial, pixels, trunks  # noqa: E402
+from dlama.nets.generator import Discriminator  # noqa: E402
+from dlama.training.losses import pixels, terms, trunks  # noqa: E402
 from dlama.training.losses.perceptual import PerceptualLoss  # noqa: E402
 from dlama.training.losses.terms import GENERATOR_TERMS, LossInputs, generator_terms  # noqa: E402
 from dlama.training.settings import LossSettings, NetworkSettings  # noqa: E402
@@ -65,11 +65,11 @@ def test_adversarial_terms():
     """Oracle: finite differences at the scores."""
     mask = (torch.rand(2, 1, 8, 8) > 0.5).double()
     real, fake = numbers(2, 1, 4, 4), numbers(2, 1, 4, 4)
-    assert torch.autograd.gradcheck(lambda r, f: adversarial.discriminator_loss(r, f, mask), (real, fake))
-    assert torch.autograd.gradcheck(adversarial.generator_loss, fake)
+    assert torch.autograd.gradcheck(lambda r, f: terms.discriminator_loss(r, f, mask), (real, fake))
+    assert torch.autograd.gradcheck(terms.generator_loss, fake)
     layers = [numbers(1, 2, 4, 4).detach(), numbers(1, 3, 2, 2).detach()]
     assert torch.autograd.gradcheck(
-        lambda a, b: adversarial.feature_matching([a, b], layers), (numbers(1, 2, 4, 4), numbers(1, 3, 2, 2))
+        lambda a, b: terms.feature_matching([a, b], layers), (numbers(1, 2, 4, 4), numbers(1, 3, 2, 2))
     )
 
 
@@ -80,7 +80,7 @@ def test_gradient_penalty_at_the_weights():
 
     def penalty(weight, bias):
         scores = torch.func.functional_call(judge, {"0.weight": weight, "0.bias": bias}, (real,))
-        return adversarial.gradient_penalty(scores, real)
+        return terms.gradient_penalty(scores, real)
 
     assert torch.autograd.gradcheck(penalty, (judge[0].weight, judge[0].bias))
 

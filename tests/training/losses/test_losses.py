@@ -14,13 +14,13 @@ torch = pytest.importorskip("torch", reason="training needs torch: pip install '
 from toy_runs import Exploit  # noqa: E402
 
 from dlama.errors import FileError, ShapeError  # noqa: E402
-from dlama.nets.discriminator import Discriminator, DiscriminatorSettings  # noqa: E402
+from dlama.nets.generator import Discriminator, DiscriminatorSettings  # noqa: E402
 from dlama.nets.safetensors_file import read_safetensors  # noqa: E402
 from dlama.training.data.batches import check_sample, composite, hole_planes, pictures  # noqa: E402
 from dlama.training.data.samples.toy_scenes import ToyScenes  # noqa: E402
 from dlama.training.kinds import PLANES  # noqa: E402
 from dlama.training.loop.validation import hole_metrics, metric_names, ssim_map, telea  # noqa: E402
-from dlama.training.losses import adversarial, pixels, trunks  # noqa: E402
+from dlama.training.losses import pixels, terms, trunks  # noqa: E402
 from dlama.training.losses.perceptual import PerceptualLoss, perceptual_loss, reference_picture  # noqa: E402
 from dlama.training.losses.terms import (  # noqa: E402
     GENERATOR_TERMS,
@@ -96,16 +96,16 @@ def test_a_mask_the_wrong_way_round_is_seen(vector):
 def test_only_the_hole_counts_as_fake():
     """Oracle: closed form; scores of 0 cost log 2 each, and a known patch that looks real costs nothing."""
     zeros, mask = torch.zeros(1, 1, 4, 4), torch.zeros(1, 1, 8, 8)
-    assert number(adversarial.discriminator_loss(zeros, zeros, mask)) == pytest.approx(2 * math.log(2))
+    assert number(terms.discriminator_loss(zeros, zeros, mask)) == pytest.approx(2 * math.log(2))
     sure, mask[..., :4] = torch.full((1, 1, 4, 4), 50.0), 1
-    assert number(adversarial.discriminator_loss(sure, sure, mask)) == pytest.approx(25.0)
-    assert number(adversarial.generator_loss(zeros)) == pytest.approx(math.log(2))
+    assert number(terms.discriminator_loss(sure, sure, mask)) == pytest.approx(25.0)
+    assert number(terms.generator_loss(zeros)) == pytest.approx(math.log(2))
 
 
 def test_gradient_penalty_of_a_linear_judge():
     """Oracle: closed form; the gradient of 3 x sum is 3 everywhere, so its squared norm is 9 per number."""
     real = torch.rand(2, 3, 4, 5, requires_grad=True)
-    assert number(adversarial.gradient_penalty(3 * real.sum(1, keepdim=True), real)) == pytest.approx(9 * 3 * 4 * 5)
+    assert number(terms.gradient_penalty(3 * real.sum(1, keepdim=True), real)) == pytest.approx(9 * 3 * 4 * 5)
 
 
 def test_gradient_penalty_has_its_weight(vector):
@@ -117,7 +117,7 @@ def test_gradient_penalty_has_its_weight(vector):
         return number(terms["gradient_penalty"]) if "gradient_penalty" in terms else 0.0
 
     scored = batch["target"].clone().requires_grad_()
-    plain = number(adversarial.gradient_penalty(judge(scored)[0], scored))
+    plain = number(terms.gradient_penalty(judge(scored)[0], scored))
     assert term() == pytest.approx(0.25 * plain, rel=1e-4)
     assert term(penalty=4.0) == pytest.approx(4 * plain, rel=1e-4) and term(penalty=0.0) == 0
 

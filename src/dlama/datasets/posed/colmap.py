@@ -1,19 +1,208 @@
 """COLMAP folders in (a model in sparse/0, sparse or the folder; images/; depth maps next to them); posed frames and cases out.
 
+Text: cameras.txt `ID MODEL W H params`, images.txt two lines each, `ID qw qx qy qz tx ty tz CAMERA NAME` and its points.
+Binary: the same fields, little-endian. Poses are world to camera, axes OpenCV's, first pixel's centre at 0.5. Lengths have
+the reconstruction's unit: with depth maps next to it, theirs. A scene is written as
+such a model. Format: colmap.github.io/format.html.
+
 Depth: depth/NAME.png (16-bit millimetres), .exr, .pfm, .npy, of the picture NAME.jpg; or the dense workspace's own
 stereo/depth_maps/NAME.jpg.geometric.bin (else .photometric.bin). It must have the unit of the model's positions: metres.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import struct
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from dlama.datasets.frames import Dataset
-from dlama.datasets.posed.colmap_model import ColmapImage, read_model
 from dlama.datasets.posed.posed_frames import FrameFiles, Lens, PosedFrame, posed_frame
 from dlama.datasets.posed.view_pairs import LOG, read_posed
-from dlama.errors import FileError
+from dlama.datasets.text_tables import pose_at, read_rows
+from dlama.errors import CameraError, FileError
+from dlama.files.atomic_write import new_file
+from dlama.files.fields import Intrinsics
+from dlama.geometry.camera import Camera, Float64Array, invert_pose
+from dlama.geometry.cloud import PointCloud
+from dlama.geometry.rotations import quaternion_from_rotation, rotation_from_quaternion
+
+MODELS = {0: "SIMPLE_PINHOLE", 1: "PINHOLE", 2: "SIMPLE_RADIAL", 3: "RADIAL", 4: "OPENCV"}
+PARAMETERS = {"SIMPLE_PINHOLE": 3, "PINHOLE": 4, "SIMPLE_RADIAL": 4, "RADIAL": 5, "OPENCV": 8}
+NO_DISTORTION = 1e-6
+
+
+@dataclass(frozen=True)
+class ColmapCamera:
+    """One entry of cameras."""
+
+    intrinsics: Intrinsics
+    hw: tuple[int, int]
+
+
+@dataclass(frozen=True, eq=False)
+class ColmapImage:
+    """One entry of images."""
+
+    name: str
+    camera: ColmapCamera
+    world_from_cam: Float64Array
+
+
+def read_model(folder: Path) -> list[ColmapImage]:
+    """The images of a model, by name. Raises FileError, CameraError (lens models with distortion: undistort first)."""
+    if (folder / "cameras.txt").is_file():
+        cameras = _text_cameras(folder / "cameras.txt")
+        images = _text_images(folder / "images.txt", cameras)
+    else:
+        cameras = _binary_cameras(folder / "cameras.bin")
+        images = _binary_images(folder / "images.bin", cameras)
+    if not images:
+        raise FileError(f"{folder}: the model holds no images")
+    return sorted(images, key=lambda image: image.name)
+
+
+def _text_cameras(path: Path) -> dict[int, ColmapCamera]:
+    cameras = {}
+    for row in read_rows(path):
+        if len(row.words) < 4:
+            raise FileError(
+                f"{row.at(0)}: the line has {len(row.words)} values; ID MODEL WIDTH HEIGHT PARAMS are expected"
+            )
+        numbers = [row.number(place) for place in range(4, len(row.words))]
+        size = int(row.number(3)), int(row.number(2))
+        cameras[int(row.number(0))] = ColmapCamera(_pinhole(row.at(1), row.words[1], numbers), size)
+    return cameras
+
+
+def _pinhole(where: str, model: str, numbers: list[float]) -> Intrinsics:
+    if model not in PARAMETERS:
+        raise CameraError(f"{where}: camera model {model}; one of {', '.join(PARAMETERS)} is expected, undistort first")
+    if len(numbers) != PARAMETERS[model]:
+        raise CameraError(
+            f"{where}: camera model {model} has {len(numbers)} parameters; {PARAMETERS[model]} are expected"
+        )
+    two = model in ("PINHOLE", "OPENCV")
+    fx, fy, cx, cy = numbers[:4] if two else (numbers[0], *numbers[:3])
+    if any(abs(number) > NO_DISTORTION for number in numbers[4 if two else 3 :]):
+        raise CameraError(
+            f"{where}: the camera is distorted; a pinhole camera is expected, run colmap image_undistorter"
+        )
+    return fx, fy, cx, cy
+
+
+def _text_images(path: Path, cameras: Mapping[int, ColmapCamera]) -> list[ColmapImage]:
+    found, points = [], 0
+    for row in read_rows(path):  # a name may hold blanks, so more than ten words may be an image too
+        if len(row.words) < 10 or (len(row.words) > 10 and row.line == points):
+            continue  # the points of the image before, by threes
+        points = row.line + 1
+        quaternion = np.array([row.number(place) for place in (2, 3, 4, 1)])
+        shift = np.array([row.number(place) for place in (5, 6, 7)])
+        found.append(_image(row.at(0), " ".join(row.words[9:]), int(row.number(8)), cameras, quaternion, shift))
+    return found
+
+
+def _image(
+    where: str,
+    name: str,
+    camera: int,
+    cameras: Mapping[int, ColmapCamera],
+    xyzw: Float64Array,
+    shift: Float64Array,
+) -> ColmapImage:
+    if camera not in cameras:
+        raise FileError(f"{where}: image {name} has camera {camera}, which cameras does not hold")
+    norm = float(np.linalg.norm(xyzw))
+    if not norm > 0:
+        raise CameraError(f"{where}: image {name} has no rotation (quaternion 0)")
+    cam_from_world = np.eye(4)
+    cam_from_world[:3, :3] = rotation_from_quaternion(xyzw / norm)
+    cam_from_world[:3, 3] = shift
+    return ColmapImage(name, cameras[camera], pose_at(where, invert_pose(cam_from_world)))
+
+
+class _Bytes:
+    """Binary fields read one after the other; FileError at the file's end."""
+
+    def __init__(self, path: Path) -> None:
+        if not path.is_file():
+            raise FileError(f"{path}: no such file; cameras and images, .txt or .bin, are expected")
+        self.path, self.data, self.at = path, path.read_bytes(), 0
+
+    def take(self, kinds: str) -> tuple[float, ...]:
+        """The next fields, of `struct` kinds such as "idd"; FileError where the file ends before."""
+        size = struct.calcsize("<" + kinds)
+        if self.at + size > len(self.data):
+            raise FileError(f"{self.path}: ends early, at byte {len(self.data)}; it is truncated, or no COLMAP file")
+        self.at += size
+        return struct.unpack_from("<" + kinds, self.data, self.at - size)
+
+    def text(self) -> str:
+        """The next name, up to its NUL; FileError where none comes."""
+        end = self.data.find(b"\0", self.at)
+        if end < 0:
+            raise FileError(f"{self.path}: ends within a name; it is truncated, or no COLMAP file")
+        start, self.at = self.at, end + 1
+        return self.data[start:end].decode("utf-8", "replace")
+
+    def skip(self, count: int) -> None:
+        """Pass over so many bytes; FileError where there are fewer."""
+        if count < 0 or self.at + count > len(self.data):
+            raise FileError(f"{self.path}: ends early, at byte {len(self.data)}; it is truncated, or no COLMAP file")
+        self.at += count
+
+
+def _binary_cameras(path: Path) -> dict[int, ColmapCamera]:
+    data, cameras = _Bytes(path), dict[int, ColmapCamera]()
+    for _ in range(int(data.take("Q")[0])):
+        number, kind, width, height = (int(one) for one in data.take("iiQQ"))
+        model = MODELS.get(kind, f"number {kind}")
+        if model not in PARAMETERS:
+            raise CameraError(
+                f"{path}: camera model {model}; one of {', '.join(PARAMETERS)} is expected, undistort first"
+            )
+        numbers = list(data.take("d" * PARAMETERS[model]))
+        cameras[number] = ColmapCamera(_pinhole(str(path), model, numbers), (height, width))
+    return cameras
+
+
+def _binary_images(path: Path, cameras: Mapping[int, ColmapCamera]) -> list[ColmapImage]:
+    data, found = _Bytes(path), []
+    for _ in range(int(data.take("Q")[0])):
+        _, w, x, y, z, tx, ty, tz, camera = data.take("idddddddi")
+        name = data.text()
+        data.skip(24 * int(data.take("Q")[0]))
+        found.append(_image(str(path), name, int(camera), cameras, np.array([x, y, z, w]), np.array([tx, ty, tz])))
+    return found
+
+
+def write_model(folder: Path, cameras: Mapping[str, Camera], cloud: PointCloud) -> None:
+    """cameras.txt, images.txt and points3D.txt: a camera and an image of each view (name of its picture -> camera), and points
+    with their colours; a point's ERROR is 1 - its confidence, and it has no track. Raises OutputError."""
+    lines, images = [], []
+    for number, (name, camera) in enumerate(cameras.items(), 1):
+        lens = " ".join(repr(float(one)) for one in (camera.fx, camera.fy, camera.cx, camera.cy))
+        lines.append(f"{number} PINHOLE {camera.width} {camera.height} {lens}")
+        pose = camera.cam_from_world
+        numbers = " ".join(
+            repr(float(one)) for one in (*np.roll(quaternion_from_rotation(pose[:3, :3]), 1), *pose[:3, 3])
+        )
+        images += [f"{number} {numbers} {number} {name}", ""]
+    points = (
+        f"{number} {x:.6f} {y:.6f} {z:.6f} {r} {g} {b} {error:.3f}"
+        for number, ((x, y, z), (r, g, b), error) in enumerate(zip(cloud.points, cloud.color, 1 - cloud.confidence), 1)
+    )
+    for file, head, body in (
+        ("cameras.txt", "CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]", lines),
+        ("images.txt", "IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME; then its points", images),
+        ("points3D.txt", "POINT3D_ID, X, Y, Z, R, G, B, ERROR (1 - confidence), no track", points),
+    ):
+        with new_file(folder / file) as draft:
+            draft.write_text("\n".join([f"# {head}", *body]) + "\n", encoding="utf-8")
+
 
 MODEL_FOLDERS = ("sparse/0", "sparse", "")
 DEPTH_FOLDERS, DEPTH_KINDS = ("depth", "depths"), (".png", ".exr", ".pfm", ".npy")

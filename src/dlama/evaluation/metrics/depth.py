@@ -1,4 +1,4 @@
-"""An estimated and a true depth map and a region in -> errors in metres and shares of right pixels out.
+"""An estimated and a true map of depth or disparity and a region in -> errors and shares of right pixels out.
 
 Every true pixel is valid (finite, > 0), far (inf) or missing (0, NaN); where the truth is missing nothing is counted.
 Two rules then, because sky has no metres:
@@ -8,6 +8,9 @@ Two rules then, because sky has no metres:
 - `mae_uncut`, `rmse_uncut` and `absrel` count the pixels where truth and estimate are both valid, in full metres;
   `coverage` is their share of the validly true pixels. `delta*` counts all validly true pixels, and an estimate that
   is far or missing is wrong there.
+
+Disparity is in pixels: what the left picture shows in column x, the right shows in column x - d of the same row. 0, NaN
+and inf = missing.
 """
 
 from __future__ import annotations
@@ -19,7 +22,7 @@ import numpy as np
 from dlama.errors import ShapeError
 from dlama.evaluation.metrics.pictures import SETTINGS, mean_or_nan
 from dlama.geometry.camera import Float64Array
-from dlama.geometry.rgbd import BoolArray, Float32Array
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 
 
 def depth_errors(
@@ -63,3 +66,87 @@ def _valid_errors(guess: Float64Array, there: Float64Array) -> dict[str, float]:
         **{f"delta{limit:g}": mean_or_nan(ratio < limit) for limit in SETTINGS.depth_deltas},
         "coverage": mean_or_nan(both),
     }
+
+
+OCCLUDED_PX = 1.0
+"""A pixel is hidden in the right view where another of more than this much more disparity lands on the same place."""
+
+
+def disparity_errors(mine: Float32Array, truth: Float32Array, region: BoolArray | None = None) -> dict[str, float]:
+    """Errors over the pixels of a region whose true disparity is known.
+
+    Args:
+        mine: H x W pixels; 0, NaN or inf = missing.
+        truth: likewise.
+        region: H x W; None = everywhere.
+    Returns:
+        bad-1, bad-2 (shares 0..1 that are off by more than 1 or 2 pixels; a missing estimate is bad), epe (mean
+        error in pixels where the estimate is there), coverage (the share where it is); nan where no pixel counts.
+    Raises:
+        ShapeError: the shapes differ.
+    """
+    for name, array in (("mine", mine), ("the region", region)):
+        if array is not None and array.shape != truth.shape:
+            raise ShapeError(f"disparity: {name} is {array.shape} and the truth {truth.shape}; the same is expected")
+    counted = _is_known(truth) if region is None else _is_known(truth) & region
+    guess, there = mine[counted].astype(np.float64), truth[counted].astype(np.float64)
+    given = _is_known(guess)
+    error = np.full(len(there), np.inf)
+    error[given] = np.abs(guess[given] - there[given])
+    return {
+        **{f"bad-{limit:g}": mean_or_nan(error > limit) for limit in SETTINGS.disparity_bad_px},
+        "epe": mean_or_nan(error[given]),
+        "coverage": mean_or_nan(given),
+    }
+
+
+def left_right_difference(
+    left: UInt8Array, right: UInt8Array, disparity: Float32Array, region: BoolArray | None = None
+) -> float:
+    """Mean absolute difference, in levels 0..255, of the left picture and the right one warped onto it.
+
+    The right picture is read at x - d, linearly between columns. Left out are pixels without disparity, those that
+    fall outside the right picture, and those that something nearer hides in it.
+
+    Args:
+        left, right: H x W x 3 (or H x W).
+        disparity: H x W pixels, of the left picture.
+        region: H x W of the left picture; None = everywhere.
+    Returns:
+        nan where no pixel is left.
+    Raises:
+        ShapeError: the shapes differ.
+    """
+    hw = disparity.shape
+    if left.shape != right.shape or left.shape[:2] != hw or (region is not None and region.shape != hw):
+        raise ShapeError(f"left is {left.shape}, right {right.shape}, disparity {hw}; one size is expected")
+    counted = visible_in_right(disparity)
+    rows, columns = np.nonzero(counted if region is None else counted & region)
+    at = columns - disparity[rows, columns].astype(np.float64)
+    first = np.floor(at).astype(np.int64)
+    second = np.minimum(first + 1, hw[1] - 1)
+    weight = (at - first).reshape(-1, *[1] * (left.ndim - 2))
+    warped = (1 - weight) * right[rows, first] + weight * right[rows, second]
+    return mean_or_nan(np.abs(left[rows, columns] - warped).ravel())
+
+
+def visible_in_right(disparity: Float32Array) -> BoolArray:
+    """H x W, True where a left pixel has disparity, falls inside the right picture, and nothing nearer lies over it."""
+    height, width = disparity.shape
+    rows, columns = np.nonzero(_is_known(disparity))
+    shift = disparity[rows, columns].astype(np.float64)
+    at = columns - shift
+    inside = (at >= 0) & (at <= width - 1)
+    rows, columns, shift, at = rows[inside], columns[inside], shift[inside], at[inside]
+    nearest = np.zeros((height, width))
+    left, right = np.floor(at).astype(np.int64), np.ceil(at).astype(np.int64)
+    np.maximum.at(nearest, (rows, left), shift)
+    np.maximum.at(nearest, (rows, right), shift)
+    seen = np.zeros((height, width), np.bool_)
+    # both columns that linear reading mixes must be free
+    seen[rows, columns] = np.maximum(nearest[rows, left], nearest[rows, right]) <= shift + OCCLUDED_PX
+    return seen
+
+
+def _is_known(disparity: Float32Array | Float64Array) -> BoolArray:
+    return np.isfinite(disparity) & (disparity > 0)

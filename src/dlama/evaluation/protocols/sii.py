@@ -23,7 +23,7 @@ from dlama.completion.completion import StereoCompletion
 from dlama.completion.stereo.stereo import stereo
 from dlama.datasets.frames import StereoTruth, Truth
 from dlama.errors import InputError
-from dlama.evaluation.metrics.disparity import disparity_errors, left_right_difference
+from dlama.evaluation.metrics.depth import disparity_errors, left_right_difference
 from dlama.evaluation.metrics.regions import stereo_regions
 from dlama.evaluation.protocols.methods import Measure, Method, MethodRun, ProtocolSettings, Scored, no_fill, run_method
 from dlama.evaluation.protocols.ori import cloud_measures

@@ -1,4 +1,4 @@
-"""A finished run in; results.csv, timings.csv, summary.json, summary.md and report.html out."""
+"""A finished run in; results.csv, timings.csv, summary.json, summary.md and report.html, a page that loads nothing else, out."""
 
 from __future__ import annotations
 
@@ -14,16 +14,68 @@ from dlama.datasets.frames import Dataset
 from dlama.errors import OutputError, format_count
 from dlama.evaluation.metrics.pictures import SETTINGS as METRIC_SETTINGS
 from dlama.evaluation.protocols.methods import ProtocolSettings
-from dlama.evaluation.report.page import flatten, page
-from dlama.evaluation.report.panels import as_data_urls, choose
+from dlama.evaluation.report.panels import ShownPanel, as_data_urls, choose
 from dlama.evaluation.report.sections import EXPLAINED, PROTOCOLS, Section, protocols_of, sections
 from dlama.evaluation.report.summary import RESAMPLES, Summary, summarise, write_summary
-from dlama.evaluation.report.tables import markdown, table_of_means
+from dlama.evaluation.report.tables import Table, markdown, table_of_means
+from dlama.evaluation.report.templates import template
 from dlama.evaluation.runner.cache_key import code_hash, short_hash
 from dlama.evaluation.runner.run import Results
 from dlama.evaluation.runner.store import result_rows, timing_rows, write_rows
+from dlama.evaluation.runner.strips import COLOR_FULL, COLUMNS, DEPTH_FULL
 from dlama.evaluation.runner.worker import Outcome
 from dlama.files.atomic_write import new_file
+
+CHOICES = ("protocol", "yaw", "method")
+"""The fields of a panel by which readers choose."""
+
+
+def page(
+    title: str,
+    about: Mapping[str, Any],
+    explained: Mapping[str, str],
+    sections: Sequence[Section],
+    panels: Sequence[ShownPanel],
+    every: Table,
+    failures: Sequence[str] = (),
+) -> str:
+    """The page, as HTML: failures and pictures first, then the sections, the long table and the settings.
+
+    Args:
+        about: the settings and versions at the end: name -> text, number or mapping. `lead` stands at the top.
+        explained: protocol's title -> a sentence that says what it measures.
+        every: the long table that can be searched.
+        failures: a line each.
+    Raises:
+        MissingExtraError: jinja2 is not installed.
+    """
+    return str(
+        template("page.html", "evaluate").render(
+            title=title,
+            about=about,
+            explained=explained,
+            sections=sections,
+            panels=panels,
+            choices={name: list(dict.fromkeys(getattr(one.chosen, name) for one in panels)) for name in CHOICES},
+            columns=COLUMNS,
+            color_full=f"{COLOR_FULL:g}",
+            depth_full=f"{100 * DEPTH_FULL:g} %",
+            every=every,
+            failures=failures,
+            settings=[(name, text) for name, text in flatten(about) if name != "lead"],
+        )
+    )
+
+
+def flatten(about: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, str]]:
+    """(`versions numpy`, `2.1`): nested mappings as lines."""
+    for name, value in about.items():
+        if isinstance(value, Mapping):
+            yield from flatten(value, f"{before}{name} ")
+        else:
+            text = ", ".join(map(str, value)) if isinstance(value, (list, tuple)) else str(value)
+            yield f"{before}{name}".replace("_", " "), text
+
 
 FILES = ("results.csv", "timings.csv", "summary.json", "summary.md", "report.html")
 PACKAGES = ("numpy", "numba", "opencv-python-headless", "onnxruntime", "scikit-image", "scipy", "matplotlib")
@@ -101,7 +153,7 @@ def failure_line(one: Outcome) -> str:
 def summary_lines(
     dataset: Dataset, summary: Summary, explained: Mapping[str, str], parts: Sequence[Section], failed: Sequence[str]
 ) -> Iterator[str]:
-    """summary.md; `explained`, `parts` and `failed` as in `dlama.evaluation.report.page.page`."""
+    """summary.md; `explained`, `parts` and `failed` as in `dlama.evaluation.report.write.page`."""
     facts: Mapping[str, Any] = summary.about
     yield from (f"# Evaluation on {dataset.name}", "", facts["lead"], "")
     yield from (*(f"- {sentence}" for sentence in explained.values()), "")

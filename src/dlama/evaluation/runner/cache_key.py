@@ -31,7 +31,6 @@ ROOMS = (
 SHOWING = (
     "evaluation/report/",
     "evaluation/runner/run.py",
-    "evaluation/runner/processes.py",
     "evaluation/runner/progress.py",
     "evaluation/runner/store.py",
     "workers/pool.py",

@@ -1,11 +1,14 @@
-"""A data set and methods in; every case x method run, stored and resumed, failures listed; all that is stored out."""
+"""A data set and methods in; every case x method run, stored and resumed, failures listed; all that is stored out.
+
+Where single processes die, the other tasks continue.
+"""
 
 from __future__ import annotations
 
 import json
 import shutil
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,12 +16,35 @@ from dlama.datasets.frames import Case, Protocol
 from dlama.errors import InputError, OutputError
 from dlama.evaluation.protocols.methods import Method, ProtocolSettings
 from dlama.evaluation.runner.cache_key import cache_key, case_hash, method_hash
-from dlama.evaluation.runner.processes import run_tasks
 from dlama.evaluation.runner.store import Stored, read_stored, stem
 from dlama.evaluation.runner.strips import is_whole_jpeg
-from dlama.evaluation.runner.worker import Outcome, ProtocolFunction, Task
+from dlama.evaluation.runner.worker import Outcome, ProtocolFunction, Task, work, work_all
 from dlama.files.atomic_write import new_file
+from dlama.files.drafts import remove_abandoned
 from dlama.workers.memory import check_processes
+from dlama.workers.pool import run_all
+
+
+def run_tasks(tasks: Sequence[Task], jobs: int) -> Iterator[Outcome]:
+    """Of every task. When a process dies, the case it had runs again; one that ends its process again fails."""
+    if jobs == 1 or len(tasks) <= 1:
+        for task in tasks:
+            yield from work(task)
+        return
+    try:
+        for ended in run_all(work_all, tasks, min(jobs, len(tasks))):
+            yield from _fail_task(ended.task) if ended.died else ended.answer
+    except BaseException:  # Ctrl-C: files are written whole or not at all, so nobody has to be waited for
+        for folder in {task.folder for task in tasks}:
+            for name in ("cases", "panels"):
+                remove_abandoned(folder / name, again=True)
+        raise
+
+
+def _fail_task(task: Task) -> Iterator[Outcome]:
+    line = "a process died twice while it ran this case (out of memory?); fewer --jobs may help"
+    yield from (Outcome(task.case, method, line) for method, _ in task.methods)
+
 
 Progress = Callable[[Outcome | None, int, int], None]
 """Called with what has just ended (None: kept from an earlier run), and how many of how many are done."""

@@ -24,8 +24,7 @@ from dlama.inpainters.filling import Fill, Inpainter
 from dlama.inpainters.layered.color.low_frequency import blend_with_low_frequency
 from dlama.inpainters.networks.contract import from_metadata
 from dlama.inpainters.networks.engine import open_engine
-from dlama.inpainters.networks.joint import joint_filler
-from dlama.inpainters.networks.lama import lama_filler
+from dlama.inpainters.networks.lama import joint_filler, lama_filler
 from dlama.inpainters.networks.migan import migan_filler
 from dlama.models.cache import user_path
 from dlama.models.network_file import NetworkFile

@@ -1,4 +1,7 @@
-"""LaMa: a view with holes and any 4 -> 3 network file in; colour, and depth as a grey picture, out."""
+"""LaMa: a view with holes and any 4 -> 3 network file in; colour, and depth as a grey picture, out.
+
+Joint: the same with any 5 -> 4 network file, which fills colour and depth in one pass.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +16,7 @@ from dlama.inpainters.filling import Fill, Inpainter, Painter
 from dlama.inpainters.grey_depth import channel_spread
 from dlama.inpainters.networks.contract import Contract, require_planes
 from dlama.inpainters.networks.engine import Engine, open_engine
-from dlama.inpainters.networks.view_tensors import DepthPlane, color_from_planes, color_planes
+from dlama.inpainters.networks.view_tensors import DepthPlane, color_from_planes, color_planes, robust_scale
 
 BATCHED: tuple[str, ...] = ()
 """Providers on which one pass for colour and depth was measured to be faster than two; none so far."""
@@ -54,3 +57,20 @@ def fill_color_and_depth(view: View, network: Engine) -> Fill:
     return Fill(
         color_from_planes(color), depth.metres(grey.mean(0)), notes=network.notes | {"depth_channel_spread": spread}
     )
+
+
+def joint_filler(model: str | Path | Engine, contract: Contract | None = None) -> Inpainter:
+    """A filler of a network file (or of an engine) that takes red, green, blue, depth, mask.
+
+    Depth is inverse depth on the scale of `contract.DEPTH_PLANE`. In a sensor hole the
+    network sees neither colour nor depth; only its depth is used there. FileError where there is no file.
+    """
+    network = open_engine(model, contract)
+
+    def joint(view: View, law: Law, seed: int) -> Fill:
+        require_planes(network.contract, 4, str(network.path), "joint")
+        depth = DepthPlane.of(view, robust_scale)
+        filled = network.fill(np.concatenate([color_planes(view.color), depth.values[None]])[None], view.hole)[0]
+        return Fill(color_from_planes(filled[:3]), depth.metres(filled[3]), notes=network.notes)
+
+    return joint

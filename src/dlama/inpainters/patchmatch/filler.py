@@ -8,14 +8,35 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import cv2
+import numpy as np
+
+from dlama.geometry.holes import shrink_known
 from dlama.geometry.rgbd import BoolArray, UInt8Array
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
-from dlama.inpainters.filling import Fill, Painter
+from dlama.inpainters.filling import Fill, Paint, Painter
 from dlama.inpainters.networks.migan import migan_filler
 from dlama.inpainters.opencv import telea
 from dlama.inpainters.patchmatch.completion import complete_picture
-from dlama.inpainters.patchmatch.guess import guess_coarsely
+from dlama.models.network_file import make_room
+
+GUESS_SIDE = 768
+"""Longer side in pixels of the picture that the painter sees: detail comes from patches."""
+
+
+def guess_coarsely(paint: Paint, picture: UInt8Array, hole: BoolArray, seed: int) -> UInt8Array:
+    """H x W x 3: the picture (H x W x 3 RGB) with its hole (H x W) as painted at GUESS_SIDE pixels at most."""
+    height, width = hole.shape
+    by = GUESS_SIDE / max(height, width)
+    if by >= 1:
+        return paint(picture, hole, seed)
+    size = max(1, round(width * by)), max(1, round(height * by))
+    means, share = shrink_known(picture, ~hole, size)
+    small = np.clip(np.round(means), 0, 255).astype(np.uint8)
+    painted = cv2.resize(paint(small, share < 0.5, seed), (width, height), interpolation=cv2.INTER_CUBIC)
+    make_room(hole.size)
+    return np.where(hole[..., None], painted, picture)
 
 
 def patchmatch_filler(model: str | Path) -> Painter:

@@ -27,7 +27,7 @@ from dlama.inpainters.layered.filler import blend_out_of_view, continue_lawfully
 from dlama.inpainters.layered.remaining_shadows import find_remaining_shadow
 from dlama.inpainters.networks.migan import migan_filler
 from dlama.inpainters.patchmatch.completion import QUICK, complete_picture
-from dlama.inpainters.patchmatch.guess import guess_coarsely
+from dlama.inpainters.patchmatch.filler import guess_coarsely
 
 REPAINTED = (HoleType.OBJECT, HoleType.DISOCCLUDED, HoleType.OUT_OF_VIEW)
 """Types of holes that patches paint; cracks are too thin to gain by it."""

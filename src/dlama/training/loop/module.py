@@ -14,15 +14,13 @@ from torch import Tensor, nn
 from dlama.errors import DlamaError, InputError
 from dlama.models.cache import user_path
 from dlama.nets.checkpoints import read_generator
-from dlama.nets.discriminator import Discriminator
 from dlama.nets.export.judge import read_judge
-from dlama.nets.generator import Generator, generator_from_state
+from dlama.nets.generator import Discriminator, Generator, generator_from_state
 from dlama.nets.judge import GuessMixer
 from dlama.nets.surgery import widen
 from dlama.training.data.batches import Batch, network_input
 from dlama.training.loop.random_state import seed_everything
-from dlama.training.losses.lpips import LpipsLoss
-from dlama.training.losses.perceptual import PerceptualLoss, perceptual_loss
+from dlama.training.losses.perceptual import LpipsLoss, PerceptualLoss, perceptual_loss
 from dlama.training.losses.pixels import widen_half
 from dlama.training.losses.terms import LossInputs, Terms, discriminator_terms, generator_terms
 from dlama.training.settings import NetworkSettings, TrainSettings

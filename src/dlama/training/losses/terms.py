@@ -2,6 +2,10 @@
 
 Equation 9 of Suvorov et al. 2022 plus terms of depth. A term is a scalar on the autograd graph, already times its weight, so
 that the columns of metrics.csv add up to the loss; its name is that of its weight in `LossSettings`.
+
+Equations 6, 7 and 9: scores are logits, higher = real; softplus(-s) is -log sigmoid(s). Mask 1 = hole, opposite to the paper.
+The judge's output has planes as of `nets.judge.GuessMixer`: three of colour, inverse depth, the logarithms of both expected
+errors, the weights of the guesses' depths. Inverse depth is nearness u = w / (w + w0) of inverse depth w, 0 = far.
 """
 
 from __future__ import annotations
@@ -12,12 +16,92 @@ from dataclasses import dataclass
 
 import torch
 from torch import Tensor
+from torch.nn.functional import interpolate, mse_loss, softplus
 
-from dlama.nets.discriminator import Discriminator
+from dlama.nets.generator import Discriminator
 from dlama.training.data.batches import Batch, any_hole, hole_planes, pictures
-from dlama.training.losses import adversarial, choice, pixels
+from dlama.training.losses import pixels
 from dlama.training.losses.pixels import widen_half
 from dlama.training.settings import LossSettings, NetworkSettings
+
+FIRST_LOG, FIRST_WEIGHT = 4, 6
+"""Planes of the output where the log errors and the weights begin."""
+
+
+def depth_choice(output: Tensor, batch: Batch) -> Tensor:
+    """The absolute difference of inverse depth to expect if a guess were drawn by the weights; averaging two never helps.
+
+    Mean over the hole of the samples whose true depth is known there.
+    """
+    weights, guesses = output[:, FIRST_WEIGHT:], batch["guesses"][:, 3::4]
+    wrong = (weights * (guesses - batch["target"][:, 3:4]).abs()).sum(1, keepdim=True)
+    return _mean(wrong, batch["mask"] * batch["known_depth"])
+
+
+def error_likelihood(output: Tensor, batch: Batch) -> Tensor:
+    """log b + |error| / b, the mean over the hole, of colour plus of depth: smallest where b is the mean absolute error.
+
+    Colour: mean over channels, where it was unknown. Depth: that of the guess with the largest weight, relative to the truth.
+    """
+    found, truth = output.detach(), batch["target"]
+    wrong_color = (found[:, :3] - truth[:, :3]).abs().mean(1, keepdim=True)
+    chosen = found[:, FIRST_WEIGHT:].argmax(1, keepdim=True)
+    wrong_depth = relative_error(batch["guesses"][:, 3::4].gather(1, chosen), truth[:, 3:4])
+    where = batch["mask"] * batch["context"][:, -1:], batch["mask"] * batch["known_depth"]
+    terms = []
+    for place, (wrong, counted) in enumerate(zip((wrong_color, wrong_depth), where)):
+        log_b = output[:, FIRST_LOG + place : FIRST_LOG + place + 1]
+        terms.append(_mean(log_b + wrong * torch.exp(-log_b), counted))
+    return torch.stack(terms).sum()
+
+
+def relative_error(nearness: Tensor, truth: Tensor) -> Tensor:
+    """|z - z0| / z0 of depths, 1 at most, from their nearness; both far: 0, one of them: 1."""
+    least = 1e-4
+    inverse, true = (u / (1 - u).clamp(min=least) for u in (nearness, truth))
+    wrong = (true / inverse.clamp(min=least) - 1).abs().clamp(max=1)
+    both_far, one_far = (inverse < least) & (true < least), (inverse < least) ^ (true < least)
+    return torch.where(both_far, torch.zeros_like(wrong), torch.where(one_far, torch.ones_like(wrong), wrong))
+
+
+def _mean(values: Tensor, counted: Tensor) -> Tensor:
+    """B x 1 x H x W -> mean over all counted pixels of the batch; 0 where there are none."""
+    return (values * counted).sum() / counted.sum().clamp(min=1)
+
+
+def discriminator_loss(real: Tensor, fake: Tensor, mask: Tensor) -> Tensor:
+    """Equation 6: patches of true pictures are real, patches of the output are fake in the hole and real elsewhere.
+
+    Args:
+        real: B x 1 x h x w scores of true pictures.
+        fake: the same of the generator's output.
+        mask: B x 1 x H x W, 1 = hole; resized to the scores by nearest neighbour.
+    """
+    hole = interpolate(mask, size=fake.shape[-2:], mode="nearest")
+    as_fake = hole * softplus(fake) + (1 - hole) * softplus(-fake)
+    return (softplus(-real) + as_fake).mean()
+
+
+def generator_loss(fake: Tensor) -> Tensor:
+    """Equation 7: softplus(-D), the mean over all patches of the output's B x 1 x h x w scores."""
+    return softplus(-fake).mean()
+
+
+def gradient_penalty(real_scores: Tensor, real: Tensor) -> Tensor:
+    """R1 of equation 9: mean over the batch of the squared norm of D's gradient at real pictures.
+
+    Args:
+        real_scores: B x 1 x h x w, made of `real`, with its graph.
+        real: B x P x H x W, requires_grad.
+    """
+    (gradient,) = torch.autograd.grad(real_scores.sum(), real, create_graph=True)
+    return widen_half(gradient).square().flatten(1).sum(1).mean()
+
+
+def feature_matching(fake: Sequence[Tensor], real: Sequence[Tensor]) -> Tensor:
+    """Mean over layers of mean squared differences of the discriminator's activations; `real` gets no gradient."""
+    return torch.stack([mse_loss(widen_half(one), widen_half(other.detach())) for one, other in zip(fake, real)]).mean()
+
 
 Terms = dict[str, Tensor]
 """Name -> weighted scalar."""
@@ -93,11 +177,11 @@ def _perceptual(x: LossInputs) -> Tensor:
 
 
 def _depth_choice(x: LossInputs) -> Tensor:
-    return choice.depth_choice(x.precise_output, x.batch)
+    return depth_choice(x.precise_output, x.batch)
 
 
 def _expected_error(x: LossInputs) -> Tensor:
-    return choice.error_likelihood(x.precise_output, x.batch)
+    return error_likelihood(x.precise_output, x.batch)
 
 
 @dataclass(frozen=True)
@@ -124,10 +208,8 @@ GENERATOR_TERMS: dict[str, Term] = {
     "depth_choice": Term(_depth_choice, of_choice=True, in_float32=True),
     "expected_error": Term(_expected_error, of_choice=True, in_float32=True),
     "perceptual": Term(_perceptual),
-    "adversarial": Term(lambda x: adversarial.generator_loss(widen_half(x.discriminator_outputs[0]))),
-    "feature_matching": Term(
-        lambda x: adversarial.feature_matching(x.discriminator_outputs[1], x.discriminator_outputs[2])
-    ),
+    "adversarial": Term(lambda x: generator_loss(widen_half(x.discriminator_outputs[0]))),
+    "feature_matching": Term(lambda x: feature_matching(x.discriminator_outputs[1], x.discriminator_outputs[2])),
 }
 """In the order they are computed and added. A new term is an entry here and its weight in `LossSettings`."""
 DISCRIMINATOR_TERMS = ("discriminator", "gradient_penalty")
@@ -180,7 +262,7 @@ def discriminator_terms(
     real_scores, _ = discriminator(real)
     fake_scores, _ = discriminator(discriminator_input(output.detach(), batch))
     hole = any_hole(batch["mask"])
-    terms = {"discriminator": adversarial.discriminator_loss(widen_half(real_scores), widen_half(fake_scores), hole)}
+    terms = {"discriminator": discriminator_loss(widen_half(real_scores), widen_half(fake_scores), hole)}
     if strength:
-        terms["gradient_penalty"] = strength * adversarial.gradient_penalty(real_scores, real)
+        terms["gradient_penalty"] = strength * gradient_penalty(real_scores, real)
     return terms

@@ -8,7 +8,7 @@ import pytest
 from dlama.geometry.camera import Camera
 from dlama.geometry.trajectories import dolly, orbit
 from dlama.geometry.visibility import Law
-from dlama.training.data.samples.law_limit import law_limit
+from dlama.training.data.samples.views import law_limit
 from reference.limit import limit as marched
 
 CAMERA = Camera.from_fov(28, 22, 80)

@@ -67,7 +67,7 @@ def test_every_kind_makes_samples(kind: str, split: Any) -> None:
 
 def test_input_is_what_joint_would_feed(monkeypatch: pytest.MonkeyPatch, clean: list[ViewExample]) -> None:
     """Oracle: the filler `joint` itself, with an engine that keeps the planes it is given; sensor holes as well."""
-    from dlama.inpainters.networks import joint
+    from dlama.inpainters.networks import lama
 
     fed: list[np.ndarray] = []
 
@@ -78,8 +78,8 @@ def test_input_is_what_joint_would_feed(monkeypatch: pytest.MonkeyPatch, clean: 
             fed.append(np.concatenate([planes[0] * ~hole, hole[None]]).astype(np.float32))
             return planes
 
-    monkeypatch.setattr(joint, "open_engine", lambda *args, **options: Engine())
-    fill = joint.joint_filler("none.onnx")
+    monkeypatch.setattr(lama, "open_engine", lambda *args, **options: Engine())
+    fill = lama.joint_filler("none.onnx")
     frame = world_views.WorldSet("train", SIZE).views(0).frame(0)
     removals = WorldRemovals(WorldSet("train", SIZE), RGBD_NET)
     for example in (

@@ -6,6 +6,9 @@ is the frame of a camera there. Where both agree (depth within DEPTH_AGREES, col
 known pixels), the whole target is the true frame: then the terms on known pixels teach the network to clean up its input, and
 the real pictures of the discriminator have no seam of sharpness around the hole. Where they do not agree (another exposure, poses
 that are off), the target's known pixels are those of the view, since the true ones cannot be computed from the input.
+**The limit of the law.** What is lawful along a ray is no single stretch: in front of what the source saw lies the unlawful, and
+in front of that, where the ray has left the source's picture, all is lawful again. The limit is that of the stretch the truth
+lies in: going from the truth towards the camera, where the law is broken first (behind an occluder: its back).
 **The scale of depth** is `robust_scale` of the view's known pixels; the truth is clipped at 1 as the input is.
 """
 
@@ -16,14 +19,31 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dlama.geometry.camera import Camera
 from dlama.geometry.holes import fill_with_nearest
-from dlama.geometry.projection import inverse_depth
-from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
+from dlama.geometry.kernels.jit import in_bands
+from dlama.geometry.projection import inverse_depth, px_from_px
+from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.networks.view_tensors import DepthPlane, color_planes, robust_scale
-from dlama.training.data.samples.law_limit import law_limit
+from dlama.training.data.samples.law_limit_kernels import limits
 from dlama.training.settings import NetworkSettings
+
+
+def law_limit(law: Law, camera: Camera, truth: Float32Array, where: BoolArray) -> Float32Array:
+    """H x W inverse depth (1/m) that filled pixels must not exceed; +inf outside `where` and where anything is lawful.
+
+    truth: H x W true inverse depth seen from `camera`, 0 = far. Never below the truth: where a pixel centre's truth breaks
+    the law itself (at edges, by a fraction of a pixel) the truth is the limit.
+    """
+    found = np.full(truth.shape, np.inf)
+    truth, where = np.require(truth, np.float32, ["C", "W"]), np.require(where, np.bool_, ["C", "W"])  # one signature
+    for source, measured in law.measured:
+        measured = np.require(measured, np.float32, ["C", "W"])
+        in_bands(limits, len(truth), truth, where, *px_from_px(source, camera), measured, found)
+    return found.astype(np.float32)
+
 
 DEPTH_AGREES, COLOR_AGREES = 0.03, 25
 """Relative difference of inverse depth, and difference of levels (of 255) in every channel."""
