@@ -57,12 +57,26 @@ def square(side: int) -> np.ndarray:
 
 def morphological_open(mask: BoolArray, kernel: np.ndarray) -> BoolArray:
     """The mask (H x W) without the parts that the kernel (`square`, `disc`) does not fit into: thin ones and small ones."""
-    return cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, kernel) > 0
+    fits = cv2.erode(mask.astype(np.uint8), kernel, anchor=middle_of(kernel))
+    return cv2.dilate(fits, kernel[::-1, ::-1], anchor=mirrored_middle(kernel)) > 0
 
 
 def morphological_close(mask: BoolArray, kernel: np.ndarray) -> BoolArray:
     """The mask (H x W) with its gaps that the kernel (`square`, `disc`) does not fit into."""
-    return cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_CLOSE, kernel) > 0
+    reached = cv2.dilate(mask.astype(np.uint8), kernel, anchor=middle_of(kernel))
+    return cv2.erode(reached, kernel[::-1, ::-1], anchor=mirrored_middle(kernel)) > 0
+
+
+def middle_of(kernel: np.ndarray) -> tuple[int, int]:
+    """Column and row of a kernel's anchor."""
+    return kernel.shape[1] // 2, kernel.shape[0] // 2
+
+
+def mirrored_middle(kernel: np.ndarray) -> tuple[int, int]:
+    """The same in the kernel mirrored, by which what the kernel did is undone: with the anchor of the kernel itself, as OpenCV's
+    own opening has it, kernels of even size move the mask by a pixel."""
+    column, row = middle_of(kernel)
+    return kernel.shape[1] - 1 - column, kernel.shape[0] - 1 - row
 
 
 def regions_touching(where: BoolArray, other: BoolArray) -> BoolArray:
