@@ -1,7 +1,8 @@
 """3-D photos: views of one filled scene next to completing each camera alone, against the truth; open pixels; seconds and memory.
 
 python benchmarks/photo3d.py truth --worlds 4 --cameras 12      # procedural worlds: the truth of any camera
-python benchmarks/photo3d.py truth --street ../shared/street    # the street benchmark's dev scenes, at +-10 degrees
+python benchmarks/photo3d.py truth --street ../shared/street    # the street benchmark's scenes, at +-10 degrees
+python benchmarks/photo3d.py flicker --cameras 6               # procedural worlds: neighbours on a loop
 python benchmarks/photo3d.py holes --cameras 200                # the bundled street: open pixels of random cameras
 python benchmarks/photo3d.py speed IMAGE [DEPTH] --fov 65       # one photo in this process: seconds by stage, memory, sizes
 """
@@ -21,9 +22,11 @@ import numpy as np
 
 import dlama
 from dlama.evaluation.metrics.lpips import Lpips
+from dlama.geometry.camera import Float64Array
+from dlama.geometry.projection import px_from_px
 from dlama.geometry.rgbd import BoolArray, UInt8Array
 
-DEV = ("s03", "s05")
+SCENES = ("s03", "s05", "s06", "s08")
 
 
 def scores(lpips: Lpips, color: UInt8Array, truth: UInt8Array, region: BoolArray) -> tuple[float, float]:
@@ -43,10 +46,10 @@ def world_jobs(count: int, cameras: int) -> Iterator[tuple[str, dlama.RGBD, dlam
 
 
 def street_jobs(folder: Path) -> Iterator[tuple[str, dlama.RGBD, dlama.Photo3D, list[dlama.RGBD]]]:
-    """The dev scenes at yaw 0, and their truth at +-10 degrees about 2.5 m, which the box is made to hold."""
+    """The scenes at yaw 0, and their truth at +-10 degrees about 2.5 m, which the box is made to hold."""
     from dlama.datasets.layouts import open_dataset
 
-    for scene in DEV:
+    for scene in SCENES:
         cases = [
             case for case in open_dataset(folder / scene).cases if case.protocol == "vpi" and abs(case.yaw or 0) == 10
         ]
@@ -74,6 +77,45 @@ def compare(jobs: Iterator[tuple[str, dlama.RGBD, dlama.Photo3D, list[dlama.RGBD
         )
     mean = np.mean(rows, 0)
     print(f"{len(rows)} views: LPIPS {mean[0] / mean[2] - 1:+.1%}, MSE {mean[1] / mean[3] - 1:+.1%}")
+
+
+def measure_flicker(count: int, cameras: int) -> None:
+    """How much a pixel of one picture differs from the same place of the next, a 60th of the way round the loop on: in levels,
+    the mean over all that both show, of the 3-D photo, of the truth, and of each camera completed alone."""
+    from dlama.worlds.dataset import world
+
+    rows = []
+    for seed in range(count):
+        made = world(seed)
+        source = made.frame(made.camera())
+        photo = dlama.photo3d(source)
+        for turn in np.linspace(0, 2 * np.pi, cameras, endpoint=False):
+            pair = [photo.box.at(np.cos(angle), 0.5 * np.sin(angle), 0.0) for angle in (turn, turn + 2 * np.pi / 60)]
+            true = [made.frame(camera) for camera in pair]
+            turned = [dlama.render(photo.scene, camera) for camera in pair]
+            alone = [dlama.complete(source, [camera]).view for camera in pair]
+            rows.append([difference(*views) for views in (turned, true, alone)])
+    mean = np.mean(rows, 0)
+    print(f"{len(rows)} pairs: 3-D photo {mean[0]:.2f}, truth {mean[1]:.2f}, each alone {mean[2]:.2f} levels")
+
+
+def difference(one: dlama.RGBD | dlama.View, other: dlama.RGBD | dlama.View) -> float:
+    """Mean difference of colour (0..255) at the places that both pictures show, read bilinearly in the other."""
+    seen = np.isfinite(one.depth) & (one.depth > 0)
+    depth = np.where(seen, one.depth, 1)
+    matrix, offset = px_from_px(other.camera, one.camera)
+    x, y, ahead = np.moveaxis((pixel_centers(one.camera) @ matrix.T) * depth[..., None] + offset, 2, 0)
+    place = [(axis / ahead - 0.5).astype(np.float32) for axis in (x, y)]
+    color = cv2.remap(other.color, *place, cv2.INTER_LINEAR).astype(float)
+    found = [cv2.remap(other.depth, *place, how) for how in (cv2.INTER_LINEAR, cv2.INTER_NEAREST)]
+    same = seen & np.all([np.abs(one / ahead - 1) < 0.01 for one in found], 0)
+    return float(np.abs(color - one.color)[same].mean())
+
+
+def pixel_centers(camera: dlama.Camera) -> Float64Array:
+    """H x W x 3: (x, y, 1) of every pixel's centre."""
+    columns, rows = np.meshgrid(np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5)
+    return np.stack([columns, rows, np.ones(camera.hw)], 2)
 
 
 def count_holes(cameras: int) -> None:
@@ -115,9 +157,9 @@ def measure(image: Path, depth: Path | None, fov: float) -> None:
 
 
 def main() -> None:
-    """Which of the four."""
+    """Which of the five."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=("truth", "holes", "speed"))
+    parser.add_argument("what", choices=("truth", "flicker", "holes", "speed"))
     parser.add_argument("files", nargs="*", type=Path)
     parser.add_argument("--worlds", type=int, default=4)
     parser.add_argument("--street", type=Path)
@@ -127,6 +169,8 @@ def main() -> None:
     warnings.simplefilter("ignore")
     if asked.what == "holes":
         count_holes(asked.cameras)
+    elif asked.what == "flicker":
+        measure_flicker(asked.worlds, asked.cameras)
     elif asked.what == "speed":
         measure(asked.files[0], asked.files[1] if len(asked.files) > 1 else None, asked.fov)
     else:

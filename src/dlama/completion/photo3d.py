@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 
 from dlama.arguments import check_arguments
@@ -17,17 +18,17 @@ from dlama.completion.report import Clock, Record, about_depth, meta_data
 from dlama.completion.start import Plan, plan_for, scene_of
 from dlama.completion.steps import CompletedView, Step, complete_step, frame_steps
 from dlama.geometry.camera import Camera
-from dlama.geometry.drawing.layers import Canvas, Grid, draw, draw_far
+from dlama.geometry.drawing.layers import mesh_grid, rasterize_surface
 from dlama.geometry.frames.choosing import choose_frames
 from dlama.geometry.fusion import add_layer
-from dlama.geometry.holes import box_around, morphological_open, square
+from dlama.geometry.holes import box_around, larger_box, morphological_open, square
 from dlama.geometry.layers.edge_layers import continue_under_edges
 from dlama.geometry.layers.head_box import HeadBox
 from dlama.geometry.layers.soft_edges import separate_colors
-from dlama.geometry.layers.subsampling import step_for, subsample_scene
+from dlama.geometry.layers.subsampling import step_for, subsample_camera, subsample_scene
 from dlama.geometry.projection import px_from_px
 from dlama.geometry.rendering import render
-from dlama.geometry.rgbd import RGBD, BoolArray
+from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin, View
 from dlama.inpainters import AUTO
@@ -36,6 +37,8 @@ from dlama.progress import Progress, begin_stage, take_progress
 
 HIDDEN_PIXELS = 500_000
 """Of a larger picture what is hidden is filled at a whole fraction of its size that has at most so many pixels."""
+LOOK_PIXELS = 100_000
+"""What is still unknown is looked for in pictures of a whole fraction of their size that have at most so many pixels."""
 CLOSED = 3
 """px of the smallest square that counts as unknown: what is narrower rendering closes."""
 AROUND = 48
@@ -44,7 +47,9 @@ OVERLAP = 4
 """px by which fills reach over what was known: renderers of triangles close no gaps."""
 UNDER_EDGES = 0.025
 """Share of the width by which surfaces continue under depth edges, where nothing else was filled."""
-ENOUGH, MOST_CAMERAS = 1e-3, 14
+BETWEEN = 6
+"""Cameras within the box whose views must be known, besides those of the grid on its surface."""
+ENOUGH, MOST_CAMERAS = 4e-3, 14
 """Share of any view of the grid that may stay open; cameras that are filled at most."""
 
 
@@ -78,8 +83,9 @@ def photo3d(
 ) -> Photo3D:
     """Complete a scene for all cameras of a head box round the source camera, each hole once.
 
-    The cameras that are filled are chosen greedily from a grid: next comes the one that sees most that is still unknown. Of a
-    picture of more than HIDDEN_PIXELS what is hidden is filled at a fraction of its size; what was measured stays as it is.
+    A larger picture from the source camera is filled first, one from the back of the box, its left and right end, and then
+    always the camera that sees most that is still unknown. Of a picture of more than HIDDEN_PIXELS what is hidden is filled at
+    a fraction of its size; what was measured stays as it is.
 
     Args:
         rgbd: A picture with metric depth; or a scene: of a completion (an object may have been removed), of `scene` or
@@ -115,7 +121,7 @@ def photo3d(
         unknown = Unknown.of(small, grid_box)
     seen: list[Camera] = []
     while unknown.share > ENOUGH and len(seen) < MOST_CAMERAS:
-        camera = unknown.next_camera() if seen else grid_box.wide()
+        camera = unknown.next_camera() if len(seen) > 1 else grid_box.wide(-len(seen))
         found, larger = complete_step(plan, small, Step(camera), clock)
         added = larger.fills[len(small.fills) :]
         steps.append(found)
@@ -153,17 +159,23 @@ def describe_box(box: HeadBox, seen: list[Camera], step: int, unknown: Unknown) 
 
 
 class Unknown:
-    """What is still unknown from each camera of a box's grid."""
+    """What is still unknown from cameras of a box, looked at in pictures of every `step`-th pixel."""
 
-    def __init__(self, cameras: list[Camera], holes: list[BoolArray]) -> None:
-        self.cameras, self.holes = cameras, holes
+    def __init__(self, box: HeadBox, step: int) -> None:
+        self.cameras, self.step = box.grid(), step
+        if self.cameras:
+            self.cameras += box.sample(BETWEEN, seed=1)
+        self.next_ones = list(range(min(2, len(self.cameras))))
+        self.small = [
+            subsample_camera(camera, step, (camera.height // step, camera.width // step)) for camera in self.cameras
+        ]
+        self.holes = [np.ones(camera.hw, bool) for camera in self.small]
 
     @classmethod
     def of(cls, scene: Scene, box: HeadBox) -> Unknown:
         """Of a scene, in whose frames everything has a depth."""
-        cameras = box.grid()
-        unknown = cls(cameras, [np.ones(camera.hw, bool) for camera in cameras])
-        frames = [scene.frames[place] for place in choose_frames(scene.frames, box.camera)]
+        frames = tuple(scene.frames[place] for place in choose_frames(scene.frames, box.camera))
+        unknown = cls(box, step_for(Scene((scene.frames[len(scene.frames) // 2],)), LOOK_PIXELS))
         unknown.look((*frames, *scene.fills))
         return unknown
 
@@ -173,28 +185,43 @@ class Unknown:
         return max((float(hole.mean()) for hole in self.holes), default=0.0)
 
     def next_camera(self) -> Camera:
-        """The camera that sees most of it, cut to what is round it."""
-        number = int(np.argmax([hole.sum() for hole in self.holes]))
-        return self.cameras[number].cropped_to(*box_around(self.holes[number], AROUND))
+        """The left and the right end of the box, and then the camera that sees most of it, cut to what is round it."""
+        counts = [int(hole.sum()) for hole in self.holes]
+        self.next_ones = [number for number in self.next_ones if counts[number]]
+        number = self.next_ones.pop(0) if self.next_ones else int(np.argmax(counts))
+        camera = self.cameras[number]
+        box = [slice(side.start * self.step, side.stop * self.step) for side in box_around(self.holes[number], 0)]
+        return camera.cropped_to(*larger_box((box[0], box[1]), AROUND, camera.hw))
 
     def look(self, layers: tuple[View, ...]) -> None:
         """Take off what the layers show."""
         for layer in layers:
-            grid = Grid.of(layer, self.cameras[0], "surface", False)
-            for hole, camera in zip(self.holes, self.cameras):
+            layer = layer.cropped(*box_around(~layer.hole, 2))
+            depth, joined = mesh_grid(layer)
+            for hole, camera in zip(self.holes, self.small):
                 if hole.any():
                     box = box_around(hole, 0)
-                    hole[box] &= ~find_covered(grid, camera.cropped_to(*box))
-        self.holes = [morphological_open(hole, square(CLOSED)) for hole in self.holes]
+                    hole[box] &= ~find_covered(layer, depth, joined, camera.cropped_to(*box))
+        side = square(max(2, -(-CLOSED // self.step)))
+        self.holes = [morphological_open(hole, side) for hole in self.holes]
 
 
-def find_covered(grid: Grid, camera: Camera) -> BoolArray:
-    """H x W: where a camera's picture shows the layer of a grid."""
-    matrix, offset = px_from_px(camera, grid.layer.camera)
-    moved = dataclasses.replace(grid, own_camera=False, matrix=matrix, offset=offset)
-    canvas = draw(moved, camera, Canvas.empty(camera))
-    draw_far(moved, camera, canvas)
-    return canvas.depth > 0
+def find_far(layer: View, camera: Camera) -> BoolArray:
+    """H x W: where a camera's picture may show the far pixels of the layer."""
+    if not layer.far.any():
+        return np.zeros(camera.hw, bool)
+    turn = layer.camera.cam_from_world[:3, :3] @ camera.world_from_cam[:3, :3]
+    half = np.array([[1, 0, 0.5], [0, 1, 0.5], [0, 0, 1]])
+    matrix = np.linalg.inv(half) @ layer.camera.K @ turn @ np.linalg.inv(camera.K) @ half
+    flags = cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP
+    return cv2.warpPerspective(layer.far.view(np.uint8), matrix, camera.wh, flags=flags) > 0
+
+
+def find_covered(layer: View, depth: Float32Array, joined: UInt8Array, camera: Camera) -> BoolArray:
+    """H x W: where a camera's picture shows the layer, of which `depth` and `joined` are the mesh (`mesh_grid`)."""
+    to_target = px_from_px(camera, layer.camera)
+    covered = rasterize_surface(depth, joined, *to_target, camera.fx / layer.camera.fx, camera.hw)[0] > 0
+    return covered | find_far(layer, camera)
 
 
 def add_edge_layers(scene: Scene, box: HeadBox) -> Scene:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dlama.geometry.camera import Camera
-from dlama.geometry.layers.head_box import PARALLAX, HeadBox
+from dlama.geometry.layers.head_box import PARALLAX, TOWARDS, HeadBox, way_to_back
 from dlama.geometry.projection import lift, project
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import View
@@ -27,6 +27,25 @@ def test_the_median_parallax_is_4_percent() -> None:
     left, right = (project(points, box.at(side, 0, 0))[0] for side in (-1, 1))
     assert np.median(np.abs(left - right)[:, 0]) == pytest.approx(PARALLAX * 120, rel=0.05)
     assert box.pivot == pytest.approx(3, rel=0.02)
+
+
+def floor(height: float) -> View:
+    """A floor so many metres under the camera, out to 4 m, and a wall there."""
+    rays = (np.arange(80) + 0.5 - CAMERA.cy) / CAMERA.fy
+    depth = np.minimum(height / np.maximum(rays, 1e-6), 4)[:, None] * np.ones(120)
+    return View.from_rgbd(RGBD(np.zeros((80, 120, 3), np.uint8), depth.astype(np.float32), CAMERA))
+
+
+@pytest.mark.parametrize("height", [0.2, 0.5])
+def test_the_default_box_stays_above_the_floor(height: float) -> None:
+    """A floor is seen from behind as soon as a camera is below it; a wall never is."""
+    view = floor(height)
+    assert way_to_back(view) == pytest.approx(height, rel=0.02)
+    assert way_to_back(floor(100)) == np.inf
+    box = HeadBox.of(view)
+    lowest = max(camera.world_from_cam[1, 3] for camera in box.grid())
+    assert lowest <= TOWARDS * height * 1.1
+    assert HeadBox.of(floor(100)).angle >= box.angle
 
 
 def test_every_camera_looks_at_the_pivot() -> None:

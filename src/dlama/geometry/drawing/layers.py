@@ -229,11 +229,8 @@ def draw_as_points(grid: Grid, canvas: Canvas) -> None:
 def draw_as_surface(grid: Grid, joined: UInt8Array, camera: Camera, canvas: Canvas) -> None:
     """The layer's mesh, and footprints at its rim."""
     layer, rows = grid.layer, camera.height
-    x, y, w = transform_depth(grid.depth, grid.matrix, grid.offset)
-    wbuf, where = np.zeros(camera.hw, np.float32), np.empty((*camera.hw, 2), np.float32)
-    in_bands(raster.draw_surface, rows, x, y, w, joined, quad_row_spans(y, w), wbuf, where)
-    zoom = camera.fx / layer.camera.fx
-    draw_rim(x, y, w, joined, rim(joined, grid.depth), grid.depth, zoom, wbuf.copy(), wbuf, where)
+    to_target = grid.matrix, grid.offset, camera.fx / layer.camera.fx
+    wbuf, where = rasterize_surface(grid.depth, joined, *to_target, camera.hw)
     smooth = smooth_quads(joined) if grid.fine else np.zeros_like(joined)
     found = wbuf, where, joined, smooth, layer.color, grid.knots
     in_bands(shading.shade_surface, rows, *found, layer.origin, layer.confidence, *canvas.buffers())
@@ -242,6 +239,23 @@ def draw_as_surface(grid: Grid, joined: UInt8Array, camera: Camera, canvas: Canv
     if canvas.shares_errors(layer):
         nearest = (where[wbuf > 0] + np.float32(0.5)).astype(np.intp)
         canvas.put_errors(layer, wbuf > 0, nearest[:, 1], nearest[:, 0])
+
+
+def rasterize_surface(
+    depth: Float32Array,
+    joined: UInt8Array,
+    matrix: Float64Array,
+    offset: Float64Array,
+    zoom: float,
+    hw: tuple[int, int],
+) -> tuple[Float32Array, Float32Array]:
+    """What each of H x W target pixels shows of the mesh of a layer's depth (`mesh_grid`) and the footprints at its rim: inverse
+    z (1/m, 0 = nothing), and the layer's pixel (H x W x 2, x and y). zoom: target's over layer's focal length."""
+    x, y, w = transform_depth(depth, matrix, offset)
+    wbuf, where = np.zeros(hw, np.float32), np.empty((*hw, 2), np.float32)
+    in_bands(raster.draw_surface, hw[0], x, y, w, joined, quad_row_spans(y, w), wbuf, where)
+    draw_rim(x, y, w, joined, rim(joined, depth), depth, zoom, wbuf.copy(), wbuf, where)
+    return wbuf, where
 
 
 def copy_onto(canvas: Canvas, layer: View) -> None:

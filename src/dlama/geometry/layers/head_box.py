@@ -23,8 +23,12 @@ TO_NEAREST, NEAREST = 0.3, 0.02
 """Share of the way to the nearest surface (this quantile of the depth) that the default box may go forward."""
 FORWARD = 0.5
 """The default reach forward and back, in that to the side."""
-WIDEST = 0.2
+WIDEST = 0.3
 """Share of its size by which the picture of the wide camera grows at each side, at most."""
+BEHIND, TOWARDS = 0.1, 0.66
+"""Share of the surfaces that the default box may see from behind, such as a floor; and of the way there that it may go."""
+COARSE = 96
+"""Rows and columns at which that is looked for, at most."""
 SMALL_PARALLAX = 0.5
 """px by which surfaces that are drawn as one move apart at most."""
 SIDES = (-1.0, 0.0, 1.0)
@@ -57,7 +61,8 @@ class HeadBox:
     def of(cls, view: View, angle: float | None = None, distance: float | None = None) -> HeadBox:
         """The box about a view, its pivot at the median depth.
 
-        angle: degrees; None: so that the median parallax between its left and right end is PARALLAX of the width.
+        angle: degrees; None: so that the median parallax between its left and right end is PARALLAX of the width, and so that no
+            camera comes to the back of large surfaces (`way_to_back`): under the floor.
         distance: share of the pivot's distance; None: half of what `angle` moves to the side.
         DepthError: no depth is valid.
         """
@@ -71,7 +76,7 @@ class HeadBox:
         spread = max(float(np.median(np.abs(w - 1 / pivot))), 1e-9)
         if angle is None:
             aside = PARALLAX / 2 * view.camera.width / (view.camera.fx * spread)
-            found = math.degrees(math.atan(aside / pivot))
+            found = math.degrees(math.atan(min(aside, TOWARDS * way_to_back(view)) / pivot))
             angle = min(max(found, LEAST_ANGLE), LARGEST_ANGLE)
         if distance is None:
             distance = min(FORWARD * math.tan(math.radians(min(angle, 45.0))), TO_NEAREST * nearest / pivot)
@@ -83,9 +88,10 @@ class HeadBox:
         return dolly(turned, forward * self.distance * self.pivot)
 
     def grid(self) -> list[Camera]:
-        """The corners and the middles of edges and sides: 26 cameras, or 8 of a box without depth."""
+        """The corners and the middles of edges and sides, the left and right one first: 26, or 8 of a box without depth."""
         depth = SIDES if self.distance > 0 else (0.0,)
-        places = [place for place in itertools.product(SIDES, SIDES, depth) if any(place)]
+        places = sorted(itertools.product(SIDES, SIDES, depth), key=lambda place: any(place[1:]))
+        places.remove((0.0, 0.0, 0.0))
         return [self.at(*place) for place in places] if self.angle > 0 or self.distance > 0 else []
 
     def step_that_shows(self, camera: Camera) -> float:
@@ -93,20 +99,42 @@ class HeadBox:
         the box to its side."""
         return SMALL_PARALLAX / max(camera.fx * self.pivot * math.tan(math.radians(self.angle)), 1e-9)
 
-    def wide(self) -> Camera:
-        """The camera at the back of the box with a picture so much larger that it holds what the others see at its pivot."""
-        back = self.at(0, 0, -1)
+    def wide(self, forward: float = 0.0) -> Camera:
+        """The camera so far forward (-1..1), with a picture so much larger that it holds what the others see at the pivot and
+        beyond."""
+        middle = self.at(0, 0, forward)
         width, height = self.camera.wh
         corners = np.array([[x, y, 1.0] for x in (0, width) for y in (0, height)]) @ np.linalg.inv(self.camera.K).T
         margin = np.zeros(2)
         for camera in self.grid():
             for metres in (0.5 * self.pivot, self.pivot, 100 * self.pivot):
                 points = metres * corners @ camera.world_from_cam[:3, :3].T + camera.world_from_cam[:3, 3]
-                pixels, _ = project(points, back)
+                pixels, _ = project(points, middle)
                 margin = np.maximum(margin, np.maximum(-pixels, pixels - (width, height)).max(0))
         x, y = (min(math.ceil(pad), int(WIDEST * side)) for pad, side in zip(margin, (width, height)))
-        return back.cropped(-x, -y, width + 2 * x, height + 2 * y)
+        return middle.cropped(-x, -y, width + 2 * x, height + 2 * y)
 
     def sample(self, count: int, seed: int = 0) -> list[Camera]:
         """Cameras drawn evenly from the whole box."""
         return [self.at(*place) for place in np.random.default_rng(seed).uniform(-1, 1, (count, 3)).tolist()]
+
+
+def way_to_back(view: View) -> float:
+    """Metres to the side, up or down after which BEHIND of the surfaces of a view are seen from behind; inf: never.
+
+    A surface element at p with the normal n is seen from behind beyond s = n p / n d in the direction d.
+    """
+    rows, columns = (np.linspace(0, side - 1, min(side, COARSE)).astype(np.intp) for side in view.camera.hw)
+    depth = np.where(view.valid, view.depth, np.nan)[np.ix_(rows, columns)].astype(float)
+    rays = np.stack([*np.meshgrid(columns + 0.5, rows + 0.5), np.ones(depth.shape)], 2) @ np.linalg.inv(view.camera.K).T
+    points = depth[..., None] * rays
+    right, down = points[:-1, 1:] - points[:-1, :-1], points[1:, :-1] - points[:-1, :-1]
+    normal = np.cross(right, down)
+    toward = (normal * points[:-1, :-1]).sum(2)
+    known = np.isfinite(toward)
+    ways = []
+    with np.errstate(divide="ignore", invalid="ignore"):
+        for axis in (0, 1):
+            way = (toward / normal[..., axis])[known]
+            ways += [np.where(way * sign > 0, np.abs(way), np.inf) for sign in (-1, 1)]
+    return min((float(np.quantile(way, BEHIND, method="lower")) for way in ways if way.size), default=math.inf)
