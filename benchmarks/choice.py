@@ -23,8 +23,9 @@ from dlama.inpainters.choice.judge import open_judge, run_judge
 from dlama.inpainters.choice.mixing import choose_depth, mix_colors
 from dlama.inpainters.choice.planes import JudgePlanes
 from dlama.inpainters.choice.priors import with_priors
-from dlama.training.data.guess_crops import INDEX, LEVELS, GuessCrop, read_crop, write_crops
 from dlama.training.data.photos import folder_photos, split_photos
+from dlama.training.data.samples.guesses import INDEX, LEVELS, GuessCrop, read_crop
+from guess_crops import write_crops
 
 
 def make(asked: argparse.Namespace) -> None:

@@ -6,7 +6,7 @@
 
 Means of IoU and border F over the frames that show a thing and its true mask, by what was given: clicks, a box, a click with the
 depth estimated from the picture; GrabCut alone beside them. With --sensor one click alone, in frames as a depth camera measures
-them (`dlama.training.data.sensors`: noise, steps, shadows without depth; the picture as JPEG); `shifted` moves depth by 3 or 4
+them (`sensors`: noise, steps, shadows without depth; the picture as JPEG); `shifted` moves depth by 3 or 4
 columns and 2 rows against the picture first, `none` leaves both exact. One line for each frame comes first.
 """
 
@@ -24,8 +24,8 @@ from dlama.evaluation.metrics.masks import border_f, innermost_pixel, iou
 from dlama.evaluation.protocols.mask import find_masks, find_or_empty
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.perception.object_masks import MaskSession
-from dlama.training.data.sensors import add_photo_noise, structured_light
 from dlama.worlds.dataset import open_dataset_or_worlds
+from sensors import add_photo_noise, structured_light
 
 SEED = 7
 

@@ -24,7 +24,6 @@ from dlama.perception.masks.supports import find_planes_of_picture
 from dlama.perception.shadows.ground import EDGE_PX, find_ground
 from dlama.perception.shadows.planes import shadow_planes
 from dlama.training.data.augment import add_depth_faults
-from dlama.training.data.sensors import add_photo_noise, stereo_matcher, structured_light
 from dlama.worlds.dataset import Textures, world
 from dlama.worlds.layouts.random_scene import direction_to_light
 from dlama.worlds.materials.textures import CLOUDY, FINE, GRAIN, ROUGH, color, courses
@@ -32,6 +31,7 @@ from dlama.worlds.raycast import shape_rows as k
 from dlama.worlds.raycast.shape_rows import CASTS, GROUP, LIT
 from dlama.worlds.scene_builder import SceneBuilder
 from dlama.worlds.world import World
+from sensors import add_photo_noise, stereo_matcher, structured_light
 
 AS_IT_IS = 0.35
 """Share of crops of a world's own object, in its own light, by its own camera."""

@@ -13,7 +13,7 @@ from dlama.geometry.rgbd import RGBD
 from dlama.perception.monocular import estimate_depth
 from dlama.training.data.samples.world_views import WorldSet, WorldViews
 from dlama.training.data.samples.worlds import frame_without
-from dlama.training.data.sensors import add_photo_noise, stereo_matcher, structured_light
+from sensors import add_photo_noise, stereo_matcher, structured_light
 
 SHARES, FARTHEST_M = (0.005, 0.12), 6.0
 """Of the picture, that the removed object of a world covers, and its largest distance (median depth): no houses."""

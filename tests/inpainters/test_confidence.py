@@ -19,8 +19,8 @@ from dlama.inpainters.confidence import (
     OUTPUTS,
     ConfidenceNetwork,
     confidence_network,
-    fill_confidence,
-    fill_features,
+    feature_rows,
+    judge_fill,
 )
 from dlama.worlds.dataset import world
 
@@ -56,17 +56,17 @@ def test_the_network_is_what_its_weights_say() -> None:
 def test_known_pixels_keep_theirs_and_depth_alone_is_surer() -> None:
     """Law: outside the hole nothing changes; inside 0 <= p <= 1; where the colour is measured, only depth can be wrong."""
     view, color, depth = holed()
-    found = fill_confidence(view, color, depth)
+    found = judge_fill(view, color, depth)[0]
     assert found.dtype == np.float32 and np.array_equal(found[~view.hole], view.confidence[~view.hole])
     assert (found[view.hole] > 0).all() and (found[view.hole] < 1).all()
     sensor = view.hole & ~view.color_hole
     both = dataclasses.replace(view, origin=np.where(sensor, np.uint8(0), view.origin))
-    assert (found[sensor] >= fill_confidence(both, color, depth)[sensor]).all()
+    assert (found[sensor] >= judge_fill(both, color, depth)[0][sensor]).all()
 
 
 def test_features_know_no_scale() -> None:
     """Law: a scene ten times as large has the same features."""
-    small, large = (fill_features(*holed(scale=scale)) for scale in (1.0, 10.0))
+    small, large = (feature_rows(*holed(scale=scale)).T for scale in (1.0, 10.0))
     assert small.shape == (int(holed()[0].hole.sum()), FEATURES)
     np.testing.assert_allclose(small, large, atol=2e-3)
 
@@ -99,8 +99,8 @@ def test_estimated_depth_is_trusted_less() -> None:
     view, color, depth = holed()
     rgbd = RGBD(view.color, np.where(view.hole, 0, view.depth), view.camera, estimate={"estimator": "mine"})
     estimated = dataclasses.replace(view, origin=np.where(view.hole, view.origin, View.from_rgbd(rgbd).origin))
-    features = [fill_features(one, color, depth) for one in (view, estimated)]
+    features = [feature_rows(one, color, depth).T for one in (view, estimated)]
     np.testing.assert_array_equal(features[0][:, :-1], features[1][:, :-1])
     assert (features[0][:, -1] == 0).all() and (features[1][:, -1] == 1).all()
-    measured, guessed = (fill_confidence(one, color, depth)[view.hole] for one in (view, estimated))
+    measured, guessed = (judge_fill(one, color, depth)[0][view.hole] for one in (view, estimated))
     assert (guessed < measured).all()

@@ -9,26 +9,16 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
+
 from dlama.errors import FileError, InputError  # noqa: E402
 from dlama.evaluation.metrics.lpips import Lpips  # noqa: E402
-from dlama.geometry.camera import Camera  # noqa: E402
-from dlama.geometry.rendering import render  # noqa: E402
-from dlama.geometry.scene import Scene  # noqa: E402
-from dlama.geometry.trajectories import orbit  # noqa: E402
-from dlama.geometry.view import View  # noqa: E402
-from dlama.geometry.visibility import Law  # noqa: E402
 from dlama.inpainters.choice.judge import open_judge  # noqa: E402
 from dlama.training.data.batches import check_sample  # noqa: E402
-from dlama.training.data.guess_crops import INDEX, SIDE, FillTask, GuessCrop, crops_of, read_crop  # noqa: E402
-from dlama.training.data.samples.guesses import GuessSamples  # noqa: E402
-from dlama.training.data.sensors import add_photo_noise, stereo_matcher, structured_light  # noqa: E402
+from dlama.training.data.samples.guesses import INDEX, SIDE, GuessCrop, GuessSamples, read_crop  # noqa: E402
 from dlama.training.loop.train import train  # noqa: E402
 from dlama.training.losses.perceptual import LpipsLoss  # noqa: E402
 from dlama.training.losses.terms import depth_choice, error_likelihood, relative_error  # noqa: E402
 from dlama.training.presets import PRESETS  # noqa: E402
-from worlds import Box, Plane, Sphere, World  # noqa: E402
-
-WORLD = World((Plane((0, 1, 0), (0, 1, 0)), Box((-9, -0.5, 6), (9, 1, 7)), Sphere((0, 0.3, 3), 0.4)))
 
 
 def random_crop(seed: int) -> GuessCrop:
@@ -54,22 +44,6 @@ def folder(tmp_path):
         for number in range(count):
             np.savez(tmp_path / "crops" / split / f"{number:05}.npz", **vars(random_crop(number)))
     return tmp_path / "crops"
-
-
-def test_a_crop_of_a_view_has_its_guesses_and_the_truth():
-    """Law: every guess shows the view where it is known; the truth's known pixels are the view's, its holes the true frame's."""
-    camera = Camera.from_fov(SIDE, SIDE, 70)
-    frame, target = WORLD.rgbd(camera), WORLD.rgbd(orbit(camera, 12))
-    view = render(frame, target.camera)
-    asked = FillTask(view, Law.of(Scene((View.from_rgbd(frame),))), target)
-    crop = next(crops_of(asked, np.random.default_rng(0)))
-    known = crop.context[-2] == 0
-    for color in (*crop.color, crop.true_color):
-        np.testing.assert_array_equal(color[:, known], view.color.transpose(2, 0, 1)[:, known])
-    np.testing.assert_array_equal(crop.true_color[:, ~known], target.color.transpose(2, 0, 1)[:, ~known])
-    assert (crop.depth[0][~known] == 0).all() and crop.true_known.all()
-    for depth in crop.depth[1:]:
-        np.testing.assert_array_equal(depth[known], crop.depth[0][known])
 
 
 def test_samples_keep_the_contract(folder):
@@ -143,21 +117,3 @@ def test_crops_train_a_judge_that_runs(folder, tmp_path):
     assert open_judge(done.network).metadata
     header = (tmp_path / "run" / "metrics.csv").read_text().splitlines()[0]
     assert {"depth_choice", "expected_error", "perceptual", "l1_hole"} <= set(header.split(","))
-
-
-@pytest.mark.parametrize("sensor", [structured_light, stereo_matcher])
-def test_sensors_measure_what_is_there(sensor):
-    """Law: colours stay, most depths are within a tenth of the truth, something is missing or changed; the same bits again."""
-    frame = WORLD.rgbd(Camera.from_fov(96, 72, 70))
-    one, other = (sensor(frame, np.random.default_rng(4)) for _ in range(2))
-    np.testing.assert_array_equal(one.depth, other.depth)
-    np.testing.assert_array_equal(one.color, frame.color)
-    both = one.valid & frame.valid
-    assert both.mean() > 0.3 and (one.depth != frame.depth).any()
-    assert np.median(np.abs(one.depth[both] / frame.depth[both] - 1)) < 0.1
-
-
-def test_a_photographed_picture_is_nearly_the_same():
-    """Closed form: grey stays grey within the noise."""
-    grey = np.full((64, 64, 3), 128, np.uint8)
-    assert abs(add_photo_noise(grey, np.random.default_rng(1)).astype(int) - 128).mean() < 8

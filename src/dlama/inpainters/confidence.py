@@ -59,11 +59,6 @@ def confidence_network(path: Path = WEIGHTS) -> ConfidenceNetwork:
     return ConfidenceNetwork.of(read_arrays(path), path, layers=3, inputs=FEATURES, outputs=OUTPUTS)
 
 
-def fill_confidence(view: View, color: UInt8Array, depth: Float32Array) -> Float32Array:
-    """The confidence of `judge_fill`."""
-    return judge_fill(view, color, depth)[0]
-
-
 def judge_fill(view: View, color: UInt8Array, depth: Float32Array) -> tuple[Float32Array, Float32Array]:
     """Confidence (H x W) and expected errors (H x W x 2) of a fill.
 
@@ -96,14 +91,11 @@ def run_in_batches(network: ConfidenceNetwork, rows: Float32Array) -> tuple[Floa
     return probabilities, expected
 
 
-def fill_features(view: View, color: UInt8Array, depth: Float32Array) -> Float32Array:
-    """N x FEATURES of the N hole pixels, row by row; arguments as of `fill_confidence`. No feature depends on the picture's size
-    in pixels or on the scene's scale."""
-    return np.ascontiguousarray(feature_rows(view, color, depth).T)
-
-
 def feature_rows(view: View, color: UInt8Array, depth: Float32Array) -> Float32Array:
-    """FEATURES x N, see `fill_features`: one feature at a time, to save memory."""
+    """FEATURES x N of the N hole pixels, row by row, arguments as of `judge_fill`: one feature at a time, to save memory.
+
+    No feature depends on the picture's size in pixels or on the scene's scale.
+    """
     rows = np.empty((FEATURES, np.count_nonzero(view.hole)), np.float32)
     for row, feature in zip(rows, each_feature(view, color, depth), strict=True):
         row[:] = feature

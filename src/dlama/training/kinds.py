@@ -75,7 +75,7 @@ class SampleKind:
     cases_required: bool = False
     """Whether there are no samples without such cases."""
     crops: bool = False
-    """Whether samples are crops with guesses, made beforehand (`data.guess_crops`)."""
+    """Whether samples are crops with guesses, made beforehand (`data.samples.guesses`)."""
     worlds: bool = False
     """Whether the samples that no case gives are made of procedural worlds; shares are `data.cases` and 1 less that."""
 

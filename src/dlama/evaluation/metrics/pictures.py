@@ -72,7 +72,7 @@ def ssim_map(truth: UInt8Array, mine: UInt8Array, settings: MetricSettings = SET
     """SSIM of every pixel, the mean over channels; the SSIM of a region is the mean of this map over it.
 
     Up to the border, where scikit-image's filter mirrors the picture: a region there is scored like any other. Only
-    the score of a whole picture (`whole_ssim`) leaves the border out.
+    the score of a whole picture leaves the border out.
 
     Returns:
         H x W, in -1..1.
@@ -83,19 +83,10 @@ def ssim_map(truth: UInt8Array, mine: UInt8Array, settings: MetricSettings = SET
     return ssim_whole_and_map(truth, mine, settings)[1]
 
 
-def whole_ssim(truth: UInt8Array, mine: UInt8Array, settings: MetricSettings = SETTINGS) -> float:
-    """SSIM of the whole picture: the very number that scikit-image's `structural_similarity` gives (border cropped).
-
-    Raises:
-        ShapeError, MissingExtraError: as `ssim_map`.
-    """
-    return ssim_whole_and_map(truth, mine, settings)[0]
-
-
 def ssim_whole_and_map(
     truth: UInt8Array, mine: UInt8Array, settings: MetricSettings = SETTINGS
 ) -> tuple[float, Float64Array]:
-    """`whole_ssim` and `ssim_map` in one computation."""
+    """SSIM of the whole picture, as scikit-image's `structural_similarity` gives it (border cropped), and `ssim_map`, at once."""
     whole, full = _structural_similarity(truth, mine, settings)
     return whole, full.mean(2) if full.ndim == 3 else full
 

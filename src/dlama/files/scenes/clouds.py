@@ -1,4 +1,4 @@
-"""A point cloud in, a PLY file out, and back; GLB (`write_glb`) comes from `dlama.files.scenes.meshes`."""
+"""A point cloud in, a PLY file out, and back."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ import numpy as np
 from dlama.errors import FileError
 from dlama.files.atomic_write import PathLike, new_file
 from dlama.files.rasters.images import existing_file
-from dlama.files.scenes.meshes import write_glb as write_glb
 from dlama.geometry.cloud import PointCloud
 from dlama.geometry.view import Origin
 

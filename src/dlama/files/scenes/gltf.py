@@ -46,7 +46,6 @@ class Attributes:
     POSITION: int
     _ORIGIN: int
     _CONFIDENCE: int
-    COLOR_0: int | None = None
     TEXCOORD_0: int | None = None
 
 

@@ -1,10 +1,9 @@
-"""A mesh in, a GLB file (binary glTF 2.0) out: axes, triangle order and colour encoding are converted here."""
+"""A mesh in; a document of glTF 2.0 and its binary chunk out: axes and triangle order are converted here."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from dlama.files.atomic_write import PathLike, new_file
 from dlama.files.scenes.gltf import (
     GLTF2,
     Accessor,
@@ -20,33 +19,12 @@ from dlama.files.scenes.gltf import (
 )
 from dlama.files.scenes.gltf import Mesh as GltfMesh
 from dlama.geometry.mesh import Mesh
-from dlama.geometry.rgbd import UInt8Array
 
 GLTF_FROM_OPENCV = np.array([1.0, -1.0, -1.0])
 """glTF: x right, y up, looking along -z. A half turn about x, so nothing is mirrored."""
 ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER = 34962, 34963
-UNSIGNED_SHORT, UNSIGNED_INT, FLOAT = 5123, 5125, 5126
+UNSIGNED_INT, FLOAT = 5125, 5126
 POINTS, TRIANGLES = 0, 4
-
-
-def write_glb(path: PathLike, mesh: Mesh) -> None:
-    """Write one unlit, double-sided mesh: POSITION, COLOR_0 (linear light), _ORIGIN, _CONFIDENCE.
-
-    Positions are relative to a node that is moved to the middle of the mesh, so that float32 keeps its precision far
-    from the world's origin. Vertices without any triangle become points; an empty mesh an empty scene. Raises
-    OutputError.
-    """
-    document, blob = mesh_document(mesh)
-    with new_file(path) as draft:
-        draft.write_bytes(b"".join(document.glb(blob.bytes)))
-
-
-def linear_light(color: UInt8Array) -> np.ndarray:
-    """uint8 N x 3 sRGB to uint16 N x 4 linear RGBA, opaque (IEC 61966-2-1; glTF 2.0 sec. 3.7.2.1)."""
-    level = np.arange(256) / 255
-    linear = np.where(level <= 0.04045, level / 12.92, ((level + 0.055) / 1.055) ** 2.4)
-    table = np.rint(linear * 65535).astype(np.uint16)
-    return np.concatenate([table[color], np.full((len(color), 1), 65535, np.uint16)], axis=1)
 
 
 class Blob:
@@ -56,7 +34,7 @@ class Blob:
         self.document = document
         self.bytes = bytearray()
 
-    def add(self, array: np.ndarray, kind: str, component: int, target: int, normalized: bool = False) -> int:
+    def add(self, array: np.ndarray, kind: str, component: int, target: int) -> int:
         """The accessor's number. Rows are padded to 4 bytes (glTF 2.0 sec. 3.6.2.4)."""
         rows = np.ascontiguousarray(array).reshape(len(array), -1)
         raw = rows.view(np.uint8).reshape(len(rows), -1)
@@ -72,7 +50,6 @@ class Blob:
             componentType=component,
             count=array.size if target == ELEMENT_ARRAY_BUFFER else len(rows),
             type=kind,
-            normalized=normalized,
         )
         if kind == "VEC3":  # positions must say where they end
             accessor.min, accessor.max = rows.min(axis=0).tolist(), rows.max(axis=0).tolist()
@@ -86,10 +63,10 @@ class Blob:
         self.document.buffers = [Buffer(byteLength=len(self.bytes))]
 
 
-def mesh_document(mesh: Mesh | None, colors: bool = True) -> tuple[GLTF2, Blob]:
+def mesh_document(mesh: Mesh | None) -> tuple[GLTF2, Blob]:
     """The document of a mesh with an unlit material, and its binary chunk, to which more can be added (then `Blob.close`).
 
-    colors: with colours of vertices (COLOR_0). No mesh, or one without vertices, gives an empty scene.
+    No mesh, or one without vertices, gives an empty scene.
     """
     document = GLTF2(asset=Asset(generator="dlama"), scene=0, scenes=[Scene(nodes=[])])
     blob = Blob(document)
@@ -101,10 +78,7 @@ def mesh_document(mesh: Mesh | None, colors: bool = True) -> tuple[GLTF2, Blob]:
     document.meshes = [GltfMesh(primitives=[])]
     document.nodes = [Node(name="scene", mesh=0, translation=middle.tolist())]
     document.scenes[0].nodes = [0]
-    primitive = add_primitive(document, blob, mesh)
-    if colors:
-        color = linear_light(mesh.color)
-        primitive.attributes.COLOR_0 = blob.add(color, "VEC4", UNSIGNED_SHORT, ARRAY_BUFFER, normalized=True)
+    add_primitive(document, blob, mesh)
     blob.close()
     return document, blob
 

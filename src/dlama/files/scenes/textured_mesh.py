@@ -48,7 +48,7 @@ def textured_glb(parts: Sequence[MeshPart], quality: int = JPEG_QUALITY) -> list
     """A GLB file, in pieces, of meshes with their pictures: one mesh with one texture, a JPEG of that quality (0..100), and one
     more for each part whose picture has alpha, a PNG."""
     packed = pack_parts(parts)
-    document, blob = mesh_document(packed[0].mesh if packed else None, colors=False)
+    document, blob = mesh_document(packed[0].mesh if packed else None)
     if not packed:
         return document.glb(blob.bytes)
     document.samplers = [Sampler(magFilter=LINEAR, minFilter=LINEAR, wrapS=CLAMP_TO_EDGE, wrapT=CLAMP_TO_EDGE)]

@@ -14,11 +14,10 @@ import numpy as np
 from dlama.datasets.layouts import LAYOUTS, SeveralLayoutsError, detect, open_dataset
 from dlama.errors import FileError, InputError, system_errors
 from dlama.training.data.cases import KIND_NAMES, TrainingCase, split_cases, training_cases
-from dlama.training.data.guess_crops import holds_crops
 from dlama.training.data.pack_format import read_pack
 from dlama.training.data.photos import Photo, folder_photos, split_photos
 from dlama.training.data.samples.dataset import DatasetPairs, DatasetRemovals, DatasetViews
-from dlama.training.data.samples.guesses import GuessSamples
+from dlama.training.data.samples.guesses import GuessSamples, holds_crops
 from dlama.training.data.samples.photos import HoleMaker, PhotoSamples, WarpedPhotoSamples, hole_of_world
 from dlama.training.data.samples.toy_scenes import ToyScenes
 from dlama.training.data.samples.world_views import WorldSet

@@ -16,10 +16,21 @@ from torch.nn.functional import mse_loss
 
 from dlama.errors import FileError, MissingExtraError
 from dlama.models.cache import user_path
-from dlama.nets.export.lpips import CONVOLUTIONS, EPSILON, SCALE, SHIFT
 from dlama.training.losses.pixels import widen_half
 from dlama.training.losses.trunks import IMAGENET_MEAN, IMAGENET_STD, random_trunk, read_trunk
 from dlama.training.settings import LossSettings
+
+SHIFT, SCALE = (-0.030, -0.088, -0.188), (0.458, 0.448, 0.450)
+"""Of the network's input, per channel: (x - SHIFT) / SCALE with x in -1..1 (LPIPS's ScalingLayer)."""
+EPSILON = 1e-10
+CONVOLUTIONS = (
+    # torchvision's number, channels in and out, kernel, stride, padding, pooled after
+    (0, 3, 64, 11, 4, 2, True),
+    (3, 64, 192, 5, 1, 2, True),
+    (6, 192, 384, 3, 1, 1, False),
+    (8, 384, 256, 3, 1, 1, False),
+    (10, 256, 256, 3, 1, 1, False),
+)
 
 FILE = Path(__file__).parents[2] / "assets" / "lpips" / "alex.onnx"
 

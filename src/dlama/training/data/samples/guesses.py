@@ -6,14 +6,54 @@ Light, mirror and the order of the guesses are drawn anew for each sample. The t
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 import numpy as np
 
-from dlama.errors import FileError, InputError
+from dlama.errors import FileError, InputError, first_line
+from dlama.geometry.rgbd import UInt8Array
 from dlama.training.data.augment import random_light
-from dlama.training.data.guess_crops import INDEX, LEVELS, SIDE, GuessCrop, read_crop
 from dlama.training.settings import NetworkSettings
+
+SIDE = 256
+"""Height and width of a crop in pixels."""
+LEVELS = 65535
+"""Of depth planes in files."""
+INDEX = "guesses.txt"
+"""Marks a folder of crops; names the guesses, one a line."""
+
+
+@dataclass(frozen=True, eq=False)
+class GuessCrop:
+    """A square of a view, with its guesses and the truth; planes as in `inpainters.choice.planes`."""
+
+    context: UInt8Array
+    """C x S x S in 0..255; the depth plane is in `depth`."""
+    color: UInt8Array
+    """K x 3 x S x S, guesses."""
+    depth: np.ndarray
+    """(1 + K) x S x S uint16, 0..LEVELS: known depth, then the guesses'."""
+    true_color: UInt8Array
+    """3 x S x S."""
+    true_depth: np.ndarray
+    """S x S uint16."""
+    true_known: UInt8Array
+    """S x S: 1 where the truth of depth is known."""
+
+
+def holds_crops(folder: Path) -> bool:
+    """Whether a path is a folder of crops, as `benchmarks/choice.py crops` writes them."""
+    return (folder / "train" / INDEX).is_file()
+
+
+def read_crop(path: Path) -> GuessCrop:
+    """FileError where the file is none."""
+    try:
+        with path.open("rb") as stream, np.load(stream) as arrays:
+            return GuessCrop(**{one.name: arrays[one.name] for one in fields(GuessCrop)})
+    except Exception as error:  # OSError, KeyError, ValueError, BadZipFile, zlib.error, ...
+        raise FileError(f"{path}: is no crop with guesses ({first_line(error)})") from error
 
 
 class GuessSamples:

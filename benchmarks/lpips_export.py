@@ -7,7 +7,7 @@ computed once for many pictures. Weights are stored as float16 and cast in the g
 
 The file that ships (src/dlama/assets/lpips/alex.onnx) was made by
 
-    python -m dlama.nets.export.lpips alexnet_features.safetensors lpips_alex_lin.safetensors alex.onnx
+    python benchmarks/lpips_export.py alexnet_features.safetensors lpips_alex_lin.safetensors alex.onnx
 
 which needs the package onnx. Keys: features.{0,3,6,8,10}.{weight,bias} as torchvision names them, lin{0..4}.weight.
 """
@@ -26,18 +26,8 @@ from dlama.errors import FileError
 from dlama.nets.export.onnx_graph import IR_VERSION, OPSET, Graph
 from dlama.nets.safetensors_file import read_safetensors
 from dlama.nets.whole_file import write_whole
+from dlama.training.losses.perceptual import CONVOLUTIONS, EPSILON, SCALE, SHIFT
 
-SHIFT, SCALE = (-0.030, -0.088, -0.188), (0.458, 0.448, 0.450)
-"""Of the network's input, per channel: (x - SHIFT) / SCALE with x in -1..1 (LPIPS's ScalingLayer)."""
-EPSILON = 1e-10
-CONVOLUTIONS = (
-    # torchvision's number, channels in and out, kernel, stride, padding, pooled after
-    (0, 3, 64, 11, 4, 2, True),
-    (3, 64, 192, 5, 1, 2, True),
-    (6, 192, 384, 3, 1, 1, False),
-    (8, 384, 256, 3, 1, 1, False),
-    (10, 256, 256, 3, 1, 1, False),
-)
 ABOUT = {
     "dlama.network": "lpips-alex-0.1",
     "dlama.input": "picture: 1 x 3 x H x W, RGB in -1..1, sides of 31 or more",

@@ -1,4 +1,4 @@
-"""Worlds and photos in -> crops of completed views, each with all guesses and the truth, in a folder, out; and read again.
+"""Worlds and photos in -> crops of completed views, each with all guesses and the truth, in a folder, out.
 
 Views are those of run time: `complete` itself renders them, and a filler that only looks records what it is asked to fill.
 Guesses cost most of the time, so they are made once (`python benchmarks/choice.py crops`) and trained on many times.
@@ -16,12 +16,12 @@ import cv2
 import numpy as np
 
 from dlama.completion.pipeline import complete
-from dlama.errors import DlamaError, FileError, first_line
+from dlama.errors import DlamaError
 from dlama.files.atomic_write import new_file
 from dlama.geometry.camera import Camera
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rendering import render
-from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
+from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.geometry.trajectories import dolly, median_pivot, orbit
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
@@ -32,13 +32,12 @@ from dlama.inpainters.layered.filler import layered
 from dlama.perception.monocular import estimate_depth
 from dlama.training.data.augment import add_depth_faults
 from dlama.training.data.photos import Photo, square_crop
+from dlama.training.data.samples.guesses import INDEX, LEVELS, SIDE, GuessCrop
 from dlama.training.data.samples.views import hole_size_fits
 from dlama.training.data.samples.world_views import WorldSet, WorldViews
 from dlama.training.data.samples.worlds import frame_without, removable_object
-from dlama.training.data.sensors import add_photo_noise, stereo_matcher, structured_light
+from sensors import add_photo_noise, stereo_matcher, structured_light
 
-SIDE = 256
-"""Height and width of a crop in pixels."""
 SIZES = (320, 416, 512)
 """Heights and widths of the views that crops are cut from."""
 HOLE_SHARE = (0.02, 0.9)
@@ -46,28 +45,6 @@ HOLE_SHARE = (0.02, 0.9)
 PHOTO_SHARE, REMOVAL_SHARE = 0.35, 0.3
 """Of the examples: photos with estimated depth; of the rest, removals."""
 CROPS_PER_VIEW, EXAMPLES_PER_WORLD = 2, 4
-LEVELS = 65535
-"""Of depth planes in files."""
-INDEX = "guesses.txt"
-"""Marks a folder of crops; names the guesses, one a line."""
-
-
-@dataclass(frozen=True, eq=False)
-class GuessCrop:
-    """A square of a view, with its guesses and the truth; planes as in `inpainters.choice.planes`."""
-
-    context: UInt8Array
-    """C x S x S in 0..255; the depth plane is in `depth`."""
-    color: UInt8Array
-    """K x 3 x S x S, guesses."""
-    depth: np.ndarray
-    """(1 + K) x S x S uint16, 0..LEVELS: known depth, then the guesses'."""
-    true_color: UInt8Array
-    """3 x S x S."""
-    true_depth: np.ndarray
-    """S x S uint16."""
-    true_known: UInt8Array
-    """S x S: 1 where the truth of depth is known."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,20 +71,6 @@ def write_crops(folder: Path, count: int, photos: Sequence[Photo], seed: int, sp
             np.savez(stream, **{one.name: getattr(crop, one.name) for one in fields(crop)})
         number, made = number + 1, made + 1
     return made
-
-
-def holds_crops(folder: Path) -> bool:
-    """Whether a path is a folder that `write_crops` wrote the split `train` into."""
-    return (folder / "train" / INDEX).is_file()
-
-
-def read_crop(path: Path) -> GuessCrop:
-    """FileError where the file is none."""
-    try:
-        with path.open("rb") as stream, np.load(stream) as arrays:
-            return GuessCrop(**{one.name: arrays[one.name] for one in fields(GuessCrop)})
-    except Exception as error:  # OSError, KeyError, ValueError, BadZipFile, zlib.error, ...
-        raise FileError(f"{path}: is no crop with guesses ({first_line(error)})") from error
 
 
 def crops(photos: Sequence[Photo], seed: int, split: str) -> Iterator[GuessCrop]:
