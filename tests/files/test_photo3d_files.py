@@ -20,7 +20,11 @@ from dlama.completion.photo3d import Photo3D, photo3d
 from dlama.errors import InputError
 from dlama.files.results import photo3d as module
 from dlama.files.results.photo3d import anaglyph, write_photo3d
-from dlama.files.scenes.splats import FIELDS, quaternions
+from dlama.files.scenes.splats import FIELDS, SIZE, peak_opacity, quaternions, scene_splats
+from dlama.geometry.layers.head_box import HeadBox
+from dlama.geometry.rgbd import RGBD
+from dlama.geometry.scene import Scene
+from dlama.geometry.view import View
 
 
 @pytest.fixture(scope="module")
@@ -78,6 +82,34 @@ def test_splats_lie_where_the_points_do(folder: Path, photo: Photo3D) -> None:
     assert np.allclose(
         np.abs(np.stack([vertex["nx"], vertex["ny"], vertex["nz"]], 1)[source][wall]), (0, 0, 1), atol=1e-3
     )
+
+
+@pytest.mark.parametrize("share", [0.1, 0.5, 0.9])
+def test_a_sheet_of_splats_is_as_opaque_as_its_border(share: float) -> None:
+    """Drawn one over the other, at random places of a large sheet, splats of the peak hide that share of what is behind."""
+    peak, rng = float(peak_opacity(np.array([share]))[0]), np.random.default_rng(0)
+    x, y = np.meshgrid(np.arange(-6, 7), np.arange(-6, 7))
+    seen = [
+        1 - np.prod(1 - peak * np.exp(-((x - u) ** 2 + (y - v) ** 2) / (2 * SIZE**2))) for u, v in rng.random((99, 2))
+    ]
+    assert np.mean(seen) == pytest.approx(share, abs=0.03)
+
+
+def test_splats_of_soft_borders() -> None:
+    """A red box before a blue wall, one column of pixels half of either: its splats are red and half opaque, over blue ones."""
+    color, depth = np.zeros((48, 64, 3), np.uint8), np.full((48, 64), 4, np.float32)
+    color[...], color[:, :32], color[:, 32] = (20, 20, 200), (200, 20, 20), (110, 20, 110)
+    depth[:, :33] = 2
+    source = View.from_rgbd(RGBD(color, depth, CAMERA))
+    found = dict(zip(FIELDS, scene_splats(Scene((source,)), HeadBox.of(source, 5, 0)).T))
+    red, blue = (0.5 + 0.28209479 * found[f"f_dc_{channel}"] for channel in (0, 2))
+    share = 1 / (1 + np.exp(-found["opacity"]))
+    column = found["x"] / found["z"] * CAMERA.fx + CAMERA.cx
+    here = (column > 32) & (column < 33)
+    front, back = here & (found["z"] < 3), here & (found["z"] > 3)
+    assert front.sum() == back.sum() == 48
+    assert np.allclose(share[front], peak_opacity(np.array([0.5])), atol=0.05) and np.allclose(share[back], 0.98)
+    assert (red[front] > 0.7).all() and (blue[front] < 0.2).all() and (blue[back] > 0.7).all()
 
 
 def test_quaternions_turn_as_the_matrices_do() -> None:

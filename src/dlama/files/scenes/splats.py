@@ -1,13 +1,14 @@
 """A scene in; Gaussian splats out, as a PLY file in the layout of "3D Gaussian Splatting" (Kerbl et al., 2023), of SH degree 0.
 
-One splat a pixel and layer: an ellipse in the surface, as large as the pixel's step to its neighbours on it. Axes are OpenCV's,
-as in COLMAP scenes that such files come from.
+One splat a pixel and layer: an ellipse in the surface, as large as the pixel's step to its neighbours on it. Soft borders of the
+source are splats of less opacity. Axes are OpenCV's, as in COLMAP scenes that such files come from.
 """
 
 from __future__ import annotations
 
 import math
 
+import cv2
 import numpy as np
 from plyfile import PlyData, PlyElement
 
@@ -17,7 +18,7 @@ from dlama.geometry.drawing.layers import mesh_grid
 from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
 from dlama.geometry.layers.head_box import HeadBox
 from dlama.geometry.layers.layered_mesh import sky_distance
-from dlama.geometry.layers.source_sheets import depth_of_sphere
+from dlama.geometry.layers.source_sheets import Sheet, cut_source, depth_of_sphere
 from dlama.geometry.layers.subsampling import subsample
 from dlama.geometry.projection import rays
 from dlama.geometry.rgbd import BoolArray
@@ -29,7 +30,12 @@ COLOR_OF_DEGREE_0 = 0.28209479177387814
 """The spherical harmonic of degree 0: colour = 0.5 + this * f_dc."""
 SIZE, THIN = 0.6, 0.1
 """Standard deviation of a splat in steps to the neighbouring pixels; its thickness in its smaller side."""
-OPACITY = math.log(0.98 / 0.02)
+OPAQUE = 0.98
+"""Opacity of a splat in the middle, where the surface is opaque."""
+SOURCE_SHARE = 2 / 3
+"""Of the splats, which the source may take."""
+LEAST_SHARE = 0.02
+"""Of a soft border: what is less opaque is left out."""
 FIELDS = (
     *"xyz", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2", "opacity",
     "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3",
@@ -46,13 +52,40 @@ def write_splats(path: PathLike, rows: np.ndarray) -> None:
 
 
 def scene_splats(scene: Scene, box: HeadBox) -> np.ndarray:
-    """N x len(FIELDS): the splats of a scene, of layers that are subsampled so that they are MOST_SPLATS or fewer."""
-    layers = [layer.read() for layer in scene.layers]
-    step = math.ceil(math.sqrt(sum(int((contribution(one) | one.far).sum()) for one in layers) / MOST_SPLATS))
-    sky = box.camera, sky_distance(scene, box)
-    own = [max(1, round(step * one.camera.fx / box.camera.fx)) for one in layers]
-    parts = [layer_splats(subsample(one, n), sky) for one, n in zip(layers, own) if min(one.camera.hw) >= 2 * n]
+    """N x len(FIELDS): the splats of a scene, MOST_SPLATS or fewer: the source is subsampled as far as its share needs it, the
+    other layers to what is left."""
+    first, *others = sorted(scene.layers, key=lambda layer: not layer.camera.same_view_as(box.camera))
+    source, sky = first.read(), sky_distance(scene, box)
+    step = subsampling_step(int((source.valid | source.far).sum()), SOURCE_SHARE * MOST_SPLATS)
+    parts = [sheet_splats(sheet) for sheet in cut_source(source, box, step, sky)]
+    layers = [layer.read() for layer in others]
+    counts = [int((contribution(one) | one.far).sum()) * (box.camera.fx / one.camera.fx) ** 2 for one in layers]
+    step = max(step, subsampling_step(sum(counts), MOST_SPLATS - sum(map(len, parts))))
+    for one in layers:
+        own = max(1, round(step * one.camera.fx / box.camera.fx))
+        if min(one.camera.hw) >= 2 * own:
+            parts.append(layer_splats(subsample(one, own), (box.camera, sky)))
     return np.concatenate(parts)
+
+
+def subsampling_step(count: float, most: float) -> int:
+    """By how many pixels each way is subsampled, so that of `count` about `most` are left."""
+    return max(1, math.ceil(math.sqrt(count / max(most, 1.0))))
+
+
+def sheet_splats(sheet: Sheet) -> np.ndarray:
+    """N x len(FIELDS): the splats of one of the layers that a source is cut into; its picture's alpha is their opacity."""
+    depth, joined = sheet.grid
+    rows, columns = (side * sheet.step for side in depth.shape)
+    picture = sheet.picture[:rows, :columns].astype(np.float32)
+    alpha = picture[..., 3:] / 255 if picture.shape[2] == 4 else np.ones((rows, columns, 1), np.float32)
+    seen = cv2.resize(
+        np.concatenate([picture[..., :3] * alpha, alpha], 2), depth.shape[::-1], interpolation=cv2.INTER_AREA
+    )
+    share = seen[..., 3]
+    color = seen[..., :3] / np.maximum(share, 1e-6)[..., None]
+    shown = (depth > 0) & (share >= LEAST_SHARE)
+    return grid_splats(sheet.layer.camera, (depth * (1 + sheet.behind), joined), shown, color, peak_opacity(share))
 
 
 def layer_splats(layer: View, sky: tuple[Camera, float]) -> np.ndarray:
@@ -64,23 +97,41 @@ def layer_splats(layer: View, sky: tuple[Camera, float]) -> np.ndarray:
         | (layer.far & layer.shows_source)
     )
     depth = np.where(layer.far, depth_of_sphere(layer.camera, *sky), np.where(depth > 0, depth, layer.depth))
-    points = rays(layer.camera) * depth[..., None].astype(np.float64)
-    right, down = (tangent(points, axis, (joined & bit) > 0, depth / focal) for axis, bit, focal in (
-        (1, RIGHT, layer.camera.fx), (0, DOWN, layer.camera.fy),
-    ))  # fmt: skip
+    return grid_splats(layer.camera, (depth, joined), shown, layer.color, np.full(depth.shape, OPAQUE))
+
+
+def peak_opacity(share: np.ndarray) -> np.ndarray:
+    """The opacity of each splat with which a sheet of them, each with its neighbours around it, has that share (0..1)."""
+    away = np.add.outer(np.arange(-2, 3) ** 2, np.arange(-2, 3) ** 2)
+    peaks = np.linspace(0, OPAQUE, 64)
+    shares = 1 - np.prod(1 - peaks[:, None, None] * np.exp(-away / (2 * SIZE**2)), axis=(1, 2))
+    return np.interp(share, shares, peaks)
+
+
+def grid_splats(
+    camera: Camera, grid: tuple[np.ndarray, np.ndarray], shown: BoolArray, color: np.ndarray, opacity: np.ndarray
+) -> np.ndarray:
+    """N x len(FIELDS): a splat for each pixel that is shown. grid: H x W depth (m) and which neighbours are joined; color: H x W
+    x 3 levels; opacity: H x W in the middle of a splat, 0..1."""
+    depth, joined = grid
+    points = rays(camera) * depth[..., None].astype(np.float64)
+    right, down = (
+        tangent(points, axis, (joined & bit) > 0, depth / focal)
+        for axis, bit, focal in ((1, RIGHT, camera.fx), (0, DOWN, camera.fy))
+    )
     right, down, points = right[shown], down[shown], points[shown]
     x, along = unit(right)
     normal, _ = unit(np.cross(x, down))
     y = np.cross(normal, x)
     across = np.abs((y * down).sum(1, keepdims=True))
-    turn = layer.camera.world_from_cam[:3, :3]
+    turn = camera.world_from_cam[:3, :3]
     axes = np.einsum("ij,njk->nik", turn, np.stack([x, y, normal], 2))
     thickness = THIN * np.minimum(along, across)
     sizes = np.log(np.maximum(SIZE * np.concatenate([along, across, thickness], 1), 1e-9))
-    color = (layer.color[shown] / 255 - 0.5) / COLOR_OF_DEGREE_0
-    world = points @ turn.T + layer.camera.world_from_cam[:3, 3]
-    opacity = np.full((len(world), 1), OPACITY)
-    return np.concatenate([world, axes[..., 2], color, opacity, sizes, quaternions(axes)], 1)
+    harmonic = (color[shown] / 255 - 0.5) / COLOR_OF_DEGREE_0
+    world = points @ turn.T + camera.world_from_cam[:3, 3]
+    logit = np.log(opacity[shown] / (1 - opacity[shown]))[:, None]
+    return np.concatenate([world, axes[..., 2], harmonic, logit, sizes, quaternions(axes)], 1)
 
 
 def tangent(points: Float64Array, axis: int, joined: BoolArray, size: np.ndarray) -> Float64Array:
