@@ -137,6 +137,18 @@ def test_stereo_pictures(folder: Path, photo: Photo3D) -> None:
     assert np.nonzero(left.depth < 3)[1].mean() > np.nonzero(right.depth < 3)[1].mean()
 
 
+def test_borders_are_smooth() -> None:
+    """A red box before a blue wall, seen from half a pixel aside: the pixels of its borders are half of either."""
+    color, depth = np.zeros((48, 64, 3), np.uint8), np.full((48, 64), 4, np.float32)
+    color[...], color[12:36, 16:48], depth[12:36, 16:48] = (20, 20, 200), (200, 20, 20), 2
+    pose = np.array(CAMERA.world_from_cam)
+    pose[0, 3] += 2 * 0.5 / CAMERA.fx
+    moved = CAMERA.at(pose)
+    seen = module.draw_smooth(Scene((View.from_rgbd(RGBD(color, depth, CAMERA)),)), moved)
+    assert (np.abs(seen[14:34, 15].astype(int) - (110, 20, 110)) <= 3).all()
+    assert (np.abs(seen[14:34, 17:46].astype(int) - (200, 20, 20)) <= 1).all()
+
+
 def test_the_loop_ends_where_it_begins(photo: Photo3D, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """As many pictures as are said, of the picture's size."""
     pytest.importorskip("av")

@@ -9,6 +9,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 
 from dlama.arguments import check_arguments
@@ -28,6 +29,7 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.layers.layered_mesh import mesh_layers
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import UInt8Array
+from dlama.geometry.scene import Scene
 from dlama.progress import Progress, begin_stage, take_progress
 
 RESULTS: dict[str, tuple[str, ...]] = {
@@ -125,9 +127,7 @@ def file_writers(photo: Photo3D, folder: Path, about: dict[str, Any]) -> dict[st
 
     @cache
     def eyes() -> tuple[UInt8Array, UInt8Array]:
-        left, right = (
-            render(scene, resize_to(box.at(side, 0, 0), STEREO_WIDTH), types=False).color for side in (-EYES, EYES)
-        )
+        left, right = (draw_smooth(scene, resize_to(box.at(side, 0, 0), STEREO_WIDTH)) for side in (-EYES, EYES))
         return left, right
 
     @cache
@@ -154,6 +154,12 @@ def resize_to(camera: Camera, width: int) -> Camera:
     return camera.resized(round(camera.width * share), max(1, round(camera.height * share)))
 
 
+def draw_smooth(scene: Scene, camera: Camera) -> UInt8Array:
+    """H x W x 3: a camera's picture, drawn at twice its size and reduced: borders are smooth, and move by less than a pixel."""
+    large = render(scene, camera.resized(2 * camera.width, 2 * camera.height), types=False).color
+    return np.asarray(cv2.resize(large, camera.wh, interpolation=cv2.INTER_AREA), np.uint8)
+
+
 def anaglyph(left: UInt8Array, right: UInt8Array) -> UInt8Array:
     """For red and cyan glasses: the left picture's luminance (Rec. 601) in red, green and blue of the right one (half colour)."""
     red = np.rint(left @ np.array([0.299, 0.587, 0.114])).astype(np.uint8)
@@ -165,4 +171,4 @@ def loop_pictures(photo: Photo3D) -> Iterator[UInt8Array]:
     for number in range(LOOP_PICTURES):
         turn = 2 * math.pi * number / LOOP_PICTURES
         camera = photo.box.at(0.7 * math.sin(turn), 0.35 * math.cos(turn), 0)
-        yield render(photo.scene, resize_to(camera, LOOP_WIDTH), types=False).color
+        yield draw_smooth(photo.scene, resize_to(camera, LOOP_WIDTH))
