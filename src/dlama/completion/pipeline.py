@@ -85,7 +85,7 @@ def complete(
     if mask is None:
         warn_of_unknown(source, warped)
     record = Record(fills, clock.seconds, grown_mask, [one.grown for one in completed])
-    meta = about_depth(rgbd, start) | meta_data(plan, source, warped, record) | expected_errors(views)
+    meta = about_depth(rgbd, start) | meta_data(plan, scene.frames[0], warped, record) | expected_errors(views)
     chosen_guesses = tuple(choice_of(one, choices) for one in completed)
     completion = Completion(views, warped, scene, source, meta, choices=chosen_guesses)
     return completion.with_min_confidence(chosen.min_confidence)

@@ -49,7 +49,8 @@ class Record:
 
 
 def meta_data(plan: Plan, source: View, warped: Sequence[View], record: Record) -> dict[str, Any]:
-    """The meta data of a completion, JSON-ready (fields: docs/reference/formats.md). warped: the views before filling."""
+    """The meta data of a completion, JSON-ready (fields: docs/reference/formats.md). source: the first frame, as it was drawn;
+    warped: the views before filling."""
     moved = any(not view.camera.same_view_as(source.camera) for view in warped)
     notes: dict[str, Any] = {}
     for one in record.fills:

@@ -105,6 +105,9 @@ def show_earlier_fill(plan: Plan, scene: Scene, before: View) -> tuple[View, Fil
     """The view with its holes closed where `scene` was filled for a frame or for earlier cameras, and what that did."""
     if scene is plan.given or not before.hole.any():
         return before, NOTHING_FILLED
+    home = any(before.camera.same_view_as(one.camera) for one in plan.given.frames)
+    if not (scene.fills or home or plan.recipe.dilate_holes or plan.recipe.footprint):
+        return before, NOTHING_FILLED  # `before` was drawn of the same frames
     if len(scene.frames) > 1 or not all(layer.camera.same_view_as(before.camera) for layer in scene.layers):
         return close_holes(plan.law, before, render(scene, before.camera, plan.recipe.mode, types=False, close=False))
     rows, columns = box_around(before.hole, 0)  # nothing moves: all else would be drawn in vain
