@@ -56,9 +56,13 @@ class Effort:
     """Steps of PatchMatch per round."""
     pairs: int
     """Most comparisons of the exhaustive search in the coarsest level."""
+    at_full_size: bool
+    """Whether patches are matched at full size, too; else the matches at half the size are taken."""
 
 
-THOROUGH, QUICK = Effort(6, 400_000, 2, 4_000_000), Effort(4, 100_000, 1, 1_000_000)
+THOROUGH, QUICK = Effort(6, 400_000, 2, 4_000_000, True), Effort(4, 100_000, 1, 1_000_000, False)
+"""QUICK: over layers of known depth, matches at full size gain nothing (tune, without them: views MSE -3, LPIPS -2 %; removals -1,
+-1 %)."""
 
 
 def complete_picture(
@@ -88,9 +92,10 @@ def complete_picture(
             search.compare_all(rng, effort.pairs)
         else:
             search.start_from(coarser)
+        small = levels[i].hole.size <= LARGEST_MATCHED and (i > 0 or effort.at_full_size)
         rounds = int(np.clip(effort.updates // len(search.targets), 1, effort.rounds))
         for turn in range(rounds):
-            if coarser is None or levels[i].hole.size <= LARGEST_MATCHED:
+            if coarser is None or small:
                 search.match(turn, effort.matchings)
             search.vote(last=i == 0 and turn == rounds - 1)
         coarser = search
