@@ -61,8 +61,8 @@ class Effort:
 
 
 THOROUGH, QUICK = Effort(6, 400_000, 2, 4_000_000, True), Effort(4, 100_000, 1, 1_000_000, False)
-"""QUICK: over layers of known depth, matches at full size gain nothing (tune, without them: views MSE -3, LPIPS -2 %; removals -1,
--1 %)."""
+"""QUICK: over layers of known depth, matches at full size gain nothing (tune, without them: views MSE -3, LPIPS -2 %,
+removals -1 and -1 %)."""
 
 
 def complete_picture(
