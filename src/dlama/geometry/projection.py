@@ -85,6 +85,14 @@ def depth_from_inverse(w: Float32Array) -> Float32Array:
     return out
 
 
+def round_depth(depth: Float32Array, up: bool = False) -> Float32Array:
+    """Depth (metres) to 1 part in 100,000, far below the error of any estimate: files of it are half as large. up: never to a
+    smaller depth, so that nothing comes to lie in front of what it lay behind."""
+    bits = depth.view(np.uint32) + np.uint32(127 if up else 64)
+    bits &= np.uint32(0xFFFFFF80)  # infinity has none of the bits that go
+    return bits.view(np.float32)
+
+
 def px_from_px(target: Camera, source: Camera) -> tuple[Float64Array, Float64Array]:
     """The 3x3 matrix and 3-vector that take a source pixel (u, v, 1) at depth z to z * matrix @ (u, v, 1) + offset.
 

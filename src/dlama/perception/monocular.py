@@ -22,6 +22,7 @@ import numpy as np
 from dlama.arguments import check, check_arguments
 from dlama.errors import DepthError, FileError, InputError, ShapeError, system_errors
 from dlama.geometry.camera import Camera
+from dlama.geometry.projection import round_depth
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, check_color
 from dlama.models.cache import locate, user_path
 from dlama.models.network_file import NetworkFile, cores, default_provider, file_stamp
@@ -144,13 +145,6 @@ def estimate_depth(
 def _raw_depth(prediction: DepthPrediction, camera: Camera, shift: float, scale: Scale) -> Float32Array:
     values, _, far = resize_prediction(prediction, camera, shift)
     return round_depth(scale.metres(values, far))
-
-
-def round_depth(depth: Float32Array) -> Float32Array:
-    """Depth (H x W metres) to 1 part in 100,000, far below the error of any estimate: files of it are half as large."""
-    bits = depth.view(np.uint32) + np.uint32(1 << 6)
-    bits &= np.uint32(0xFFFFFF80)  # infinity has none of the bits that go
-    return bits.view(np.float32)
 
 
 def check_picture(color: UInt8Array) -> UInt8Array:
