@@ -49,7 +49,7 @@ UNDER_EDGES = 0.025
 """Share of the width by which surfaces continue under depth edges, where nothing else was filled."""
 BETWEEN = 6
 """Cameras within the box whose views must be known, besides those of the grid on its surface."""
-ENOUGH, MOST_CAMERAS = 4e-3, 14
+ENOUGH, MOST_CAMERAS = 1e-3, 14
 """Share of any view of the grid that may stay open; cameras that are filled at most."""
 
 
