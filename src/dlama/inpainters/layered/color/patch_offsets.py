@@ -24,8 +24,8 @@ SEARCHED = 0.003
 """Least share of the picture of a region whose plane is searched for repeating texture."""
 SAMPLES = 320
 """Number of known points at which an offset is scored."""
-COARSE = 4
-"""Of the known points every fourth one is enough to find where the texture may repeat; all refine and choose."""
+COARSE = 2
+"""Of the known points every second one is enough to find where the texture may repeat; all refine and choose."""
 MOST_OFFSETS = 28
 """Most offsets of a region."""
 GRAIN = 9.0
