@@ -10,7 +10,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from dlama.geometry.camera import Float64Array, invert_pose
+from dlama.geometry.camera import Float64Array
+from dlama.geometry.poses import invert_pose
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.perception.diagnosis.finding import Observed
 from dlama.perception.diagnosis.poses import BODY, GL, LEFT_HANDED, Undo, reorder_quaternion

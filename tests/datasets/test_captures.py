@@ -21,8 +21,8 @@ from dlama.datasets.diagnosis import diagnose
 from dlama.datasets.layouts import LAYOUTS, detect, open_dataset
 from dlama.datasets.sequences.scene_frames import open_frames
 from dlama.errors import FileError, MissingExtraError
-from dlama.geometry.camera import Camera, invert_pose
-from dlama.geometry.rotations import quaternion_from_rotation
+from dlama.geometry.camera import Camera
+from dlama.geometry.poses import invert_pose, quaternion_from_rotation
 from posed_folders import LENS, cameras, check_frames, truth, write_codes16, write_picture
 
 GL_FROM_CV = np.diag([1.0, -1.0, -1.0, 1.0])

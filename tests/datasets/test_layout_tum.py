@@ -15,7 +15,7 @@ import pytest
 from dlama.datasets.layouts import open_dataset
 from dlama.errors import CameraError, FileError, InputError
 from dlama.files.cameras import write_camera
-from dlama.geometry.rotations import rotation_from_quaternion
+from dlama.geometry.poses import rotation_from_quaternion
 from posed_folders import AXIS, LENS, TURNS, cameras, check_frames, truth, write_codes16, write_picture
 
 TIMES = [1305031102.175304 + 0.1 * number for number in range(len(TURNS))]

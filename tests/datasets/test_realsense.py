@@ -20,9 +20,9 @@ from dlama.datasets.diagnosis import diagnose
 from dlama.datasets.layouts import detect
 from dlama.datasets.sequences.scene_frames import open_frames
 from dlama.errors import DlamaError, FileError
-from dlama.geometry.camera import Camera, invert_pose
+from dlama.geometry.camera import Camera
+from dlama.geometry.poses import invert_pose, quaternion_from_rotation
 from dlama.geometry.rgbd import RGBD
-from dlama.geometry.rotations import quaternion_from_rotation
 from posed_folders import LENS, WORLD, cameras
 from rosbag_writer import Writer
 

@@ -17,8 +17,8 @@ from dlama.datasets.diagnosis import diagnose
 from dlama.datasets.layouts import detect, open_dataset
 from dlama.datasets.sequences.scene_frames import open_frames
 from dlama.errors import DlamaError, FileError, MissingExtraError
-from dlama.geometry.camera import Camera, invert_pose
-from dlama.geometry.rotations import rotation_deg
+from dlama.geometry.camera import Camera
+from dlama.geometry.poses import invert_pose, rotation_deg
 from posed_folders import LENS, WORLD, cameras, check_frames, truth
 from rosbag_writer import Writer
 

@@ -11,7 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dlama.errors import CameraError
-from dlama.geometry.camera import FARTHEST_M, Camera, StereoRig, check_pose, invert_pose
+from dlama.geometry.camera import Camera, StereoRig
+from dlama.geometry.poses import FARTHEST_M, check_pose, invert_pose
 from dlama.geometry.projection import project, px_from_px
 from worlds import pixels_of, points_of, rotation
 

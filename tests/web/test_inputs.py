@@ -14,7 +14,7 @@ from dlama.errors import CameraError, DepthError, DlamaError, FileError, InputEr
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
 from dlama.web import api
-from dlama.web.failures import PageError, field_of, hide_paths, use_page_words
+from dlama.web.answers import PageError, field_of, hide_paths, use_page_words
 from dlama.web.inputs import Upload, file_name, read_options, shrink
 from dlama.web.visits import Visit
 

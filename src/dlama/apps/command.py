@@ -15,8 +15,7 @@ from dlama.apps.pointing import mask_notes
 from dlama.apps.terminal.output import Result, report_result, stages_bar
 from dlama.errors import InputError
 from dlama.jobs.early import check_options
-from dlama.jobs.inputs import JobInputs
-from dlama.jobs.pointing import mask_and_pointing
+from dlama.jobs.inputs import JobInputs, mask_and_pointing
 
 if TYPE_CHECKING:
     import dlama

@@ -15,8 +15,8 @@ from tyro.conf import arg
 
 from dlama.completion.options import typed_options
 from dlama.errors import InputError
+from dlama.jobs.inputs import mask_and_pointing
 from dlama.jobs.parameters import check_move, check_one_target, known_depths
-from dlama.jobs.pointing import mask_and_pointing
 
 if TYPE_CHECKING:
     from dlama.geometry.camera import Camera

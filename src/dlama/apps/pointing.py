@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from tyro.conf import arg
 
 from dlama.apps.options import option
-from dlama.jobs.pointing import find_pointed, is_pointed, mask_settings
+from dlama.jobs.inputs import find_pointed, is_pointed, mask_settings
 
 if TYPE_CHECKING:
     import dlama

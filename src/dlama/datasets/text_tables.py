@@ -11,8 +11,8 @@ import numpy as np
 
 from dlama.errors import CameraError, FileError, InputError
 from dlama.files.rasters.images import existing_file
-from dlama.geometry.camera import Float64Array, check_pose
-from dlama.geometry.rotations import QUATERNION_TOLERANCE, rotation_from_quaternion
+from dlama.geometry.camera import Float64Array
+from dlama.geometry.poses import QUATERNION_TOLERANCE, check_pose, rotation_from_quaternion
 
 WORD = re.compile(r"\S+")
 LEVELS = 3

@@ -23,7 +23,8 @@ from dlama.files.rasters.depth import (
     eight_bit_advice,
     read_stored_numbers,
 )
-from dlama.files.rasters.images import SUFFIXES, apply_orientation, orientation_of, read_stored
+from dlama.files.rasters.images import SUFFIXES, orientation_of, read_stored
+from dlama.files.rasters.orientation import apply_orientation
 from dlama.files.rasters.pictures import eight_bit_rgb, read_color, read_mask
 from dlama.files.rasters.turned_pairs import orientation_difference
 from dlama.files.rgbd import SAME_PROPORTIONS, nearest_pixels, read_rgbd

@@ -16,15 +16,14 @@ from dataclasses import dataclass, field
 from numbers import Real
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from dlama.arguments import check, format_value, is_finite
 from dlama.errors import CameraError
+from dlama.geometry.poses import FARTHEST_M as FARTHEST_M
+from dlama.geometry.poses import Float64Array as Float64Array
+from dlama.geometry.poses import as_matrix, check_pose, invert_pose
 
-Float64Array = NDArray[np.float64]
-
-ROTATION_TOLERANCE = 1e-3
-"""Largest entry of R^T R - I that still counts as a rotation (7-Scenes' published poses reach 4e-4)."""
 K_TOLERANCE = 1e-6
 """By how much an entry of an intrinsic matrix that must be 0 or 1 may differ from it."""
 
@@ -33,8 +32,6 @@ LARGEST_PX = 1e7
 """Pixels: no focal length or principal point lies beyond (a telescope's is some 1e6)."""
 SMALLEST_FOCAL_PX = 1e-3
 """Pixels: any shorter focal length sees a half space."""
-FARTHEST_M = 1e9
-"""Metres: no camera stands farther from the world's origin (geo-referenced ones up to 1e7)."""
 
 
 def _check_size(width: int, height: int) -> None:
@@ -262,55 +259,9 @@ def intrinsics_of(K: ArrayLike, called: str = "K") -> tuple[float, float, float,
 
     Raises CameraError for a matrix of any other form; the message begins with `called`.
     """
-    matrix = _matrix(K, called, (3, 3))
+    matrix = as_matrix(K, called, (3, 3))
     (fx, skew, cx), (zero, fy, cy), last = matrix.tolist()
     if not np.abs([skew, zero, last[0], last[1], last[2] - 1]).max() <= K_TOLERANCE:
         rows = "rows (focal 0 centre), (0 focal centre), (0 0 1) are expected (no skew)"
         raise CameraError(f"{called} is {matrix.tolist()}; {rows}")
     return fx, fy, cx, cy
-
-
-def _matrix(values: ArrayLike, called: str, shape: tuple[int, int]) -> Float64Array:
-    """A float64 copy. CameraError, which calls it `called`: no numbers, or of another shape."""
-    expected = f"a {shape[0]}x{shape[1]} matrix is expected"
-    try:
-        matrix = np.array(values, np.float64)
-    except (TypeError, ValueError, OverflowError) as error:
-        raise CameraError(f"{called} is of type {type(values).__name__} and holds no numbers; {expected}") from error
-    if matrix.shape != shape:
-        raise CameraError(f"{called} has shape {matrix.shape}; {expected}")
-    return matrix
-
-
-def invert_pose(b_from_a: Float64Array) -> Float64Array:
-    """Inverse of a 4x4 rigid motion: R^T and -R^T t, so that there and back is exact to rounding."""
-    a_from_b = np.eye(4)
-    a_from_b[:3, :3] = b_from_a[:3, :3].T
-    a_from_b[:3, 3] = -b_from_a[:3, :3].T @ b_from_a[:3, 3]
-    return a_from_b
-
-
-def check_pose(pose: ArrayLike) -> Float64Array:
-    """A read-only float64 copy of a 4x4 rigid motion; raises CameraError when it is none.
-
-    The rotation is replaced by the nearest exact one, so that published poses rounded to a few digits compose cleanly.
-    """
-    matrix = _matrix(pose, "world_from_cam", (4, 4))
-    if not np.isfinite(matrix).all():
-        raise CameraError("world_from_cam holds NaN or infinity; a finite rigid motion is expected")
-    if np.abs(matrix[:3, 3]).max() > FARTHEST_M * (1 + 1e-9):  # a product of poses is rounded
-        raise CameraError(
-            f"world_from_cam moves by {np.abs(matrix[:3, 3]).max():g} m; at most {FARTHEST_M:g} m is expected"
-        )
-    if not np.allclose(matrix[3], (0, 0, 0, 1), atol=1e-9):
-        raise CameraError(f"world_from_cam ends with the row {matrix[3].tolist()}; 0 0 0 1 is expected")
-    rotation = matrix[:3, :3]
-    error = float(np.abs(rotation.T @ rotation - np.eye(3)).max())
-    if error > ROTATION_TOLERANCE or np.linalg.det(rotation) < 0:
-        kind = "a mirroring" if np.linalg.det(rotation) < 0 else f"off by {error:.3g} from orthonormal"
-        raise CameraError(f"world_from_cam is not a rigid motion: its 3x3 part is {kind}; a rotation is expected")
-    if error > 1e-12:
-        u, _, vt = np.linalg.svd(rotation)
-        matrix[:3, :3] = u @ vt
-    matrix.flags.writeable = False
-    return matrix

@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 
 from dlama.arguments import check_arguments, is_finite
 from dlama.errors import DepthError, InputError
-from dlama.geometry.camera import FARTHEST_M, Camera, Float64Array
-from dlama.geometry.rotations import slerp
+from dlama.geometry.camera import Camera, Float64Array
+from dlama.geometry.poses import FARTHEST_M, slerp
 
 PIVOT_M = 2.5
 """Default distance, metres ahead on the optical axis, of the point a camera orbits about (the paper's centroid, sec. 4)."""

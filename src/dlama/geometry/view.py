@@ -9,6 +9,7 @@ import dataclasses
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -224,9 +225,14 @@ class View:
         """True if it has a hole with a type."""
         return bool((self.hole & (self.hole_type != HoleType.NONE)).any())
 
-    def errors_where(self, where: BoolArray) -> Float32Array | None:
-        """`errors` in the pixels of `where` (H x W bool), 0 in all others."""
-        return None if self.errors is None else select(self.errors, where)
+    def _kept(self, keep: BoolArray) -> dict[str, np.ndarray | None]:
+        """Depth, confidence, frame and errors in the pixels of `keep` (H x W bool), 0 in all others."""
+        return {
+            "depth": select(self.depth, keep),
+            "confidence": select(self.confidence, keep),
+            "frame": None if self.frame is None else self.frame * keep,
+            "errors": None if self.errors is None else select(self.errors, keep),
+        }
 
     def with_planes(self, **planes: np.ndarray | None) -> View:
         """The view with other planes by name, new and unshared: they are taken over, not copied."""
@@ -247,15 +253,11 @@ class View:
         """
         guessed = where & (self.origin != Origin.DEPTH_FILLED)
         origin = select(self.origin, ~guessed)
-        keep = ~where
         return self.with_planes(
             color=select(self.color, ~guessed),
-            depth=select(self.depth, keep),
             hole=self.hole | where,
             origin=np.where(where & ~guessed, np.uint8(Origin.MEASURED), origin),
-            confidence=select(self.confidence, keep),
-            frame=None if self.frame is None else self.frame * keep,
-            errors=self.errors_where(keep),
+            **self._kept(~where),
         )
 
     def without_filled_depth(self) -> View:
@@ -273,15 +275,10 @@ class View:
 
     def with_pixels(self, other: View, where: BoolArray) -> View:
         """The same view with another one's pixels, of the same camera, in `where` (H x W bool); `hole_type` stays its own."""
-        return dataclasses.replace(
-            self,
-            color=np.where(where[..., None], other.color, self.color),
-            depth=np.where(where, other.depth, self.depth),
-            hole=np.where(where, other.hole, self.hole),
-            origin=np.where(where, other.origin, self.origin),
-            confidence=np.where(where, other.confidence, self.confidence),
-            errors=self.errors_with(other, where),
-        )
+        names = ("depth", "hole", "origin", "confidence")
+        planes: dict[str, Any] = {name: np.where(where, getattr(other, name), getattr(self, name)) for name in names}
+        color = np.where(where[..., None], other.color, self.color)
+        return dataclasses.replace(self, color=color, errors=self.errors_with(other, where), **planes)
 
     def errors_with(self, other: View, where: BoolArray) -> Float32Array | None:
         """Its expected errors, in the pixels of `where` (H x W bool) those of another view of the same camera."""
@@ -295,11 +292,8 @@ class View:
         keep = ~where
         return self.with_planes(
             color=select(self.color, keep),
-            depth=select(self.depth, keep),
             hole=self.hole | where,
             hole_type=np.where(where, np.uint8(hole_type), self.hole_type),
             origin=select(self.origin, keep),
-            confidence=select(self.confidence, keep),
-            frame=None if self.frame is None else self.frame * keep,
-            errors=self.errors_where(keep),
+            **self._kept(keep),
         )

@@ -20,7 +20,7 @@ from typing import Any
 from dlama.errors import DlamaError, InputError
 from dlama.files.drafts import DRAFT
 from dlama.jobs.early import check_options
-from dlama.jobs.inputs import JobInputs
+from dlama.jobs.inputs import JobInputs, is_pointed, mask_and_pointing, mask_settings
 from dlama.jobs.job import Job
 from dlama.jobs.parameters import (
     ESTIMATING,
@@ -32,7 +32,6 @@ from dlama.jobs.parameters import (
     READING,
     RESULTS,
 )
-from dlama.jobs.pointing import is_pointed, mask_and_pointing, mask_settings
 from dlama.jobs.result import JobResult
 from dlama.jobs.storage import MARKER, Output, fetch, file_stamp, is_address
 from dlama.models.verify import sha256_of

@@ -29,7 +29,7 @@ from dlama.models.network_file import NetworkFile, cores, default_provider, file
 from dlama.models.records import CATALOGUE
 from dlama.perception.depth_networks import IMAGENET, DepthContract, DepthPrediction, predict, read_file_contract
 from dlama.perception.depth_scale import Scale, check_known, estimate_scale
-from dlama.perception.point_maps import depth_of_points
+from dlama.perception.point_maps import depth_of_points, horizontal_fov
 from dlama.perception.sharpening import sharpen_depth
 
 ASSETS = Path(__file__).parents[1] / "assets"
@@ -243,11 +243,6 @@ def resolve_camera(
             stacklevel=3,
         )
     return camera, {"degrees": round(horizontal_fov(camera), 3), "from": source}, shift
-
-
-def horizontal_fov(camera: Camera) -> float:
-    """Degrees across the width of a camera's picture."""
-    return math.degrees(2 * math.atan(0.5 * camera.width / camera.fx))
 
 
 def resize_prediction(

@@ -11,6 +11,7 @@ import math
 import numpy as np
 
 from dlama.errors import DepthError
+from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import BoolArray, Float32Array
 
 SAMPLES = 4096
@@ -68,3 +69,8 @@ def best_focal(cloud: np.ndarray, image: np.ndarray, shift: float) -> float:
     if focal <= 0:
         raise DepthError("the estimated points do not lie on the rays of a camera; give depth")
     return focal
+
+
+def horizontal_fov(camera: Camera) -> float:
+    """Degrees across the width of a camera's picture."""
+    return math.degrees(2 * math.atan(0.5 * camera.width / camera.fx))

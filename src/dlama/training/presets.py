@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from dlama.errors import FileError, InputError, system_errors
+from dlama.training.kinds import one_of
 from dlama.training.settings import (
     DataSettings,
     LoopSettings,
@@ -20,7 +21,6 @@ from dlama.training.settings import (
     NetworkSettings,
     OptimiserSettings,
     TrainSettings,
-    one_of,
 )
 
 

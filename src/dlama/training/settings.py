@@ -18,7 +18,7 @@ from dlama.nets.architecture import (
     generator_shapes,
     judge_shapes,
 )
-from dlama.training.kinds import PLANES, SAMPLES, Planes, PlanesKind
+from dlama.training.kinds import PLANES, SAMPLES, Planes, PlanesKind, one_of
 
 TRUNKS = ("auto", "resnet50-dilated", "random", "lpips")
 """Names of the perceptual term's frozen network."""
@@ -287,12 +287,6 @@ class TrainSettings:
         unfit = [kind for kind in sorted(self.data.mixture) if self.network.views not in SAMPLES[kind].views]
         if unfit:
             raise InputError(f"data.mixture has {unfit}, which planes {self.network.planes!r} do not learn from")
-
-
-def one_of(name: str, value: Any, known: Any) -> None:
-    """InputError unless the value is one of the known ones."""
-    if value not in known:
-        raise InputError(f"`{name}` is {value!r}; one of {', '.join(map(str, known))} is expected")
 
 
 def _at_least(group: str, settings: Any, least: int, *names: str) -> None:

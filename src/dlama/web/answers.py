@@ -1,12 +1,14 @@
-"""Fields that a page sends in, and what answers them, as types: bytes with their kind, and the limits of what is taken."""
+"""What a page sends and what answers it, as types; an error of the library in, what the page shows and at which field, out."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
-from dlama.web.inputs import number
+from dlama.errors import CameraError, DepthError, DlamaError, InputError, MaskError, name_parameters, plain_name
 
 Fields = Mapping[str, Any]
 """What the page sent: JSON."""
@@ -41,6 +43,73 @@ class Limits:
         return self.megabytes * 2**20
 
 
-def pixel_of(fields: Fields) -> tuple[int, int]:
-    """Column and row."""
-    return int(number("x", fields.get("x"), "")), int(number("y", fields.get("y"), ""))
+FIELDS = (
+    ("camera", ("fov", "fx", "fy", "cx", "cy", "camera", "pixel_center")),
+    ("calib", ("calib", "baseline")),
+    ("scale", ("depth_scale", "depth_range", "channel", "far", "resize_depth")),
+    ("known", ("metres_at", "camera_height", "depth_model")),
+    ("marks", ("clicks", "not_clicks", "box", "mask", "dilate")),
+    ("move", ("yaw", "pitch", "dolly", "pivot")),
+    ("method", ("filler", "model", "recipe", "seed", "min_confidence", "mode", "clip", "depth_by")),
+)
+"""Field of the page -> parameters that a message may name."""
+WORDS = {
+    "fov": "the field of view",
+    "camera": "a camera file",
+    "depth_scale": "units per metre",
+    "depth_range": "what 1.0 means",
+    "far": "where the sky begins",
+    "resize_depth=nearest": "“Bring depth to the picture's size”",
+    "metres_at": "known depths",
+    "camera_height": "the camera's height above the ground",
+    "clicks": "a click",
+    "not_clicks": "a click outside the object",
+    "dilate": "growth of the hole",
+    "min_confidence": "“Leave open below”",
+}
+"""Parameter that a message of the library names -> what the page calls it."""
+KINDS: tuple[tuple[type[DlamaError], str], ...] = ((CameraError, "camera"), (DepthError, "depth"), (MaskError, "marks"))
+"""Kind of an error -> the field it is about where nothing else names it."""
+
+
+class PageError(InputError):
+    """What the page sent cannot be used; `field` names the part of the page that the message is about."""
+
+    def __init__(self, message: str, field: str = "", status: int = 400) -> None:
+        super().__init__(message)
+        self.field = field
+        self.status = status
+
+
+def field_of(error: DlamaError, files: Mapping[str, Path]) -> str:
+    """The field of the page that an error is about: the file it names, else the parameter, else its kind; "": none.
+
+    files: role -> where that upload lies.
+    """
+    if isinstance(error, PageError):
+        return error.field
+    about = next((name for name, words in FIELDS if set(error.parameters[:1]) & set(words)), "")
+    if about in ("camera", "scale"):
+        return about
+    named = [role for role, path in files.items() if str(error).startswith(str(path))]
+    return next((field for field in (*named, about) if field), "") or next(
+        (field for kind, field in KINDS if isinstance(error, kind)), ""
+    )
+
+
+def hide_paths(message: str, names: Mapping[Path, str]) -> str:
+    """A message with the visitor's own names of the files (`names`: our path -> theirs) in place of ours."""
+    words = {str(path): name for path, name in names.items()} | {path.name: name for path, name in names.items()}
+    if not words:
+        return message
+    longest_first = "|".join(re.escape(word) for word in sorted(words, key=len, reverse=True))
+    return re.sub(rf"(?<![\w.-])(?:{longest_first})(?![\w-])", lambda match: words[match[0]], message)
+
+
+def use_page_words(message: str) -> str:
+    """A message of the library, which names parameters in backticks, with what the page calls them."""
+
+    def call(name: str, value: str) -> str:
+        return WORDS.get(plain_name(name, value)) or plain_name(WORDS.get(name, name), value)
+
+    return name_parameters(message, call)

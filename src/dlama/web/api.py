@@ -14,10 +14,9 @@ import dlama
 from dlama.completion.options import RECIPE_NAMES
 from dlama.errors import DlamaError
 from dlama.web import pictures, results
-from dlama.web.answers import Blob, Fields, Limits, pixel_of
+from dlama.web.answers import Blob, Fields, Limits, PageError, hide_paths, use_page_words
 from dlama.web.completion_request import PAGE_FILLERS, read_request
-from dlama.web.failures import PageError, hide_paths, use_page_words
-from dlama.web.inputs import ROLES, Upload, check_size, file_name, read_source
+from dlama.web.inputs import ROLES, Upload, check_size, file_name, pixel_of, read_source
 from dlama.web.marks import find, mask_of, others, pointing, read_marks
 from dlama.web.runs import warnings_of_thread
 from dlama.web.visits import Visit

@@ -13,7 +13,7 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
 from dlama.inpainters import AUTO, FILLERS
 from dlama.jobs.parameters import METHOD
-from dlama.web.failures import PageError
+from dlama.web.answers import PageError
 from dlama.web.inputs import number
 
 PAGE_FILLERS = (AUTO, *(name for name, record in FILLERS.items() if not record.needs_model or record.shipped))

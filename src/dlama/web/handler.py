@@ -21,8 +21,7 @@ from urllib.parse import parse_qs, unquote, urlsplit
 
 from dlama.errors import DlamaError
 from dlama.web import api
-from dlama.web.answers import Blob, Limits
-from dlama.web.failures import PageError, field_of, hide_paths, use_page_words
+from dlama.web.answers import Blob, Limits, PageError, field_of, hide_paths, use_page_words
 from dlama.web.visits import Visit, Visits
 
 TYPES = {

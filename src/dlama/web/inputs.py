@@ -21,7 +21,7 @@ from dlama.jobs import parameters
 from dlama.jobs.inputs import JobInputs
 from dlama.jobs.parameters import ESTIMATING, LENS, READING
 from dlama.perception.depth_scale import RULES, describe_depth_source
-from dlama.web.failures import PageError, field_of, use_page_words
+from dlama.web.answers import Fields, PageError, field_of, use_page_words
 
 ROLES: dict[str, tuple[str, ...]] = {
     "picture": SUFFIXES,
@@ -205,3 +205,8 @@ def shrink(source: RGBD, longest: int) -> RGBD:
         depth=nearest_pixels(source.depth, (high, wide)),
         camera=source.camera.resized(wide, high),
     )
+
+
+def pixel_of(fields: Fields) -> tuple[int, int]:
+    """Column and row."""
+    return int(number("x", fields.get("x"), "")), int(number("y", fields.get("y"), ""))

@@ -12,7 +12,7 @@ import numpy as np
 import dlama
 from dlama.geometry.holes import dilate_mask, erode_mask
 from dlama.geometry.rgbd import BoolArray
-from dlama.web.failures import PageError
+from dlama.web.answers import PageError
 from dlama.web.inputs import number
 
 MOST_MARKS, MOST_POINTS, MOST_GROWTH = 200, 20_000, 60

@@ -8,9 +8,9 @@ from typing import Any
 import dlama
 from dlama.files.scenes.photo3d_page import LARGEST_GLB, describe_box, glb_within
 from dlama.web import pictures, take_home
-from dlama.web.answers import Blob, Fields, pixel_of
+from dlama.web.answers import Blob, Fields, PageError, hide_paths, use_page_words
 from dlama.web.completion_request import read_request
-from dlama.web.failures import PageError, hide_paths, use_page_words
+from dlama.web.inputs import pixel_of
 from dlama.web.marks import pointing
 from dlama.web.runs import Run
 from dlama.web.visits import Result, Visit

@@ -19,8 +19,8 @@ from dlama.files.drafts import DRAFT, hold, name_of, remove_abandoned
 from dlama.files.results.photo3d import MOST_TRIANGLES
 from dlama.geometry.layers.layered_mesh import MeshPart, mesh_layers
 from dlama.geometry.rgbd import BoolArray
+from dlama.web.answers import PageError
 from dlama.web.completion_request import CompletionRequest
-from dlama.web.failures import PageError
 from dlama.web.inputs import Source, Upload
 from dlama.web.marks import Marks
 from dlama.web.runs import Run

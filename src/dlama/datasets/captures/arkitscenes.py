@@ -28,7 +28,8 @@ from dlama.datasets.text_tables import natural_order, nearest_in_time, pose_at, 
 from dlama.errors import FileError
 from dlama.files.rasters.depth import read_depth
 from dlama.files.rasters.pictures import read_color_of_camera
-from dlama.geometry.camera import Float64Array, invert_pose
+from dlama.geometry.camera import Float64Array
+from dlama.geometry.poses import invert_pose
 
 DEPTH, POSES = "lowres_depth", "lowres_wide.traj"
 PICTURES = ("vga_wide", "lowres_wide")

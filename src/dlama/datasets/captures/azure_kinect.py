@@ -26,7 +26,8 @@ from dlama.datasets.text_tables import nearest_in_time, pose_at
 from dlama.errors import FileError
 from dlama.files.fields import FileFields, json_fields
 from dlama.files.rasters.video_frames import read_raw_frame, read_video_frame, video_times, video_tracks
-from dlama.geometry.camera import Float64Array, invert_pose
+from dlama.geometry.camera import Float64Array
+from dlama.geometry.poses import invert_pose
 from dlama.geometry.rgbd import Float32Array, UInt8Array
 
 SUFFIX = ".mkv"

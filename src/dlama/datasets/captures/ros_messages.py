@@ -20,9 +20,9 @@ from PIL import Image
 from dlama.datasets.text_tables import nearest_in_time, pose_of
 from dlama.errors import FileError
 from dlama.files.rasters.images import check_pixels
-from dlama.geometry.camera import Float64Array, invert_pose
+from dlama.geometry.camera import Float64Array
+from dlama.geometry.poses import invert_pose, slerp
 from dlama.geometry.rgbd import Float32Array, UInt8Array
-from dlama.geometry.rotations import slerp
 
 CHANNELS = {"rgb8": "RGB", "bgr8": "BGR", "rgba8": "RGBA", "bgra8": "BGRA", "8UC3": "BGR", "mono8": "L", "8UC1": "L"}
 """Encodings of colour pictures -> their channels in order (sensor_msgs/image_encodings.hpp)."""

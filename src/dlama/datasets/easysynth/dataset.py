@@ -30,8 +30,8 @@ from dlama.datasets.posed.posed_frames import PosedFrame
 from dlama.datasets.text_tables import check_folder
 from dlama.errors import CameraError, FileError
 from dlama.files.semantic_classes import CLASSES_FILE, RGB, class_color
-from dlama.geometry.camera import Float64Array, invert_pose
-from dlama.geometry.rotations import rotation_deg
+from dlama.geometry.camera import Float64Array
+from dlama.geometry.poses import invert_pose, rotation_deg
 
 LAYOUT = "easysynth"
 OBJECT_CLASS = "object"

@@ -20,7 +20,7 @@ from dlama.errors import CameraError, FileError
 from dlama.files.fields import FileFields, json_fields
 from dlama.files.semantic_classes import unreal_text
 from dlama.geometry.camera import Camera, Float64Array
-from dlama.geometry.rotations import QUATERNION_TOLERANCE, quaternion_from_rotation, rotation_from_quaternion
+from dlama.geometry.poses import QUATERNION_TOLERANCE, quaternion_from_rotation, rotation_from_quaternion
 
 OPENCV_FROM_UNREAL = np.array([[0.0, 1, 0], [0, 0, -1], [1, 0, 0]])
 """x = Y, y = -Z, z = X."""

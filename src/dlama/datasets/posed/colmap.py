@@ -25,9 +25,9 @@ from dlama.datasets.text_tables import pose_at, read_rows
 from dlama.errors import CameraError, FileError
 from dlama.files.atomic_write import new_file
 from dlama.files.fields import Intrinsics
-from dlama.geometry.camera import Camera, Float64Array, invert_pose
+from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.cloud import PointCloud
-from dlama.geometry.rotations import quaternion_from_rotation, rotation_from_quaternion
+from dlama.geometry.poses import invert_pose, quaternion_from_rotation, rotation_from_quaternion
 
 MODELS = {0: "SIMPLE_PINHOLE", 1: "PINHOLE", 2: "SIMPLE_RADIAL", 3: "RADIAL", 4: "OPENCV"}
 PARAMETERS = {"SIMPLE_PINHOLE": 3, "PINHOLE": 4, "SIMPLE_RADIAL": 4, "RADIAL": 5, "OPENCV": 8}

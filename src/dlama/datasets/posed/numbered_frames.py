@@ -31,7 +31,8 @@ from dlama.datasets.text_tables import files_in, read_pose
 from dlama.errors import FileError, ShapeError
 from dlama.files.cameras import make_camera
 from dlama.files.rasters.pictures import read_color_of_camera
-from dlama.geometry.camera import Camera, invert_pose
+from dlama.geometry.camera import Camera
+from dlama.geometry.poses import invert_pose
 from dlama.geometry.projection import project, rays
 from dlama.geometry.rgbd import RGBD, Float32Array
 

@@ -16,9 +16,9 @@ from dlama.datasets.posed.posed_frames import PosedFrame
 from dlama.datasets.text_tables import scene_folders
 from dlama.errors import FileError, InputError, format_count
 from dlama.geometry.camera import Camera, Float64Array
+from dlama.geometry.poses import rotation_deg
 from dlama.geometry.projection import project, rays
 from dlama.geometry.rgbd import RGBD, Float32Array
-from dlama.geometry.rotations import rotation_deg
 
 LOG = logging.getLogger("dlama")
 

@@ -126,13 +126,7 @@ def sequence(
     numbered = masks_by_number(masks or {}, names)
     plan, start, _ = plan_for(given, options, numbered or None)
     steps = steps_for(plan, start, kept, cameras)
-    settings = {
-        "filler": plan.filler,
-        "model": None if model is None else str(model),
-        "recipe": recipe,
-        "dilate": plan.recipe.dilate,
-        "seed": seed,
-    }
+    settings = settings_of(plan, model, recipe, seed)
     views_by_name = {"views": [(name, shown) for name, _, shown in steps]}
     state = SequenceState(target, settings | views_by_name, start, __version__)
     done = complete_steps(plan, start, steps, state, target, progress)
@@ -154,6 +148,17 @@ def sequence(
         draft.write_text(as_json(meta), encoding="utf-8")
     state.end()
     return meta
+
+
+def settings_of(plan: Plan, model: str | Path | None, recipe: str, seed: int) -> dict[str, Any]:
+    """What views are completed by, for meta.json and for a run that resumes."""
+    return {
+        "filler": plan.filler,
+        "model": None if model is None else str(model),
+        "recipe": recipe,
+        "dilate": plan.recipe.dilate,
+        "seed": seed,
+    }
 
 
 def about_frames(names: Sequence[str], kept: Sequence[str], given: Scene, damaged: Mapping[str, str]) -> dict[str, Any]:

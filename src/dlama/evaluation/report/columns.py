@@ -98,6 +98,66 @@ PAPER_DEPTH = {
 }
 """Table 2."""
 
+HIDDEN = ("unseen", "disoccluded", "out-of-view", "object", "mask", "mask-right")
+"""Regions that the source camera did not see, by the truth: what a filler is for."""
+POINTED = (
+    "click",
+    "clicks-2",
+    "clicks-3",
+    "clicks-4",
+    "box",
+    "click-estimated-depth",
+    "box-estimated-depth",
+    "grabcut-box",
+    "grabcut-click",
+    "shadow",
+)
+"""Masks by how they were found (protocol MASK)."""
+KNOWN = ("seen", "ring", "outside", "shadow", "whole")
+INTEREST = tuple(
+    (modality, metric)
+    for modality, metrics in {
+        "rgb": ("ssim", "lpips", "mse", "psnr"),
+        "depth": ("ssim", "lpips", "mse"),
+        "depth_m": ("mae", "absrel", "delta1.05", "delta1.25"),
+        "disparity": ("bad-1", "bad-2", "epe"),
+        "mask": ("iou", "border_f", "recall", "precision", "false_alarm"),
+        "cloud": ("accuracy", "completeness", "fscore_0.02", "fscore_0.05", "fscore_0.10"),
+    }.items()
+    for metric in metrics
+)
+"""What the main tables show; everything else is in `every mean` and in the tables of artifacts."""
+CURVES: tuple[tuple[str, str], ...] = (
+    ("rgb", "ssim"), ("rgb", "lpips"), ("rgb", "psnr"), ("depth", "lpips"), ("depth", "mse"), ("depth_m", "mae"),
+)  # fmt: skip
+MORE_WHOLE: tuple[Which, ...] = (("whole", "rgb", "psnr"), ("whole", "depth_m", "mae"), MASK_RATIO)
+PER_YAW_HIDDEN: tuple[Which, ...] = (
+    ("unseen", "rgb", "lpips"),
+    ("unseen", "rgb", "psnr"),
+    ("unseen", "depth_m", "mae"),
+)
+REMOVAL: tuple[Which, ...] = tuple(
+    ("mask", modality, metric)
+    for modality, metric in (
+        *(("rgb", "ssim"), ("rgb", "lpips"), ("rgb", "mse"), ("depth_m", "mae")),
+        *(("cloud", "fscore_0.05"), ("disparity", "bad-1")),
+    )
+)
+VARIANT_METRICS: tuple[Which, ...] = (
+    *(
+        (region, modality, metric)
+        for region in ("whole", "unseen", "mask")
+        for modality, metric in (
+            ("rgb", "ssim"),
+            ("rgb", "lpips"),
+            ("rgb", "mse"),
+            ("depth", "mse"),
+            ("depth_m", "mae"),
+        )
+    ),
+    ("shadow", "rgb", "mse"),
+)
+
 
 def better_direction(metric: str) -> int:
     """+1: more is better, -1: less is, 0: it only describes."""

@@ -31,15 +31,8 @@ from dlama.files.photos.containers import (
     list_further_pictures,
 )
 from dlama.files.photos.stereo import match_stereo_photo
-from dlama.files.rasters.images import (
-    HEIC,
-    apply_orientation,
-    check_pixels,
-    existing_file,
-    orientation_of,
-    picture_hw,
-    read_stored,
-)
+from dlama.files.rasters.images import HEIC, check_pixels, existing_file, orientation_of, picture_hw, read_stored
+from dlama.files.rasters.orientation import apply_orientation
 from dlama.files.rasters.pictures import eight_bit_rgb
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import Float32Array, UInt8Array

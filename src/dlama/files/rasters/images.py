@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import re
-import struct
 import warnings
 import zlib
 from collections.abc import Iterator
@@ -19,17 +18,18 @@ from PIL import Image
 
 from dlama.errors import DlamaError, FileError, MissingExtraError, system_errors
 from dlama.files.atomic_write import PathLike
+from dlama.files.rasters.orientation import (
+    BIG_TIFF_HEADS,
+    EXIF_ORIENTATION,
+    TIFF_HEADS,
+    apply_orientation,
+    decoder_orientation,
+    reset_orientation,
+)
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".mpo", ".webp", ".tif", ".tiff", ".heic", ".heif")
-EXIF_ORIENTATION = 0x0112
 EXIF_FOLDER = 0x8769
 EXIF_FOCAL_35MM = 0xA405
-TIFF_HEADS = {b"II*\0": "<", b"MM\0*": ">"}
-"""First bytes of a TIFF, and its byte order as `struct` calls it."""
-BIG_TIFF_HEADS = {b"II+\0": "<"}
-"""Of a BigTIFF, whose counts and offsets have 64 bits (Pillow reads no other byte order)."""
-TIFF_WHOLE = {3: "H", 4: "I", 16: "Q"}
-"""Types of whole numbers in a TIFF, as `struct` calls them."""
 LARGEST_PIXELS = 2**26
 """Pixels of the largest picture or array that is read (8192 x 8192): bounds the memory that a small file can ask for."""
 HEIC = re.compile(rb"....ftyp(hei|mif1)", re.DOTALL)
@@ -106,7 +106,7 @@ def read_stored(path: PathLike) -> StoredPicture:
     """
     file = existing_file(path)
     try:
-        data, tiff_orientation = _reset_orientation(file.read_bytes())
+        data, tiff_orientation = reset_orientation(file.read_bytes())
         with _open(file, data) as picture:
             if picture.format in SEVERAL and getattr(picture, "n_frames", 1) > 1:
                 raise FileError(
@@ -117,7 +117,7 @@ def read_stored(path: PathLike) -> StoredPicture:
             if picture.format == "PNG":
                 _check_sums(file, data)
             picture.load()
-            values, turned = _values(picture, file, data), _decoder_orientation(picture)
+            values, turned = _values(picture, file, data), decoder_orientation(picture)
             return StoredPicture(apply_orientation(values, orientation), orientation if turned == 1 else turned, focal)
     except DlamaError:
         raise
@@ -146,9 +146,9 @@ def _header(file: Path) -> tuple[tuple[int, int], int]:
     try:
         with file.open("rb") as stream:
             tiff = stream.read(4) in TIFF_HEADS | BIG_TIFF_HEADS
-        data, orientation = _reset_orientation(file.read_bytes()) if tiff else (b"", 1)
+        data, orientation = reset_orientation(file.read_bytes()) if tiff else (b"", 1)
         with _open(file, data) as picture:
-            hw, turned = (picture.height, picture.width), _decoder_orientation(picture)
+            hw, turned = (picture.height, picture.width), decoder_orientation(picture)
             if turned != 1:
                 return hw if turned < 5 else (hw[1], hw[0]), turned
             return hw, orientation if tiff else _exif(picture)[0]
@@ -204,48 +204,6 @@ def _check_sums(file: Path, data: bytes) -> None:
             kind = data[at + 4 : at + 8].decode("latin-1")
             raise FileError(f"{file}: is damaged (wrong checksum of the {kind} chunk at byte {at})")
         at = end + 4
-
-
-def _decoder_orientation(picture: Image.Image) -> int:
-    """The orientation that a decoder has made good already, 1 to 8: that of HEIC."""
-    turned = picture.info.get("original_orientation") or 1
-    return int(turned) if turned in range(2, 9) else 1
-
-
-def _reset_orientation(data: bytes) -> tuple[bytes, int]:
-    """The bytes of a TIFF with its orientation set to 1, and what it was; other files as they are.
-
-    Pillow turns TIFF by itself (and scrambles some, 13.0), OpenCV does not: here all kinds of files are turned alike.
-    """
-    order = (TIFF_HEADS | BIG_TIFF_HEADS).get(data[:4])
-    if order is None:
-        return data, 1
-    offset_at, offset, counter, head = (8, "Q", "Q", "HHQ") if data[:4] in BIG_TIFF_HEADS else (4, "I", "H", "HHI")
-    (start,) = struct.unpack_from(order + offset, data, offset_at)
-    (count,) = struct.unpack_from(order + counter, data, start)
-    first, to_value = start + struct.calcsize(f"={counter}"), struct.calcsize(f"={head}")
-    entry = to_value + struct.calcsize(f"={offset}")
-    for at in range(first, first + entry * count, entry):  # tag, type, count, value (TIFF 6.0, sec. 2; BigTIFF)
-        tag, kind, number = struct.unpack_from(order + head, data, at)
-        if tag == EXIF_ORIENTATION and kind in TIFF_WHOLE and number == 1:
-            layout, place = order + TIFF_WHOLE[kind], at + to_value
-            (value,) = struct.unpack_from(layout, data, place)
-            patched = data[:place] + struct.pack(layout, 1) + data[place + struct.calcsize(layout) :]
-            return patched, value if value in range(2, 9) else 1
-    return data, 1
-
-
-def apply_orientation(values: np.ndarray, orientation: int) -> np.ndarray:
-    """Stored pixels as the tag says they are to be shown (EXIF 2.32, Orientation): 2 to 4 flips, 5 to 8 transposed as well."""
-    if orientation == 1:
-        return values
-    if orientation >= 5:
-        values = np.swapaxes(values, 0, 1)
-    if orientation in (3, 4, 7, 8):
-        values = values[::-1]
-    if orientation in (2, 3, 6, 7):
-        values = values[:, ::-1]
-    return np.ascontiguousarray(values)
 
 
 def _values(picture: Image.Image, file: Path, data: bytes) -> np.ndarray:

@@ -13,9 +13,9 @@ from typing import NamedTuple
 import numpy as np
 
 from dlama.errors import CameraError
-from dlama.geometry.camera import Float64Array, invert_pose
+from dlama.geometry.camera import Float64Array
+from dlama.geometry.poses import invert_pose, quaternion_from_rotation, rotation_from_quaternion
 from dlama.geometry.rgbd import RGBD
-from dlama.geometry.rotations import quaternion_from_rotation, rotation_from_quaternion
 from dlama.perception.diagnosis.finding import Finding, certainty
 from dlama.perception.diagnosis.landing import Landed, SmallFrame, find_landing_points, shrink
 

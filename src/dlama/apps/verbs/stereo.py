@@ -1,0 +1,70 @@
+"""`dlama stereo`: a rectified pair in; its depth, and with a mask both pictures without the object, as files, out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from tyro.conf import Positional
+
+import dlama
+from dlama.apps.command import command
+from dlama.apps.options import Masking, Method, Metres, Output, Report, Results, option
+from dlama.apps.pointing import Pointing
+
+
+def stereo(
+    left: Positional[Annotated[Path, option("LEFT", None)]],
+    right: Positional[Annotated[Path, option("RIGHT", None)]],
+    /,
+    calib: Annotated[Path, option("CALIB", None)],
+    output: Output,
+    masking: Masking,
+    pointing: Pointing,
+    method: Method,
+    results: Results,
+    report: Report,
+    mask: Annotated[Path | None, option("MASK")] = None,
+    mask_right: Annotated[Path | None, option("MASK", "--mask carried over by disparity")] = None,
+    right_view: Annotated[Literal["given", "synthesised"] | None, option("given|synthesised", "the recipe's")] = None,
+    disparity: Annotated[Path | None, option("FILE", "found")] = None,
+    disparity_scale: Annotated[float | None, option("UNITS", "256 for 16-bit files, 1 for float files")] = None,
+    matcher: Annotated[Path | None, option("FILE.onnx", "semi-global matching")] = None,
+    max_disparity: Annotated[float | None, option("PX", "found")] = None,
+    far: Metres = None,
+) -> None:
+    """Depth from a rectified stereo pair, and with --mask or --click both pictures without an object, so that they agree.
+
+    Args:
+        left: The left picture.
+        right: The right picture, rectified: same size, same rows.
+        calib: Middlebury calib.txt, or JSON with left_K, right_K, baseline_m, doffs, pixel_center.
+        output: Directory for the results, made if need be: the left view at the top, the right one in right/.
+        mask: The object in the left picture: black and white, 255 = remove; --click or --box say it in place of that file.
+        mask_right: The object in the right picture.
+        right_view: given (dlama): the right picture stays as it is and gets depth; synthesised (paper): it is made from the left.
+        disparity: The left picture's disparity, in pixels: PFM, NPY, NPZ, EXR or PNG; 0 and infinity are missing.
+        disparity_scale: Units of the disparity file that make a pixel.
+        matcher: A network that finds the disparity: left and right picture in, disparity out, as its contract says.
+        max_disparity: The largest disparity looked for.
+        far: What is measured at or beyond this is far (sky).
+    """
+    with command("stereo", report) as this:
+        files = {"left": left, "right": right, "mask": mask, "mask_right": mask_right, "disparity": disparity}
+        how = method.settings()
+        removes = mask is not None or pointing.given
+        this.check(output, results, files, left, pointing.settings(), {"far": far}, how, removes=removes)
+        pair = this.pair(left, right, calib)
+        known = this.optional_disparity(disparity, disparity_scale)
+        masks = (
+            this.left_mask(mask, masking, pointing, left),
+            this.optional_mask(mask_right, masking, right, "mask_right"),
+        )
+        options = {
+            "right_view": right_view,
+            "matcher": matcher,
+            "max_disparity": max_disparity,
+            "far": far,
+            **how,
+        }
+        this.write(dlama.stereo(*pair, disparity=known, mask=masks[0], mask_right=masks[1], **options), output, results)
