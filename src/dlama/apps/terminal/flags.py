@@ -32,7 +32,8 @@ def repeated_list(verb: Callable[..., Any], words: Sequence[str]) -> str | None:
     """The flag of an option with several values that is given twice, of which only the last values would count; None: none is."""
     for _, flag, hint in _flags(verb):
         kind = typing.get_args(hint)[0] if hasattr(hint, "__metadata__") else hint
-        if typing.get_origin(kind) is tuple and sum(word.partition("=")[0] == flag for word in words) > 1:
+        named = any(str(getattr(note, "metavar", "")).endswith(",...") for note in getattr(hint, "__metadata__", ()))
+        if (named or typing.get_origin(kind) is tuple) and sum(word.partition("=")[0] == flag for word in words) > 1:
             return flag
     return None
 
