@@ -187,12 +187,19 @@ def test_misspelt_option_exits_with_2(capsys: pytest.CaptureFixture[str]) -> Non
     assert "--yaww" in capsys.readouterr().err
 
 
-def test_a_list_that_is_given_twice_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
-    """The first values would be lost without a word."""
+@pytest.mark.parametrize(
+    ("words", "flag"),
+    [
+        (["sequence", "room", "-o", "out", "--mask", "0=a.png", "--mask", "1=b.png"], "--mask"),
+        (["photo3d", "a.png", "-o", "out", "--also", "spz", "--also=usdz"], "--also"),
+    ],
+)
+def test_a_list_that_is_given_twice_is_refused(words: list[str], flag: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """The first values would be lost without a word, of lists with commas, too."""
     with pytest.raises(SystemExit) as ended:
-        main(["sequence", "room", "-o", "out", "--mask", "0=a.png", "--mask", "1=b.png"])
+        main(words)
     assert ended.value.code == 2
-    assert "--mask is given twice; all its values behind one --mask are expected" in capsys.readouterr().err
+    assert f"{flag} is given twice; all its values behind one {flag} are expected" in capsys.readouterr().err
 
 
 def test_version(capsys: pytest.CaptureFixture[str]) -> None:

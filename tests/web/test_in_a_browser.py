@@ -201,7 +201,8 @@ def test_filling_from_all_sides_is_cancelled(pages: Pages) -> None:
 @pytest.mark.filterwarnings("ignore:the (field of view|scale)")  # of a photo alone, assumed
 def test_five_minutes_of_a_newcomer(pages: Pages, browser: Any, tmp_path: Path) -> None:
     """A photo alone is dropped on the page, an object clicked, gone, the 3-D photo saved and opened from disk on a phone, where a
-    finger turns it (oracles: the picture on the canvas changes, and its camera stays in the box)."""
+    finger turns it (oracles: the barrel's orange is gone, little else has changed; nothing else is asked for; the picture on
+    the canvas changes, and its camera stays in the box)."""
     page = pages.open(accept_downloads=True)
     photo = cv2.resize(cv2.imread(str(dlama.example() / "street.jpg")), (256, 256), interpolation=cv2.INTER_AREA)
     drop(page, "street.jpg", cv2.imencode(".jpg", photo)[1].tobytes())
@@ -212,11 +213,21 @@ def test_five_minutes_of_a_newcomer(pages: Pages, browser: Any, tmp_path: Path) 
     with page.expect_download() as download:
         page.get_by_role("button", name="3-D photo").click()
     download.value.save_as(tmp_path / "photo3d.html")
-    phone = browser.new_context(viewport={"width": 390, "height": 780}, has_touch=True, is_mobile=True)
-    opened = phone.new_page()
+    phone = browser.new_context(
+        viewport={"width": 390, "height": 780}, has_touch=True, is_mobile=True, reduced_motion="reduce"
+    )
+    opened, asked = phone.new_page(), list[str]()
+    opened.on("request", lambda request: asked.append(request.url))
     opened.goto(f"file://{tmp_path / 'photo3d.html'}")
     opened.wait_for_selector("body[data-ready]")
     before, box = pixels(opened, "#photo"), opened.locator("#photo").bounding_box()
+    given = cv2.resize(photo, before.shape[1::-1], interpolation=cv2.INTER_LINEAR)
+    high, wide = given.shape[:2]
+    barrel = np.s_[high * 56 // 100 : high * 79 // 100, wide * 45 // 100 : wide * 56 // 100]
+    assert orange(given[barrel]).mean() > 0.2
+    assert orange(before[barrel]).mean() < 0.1 * orange(given[barrel]).mean()
+    off = np.abs(cv2.blur(before, (5, 5)).astype(int) - cv2.blur(given, (5, 5))).mean(2)
+    assert np.median(off) < 6
     touch, y = phone.new_cdp_session(opened), box["y"] + box["height"] / 2
     for kind, x in (("touchStart", 300), ("touchMove", 200), ("touchMove", 100), ("touchEnd", None)):
         points = [] if x is None else [{"x": box["x"] + x, "y": y}]
@@ -224,7 +235,14 @@ def test_five_minutes_of_a_newcomer(pages: Pages, browser: Any, tmp_path: Path) 
     opened.wait_for_function("photo.at[0] > 0.3")
     assert all(abs(value) <= 1 for value in opened.evaluate("photo.aim"))
     assert (np.abs(pixels(opened, "#photo").astype(int) - before).max(2) > 10).mean() > 0.05
+    assert len(asked) == 1
     phone.close()
+
+
+def orange(bgr: np.ndarray) -> np.ndarray:
+    """Where a picture is orange."""
+    blue, green, red = (bgr[..., channel].astype(int) for channel in range(3))
+    return (red > 140) & (red > green + 50) & (green > blue)
 
 
 def drop(page: Any, name: str, data: bytes) -> None:
