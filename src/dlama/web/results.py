@@ -129,7 +129,7 @@ def pixel(visit: Visit, fields: Fields) -> dict[str, Any]:
 def scene(visit: Visit, fields: Fields) -> Blob:
     """The 3-D photo as GLB, for the page; its box in a header."""
     photo, parts = visit.require_result().photo
-    about = {"X-Box": json.dumps(describe_box(photo.box))}
+    about = {"X-Box": json.dumps(describe_box(photo.box, parts))}
     return Blob(glb_within(parts, LARGEST_GLB), "model/gltf-binary", headers=about)
 
 

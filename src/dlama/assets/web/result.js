@@ -96,8 +96,9 @@ async function showScene() {
     const { blob, headers } = await server.fetched("scene");
     const glb = await readGlb(blob);
     if (wanted !== result) return;
-    const { start, box } = JSON.parse(headers.get("X-Box"));
+    const { start, box, under } = JSON.parse(headers.get("X-Box"));
     view3d ??= new PhotoView($("scene"));
+    for (const [name, value] of [["--aspect", start.aspect], ["--under", under]]) $("scene").style.setProperty(name, value);
     view3d.show(glb, start, result.palette, box);
     sceneOf = wanted;
     const points = glb.parts.reduce((sum, { attributes }) => sum + attributes.position.accessor.count, 0);

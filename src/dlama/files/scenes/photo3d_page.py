@@ -36,7 +36,7 @@ def photo3d_page(box: HeadBox, parts: list[MeshPart]) -> str:
     page = (ASSETS / "photo3d.html").read_text("utf-8")
     room = (LARGEST_PAGE - len(page) - len(scripts) - 2000) * 3 // 4
     filled = {
-        "about": json.dumps(describe_box(box) | {"under": mean_color(parts)}),
+        "about": json.dumps(describe_box(box, parts)),
         "glb": base64.b64encode(glb_within(parts, room)).decode("ascii"),
         "script": MODULE_LINES.sub("", scripts),
     }
@@ -51,8 +51,9 @@ def mean_color(parts: list[MeshPart]) -> str:
     return f"rgb({', '.join(str(round(level)) for level in levels)})"
 
 
-def describe_box(box: HeadBox) -> dict[str, Any]:
-    """Where the view begins (pose, metres to the pivot, vertical degrees, aspect), and how far it may go, for the page."""
+def describe_box(box: HeadBox, parts: list[MeshPart]) -> dict[str, Any]:
+    """Where the view begins (pose, metres to the pivot, vertical degrees, aspect), how far it may go, and the colour under it,
+    for the page."""
     camera = box.camera
     start = {
         "world_from_cam": camera.world_from_cam.tolist(),
@@ -60,4 +61,4 @@ def describe_box(box: HeadBox) -> dict[str, Any]:
         "fovy": math.degrees(2 * math.atan(camera.height / (2 * camera.fy))),
         "aspect": camera.width / camera.height,
     }
-    return {"start": start, "box": {"angle": box.angle, "distance": box.distance}}
+    return {"start": start, "box": {"angle": box.angle, "distance": box.distance}, "under": mean_color(parts)}
