@@ -5,6 +5,7 @@ Pixel centres, axes and units are those of `dlama.geometry.camera`. Pure numpy.
 
 from __future__ import annotations
 
+import functools
 import math
 
 import numpy as np
@@ -93,6 +94,7 @@ def round_depth(depth: Float32Array, up: bool = False) -> Float32Array:
     return bits.view(np.float32)
 
 
+@functools.lru_cache(1024)  # asked for again and again while depth is projected onto the law of many frames
 def px_from_px(target: Camera, source: Camera) -> tuple[Float64Array, Float64Array]:
     """The 3x3 matrix and 3-vector that take a source pixel (u, v, 1) at depth z to z * matrix @ (u, v, 1) + offset.
 

@@ -54,6 +54,8 @@ def coarse_camera(camera: Camera) -> Camera:
     return dataclasses.replace(camera, width=width, height=height, **lens)
 
 
+BAND = 8192
+"""Pixels per task."""
 MAX_ROUNDS = 8
 """Passes over all source cameras, after which remaining violations are put at infinity."""
 SIGMAS, EXACT, EDGES_PX = 3.0, 1e-3, 2
@@ -148,11 +150,13 @@ class Law:
 
     def violations(self, camera: Camera, depth: Float32Array, where: BoolArray) -> BoolArray:
         """H x W bool, True at pixels of `where` (H x W bool) whose `depth` (H x W metres, seen from `camera`) breaks the law."""
-        broken = np.zeros(depth.shape, np.bool_)
-        # one signature, one compilation: numba tells read-only arrays from others
-        depth, where = np.require(depth, requirements="W"), np.require(where, requirements="W")
+        broken, chosen = np.zeros(depth.shape, np.bool_), where & (depth > 0)
+        places, values = np.flatnonzero(chosen).astype(np.int32), depth[chosen]
+        found, width = np.zeros(len(places), np.bool_), depth.shape[1]
         for source, measured in self.measured:
-            in_bands(kernels.violations, len(depth), depth, where, *px_from_px(source, camera), measured, broken)
+            from_camera = px_from_px(source, camera)
+            in_bands(kernels.violations, len(places), places, values, width, *from_camera, measured, found, band=BAND)
+        broken[chosen] = found
         return broken
 
     def project(self, camera: Camera, depth: Float32Array, where: BoolArray) -> tuple[Float32Array, BoolArray]:
@@ -170,8 +174,13 @@ class Law:
             moved |= broken
             if number:  # rounding to float32, or another source's law, brought it back over a border
                 out[broken] *= np.float32(1 + 1e-5 * 4**number)
+            places, values = np.flatnonzero(broken).astype(np.int32), out[broken]
             for source, measured in self.measured:
-                in_bands(kernels.push_back, len(out), out, broken, *px_from_px(source, camera), measured)
+                from_camera = px_from_px(source, camera)
+                in_bands(
+                    kernels.push_back, len(places), places, values, out.shape[1], *from_camera, measured, band=BAND
+                )
+            out[broken] = values
         out[self.violations(camera, out, where)] = np.inf
         return out, moved
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.kernels.jit import Flag, Real, Whole, kernel, piece
@@ -50,23 +51,22 @@ def breaks_law(ax: Real, ay: Real, az: Real, offset: Float64Array, depth: Real, 
 def violations(
     first: Whole,
     last: Whole,
+    places: NDArray[np.int32],
     depth: Float32Array,
-    where: BoolArray,
+    width: Whole,
     matrix: Float64Array,
     offset: Float64Array,
     measured: Float32Array,
     out: BoolArray,
 ) -> None:
-    """Mark, in `out` (bool H x W), the pixels of `where` whose depth breaks the law of one source.
+    """Mark, in `out`, those of the pixels first..last whose depth breaks the law of one source.
 
-    matrix, offset: source px from target px.
+    places: N, flat numbers of the pixels in a picture of that width; depth: N, > 0; matrix, offset: source px from target px.
     """
-    for row in range(first, last):
-        for column in range(depth.shape[1]):
-            if where[row, column] and depth[row, column] > 0:
-                ax, ay, az = ray(matrix, row, column)
-                if breaks_law(ax, ay, az, offset, np.float64(depth[row, column]), measured):
-                    out[row, column] = True
+    for n in range(first, last):
+        ax, ay, az = ray(matrix, places[n] // width, places[n] % width)
+        if breaks_law(ax, ay, az, offset, np.float64(depth[n]), measured):
+            out[n] = True
 
 
 @piece
@@ -117,15 +117,14 @@ def lawful_depth(ax: Real, ay: Real, az: Real, offset: Float64Array, depth: Real
 def push_back(
     first: Whole,
     last: Whole,
+    places: NDArray[np.int32],
     depth: Float32Array,
-    where: BoolArray,
+    width: Whole,
     matrix: Float64Array,
     offset: Float64Array,
     measured: Float32Array,
 ) -> None:
-    """Move the pixels of `where` (float32 depth, in place) outwards until they keep the law of one source."""
-    for row in range(first, last):
-        for column in range(depth.shape[1]):
-            if where[row, column]:
-                ax, ay, az = ray(matrix, row, column)
-                depth[row, column] = lawful_depth(ax, ay, az, offset, np.float64(depth[row, column]), measured)
+    """Move the pixels first..last (`depth`, in place) outwards until they keep the law of one source. Arguments: `violations`."""
+    for n in range(first, last):
+        ax, ay, az = ray(matrix, places[n] // width, places[n] % width)
+        depth[n] = lawful_depth(ax, ay, az, offset, np.float64(depth[n]), measured)

@@ -88,11 +88,11 @@ def complete_picture(
     coarser: Search | None = None
     for i in reversed(range(len(levels))):
         search = Search.of(levels[i], rng, penalty_weights(max(hole.shape) / 2**i))
+        small = levels[i].hole.size <= LARGEST_MATCHED and (i > 0 or effort.at_full_size)
         if coarser is None:
             search.compare_all(rng, effort.pairs)
         else:
-            search.start_from(coarser)
-        small = levels[i].hole.size <= LARGEST_MATCHED and (i > 0 or effort.at_full_size)
+            search.start_from(coarser, compare=small)
         rounds = int(np.clip(effort.updates // len(search.targets), 1, effort.rounds))
         for turn in range(rounds):
             if coarser is None or small:
@@ -168,16 +168,19 @@ class Search:
             self.cost,
         )
 
-    def start_from(self, coarser: Search) -> None:
-        """Start with the matches and colours of the coarser level (half the size)."""
+    def start_from(self, coarser: Search, compare: bool) -> None:
+        """Start with the matches and colours of the coarser level (half the size); with its costs, too, or `compare` anew."""
         parent = self.targets // 2
         above = coarser.number[parent[:, 0], parent[:, 1]]
         moved = 2 * (coarser.found[above] - parent) + self.targets
         moved = np.where((above >= 0)[:, None], moved, self.targets)
         self.found[:] = nearest_source(self.sources, moved)
-        self.cost[:] = 1
-        self._paint(SOFT, WIDE, self.trust)
-        self._weigh()
+        if compare:
+            self.cost[:] = 1
+            self._paint(SOFT, WIDE, self.trust)
+            self._weigh()
+        else:
+            self.cost[:] = np.where(above >= 0, coarser.cost[above], coarser.cost.mean())
 
     def match(self, turn: int, matchings: int) -> None:
         """Improve the matches so many times, by propagation from neighbours and random search."""
