@@ -6,6 +6,7 @@ import dataclasses
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from dlama.geometry.projection import rays
 from dlama.perception.shadows.planes import MULTIPLE, PLANES
@@ -14,6 +15,7 @@ from dlama.worlds.raycast.shape_rows import GROUND_GROUP, LAYER
 from shadow_crops import LOW_M, ShadowCrops, add_paving, shadow_crop, write_shadow_crops
 
 
+@pytest.mark.slow
 def test_a_seed_says_it_all_and_truth_lies_on_the_surface(tmp_path: Path) -> None:
     """Oracles: the same seed gives the same crop, in memory and in a file; no shadow counts off the surface."""
     made = shadow_crop(54_003)

@@ -206,7 +206,7 @@ def chains(kind: str) -> st.SearchStrategy[list[Step]]:
     return st.lists(removal | view | frame | st.just(ReadBack()), min_size=1, max_size=6, unique=True)
 
 
-@pytest.mark.parametrize("kind", ["photo", "pair", "sequence"])
+@pytest.mark.parametrize("kind", ["photo", "pair", pytest.param("sequence", marks=pytest.mark.slow)])
 def test_chains_keep_the_laws(kind: str) -> None:
     begin = start(kind)
 

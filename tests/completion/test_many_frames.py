@@ -104,6 +104,7 @@ def test_a_mask_is_carried_to_all_frames() -> None:
         assert (found & ~mask).sum() < 0.15 * mask.sum()
 
 
+@pytest.mark.slow
 def test_removed_in_all_frames() -> None:
     """The ball is gone from every frame; where another frame saw behind it, that is what is shown (oracle: the empty street)."""
     done = removed()

@@ -22,6 +22,7 @@ def completions() -> tuple[dlama.Completion, dlama.Completion]:
     return whole, dlama.remove(rgbd, mask, yaw=10, filler="telea", min_confidence=LEAST)
 
 
+@pytest.mark.slow
 def test_views_lose_what_is_less_sure_and_nothing_else(
     completions: tuple[dlama.Completion, dlama.Completion],
 ) -> None:
@@ -38,6 +39,7 @@ def test_views_lose_what_is_less_sure_and_nothing_else(
     np.testing.assert_array_equal(sure.hole_type, whole.hole_type)
 
 
+@pytest.mark.slow
 def test_clouds_and_meshes_lose_it_too(completions: tuple[dlama.Completion, dlama.Completion]) -> None:
     """Law: no filled point below it is left; measured points are all there."""
     whole, sure = completions

@@ -72,6 +72,7 @@ def test_every_filler_has_them_where_it_filled(filler: str) -> None:
     assert said["color_levels"] == [pytest.approx(view.color_error[view.filled].mean(), rel=1e-3)]
 
 
+@pytest.mark.slow
 def test_they_are_calibrated_on_held_out_worlds() -> None:
     """Truth: over four worlds and two fillers, by decile of what is expected, the actual mean error is nowhere more than 1.5
     times as large, at least 0.4 of it where it is large, and rises with it; over all pixels it is at

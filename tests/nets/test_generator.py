@@ -58,6 +58,7 @@ def test_discriminator_modules_have_the_published_names():
     assert shapes == discriminator_shapes(settings)
 
 
+@pytest.mark.slow
 def test_every_parameter_learns():
     """Oracle: law; a gradient reaches every parameter of both networks."""
     picture = torch.rand(2, 4, 32, 40)
@@ -83,6 +84,7 @@ def test_fourier_unit_sees_the_whole_picture():
     assert (moved > 1e-6).float().mean() > 0.9
 
 
+@pytest.mark.slow
 def test_fourier_unit_stays_exact_under_autocast():
     """Oracle: itself without autocast; half-precision FFTs do not exist on 24 x 20."""
     unit = FourierUnit(2).eval()

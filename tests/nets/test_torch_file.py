@@ -225,6 +225,7 @@ EXPLODING = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("what", EXPLODING)
 def test_pickles_that_cost_more_than_they_weigh_are_refused(tmp_path: Path, what: str) -> None:
     """Oracle: Python's own memory stays small, and the test ends at all: each took minutes, gigabytes or the process."""

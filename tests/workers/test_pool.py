@@ -16,6 +16,7 @@ from tasks import deadly, square
 from dlama.workers.pool import Pool, WorkerError, run_all
 
 
+@pytest.mark.slow
 def test_every_task_is_answered_by_warm_processes() -> None:
     """Oracle: squares; no more processes than asked for, each with the threads it was given."""
     ended = list(run_all(square, range(20), 2, threads=3))
@@ -24,6 +25,7 @@ def test_every_task_is_answered_by_warm_processes() -> None:
     assert {one.answer[2] for one in ended} == {"3"}
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="no signals")
 def test_a_death_costs_its_own_task_alone(tmp_path: Path) -> None:
     """Killed once: it runs again; twice: it is left, and how it died is said; all others are answered."""
@@ -41,6 +43,7 @@ def test_a_death_costs_its_own_task_alone(tmp_path: Path) -> None:
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="no signals")
 def test_an_idle_process_that_is_killed_is_replaced() -> None:
     """Its task is none, so none is lost (oracle: another process answers)."""

@@ -88,6 +88,7 @@ def test_results_are_those_of_frames_in_memory(limited: list[PixelCache]) -> Non
     assert limited[0].bytes <= LIMIT
 
 
+@pytest.mark.slow
 def test_a_camera_touches_few_frames_and_few_are_alive(limited: list[PixelCache]) -> None:
     """Each frame is read at most twice to gather the scene; then a camera reads no more than MOST_FRAMES; 12 are held."""
     reader = Reader()
@@ -100,6 +101,7 @@ def test_a_camera_touches_few_frames_and_few_are_alive(limited: list[PixelCache]
     assert limited[0].bytes <= LIMIT and limited[0].reads == reader.times
 
 
+@pytest.mark.slow
 def test_the_law_of_very_many_frames_is_made_for_each_camera(monkeypatch: pytest.MonkeyPatch) -> None:
     """What it forbids is a part of what the law of all forbids (oracle: that), and it forbids most of it."""
     eager = dlama.scene([Reader()(camera) for camera in CAMERAS])

@@ -185,6 +185,7 @@ def test_the_first_kernel_compiled_is_announced_and_garbage_waits(
     assert gc.isenabled()
 
 
+@pytest.mark.slow
 def test_kernels_without_compilation_are_said() -> None:
     """One warning; without the variable none."""
     code = "import dlama.geometry.kernels.jit"

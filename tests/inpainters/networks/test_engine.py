@@ -234,6 +234,7 @@ def test_level_0_of_depth_is_sky_only_where_there_is_sky(far: bool) -> None:
     assert (depth[taken] > 5).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("height", "width"), [(96, 128), (512, 512), (300, 700)])
 def test_the_shipped_migan_continues_a_wall(height: int, width: int) -> None:
     """Closed form, loosely: grey continues grey, in pictures smaller and larger than the network's 512 px; no file is asked
@@ -249,6 +250,7 @@ def test_the_shipped_migan_continues_a_wall(height: int, width: int) -> None:
     assert report.notes["model"] == "migan-512.onnx" and report.law_violations == 0
 
 
+@pytest.mark.slow
 def test_migan_continues_a_plane(migan_pipeline: Path) -> None:
     """Closed form, loosely: a grey wall at 2 m continues grey and at about 2 m; known pixels bit for bit."""
     color = np.random.default_rng(0).integers(118, 138, (256, 256, 3), np.uint8)

@@ -150,6 +150,7 @@ def test_as_a_filler_it_continues_surfaces_and_says_what_ran() -> None:
     assert "migan" in str(report.notes["guess"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("recipe", ["dlama", "paper"])
 def test_the_seed_reaches_the_patches(recipe: str) -> None:
     """Law: the same seed gives the same bits, another one other patches, on continued surfaces and as the paper does it."""

@@ -35,6 +35,7 @@ def test_the_exported_network_agrees_with_the_published_code(tmp_path, vector_fi
     assert [file.name for file in tmp_path.iterdir()] == ["small.onnx"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "settings",
     [

@@ -198,6 +198,7 @@ def test_real_and_rendered_pictures(name: str | None) -> None:
             assert faults(SPOILT[name][0](observed(rgbd))) & set(SPOILT[name][1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("wh", [(1000, 80), (80, 1000), (640, 12), (400, 2), (5, 5), (4, 3), (1, 1)])
 def test_strips_and_tiny_pictures_are_no_error(wh: tuple[int, int]) -> None:
     """Noise of any shape: findings, whatever they are, and no traceback."""

@@ -76,6 +76,7 @@ def test_sky_alone_is_refused() -> None:
         find_mask(RGBD(scene()[0], sky, CAMERA, {"estimator": "none"}), clicks=[CLICK])
 
 
+@pytest.mark.slow
 def test_a_click_on_nothing_is_refused() -> None:
     """On plain ground there is no object, nor in the sky; one line says so."""
     color, depth, _ = scene()

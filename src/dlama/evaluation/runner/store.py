@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from dlama.datasets.frames import Case
-from dlama.errors import FileError
 from dlama.evaluation.protocols.methods import Measure, Method
 from dlama.files.atomic_write import new_file
 
@@ -118,9 +117,6 @@ class Row(NamedTuple):
         return f"{self.recipe}/{self.filler}"
 
 
-HEADER = ",".join(Row._fields)
-
-
 def result_rows(stored: Iterable[Stored]) -> list[Row]:
     """The numbers that are the same on every run, in the order in which they were asked for."""
     rows = []
@@ -149,29 +145,6 @@ def write_rows(path: Path, rows: Sequence[Row]) -> None:
         for row in rows:
             yaw = "" if row.yaw is None else f"{row.yaw:.10g}"
             writer.writerow([*row[:4], yaw, *row[5:10], repr(float(row.value))])
-
-
-def read_rows(path: Path) -> list[Row]:
-    """Raises FileError, which names the line."""
-    try:
-        with path.open(encoding="utf-8", newline="") as stream:
-            lines = list(csv.reader(stream))
-    except (OSError, UnicodeDecodeError) as error:
-        raise FileError(f"{path}: cannot be read as a table: {error}") from error
-    if not lines or tuple(lines[0]) != Row._fields:
-        raise FileError(f"{path}: line 1 is {','.join(lines[0]) if lines else 'missing'}; {HEADER} is expected")
-    return [_row(path, number, line) for number, line in enumerate(lines[1:], 2)]
-
-
-def _row(path: Path, number: int, line: list[str]) -> Row:
-    try:
-        protocol, dataset, scene, frame, yaw, recipe, filler, region, modality, metric, value = line
-        numbers = float(yaw) if yaw else None, float(value)
-    except ValueError as error:
-        raise FileError(
-            f"{path}: line {number} is no row of {len(Row._fields)} fields with numbers: {error}"
-        ) from error
-    return Row(protocol, dataset, scene, frame, numbers[0], recipe, filler, region, modality, metric, numbers[1])
 
 
 def _as_row(measure: Measure) -> list[Any]:
