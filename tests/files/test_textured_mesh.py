@@ -12,7 +12,7 @@ import trimesh
 from pygltflib import GLTF2
 
 from dlama.completion.verbs import remove, view
-from dlama.files.scenes.textured_mesh import pack_textures, write_textured_glb
+from dlama.files.scenes.textured_mesh import bring_near, pack_textures, write_textured_glb
 from dlama.geometry.camera import Camera
 from dlama.geometry.layers.decimation import decimate
 from dlama.geometry.layers.layered_mesh import MeshPart
@@ -87,3 +87,22 @@ def test_nothing_bleeds_in_at_edges() -> None:
     white = dataclasses.replace(shown, color=np.stack([levels] * 3, axis=2))
     part = MeshPart(decimate(white).mesh, decimate(white).pixels, white.color, ~shown.hole)
     assert (pack_textures((part,))[0] == 255).all()
+
+
+def test_what_is_far_is_drawn_in_along_its_rays() -> None:
+    """From the camera nothing moves, what was behind stays behind, what is near stays to the bit, and nothing is left beyond half
+    as far again."""
+    rng, pose = np.random.default_rng(0), np.eye(4)
+    pose[:3, 3] = (1, 2, 3)
+    rays = rng.normal(size=(200, 3))
+    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+    far = np.sort(np.exp(rng.uniform(-2, 8, 200)))
+    vertices = pose[:3, 3] + rays * far[:, None]
+    kind, sure = np.ones(200, np.uint8), np.ones(200, np.float32)
+    plain = Mesh(vertices, np.zeros((0, 3), np.int32), np.zeros((200, 3), np.uint8), kind, sure)
+    part = MeshPart(plain, np.zeros((200, 2)), np.zeros((1, 1, 3), np.uint8), None)
+    (found,) = bring_near([part], Camera(64, 48, 55.0, 55.0, 32.0, 24.0).at(pose), 10.0)
+    moved = found.mesh.vertices - pose[:3, 3]
+    distance = np.linalg.norm(moved, axis=1)
+    assert np.allclose(moved / distance[:, None], rays) and (np.diff(distance) > 0).all() and distance.max() < 15
+    assert (found.mesh.vertices[far < 9.99] == vertices[far < 9.99]).all()

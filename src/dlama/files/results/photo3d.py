@@ -25,6 +25,7 @@ from dlama.files.scenes.photo3d_page import LARGEST_GLB, glb_within, photo3d_pag
 from dlama.files.scenes.scene_npz import write_npz
 from dlama.files.scenes.splats import scene_splats, write_splats
 from dlama.files.scenes.spz import write_spz
+from dlama.files.scenes.textured_mesh import bring_near
 from dlama.files.scenes.usdz import check_usd, write_usdz
 from dlama.geometry.camera import Camera
 from dlama.geometry.layers.layered_mesh import mesh_layers
@@ -47,6 +48,8 @@ RESULTS: dict[str, tuple[str, ...]] = {
 BY_DEFAULT = ("page", "mesh")
 MOST_TRIANGLES = 100_000
 """What viewers of augmented reality take."""
+FARTHEST = 0.98
+"""Quantile of the depth of the frames beyond which meshes for other viewers are drawn in."""
 EYES = 0.2
 """Places of the two eyes of a stereo picture, -1..1 across the box."""
 STEREO_WIDTH, LOOP_WIDTH, LOOP_PICTURES, LOOP_FPS = 1920, 640, 72, 24.0
@@ -121,6 +124,11 @@ def file_writers(photo: Photo3D, folder: Path, about: dict[str, Any]) -> dict[st
         return found
 
     @cache
+    def near_parts() -> Any:
+        depths = [frame.depth[frame.valid] for frame in (one.read() for one in scene.frames) if frame.valid.any()]
+        return bring_near(parts(), box.camera, max(float(np.quantile(depth, FARTHEST)) for depth in depths))
+
+    @cache
     def splats() -> Any:
         found = scene_splats(scene, box)
         about["splats"] = len(found)
@@ -137,8 +145,8 @@ def file_writers(photo: Photo3D, folder: Path, about: dict[str, Any]) -> dict[st
 
     return {
         "photo3d.html": lambda: (folder / "photo3d.html").write_text(photo3d_page(box, parts()), "utf-8"),
-        "photo3d.glb": lambda: (folder / "photo3d.glb").write_bytes(glb_within(parts(), LARGEST_GLB)),
-        "photo3d.usdz": lambda: write_usdz(folder / "photo3d.usdz", parts()),
+        "photo3d.glb": lambda: (folder / "photo3d.glb").write_bytes(glb_within(near_parts(), LARGEST_GLB)),
+        "photo3d.usdz": lambda: write_usdz(folder / "photo3d.usdz", near_parts()),
         "splats.ply": lambda: write_splats(folder / "splats.ply", splats()),
         "splats.spz": lambda: write_spz(folder / "splats.spz", splats()),
         "side_by_side.jpg": lambda: write_color(folder / "side_by_side.jpg", np.concatenate(eyes(), 1)),

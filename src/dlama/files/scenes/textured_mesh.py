@@ -6,6 +6,7 @@ numbers as they are, which is too dark; trimesh drops them if there is a materia
 
 from __future__ import annotations
 
+import dataclasses
 import io
 import math
 from collections.abc import Sequence
@@ -16,7 +17,7 @@ from PIL import Image as Pillow
 from dlama.files.atomic_write import PathLike, new_file
 from dlama.files.scenes.gltf import GLTF2, BufferView, Image, Sampler, Texture, TextureInfo
 from dlama.files.scenes.meshes import ARRAY_BUFFER, FLOAT, Blob, add_primitive, mesh_document
-from dlama.geometry.camera import Float64Array
+from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.holes import fill_with_nearest
 from dlama.geometry.layers.decimation import bounding_box, decimate
 from dlama.geometry.layers.layered_mesh import MeshPart
@@ -74,6 +75,18 @@ def pack_parts(parts: Sequence[MeshPart]) -> list[MeshPart]:
     texture, places = pack_textures(opaque)
     pixels = np.concatenate([part.pixels + place for part, place in zip(opaque, places)])
     return [MeshPart(join_meshes([part.mesh for part in opaque]), pixels, texture, None), *soft]
+
+
+def bring_near(parts: Sequence[MeshPart], camera: Camera, metres: float) -> list[MeshPart]:
+    """The parts with what is farther away than so many metres drawn in along the rays of a camera, in order, to at most half as
+    far again: viewers that choose their own place look at the whole, of which a far sky would be most."""
+    home, found = camera.world_from_cam[:3, 3], []
+    for part in parts:
+        rays = part.mesh.vertices - home
+        share = metres / np.maximum(np.linalg.norm(rays, axis=1, keepdims=True), metres)
+        vertices = home + rays * np.where(share < 1, share * (1.5 - 0.5 * share), 1)
+        found.append(part._replace(mesh=dataclasses.replace(part.mesh, vertices=vertices)))
+    return found
 
 
 def add_texture(
