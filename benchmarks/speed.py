@@ -3,6 +3,7 @@
     python benchmarks/speed.py                                 # every row of this checkout, once
     python benchmarks/speed.py --against 9b78cf1 --rounds 3    # ratios against that commit, with their spread
     python benchmarks/speed.py --rows help photo-12mp          # some rows; --list names them
+    python benchmarks/speed.py --chart photo.svg               # time, memory and files of a photo of 1, 4, 11 and 24 megapixels
 
 Each row runs in a process of its own, whose kernels are compiled before it is timed. `--against` unpacks the commit
 (`git archive`), runs it with the same packages, in turns A B B A, and prints the ratio new / old of each pair: median, least and
@@ -256,6 +257,8 @@ ROWS: dict[str, Callable[[], Figures]] = {
     "photo-24mp": lambda: removal_of_photo(6000),
 }
 """Name -> what measures it, in a process of its own."""
+PHOTOS = {"photo-1mp": 1.0, "photo-4mp": 4.0, "photo-12mp": 10.7, "photo-24mp": 24.0}
+"""Row -> megapixels of the photo."""
 
 
 def measure(row: str) -> Figures:
@@ -275,6 +278,31 @@ def in_checkout(source: Path, row: str) -> Figures | None:
         return None
     found: Figures = json.loads(ended.stdout.splitlines()[-1])
     return found
+
+
+def draw_chart(path: Path) -> None:
+    """Processor seconds, peak memory and bytes written of the removal from a photo against its megapixels, as an SVG."""
+    import matplotlib
+
+    matplotlib.use("svg")
+    matplotlib.rcParams["svg.fonttype"] = "none"
+    matplotlib.rcParams["svg.hashsalt"] = "dlama"
+    from matplotlib import pyplot
+
+    found = {pixels: in_checkout(ROOT / "src", row) for row, pixels in PHOTOS.items()}
+    panels = {
+        "processor seconds": ("depth", "click", "removal", "write"),
+        "peak memory, GB": ("peak GB",),
+        "files, MB": ("MB written",),
+    }
+    figure, axes = pyplot.subplots(1, len(panels), figsize=(9, 2.6), layout="constrained")
+    for plot, (title, names) in zip(axes, panels.items()):
+        values = {pixels: sum(one[name] for name in names) for pixels, one in found.items() if one is not None}
+        print(title, values)
+        plot.plot(list(values), list(values.values()), "o-", color="#1f6fb2")
+        plot.set(title=title, xlabel="megapixels", xlim=(0, None), ylim=(0, None))
+        plot.grid(alpha=0.3)
+    figure.savefig(path, metadata={"Date": None})
 
 
 def compare(row: str, new: Path, old: Path, rounds: int) -> None:
@@ -302,12 +330,15 @@ def main() -> None:
     parser.add_argument("--rows", nargs="+", choices=ROWS, default=list(ROWS))
     parser.add_argument("--rounds", type=int, default=3, help="pairs that are counted; one more warms up")
     parser.add_argument("--list", action="store_true")
+    parser.add_argument("--chart", type=Path, metavar="FILE")
     parser.add_argument("--measure", choices=ROWS, help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.list:
         print("\n".join(ROWS))
     elif given.measure:
         print(json.dumps(measure(given.measure)))
+    elif given.chart is not None:
+        draw_chart(given.chart)
     elif given.against is None:
         for row in given.rows:
             figures = in_checkout(ROOT / "src", row) or {}
