@@ -12,7 +12,7 @@ import pytest
 
 from dlama.datasets.frames import Dataset
 from dlama.datasets.layouts import LAYOUTS, detect, open_dataset
-from dlama.datasets.posed.numbered_frames import numbered_frames, tsdf_fusion
+from dlama.datasets.posed.numbered_frames import numbered_frames
 from dlama.datasets.posed.posed_frames import PosedFrame, lens_for, posed_frame
 from dlama.datasets.posed.view_pairs import Overlaps, posed_dataset, view_pairs
 from dlama.errors import FileError, InputError
@@ -125,7 +125,7 @@ def test_pairs_of_views_turn_as_wanted_and_overlap(tmp_path: Path) -> None:
 
     Frame 2 to 1 (11 degrees) is nearer to 10 than 2 to 3 (8), which counts where there is no better.
     """
-    dataset = tsdf_fusion(scene(tmp_path))
+    dataset = open_dataset(scene(tmp_path), "tsdf-fusion")
     found = [(case.frame[10:12] + case.frame[-2:], case.yaw) for case in dataset.cases]
     assert found == [
         ("0001", 10.0), ("0002", 21.0), ("0003", 29.0),

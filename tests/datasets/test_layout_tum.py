@@ -132,7 +132,9 @@ def test_no_text_and_no_file(tmp_path: Path) -> None:
     with pytest.raises(FileError, match=r"depth\.txt: is no text \(byte 0 is not UTF-8\)"):
         open_dataset(root)
     (root / "depth.txt").unlink()
-    with pytest.raises(FileError, match=r"holds no such data set.*looked for rgb\.txt, depth\.txt, groundtruth\.txt"):
+    with pytest.raises(
+        FileError, match=r"holds no such data set.*looked for rgb\.txt, depth\.txt and groundtruth\.txt"
+    ):
         open_dataset(root, "tum")
 
 

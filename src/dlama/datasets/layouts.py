@@ -6,31 +6,32 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from dlama.datasets.captures.arkitscenes import arkitscenes, looks_like_arkitscenes
-from dlama.datasets.captures.azure_kinect import azure_kinect, looks_like_azure_kinect
-from dlama.datasets.captures.polycam import looks_like_polycam, polycam
-from dlama.datasets.captures.record3d import looks_like_record3d, record3d
+from dlama.datasets.captures.arkitscenes import arkitscenes_frames, looks_like_arkitscenes
+from dlama.datasets.captures.azure_kinect import azure_kinect_frames, looks_like_azure_kinect
+from dlama.datasets.captures.polycam import looks_like_polycam, polycam_frames
+from dlama.datasets.captures.record3d import looks_like_record3d, record3d_frames
 from dlama.datasets.captures.rosbag import FILES as ROSBAG_FILES
-from dlama.datasets.captures.rosbag import looks_like_rosbag, rosbag
-from dlama.datasets.captures.scannetpp import looks_like_scannetpp, scannetpp
-from dlama.datasets.captures.stray_scanner import looks_like_stray_scanner, stray_scanner
+from dlama.datasets.captures.rosbag import looks_like_rosbag, rosbag_frames
+from dlama.datasets.captures.scannetpp import looks_like_scannetpp, scannetpp_frames
+from dlama.datasets.captures.stray_scanner import looks_like_stray_scanner, stray_scanner_frames
 from dlama.datasets.easysynth.dataset import easysynth, looks_like_easysynth
 from dlama.datasets.frames import Dataset, Gamma
 from dlama.datasets.pairs_json import looks_like_pairs, pairs_json
-from dlama.datasets.posed.colmap import colmap, looks_like_colmap
-from dlama.datasets.posed.nerfstudio import looks_like_nerfstudio, nerfstudio
+from dlama.datasets.posed.colmap import colmap_frames, looks_like_colmap
+from dlama.datasets.posed.nerfstudio import looks_like_nerfstudio, nerfstudio_frames
 from dlama.datasets.posed.numbered_frames import (
     looks_like_seven_scenes,
     looks_like_tsdf_fusion,
-    seven_scenes,
-    tsdf_fusion,
+    seven_scenes_frames,
+    tsdf_fusion_frames,
 )
-from dlama.datasets.posed.posed_frames import CameraOption
-from dlama.datasets.posed.scannet import looks_like_scannet, scannet
+from dlama.datasets.posed.posed_frames import CameraOption, PosedFrame
+from dlama.datasets.posed.scannet import looks_like_scannet, scannet_frames
 from dlama.datasets.posed.scene_file import LAYOUT as SCENE
 from dlama.datasets.posed.scene_file import is_scene_file, scene_file
-from dlama.datasets.posed.trajectory_log import looks_like_trajectory_log, trajectory_log
-from dlama.datasets.posed.tum import looks_like_tum, tum
+from dlama.datasets.posed.trajectory_log import looks_like_trajectory_log, trajectory_log_frames
+from dlama.datasets.posed.tum import looks_like_tum, tum_frames
+from dlama.datasets.posed.view_pairs import read_posed
 from dlama.datasets.removal_folder import looks_like_removal, removal_folder
 from dlama.datasets.stereo_folder import looks_like_stereo, stereo_folder
 from dlama.datasets.text_tables import LEVELS, check_folder, check_scenes, files_in, folders_in
@@ -64,9 +65,33 @@ class SeveralLayoutsError(InputError):
     """A folder that is a data set, of one layout as well as of another."""
 
 
+def _posed(
+    name: str,
+    looked_for: str,
+    looks_like: Callable[[Path], bool],
+    frames: Callable[..., list[PosedFrame]],
+    takes_camera: bool = False,
+    **others: tuple[str, ...],
+) -> tuple[str, Layout]:
+    """A layout of posed frames by its name: `frames(scene, folder)` lists those of a scene, `takes_camera`: (..., root, camera).
+
+    others: `files` and `parts`.
+    """
+
+    def read(
+        root: Path, *, camera: CameraOption = None, scenes: Sequence[str] | None = None, limit: int | None = None
+    ) -> Dataset:
+        more = (root, camera) if takes_camera else ()
+        files = others.get("files", ())
+        return read_posed(
+            name, root, looks_like, looked_for, lambda scene, place: frames(scene, place, *more), scenes, limit, files
+        )
+
+    options = {"scenes", "limit", "camera"} if takes_camera else {"scenes", "limit"}
+    return name, Layout(looked_for, looks_like, read, frozenset(options), **others)
+
+
 _FOLDERS = frozenset({"scenes"})
-_POSED = frozenset({"scenes", "limit"})
-_POSED_BARE = _POSED | {"camera"}
 
 LAYOUTS: dict[str, Layout] = {
     "easysynth": Layout(
@@ -78,37 +103,83 @@ LAYOUTS: dict[str, Layout] = {
     "pairs": Layout("pairs.json", looks_like_pairs, pairs_json, _FOLDERS),
     "removal": Layout("with.color.png and without.color.png", looks_like_removal, removal_folder, _FOLDERS),
     "stereo": Layout("im0.png and im1.png, or left.png and right.png", looks_like_stereo, stereo_folder, _FOLDERS),
-    "tum": Layout(
-        "rgb.txt, depth.txt and groundtruth.txt", looks_like_tum, tum, _POSED_BARE, parts=("groundtruth.txt", "rgb.txt")
-    ),
-    "7-scenes": Layout("frame-*.pose.txt and frame-*.depth.png", looks_like_seven_scenes, seven_scenes, _POSED_BARE),
-    "scannet": Layout("folders color, depth and pose", looks_like_scannet, scannet, _POSED_BARE),
-    "tsdf-fusion": Layout(
-        "camera-intrinsics.txt and frame-*.pose.txt", looks_like_tsdf_fusion, tsdf_fusion, _POSED_BARE
-    ),
-    "redwood": Layout("trajectory.log and a folder depth", looks_like_trajectory_log, trajectory_log, _POSED_BARE),
-    "colmap": Layout("images and cameras (.txt or .bin) in sparse/0 or sparse", looks_like_colmap, colmap, _POSED),
-    "nerfstudio": Layout("transforms.json", looks_like_nerfstudio, nerfstudio, _POSED),
-    "stray-scanner": Layout(
-        "rgb.mp4, odometry.csv and depth", looks_like_stray_scanner, stray_scanner, _POSED, parts=("odometry.csv",)
-    ),
-    "polycam": Layout("keyframes with depth and cameras", looks_like_polycam, polycam, _POSED, parts=("keyframes",)),
-    "record3d": Layout(
-        "a .r3d file, or metadata and a folder rgbd", looks_like_record3d, record3d, _POSED, (".r3d",), ("rgbd",)
-    ),
-    "arkitscenes": Layout(
-        "lowres_wide.traj and a folder lowres_depth",
-        looks_like_arkitscenes,
-        arkitscenes,
-        _POSED,
-        parts=("lowres_wide.traj", "lowres_depth", "lowres_wide_intrinsics"),
-    ),
-    "rosbag": Layout(
-        "a .bag, .mcap or .db3 file, or a folder with metadata.yaml", looks_like_rosbag, rosbag, _POSED, ROSBAG_FILES
-    ),
-    "azure-kinect": Layout("a .mkv file", looks_like_azure_kinect, azure_kinect, _POSED, (".mkv",)),
-    "scannetpp": Layout(
-        "pose_intrinsic_imu.json", looks_like_scannetpp, scannetpp, _POSED, parts=("pose_intrinsic_imu.json", "iphone")
+    **dict(
+        [
+            _posed(
+                "tum",
+                "rgb.txt, depth.txt and groundtruth.txt",
+                looks_like_tum,
+                tum_frames,
+                takes_camera=True,
+                parts=("groundtruth.txt", "rgb.txt"),
+            ),
+            _posed(
+                "7-scenes",
+                "frame-*.pose.txt and frame-*.depth.png",
+                looks_like_seven_scenes,
+                seven_scenes_frames,
+                takes_camera=True,
+            ),
+            _posed("scannet", "folders color, depth and pose", looks_like_scannet, scannet_frames, takes_camera=True),
+            _posed(
+                "tsdf-fusion",
+                "camera-intrinsics.txt and frame-*.pose.txt",
+                looks_like_tsdf_fusion,
+                tsdf_fusion_frames,
+                takes_camera=True,
+            ),
+            _posed(
+                "redwood",
+                "trajectory.log and a folder depth",
+                looks_like_trajectory_log,
+                trajectory_log_frames,
+                takes_camera=True,
+            ),
+            _posed(
+                "colmap", "images and cameras (.txt or .bin) in sparse/0 or sparse", looks_like_colmap, colmap_frames
+            ),
+            _posed("nerfstudio", "transforms.json", looks_like_nerfstudio, nerfstudio_frames),
+            _posed(
+                "stray-scanner",
+                "rgb.mp4, odometry.csv and depth",
+                looks_like_stray_scanner,
+                stray_scanner_frames,
+                parts=("odometry.csv",),
+            ),
+            _posed(
+                "polycam", "keyframes with depth and cameras", looks_like_polycam, polycam_frames, parts=("keyframes",)
+            ),
+            _posed(
+                "record3d",
+                "a .r3d file, or metadata and a folder rgbd",
+                looks_like_record3d,
+                record3d_frames,
+                files=(".r3d",),
+                parts=("rgbd",),
+            ),
+            _posed(
+                "arkitscenes",
+                "lowres_wide.traj and a folder lowres_depth",
+                looks_like_arkitscenes,
+                arkitscenes_frames,
+                parts=("lowres_wide.traj", "lowres_depth", "lowres_wide_intrinsics"),
+            ),
+            _posed(
+                "rosbag",
+                "a .bag, .mcap or .db3 file, or a folder with metadata.yaml",
+                looks_like_rosbag,
+                rosbag_frames,
+                files=ROSBAG_FILES,
+            ),
+            _posed("azure-kinect", "a .mkv file", looks_like_azure_kinect, azure_kinect_frames, files=(".mkv",)),
+            _posed(
+                "scannetpp",
+                "pose_intrinsic_imu.json",
+                looks_like_scannetpp,
+                scannetpp_frames,
+                parts=("pose_intrinsic_imu.json", "iphone"),
+            ),
+        ]
     ),
 }
 """Every layout by the name that `layout` takes."""

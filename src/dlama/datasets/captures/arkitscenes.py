@@ -7,7 +7,6 @@ millimetres, confidence 0 to 2. Format: github.com/apple/ARKitScenes, DATA.md an
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
@@ -21,9 +20,7 @@ from dlama.datasets.captures.captured_frames import (
     levels_of_png,
     report_left_out,
 )
-from dlama.datasets.frames import Dataset
 from dlama.datasets.posed.posed_frames import Lens, PosedFrame
-from dlama.datasets.posed.view_pairs import read_posed
 from dlama.datasets.text_tables import natural_order, nearest_in_time, pose_at, read_rows
 from dlama.errors import FileError
 from dlama.files.rasters.depth import read_depth
@@ -43,13 +40,8 @@ def looks_like_arkitscenes(root: Path) -> bool:
     return (root / DEPTH).is_dir() and (root / POSES).is_file()
 
 
-def arkitscenes(root: Path, *, scenes: Sequence[str] | None = None, limit: int | None = None) -> Dataset:
-    """The recordings of a folder (itself one, or holding several). Raises FileError, CameraError."""
-    looked_for = f"{DEPTH}/ and {POSES}"
-    return read_posed("arkitscenes", root, looks_like_arkitscenes, looked_for, _frames, scenes, limit)
-
-
-def _frames(scene: str, folder: Path) -> list[PosedFrame]:
+def arkitscenes_frames(scene: str, folder: Path) -> list[PosedFrame]:
+    """The frames of one scene. Raises FileError, CameraError."""
     pictures = next((folder / name for name in PICTURES if (folder / name).is_dir()), None)
     if pictures is None:
         raise FileError(f"{folder}: has neither {' nor '.join(PICTURES)} with the colour pictures")

@@ -19,9 +19,8 @@ import cv2
 import numpy as np
 
 from dlama.datasets.captures.captured_frames import CaptureFiles, captured_frame, register_depth, report_left_out
-from dlama.datasets.frames import Dataset
 from dlama.datasets.posed.posed_frames import Lens, PosedFrame
-from dlama.datasets.posed.view_pairs import LOG, read_posed
+from dlama.datasets.posed.view_pairs import LOG
 from dlama.datasets.text_tables import nearest_in_time, pose_at
 from dlama.errors import FileError
 from dlama.files.fields import FileFields, json_fields
@@ -63,13 +62,8 @@ def looks_like_azure_kinect(root: Path) -> bool:
     return root.suffix.lower() == SUFFIX and root.is_file()
 
 
-def azure_kinect(root: Path, *, scenes: Sequence[str] | None = None, limit: int | None = None) -> Dataset:
-    """The recording, or those of a folder. Raises FileError, CameraError, MissingExtraError."""
-    looked_for = f"a {SUFFIX} file"
-    return read_posed("azure-kinect", root, looks_like_azure_kinect, looked_for, _frames, scenes, limit, (SUFFIX,))
-
-
-def _frames(scene: str, path: Path) -> list[PosedFrame]:
+def azure_kinect_frames(scene: str, path: Path) -> list[PosedFrame]:
+    """The frames of one scene. Raises FileError, CameraError."""
     tags, attached = video_tracks(path)
     color, depth = (_track(path, tags, name) for name in ("COLOR", "DEPTH"))
     name = next((name for name in attached if name.endswith(".json")), None)

@@ -8,7 +8,6 @@ github.com/PolyCam/polyform, README.md.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
@@ -21,10 +20,8 @@ from dlama.datasets.captures.captured_frames import (
     levels_of_png,
     report_left_out,
 )
-from dlama.datasets.frames import Dataset
 from dlama.datasets.posed.nerfstudio import CV_FROM_GL
 from dlama.datasets.posed.posed_frames import Lens, PosedFrame
-from dlama.datasets.posed.view_pairs import read_posed
 from dlama.datasets.text_tables import natural_order, pose_at
 from dlama.files.fields import read_json_fields
 from dlama.files.rasters.depth import read_depth
@@ -44,13 +41,8 @@ def looks_like_polycam(root: Path) -> bool:
     )
 
 
-def polycam(root: Path, *, scenes: Sequence[str] | None = None, limit: int | None = None) -> Dataset:
-    """The captures of a folder (itself one, or holding several). Raises FileError, CameraError."""
-    looked_for = "keyframes/ with depth/ and cameras/ or corrected_cameras/"
-    return read_posed("polycam", root, looks_like_polycam, looked_for, _frames, scenes, limit)
-
-
-def _frames(scene: str, folder: Path) -> list[PosedFrame]:
+def polycam_frames(scene: str, folder: Path) -> list[PosedFrame]:
+    """The frames of one scene. Raises FileError, CameraError."""
     inside = folder / FOLDER if (folder / FOLDER).is_dir() else folder
     cameras, pictures = next(
         (

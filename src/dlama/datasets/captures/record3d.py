@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import io
 import zipfile
-from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -19,10 +18,8 @@ import numpy as np
 from PIL import Image
 
 from dlama.datasets.captures.captured_frames import CaptureFiles, captured_frame, report_left_out
-from dlama.datasets.frames import Dataset
 from dlama.datasets.posed.nerfstudio import CV_FROM_GL
 from dlama.datasets.posed.posed_frames import Lens, PosedFrame
-from dlama.datasets.posed.view_pairs import read_posed
 from dlama.datasets.text_tables import pose_of
 from dlama.errors import DlamaError, FileError, MissingExtraError
 from dlama.files.fields import FileFields, json_fields
@@ -41,13 +38,8 @@ def looks_like_record3d(root: Path) -> bool:
     return (root / META).is_file() and (root / INSIDE).is_dir()
 
 
-def record3d(root: Path, *, scenes: Sequence[str] | None = None, limit: int | None = None) -> Dataset:
-    """The recording of a file, or those of a folder. Raises FileError, CameraError."""
-    looked_for = f"a {SUFFIX} file, or {META} and {INSIDE}/"
-    return read_posed("record3d", root, looks_like_record3d, looked_for, _frames, scenes, limit, (SUFFIX,))
-
-
-def _frames(scene: str, place: Path) -> list[PosedFrame]:
+def record3d_frames(scene: str, place: Path) -> list[PosedFrame]:
+    """The frames of one scene. Raises FileError, CameraError."""
     fields = json_fields(f"{place}: {META}", read_member(place, META).decode("utf-8", "replace"))
     poses, size = fields.entries("poses", "poses"), (fields.count("h"), fields.count("w"))
     depth_hw = (fields.count("dh"), fields.count("dw"))

@@ -10,7 +10,7 @@ recorded by itself names its topics in its own way: `realsense`.
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -34,10 +34,9 @@ from dlama.datasets.captures.ros_messages import (
     seconds_of,
     times_to_match,
 )
-from dlama.datasets.frames import Dataset
 from dlama.datasets.posed.nerfstudio import SHOWS_PX, distortion_px
 from dlama.datasets.posed.posed_frames import Lens, PosedFrame
-from dlama.datasets.posed.view_pairs import LOG, read_posed
+from dlama.datasets.posed.view_pairs import LOG
 from dlama.datasets.text_tables import nearest_in_time
 from dlama.errors import DlamaError, FileError, MissingExtraError
 from dlama.files.fields import FileFields
@@ -59,13 +58,8 @@ def looks_like_rosbag(root: Path) -> bool:
     return (root / META).is_file() and any(path.suffix.lower() in FILES[1:] for path in root.iterdir())
 
 
-def rosbag(root: Path, *, scenes: Sequence[str] | None = None, limit: int | None = None) -> Dataset:
-    """The bag, or those of a folder. Raises FileError, CameraError, MissingExtraError."""
-    looked_for = f"{', '.join(FILES)} or {META}"
-    return read_posed("rosbag", root, looks_like_rosbag, looked_for, _frames, scenes, limit, FILES)
-
-
-def _frames(scene: str, path: Path) -> list[PosedFrame]:
+def rosbag_frames(scene: str, path: Path) -> list[PosedFrame]:
+    """The frames of one scene. Raises FileError, CameraError."""
     bag = open_bag(path)
     color, depth = bag.pair()
     lens, depth_lens = bag.lens(color), bag.lens(depth)

@@ -11,16 +11,14 @@ from __future__ import annotations
 
 import functools
 import zlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from dlama.datasets.captures.captured_frames import CaptureFiles, captured_frame, report_left_out
-from dlama.datasets.frames import Dataset
 from dlama.datasets.posed.posed_frames import Lens, PosedFrame
-from dlama.datasets.posed.view_pairs import read_posed
 from dlama.datasets.text_tables import natural_order, pose_at
 from dlama.errors import FileError, MissingExtraError
 from dlama.files.fields import read_json_fields
@@ -41,13 +39,8 @@ def looks_like_scannetpp(root: Path) -> bool:
     return any((root / inside / POSES).is_file() for inside in ("", FOLDER))
 
 
-def scannetpp(root: Path, *, scenes: Sequence[str] | None = None, limit: int | None = None) -> Dataset:
-    """The scenes of a folder (itself one, or holding several). Raises FileError, CameraError, MissingExtraError."""
-    looked_for = f"{POSES} in the folder or in {FOLDER}/"
-    return read_posed("scannetpp", root, looks_like_scannetpp, looked_for, _frames, scenes, limit)
-
-
-def _frames(scene: str, folder: Path) -> list[PosedFrame]:
+def scannetpp_frames(scene: str, folder: Path) -> list[PosedFrame]:
+    """The frames of one scene. Raises FileError, CameraError."""
     inside = folder if (folder / POSES).is_file() else folder / FOLDER
     listed = read_json_fields(inside / POSES)
     color, depth = _pictures(inside), _depths(inside)

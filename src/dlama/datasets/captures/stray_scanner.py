@@ -8,7 +8,6 @@ pictures. Format: github.com/strayrobots/scanner (format.md).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
@@ -21,9 +20,7 @@ from dlama.datasets.captures.captured_frames import (
     levels_of_png,
     report_left_out,
 )
-from dlama.datasets.frames import Dataset
 from dlama.datasets.posed.posed_frames import Lens, PosedFrame
-from dlama.datasets.posed.view_pairs import read_posed
 from dlama.datasets.text_tables import matrix_of, pose_of, read_rows
 from dlama.errors import FileError
 from dlama.files.fields import FileFields
@@ -41,13 +38,8 @@ def looks_like_stray_scanner(root: Path) -> bool:
     return (root / VIDEO).is_file() and (root / ODOMETRY).is_file() and (root / "depth").is_dir()
 
 
-def stray_scanner(root: Path, *, scenes: Sequence[str] | None = None, limit: int | None = None) -> Dataset:
-    """The recordings of a folder (itself one, or holding several). Raises FileError, CameraError, MissingExtraError."""
-    looked_for = f"{VIDEO}, {ODOMETRY} and depth/"
-    return read_posed("stray-scanner", root, looks_like_stray_scanner, looked_for, _frames, scenes, limit)
-
-
-def _frames(scene: str, folder: Path) -> list[PosedFrame]:
+def stray_scanner_frames(scene: str, folder: Path) -> list[PosedFrame]:
+    """The frames of one scene. Raises FileError, CameraError."""
     rows = read_rows(folder / ODOMETRY, commas=True)
     if not rows:
         raise FileError(f"{folder / ODOMETRY}: holds no line")

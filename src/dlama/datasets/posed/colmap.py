@@ -12,15 +12,14 @@ stereo/depth_maps/NAME.jpg.geometric.bin (else .photometric.bin). It must have t
 from __future__ import annotations
 
 import struct
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from dlama.datasets.frames import Dataset
 from dlama.datasets.posed.posed_frames import FrameFiles, Lens, PosedFrame, posed_frame
-from dlama.datasets.posed.view_pairs import LOG, read_posed
+from dlama.datasets.posed.view_pairs import LOG
 from dlama.datasets.text_tables import pose_at, read_rows
 from dlama.errors import CameraError, FileError
 from dlama.files.atomic_write import new_file
@@ -223,13 +222,8 @@ def model_folder(root: Path) -> Path | None:
     return None
 
 
-def colmap(root: Path, *, scenes: Sequence[str] | None = None, limit: int | None = None) -> Dataset:
-    """The scenes of a folder (itself one, or holding several). Raises FileError, CameraError."""
-    looked_for = "cameras and images (.txt or .bin) in sparse/0, sparse or the folder itself"
-    return read_posed("colmap", root, looks_like_colmap, looked_for, _frames, scenes, limit)
-
-
-def _frames(scene: str, folder: Path) -> list[PosedFrame]:
+def colmap_frames(scene: str, folder: Path) -> list[PosedFrame]:
+    """The frames of one scene. Raises FileError, CameraError."""
     model = model_folder(folder)
     assert model is not None
     images = read_model(model)

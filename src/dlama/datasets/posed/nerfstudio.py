@@ -8,14 +8,12 @@ docs.nerf.studio/quickstart/data_conventions.html.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-from dlama.datasets.frames import Dataset
 from dlama.datasets.posed.posed_frames import FrameFiles, Lens, PosedFrame, posed_frame, units_per_metre
-from dlama.datasets.posed.view_pairs import LOG, read_posed
+from dlama.datasets.posed.view_pairs import LOG
 from dlama.datasets.text_tables import pose_at
 from dlama.errors import CameraError, FileError
 from dlama.files.fields import FileFields, Intrinsics, read_json_fields
@@ -37,12 +35,8 @@ def looks_like_nerfstudio(root: Path) -> bool:
     return (root / NAME).is_file()
 
 
-def nerfstudio(root: Path, *, scenes: Sequence[str] | None = None, limit: int | None = None) -> Dataset:
-    """The scenes of a folder (itself one, or holding several). Raises FileError, CameraError, naming the field."""
-    return read_posed("nerfstudio", root, looks_like_nerfstudio, NAME, _frames, scenes, limit)
-
-
-def _frames(scene: str, folder: Path) -> list[PosedFrame]:
+def nerfstudio_frames(scene: str, folder: Path) -> list[PosedFrame]:
+    """The frames of one scene. Raises FileError, CameraError."""
     fields = read_json_fields(folder / NAME)
     listed = fields.entries("frames", "frames")
     units = units_per_metre(fields, UNIT, DEPTH_UNIT)

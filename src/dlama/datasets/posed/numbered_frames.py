@@ -10,13 +10,12 @@ centre at 0.0 (the fusion code rounds projections to whole pixels). Format: gith
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from dlama.datasets.frames import Dataset
 from dlama.datasets.posed.posed_frames import (
     CameraOption,
     FrameFiles,
@@ -26,7 +25,6 @@ from dlama.datasets.posed.posed_frames import (
     load_depth,
     posed_frame,
 )
-from dlama.datasets.posed.view_pairs import read_posed
 from dlama.datasets.text_tables import files_in, read_pose
 from dlama.errors import FileError, ShapeError
 from dlama.files.cameras import make_camera
@@ -61,35 +59,18 @@ def has_numbered_frames(root: Path) -> bool:
     return first is not None and first.with_name(f"{frame_name(first)}.depth.png").is_file()
 
 
-def seven_scenes(
-    root: Path, *, camera: CameraOption = None, scenes: Sequence[str] | None = None, limit: int | None = None
-) -> Dataset:
-    """The sequences of a folder: one, a scene's (`seq-01`, ...), or the whole set (`chess_seq-01`, ...).
-
-    Raises FileError, CameraError.
-    """
-
-    def frames(scene: str, folder: Path) -> list[PosedFrame]:
-        if camera is None:
-            return numbered_frames(scene, folder, DEPTH_LENS, _registered_frame)
-        return numbered_frames(scene, folder, lens_for(folder, root, camera, CAMERA_NAMES, ""), posed_frame)
-
-    looked_for = "frame-XXXXXX.color.png, .depth.png and .pose.txt"
-    return read_posed("7-scenes", root, looks_like_seven_scenes, looked_for, frames, scenes, limit)
+def seven_scenes_frames(scene: str, folder: Path, root: Path, camera: CameraOption) -> list[PosedFrame]:
+    """The frames of one sequence of 7-Scenes. Raises FileError, CameraError."""
+    if camera is None:
+        return numbered_frames(scene, folder, DEPTH_LENS, _registered_frame)
+    return numbered_frames(scene, folder, lens_for(folder, root, camera, CAMERA_NAMES, ""), posed_frame)
 
 
-def tsdf_fusion(
-    root: Path, *, camera: CameraOption = None, scenes: Sequence[str] | None = None, limit: int | None = None
-) -> Dataset:
-    """The sequences of a folder (itself one, or holding several). Raises FileError, CameraError."""
-
-    def frames(scene: str, folder: Path) -> list[PosedFrame]:
-        advice = f"the layout needs a {TSDF_INTRINSICS}"
-        lens = lens_for(folder, folder.parent, camera, (TSDF_INTRINSICS,), advice)
-        return numbered_frames(scene, folder, lens, posed_frame)
-
-    looked_for = f"frame-XXXXXX.color.jpg, .depth.png and .pose.txt with {TSDF_INTRINSICS} next to or above them"
-    return read_posed("tsdf-fusion", root, looks_like_tsdf_fusion, looked_for, frames, scenes, limit)
+def tsdf_fusion_frames(scene: str, folder: Path, root: Path, camera: CameraOption) -> list[PosedFrame]:
+    """The frames of one sequence, whose K lies in its folder or in the one above. Raises FileError, CameraError."""
+    advice = f"the layout needs a {TSDF_INTRINSICS}"
+    lens = lens_for(folder, folder.parent, camera, (TSDF_INTRINSICS,), advice)
+    return numbered_frames(scene, folder, lens, posed_frame)
 
 
 def frame_name(path: Path) -> str:

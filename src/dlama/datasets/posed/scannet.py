@@ -7,12 +7,10 @@ The first pixel's centre is at 0.0. Format: github.com/ScanNet/ScanNet.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-from dlama.datasets.frames import Dataset
 from dlama.datasets.posed.posed_frames import (
     CameraOption,
     FrameFiles,
@@ -22,7 +20,7 @@ from dlama.datasets.posed.posed_frames import (
     posed_frame,
     text_lens,
 )
-from dlama.datasets.posed.view_pairs import LOG, read_posed
+from dlama.datasets.posed.view_pairs import LOG
 from dlama.datasets.text_tables import files_in, pose_at, read_matrix
 from dlama.errors import CameraError, FileError
 
@@ -35,17 +33,6 @@ def looks_like_scannet(root: Path) -> bool:
     return all((root / name).is_dir() for name in FOLDERS)
 
 
-def scannet(
-    root: Path, *, camera: CameraOption = None, scenes: Sequence[str] | None = None, limit: int | None = None
-) -> Dataset:
-    """The scenes of a folder (itself one, or holding several). Raises FileError, CameraError."""
-
-    def frames(scene: str, folder: Path) -> list[PosedFrame]:
-        return _frames(scene, folder, _lens(folder, root, camera))
-
-    return read_posed("scannet", root, looks_like_scannet, "color/, depth/ and pose/", frames, scenes, limit)
-
-
 def _lens(folder: Path, root: Path, camera: CameraOption) -> Lens:
     if camera is not None:
         return lens_for(folder, root, camera, (), "")
@@ -54,7 +41,9 @@ def _lens(folder: Path, root: Path, camera: CameraOption) -> Lens:
     return text_lens(folder / INTRINSICS, (4, 4))
 
 
-def _frames(scene: str, folder: Path, lens: Lens) -> list[PosedFrame]:
+def scannet_frames(scene: str, folder: Path, root: Path, camera: CameraOption) -> list[PosedFrame]:
+    """The frames of one scene. Raises FileError, CameraError."""
+    lens = _lens(folder, root, camera)
     colors = {path.stem: path for path in files_in(folder / "color", (".jpg", ".jpeg", ".png"))}
     poses = files_in(folder / "pose", (".txt",))
     frames, lost = [], 0

@@ -7,12 +7,9 @@ at 0.0. Format: redwood-data.org/indoor/fileformat.html.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
-from dlama.datasets.frames import Dataset
-from dlama.datasets.posed.posed_frames import CameraOption, FrameFiles, Lens, PosedFrame, lens_for, posed_frame
-from dlama.datasets.posed.view_pairs import read_posed
+from dlama.datasets.posed.posed_frames import CameraOption, FrameFiles, PosedFrame, lens_for, posed_frame
 from dlama.datasets.text_tables import files_in, matrix_of, pose_at, read_rows
 from dlama.errors import FileError
 from dlama.geometry.camera import Float64Array
@@ -31,19 +28,9 @@ def looks_like_trajectory_log(root: Path) -> bool:
     return any((root / name).is_file() for name in LOGS) and (root / "depth").is_dir()
 
 
-def trajectory_log(
-    root: Path, *, camera: CameraOption = None, scenes: Sequence[str] | None = None, limit: int | None = None
-) -> Dataset:
-    """The scenes of a folder (itself one, or holding several). Raises FileError, CameraError."""
-
-    def frames(scene: str, folder: Path) -> list[PosedFrame]:
-        return _frames(scene, folder, lens_for(folder, root, camera, CAMERA_NAMES, ADVICE))
-
-    looked_for = "trajectory.log, depth/ and image/, rgb/ or color/"
-    return read_posed("redwood", root, looks_like_trajectory_log, looked_for, frames, scenes, limit)
-
-
-def _frames(scene: str, folder: Path, lens: Lens) -> list[PosedFrame]:
+def trajectory_log_frames(scene: str, folder: Path, root: Path, camera: CameraOption) -> list[PosedFrame]:
+    """The frames of one scene. Raises FileError, CameraError."""
+    lens = lens_for(folder, root, camera, CAMERA_NAMES, ADVICE)
     colors = next((folder / name for name in COLOR_FOLDERS if (folder / name).is_dir()), None)
     if colors is None:
         raise FileError(f"{folder}: has no folder {', '.join(COLOR_FOLDERS)} with the colour pictures")

@@ -8,15 +8,13 @@ Format: cvg.cit.tum.de/data/datasets/rgbd-dataset/file_formats.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from dlama.datasets.frames import Dataset
-from dlama.datasets.posed.posed_frames import CameraOption, FrameFiles, Lens, PosedFrame, lens_for, posed_frame
-from dlama.datasets.posed.view_pairs import LOG, read_posed
+from dlama.datasets.posed.posed_frames import CameraOption, FrameFiles, PosedFrame, lens_for, posed_frame
+from dlama.datasets.posed.view_pairs import LOG
 from dlama.datasets.text_tables import Row, nearest_in_time, pose_of, read_rows
 from dlama.errors import FileError
 from dlama.geometry.camera import Float64Array
@@ -36,18 +34,9 @@ def looks_like_tum(root: Path) -> bool:
     return all((root / name).is_file() for name in LISTINGS)
 
 
-def tum(
-    root: Path, *, camera: CameraOption = None, scenes: Sequence[str] | None = None, limit: int | None = None
-) -> Dataset:
-    """The sequences of a folder (itself one, or holding several). Raises FileError, CameraError."""
-
-    def frames(scene: str, folder: Path) -> list[PosedFrame]:
-        return _frames(scene, folder, lens_for(folder, root, camera, ("camera.json",), ADVICE))
-
-    return read_posed("tum", root, looks_like_tum, ", ".join(LISTINGS), frames, scenes, limit)
-
-
-def _frames(scene: str, folder: Path, lens: Lens) -> list[PosedFrame]:
+def tum_frames(scene: str, folder: Path, root: Path, camera: CameraOption) -> list[PosedFrame]:
+    """The frames of one sequence. Raises FileError, CameraError."""
+    lens = lens_for(folder, root, camera, ("camera.json",), ADVICE)
     color, depth, poses = (Timeline.read(folder / name, count) for name, count in zip(LISTINGS, (2, 2, 8)))
     frames = []
     for time, row in zip(color.times.tolist(), color.rows):
