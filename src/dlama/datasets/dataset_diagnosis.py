@@ -17,7 +17,7 @@ from dlama.datasets.posed.scene_file import is_scene_file
 from dlama.datasets.posed.view_pairs import LOG, NoPairsError
 from dlama.errors import InputError, format_count
 from dlama.geometry.rgbd import RGBD, BoolArray, describe_depth_range
-from dlama.perception.diagnosis.finding import Finding, Observed
+from dlama.perception.diagnosis.finding import Finding, Observed, understood
 from dlama.perception.diagnosis.landing import SmallFrame, shrink
 from dlama.perception.diagnosis.lens import check_lens
 from dlama.perception.diagnosis.odd_frames import find_odd_frames
@@ -47,7 +47,6 @@ def diagnose_dataset(root: Path, layout: str | None = None, camera: CameraOption
     except InputError as error:
         return [Finding("reading", "fault", 1.0, str(error))]
     found = list({finding.line: finding for finding in found}.values())
-    verdict = "read as" if any(finding.severity == "fault" for finding in found) else "nothing wrong:"
     parts = [
         f"layout {dataset.layout}",
         format_count(len(dataset.frames), "frame"),
@@ -57,7 +56,7 @@ def diagnose_dataset(root: Path, layout: str | None = None, camera: CameraOption
         size = shown[0].camera
         parts += [f"{size.width}x{size.height}", f"{size.fov_deg:.3g} degrees wide"]
         parts.append(f"depth {describe_depth_range(shown[0].depth)}")
-    return [*found, Finding("understood", "fine", 1.0, f"{root.name}: {verdict} {', '.join(parts)}")]
+    return [*found, understood(root.name, parts, found)]
 
 
 def _of_scene(frames: Sequence[Frame]) -> tuple[list[Finding], RGBD]:

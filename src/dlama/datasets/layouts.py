@@ -212,15 +212,20 @@ def open_dataset(
     if is_scene_file(root):
         refuse_unused(SCENE, frozenset(), {"layout": layout, **particular})
         return select_cases(scene_file(root, limit=limit), scenes, limit)
-    if layout is not None and layout not in LAYOUTS:
-        raise InputError(f"layout '{layout}' is not known; known are {', '.join(LAYOUTS)}")
-    check_place(root)
-    name = layout if layout is not None else detect(root)
+    name = layout_of(root, layout)
     chosen = LAYOUTS[name]
     refuse_unused(name, chosen.options, particular)
     given = particular | {"scenes": scenes, "limit": limit}
     options = {key: value for key, value in given.items() if value is not None and key in chosen.options}
     return select_cases(chosen.read(root, **options), scenes, limit)
+
+
+def layout_of(root: Path, layout: str | None) -> str:
+    """The layout that is given, or that the data set has. InputError: an unknown one; FileError: there is no data set."""
+    if layout is not None and layout not in LAYOUTS:
+        raise InputError(f"layout '{layout}' is not known; known are {', '.join(LAYOUTS)}")
+    check_place(root)
+    return detect(root) if layout is None else layout
 
 
 def detect(root: Path) -> str:

@@ -32,7 +32,7 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import BoolArray, UInt8Array, describe_depth_range, percent
 from dlama.perception.depth_scale import describe_depth_source
 from dlama.perception.diagnosis.depth_scale import measure_extent
-from dlama.perception.diagnosis.finding import Finding, Observed
+from dlama.perception.diagnosis.finding import Finding, Observed, understood
 from dlama.perception.diagnosis.lens import check_lens, check_lens_options
 from dlama.perception.diagnosis.registration import correlate_edges
 from dlama.perception.diagnosis.rgbd_checks import run_checks
@@ -108,8 +108,7 @@ def diagnose_photo(image: PathLike, lens_options: Mapping[str, Any]) -> list[Fin
     parts.append(f"depth {describe_depth_source(about)}, {about['size'][0]}x{about['size'][1]}")
     parts += [f"accuracy {about['accuracy']}"] if "accuracy" in about else []
     parts.append(describe_depth_range(rgbd.depth))
-    verdict = "read as" if any(each.severity == "fault" for each in found) else "nothing wrong:"
-    return [*found, Finding("understood", "fine", 1.0, f"{name}: {verdict} {', '.join(parts)}")]
+    return [*found, understood(name, parts, found)]
 
 
 def diagnose_pair(left: PathLike, right: PathLike, calib: PathLike) -> list[Finding]:
@@ -125,12 +124,9 @@ def diagnose_pair(left: PathLike, right: PathLike, calib: PathLike) -> list[Find
         return [Finding("size", "fault", 1.0, f"{names}: are {sizes}", "rectify them to one size")]
     noted = check_lens(rig.left) + check_pair(*pictures, rig.doffs)
     found = [replace(each, what=f"{names}: {each.what}") for each in noted]
-    verdict = "read as" if any(each.severity == "fault" for each in found) else "nothing wrong:"
-    what = (
-        f"{names}: {verdict} {rig.left.width}x{rig.left.height}, {rig.left.fov_deg:.3g} degrees wide, "
-        f"baseline {rig.baseline_m:.3g} m, doffs {rig.doffs:.3g} px"
-    )
-    return [*found, Finding("understood", "fine", 1.0, what)]
+    parts = [f"{rig.left.width}x{rig.left.height}", f"{rig.left.fov_deg:.3g} degrees wide"]
+    parts += [f"baseline {rig.baseline_m:.3g} m", f"doffs {rig.doffs:.3g} px"]
+    return [*found, understood(names, parts, found)]
 
 
 def summarise_inputs(seen: Observed, found: list[Finding]) -> Finding:
@@ -147,9 +143,7 @@ def summarise_inputs(seen: Observed, found: list[Finding]) -> Finding:
     names = f"{image}, {depth}"
     if seen.mask is not None:
         names, parts = f"{names}, {mask}", [*parts, f"mask {percent(seen.mask)}"]
-    faults = [finding for finding in found if finding.severity == "fault"]
-    verdict = "read as" if faults else "nothing wrong:"
-    return Finding("understood", "fine", 1.0, f"{names}: {verdict} {', '.join(parts)}")
+    return understood(names, parts, found)
 
 
 def _observe(

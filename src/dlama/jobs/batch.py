@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -12,6 +13,7 @@ from typing import Any
 
 from dlama.arguments import check, check_arguments, check_count, check_number
 from dlama.completion.memory import available_bytes
+from dlama.completion.options import raise_all
 from dlama.errors import InputError, MissingExtraError, marked_name
 from dlama.files.atomic_write import PathLike, check_name
 from dlama.jobs.job import Job, job_of, resolve_path
@@ -73,7 +75,8 @@ def batch(
     """
     check_arguments(batch, locals())
     source = JobList(jobs, verb, check_defaults(verb, defaults))
-    _check_counts(stop_after_failures=stop_after_failures, pack=pack, workers=workers, threads=threads)
+    counts = {"stop_after_failures": stop_after_failures, "pack": pack, "workers": workers, "threads": threads}
+    raise_all(functools.partial(check_count, count, name) for name, count in counts.items())
     check_number(gpus_per_worker, "gpus_per_worker", "a share of a GPU, 0 or more,")
     check_name(out)
     output = Output(str(out) if is_address(str(out)) else str(Path(local_path(str(out))).absolute()))
@@ -127,18 +130,6 @@ def check_defaults(verb: str | None, defaults: Mapping[str, Any]) -> dict[str, A
         for name, value in defaults.items()
         if value is not None
     }
-
-
-def _check_counts(**counts: int | None) -> None:
-    """InputError, which names all that are wrong."""
-    wrong = []
-    for name, count in counts.items():
-        try:
-            check_count(count, name)
-        except InputError as error:
-            wrong.append(error.marked)
-    if wrong:
-        raise InputError("; ".join(wrong))
 
 
 def worker_starter(

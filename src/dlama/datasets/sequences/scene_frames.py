@@ -9,7 +9,7 @@ from typing import TypeVar
 
 from dlama.datasets.easysynth.listing import sequence_folders
 from dlama.datasets.frames import Frame
-from dlama.datasets.layouts import LAYOUTS, check_place, detect, refuse_unused
+from dlama.datasets.layouts import LAYOUTS, layout_of, refuse_unused
 from dlama.datasets.posed.posed_frames import CameraOption
 from dlama.errors import FileError, InputError, system_errors
 from dlama.files.atomic_write import PathLike
@@ -38,10 +38,7 @@ def open_frames(
         InputError: no posed frames, several scenes and none chosen; FileError, CameraError: a file, with line and column.
     """
     root = Path(path)
-    check_place(root)
-    if layout is not None and layout not in LAYOUTS:
-        raise InputError(f"layout '{layout}' is not known; known are {', '.join(LAYOUTS)}")
-    name = detect(root) if layout is None else layout
+    name = layout_of(root, layout)
     chosen = LAYOUTS[name]
     particular = {"camera": camera, "depth_range": depth_range}
     refuse_unused(name, chosen.options, particular)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -37,6 +38,12 @@ class Finding:
         """All of it in one line."""
         mend = f"{'' if self.what.endswith('?') else ':'} {self.mend}" if self.mend else ""
         return f"{self.what}{mend}{'' if self.severity == 'fine' else f' ({describe_probability(self.confidence)})'}"
+
+
+def understood(names: str, parts: Sequence[str], found: Sequence[Finding]) -> Finding:
+    """The last finding: what was made of the inputs, in `parts`, after those that were `found`."""
+    verdict = "read as" if any(each.severity == "fault" for each in found) else "nothing wrong:"
+    return Finding("understood", "fine", 1.0, f"{names}: {verdict} {', '.join(parts)}")
 
 
 def describe_probability(confidence: float) -> str:
