@@ -51,6 +51,29 @@ def test_a_lamp_is_its_shade_and_its_pole(scene: tuple[RGBD, np.ndarray]) -> Non
     assert iou(found.mask, (shown == 3) | (shown == 4)) > 0.95
 
 
+@pytest.mark.parametrize("number", [2, 3])
+def test_an_object_ends_at_the_object_that_it_stands_on(number: int) -> None:
+    """A crate on a wider block: the crate alone, as `group` both; the block is all of the block, the crate does not count."""
+    table, crate = Box((-0.9, 0.5, 2.2), (0.9, 1.0, 3.2)), Box((-0.2, 0.1, 2.5), (0.2, 0.5, 2.8))
+    world = World((GROUND, WALL, crate, table))
+    rgbd, shown = world.rgbd(CAMERA), world.trace(CAMERA)[1]
+    if number == 3:
+        assert iou(find_mask(rgbd, clicks=[middle(shown == 3)]).mask & (shown != 2), shown == 3) > 0.97
+        return
+    found = find_mask(rgbd, clicks=[middle(shown == 2)])
+    assert iou(found.mask, shown == 2) > 0.95
+    assert iou(found.candidates["group"], shown >= 2) > 0.95
+
+
+def test_the_back_of_a_chair_keeps_its_seat() -> None:
+    """The seat is level and below the back, but no wider."""
+    seat, back = Box((-0.5, 0.5, 2.0), (0.5, 1.0, 2.8)), Box((-0.5, -0.3, 2.7), (0.5, 0.5, 2.8))
+    world = World((GROUND, WALL, seat, back))
+    shown = world.trace(CAMERA)[1]
+    found = find_mask(world.rgbd(CAMERA), clicks=[middle(shown == 3)]).mask
+    assert iou(found, shown >= 2) > 0.95
+
+
 def test_a_box_round_the_thing(scene: tuple[RGBD, np.ndarray]) -> None:
     """The box of the true mask, a little larger: what reaches beyond it (ground, wall) is no part."""
     rgbd, shown = scene

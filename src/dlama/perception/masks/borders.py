@@ -58,10 +58,10 @@ def add_ground_contact(found: Planes, support: BoolArray, target: BoolArray) -> 
     return regions_touching(target | rises, target)
 
 
-def at_same_depth(found: Planes, target: BoolArray) -> BoolArray:
-    """H x W, True where inverse depth differs from that of the nearest pixel of the object by no more than CONTACT_GAP."""
+def at_same_depth(found: Planes, target: BoolArray, gap: float = CONTACT_GAP) -> BoolArray:
+    """H x W, True where inverse depth differs from that of the nearest pixel of the object by no more than `gap`, relative."""
     here, there = found.w, found.w.ravel()[nearest_known(target & (found.w > 0))[1]]
-    return np.asarray(np.abs(here - there) <= CONTACT_GAP * np.maximum(here, there))
+    return np.asarray(np.abs(here - there) <= gap * np.maximum(here, there))
 
 
 def above_thin_layers(step: Float32Array, rising: BoolArray, near: BoolArray, least: float) -> BoolArray:

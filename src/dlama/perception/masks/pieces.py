@@ -71,6 +71,10 @@ class Pieces:
         """H x W, True on the piece at a pixel; all False where there is none."""
         return self.free & (self.label == self.label[pixel]) & bool(self.free[pixel])
 
+    def at_any(self, pixels: list[Pixel]) -> BoolArray:
+        """H x W, True on the pieces at pixels."""
+        return sum((self.at(pixel) for pixel in pixels), np.zeros(self.free.shape, np.bool_))
+
     def size_of(self, where: BoolArray) -> float:
         """Diagonal in metres of a region (H x W), as if it were upright."""
         rows, columns = np.nonzero(where)

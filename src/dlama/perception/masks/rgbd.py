@@ -1,8 +1,8 @@
 """A picture with depth and clicks or a box in; the mask of the object meant out.
 
-Supporting surfaces are removed; the connected region around the click stays. Where depth edges are misaligned with the
-picture, as a depth camera's are, a salient-object network corrects the mask (`correct_by_saliency`), and the outline follows
-the picture (`outlines`).
+Supporting surfaces are removed, the tops of objects that the object stands on among them; the connected region around the
+click stays. Where depth edges are misaligned with the picture, as a depth camera's are, a salient-object network corrects the
+mask (`correct_by_saliency`), and the outline follows the picture (`outlines`).
 """
 
 from __future__ import annotations
@@ -14,19 +14,26 @@ import numpy as np
 
 from dlama.errors import MaskError
 from dlama.geometry.drawing.picture_edges import CLEARLY, edge_misalignment
-from dlama.geometry.holes import nearest_known
+from dlama.geometry.holes import dilate_mask, morphological_open, nearest_known, regions_touching, square
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.perception.kernels.regions import join_regions
-from dlama.perception.masks.borders import add_ground_contact, snap_to_picture_edges
+from dlama.perception.masks.borders import add_ground_contact, at_same_depth, snap_to_picture_edges
 from dlama.perception.masks.cuts import closer_to_object
 from dlama.perception.masks.outlines import refine_outline
 from dlama.perception.masks.photo import PhotoMasker
-from dlama.perception.masks.pieces import GROUP_GAP, OBJECT_GAP, Pieces, color_bins, merge_pieces
+from dlama.perception.masks.pieces import GROUP_GAP, OBJECT_GAP, TOUCHING_PX, Pieces, color_bins, merge_pieces
 from dlama.perception.masks.prompt import Pixel, Prompt
 from dlama.perception.masks.rough import rough_candidates, rough_depth
 from dlama.perception.masks.saliency_correction import CorrectedMask, correct_by_saliency, find_uncertain_pixels
-from dlama.perception.masks.supports import Planes, find_planes_of_picture, find_supports, is_ground
+from dlama.perception.masks.supports import (
+    Planes,
+    find_planes_of_picture,
+    find_supports,
+    is_ground,
+    is_in_front,
+    is_level,
+)
 from dlama.perception.planes import noise_level
 
 REACH_PX = 2
@@ -47,6 +54,12 @@ ROUGH = "found in estimated depth, which is rough: look at the mask, or give dep
 NOISY = "found in noisy depth: look at the mask"
 MOST_NOISE = 0.02
 """Relative noise of inverse depth from which the picture leads, not depth."""
+BAND_PX = 5
+"""Least width in px of a stand's top: a narrower band is where its plane cuts another surface,"""
+STANDS_GAP = 0.03
+"""largest relative difference in depth where an object touches it,"""
+WIDER = 1.3
+"""and least width of what is seen of it, in widths of the object: the seat of a chair is as wide as its back."""
 IN_BOX = 0.7
 """Least share of a piece inside the box for it to belong to the object."""
 
@@ -83,15 +96,24 @@ def rgbd_candidates(
     if not prompt.clicks:
         return segment_box(rgbd, found, prompt, edge_offset), ()
     seeds, flat, support = split_clicks(rgbd, found, prompt)
-    pieces = find_pieces(rgbd, support, found.noise)
+    with_stand = pieces = find_pieces(rgbd, support, found.noise)
     seeds = [snap_to_piece(pieces, seed) for seed in seeds]
+    stands = find_stands(rgbd, found, pieces, seeds)
+    if stands.any():
+        pieces = find_pieces(rgbd, support | stands, found.noise)
     away = [pixel for pixel in Prompt.pixels(prompt.not_clicks) if pieces.free[pixel]]
-    own = sum((pieces.at(seed) for seed in seeds), np.zeros(rgbd.depth.shape, np.bool_))
+    own = pieces.at_any(seeds)
     most = BARRED * merge_pieces(pieces, own, OBJECT_GAP, set()).sum() if away else 0
     barred = {int(pieces.label[p]) for p in away if not own[p] and pieces.at(p).sum() < most}
-    gaps = (("object", OBJECT_GAP), ("part", 0.0), ("group", GROUP_GAP))
-    whole = {name: merge_pieces(pieces, own, gap, barred) & prompt.inside for name, gap in gaps}
-    raw = {name: add_ground_contact(found, pieces.support, mask) for name, mask in whole.items()}
+    whole = {
+        "object": merge_pieces(pieces, own, OBJECT_GAP, barred),
+        "part": own,
+        "group": merge_pieces(with_stand, with_stand.at_any(seeds), GROUP_GAP, set() if stands.any() else barred),
+    }
+    raw = {
+        name: add_ground_contact(found, support if name == "group" else pieces.support, mask & prompt.inside)
+        for name, mask in whole.items()
+    }
     clicked = seeds + flat
     if not edge_offset:
         return drop_duplicates({name: finish_mask(rgbd, found, pieces, raw[name], prompt, clicked) for name in raw}), ()
@@ -156,6 +178,29 @@ def find_pieces(rgbd: RGBD, support: BoolArray, noise: float) -> Pieces:
     parent = np.arange(free.size, dtype=np.int32)
     join_regions(rgbd.depth, free, offsets, allowed, parent)
     return Pieces(rgbd.depth, free, parent.reshape(free.shape), support, color_bins(rgbd.color), focal)
+
+
+def find_stands(rgbd: RGBD, found: Planes, pieces: Pieces, seeds: list[Pixel]) -> BoolArray:
+    """H x W, True on the tops of objects that the object at the first seed stands on (a table, a plinth, a traffic island): level
+    planes below it that touch it and are wider."""
+    out = np.zeros(rgbd.depth.shape, np.bool_)
+    for number in range(len(found.planes)):
+        if not is_level(found, number, rgbd.camera) or not is_in_front(found, number, seeds[:1]):
+            continue
+        top = found.label == number + 1
+        if (top & pieces.support).any() or any(top[seed] for seed in seeds):
+            continue
+        on_it = find_pieces(rgbd, pieces.support | out | top, found.noise).at(seeds[0])
+        contact = dilate_mask(on_it, TOUCHING_PX) & at_same_depth(found, on_it, STANDS_GAP)
+        touching = regions_touching(morphological_open(top, square(BAND_PX)), contact)
+        if touching.any() and width_px(touching) >= WIDER * width_px(on_it):
+            out |= top
+    return out
+
+
+def width_px(where: BoolArray) -> int:
+    """Width in px of a region (H x W, not empty)."""
+    return int(np.ptp(np.flatnonzero(where.any(0)))) + 1
 
 
 def snap_to_piece(pieces: Pieces, seed: Pixel) -> Pixel:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dlama.geometry.camera import Camera
 from dlama.geometry.holes import dilate_mask
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
@@ -29,6 +30,8 @@ NOISY = 6.0
 ESTIMATED_NOISE = 0.02
 """Relative error of estimated inverse depth with which its planes are fitted."""
 BORDER_PX = 2
+LEVEL = 0.8
+"""Least cosine between a level plane's normal and the vertical of the camera."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,6 +94,13 @@ def find_supports(found: Planes, seeds: list[tuple[int, int]], box: BoolArray | 
         for n in range(len(found.planes))
     ]
     return np.asarray(np.array([False, *chosen])[np.maximum(found.label, 0)])
+
+
+def is_level(found: Planes, number: int, camera: Camera) -> bool:
+    """Whether plane `number` faces up, in a camera that is held upright."""
+    a, b, c = found.planes[number]
+    normal = np.array([a * camera.fx, b * camera.fy, a * camera.cx + b * camera.cy + c])
+    return bool(normal[1] >= LEVEL * np.linalg.norm(normal))
 
 
 def is_in_front(found: Planes, number: int, seeds: list[tuple[int, int]]) -> bool:
