@@ -75,7 +75,7 @@ def write_photo3d(
         directory: Files of the same names in it are replaced, all others stay.
         only: Which of "page" (photo3d.html, one file that opens from disk, up to 8 MB), "mesh" (photo3d.glb, up to 100,000
             triangles and 10 MB), "usdz" (photo3d.usdz for AR Quick Look, extra `usd`), "splats" (splats.ply), "spz" (splats.spz,
-            the same in a tenth of the bytes), "stereo" (side_by_side.jpg, anaglyph.jpg for red and cyan glasses), "loop"
+            the same in a fifth of the bytes), "stereo" (side_by_side.jpg, anaglyph.jpg for red and cyan glasses), "loop"
             (loop.mp4, loop.webp, extra `video`) and "scene" (scene.npz); None: page and mesh. meta.json is always written.
         also: More of them.
         inputs: Role -> file; path and SHA-256 of each go into meta.json.

@@ -1,4 +1,4 @@
-"""Gaussian splats in; a compressed SPZ file out (Niantic's, version 3, https://github.com/nianticlabs/spz): a tenth of the bytes
+"""Gaussian splats in; a compressed SPZ file out (Niantic's, version 3, https://github.com/nianticlabs/spz): a fifth of the bytes
 of a PLY file or less, without view-dependent colour. Axes are OpenGL's, as there."""
 
 from __future__ import annotations
