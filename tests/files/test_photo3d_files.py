@@ -78,7 +78,7 @@ def test_splats_lie_where_the_points_do(folder: Path, photo: Photo3D) -> None:
     assert near.mean() > 0.95 and np.abs(points.color[nearest[:, 0]] - color)[near].mean() < 1
     wall = (np.abs(at[:, 2] - 4) < 1e-3) & near
     step = 4 / CAMERA.fx
-    assert np.allclose(np.exp(vertex["scale_0"][source][wall]), 0.6 * step, rtol=0.05)
+    assert np.allclose(np.exp(vertex["scale_0"][source][wall]), SIZE * step, rtol=0.05)
     assert np.allclose(
         np.abs(np.stack([vertex["nx"], vertex["ny"], vertex["nz"]], 1)[source][wall]), (0, 0, 1), atol=1e-3
     )
