@@ -17,14 +17,11 @@ from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.kernels.relaxing import relax
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.perception.kernels.outlines import color_odds
-from dlama.perception.masks.pieces import fill_outline
 
 MORE_PX = 2
 """Pixels added to the misalignment of depth edges: the band that colours decide."""
 THIN_PX = 2
 """The same in parts narrower than the misalignment."""
-FRINGE = 3.0
-"""Thin parts are noise if they have fewer pixels than this many times the squared misalignment."""
 SAMPLED_PX = 14
 """Radius in px, beyond the undecided pixels, in which colours are learnt."""
 SPREAD = 6.0
@@ -36,7 +33,7 @@ LEAST_SAMPLES = 6
 MOST_ODDS = 3.0
 """Largest log odds of colour."""
 DEPTH_ODDS = 1.0
-"""Log odds of depth at the limit of its misalignment."""
+"""Log odds of the object in its thin parts, as depth has them."""
 SHOWN, SHOWN_ALONE = 0.5, 0.8
 """Weight of saliency next to colours, and its weight where depth is unknown."""
 NEAR = 2
@@ -53,8 +50,6 @@ GAIN, LESS = 0.15, 0.02
 """Relative gain in gradient that justifies a shift of the outline, and penalty per pixel of shift."""
 STRONGEST, LEAST_STEP = 0.9, 10.0
 """Gradients are clipped at this quantile, or at so many CIELAB units."""
-SMALLEST_HOLE = 12
-"""Holes of a mask with fewer pixels are closed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +85,6 @@ def refine_outline(color: UInt8Array, target: BoolArray, doubt: Doubt) -> BoolAr
 def refine_crop(lab: Float32Array, target: BoolArray, doubt: Doubt) -> BoolArray:
     """`refine_outline` of a part of the picture; lab: H x W x 3 CIELAB."""
     wide = doubt.reach + MORE_PX
-    target = remove_fringe(target, wide)
     move = best_move(lab, target, doubt.reach)
     target, unknown = (translate(each, move) for each in (target, doubt.unknown))
     thin = thin_parts(target, wide)
@@ -104,13 +98,13 @@ def refine_crop(lab: Float32Array, target: BoolArray, doubt: Doubt) -> BoolArray
     if not inside.any() or not open_.any() or not outside.any():
         return target
     odds = color_log_odds(lab, open_, inside | thin, outside, wide + SAMPLED_PX)
-    odds += np.where(unknown, 0, np.where(thin, DEPTH_ODDS, depth_log_odds(target, wide)))
+    odds += np.where(thin & ~unknown, DEPTH_ODDS, 0)
     if doubt.level is not None and doubt.agreed is not None:
         shown = np.clip(np.log((doubt.level + 0.01) / (1.01 - doubt.level)), -MOST_ODDS, MOST_ODDS)
         its_outline = dilate_mask(doubt.agreed & ~erode_mask(doubt.agreed, 1), NEAR * wide)
         shown *= np.where(unknown, SHOWN_ALONE, np.where(its_outline, SHOWN, 0))
         odds += np.where(dilate_mask(thin, wide), np.maximum(shown, 0), shown)
-    return clean_mask(random_walk(lab, open_, odds, inside) > 0.5, inside | thin)
+    return random_walk(lab, open_, odds, inside) > 0.5
 
 
 def color_log_odds(lab: Float32Array, open_: BoolArray, ours: BoolArray, theirs: BoolArray, reach: int) -> Float32Array:
@@ -124,22 +118,6 @@ def color_log_odds(lab: Float32Array, open_: BoolArray, ours: BoolArray, theirs:
 def thin_parts(target: BoolArray, wide: int) -> BoolArray:
     """H x W, True on parts of a mask narrower than twice `wide`."""
     return target & ~dilate_mask(morphological_open(target, disc(wide)), 1)
-
-
-def remove_fringe(target: BoolArray, wide: int) -> BoolArray:
-    """The mask (H x W) without small thin parts, which noise leaves along outlines; unchanged if nothing else is left."""
-    _, labels, stats, _ = cv2.connectedComponentsWithStats(
-        thin_parts(fill_outline(target), wide).astype(np.uint8), connectivity=8
-    )
-    small = np.flatnonzero(stats[:, cv2.CC_STAT_AREA] < FRINGE * wide**2)
-    kept = target & ~np.isin(labels, small[small > 0])
-    return np.asarray(kept if kept.any() else target)
-
-
-def depth_log_odds(target: BoolArray, wide: int) -> Float32Array:
-    """H x W log odds of depth: signed distance from the outline found in depth."""
-    ours, theirs = (cv2.distanceTransform(each.astype(np.uint8), cv2.DIST_L2, 5) for each in (target, ~target))
-    return np.asarray(np.clip((ours - theirs) / wide, -1, 1) * DEPTH_ODDS, np.float32)
 
 
 def random_walk(lab: Float32Array, open_: BoolArray, odds: Float32Array, inside: BoolArray) -> Float32Array:
@@ -190,12 +168,3 @@ def translate(mask: BoolArray, by: tuple[int, int]) -> BoolArray:
     """A mask (H x W) moved by rows and columns."""
     shift = np.array([[1, 0, by[1]], [0, 1, by[0]]], np.float32)
     return np.asarray(cv2.warpAffine(mask.astype(np.uint8), shift, mask.shape[::-1], flags=cv2.INTER_NEAREST) > 0)
-
-
-def clean_mask(mask: BoolArray, inside: BoolArray) -> BoolArray:
-    """The parts of a mask (H x W) that overlap `inside`, with small holes closed."""
-    _, labels = cv2.connectedComponents(mask.astype(np.uint8), connectivity=8)
-    mask = mask & np.isin(labels, np.unique(labels[inside & mask]))
-    _, labels, stats, _ = cv2.connectedComponentsWithStats((~mask).astype(np.uint8), connectivity=4)
-    small = np.flatnonzero(stats[:, cv2.CC_STAT_AREA] < SMALLEST_HOLE)
-    return np.asarray(mask | np.isin(labels, small[small > 0]))
