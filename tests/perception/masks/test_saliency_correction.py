@@ -13,7 +13,6 @@ from dlama.perception.masks.saliency_correction import (
     depth_step_at_outline,
     number_surfaces,
     select_surfaces,
-    uniform_region,
 )
 from dlama.perception.masks.supports import Planes
 
@@ -73,22 +72,3 @@ def test_depth_along_an_outline(scene: tuple[RGBD, Planes, Pieces]) -> None:
     rgbd = scene[0]
     assert depth_step_at_outline(rgbd, BACK) == pytest.approx(1.0, abs=0.01)
     assert depth_step_at_outline(rgbd, area(slice(60, 80), slice(70, 90))) < 1e-6
-
-
-def dark(where: BoolArray) -> np.ndarray:
-    """A bright picture with a dark region."""
-    return np.where(where[..., None], np.uint8(20), np.full((*HW, 3), 200, np.uint8))
-
-
-def test_a_screen_of_one_colour_is_a_thing() -> None:
-    screen = area(slice(20, 50), slice(20, 50))
-    found = uniform_region(dark(screen), (30, 30))
-    assert found is not None
-    assert (found == screen).mean() > 0.98
-
-
-def test_a_crooked_region_of_one_colour_is_none() -> None:
-    """An L fills .6 of its convex hull."""
-    assert (
-        uniform_region(dark(area(slice(20, 34), slice(20, 75)) | area(slice(20, 80), slice(20, 34))), (26, 26)) is None
-    )

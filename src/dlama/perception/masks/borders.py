@@ -19,7 +19,6 @@ from dlama.geometry.holes import (
 )
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
 from dlama.perception.masks.supports import Planes, height_above
-from dlama.perception.planes import tolerance
 
 CONTACT_PX = 12
 """How far from the object its ground contact may reach over the supporting plane."""
@@ -29,8 +28,6 @@ CONTACT_NOISE = 5.0
 """Least height of a ground contact over the plane, in standard deviations of the plane's unevenness,"""
 CONTACT_STEP = 0.0012
 """and as a relative step in inverse depth."""
-LEAST_UNDER = 10
-"""Least number of pixels of a plane that touch an object standing on it."""
 LAYER = 0.5
 """Raised pixels are a layer on the plane (a carpet) if less than this share of them is near the object."""
 SHARP = 0.7
@@ -114,28 +111,6 @@ def snap_to_picture_edges(rgbd: RGBD, found: Planes, target: BoolArray) -> BoolA
     if not band.any() or not (target & ~band).any():
         return target
     return decide_by_color(rgbd, target, band)
-
-
-def find_lost_contact(found: Planes, target: BoolArray, support: BoolArray, most: float = CONTACT_PX) -> BoolArray:
-    """H x W, True where the supporting plane may be ground contact, too low over the plane to tell from noise.
-
-    It reaches along the plane, towards the camera, until inverse depth has grown by the noise tolerance, and at most `most` px
-    (exactly `most` if that exceeds CONTACT_PX).
-    """
-    out = np.zeros_like(target)
-    under = support & dilate_mask(target, 3)
-    drawn = target.astype(np.uint8)
-    for number in np.unique(found.label[under]):
-        slope = found.planes[number - 1][:2]
-        steep, on_it = float(np.hypot(*slope)), under & (found.label == number)
-        if steep <= 0 or on_it.sum() < LEAST_UNDER:
-            continue
-        middle = np.median(found.w[on_it], keepdims=True)
-        length = most if most > CONTACT_PX else min(float(tolerance(middle, found.noise)[0]) / steep, most)
-        for step in np.arange(1, length + 1):
-            by = np.array([[1, 0, slope[0] / steep * step], [0, 1, slope[1] / steep * step]], np.float32)
-            out |= cv2.warpAffine(drawn, by, target.shape[::-1], flags=cv2.INTER_NEAREST) > 0
-    return out & ~target & (at_same_depth(found, target) | (found.w <= 0))
 
 
 def decide_by_color(rgbd: RGBD, target: BoolArray, band: BoolArray, rounds: int = 2) -> BoolArray:

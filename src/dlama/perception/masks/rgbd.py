@@ -116,16 +116,14 @@ def rgbd_candidates(
     }
     clicked = seeds + flat
     if not edge_offset:
-        return drop_duplicates({name: finish_mask(rgbd, found, pieces, raw[name], prompt, clicked) for name in raw}), ()
+        return drop_duplicates({name: finish_mask(rgbd, found, raw[name], prompt, clicked) for name in raw}), ()
     raw = drop_duplicates(raw)
     corrected = correct_by_saliency(rgbd, found, pieces, raw["object"], prompt)
     masks = {
-        "object": finish_mask(
-            rgbd, found, pieces, corrected.target & prompt.inside, prompt, clicked, edge_offset, corrected
-        )
+        "object": finish_mask(rgbd, found, corrected.target & prompt.inside, prompt, clicked, edge_offset, corrected)
     }
     for name in [each for each in raw if each != "object"]:
-        masks[name] = finish_mask(rgbd, found, pieces, raw[name], prompt, clicked, edge_offset)
+        masks[name] = finish_mask(rgbd, found, raw[name], prompt, clicked, edge_offset)
     return drop_duplicates(masks), ()
 
 
@@ -220,7 +218,6 @@ def snap_to_piece(pieces: Pieces, seed: Pixel) -> Pixel:
 def finish_mask(
     rgbd: RGBD,
     found: Planes,
-    pieces: Pieces,
     mask: BoolArray,
     prompt: Prompt,
     clicks: list[Pixel],
@@ -234,9 +231,7 @@ def finish_mask(
     for pixel in Prompt.pixels(prompt.not_clicks):
         excluded[pixel] = True
     if edge_offset and mask.any():
-        mask = refine_outline(
-            rgbd.color, mask, find_uncertain_pixels(rgbd, found, pieces.support, mask, edge_offset, corrected)
-        )
+        mask = refine_outline(rgbd.color, mask, find_uncertain_pixels(rgbd, mask, edge_offset, corrected))
     else:
         mask = snap_to_picture_edges(rgbd, found, mask)
     for pixel in zip(*np.nonzero(excluded & mask)):
@@ -285,7 +280,7 @@ def segment_box(rgbd: RGBD, found: Planes, prompt: Prompt, edge_offset: int) -> 
     masks = {}
     for name, gap in (("object", GROUP_GAP), ("part", 0.0)):
         mask = add_ground_contact(found, pieces.support, merge_pieces(cropped, start, gap, barred) & inside)
-        masks[name] = finish_mask(rgbd, found, cropped, mask, prompt, [], edge_offset)
+        masks[name] = finish_mask(rgbd, found, mask, prompt, [], edge_offset)
     return drop_duplicates(masks)
 
 

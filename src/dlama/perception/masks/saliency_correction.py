@@ -8,7 +8,6 @@ the salient region at the click decides alone.
 
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import dataclass
 
 import cv2
@@ -16,13 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.errors import MaskError
-from dlama.geometry.holes import box_around, dilate_mask, disc, erode_mask, morphological_open, nearest_known, square
+from dlama.geometry.holes import dilate_mask, disc, erode_mask, morphological_open, nearest_known
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
-from dlama.perception.masks.borders import CONTACT_PX, HOLE_PX, find_lost_contact
+from dlama.perception.masks.borders import HOLE_PX
 from dlama.perception.masks.outlines import Doubt
-from dlama.perception.masks.pieces import OBJECT_GAP, Pieces, fill_outline
+from dlama.perception.masks.pieces import OBJECT_GAP, Pieces
 from dlama.perception.masks.prompt import Pixel, Prompt
-from dlama.perception.masks.rough import color_region
 from dlama.perception.masks.salient import saliency
 from dlama.perception.masks.supports import Planes
 
@@ -44,9 +42,6 @@ FLAT = 0.025
 """Median relative depth step along an outline below which depth does not define the object's border."""
 CONFIDENT, CUT_OFF = 0.9, 0.02
 """Least saliency of a region at a click alone, and largest share of the window's border that it may cross."""
-EVEN, EVEN_PX, CONVEX = (0.005, 0.12), 9, 0.8
-"""A region of one colour, without parts narrower than EVEN_PX, is an object if it covers this share of the picture (from, to)
-and of its convex hull."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,30 +76,19 @@ def correct_by_saliency(rgbd: RGBD, found: Planes, pieces: Pieces, target: BoolA
         alone = find_salient_at_click(rgbd.color, prompt)
         if alone is not None:
             return CorrectedMask(alone.part, alone)
-        even = uniform_region(rgbd.color, Prompt.pixels(prompt.clicks)[0])
-        if even is not None and shown is None and filled_share(target) < CONVEX:
-            return CorrectedMask(even, None)
     return CorrectedMask(target, None)
 
 
-def find_uncertain_pixels(
-    rgbd: RGBD, found: Planes, support: BoolArray, mask: BoolArray, edge_offset: int, corrected: CorrectedMask | None
-) -> Doubt:
-    """Where depth is ambiguous about a mask (H x W): missing pixels near it and possible ground contact; more of both where
-    salient.
+def find_uncertain_pixels(rgbd: RGBD, mask: BoolArray, edge_offset: int, corrected: CorrectedMask | None) -> Doubt:
+    """Where depth is ambiguous about a mask (H x W): missing pixels near it; more of them where salient.
 
-    support: H x W, True on supporting planes. edge_offset: misalignment of depth edges with the picture, px. corrected: result
-    of `correct_by_saliency`; None: it did not run.
+    edge_offset: misalignment of depth edges with the picture, px. corrected: result of `correct_by_saliency`; None: it did not
+    run.
     """
-    box = box_around(mask, 2 * max(CONTACT_PX, HOLE_PX) + 2)
-    near = dataclasses.replace(found, w=found.w[box], label=found.label[box])
-    part, missing, under = mask[box], rgbd.missing[box], support[box]
-    unknown = np.zeros(mask.shape, np.bool_)
-    unknown[box] = (missing & dilate_mask(part, HOLE_PX)) | find_lost_contact(near, part, under)
+    unknown = rgbd.missing & dilate_mask(mask, HOLE_PX)
     if corrected is None or corrected.shown is None:
         return Doubt(edge_offset, unknown)
-    far = find_lost_contact(near, morphological_open(part, disc(THIN_PX)), under, 2 * CONTACT_PX)
-    unknown[box] |= corrected.shown.part[box] & ((missing & dilate_mask(part, 2 * HOLE_PX)) | far)
+    unknown |= corrected.shown.part & rgbd.missing & dilate_mask(mask, 2 * HOLE_PX)
     return Doubt(edge_offset, unknown, corrected.shown.level, corrected.shown.part)
 
 
@@ -118,21 +102,6 @@ def find_salient_at_click(color: UInt8Array, prompt: Prompt) -> SalientObject | 
         if alone is not None and alone.cut <= CUT_OFF and float(alone.level[alone.part].mean()) >= CONFIDENT:
             return alone
     return None
-
-
-def uniform_region(color: UInt8Array, pixel: Pixel) -> BoolArray | None:
-    """H x W, the connected region of a pixel's colour, if it has the shape of an object: a dark screen, a door."""
-    _, labels = cv2.connectedComponents(
-        morphological_open(color_region(color, pixel), square(EVEN_PX)).astype(np.uint8)
-    )
-    region = fill_outline(labels == labels[pixel]) if labels[pixel] else np.zeros(labels.shape, np.bool_)
-    return region if EVEN[0] <= region.mean() <= EVEN[1] and filled_share(region) >= CONVEX else None
-
-
-def filled_share(region: BoolArray) -> float:
-    """Share of its convex hull that a region (H x W, not empty) covers, 0..1."""
-    hull = cv2.convexHull(cv2.findNonZero(region.astype(np.uint8)))
-    return float(region.sum() / cv2.fillConvexPoly(np.zeros(region.shape, np.uint8), hull, 1).sum())
 
 
 def overlap(one: BoolArray, other: BoolArray) -> float:
