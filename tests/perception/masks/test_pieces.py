@@ -76,34 +76,3 @@ def test_dashes_within_a_ring_belong_to_it() -> None:
     found = find_mask(RGBD(color, depth, CAMERA), clicks=[(235, 120)])
     assert (found.mask == (ring | spokes)).all()
     assert iou(found.candidates["part"], ring) > 0.99
-
-
-def drawn(parts: list[tuple[slice, slice, float, tuple[int, int, int]]]) -> tuple[RGBD, list[BoolArray]]:
-    """Upright rectangles (rows, columns, depth, colour) before a wall at 6 m, and where each is."""
-    color, depth, shown = np.full((240, 320, 3), 160, np.uint8), np.full((240, 320), 6.0, np.float32), []
-    for rows, columns, away, paint in parts:
-        depth[rows, columns], color[rows, columns] = away, paint
-        shown.append(np.zeros((240, 320), np.bool_))
-        shown[-1][rows, columns] = True
-    return RGBD(color, depth, CAMERA), shown
-
-
-@pytest.mark.parametrize(("paint", "column", "one"), [(BROWN, 120, True), (GREEN, 120, False), (BROWN, 175, False)])
-def test_what_ends_in_the_air_over_a_thing_of_its_colour_belongs_to_it(
-    paint: tuple[int, int, int], column: int, one: bool
-) -> None:
-    """A statue's head, 3 px over its base and a little behind it; not one of another colour, nor what stands next to the base."""
-    base = (slice(150, 210), slice(110, 180), 2.6, BROWN)
-    rgbd, shown = drawn([base, (slice(100, 147), slice(column, column + 50), 2.85, paint)])
-    found = find_mask(rgbd, clicks=[(140, 190)]).mask
-    assert (found == (shown[0] | shown[1] if one else shown[0])).all()
-
-
-def test_the_lid_of_a_large_bin_belongs_to_it() -> None:
-    """A step of 18 % of its depth and 14 % of its size; what is as far behind a small box is another object."""
-    front, lid = (slice(60, 200), slice(30, 290), 0.9, GREEN), (slice(52, 60), slice(40, 280), 1.06, BROWN)
-    rgbd, shown = drawn([front, lid])
-    assert (find_mask(rgbd, clicks=[(160, 130)]).mask == (shown[0] | shown[1])).all()
-    small = (slice(100, 160), slice(130, 190), 0.9, GREEN), (slice(70, 100), slice(135, 185), 1.06, BROWN)
-    rgbd, shown = drawn(list(small))
-    assert (find_mask(rgbd, clicks=[(160, 130)]).mask == shown[0]).all()

@@ -15,8 +15,6 @@ from dlama.perception.masks.prompt import Pixel
 
 OBJECT_GAP = 0.15
 """Largest relative depth difference of touching pieces of one object: a lamp's shade hangs before its pole."""
-SIZE_GAP = 0.15
-"""The difference may also be this share of the object's size: the lid of a large bin lies far behind its front."""
 GROUP_GAP = 0.3
 """The same for a group of objects."""
 TOUCHING_PX = 3
@@ -41,9 +39,7 @@ CRACK_SIZE = 0.05
 CRACK_SHARE = 1 / 64
 """and over the picture's longer side,"""
 CRACK_LENGTH = 0.25
-"""and its least length over the piece's longer side. Or one piece stands over the other: nothing else supports it,"""
-OVER = 0.5
-"""if this share of the narrower one's columns are common: the parts of a statue."""
+"""and its least length over the piece's longer side."""
 SMALL_SHARE = 0.05
 """A piece with less than this share of the object's pixels may touch it anywhere (a spoke before the ground),"""
 """or lie within its outline at a similar depth: fragments of a spoke thinner than a pixel."""
@@ -129,7 +125,7 @@ def find_belonging(
     for number in np.unique(labels).tolist():
         of_it = labels == number
         border = of_it & (away <= TOUCHING_PX + 0.5)
-        close = int((step <= np.maximum(gap * nearer, SIZE_GAP * size))[border].sum())
+        close = int((step <= gap * nearer)[border].sum())
         if close > 1 and (sizes[number] < SMALL_SHARE * target.sum() or close >= MOSTLY * border.sum()):
             yield number
             continue
@@ -143,28 +139,8 @@ def find_belonging(
             (close > 1 and common >= SOME_COLOR)
             or (behind.sum() > 1 and common >= SAME_COLOR and sizes[number] <= SMALLER * target.sum())
             or (common >= CRACK_COLOR and crack.sum() >= CRACK_LENGTH * longer_side(piece))
-            or (
-                common >= CRACK_COLOR
-                and not border.any()
-                and is_stacked(target, piece)
-                and is_within_gap(step[of_it], size)
-            )
         ):
             yield number
-
-
-def is_within_gap(step: Float32Array, size: float) -> bool:
-    """Whether the smallest of some depth steps (m) is small enough within one object."""
-    return bool(step.min() <= BEHIND_SIZE * size)
-
-
-def is_stacked(one: BoolArray, other: BoolArray) -> bool:
-    """Whether one of two regions (H x W) ends where the other begins, below or above it."""
-    rows = [np.flatnonzero(where.any(1)) for where in (one, other)]
-    columns = [where.any(0) for where in (one, other)]
-    upper, lower = sorted(rows, key=lambda each: int(each[0]))
-    narrower = min(int(each.sum()) for each in columns)
-    return bool(upper[-1] < lower[0] and (columns[0] & columns[1]).sum() >= OVER * narrower)
 
 
 def find_enclosed(
