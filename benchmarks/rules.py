@@ -163,7 +163,6 @@ SHADOW_RULES: dict[str, Callable[[], None]] = {
     "pixel-classifier": _no_pixel_classifier,
     "cast-candidates": _shadow("TRIED", 0, "classifier"),
     "second-candidate": _shadow("TRIED", 1, "classifier"),
-    "largest": _shadow("LARGEST", np.inf),
     "near-only": _shadow("regions_touching", lambda mask, seeds: mask),
 }
 """The same of `dlama.perception.shadows`, for `shadow_rules.py`."""

@@ -64,21 +64,6 @@ def test_a_pattern_is_no_shadow() -> None:
     assert not find_shadow(RGBD(color, rgbd.depth, CAMERA), mask).any()
 
 
-def test_a_shadow_that_fades_is_followed() -> None:
-    """A dark core at the foot, and round it a light that returns over a metre."""
-    rgbd, mask, _ = lit_and_shadow(1.0)
-    points = rays(CAMERA) * rgbd.depth[..., None]
-    apart = np.hypot(
-        np.maximum(0, np.abs(points[..., 0] + 0.05) - 0.25), np.maximum(0, np.abs(points[..., 2] - 2.8) - 0.2)
-    )
-    ground = ~mask & (np.abs(points[..., 1] - 1) < 0.01)
-    lost = np.where(ground, 0.6 * np.exp(-apart / 0.35), 0)
-    color = np.clip(rgbd.color * (1 - lost[..., None]), 0, 255).astype(np.uint8)
-    found, true = find_shadow(RGBD(color, rgbd.depth, CAMERA), mask), lost > 0.1
-    assert (found & true).sum() > 0.33 * true.sum()  # it fades more slowly than what the box hides of any sky
-    assert (found & true).sum() > 0.75 * found.sum()
-
-
 @pytest.mark.parametrize(("tone", "right"), [(0.65, (-1.6, 0.0)), (0.75, (-0.2, 2.0))])
 def test_a_rug_that_the_shadow_touches_is_no_part_of_it(tone: float, right: tuple[float, float]) -> None:
     """A rug as dark as the shadow begins next to the box or under it: of what is there the shadow alone is found."""

@@ -20,12 +20,6 @@ from dlama.perception.shadows.planes import shadow_planes
 
 NEAR_PX = 5
 """Largest gap in px between a shadow and its cast shape or object."""
-PLAUSIBLE = 0.1
-"""Least mean probability of what darkness alone adds: elsewhere a rug or a pattern is dark."""
-FAINT = 0.02
-"""The same of the ambient-occlusion component, which is faint."""
-LARGEST = 4.0
-"""Largest area of a shadow, in areas of the object."""
 
 
 def find_shadow(rgbd: RGBD, mask: BoolArray, found: Planes | None = None) -> BoolArray:
@@ -45,13 +39,9 @@ def find_shadow(rgbd: RGBD, mask: BoolArray, found: Planes | None = None) -> Boo
     usable = ground.surface & ~dilate_mask(mask, EDGE_PX)
     cast = (shape > 0.5) & usable
     shadow = regions_touching((probability > SHADOW) & usable, cast | dilate_mask(mask, NEAR_PX))
-    further = grow_shadow(rgbd, mask, ground, usable, cast) & ~shadow
-    if further.any() and probability[further].mean() > PLAUSIBLE:
-        shadow |= further
-    soft = grow_ambient_shadow(rgbd, mask, ground, usable, shadow, occlusion) & ~shadow
-    if soft.any() and probability[soft].mean() > FAINT:
-        shadow |= soft
-    if not SMALLEST_PX <= shadow.sum() <= LARGEST * mask.sum():
+    shadow |= grow_shadow(rgbd, mask, ground, usable, cast)
+    shadow |= grow_ambient_shadow(rgbd, mask, ground, usable, shadow, occlusion)
+    if shadow.sum() < SMALLEST_PX:
         return none
     contact = dilate_mask(shadow, EDGE_PX + 2) & dilate_mask(mask, EDGE_PX + 1)
     return np.asarray((shadow | contact) & ground.surface & ~mask)

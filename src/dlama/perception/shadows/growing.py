@@ -1,7 +1,7 @@
-"""A cast shape and the picture in; the shadow extended to where it ends or fades, on surfaces without pattern, out.
+"""A cast shape and the picture in; the shadow extended to where it ends, on surfaces without pattern, out.
 
-The shadow of the object's hidden side touches the shape and is as dark. Soft borders fade; on overcast days they fade with the
-ambient occlusion. On patterned surfaces darkness decides nothing, and nothing is added.
+The shadow of the object's hidden side touches the shape and is as dark. On overcast days it fades with the ambient occlusion.
+On patterned surfaces darkness decides nothing, and nothing is added.
 """
 
 from __future__ import annotations
@@ -17,9 +17,6 @@ DARKER = 0.1
 """Least darkness of a shadow (natural logarithm): a tenth."""
 PLAIN = 4.0
 """Least darkness of the shadow, in standard deviations of the lit surface, for the surface to count as plain."""
-SOFT_WINDOW_PX, SOFT_EVEN, FADED = 15, 0.035, 0.75
-"""Penumbrae are followed where darkness over such windows has at most this standard deviation. Their darkness is at most this
-share of the shadow's own: anything darker belongs to another object."""
 EVEN, RIM_PX = 0.07, 4
 """Largest residual of the ambient fit (mean of the logarithm), outside the shadow's border, for ambient shadows to be used."""
 ROUNDS, MORE = 8, 1.01
@@ -27,7 +24,7 @@ ROUNDS, MORE = 8, 1.01
 
 
 def grow_shadow(rgbd: RGBD, mask: BoolArray, ground: Ground, usable: BoolArray, shape: BoolArray) -> BoolArray:
-    """H x W, `shape` with connected pixels darker than half its darkness, and the penumbra that fades from them."""
+    """H x W, `shape` with connected pixels darker than half its darkness."""
     darkness = measure_darkness(rgbd, mask, ground.surface, None)
     if darkness is None or not shape.any():
         return np.zeros_like(shape)
@@ -42,8 +39,7 @@ def grow_shadow(rgbd: RGBD, mask: BoolArray, ground: Ground, usable: BoolArray, 
             if larger.sum() < MORE * shadow.sum():
                 break
             shadow = larger
-    softly = measure_darkness(rgbd, mask, ground.surface, None, SOFT_WINDOW_PX)
-    return shadow if softly is None else shadow | extend_penumbra(softly.dark, usable, shape | shadow, deep)
+    return shadow
 
 
 def grow_ambient_shadow(
@@ -74,16 +70,3 @@ def unevenness(dark: Float32Array, usable: BoolArray) -> float:
     """Standard deviation of the darkness of the lit surface, from its brighter half: shadows are in the darker one."""
     values = dark[usable & (dark < 0)]
     return 1.4826 * float(np.median(np.abs(values))) if values.size > 50 else 0.0
-
-
-def extend_penumbra(dark: Float32Array, usable: BoolArray, shadow: BoolArray, deep: float) -> BoolArray:
-    """The penumbra of a shadow, down to DARKER, where the surface is plain enough.
-
-    dark: H x W, of the surface, averaged over SOFT_WINDOW_PX.
-    """
-    if unevenness(dark, usable) > SOFT_EVEN:
-        return np.zeros_like(shadow)
-    less = usable & (dark > DARKER) & (dark < FADED * deep)
-    both = regions_touching(morphological_open(less, square(5)) | shadow, shadow)
-    beyond = both & ~dilate_mask(shadow, SOFT_WINDOW_PX // 2 + 1)  # a hard border, averaged, fades over half the window
-    return both if beyond.sum() > 0.5 * shadow.sum() else np.zeros_like(shadow)
