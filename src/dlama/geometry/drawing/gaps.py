@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.drawing.layers import Canvas
+from dlama.geometry.drawing.canvas import Canvas
 from dlama.geometry.projection import depth_from_inverse, inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.scene import Scene

@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 
 from dlama.geometry.camera import Camera, Float64Array
+from dlama.geometry.drawing.canvas import Canvas
 from dlama.geometry.drawing.picture_edges import align_edges
 from dlama.geometry.drawing.picture_edges import edge_ratio as edge_ratio
 from dlama.geometry.kernels import depth_edges as edges
@@ -19,7 +20,7 @@ from dlama.geometry.kernels.jit import in_bands, threads
 from dlama.geometry.kernels.sampling import far_blocks, smooth_quads, spline
 from dlama.geometry.projection import px_from_px
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, paste
-from dlama.geometry.view import Origin, View, from_source
+from dlama.geometry.view import View
 
 Mode = Literal["surface", "points"]
 MODES: tuple[Mode, ...] = ("surface", "points")
@@ -82,65 +83,6 @@ def join_neighbours(w: Float32Array, camera: Camera, step: float = 0.0) -> UInt8
     ratio = edge_ratio(camera)
     in_bands(edges.join, len(joined), w, ratio, max(step, step_by_noise(w, ratio)), joined)
     return joined
-
-
-@dataclass
-class Canvas:
-    """Pixels drawn so far; depth 0 = empty."""
-
-    color: UInt8Array
-    """H x W x 3, RGB."""
-    depth: Float32Array
-    """H x W, planar z in metres; 0 = empty, +inf = far."""
-    origin: UInt8Array
-    """H x W, Origin codes."""
-    confidence: Float32Array
-    """H x W, in 0..1."""
-    errors: Float32Array | None = None
-    """H x W x 2, as `View.errors`; None: they are not drawn."""
-
-    @classmethod
-    def empty(cls, camera: Camera, errors: bool = False) -> Canvas:
-        """A canvas of the camera's size on which nothing is drawn; `errors`: expected errors are drawn, too."""
-        hw = camera.hw
-        planes = (
-            np.zeros((*hw, 3), np.uint8),
-            np.zeros(hw, np.float32),
-            np.zeros(hw, np.uint8),
-            np.zeros(hw, np.float32),
-        )
-        return cls(*planes, np.zeros((*hw, 2), np.float32) if errors else None)
-
-    def buffers(self) -> tuple[UInt8Array, Float32Array, UInt8Array, Float32Array]:
-        """Colour, depth, origin and confidence, in the order in which kernels take them."""
-        return self.color, self.depth, self.origin, self.confidence
-
-    def put(self, other: Canvas, tolerance: float, over_measured: bool, at_home: bool = False) -> None:
-        """Draw another canvas over this one where this is empty or clearly behind (relative tolerance).
-
-        over_measured: False keeps measured pixels in their own camera (fills must not cover them). at_home: it is the first
-        layer's camera; its sensor holes keep their measured colours.
-        """
-        wins = (other.depth > 0) & ((self.depth == 0) | (other.depth < self.depth * (1 - tolerance)))
-        if not over_measured:
-            wins &= ~from_source(self.origin) | (self.depth == 0)
-            if at_home:
-                wins &= (self.origin != Origin.DEPTH_FILLED) | (self.depth == 0)
-        paste(other.color, wins, self.color)
-        paste(other.depth, wins, self.depth)
-        paste(other.origin, wins, self.origin)
-        paste(other.confidence, wins, self.confidence)
-        if self.errors is not None and other.errors is not None:
-            paste(other.errors, wins, self.errors)
-
-    def put_errors(self, layer: View, where: BoolArray, rows: np.ndarray, columns: np.ndarray) -> None:
-        """The expected errors of a layer's pixels (rows, columns: N) in the pixels of `where` (H x W, N True); both have some."""
-        assert self.errors is not None and layer.errors is not None
-        self.errors[where] = layer.errors[rows, columns]
-
-    def shares_errors(self, layer: View) -> bool:
-        """Whether the canvas and the layer both have expected errors."""
-        return self.errors is not None and layer.errors is not None
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,8 @@ import cv2
 import numpy as np
 
 from dlama.geometry.camera import Camera, Float64Array
-from dlama.geometry.drawing.layers import Canvas, Grid, Mode, draw, draw_far
+from dlama.geometry.drawing.canvas import Canvas
+from dlama.geometry.drawing.layers import Grid, Mode, draw, draw_far
 from dlama.geometry.frames.choosing import MOST_FRAMES, choose_frames
 from dlama.geometry.holes import morphological_open, square
 from dlama.geometry.kernels import merging as kernels
