@@ -107,9 +107,8 @@ class Grid:
         return cls(layer, layer.camera.same_view_as(camera), mode, *px_from_px(camera, layer.camera), fine)
 
     @cached_property
-    def _surface(self) -> tuple[Float32Array, BoolArray, UInt8Array | None]:
-        depth, fly, w = remove_flying_pixels(self.layer)
-        return depth, fly, join_neighbours(w, self.layer.camera) if self.mode == "surface" else None
+    def _surface(self) -> tuple[Float32Array, BoolArray, Float32Array]:
+        return remove_flying_pixels(self.layer)
 
     @property
     def depth(self) -> Float32Array:
@@ -124,17 +123,17 @@ class Grid:
     @property
     def joined(self) -> UInt8Array | None:
         """Which neighbours are one surface, `join_neighbours`; None: draw points."""
-        return self._surface[2]
+        return self.mesh if self.mode == "surface" else None
+
+    @cached_property
+    def mesh(self) -> UInt8Array:
+        """`joined`, in points mode too."""
+        return join_neighbours(self._surface[2], self.layer.camera)
 
     @cached_property
     def knots(self) -> Float32Array:
         """Of the colours' splines (`sampling.spline`); none where not fine."""
         return spline(self.layer.color) if self.fine else np.empty(0, np.float32)
-
-    @property
-    def mesh(self) -> UInt8Array:
-        """`joined`, in points mode too."""
-        return self.joined if self.joined is not None else mesh_grid(self.layer)[1]
 
 
 def mesh_grid(layer: View, step: float = 0.0) -> tuple[Float32Array, UInt8Array]:
