@@ -35,9 +35,6 @@ OPAQUE = 0.98
 """Opacity of a splat in the middle, where the surface is opaque."""
 SOURCE_SHARE = 2 / 3
 """Of the splats, which the source may take."""
-BEHIND = 0.01
-"""Share of the distance by which the other layers lie behind the source, and by a quarter of it each behind the one before it:
-viewers sort splats by distances of few digits, and surfaces that join would show in turn."""
 LEAST_SHARE = 0.02
 """Of a soft border: what is less opaque is left out."""
 FIELDS = (
@@ -65,13 +62,10 @@ def scene_splats(scene: Scene, box: HeadBox) -> np.ndarray:
     layers = [layer.read() for layer in others]
     counts = [int((contribution(one) | one.far).sum()) * (box.camera.fx / one.camera.fx) ** 2 for one in layers]
     step = max(step, subsampling_step(sum(counts), MOST_SPLATS - sum(map(len, parts))))
-    home = box.camera.world_from_cam[:3, 3]
-    for number, one in enumerate(layers, 1):
+    for one in layers:
         own = max(1, round(step * one.camera.fx / box.camera.fx))
         if min(one.camera.hw) >= 2 * own:
-            found = layer_splats(subsample(one, own), (box.camera, sky))
-            found[:, :3] = home + (found[:, :3] - home) * (1 + BEHIND * (1 + number / 4))
-            parts.append(found)
+            parts.append(layer_splats(subsample(one, own), (box.camera, sky)))
     return np.concatenate(parts)
 
 
