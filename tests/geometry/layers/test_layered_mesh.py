@@ -6,12 +6,15 @@ import numpy as np
 import pytest
 
 from dlama.completion.photo3d import Photo3D, photo3d
+from dlama.completion.verbs import remove
 from dlama.geometry.camera import Camera
-from dlama.geometry.layers.layered_mesh import MeshPart, depth_of_sphere, mesh_layers, sky_distance
+from dlama.geometry.layers.head_box import HeadBox
+from dlama.geometry.layers.layered_mesh import MeshPart, depth_of_sphere, fill_own_holes, mesh_layers, sky_distance
 from dlama.geometry.projection import project, rays
 from dlama.geometry.rgbd import RGBD
+from dlama.geometry.scene import contribution
 from dlama.geometry.trajectories import orbit
-from dlama.geometry.view import Origin
+from dlama.geometry.view import Origin, View
 from worlds import Box, Plane, World
 
 CAMERA = Camera.from_fov(96, 72, 65)
@@ -72,3 +75,17 @@ def test_the_sky_moves_by_a_pixel_at_most(photo: Photo3D) -> None:
     box = photo.box
     aside = 2 * box.pivot * np.tan(np.radians(box.angle))
     assert aside / sky_distance(photo.scene, box) * box.camera.fx / 96 * 775 <= 1.01
+
+
+def test_a_removed_object_leaves_no_seam() -> None:
+    """The box removed: the source is whole, all its triangles lie where the wall is, and no other layer has these pixels."""
+    given = WORLD.rgbd(CAMERA)
+    mask = given.depth < 4
+    done = remove(given, mask, filler="telea", dilate=2)
+    source, others = fill_own_holes(done.scene, CAMERA)
+    assert not source.hole.any()
+    np.testing.assert_array_equal(source.color, done.view.color)
+    np.testing.assert_array_equal(source.depth, done.view.depth)
+    assert not any(contribution(layer.read())[mask].any() for layer in others if layer.camera.same_view_as(CAMERA))
+    found = mesh_layers(done.scene, HeadBox.of(View.from_rgbd(given), angle=3), 100_000)
+    assert len(found) == 2 + len(others) + 1 and project(found[0].mesh.vertices, CAMERA)[1].min() > 5.5

@@ -17,7 +17,7 @@ from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.drawing.layers import mesh_grid
 from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
 from dlama.geometry.layers.head_box import HeadBox
-from dlama.geometry.layers.layered_mesh import sky_distance
+from dlama.geometry.layers.layered_mesh import fill_own_holes, sky_distance
 from dlama.geometry.layers.source_sheets import Sheet, cut_source, depth_of_sphere
 from dlama.geometry.layers.subsampling import subsample
 from dlama.geometry.projection import rays
@@ -55,8 +55,8 @@ def write_splats(path: PathLike, rows: np.ndarray) -> None:
 def scene_splats(scene: Scene, box: HeadBox) -> np.ndarray:
     """N x len(FIELDS): the splats of a scene, MOST_SPLATS or fewer: the source is subsampled as far as its share needs it, the
     other layers to what is left."""
-    first, *others = sorted(scene.layers, key=lambda layer: not layer.camera.same_view_as(box.camera))
-    source, sky = first.read(), sky_distance(scene, box)
+    source, others = fill_own_holes(scene, box.camera)
+    sky = sky_distance(scene, box)
     step = subsampling_step(int((source.valid | source.far).sum()), SOURCE_SHARE * MOST_SPLATS)
     parts = [sheet_splats(sheet) for sheet in cut_source(source, box, step, sky)]
     layers = [layer.read() for layer in others]

@@ -31,7 +31,7 @@ from dlama.geometry.layers.subsampling import step_for, subsample
 from dlama.geometry.projection import project_to_pixels
 from dlama.geometry.rgbd import Float32Array
 from dlama.geometry.scene import Scene, contribution
-from dlama.geometry.view import View
+from dlama.geometry.view import HoleType, View
 
 TOLERANCES, LEAST_SHARE, LARGEST_SHARE = (0.1, 0.25, 0.5, 1.0), 0.002, 0.05
 """px of the grid by which depth that is off may move a pixel to the side of the box, from which the first is taken that gives few
@@ -56,8 +56,7 @@ def mesh_layers(scene: Scene, box: HeadBox, most_triangles: int) -> list[MeshPar
     is what is soft of the source, its picture with alpha.
     """
     distance = sky_distance(scene, box)
-    first, *others = sorted(scene.layers, key=lambda layer: not layer.camera.same_view_as(box.camera))
-    source = first.read()
+    source, others = fill_own_holes(scene, box.camera)
     home = np.where(source.far, depth_of_sphere(box.camera, box.camera, distance), source.depth)
     step = step_for(Scene((source,)), GRID_PIXELS)
     parallax = source.camera.fx / step * math.tan(math.radians(box.angle))
@@ -80,6 +79,23 @@ def mesh_layers(scene: Scene, box: HeadBox, most_triangles: int) -> list[MeshPar
     )
     rest = most_triangles - sum(len(part.mesh.triangles) for part in own)
     return [*own[:-1], *fit_triangles(fills, 2 * step, shares[1:], rest), own[-1]]
+
+
+def fill_own_holes(scene: Scene, camera: Camera) -> tuple[View, list[View]]:
+    """The layer of a camera, with its holes as they were filled for the same camera: one surface without a seam; and the others,
+    without these pixels."""
+    first, *others = sorted(scene.layers, key=lambda layer: not layer.camera.same_view_as(camera))
+    source, rest = first.read(), []
+    for layer in others:
+        if layer.camera.same_view_as(camera):
+            layer = layer.read()
+            filled = source.hole & ~layer.hole
+            source = source.with_pixels(layer, filled)
+            layer = layer.without(filled, HoleType.NONE)
+            if not (contribution(layer) | layer.far).any():
+                continue
+        rest.append(layer)
+    return source, rest
 
 
 def fit_triangles(
