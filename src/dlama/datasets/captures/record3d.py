@@ -21,7 +21,7 @@ from dlama.datasets.captures.captured_frames import CaptureFiles, captured_frame
 from dlama.datasets.posed.nerfstudio import CV_FROM_GL
 from dlama.datasets.posed.posed_frames import Lens, PosedFrame
 from dlama.datasets.text_tables import pose_of
-from dlama.errors import DlamaError, FileError, MissingExtraError
+from dlama.errors import DlamaError, FileError, MissingExtraError, first_line
 from dlama.files.fields import FileFields, json_fields
 from dlama.files.rasters.images import check_pixels
 from dlama.geometry.rgbd import UInt8Array
@@ -88,7 +88,7 @@ def color_of_member(place: Path, name: str) -> UInt8Array:
     except DlamaError:
         raise
     except Exception as error:
-        raise FileError(f"{place}: {name} is damaged ({str(error) or type(error).__name__})") from error
+        raise FileError(f"{place}: {name} is damaged ({first_line(error)})") from error
 
 
 def array_of_member(place: Path, name: str, kind: str, hw: tuple[int, int]) -> Any:

@@ -18,7 +18,7 @@ import numpy as np
 from PIL import Image
 
 from dlama.datasets.text_tables import nearest_in_time, pose_of
-from dlama.errors import FileError
+from dlama.errors import FileError, first_line
 from dlama.files.rasters.images import check_pixels
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.poses import invert_pose, slerp
@@ -76,15 +76,6 @@ def is_color(message: Any) -> bool:
     )
 
 
-def size_of(message: Any) -> tuple[int, int]:
-    """Height and width of an Image or a CompressedImage, pixels not decoded."""
-    if hasattr(message, "encoding"):
-        return int(message.height), int(message.width)
-    data = bytes(message.data)
-    with Image.open(io.BytesIO(data[DEPTH_HEADER:] if is_depth(message) else data)) as picture:
-        return picture.height, picture.width
-
-
 def color_of(message: Any, where: str) -> UInt8Array:
     """H x W x 3 RGB. FileError, which begins with `where`."""
     if not hasattr(message, "encoding"):
@@ -126,9 +117,7 @@ def _open_picture(data: bytes, where: str) -> Image.Image:
     except FileError:
         raise
     except Exception as error:
-        raise FileError(
-            f"{where}: is damaged, or not packed as JPEG or PNG ({str(error) or type(error).__name__})"
-        ) from error
+        raise FileError(f"{where}: is damaged, or not packed as JPEG or PNG ({first_line(error)})") from error
 
 
 def _pixels(message: Any, kind: type, channels: int, where: str) -> np.ndarray:

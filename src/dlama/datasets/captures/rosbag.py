@@ -38,7 +38,7 @@ from dlama.datasets.posed.nerfstudio import SHOWS_PX, distortion_px
 from dlama.datasets.posed.posed_frames import Lens, PosedFrame
 from dlama.datasets.posed.view_pairs import LOG
 from dlama.datasets.text_tables import nearest_in_time
-from dlama.errors import DlamaError, FileError, MissingExtraError
+from dlama.errors import DlamaError, FileError, MissingExtraError, first_line
 from dlama.files.fields import FileFields
 from dlama.geometry.rgbd import Float32Array, UInt8Array
 
@@ -111,7 +111,7 @@ def _decode(how: Callable[[Any, str], Any], path: Path, topic: str, place: int) 
     except DlamaError:
         raise
     except Exception as error:  # a damaged message can say anything of itself
-        raise FileError(f"{path}, {topic}: is damaged ({str(error) or type(error).__name__})") from error
+        raise FileError(f"{path}, {topic}: is damaged ({first_line(error)})") from error
 
 
 class Bag:
@@ -136,7 +136,7 @@ class Bag:
         except DlamaError:
             raise
         except Exception as error:  # readers raise AnyReaderError, struct.error, KeyError, ... on damaged files
-            raise FileError(f"{path}: is no readable bag ({str(error) or type(error).__name__})") from error
+            raise FileError(f"{path}: is no readable bag ({first_line(error)})") from error
 
     def __del__(self) -> None:
         """Close the files of a bag that is no longer kept open."""
@@ -217,7 +217,7 @@ class Bag:
                 for connection, _, data in self.reader.messages(connections=chosen, start=place, stop=place + 1):
                     return self._deserialize(connection, data)
             except Exception as error:
-                raise FileError(f"{self.path}, {topic}: is damaged ({str(error) or type(error).__name__})") from error
+                raise FileError(f"{self.path}, {topic}: is damaged ({first_line(error)})") from error
         raise FileError(f"{self.path}, {topic}: has lost the message at {place} ns")
 
     def pair(self) -> tuple[Topic, Topic]:

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from dlama.errors import DepthError, DlamaError, MissingExtraError
+from dlama.errors import DepthError, DlamaError, MissingExtraError, first_line
 from dlama.files.atomic_write import PathLike
 from dlama.files.cameras import FILM_DIAGONAL_MM
 from dlama.files.photos.containers import (
@@ -89,7 +89,7 @@ def read_photo_depth(path: PathLike) -> PhotoDepth | None:
     except DlamaError:
         raise
     except Exception as error:  # decoders raise OSError, EOFError, SyntaxError, struct.error, ... on damaged files
-        raise DepthError(f"{file}: the depth in it is damaged ({str(error) or type(error).__name__})") from error
+        raise DepthError(f"{file}: the depth in it is damaged ({first_line(error)})") from error
     if found is not None:
         (height, width), shape = hw, found.values.shape
         if abs(shape[1] / shape[0] * height / width - 1) > SAME_PROPORTIONS:

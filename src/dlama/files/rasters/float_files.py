@@ -81,7 +81,7 @@ def read_array(path: PathLike, key: str) -> np.ndarray:
     except FileError as error:
         raise error if str(error).startswith(str(file)) else FileError(f"{file}: {error}") from error
     except Exception as error:  # ValueError, EOFError, BadZipFile, zlib.error, ...
-        raise FileError(f"{file}: is no whole NPY or NPZ file ({str(error) or type(error).__name__})") from error
+        raise FileError(f"{file}: is no whole NPY or NPZ file ({first_line(error)})") from error
 
 
 def read_npy(stream: IO[bytes], held: int) -> np.ndarray:

@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 from PIL import Image
 
-from dlama.errors import DlamaError, FileError, MissingExtraError, system_errors
+from dlama.errors import DlamaError, FileError, MissingExtraError, first_line, system_errors
 from dlama.files.atomic_write import PathLike
 from dlama.files.rasters.orientation import (
     BIG_TIFF_HEADS,
@@ -126,7 +126,7 @@ def read_stored(path: PathLike) -> StoredPicture:
             f"{file}: is no readable PNG, JPEG, WebP, TIFF or HEIC picture{_describe_file(file)}"
         ) from error
     except Exception as error:  # decoders raise OSError, SyntaxError, ValueError, struct.error, ... on damaged files
-        raise FileError(f"{file}: is damaged or truncated ({str(error) or type(error).__name__})") from error
+        raise FileError(f"{file}: is damaged or truncated ({first_line(error)})") from error
 
 
 @system_errors(FileError)

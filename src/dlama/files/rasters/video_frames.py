@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from dlama.errors import DlamaError, FileError, MissingExtraError, system_errors
+from dlama.errors import DlamaError, FileError, MissingExtraError, first_line, system_errors
 from dlama.files.rasters.images import check_pixels, existing_file
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.rgbd import UInt8Array, UInt16Array
@@ -64,7 +64,7 @@ def _picture(path: Path, place: int, track: int, how: Callable[[Video, int], np.
     except DlamaError:
         raise
     except Exception as error:  # of decoders
-        raise FileError(f"{path}: picture {place} is damaged ({str(error) or type(error).__name__})") from error
+        raise FileError(f"{path}: picture {place} is damaged ({first_line(error)})") from error
 
 
 class Video:
@@ -82,7 +82,7 @@ class Video:
             found = (packet.pts for packet in self.container.demux(self.stream))
             self.stamps = sorted({stamp for stamp in found if stamp is not None})
         except Exception as error:
-            raise FileError(f"{path}: is no readable video ({str(error) or type(error).__name__})") from error
+            raise FileError(f"{path}: is no readable video ({first_line(error)})") from error
         if not self.stamps:
             raise FileError(f"{path}: holds no picture")
         check_pixels(path, self.stream.width, self.stream.height)
