@@ -210,9 +210,8 @@ def find_far(layer: View, camera: Camera) -> BoolArray:
     """H x W: where a camera's picture may show the far pixels of the layer."""
     if not layer.far.any():
         return np.zeros(camera.hw, bool)
-    turn = layer.camera.cam_from_world[:3, :3] @ camera.world_from_cam[:3, :3]
-    half = np.array([[1, 0, 0.5], [0, 1, 0.5], [0, 0, 1]])
-    matrix = np.linalg.inv(half) @ layer.camera.K @ turn @ np.linalg.inv(camera.K) @ half
+    half = np.array([[1, 0, 0.5], [0, 1, 0.5], [0, 0, 1]])  # OpenCV's first pixel has its centre at 0
+    matrix = np.linalg.inv(half) @ px_from_px(layer.camera, camera)[0] @ half
     flags = cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP
     return cv2.warpPerspective(layer.far.view(np.uint8), matrix, camera.wh, flags=flags) > 0
 

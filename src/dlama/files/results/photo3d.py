@@ -28,7 +28,7 @@ from dlama.files.scenes.spz import write_spz
 from dlama.files.scenes.textured_mesh import bring_near
 from dlama.files.scenes.usdz import check_usd, write_usdz
 from dlama.geometry.camera import Camera
-from dlama.geometry.layers.layered_mesh import mesh_layers
+from dlama.geometry.layers.layered_mesh import farthest_surface, mesh_layers
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import UInt8Array
 from dlama.geometry.scene import Scene
@@ -48,8 +48,6 @@ RESULTS: dict[str, tuple[str, ...]] = {
 BY_DEFAULT = ("page", "mesh")
 MOST_TRIANGLES = 100_000
 """What viewers of augmented reality take."""
-FARTHEST = 0.98
-"""Quantile of the depth of the frames beyond which meshes for other viewers are drawn in."""
 EYES = 0.2
 """Places of the two eyes of a stereo picture, -1..1 across the box."""
 STEREO_WIDTH, LOOP_WIDTH, LOOP_PICTURES, LOOP_FPS = 1920, 640, 72, 24.0
@@ -125,8 +123,7 @@ def file_writers(photo: Photo3D, folder: Path, about: dict[str, Any]) -> dict[st
 
     @cache
     def near_parts() -> Any:
-        depths = [frame.depth[frame.valid] for frame in (one.read() for one in scene.frames) if frame.valid.any()]
-        return bring_near(parts(), box.camera, max(float(np.quantile(depth, FARTHEST)) for depth in depths))
+        return bring_near(parts(), box.camera, farthest_surface(scene))
 
     @cache
     def splats() -> Any:
@@ -136,7 +133,8 @@ def file_writers(photo: Photo3D, folder: Path, about: dict[str, Any]) -> dict[st
 
     @cache
     def eyes() -> tuple[UInt8Array, UInt8Array]:
-        left, right = (draw_smooth(scene, resize_to(box.at(side, 0, 0), STEREO_WIDTH)) for side in (-EYES, EYES))
+        bare = drop_errors(scene)
+        left, right = (draw_smooth(bare, resize_to(box.at(side, 0, 0), STEREO_WIDTH)) for side in (-EYES, EYES))
         return left, right
 
     @cache

@@ -45,8 +45,8 @@ BEHIND = 0.002
 the one before it, lest the two show in turn."""
 IN_FRONT = 0.95
 """Share of the measured depth; what is nearer than that is another surface, which hides it."""
-SKY, SKY_QUANTILE = 4.0, 0.98
-"""Distance of the sky, in that quantile of the depth of the frames."""
+SKY, FARTHEST = 4.0, 0.98
+"""Distance of the sky in that of the farthest surface, which is this quantile of the depth of a frame."""
 
 
 def mesh_layers(scene: Scene, box: HeadBox, most_triangles: int) -> list[MeshPart]:
@@ -117,10 +117,14 @@ def fit_triangles(
 
 def sky_distance(scene: Scene, box: HeadBox) -> float:
     """Metres at which the sky lies: behind everything, and so far that from end to end of the box it moves by about a pixel."""
-    depths = [frame.depth[frame.valid] for frame in (one.read() for one in scene.frames) if frame.valid.any()]
-    farthest = max((float(np.quantile(depth, SKY_QUANTILE)) for depth in depths), default=1.0)
     aside = 2 * box.pivot * math.tan(math.radians(box.angle))
-    return max(SKY * farthest, aside * math.sqrt(GRID_PIXELS) / box.camera.width * box.camera.fx)
+    return max(SKY * farthest_surface(scene), aside * math.sqrt(GRID_PIXELS) / box.camera.width * box.camera.fx)
+
+
+def farthest_surface(scene: Scene) -> float:
+    """Metres of the farthest surface of the frames, but for a few pixels; 1 where nothing is valid."""
+    depths = [frame.depth[frame.valid] for frame in (one.read() for one in scene.frames) if frame.valid.any()]
+    return max((float(np.quantile(depth, FARTHEST)) for depth in depths), default=1.0)
 
 
 def mesh_part(layer: View, step: int, box: HeadBox, sky: float, tolerance: float) -> MeshPart:
