@@ -20,9 +20,10 @@ from dlama.errors import InputError
 from dlama.geometry.drawing.picture_edges import DepthProfile
 from dlama.geometry.frames.gathering import FrameSource, scene
 from dlama.geometry.frames.removal import remove_object
+from dlama.geometry.frames.stored import StoredView
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, clip_depth
 from dlama.geometry.scene import Scene
-from dlama.geometry.view import View
+from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
 from dlama.inpainters import AUTO, auto_filler, find_filler
 from dlama.inpainters.filling import Inpainter
@@ -149,6 +150,14 @@ def law_of(given: Scene, recipe: Recipe, object_depth: Float32Array | None = Non
     return Law.of(replace(given, removals=removals))
 
 
+def describe_padding(given: Scene) -> dict[str, dict[str, Any]]:
+    """For meta.json: how many pixels of the frames in memory are padding round the picture (`RGBD.padding`); {} = none."""
+    measured = (one for one in given.frames if not isinstance(one, StoredView))
+    pixels = sum(int((one.hole_type == HoleType.OUT_OF_VIEW).sum()) for one in measured)
+    reason = "a white or black frame without depth runs round the picture: it is filled, as all that is out of view"
+    return {"padding": {"pixels": pixels, "reason": reason}} if pixels else {}
+
+
 def plan_for(
     start: Scene,
     options: Options,
@@ -167,6 +176,7 @@ def plan_for(
         decisions = decisions | {"mask_growth": removal.growth._asdict()}
         dilation = Dilation(removal.pixels, removal.known_pixels_given_up)
     given = start.unfilled
+    decisions = decisions | describe_padding(given)
     filler_with_depth = filler_of_recipe(inpainter, recipe)
     plan = Plan(recipe, filler_with_depth, options.seed, given, law_of(given, recipe), choice.name, decisions)
     return plan, start, dilation

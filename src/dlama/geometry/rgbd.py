@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,10 @@ UInt8Array = NDArray[np.uint8]
 UInt16Array = NDArray[np.uint16]
 Float32Array = NDArray[np.float32]
 BoolArray = NDArray[np.bool_]
+PADDING_LEVELS, PADDING_SHARE = 3, 0.99
+"""`RGBD.padding` differs from white or black by so many levels at most, in this share of the pixels on each border line."""
+WIDEST_PADDING = 0.05
+"""Of the picture's shorter side: what is wider is a white or black scene."""
 PLAUSIBLE_M = (0.05, 500.0)
 """Metres; a median depth outside is no room's and no street's: the scale is wrong."""
 
@@ -97,6 +102,24 @@ class RGBD:
         """H x W, True where the sensor measured nothing."""
         return self.depth == 0
 
+    @cached_property
+    def padding(self) -> BoolArray | None:
+        """H x W, True in a white or black frame round the picture, where no depth is measured; None: there is no such frame.
+
+        Registered pictures of a Kinect have one (NYU Depth v2: 5 to 11 px). It shows nothing of the scene.
+        """
+        lines = tuple((slice(None),) * axis + (end,) for axis in (0, 1) for end in (0, -1))
+        if any((self.depth[line] != 0).mean() > 1 - PADDING_SHARE for line in lines):
+            return None
+        for level in (255, 0):
+            low, high = level - PADDING_LEVELS, level + PADDING_LEVELS
+            if all(
+                ((low <= c) & (c <= high)).all(-1).mean() >= PADDING_SHARE for c in (self.color[at] for at in lines)
+            ):
+                blank = ((low <= self.color) & (self.color <= high)).all(-1) & (self.depth == 0)
+                return _frame_of(blank)
+        return None
+
 
 def check_color(color: ArrayLike, name: str = "colour") -> UInt8Array:
     """The picture as an array; ShapeError, which calls it `name`, unless it is uint8 H x W x 3 with a pixel or more."""
@@ -104,6 +127,20 @@ def check_color(color: ArrayLike, name: str = "colour") -> UInt8Array:
     if array.dtype != np.uint8 or array.ndim != 3 or array.shape[2] != 3 or not array.size:
         raise ShapeError(f"{name} is {array.dtype} {array.shape}; uint8 H x W x 3 is expected")
     return array
+
+
+def _frame_of(blank: BoolArray) -> BoolArray | None:
+    """The part of `blank` (H x W bool) that runs along all four borders, with a mixed pixel inside it; None: it is too wide."""
+    widest = int(WIDEST_PADDING * min(blank.shape))
+    found = np.zeros_like(blank)
+    for turned, out in ((blank, found), (blank[::-1], found[::-1]), (blank.T, found.T), (blank.T[::-1], found.T[::-1])):
+        band = turned[: widest + 1]
+        width = np.where(band.all(0), len(band), band.argmin(0))
+        usual = int(np.median(width))
+        if usual > widest:
+            return None
+        out |= np.arange(len(out))[:, None] <= np.minimum(width, 2 * usual)
+    return freeze(found)
 
 
 def percent(where: BoolArray) -> str:

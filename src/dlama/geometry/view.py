@@ -121,11 +121,14 @@ class View:
 
     @classmethod
     def from_rgbd(cls, rgbd: RGBD) -> View:
-        """The source view: all measured (or with estimated depth), sensor holes (no depth, known colour) marked as such."""
+        """The source view: all measured (or with estimated depth), sensor holes (no depth, known colour) marked as such.
+
+        A frame round the picture (`RGBD.padding`) is out of view.
+        """
         check(rgbd, RGBD, "rgbd")
         missing = rgbd.missing
         known, certainty = (Origin.MEASURED, 1.0) if rgbd.estimate is None else (Origin.ESTIMATED, ESTIMATED_CONFIDENCE)
-        return cls(
+        view = cls(
             camera=rgbd.camera,
             color=rgbd.color,
             depth=rgbd.depth,
@@ -134,6 +137,7 @@ class View:
             origin=freeze(np.where(missing, np.uint8(Origin.MEASURED), np.uint8(known))),
             confidence=freeze((~missing) * np.float32(certainty)),
         )
+        return view if rgbd.padding is None else view.without(rgbd.padding, HoleType.OUT_OF_VIEW)
 
     def __repr__(self) -> str:
         width, height = self.camera.wh

@@ -91,4 +91,5 @@ def reference_of(truth: ViewTruth, target: RGBD, settings: ProtocolSettings, wit
     gain = (1.0, 1.0, 1.0)
     if truth.exposure_varies:
         gain = channel_gain(found.warp_color(truth.source.color), target.color, found.seen)
-    return Reference(target.color, target.depth, found.regions(with_object), settings, gain=gain)
+    shown = None if target.padding is None else ~target.padding
+    return Reference(target.color, target.depth, found.regions(with_object), settings, shown, gain)
