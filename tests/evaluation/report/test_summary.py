@@ -14,6 +14,7 @@ from dlama.evaluation.report.columns import (
     PAPER_DEPTH,
     PAPER_MASK_RATIO,
     PAPER_SHAPE,
+    WHOLE,
     better_direction,
     column_title,
     format_value,
@@ -33,10 +34,8 @@ from dlama.evaluation.report.summary import (
     yaw_order,
 )
 from dlama.evaluation.report.tables import (
-    by_method,
+    by_yaw,
     markdown,
-    paper_table,
-    per_yaw,
     runtimes,
     side_by_side,
     variant_of,
@@ -187,22 +186,11 @@ def paper_rows() -> list[Row]:
 
 
 def test_side_by_side_marks_the_best() -> None:
-    """By hand: less MSE is better, more SSIM is; alike is nobody's win; the paper's column is in italics."""
+    """By hand: alike is nobody's win; what was not measured has no row."""
     found, both = summarise(paper_rows()), ("dlama/telea", "dlama/layered")
-    mse = per_yaw(found, "vpi", "toy", ("whole", "rgb", "mse"), both)
-    assert mse and markdown(mse).splitlines()[2:5] == [
-        "| yaw | dlama/telea | dlama/layered | paper, other data |",
-        "| --- | --- | --- | --- |",
-        "| ±10 | **315.00** | 367.50 | *522.05* |",
-    ]
-    ssim = per_yaw(found, "vpi", "toy", ("whole", "rgb", "ssim"), both, signs=True)
-    assert ssim and [line[0].text for line in ssim.rows] == ["±10", "+10", "-10", "±20", "+20", "-20"]
-    assert "| ±20 | 0.5250 | **0.6300** | *0.6593* |" in markdown(ssim)
-    assert "| +20 | 0.5250 | **0.6300** | – |" in markdown(ssim)
     lpips = side_by_side(found, "vpi", "toy", [("whole", "rgb", "lpips"), ("mask", "rgb", "ssim")], both, "All")
     number = "0.2100 (0.2000 to 0.2200)"
     assert lpips and markdown(lpips).splitlines()[4:] == [f"| whole | colour LPIPS | {number} | {number} |"]
-    assert per_yaw(found, "vpi", "toy", ("seen", "rgb", "mse"), both) is None
 
 
 def test_a_paired_comparison_by_hand() -> None:
@@ -251,29 +239,23 @@ def test_intervals_of_a_comparison_are_drawn_with_the_seed() -> None:
     assert found[0] != found[1]
 
 
-def test_one_yaw_has_one_table_of_all_methods() -> None:
-    """By hand: a row a method with the paper's seven columns and the paper's own row below; no table of a single row."""
-    rows = [one for one in paper_rows() if one.yaw in (10.0, -10.0)]
-    table = by_method(summarise(rows), "vpi", "toy", ["dlama/telea", "dlama/layered"], ["±10"])
-    assert table and table.head[:4] == ("yaw", "method", "mask %", "colour SSIM") and len(table.head) == 9
+def test_a_row_a_yaw_and_method() -> None:
+    """By hand: less MSE is better, more SSIM is; the paper's seven columns, its own row in italics below; none for one sign."""
+    found, both = summarise(paper_rows()), ["dlama/telea", "dlama/layered"]
+    table = by_yaw(found, "vpi", "toy", WHOLE, both, ["±10", "+10"], "Whole pictures")
+    assert table and table.head[:4] == ("yaw", "method", "mask ratio, %", "colour SSIM") and len(table.head) == 9
     assert [cell.text for cell in table.rows[0][:4]] == ["±10", "dlama/telea", "33.33", "0.5250"]
     assert [cell.best for cell in table.rows[1]] == [False, False, False, True, False, False, True, False, False]
-    assert [cell.text for cell in table.rows[2][:4]] == ["±10", "paper, other data", "27.19", "0.7617"]
-    whole, unseen = sections(summarise(rows), rows, [])[:1], sections(summarise(rows), rows, [])[1:2]
-    assert [one.title for one in whole[0].tables] == ["Whole pictures", "Whole pictures, each sign by itself"]
-    assert all(len(one.rows) > 1 for part in (*whole, *unseen) for one in part.tables)
-    assert whole[0].figures and len(whole[0].figures[0].plots) == 7
-
-
-def test_the_paper_shape() -> None:
-    """By hand: a row a yaw with the seven columns of tables 1 and 2, the paper's own below."""
-    table = paper_table(summarise(paper_rows()), "vpi", "toy", "dlama/telea")
-    assert table and table.head[:3] == ("yaw", "mask %", "colour SSIM") and len(table.head) == 8
+    assert [line[0].text for line in table.rows] == ["±10", "±10", "±10", "+10", "+10"]
     lines = markdown(table).splitlines()
     assert lines[4].startswith(
-        "| ±10 | 33.33 | 0.5250 (0.5000 to 0.5500) | 0.2100 (0.2000 to 0.2200) | 315.00 (300.00 to"
+        "| ±10 | dlama/telea | 33.33 | 0.5250 (0.5000 to 0.5500) | 0.2100 (0.2000 to 0.2200) | **315.00**"
     )
-    assert lines[5].startswith("| *±10 paper, other data* | *27.19* | *0.7617* | *0.1859* | *522.05* | *0.9016* |")
+    assert lines[6].startswith("| *±10* | *paper, other data* | *27.19* | *0.7617* | *0.1859* | *522.05* | *0.9016* |")
+    rows = [one for one in paper_rows() if one.yaw in (10.0, -10.0)]
+    whole = sections(summarise(rows), rows, [])[0]
+    assert [one.title for one in whole.tables] == ["Whole pictures", "Whole pictures, each sign by itself"]
+    assert not whole.figures  # a curve has two yaws
 
 
 def test_runtimes_by_hand() -> None:

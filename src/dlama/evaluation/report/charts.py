@@ -1,4 +1,4 @@
-"""A Summary in; figures as SVG elements of a page out: curves over yaw with intervals, dots per method."""
+"""A Summary in; figures as SVG elements of a page out: curves over yaw with intervals, and shares against shares."""
 
 from __future__ import annotations
 
@@ -11,16 +11,8 @@ from html import escape
 from typing import Any
 
 from dlama.errors import MissingExtraError
-from dlama.evaluation.report.columns import (
-    MASK_RATIO,
-    PAPER,
-    PAPER_MASK_RATIO,
-    Which,
-    better_direction,
-    column_title,
-    paper_value,
-)
-from dlama.evaluation.report.summary import ALL, Key, Summary
+from dlama.evaluation.report.columns import PAPER, Which, better_direction, column_title, paper_value
+from dlama.evaluation.report.summary import Key, Summary
 
 INK = "#0a0b0c"
 """What is drawn in this colour takes the colour of the page's text."""
@@ -53,8 +45,8 @@ class Figure:
 
     caption: str
     plots: tuple[str, ...]
-    legend: tuple[tuple[str, str], ...] = ()
-    """(SVG of a line's sample, what the line is); empty where the plots name their methods themselves."""
+    legend: tuple[tuple[str, str], ...]
+    """(SVG of a line's sample, what the line is)."""
     has_intervals: bool = True
     """False where there is one scene: nothing is drawn round the means."""
 
@@ -86,28 +78,8 @@ def curves(
         plots.append(_plot_svg(sheet, axes, which, (protocol, dataset, caption)))
     with_paper = any(_paper_values(yaws, which) for which in drawn)
     legend = _legend(methods, with_paper, (protocol, dataset, caption))
-    return Figure(caption, tuple(plots), legend, _has_intervals(summary, protocol, dataset))
-
-
-def dots(
-    summary: Summary, protocol: str, dataset: str, chosen: Sequence[Which], methods: Sequence[str], caption: str
-) -> Figure | None:
-    """Each metric over all frames: a dot a method with its 95 % interval as a bar; None where nothing was measured."""
-    drawn = [which for which in chosen if any(Key(protocol, dataset, ALL, m, *which) in summary.means for m in methods)]
-    if not drawn:
-        return None
-    plots = []
-    for which in drawn:
-        sheet, axes = _sheet(PLOT_INCHES[0], 0.65 + 0.22 * len(methods))
-        for down, method in enumerate(methods):
-            _dot(axes, summary, Key(protocol, dataset, ALL, method, *which), down, _style(methods, method))
-        axes.set_yticks(range(len(methods)), methods)
-        axes.set_ylim(len(methods) - 0.5, -0.5)
-        axes.margins(x=0.08)
-        axes.locator_params(axis="x", nbins=4)
-        axes.ticklabel_format(axis="x", useOffset=False)
-        plots.append(_plot_svg(sheet, axes, which, (protocol, dataset, caption)))
-    return Figure(caption, tuple(plots), has_intervals=_has_intervals(summary, protocol, dataset))
+    has_intervals = any(one.low is not None for one in summary.of(protocol=protocol, dataset=dataset).values())
+    return Figure(caption, tuple(plots), legend, has_intervals)
 
 
 def against_diagonal(
@@ -126,10 +98,6 @@ def against_diagonal(
     return Figure(caption, (plot,), _legend(list(lines), False, (*place, caption)), has_intervals=False)
 
 
-def _has_intervals(summary: Summary, protocol: str, dataset: str) -> bool:
-    return any(one.low is not None for one in summary.of(protocol=protocol, dataset=dataset).values())
-
-
 def _curve(axes: Any, summary: Summary, keys: Sequence[Key], style: dict[str, Any]) -> None:
     found = [(_degrees(key.yaw), summary.means[key]) for key in keys if key in summary.means]
     if not found:
@@ -141,15 +109,6 @@ def _curve(axes: Any, summary: Summary, keys: Sequence[Key], style: dict[str, An
         axes.fill_between(*map(list, zip(*band)), color=style["color"], alpha=0.10, linewidth=0)
 
 
-def _dot(axes: Any, summary: Summary, key: Key, down: int, style: dict[str, Any]) -> None:
-    mean = summary.means.get(key)
-    if mean is None or abs(mean.value) == float("inf"):
-        return
-    axes.plot([mean.value], [down], color=style["color"], marker=style["marker"], markersize=5, linestyle="none")
-    if mean.low is not None:
-        axes.plot([mean.low, mean.high], [down, down], color=style["color"], linewidth=1.4)
-
-
 def _paper_curve(axes: Any, yaws: Sequence[str], which: Which) -> None:
     found = _paper_values(yaws, which)
     if found:
@@ -158,7 +117,7 @@ def _paper_curve(axes: Any, yaws: Sequence[str], which: Which) -> None:
 
 def _paper_values(yaws: Sequence[str], which: Which) -> list[tuple[float, float]]:
     """(degrees, the paper's number) where it has one."""
-    published = [PAPER_MASK_RATIO.get(yaw) if which == MASK_RATIO else paper_value(yaw, *which) for yaw in yaws]
+    published = [paper_value(yaw, *which) for yaw in yaws]
     return [(_degrees(yaw), value) for yaw, value in zip(yaws, published) if value is not None]
 
 
@@ -189,8 +148,7 @@ def _style(methods: Sequence[str], method: str) -> dict[str, Any]:
 
 def _heading(which: Which) -> str:
     """The metric, and an arrow to its good side."""
-    name = f"{'mask ratio, %' if which == MASK_RATIO else column_title(*which)}"
-    return f"{name}{ {1: ' ↑', -1: ' ↓', 0: ''}[better_direction(which[2])] }"
+    return f"{column_title(*which)}{ {1: ' ↑', -1: ' ↓', 0: ''}[better_direction(which[2])] }"
 
 
 def _degrees(yaw: str) -> float:

@@ -17,6 +17,8 @@ PAPER_SHAPE: tuple[Which, ...] = tuple(
     ("whole", modality, metric) for modality in ("rgb", "depth") for metric in ("ssim", "lpips", "mse")
 )
 """The columns of the paper's tables 1 and 2."""
+WHOLE: tuple[Which, ...] = (MASK_RATIO, *PAPER_SHAPE)
+"""Those with the share to fill before them."""
 
 HIGHER = ("ssim", "psnr", "delta", "precision", "recall", "fscore", "coverage", "iou", "border", "untouched")
 LOWER = (
@@ -171,6 +173,8 @@ def better_direction(metric: str) -> int:
 def column_title(region: str, modality: str, metric: str) -> str:
     """`colour SSIM`, `depth MAE, m`."""
     name = METRICS.get(metric, metric.replace("delta", "δ<").replace("fscore_", "F-score at "))
+    if metric == MASK_RATIO[2]:
+        return name
     unit = ", m" if modality in ("depth_m", "cloud") and metric in METRES else ""
     return f"{MODALITIES.get(modality, modality)} {name}{unit}"
 
@@ -186,6 +190,8 @@ def format_value(value: float, metric: str) -> str:
 
 def paper_value(yaw: str, region: str, modality: str, metric: str) -> float | None:
     """The paper's number of whole pictures at that yaw (`±10`); None where it has none."""
+    if (region, modality, metric) == MASK_RATIO:
+        return PAPER_MASK_RATIO.get(yaw)
     if region != "whole":
         return None
     return {"rgb": PAPER_COLOR, "depth": PAPER_DEPTH}.get(modality, {}).get(metric, {}).get(yaw)

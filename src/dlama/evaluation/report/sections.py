@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from dlama.evaluation.protocols.methods import NO_FILL
 from dlama.evaluation.protocols.reliability import MODALITY as CONFIDENCE
-from dlama.evaluation.report.charts import Figure, curves, dots
+from dlama.evaluation.report.charts import Figure, curves
 from dlama.evaluation.report.columns import (
     CURVES,
     HIDDEN,
@@ -21,21 +21,13 @@ from dlama.evaluation.report.columns import (
     POINTED,
     REMOVAL,
     VARIANT_METRICS,
+    WHOLE,
     Which,
 )
 from dlama.evaluation.report.paired_comparison import paired_comparison
 from dlama.evaluation.report.reliability import RELIABILITY_TEXT, reliability_figure, reliability_tables
 from dlama.evaluation.report.summary import ALL, Summary
-from dlama.evaluation.report.tables import (
-    Table,
-    by_method,
-    paper_table,
-    per_yaw,
-    runtimes,
-    side_by_side,
-    variant_of,
-    variants,
-)
+from dlama.evaluation.report.tables import Table, by_yaw, runtimes, side_by_side, variant_of, variants
 from dlama.evaluation.runner.store import Row
 
 PROTOCOLS = {
@@ -99,7 +91,7 @@ def _protocol_sections(place: _Place) -> Iterator[Section]:
         )
         yield Section(f"{protocol}-unseen", f"{name}: unseen", text, place.hidden_figures(), place.hidden_tables())
     else:
-        yield Section(f"{protocol}-regions", name, _REGION_TEXT, place.region_figures(), place.removal_tables())
+        yield Section(f"{protocol}-regions", name, _REGION_TEXT, tables=place.removal_tables())
     reliable = reliability_tables(place.summary, protocol, place.dataset, place.methods_in_figures)
     if reliable:
         figure = reliability_figure(place.summary, protocol, place.dataset, place.methods_in_figures)
@@ -139,11 +131,6 @@ class _Place:
         return bool(self.yaws)
 
     @property
-    def has_one_yaw(self) -> bool:
-        """Tables over yaw would have one row each."""
-        return len([yaw for yaw in self.yaws if yaw[0] not in "+-"]) == 1
-
-    @property
     def methods(self) -> list[str]:
         """Those that are no variant."""
         own = set(self.summary.values("method", protocol=self.protocol, dataset=self.dataset))
@@ -167,41 +154,26 @@ class _Place:
 
     def whole_figures(self) -> tuple[Figure, ...]:
         """The paper's six numbers and mask ratio, and two in other units."""
-        return self._figures_of((*PAPER_SHAPE, *MORE_WHOLE), "Whole pictures")
+        return self._curves_of((*PAPER_SHAPE, *MORE_WHOLE), "Whole pictures over yaw")
 
     def hidden_figures(self) -> tuple[Figure, ...]:
         """The unseen pixels."""
-        return self._figures_of([("unseen", *which) for which in CURVES], "Unseen pixels")
-
-    def region_figures(self) -> tuple[Figure, ...]:
-        """The hidden region's metrics, a dot a method."""
-        hidden = [region for region in HIDDEN if any(which[0] == region for which in self.all_measures)][:1]
-        chosen = self._interesting(hidden or ["whole"])[:12]
-        return self._figures_of(chosen, f"Region {(hidden or ['whole'])[0]}")
+        return self._curves_of([("unseen", *which) for which in CURVES], "Unseen pixels over yaw")
 
     def whole_tables(self) -> tuple[Table, ...]:
-        """One a metric with the methods side by side, then one a method in the paper's shape; of one yaw, one of all."""
-        place = self.summary, self.protocol, self.dataset
-        against = self._paired_table(PAPER_SHAPE)
-        if self.has_one_yaw:
-            both, signs = ([yaw for yaw in self.yaws if (yaw[0] in "+-") == own] for own in (False, True))
-            by_sign = _mark_minor(_drop_missing([by_method(*place, self.methods, signs)]), "each sign by itself")
-            return (*_drop_missing([against, by_method(*place, self.methods, both)]), *by_sign)
-        yaw_tables = [per_yaw(*place, which, self.methods) for which in PAPER_SHAPE]
-        single = [per_yaw(*place, which, self.methods, signs=True) for which in PAPER_SHAPE]
-        own = [paper_table(*place, method) for method in self.methods]
+        """The recipes against each other, then the paper's tables: a row a yaw and method."""
+        both, signs = ([yaw for yaw in self.yaws if (yaw[0] in "+-") == own] for own in (False, True))
+        minor = _mark_minor(_drop_missing([self._by_yaw(WHOLE, signs, "Whole pictures")]), "each sign by itself")
         return (
-            *_drop_missing([against, *yaw_tables]),
-            *_drop_missing(own),
-            *_mark_minor(_drop_missing(single), "each sign by itself"),
+            *_drop_missing([self._paired_table(PAPER_SHAPE), self._by_yaw(WHOLE, both, "Whole pictures")]),
+            *minor,
         )
 
     def hidden_tables(self) -> tuple[Table, ...]:
-        """By yaw where there are several, and all regions over all yaws."""
-        place = self.summary, self.protocol, self.dataset
-        against = self._paired_table(PER_YAW_HIDDEN)
-        by_yaw = [] if self.has_one_yaw else [per_yaw(*place, which, self.methods) for which in PER_YAW_HIDDEN]
-        return (*_drop_missing([against, *by_yaw]), *self.region_tables())
+        """By yaw, and all regions over all yaws."""
+        both = [yaw for yaw in self.yaws if yaw[0] not in "+-"]
+        by_yaw_table = self._by_yaw(PER_YAW_HIDDEN, both, "Unseen pixels")
+        return (*_drop_missing([self._paired_table(PER_YAW_HIDDEN), by_yaw_table]), *self.region_tables())
 
     def removal_tables(self) -> tuple[Table, ...]:
         """The recipes against each other in the mask, then all regions."""
@@ -239,13 +211,11 @@ class _Place:
     def _paired_table(self, chosen: Sequence[Which]) -> Table | None:
         return paired_comparison(self.rows, self.protocol, self.dataset, chosen, self.seed)
 
-    def _figures_of(self, chosen: Sequence[Which], title: str) -> tuple[Figure, ...]:
-        """Curves over yaw where there are two yaws or more, else a dot a method."""
-        place = self.summary, self.protocol, self.dataset
-        over_yaw = (
-            None if self.protocol != "vpi" else curves(*place, chosen, self.methods_in_figures, f"{title} over yaw")
-        )
-        figure = over_yaw or dots(*place, chosen, self.methods_in_figures, f"{title}, mean over frames")
+    def _by_yaw(self, chosen: Sequence[Which], yaws: Sequence[str], title: str) -> Table | None:
+        return by_yaw(self.summary, self.protocol, self.dataset, chosen, self.methods, yaws, title)
+
+    def _curves_of(self, chosen: Sequence[Which], title: str) -> tuple[Figure, ...]:
+        figure = curves(self.summary, self.protocol, self.dataset, chosen, self.methods_in_figures, title)
         return (figure,) if figure else ()
 
 

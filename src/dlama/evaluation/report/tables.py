@@ -9,16 +9,7 @@ from statistics import median
 from typing import NamedTuple
 
 from dlama.evaluation.protocols.methods import NO_FILL
-from dlama.evaluation.report.columns import (
-    MASK_RATIO,
-    PAPER,
-    PAPER_MASK_RATIO,
-    PAPER_SHAPE,
-    better_direction,
-    column_title,
-    format_value,
-    paper_value,
-)
+from dlama.evaluation.report.columns import PAPER, Which, better_direction, column_title, format_value, paper_value
 from dlama.evaluation.report.summary import ALL, Key, Mean, Summary
 from dlama.evaluation.runner.store import Row
 
@@ -57,65 +48,29 @@ class Table:
 EMPTY = Cell("–")
 
 
-def by_method(
-    summary: Summary, protocol: str, dataset: str, methods: Sequence[str], yaws: Sequence[str]
+def by_yaw(
+    summary: Summary,
+    protocol: str,
+    dataset: str,
+    chosen: Sequence[Which],
+    methods: Sequence[str],
+    yaws: Sequence[str],
+    title: str,
 ) -> Table | None:
-    """The paper's columns, a row a yaw and method: the shape for data of one yaw; best of each yaw bold."""
-    columns = (MASK_RATIO, *PAPER_SHAPE)
+    """A row a yaw and method, a column a metric, and the paper's own row where it has one; best of each yaw bold."""
     rows: list[tuple[Cell, ...]] = []
     for yaw in yaws:
         cells = [
             _mark_best([_cell(summary, Key(protocol, dataset, yaw, one, *which)) for one in methods], which[2], methods)
-            for which in columns
+            for which in chosen
         ]
         rows += [(Cell(yaw), Cell(method), *own) for method, *own in zip(methods, *cells)]
-        published = [PAPER_MASK_RATIO.get(yaw), *(paper_value(yaw, *which) for which in PAPER_SHAPE)]
-        if published[0] is not None:
-            others = (_paper_cell(value, which[2]) for value, which in zip(published, columns))
+        published = [paper_value(yaw, *which) for which in chosen]
+        if any(value is not None for value in published):
+            others = (_paper_cell(value, which[2]) for value, which in zip(published, chosen))
             rows.append((Cell(yaw, other=True), Cell(PAPER, other=True), *others))
-    head = ("yaw", "method", "mask %", *(column_title(*which) for which in PAPER_SHAPE))
-    return Table("Whole pictures", head, tuple(rows), with_intervals=True) if rows else None
-
-
-def paper_table(summary: Summary, protocol: str, dataset: str, method: str) -> Table | None:
-    """The paper's tables 1 and 2 of one method: a row a yaw; mask ratio, then SSIM, LPIPS and MSE of colour and depth."""
-    rows = []
-    for yaw in _yaws(summary, protocol, dataset):
-        place = (protocol, dataset, yaw, method)
-        keys = [Key(*place, *MASK_RATIO), *(Key(*place, *which) for which in PAPER_SHAPE)]
-        rows.append((Cell(yaw), *(_cell(summary, key) for key in keys)))
-        published = [PAPER_MASK_RATIO.get(yaw), *(paper_value(yaw, *which) for which in PAPER_SHAPE)]
-        if published[0] is not None:
-            cells = [_paper_cell(value, which[2]) for value, which in zip(published[1:], PAPER_SHAPE)]
-            rows.append((Cell(f"{yaw} {PAPER}", other=True), _paper_cell(published[0], "mask_ratio"), *cells))
-    if not rows:
-        return None
-    head = ("yaw", "mask %", *(column_title(*which) for which in PAPER_SHAPE))
-    return Table(method, head, tuple(rows), with_intervals=True)
-
-
-def per_yaw(
-    summary: Summary,
-    protocol: str,
-    dataset: str,
-    which: tuple[str, str, str],
-    methods: Sequence[str],
-    signs: bool = False,
-) -> Table | None:
-    """One metric of one region: a row a yaw (with `signs` each sign by itself, too), a column a method; best bold."""
-    rows = []
-    for yaw in _yaws(summary, protocol, dataset, signs):
-        cells = _mark_best(
-            [_cell(summary, Key(protocol, dataset, yaw, one, *which)) for one in methods], which[2], methods
-        )
-        if any(cell is not EMPTY for cell in cells):
-            rows.append((Cell(yaw), *cells, _paper_cell(paper_value(yaw, *which), which[2])))
-    if not rows:
-        return None
-    head = ("yaw", *methods, PAPER)
-    if all(row[-1] is EMPTY for row in rows):
-        head, rows = head[:-1], [row[:-1] for row in rows]
-    return Table(f"{column_title(*which)}, {which[0]}", head, tuple(rows))
+    head = ("yaw", "method", *(column_title(*which) for which in chosen))
+    return Table(title, head, tuple(rows), with_intervals=True) if rows else None
 
 
 def side_by_side(
@@ -219,11 +174,6 @@ def markdown(table: Table) -> str:
 
 def _line(fields: Iterable[str]) -> str:
     return f"| {' | '.join(fields)} |"
-
-
-def _yaws(summary: Summary, protocol: str, dataset: str, signs: bool = False) -> list[str]:
-    found = [yaw for yaw in summary.values("yaw", protocol=protocol, dataset=dataset) if yaw != ALL]
-    return [yaw for yaw in found if signs or yaw[0] not in "+-"]
 
 
 def _cell(summary: Summary, key: Key) -> Cell:

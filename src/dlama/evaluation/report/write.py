@@ -5,13 +5,12 @@ from __future__ import annotations
 import platform
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 from dlama import __version__
 from dlama.datasets.frames import Dataset
-from dlama.errors import OutputError, format_count
+from dlama.errors import format_count
 from dlama.evaluation.metrics.pictures import SETTINGS as METRIC_SETTINGS
 from dlama.evaluation.protocols.methods import ProtocolSettings
 from dlama.evaluation.report.panels import ShownPanel, as_data_urls, choose
@@ -19,7 +18,7 @@ from dlama.evaluation.report.sections import EXPLAINED, PROTOCOLS, Section, prot
 from dlama.evaluation.report.summary import RESAMPLES, Summary, summarise, write_summary
 from dlama.evaluation.report.tables import Table, markdown, table_of_means
 from dlama.evaluation.report.templates import template
-from dlama.evaluation.runner.cache_key import code_hash, short_hash
+from dlama.evaluation.runner.cache_key import code_hash, short_hash, versions
 from dlama.evaluation.runner.run import Results
 from dlama.evaluation.runner.store import result_rows, timing_rows, write_rows
 from dlama.evaluation.runner.strips import COLOR_FULL, COLUMNS, DEPTH_FULL
@@ -78,7 +77,6 @@ def flatten(about: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, s
 
 
 FILES = ("results.csv", "timings.csv", "summary.json", "summary.md", "report.html")
-PACKAGES = ("numpy", "numba", "opencv-python-headless", "onnxruntime", "scikit-image", "scipy", "matplotlib")
 
 
 def write_report(
@@ -124,7 +122,7 @@ def report_meta(dataset: Dataset, run: Results, settings: ProtocolSettings, seed
         "protocols": asdict(settings),
         "interval": f"95 % bootstrap over scenes, {RESAMPLES} draws, seed {seed}",
         "code": code_hash(),
-        "versions": versions(),
+        "versions": {"dlama": __version__, "python": platform.python_version(), **versions()},
         **({"warnings": warned} if warned else {}),
     }
 
@@ -132,17 +130,6 @@ def report_meta(dataset: Dataset, run: Results, settings: ProtocolSettings, seed
 def settings_hash(settings: ProtocolSettings) -> str:
     """12 hexadecimal digits of the metrics' settings and the protocols' together."""
     return short_hash([METRIC_SETTINGS.settings_hash(), settings])[:12]
-
-
-def versions() -> dict[str, str]:
-    """Of dlama and of what it measures with."""
-    found = {"dlama": __version__, "python": platform.python_version()}
-    for name in PACKAGES:
-        try:
-            found[name] = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            continue
-    return found
 
 
 def failure_line(one: Outcome) -> str:
@@ -174,8 +161,5 @@ def summary_lines(
 
 
 def _write(path: Path, text: str) -> None:
-    try:
-        with new_file(path) as draft:
-            draft.write_text(text, encoding="utf-8", errors="backslashreplace")
-    except OSError as error:
-        raise OutputError(f"{path}: cannot be written: {error}") from error
+    with new_file(path) as draft:
+        draft.write_text(text, encoding="utf-8", errors="backslashreplace")
