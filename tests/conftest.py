@@ -33,12 +33,3 @@ def data_dir() -> Path:
     folder = Path(told)
     assert folder.is_dir(), f"DLAMA_DATA is {told}, which is no folder"
     return folder
-
-
-@pytest.fixture(scope="session")
-def migan_pipeline(data_dir: Path) -> Path:
-    """MI-GAN's published file; a test skips where it is not there."""
-    path = data_dir / "weights" / "migan_pipeline_v2.onnx"
-    if not path.is_file():
-        pytest.skip(f"{path} is not there")
-    return path

@@ -83,8 +83,8 @@ BASE = {
     "train": "tiny -o out",
     "pack": "photos -o out",
     "models list": "",
-    "models info": "migan-512",
-    "models pull": "migan-512",
+    "models info": "u2netp",
+    "models pull": "u2netp",
     "models convert": "a.ckpt -o a.onnx",
     "models verify": "",
 }
@@ -365,7 +365,7 @@ SERVE = {
     "max_megapixels": Reach("--max-megapixels 2.5", "open_server.limits", attribute("megapixels", 2.5)),
     "max_pages": Reach("--max-pages 2", "open_server.limits", attribute("visits", 2)),
 }
-NAME = instead("big-lama", "record.name", "big-lama", "migan-512")
+NAME = instead("big-lama", "record.name", "big-lama", "u2netp")
 CONVERT = {
     "weights": instead("b.ckpt -o a.onnx", "convert.source", Path("b.ckpt"), "a.ckpt -o a.onnx"),
     "output": Reach("-o b.onnx", "convert.target", Path("b.onnx"), ("-o a.onnx",)),
@@ -421,6 +421,6 @@ TABLE: dict[str, dict[str, Reach]] = {
     "models info": {"name": NAME, **REPORT},
     "models pull": {"name": NAME, **REPORT},
     "models convert": {**CONVERT, **REPORT},
-    "models verify": {"name": Reach("migan-512", "record.name", "migan-512"), **REPORT},
+    "models verify": {"name": Reach("u2netp", "record.name", "u2netp"), **REPORT},
 }  # fmt: skip
 """Verb -> option -> what it reaches."""

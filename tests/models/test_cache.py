@@ -16,9 +16,7 @@ from dlama.models.cache import directory, locate, read_pins, user_path
 from dlama.models.records import CATALOGUE, Record, record
 from dlama.models.verify import verify
 
-TOY = Record(
-    "toy", "a toy", ("http://a/b",), hashlib.sha256(b"toy").hexdigest(), 3, "MIT", "migan-pipeline", "toy.onnx"
-)
+TOY = Record("toy", "a toy", ("http://a/b",), hashlib.sha256(b"toy").hexdigest(), 3, "MIT", "mask-network", "toy.onnx")
 
 
 @pytest.fixture
@@ -42,7 +40,7 @@ def test_records_are_whole() -> None:
 def test_an_unknown_name_lists_the_known() -> None:
     """So that a typing error is seen at once."""
     with pytest.raises(
-        InputError, match=r"no model is called 'big-lame'; known: big-lama, big-lama-official, migan-512"
+        InputError, match=r"no model is called 'big-lame'; known: big-lama, big-lama-official, depth-anything-small"
     ):
         record("big-lame")
 
@@ -128,15 +126,6 @@ def test_pins_that_cannot_be_written(toy: Path) -> None:
     toy.write_bytes(b"first")
     with pytest.raises(OutputError, match=r"pins\.json: cannot be written"):
         verify(dataclasses.replace(TOY, sha256=None, bytes=None))
-
-
-def test_migan_as_it_came(data_dir: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The real file under its published hash."""
-    monkeypatch.setenv("DLAMA_MODELS", str(data_dir / "weights"))
-    if not (data_dir / "weights").is_dir():
-        pytest.skip("no weights/ among the real data")
-    assert verify(record("migan-512")).state == "verified"
-    assert locate("migan-512").name == "migan_pipeline_v2.onnx"
 
 
 def test_no_home_is_an_error_of_the_file(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -69,27 +69,18 @@ def source_of(model: Path | str) -> Path:
 
 
 def convert(source: Path, target: Path, licence: str) -> list[str]:
-    """Write the ONNX file of the generator in that file; returns what a user should know of it.
-
-    An .onnx file is taken for the published MI-GAN pipeline, any other for a LaMa checkpoint.
-    """
-    from dlama.inpainters.networks.contract import generator_metadata, migan_metadata
+    """Write the ONNX file of the LaMa generator in that file; returns what a user should know of it."""
+    from dlama.inpainters.networks.contract import generator_metadata
     from dlama.nets.checkpoints import read_generator
     from dlama.nets.export.generator import export_onnx
-    from dlama.nets.export.migan import export_migan
 
-    weights = None if source.suffix.lower() == ".onnx" else read_generator(source)
+    weights = read_generator(source)
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputError(f"{target.parent}: cannot be made ({error})") from error
     with new_file(target) as draft:  # of a name of its own: two processes may convert the same file
-        if weights is None:
-            export_migan(source, draft, migan_metadata(source, licence))
-        else:
-            export_onnx(weights, draft, generator_metadata(weights.settings, source, licence))
-    if weights is None:
-        return [f"{source}: MI-GAN pipeline, licence {licence}, its generator written to {target}"]
+        export_onnx(weights, draft, generator_metadata(weights.settings, source, licence))
     planes = f"{weights.settings.in_channels} -> {weights.settings.out_channels} planes"
     line = f"{source}: {weights.kind}, {planes}, {weights.settings.blocks} blocks, licence {licence}, converted to {target}"
     return [line, *(f"{source}: {note}" for note in weights.notes)]

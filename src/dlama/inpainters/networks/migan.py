@@ -1,9 +1,7 @@
 """MI-GAN: a view with holes in; colour, and depth as a grey picture, out. The network ships in the package.
 
-Cracks are closed by diffusion first: the network collapses on them. The generator that ships (`dlama.nets.export.migan`) fills
-crops of 512 x 512. A user may give the published pipeline file instead (uint8, mask 255 = keep), which crops, resizes
-and blends by itself: there the hole is grown so that what lies in it does not leak, and pre-filled, because given black it
-leaves a dark frame. Depth is 8-bit inverse depth, and still better than diffusion's (street s03, yaw 20: 0.11 m of mean
+Cracks are closed by diffusion first: the network collapses on them. The generator that ships (`benchmarks/migan_export.py` made
+it) fills crops of 512 x 512. Depth is 8-bit inverse depth, and still better than diffusion's (street s03, yaw 20: 0.11 m of mean
 error, Telea 0.43); its steps are smoothed away by as much as a step cannot tell.
 """
 
@@ -15,36 +13,32 @@ import cv2
 import numpy as np
 
 from dlama.errors import FileError
-from dlama.geometry.holes import dilate_mask
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.filling import Fill, Painter
 from dlama.inpainters.networks.engine import Engine, open_engine
-from dlama.inpainters.networks.tiling import Layout, fill_crops
 from dlama.inpainters.networks.view_tensors import DepthPlane, color_from_planes, color_planes
 from dlama.inpainters.opencv import telea
 
 SHIPPED = Path(__file__).parents[2] / "assets" / "migan" / "migan-512.onnx"
 """The generator that comes with the package."""
-GROW = 3
-"""Pixels by which the hole grows for the pipeline only: from 3 on, nothing in the hole leaks."""
 CRACK_SIDE = 3
 """Holes that a square of this side does not fit into are cracks."""
 SMOOTHING = 3.0
 """Sigma in pixels of the smoothing that undoes 8-bit steps of depth."""
 NETWORK_SIDE = 512
 """The network's own size: every crop of up to this side costs the same."""
-PIPELINE_INPUTS = {"image": "tensor(uint8)", "mask": "tensor(uint8)"}
 
 
 def migan_filler(model: str | Path | Engine) -> Painter:
-    """A filler of MI-GAN: a file (or an engine) of its generator, or of the published pipeline (inputs image and mask, uint8).
-
-    FileError where the file is neither.
-    """
+    """A filler of MI-GAN: a file (or an engine) of its generator. FileError where the file is another network's."""
     network = open_engine(model, budget=(2 * NETWORK_SIDE) ** 2, memory_pattern=False)
+    if network.contract.network != "migan":
+        raise FileError(
+            f"{network.path}: is a network {network.contract.network!r} by its contract; MI-GAN is expected"
+        )
 
     def migan(view: View, law: Law, seed: int) -> Fill:
         diffused = telea(view, law, seed)
@@ -57,40 +51,11 @@ def migan_filler(model: str | Path | Engine) -> Painter:
     return Painter(migan, paint, lambda: network.notes)
 
 
-def is_pipeline(network: Engine) -> bool:
-    """Whether the file is the published pipeline (by its inputs) or a generator (by its contract). FileError if neither."""
-    found = {name: kind for name, (kind, _) in network.inputs.items()}
-    if found == PIPELINE_INPUTS:
-        return True
-    if len(found) != 1:
-        raise FileError(f"{network.path}: inputs are {found}; the MI-GAN pipeline has {PIPELINE_INPUTS}")
-    if network.contract.network != "migan":
-        raise FileError(
-            f"{network.path}: is a network {network.contract.network!r} by its contract; MI-GAN is expected"
-        )
-    return False
-
-
 def fill_picture(known: UInt8Array, diffused: UInt8Array, hole: BoolArray, network: Engine) -> UInt8Array:
     """H x W x 3: cracks as diffused, wider holes by the network, known pixels as they are."""
     wide = hole & ~find_cracks(hole)
     start = np.where(hole[..., None], diffused, known)
-    if is_pipeline(network):
-        return run_pipeline(start, wide, network)
     return color_from_planes(network.fill(color_planes(start)[None], wide)[0])
-
-
-def run_pipeline(start: UInt8Array, wide: BoolArray, network: Engine) -> UInt8Array:
-    """H x W x 3: `start` (H x W x 3, filled everywhere) with the holes `wide` (H x W) as the pipeline fills them."""
-
-    def run(planes: Float32Array, open_: BoolArray) -> Float32Array:
-        keep = np.where(dilate_mask(open_, GROW), np.uint8(0), np.uint8(255))
-        out = network.run({"image": planes.astype(np.uint8), "mask": keep[None, None]})
-        return out.astype(np.float32)
-
-    layout = Layout(multiple=1, minimum=1, budget=network.budget, call_cost=NETWORK_SIDE * NETWORK_SIDE)
-    filled = fill_crops(start.transpose(2, 0, 1)[None].astype(np.float32), wide, run, layout)[0]
-    return np.ascontiguousarray(np.round(filled).astype(np.uint8).transpose(1, 2, 0))
 
 
 def fill_depth(view: View, diffused: Float32Array, network: Engine) -> Float32Array:

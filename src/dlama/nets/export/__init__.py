@@ -2,5 +2,4 @@
 
 onnx_graph   a graph, node by node
 generator, judge   dlama's own networks
-migan, lpips   other people's published networks -> the ONNX files that ship
 """

@@ -113,10 +113,10 @@ class Pull(Report):
 
 @dataclass(frozen=True, kw_only=True)
 class Convert(Report):
-    """Weights of a LaMa (official checkpoint, TorchScript, safetensors) or MI-GAN's published pipeline to an ONNX file."""
+    """Weights of a LaMa (official checkpoint, TorchScript, safetensors) to an ONNX file."""
 
     weights: Positional[Annotated[Path, option("CKPT", None)]]
-    """A .ckpt, .pt, .pth or .safetensors file, MI-GAN's .onnx pipeline, or a name of the catalogue."""
+    """A .ckpt, .pt, .pth or .safetensors file, or a name of the catalogue."""
     output: Annotated[Path, option("FILE.onnx", None, aliases=["-o"])]
     """The file that is written."""
     licence: Annotated[str | None, option("SPDX", "the catalogue's, else unknown")] = None

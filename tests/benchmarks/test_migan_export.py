@@ -11,11 +11,10 @@ import pytest
 onnx = pytest.importorskip("onnx", reason="reading the pipeline needs onnx: pip install 'dlama[onnx]'")
 onnxruntime = pytest.importorskip("onnxruntime")
 
+import migan_export  # noqa: E402
 from dlama.errors import FileError  # noqa: E402
 from dlama.inpainters import model_file  # noqa: E402
-from dlama.inpainters.networks.contract import migan_metadata  # noqa: E402
 from dlama.inpainters.networks.engine import open_engine  # noqa: E402
-from dlama.nets.export import migan as migan_export  # noqa: E402
 
 FED, GIVES = "/Concat_23_output_0", "/model/synthesis/b512/Add_1_output_0"
 """Of the published graph: what its generator takes (0.5 = keep, -0.5 = fill; known colour in -1..1) and gives (-1..1)."""
@@ -87,7 +86,9 @@ def test_the_file_that_ships(
     """It is what the command in the docstring makes, to the byte; half precision costs a tenth of a grey level; at most 15 MB."""
     shipped = model_file("migan")
     assert shipped is not None and shipped.stat().st_size < 15e6
-    made = migan_export.export_migan(migan_pipeline, tmp_path / "migan-512.onnx", migan_metadata(migan_pipeline, "MIT"))
+    made = migan_export.export_migan(
+        migan_pipeline, tmp_path / "migan-512.onnx", migan_export.migan_metadata(migan_pipeline, "MIT")
+    )
     assert made.read_bytes() == shipped.read_bytes()
     picture, hole = example
     filled = open_engine(shipped).fill(picture[None], hole)[0]

