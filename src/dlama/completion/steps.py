@@ -20,7 +20,7 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.frames.choosing import choose_frames
 from dlama.geometry.fusion import fuse
 from dlama.geometry.holes import box_around, dilate_view_holes
-from dlama.geometry.rendering import render
+from dlama.geometry.rendering import render, render_fills
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin, View
 from dlama.geometry.visibility import Law, project_depth
@@ -109,7 +109,9 @@ def show_earlier_fill(plan: Plan, scene: Scene, before: View) -> tuple[View, Fil
     if not (scene.fills or home or plan.recipe.dilate_holes or plan.recipe.footprint):
         return before, NOTHING_FILLED  # `before` was drawn of the same frames
     if len(scene.frames) > 1 or not all(layer.camera.same_view_as(before.camera) for layer in scene.layers):
-        return close_holes(plan.law, before, render(scene, before.camera, plan.recipe.mode, types=False, close=False))
+        again = home or bool(plan.recipe.dilate_holes or plan.recipe.footprint)  # else `before` shows the same frames
+        earlier = render_fills(scene, before.camera, plan.recipe.mode, before.hole, frames=again)
+        return close_holes(plan.law, before, earlier)
     rows, columns = box_around(before.hole, 0)  # nothing moves: all else would be drawn in vain
     part = before.cropped(rows, columns)
     frames, fills = (tuple(one.read().cropped(rows, columns) for one in of) for of in (scene.frames, scene.fills))

@@ -7,9 +7,11 @@ depth discontinuities, so that surfaces have no cracks and nothing shines throug
 from __future__ import annotations
 
 import dataclasses
+from typing import NamedTuple
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from dlama.arguments import check_arguments
 from dlama.errors import InputError
@@ -18,7 +20,7 @@ from dlama.geometry.cloud import PointCloud
 from dlama.geometry.drawing.canvas import Canvas
 from dlama.geometry.drawing.gaps import can_close_gaps, close_gaps
 from dlama.geometry.drawing.layers import MODES as MODES
-from dlama.geometry.drawing.layers import NEAR, Grid, draw, draw_far, quad_row_spans, transform_depth
+from dlama.geometry.drawing.layers import ALL, NEAR, Grid, count_wanted, draw, draw_far, quad_row_spans, transform_depth
 from dlama.geometry.drawing.layers import Mode as Mode
 from dlama.geometry.drawing.layers import find_flying_pixels as find_flying_pixels
 from dlama.geometry.frames.extent import may_show
@@ -27,7 +29,7 @@ from dlama.geometry.holes import box_around, fill_with_nearest
 from dlama.geometry.kernels import hole_types as hole_kernels
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.projection import project
-from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, freeze
+from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, UInt16Array, freeze
 from dlama.geometry.scene import Scene, contribution
 from dlama.geometry.view import HoleType, Origin, View
 
@@ -74,38 +76,70 @@ def render(
     scene = to_scene(source)
     if not scene.fills and (own := share_own_view(scene, camera, types)) is not None:
         return own
+    drawn = draw_scene(scene, camera, mode, fine)
+    if close and mode == "surface" and can_close_gaps(scene):
+        close_gaps(drawn.canvas)
+    hole = drawn.canvas.depth == 0
+    kinds = hole_types(drawn.grids, scene.removals, camera, hole) if types else hole * np.uint8(HoleType.OUT_OF_VIEW)
+    return drawn.view(camera, kinds)
+
+
+def render_fills(scene: Scene, camera: Camera, mode: Mode, hole: BoolArray, frames: bool) -> View:
+    """What fills show in a hole (H x W) that measurements leave; other pixels may come out as anything, gaps stay open.
+
+    frames: False where the frames, as they are in the scene, leave that hole too: they are not drawn again.
+    """
+    drawn = draw_scene(scene, camera, mode, True, count_wanted(hole), frames)
+    return drawn.view(camera, (drawn.canvas.depth == 0) * np.uint8(HoleType.OUT_OF_VIEW))
+
+
+class Drawn(NamedTuple):
+    """What was drawn of a scene."""
+
+    canvas: Canvas
+    grids: list[Grid]
+    """Of its layers."""
+    frame: UInt16Array | None
+    """H x W, 1 + the number of the frame that a pixel comes from, of a scene of many; 0 = none."""
+
+    def view(self, camera: Camera, hole_type: UInt8Array) -> View:
+        """As a view, whose holes have these types (H x W)."""
+        canvas, frame = self.canvas, self.frame
+        color, depth, origin, confidence = (freeze(plane) for plane in canvas.buffers())
+        frame = None if frame is None else freeze(frame * np.uint16(origin != Origin.FILLED))
+        errors = None if canvas.errors is None else freeze(canvas.errors)
+        hole = freeze(depth == 0)
+        return View(camera, color, depth, hole, freeze(hole_type), origin, confidence, frame, errors)
+
+
+def draw_scene(
+    scene: Scene, camera: Camera, mode: Mode, fine: bool, count: NDArray[np.int32] = ALL, frames: bool = True
+) -> Drawn:
+    """A scene's layers, drawn. count: of the pixels of fills that count (`count_wanted`); frames: whether they are drawn."""
     fine = fine and mode == "surface"
-    merged = merge_frames(scene, camera, mode, fine) if len(scene.frames) > 1 else None
+    merged = merge_frames(scene, camera, mode, fine) if len(scene.frames) > 1 and frames else None
     fills = scene.fills if mode == "surface" else drop_overlap(scene.fills)
-    layers = fills if merged is not None else (*scene.frames, *fills)
-    if merged is not None:
-        layers = tuple(layer for layer in layers if may_show(layer, camera))
-    grids = [Grid.of(layer, camera, mode, fine) for layer in layers]
+    if len(scene.frames) > 1:
+        fills = tuple(layer for layer in fills if may_show(layer, camera))
+    grids = [Grid.of(layer, camera, mode, fine) for layer in fills]
     with_errors = any(layer.has_errors for layer in scene.layers)
     canvas = Canvas.empty(camera, with_errors) if merged is None else merged.canvas
     if with_errors and canvas.errors is None:
         canvas.errors = np.zeros((*camera.hw, 2), np.float32)
-    for number, grid in enumerate(grids):
-        if number or merged is not None:
-            measured = grid.layer.shows_source
-            drawn = draw(grid, camera, Canvas.empty(camera, with_errors))
-            canvas.put(drawn, tolerance=0.005, over_measured=measured, at_home=merged is None and grids[0].own_camera)
-        else:
-            draw(grid, camera, canvas)
-            if grid.own_camera:
-                draw_far(grid, camera, canvas)
+    first = None
+    if merged is None and frames:
+        first = Grid.of(scene.frames[0], camera, mode, fine)
+        draw(first, camera, canvas)
+        if first.own_camera:
+            draw_far(first, camera, canvas)
+    for grid in grids:
+        drawn = draw(grid, camera, Canvas.empty(camera, with_errors), count)
+        at_home = first is not None and first.own_camera
+        canvas.put(drawn, tolerance=0.005, over_measured=grid.layer.shows_source, at_home=at_home)
+    grids = [*([] if first is None else [first]), *grids]
     for grid in grids:
         draw_far(grid, camera, canvas)
-    if close and mode == "surface" and can_close_gaps(scene):
-        close_gaps(canvas)
-    hole = canvas.depth == 0
-    if merged is not None:
-        grids = merged.grids + grids
-    kinds = hole_types(grids, scene.removals, camera, hole) if types else hole * np.uint8(HoleType.OUT_OF_VIEW)
-    frame = None if merged is None else freeze(merged.frame * np.uint16(canvas.origin != Origin.FILLED))
-    errors = None if canvas.errors is None else freeze(canvas.errors)
-    color, depth, origin, confidence = (freeze(plane) for plane in canvas.buffers())
-    return View(camera, color, depth, freeze(hole), freeze(kinds), origin, confidence, frame, errors)
+    return Drawn(canvas, grids if merged is None else merged.grids + grids, None if merged is None else merged.frame)
 
 
 def share_own_view(scene: Scene, camera: Camera, types: bool) -> View | None:

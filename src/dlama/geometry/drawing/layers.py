@@ -5,8 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
+from weakref import WeakKeyDictionary
 
+import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.drawing.canvas import Canvas
@@ -34,6 +37,10 @@ NEAR = 1e-3
 """Near plane in metres."""
 MAX_PARTS = 4
 """Most threads that draw points at once, each into its own z-buffer."""
+ALL = np.zeros((0, 0), np.int32)
+"""Instead of a table of the pixels that count (`count_wanted`): all do."""
+MESHES: WeakKeyDictionary[View, tuple[BoolArray, UInt8Array]] = WeakKeyDictionary()
+"""Cache by view, 2 bytes a pixel: its flying pixels and which neighbours are joined. Each is drawn into many cameras."""
 
 
 def step_by_noise(w: Float32Array, ratio: float) -> float:
@@ -107,8 +114,8 @@ class Grid:
         return cls(layer, layer.camera.same_view_as(camera), mode, *px_from_px(camera, layer.camera), fine)
 
     @cached_property
-    def _surface(self) -> tuple[Float32Array, BoolArray, Float32Array]:
-        return remove_flying_pixels(self.layer)
+    def _surface(self) -> tuple[Float32Array, BoolArray, UInt8Array]:
+        return prepare_mesh(self.layer)
 
     @property
     def depth(self) -> Float32Array:
@@ -125,10 +132,10 @@ class Grid:
         """Which neighbours are one surface, `join_neighbours`; None: draw points."""
         return self.mesh if self.mode == "surface" else None
 
-    @cached_property
+    @property
     def mesh(self) -> UInt8Array:
         """`joined`, in points mode too."""
-        return join_neighbours(self._surface[2], self.layer.camera)
+        return self._surface[2]
 
     @cached_property
     def knots(self) -> Float32Array:
@@ -138,18 +145,35 @@ class Grid:
 
 def mesh_grid(layer: View, step: float = 0.0) -> tuple[Float32Array, UInt8Array]:
     """Depth without flying pixels, and which neighbours are joined into one surface (`step`: as of `remove_flying_pixels`)."""
+    if step == 0:
+        return prepare_mesh(layer.read())[::2]
     depth, _, w = remove_flying_pixels(layer, step)
     return depth, join_neighbours(w, layer.camera, step)
 
 
-def draw(grid: Grid, camera: Camera, canvas: Canvas) -> Canvas:
-    """One layer's finite surfaces, drawn onto an empty canvas."""
+def prepare_mesh(layer: View) -> tuple[Float32Array, BoolArray, UInt8Array]:
+    """Depth without flying pixels (0), the flying pixels, and which neighbours are joined; found once for a layer."""
+    if layer in MESHES:
+        flying, joined = MESHES[layer]
+        return np.where(flying | layer.hole, np.float32(0), align_edges(layer).depth), flying, joined
+    depth, flying, w = remove_flying_pixels(layer)
+    MESHES[layer] = flying, join_neighbours(w, layer.camera)
+    return depth, *MESHES[layer]
+
+
+def count_wanted(wanted: BoolArray) -> NDArray[np.int32]:
+    """The table for `draw` of the pixels that count (H x W); with their neighbours, which colours are averaged over."""
+    return np.asarray(cv2.integral(cv2.dilate(wanted.view(np.uint8), np.ones((3, 3), np.uint8))), np.int32)
+
+
+def draw(grid: Grid, camera: Camera, canvas: Canvas, count: NDArray[np.int32] = ALL) -> Canvas:
+    """One layer's finite surfaces, drawn onto an empty canvas. count: of the pixels that count; others may come out as anything."""
     if grid.own_camera:
         copy_onto(canvas, grid.layer)
     elif grid.joined is None:
         draw_as_points(grid, canvas)
     else:
-        draw_as_surface(grid, grid.joined, camera, canvas)
+        draw_as_surface(grid, grid.joined, camera, canvas, count)
     return canvas
 
 
@@ -167,11 +191,13 @@ def draw_as_points(grid: Grid, canvas: Canvas) -> None:
         canvas.put_errors(layer, drawn, *np.divmod(index[0][drawn], layer.camera.width))
 
 
-def draw_as_surface(grid: Grid, joined: UInt8Array, camera: Camera, canvas: Canvas) -> None:
+def draw_as_surface(
+    grid: Grid, joined: UInt8Array, camera: Camera, canvas: Canvas, count: NDArray[np.int32] = ALL
+) -> None:
     """The layer's mesh, and footprints at its rim."""
     layer, rows = grid.layer, camera.height
     to_target = grid.matrix, grid.offset, camera.fx / layer.camera.fx
-    wbuf, where = rasterize_surface(grid.depth, joined, *to_target, camera.hw)
+    wbuf, where = rasterize_surface(grid.depth, joined, *to_target, camera.hw, count)
     smooth = smooth_quads(joined) if grid.fine else np.zeros_like(joined)
     found = wbuf, where, joined, smooth, layer.color, grid.knots
     in_bands(shading.shade_surface, rows, *found, layer.origin, layer.confidence, *canvas.buffers())
@@ -189,12 +215,14 @@ def rasterize_surface(
     offset: Float64Array,
     zoom: float,
     hw: tuple[int, int],
+    count: NDArray[np.int32] = ALL,
 ) -> tuple[Float32Array, Float32Array]:
     """What each of H x W target pixels shows of the mesh of a layer's depth (`mesh_grid`) and the footprints at its rim: inverse
-    z (1/m, 0 = nothing), and the layer's pixel (H x W x 2, x and y). zoom: target's over layer's focal length."""
+    z (1/m, 0 = nothing), and the layer's pixel (H x W x 2, x and y). zoom: target's over layer's focal length; count: as of
+    `draw`."""
     x, y, w = transform_depth(depth, matrix, offset)
     wbuf, where = np.zeros(hw, np.float32), np.empty((*hw, 2), np.float32)
-    in_bands(raster.draw_surface, hw[0], x, y, w, joined, quad_row_spans(y, w), wbuf, where)
+    in_bands(raster.draw_surface, hw[0], x, y, w, joined, quad_row_spans(y, w), count, wbuf, where)
     draw_rim(x, y, w, joined, rim(joined, depth), depth, zoom, wbuf.copy(), wbuf, where)
     return wbuf, where
 

@@ -12,10 +12,11 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.drawing.canvas import Canvas
-from dlama.geometry.drawing.layers import Grid, Mode, draw, draw_far
+from dlama.geometry.drawing.layers import ALL, Grid, Mode, count_wanted, draw, draw_far
 from dlama.geometry.frames.choosing import MOST_FRAMES, choose_frames
 from dlama.geometry.holes import morphological_open, square
 from dlama.geometry.kernels import merging as kernels
@@ -46,31 +47,41 @@ class Merged:
 
 
 def merge_frames(scene: Scene, camera: Camera, mode: Mode, fine: bool, most: int = MOST_FRAMES) -> Merged:
-    """The frames of a scene, merged as `camera` sees them. In the camera of a frame its own pixels stay bit for bit."""
+    """The frames of a scene, merged as `camera` sees them. In the camera of a frame its own pixels stay bit for bit; the others are
+    drawn only where it has no depth."""
     places = choose_frames(scene.frames, camera, most)
     frames = [scene.frames[place] for place in places]
     grids = [Grid.of(frame, camera, mode, fine) for frame in frames]
-    drawn = [_draw_grid(grid, camera) for grid in grids]
     gains = np.array([scene.gains[place] for place in places])
-    own = frames[0] if grids[0].own_camera else None
-    canvas, best = _merge_canvases(drawn, grids, camera, gains / gains[0] if own is not None else gains, scene.noise)
+    own = grids[0].layer if grids[0].own_camera else None
+    best, count = np.zeros(camera.hw, np.uint16), ALL
+    if own is not None:
+        gains, best[own.valid | own.far] = gains / gains[0], 1
+        count = count_wanted(best == 0)
+    drawn = [_draw_grid(grid, camera, count) for grid in grids]
+    canvas = _merge_canvases(drawn, grids, camera, gains, scene.noise, best)
     number = np.array([0, *(scene.numbers[place] + 1 for place in places)], np.uint16)
     if own is not None:
         _keep_own(canvas, best, own)
     return Merged(canvas, number[best], grids)
 
 
-def _draw_grid(grid: Grid, camera: Camera) -> Canvas:
-    canvas = draw(grid, camera, Canvas.empty(camera))
+def _draw_grid(grid: Grid, camera: Camera, count: NDArray[np.int32]) -> Canvas:
+    canvas = draw(grid, camera, Canvas.empty(camera), count)
     draw_far(grid, camera, canvas)
     return canvas
 
 
 def _merge_canvases(
-    drawn: Sequence[Canvas], grids: Sequence[Grid], camera: Camera, gains: Float64Array, noise: tuple[float, float]
-) -> tuple[Canvas, UInt16Array]:
-    """One canvas of several, and 1 + the place of the frame each pixel comes from."""
-    out, best = Canvas.empty(camera), np.zeros(camera.hw, np.uint16)
+    drawn: Sequence[Canvas],
+    grids: Sequence[Grid],
+    camera: Camera,
+    gains: Float64Array,
+    noise: tuple[float, float],
+    best: UInt16Array,
+) -> Canvas:
+    """One canvas of several, in the pixels where `best` is 0; it gets 1 + the place of the frame that each comes from."""
+    out = Canvas.empty(camera)
     color, depth, origin, confidences = (np.stack(parts) for parts in zip(*(canvas.buffers() for canvas in drawn)))
     transferred = (origin == Origin.DEPTH_FILLED) | (origin == Origin.ELSEWHERE)  # colour of its own, depth not
     rank = np.where(transferred, np.uint8(FILLED), np.uint8(MEASURED))
@@ -90,7 +101,7 @@ def _merge_canvases(
     np.copyto(out.origin, np.take_along_axis(origin, place, 0)[0], where=known)
     out.origin[out.origin == Origin.ELSEWHERE] = Origin.REPROJECTED
     np.copyto(out.confidence, np.take_along_axis(confidences, place, 0)[0], where=known)
-    return out, best
+    return out
 
 
 def nearest_depth_around(view: View) -> Float32Array:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.kernels.jit import Flag, Real, Whole, kernel, piece
-from dlama.geometry.kernels.rasterize import CHUNK, Box, quad_box, quad_sides
+from dlama.geometry.kernels.rasterize import CHUNK, Box, chunk_meets, marked_within, quad_box, quad_sides
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 
 DISOCCLUDED_RANK = 1
@@ -29,43 +29,6 @@ def is_inside(x0: Real, y0: Real, x1: Real, y1: Real, x2: Real, y2: Real, px: Re
     b1 = ((px - x0) * (y2 - y0) - (x2 - x0) * (py - y0)) / area
     b2 = ((x1 - x0) * (py - y0) - (px - x0) * (y1 - y0)) / area
     return b1 >= -1e-4 and b2 >= -1e-4 and b1 + b2 <= 1.0001
-
-
-@piece
-def holes_within(count: NDArray[np.integer], left: Whole, right: Whole, upper: Whole, lower: Whole) -> Whole:
-    """How many empty pixels a box (inclusive) holds; count: their summed-area table, (H + 1) x (W + 1)."""
-    return count[lower + 1, right + 1] - count[upper, right + 1] - count[lower + 1, left] + count[upper, left]
-
-
-@piece
-def chunk_meets_hole(
-    x: Float32Array,
-    w: Float32Array,
-    row: Whole,
-    chunk: Whole,
-    low: Real,
-    high: Real,
-    first: Whole,
-    last: Whole,
-    count: NDArray[np.integer],
-) -> Flag:
-    """True if the box round a row of quads (target rows low..high, cut to [first, last)) may hold an empty pixel."""
-    if not (low <= last and high >= first):
-        return False
-    columns = count.shape[1] - 1
-    left, right = np.float32(columns), np.float32(0)
-    for r in range(row, row + 2):
-        for column in range(chunk * CHUNK, min(x.shape[1], (chunk + 1) * CHUNK + 1)):
-            if w[r, column] > 0:
-                left, right = min(left, x[r, column]), max(right, x[r, column])
-    if left > right:
-        return False
-    near, far = np.int64(max(left, np.float32(1))) - 1, min(columns - 1, np.int64(min(right, np.float32(columns))) + 1)
-    upper, lower = (
-        max(first, np.int64(max(low, np.float32(first))) - 1),
-        min(last - 1, np.int64(min(high, np.float32(last))) + 1),
-    )
-    return near <= far and upper <= lower and holes_within(count, near, far, upper, lower) > 0
 
 
 @kernel
@@ -93,11 +56,11 @@ def mark_closed_mesh(
     columns = hole.shape[1]
     for row in range(height - 1):
         for chunk in range(spans.shape[1]):
-            if not chunk_meets_hole(x, w, row, chunk, spans[row, chunk, 0], spans[row, chunk, 1], first, last, count):
+            if not chunk_meets(x, w, row, chunk, spans[row, chunk, 0], spans[row, chunk, 1], first, last, count):
                 continue
             for column in range(chunk * CHUNK, min(width - 1, (chunk + 1) * CHUNK)):
                 box = quad_box(x, y, w, row, column, first, last, columns)
-                if box[0] <= box[1] and box[2] <= box[3] and holes_within(count, box[0], box[1], box[2], box[3]) > 0:
+                if box[0] <= box[1] and box[2] <= box[3] and marked_within(count, box[0], box[1], box[2], box[3]) > 0:
                     mark_quad(x, y, w, joined, grid_rank, row, column, crack_rank, box, hole, ranks)
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
-from dlama.geometry.kernels.jit import Real, Whole, inlined, kernel, piece
+from dlama.geometry.kernels.jit import Flag, Real, Whole, inlined, kernel, piece
 from dlama.geometry.rgbd import Float32Array, UInt8Array
 
 Box = tuple[Whole, Whole, Whole, Whole]
@@ -170,6 +170,43 @@ def quad_sides(joined: UInt8Array, row: Whole, column: Whole) -> Whole:
     return sides
 
 
+@piece
+def marked_within(count: NDArray[np.integer], left: Whole, right: Whole, upper: Whole, lower: Whole) -> Whole:
+    """How many marked pixels a box (inclusive) holds; count: their summed-area table, (H + 1) x (W + 1)."""
+    return count[lower + 1, right + 1] - count[upper, right + 1] - count[lower + 1, left] + count[upper, left]
+
+
+@piece
+def chunk_meets(
+    x: Float32Array,
+    w: Float32Array,
+    row: Whole,
+    chunk: Whole,
+    low: Real,
+    high: Real,
+    first: Whole,
+    last: Whole,
+    count: NDArray[np.integer],
+) -> Flag:
+    """True if the box round a row of quads (target rows low..high, cut to [first, last)) may hold a marked pixel."""
+    if not (low <= last and high >= first):
+        return False
+    columns = count.shape[1] - 1
+    left, right = np.float32(columns), np.float32(0)
+    for r in range(row, row + 2):
+        for column in range(chunk * CHUNK, min(x.shape[1], (chunk + 1) * CHUNK + 1)):
+            if w[r, column] > 0:
+                left, right = min(left, x[r, column]), max(right, x[r, column])
+    if left > right:
+        return False
+    near, far = np.int64(max(left, np.float32(1))) - 1, min(columns - 1, np.int64(min(right, np.float32(columns))) + 1)
+    upper, lower = (
+        max(first, np.int64(max(low, np.float32(first))) - 1),
+        min(last - 1, np.int64(min(high, np.float32(last))) + 1),
+    )
+    return near <= far and upper <= lower and marked_within(count, near, far, upper, lower) > 0
+
+
 @kernel
 def draw_surface(
     first: Whole,
@@ -179,18 +216,21 @@ def draw_surface(
     w: Float32Array,
     joined: UInt8Array,
     spans: Float32Array,
+    count: NDArray[np.integer],
     wbuf: Float32Array,
     where: Float32Array,
 ) -> None:
     """The joined quads of the grid into target rows [first, last), z-buffered.
 
-    wbuf: H x W float32 zeros; where: H x W x 2 source column, row.
+    count: summed-area table of the target pixels that count (`marked_within`), all others may come out as anything; without rows:
+    all count. wbuf: H x W float32 zeros; where: H x W x 2 source column, row.
     """
     height, width = x.shape
-    columns = wbuf.shape[1]
+    columns, some = wbuf.shape[1], len(count) > 0
     for row in range(height - 1):
         for chunk in range(spans.shape[1]):
-            if spans[row, chunk, 1] < first or spans[row, chunk, 0] > last:
+            low, high = spans[row, chunk, 0], spans[row, chunk, 1]
+            if high < first or low > last or (some and not chunk_meets(x, w, row, chunk, low, high, first, last, count)):
                 continue
             for column in range(chunk * CHUNK, min(width - 1, (chunk + 1) * CHUNK)):
                 sides = quad_sides(joined, row, column)
@@ -198,7 +238,8 @@ def draw_surface(
                     continue
                 box = quad_box(x, y, w, row, column, first, last, columns)
                 if box[0] <= box[1] and box[2] <= box[3]:
-                    draw_quad(x, y, w, row, column, sides, box, wbuf, where)
+                    if not some or marked_within(count, box[0], box[1], box[2], box[3]) > 0:
+                        draw_quad(x, y, w, row, column, sides, box, wbuf, where)
 
 
 @inlined
