@@ -31,8 +31,6 @@ LOOKED_THROUGH_PX = 2
 """A frame sees through a point only if it has no near depth within so many px: poses drift."""
 NARROWEST = 3
 """px; strips from other frames behind a removed object that are narrower are left to be filled."""
-MEASURED, FILLED = 2, 1
-"""Ranks of depth."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,22 +56,26 @@ def merge_frames(scene: Scene, camera: Camera, mode: Mode, fine: bool, most: int
     if own is not None:
         gains, best[own.valid | own.far] = gains / gains[0], 1
         count = count_wanted(best == 0)
-    drawn = [_draw_grid(grid, camera, count) for grid in grids]
-    canvas = _merge_canvases(drawn, grids, camera, gains, scene.noise, best)
+    drawn = [np.zeros((len(grids), *plane.shape), plane.dtype) for plane in Canvas.empty(camera).buffers()]
+    in_bands(_draw_grids, len(grids), grids, camera, count, drawn, band=1)
+    canvas = _merge_drawn(drawn, grids, camera, gains, scene.noise, best)
     number = np.array([0, *(scene.numbers[place] + 1 for place in places)], np.uint16)
     if own is not None:
         _keep_own(canvas, best, own)
     return Merged(canvas, number[best], grids)
 
 
-def _draw_grid(grid: Grid, camera: Camera, count: NDArray[np.int32]) -> Canvas:
-    canvas = draw(grid, camera, Canvas.empty(camera), count)
-    draw_far(grid, camera, canvas)
-    return canvas
+def _draw_grids(
+    first: int, last: int, grids: Sequence[Grid], camera: Camera, count: NDArray[np.int32], drawn: Sequence[np.ndarray]
+) -> None:
+    """Some of the frames, each onto its own canvas; drawn: the planes of all canvases."""
+    for place in range(first, last):
+        canvas = draw(grids[place], camera, Canvas(*(planes[place] for planes in drawn)), count)
+        draw_far(grids[place], camera, canvas)
 
 
-def _merge_canvases(
-    drawn: Sequence[Canvas],
+def _merge_drawn(
+    drawn: Sequence[np.ndarray],
     grids: Sequence[Grid],
     camera: Camera,
     gains: Float64Array,
@@ -82,25 +84,16 @@ def _merge_canvases(
 ) -> Canvas:
     """One canvas of several, in the pixels where `best` is 0; it gets 1 + the place of the frame that each comes from."""
     out = Canvas.empty(camera)
-    color, depth, origin, confidences = (np.stack(parts) for parts in zip(*(canvas.buffers() for canvas in drawn)))
-    transferred = (origin == Origin.DEPTH_FILLED) | (origin == Origin.ELSEWHERE)  # colour of its own, depth not
-    rank = np.where(transferred, np.uint8(FILLED), np.uint8(MEASURED))
     ways = [px_from_px(grid.layer.camera, camera) for grid in grids]
     centers = [
         [*(camera.cam_from_world @ grid.layer.camera.world_from_cam)[:3, 3], grid.layer.camera.fx] for grid in grids
     ]
     in_bands(
-        kernels.merge, camera.height, depth, color, rank,
+        kernels.merge, camera.height, *drawn,
         np.stack([nearest_depth_around(grid.layer) for grid in grids]), np.stack([confidence_margin(grid) for grid in grids]),
         np.stack([matrix for matrix, _ in ways]), np.stack([offset for _, offset in ways]), np.array(centers),
-        np.array([camera.fx, camera.fy, camera.cx, camera.cy]), gains, np.array(noise),
-        out.color, out.depth, best, np.zeros(camera.hw, np.bool_),
+        np.array([camera.fx, camera.fy, camera.cx, camera.cy]), gains, np.array(noise), *out.buffers(), best,
     )  # fmt: skip
-    place = np.maximum(best, 1)[None] - 1
-    known = best > 0
-    np.copyto(out.origin, np.take_along_axis(origin, place, 0)[0], where=known)
-    out.origin[out.origin == Origin.ELSEWHERE] = Origin.REPROJECTED
-    np.copyto(out.confidence, np.take_along_axis(confidences, place, 0)[0], where=known)
     return out
 
 

@@ -162,6 +162,9 @@ _LISTENER = _Compiling()
 register("numba:compile", _LISTENER)
 
 
+_thread = threading.local()
+"""`at_work`: whether a band is being run in this thread."""
+_LOADING = threading.RLock()
 BAND = 32
 """Rows per task: enough of them that threads finish together, not so many that handing them out costs."""
 
@@ -184,19 +187,26 @@ def in_bands(job: Callable[..., None], rows: int, *arguments: Any, band: int = B
 
     job: a `kernel`, which lets go of Python's lock while it runs; any function that takes (first, last, ...) will do.
     rows: how many there are of what the job counts (rows, pixels, shifts); band: how many of them are one task.
-    The job writes into its arguments. Bands must not depend on each other, so that the result does not depend on the number of
+    A job that runs others in bands runs each of them in its own thread. The job writes into its arguments. Bands must not depend on each other, so that the result does not depend on the number of
     threads; an empty one, which comes first, must do nothing. What a job raises in any thread is raised here.
     """
     count = min(threads(), -(-rows // band))
-    if count < 2:
+    nested = getattr(_thread, "at_work", False)
+    if count > 1 or nested:
+        with _LOADING:
+            job(0, 0, *arguments)  # compiled, or loaded, before threads call it: numba's dispatcher does not stand two at once
+    if count < 2 or nested:
         job(0, rows, *arguments)
         return
-    job(0, 0, *arguments)  # compiled, or loaded, before threads call it: numba's dispatcher does not stand two at once
     starts = iter(range(0, rows, band))  # shared: each thread takes the next one
 
     def work() -> None:
-        for first in starts:
-            job(first, min(rows, first + band), *arguments)
+        _thread.at_work = True
+        try:
+            for first in starts:
+                job(first, min(rows, first + band), *arguments)
+        finally:
+            _thread.at_work = False
 
     others = [_pool().submit(work) for _ in range(count - 1)]
     try:

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from dlama.geometry.camera import Float64Array
-from dlama.geometry.kernels.jit import Array, Real, Whole, inlined, kernel, piece
+from dlama.geometry.kernels.jit import Flag, Real, Whole, inlined, kernel, piece
 from dlama.geometry.kernels.visibility import ray
 from dlama.geometry.rgbd import Float32Array, UInt8Array, UInt16Array
 
@@ -23,6 +23,8 @@ SAFE_PX = 12.0
 LEAST = 1e-6
 CLIPPED, CLIPPED_SHARE = (215.0, 250.0), 0.05
 """Levels between which a colour saturates, and its least weight."""
+REPROJECTED, DEPTH_FILLED, ELSEWHERE = 2, 3, 6
+"""Origin codes; of the last two the colour is a frame's own, the depth is not."""
 FARTHEST = 1e6
 """Distance in metres that stands for far when frames are weighed."""
 
@@ -74,19 +76,20 @@ def color_weight(
 
 
 @inlined
-def shows(depth: Float32Array, rank: UInt8Array, frame: Whole, row: Whole, column: Whole, level: Whole) -> Real:
-    """The depth a frame shows in a pixel, if its rank is `level`; else 0."""
-    return np.float64(depth[frame, row, column]) if rank[frame, row, column] == level else 0.0
+def shows(depth: Float32Array, origin: UInt8Array, frame: Whole, row: Whole, column: Whole, measured: Flag) -> Real:
+    """The depth a frame shows in a pixel, if it is measured there, or if not; else 0."""
+    code = origin[frame, row, column]
+    return np.float64(depth[frame, row, column]) if (code != DEPTH_FILLED and code != ELSEWHERE) == measured else 0.0
 
 
 @inlined
 def nearest_behind(
-    depth: Float32Array, rank: UInt8Array, row: Whole, column: Whole, level: Whole, behind: Real
+    depth: Float32Array, origin: UInt8Array, row: Whole, column: Whole, measured: Flag, behind: Real
 ) -> Real:
     """The nearest depth beyond `behind` that a frame shows: inf where only far is left, 0 where nothing is."""
     found = 0.0
     for k in range(depth.shape[0]):
-        z = shows(depth, rank, k, row, column, level)
+        z = shows(depth, origin, k, row, column, measured)
         if z > behind and (found == 0 or z < found):
             found = z
     return found
@@ -94,12 +97,12 @@ def nearest_behind(
 
 @inlined
 def mean_depth(
-    depth: Float32Array, rank: UInt8Array, row: Whole, column: Whole, level: Whole, nearest: Real, limit: Real
+    depth: Float32Array, origin: UInt8Array, row: Whole, column: Whole, measured: Flag, nearest: Real, limit: Real
 ) -> tuple[Real, Whole]:
     """Mean depth of the surface between two depths, and how many frames show it; near measurements count more."""
     total, mean, support = 0.0, 0.0, 0
     for k in range(depth.shape[0]):
-        z = shows(depth, rank, k, row, column, level)
+        z = shows(depth, origin, k, row, column, measured)
         if nearest <= z <= limit:
             weight = 1.0 / (z * z)
             total, mean, support = total + weight, mean + weight * z, support + 1
@@ -108,14 +111,14 @@ def mean_depth(
 
 @inlined
 def shade(
-    row: Whole, column: Whole, level: Whole, nearest: Real, limit: Real, mean: Real,
-    depth: Float32Array, color: UInt8Array, rank: UInt8Array, margin: Float32Array, matrix: Float64Array, offset: Float64Array,
+    row: Whole, column: Whole, measured: Flag, nearest: Real, limit: Real, mean: Real,
+    depth: Float32Array, color: UInt8Array, origin: UInt8Array, margin: Float32Array, matrix: Float64Array, offset: Float64Array,
     center: Float64Array, lens: Float64Array, gain: Float64Array, out_color: UInt8Array, out_best: UInt16Array,
 ) -> None:  # fmt: skip
     """The colour of a surface: the weighted mean of the frames that show it, after their gains."""
     red, green, blue, total, most = 0.0, 0.0, 0.0, 0.0, 0.0
     for k in range(depth.shape[0]):
-        z = shows(depth, rank, k, row, column, level)
+        z = shows(depth, origin, k, row, column, measured)
         if nearest <= z <= limit:
             w = color_weight(row, column, min(mean, FARTHEST), k, matrix, offset, margin, center, lens)
             r, g, b = (
@@ -143,9 +146,10 @@ def shade(
 def merge(
     first: Whole,
     last: Whole,
-    depth: Float32Array,
     color: UInt8Array,
-    rank: UInt8Array,
+    depth: Float32Array,
+    origin: UInt8Array,
+    confidence: Float32Array,
     near: Float32Array,
     margin: Float32Array,
     matrix: Float64Array,
@@ -156,40 +160,44 @@ def merge(
     noise: Float64Array,
     out_color: UInt8Array,
     out_depth: Float32Array,
+    out_origin: UInt8Array,
+    out_confidence: Float32Array,
     out_best: UInt16Array,
-    rejected: Array,
 ) -> None:
     """For each pixel the nearest surface that the frames agree on: its mean depth and the colour of the best frames.
 
-    depth, color, rank: K x H x W (x 3), each of K frames drawn into the target: metres (0 = none, inf = far), RGB, and rank of
-    depth (2 measured, 1 filled). A surface is rejected if as many frames saw through it as show it; filled depths count only
-    where no measured one is left. near: K x h x w, each frame's own depth, the nearest of a neighbourhood; margin: K x h x w,
+    color, depth, origin, confidence: K x H x W (x 3), each of K frames drawn into the target: RGB, metres (0 = none, inf = far),
+    Origin codes. A surface is rejected if as many frames saw through it as show it; filled depths, and those of other frames,
+    count only where no measured one is left. near: K x h x w, each frame's own depth, the nearest of a neighbourhood; margin: K x h x w,
     pixels to the frame's border or next depth edge. matrix, offset: frame px from target px. center: K x 4, the frames' centres
     in the target's axes and their focal lengths; lens: fx, fy, cx, cy of the target. gain: K x 3. out_best: 1 + the index of
-    the frame with the largest weight, 0 = a hole; rejected: True where a surface was rejected.
+    the frame with the largest weight, whose origin and confidence the pixel gets, 0 = a hole; pixels where it is set stay out.
     """
     for row in range(first, last):
         for column in range(depth.shape[2]):
-            for level in (2, 1):
+            for measured in (True, False):
                 behind = 0.0
                 while out_best[row, column] == 0:
-                    nearest = nearest_behind(depth, rank, row, column, level, behind)
+                    nearest = nearest_behind(depth, origin, row, column, measured, behind)
                     if nearest == 0:
                         break
                     limit, mean = nearest, nearest
                     if nearest < np.inf:
                         limit = nearest + tolerance(nearest, noise)
-                        mean, against = mean_depth(depth, rank, row, column, level, nearest, limit)
+                        mean, against = mean_depth(depth, origin, row, column, measured, nearest, limit)
                         for k in range(depth.shape[0]):
-                            z = shows(depth, rank, k, row, column, level)
+                            z = shows(depth, origin, k, row, column, measured)
                             if not nearest <= z <= limit:
                                 against -= sees_through(row, column, mean, k, matrix, offset, near, noise)
                         if against <= 0:
-                            rejected[row, column] = True
                             behind = limit
                             continue
                     out_depth[row, column] = mean
                     shade(
-                        row, column, level, nearest, limit, mean, depth, color, rank, margin, matrix, offset, center, lens,
+                        row, column, measured, nearest, limit, mean, depth, color, origin, margin, matrix, offset, center, lens,
                         gain, out_color, out_best,
                     )  # fmt: skip
+                    best = out_best[row, column] - 1
+                    code = origin[best, row, column]
+                    out_origin[row, column] = REPROJECTED if code == ELSEWHERE else code
+                    out_confidence[row, column] = confidence[best, row, column]
