@@ -66,6 +66,10 @@ MOST_COARSE = 24
 """Further frames, besides those drawn for a camera, whose coarse depth counts for its law."""
 
 
+_aligned: WeakKeyDictionary[Law, tuple[tuple[View, ...], Law]] = WeakKeyDictionary()
+"""A law, the frames that its edges were last aligned by, and what came of it: cameras of one scene ask for the same."""
+
+
 @dataclass(frozen=True, eq=False)
 class Law:
     """Measurements of the source cameras: for each, H x W depth in metres, 0 = none, +inf = far."""
@@ -124,6 +128,13 @@ class Law:
     def with_aligned_edges(self, scene: Scene) -> Law:
         """The law with the scene's frames as they are drawn (`align_edges`). Near misaligned edges filled depth counts as
         measured, and edges lie where the picture has them, if that forbids more. Of very many frames: of the law `near`."""
+        frames, aligned = _aligned.get(self, ((), self))
+        if frames is not scene.frames:
+            aligned = self._with_aligned_edges(scene)
+            _aligned[self] = scene.frames, aligned
+        return aligned
+
+    def _with_aligned_edges(self, scene: Scene) -> Law:
         measured, misplaced = list(self.measured), self.misplaced_edges
         for layer in scene.frames:
             for number, (camera, known) in enumerate(measured):
