@@ -19,8 +19,8 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.cloud import PointCloud
 from dlama.geometry.drawing.canvas import Canvas
 from dlama.geometry.drawing.gaps import can_close_gaps, close_gaps
-from dlama.geometry.drawing.layers import MODES as MODES
 from dlama.geometry.drawing.layers import ALL, NEAR, Grid, count_wanted, draw, draw_far, quad_row_spans, transform_depth
+from dlama.geometry.drawing.layers import MODES as MODES
 from dlama.geometry.drawing.layers import Mode as Mode
 from dlama.geometry.drawing.layers import find_flying_pixels as find_flying_pixels
 from dlama.geometry.frames.extent import may_show

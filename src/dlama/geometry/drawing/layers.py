@@ -167,7 +167,10 @@ def count_wanted(wanted: BoolArray) -> NDArray[np.int32]:
 
 
 def draw(grid: Grid, camera: Camera, canvas: Canvas, count: NDArray[np.int32] = ALL) -> Canvas:
-    """One layer's finite surfaces, drawn onto an empty canvas. count: of the pixels that count; others may come out as anything."""
+    """One layer's finite surfaces, drawn onto an empty canvas.
+
+    count: of the pixels that count (`count_wanted`); all others may come out as anything.
+    """
     if grid.own_camera:
         copy_onto(canvas, grid.layer)
     elif grid.joined is None:

@@ -187,14 +187,15 @@ def in_bands(job: Callable[..., None], rows: int, *arguments: Any, band: int = B
 
     job: a `kernel`, which lets go of Python's lock while it runs; any function that takes (first, last, ...) will do.
     rows: how many there are of what the job counts (rows, pixels, shifts); band: how many of them are one task.
-    A job that runs others in bands runs each of them in its own thread. The job writes into its arguments. Bands must not depend on each other, so that the result does not depend on the number of
-    threads; an empty one, which comes first, must do nothing. What a job raises in any thread is raised here.
+    The job writes into its arguments; what it runs in bands itself stays in its thread. Bands must not depend on each other, so
+    that the result does not depend on the number of threads; an empty one, which comes first, must do nothing. What a job raises
+    in any thread is raised here.
     """
     count = min(threads(), -(-rows // band))
     nested = getattr(_thread, "at_work", False)
     if count > 1 or nested:
-        with _LOADING:
-            job(0, 0, *arguments)  # compiled, or loaded, before threads call it: numba's dispatcher does not stand two at once
+        with _LOADING:  # compiled, or loaded, before threads call it: numba's dispatcher does not stand two at once
+            job(0, 0, *arguments)
     if count < 2 or nested:
         job(0, rows, *arguments)
         return

@@ -166,12 +166,13 @@ def merge(
 ) -> None:
     """For each pixel the nearest surface that the frames agree on: its mean depth and the colour of the best frames.
 
-    color, depth, origin, confidence: K x H x W (x 3), each of K frames drawn into the target: RGB, metres (0 = none, inf = far),
-    Origin codes. A surface is rejected if as many frames saw through it as show it; filled depths, and those of other frames,
-    count only where no measured one is left. near: K x h x w, each frame's own depth, the nearest of a neighbourhood; margin: K x h x w,
-    pixels to the frame's border or next depth edge. matrix, offset: frame px from target px. center: K x 4, the frames' centres
-    in the target's axes and their focal lengths; lens: fx, fy, cx, cy of the target. gain: K x 3. out_best: 1 + the index of
-    the frame with the largest weight, whose origin and confidence the pixel gets, 0 = a hole; pixels where it is set stay out.
+    color, depth, origin, confidence: K x H x W (x 3), each of K frames drawn into the target: RGB, metres (0 = none, inf =
+    far), Origin codes. A surface is rejected if as many frames saw through it as show it; filled depths, and those of other
+    frames, count only where no measured one is left. near: K x h x w, each frame's own depth, the nearest of a neighbourhood;
+    margin: K x h x w, pixels to the frame's border or next depth edge. matrix, offset: frame px from target px. center: K x 4,
+    the frames' centres in the target's axes and their focal lengths; lens: fx, fy, cx, cy of the target. gain: K x 3. out_best:
+    1 + the index of the frame with the largest weight, whose origin and confidence the pixel gets, 0 = a hole; pixels where it
+    is set stay out.
     """
     for row in range(first, last):
         for column in range(depth.shape[2]):

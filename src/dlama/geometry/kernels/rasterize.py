@@ -230,16 +230,21 @@ def draw_surface(
     for row in range(height - 1):
         for chunk in range(spans.shape[1]):
             low, high = spans[row, chunk, 0], spans[row, chunk, 1]
-            if high < first or low > last or (some and not chunk_meets(x, w, row, chunk, low, high, first, last, count)):
+            if (
+                high < first
+                or low > last
+                or (some and not chunk_meets(x, w, row, chunk, low, high, first, last, count))
+            ):
                 continue
             for column in range(chunk * CHUNK, min(width - 1, (chunk + 1) * CHUNK)):
                 sides = quad_sides(joined, row, column)
                 if sides == 0:
                     continue
                 box = quad_box(x, y, w, row, column, first, last, columns)
-                if box[0] <= box[1] and box[2] <= box[3]:
-                    if not some or marked_within(count, box[0], box[1], box[2], box[3]) > 0:
-                        draw_quad(x, y, w, row, column, sides, box, wbuf, where)
+                if box[0] > box[1] or box[2] > box[3]:
+                    continue
+                if not some or marked_within(count, box[0], box[1], box[2], box[3]) > 0:
+                    draw_quad(x, y, w, row, column, sides, box, wbuf, where)
 
 
 @inlined
