@@ -27,6 +27,7 @@ def blocks(language: str, page: str = "README.md") -> list[str]:
     return re.findall(rf"```{language}\n(.*?)```", (ROOT / page).read_text("utf-8"), re.DOTALL)
 
 
+@pytest.mark.slow
 def test_python_lines_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The six lines, as they stand, from an empty folder (oracle: what they write)."""
     (code,) = blocks("python")

@@ -213,15 +213,21 @@ def training(monkeypatch: pytest.MonkeyPatch, calls: Calls) -> None:
     monkeypatch.setattr(pack, "pack", no_pack)
 
 
-ROWS = [(verb, name) for verb in TABLE for name in TABLE[verb]]
+NEED_TORCH = ("train", "pack")
+"""Verbs whose modules take longer to import than all other rows take together."""
+ROWS = [
+    pytest.param(verb, name, id=f"{verb} {name}", marks=[pytest.mark.slow] if verb in NEED_TORCH else [])
+    for verb in TABLE
+    for name in TABLE[verb]
+]
 
 
-@pytest.mark.parametrize(("verb", "name"), ROWS, ids=[f"{verb} {name}" for verb, name in ROWS])
+@pytest.mark.parametrize(("verb", "name"), ROWS)
 def test_it_reaches_what_it_is_for(
     verb: str, name: str, calls: Calls, request: pytest.FixtureRequest, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """With the words the keyword has the stated value in every call, and without them it has not (oracle: the table)."""
-    if verb in ("train", "pack"):
+    if verb in NEED_TORCH:
         request.getfixturevalue("training")
     reach = TABLE[verb][name]
     main([*verb.split(), *reach.command(BASE[verb])])

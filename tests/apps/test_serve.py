@@ -22,6 +22,7 @@ from dlama.web.answers import Limits
 from dlama.web.server import open_server
 
 
+@pytest.mark.slow
 def test_it_serves_until_it_is_ended(tmp_path: Path) -> None:
     """The printed address answers; a signal ends it with code 0, and its folder of uploads is gone."""
     words = [sys.executable, "-m", "dlama", "serve", "--port", "0", "--token", "a b&c", "--json"]

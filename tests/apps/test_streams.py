@@ -39,6 +39,7 @@ def test_every_sign_of_help_has_a_plain_one() -> None:
     assert "• 20° → ╭─╮ 深".encode("ascii", PLAINLY) == b"* 20 deg -> +-+ \\u6df1"
 
 
+@pytest.mark.slow
 def test_names_that_are_not_text_are_printed(tmp_path: Path) -> None:
     """A name whose bytes are no UTF-8."""
     done = subprocess.run(
@@ -57,6 +58,7 @@ def test_a_full_standard_output_is_one_line(tmp_path: Path, words: str) -> None:
     assert (done.returncode, done.stderr) == (1, "error: output cannot be written: no space left on device\n")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("closing", ["2> /dev/full", ">&- 2>&-"])
 def test_a_lost_standard_error_keeps_the_exit_code(tmp_path: Path, closing: str) -> None:
     done = shell(f"worlds --count 0 {closing}", tmp_path)

@@ -113,6 +113,7 @@ def test_a_job_that_kills_its_worker_twice_is_one_failed_row(tmp_path: Path, mon
     assert not list((tmp_path / "out").glob(".dlama-*")) or len(run(tmp_path, rows)) == len(rows)
 
 
+@pytest.mark.usefixtures("in_this_process")
 def test_no_new_job_after_so_many_failures(tmp_path: Path) -> None:
     """One worker, the first three rows fail: with a limit of 2 no more than those and what was begun already come."""
     small_frame(tmp_path)
@@ -149,6 +150,7 @@ def test_lists_that_cannot_be_are_refused_before_anything_runs(tmp_path: Path) -
             run(tmp_path, rows, **options)
 
 
+@pytest.mark.usefixtures("in_this_process")
 def test_a_folder_that_is_no_result_is_never_replaced(tmp_path: Path) -> None:
     """Somebody's files stay, and the job is a failed row (oracle: the file)."""
     small_frame(tmp_path)
@@ -211,6 +213,7 @@ def test_a_killed_driver_loses_nothing(tmp_path: Path) -> None:
     assert not list((tmp_path / "out").glob(".dlama-*"))
 
 
+@pytest.mark.usefixtures("in_this_process")
 def test_rows_as_mappings_and_a_generator(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Paths start from the working folder; a generator is read once, and two equal ids are found as they come."""
     monkeypatch.chdir(small_frame(tmp_path))
@@ -222,6 +225,7 @@ def test_rows_as_mappings_and_a_generator(tmp_path: Path, monkeypatch: pytest.Mo
         list(batch((row for row in [*rows, rows[0]]), "out", workers=1, **FAST))
 
 
+@pytest.mark.usefixtures("in_this_process")
 def test_a_run_that_can_write_nothing_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Results that cannot be written, one after the other, end the run with the reason; later it resumes."""
     small_frame(tmp_path)
@@ -247,7 +251,7 @@ def test_a_run_that_can_write_nothing_ends(tmp_path: Path, monkeypatch: pytest.M
         def close(self) -> None: ...
 
     with monkeypatch.context() as patched:
-        patched.setattr(room, "Pool", Full)
+        patched.setattr(room, "worker_starter", lambda *_: Full)
         with pytest.raises(OutputError, match=r"no space left on device.*the same command resumes it"):
             run(tmp_path, view_rows(9))
     assert {row.status for row in run(tmp_path, view_rows(9))} == {"done"}
@@ -285,6 +289,7 @@ def test_the_last_row_counts_also_where_the_clock_has_gone_back(
         assert manifest.find("a").status == "done"  # type: ignore[union-attr]
 
 
+@pytest.mark.usefixtures("in_this_process")
 def test_options_that_cannot_be_are_one_failed_row_without_work(tmp_path: Path) -> None:
     """All that is wrong in one row is said at once, before a picture is read; an id that is no text is refused."""
     small_frame(tmp_path)

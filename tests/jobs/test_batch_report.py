@@ -78,6 +78,7 @@ def test_throughput_counts_every_result_once() -> None:
     assert throughput({}) == (1, [])
 
 
+@pytest.mark.usefixtures("in_this_process")
 def test_the_page_has_pictures_and_failures(tmp_path: Path) -> None:
     """Pictures are results' own, errors are escaped, nothing is loaded from elsewhere."""
     pytest.importorskip("jinja2")

@@ -23,7 +23,7 @@ from dlama.web.server import Server, open_server
 
 playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed (extra test)")
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium is on the path")
+pytestmark = [pytest.mark.slow, pytest.mark.skipif(CHROMIUM is None, reason="no chromium is on the path")]
 WITHOUT_GPU = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 PATIENCE = 600_000
 """Milliseconds: kernels may have to be compiled first."""
@@ -129,7 +129,6 @@ def pixels(page: Any, selector: str) -> np.ndarray:
     return cv2.imdecode(np.frombuffer(page.locator(selector).screenshot(), np.uint8), cv2.IMREAD_COLOR)
 
 
-@pytest.mark.slow
 def test_the_whole_way(pages: Pages, frame: Path, tmp_path: Path) -> None:
     """Hand in, click, preview, complete, compare, read a pixel, turn in 3-D, take the zip home."""
     page = pages.open(accept_downloads=True)
@@ -178,7 +177,6 @@ def test_the_whole_way(pages: Pages, frame: Path, tmp_path: Path) -> None:
     playwright.expect(page.locator("#command")).to_contain_text("--click 30,24 --yaw=12")
 
 
-@pytest.mark.slow
 def test_filling_from_all_sides_is_cancelled(pages: Pages) -> None:
     """The 3-D tab says so, the result stays, and the tab opened again fills and shows the scene."""
     page = pages.open()
@@ -197,7 +195,6 @@ def test_filling_from_all_sides_is_cancelled(pages: Pages) -> None:
     playwright.expect(page.locator("#scene-fact")).to_contain_text("points", timeout=PATIENCE)
 
 
-@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:the (field of view|scale)")  # of a photo alone, assumed
 def test_five_minutes_of_a_newcomer(pages: Pages, browser: Any, tmp_path: Path) -> None:
     """A photo alone is dropped on the page, an object clicked, gone, the 3-D photo saved and opened from disk on a phone, where a
@@ -256,7 +253,6 @@ def drop(page: Any, name: str, data: bytes) -> None:
     page.dispatch_event("body", "drop", {"dataTransfer": carried})
 
 
-@pytest.mark.slow
 def test_marks_are_undone_and_painted(pages: Pages, frame: Path) -> None:
     """Undo takes the last mark back; a box, a stroke and the eraser each change the mask; the keyboard marks too."""
     page = pages.open()
@@ -353,7 +349,6 @@ def test_two_visitors_do_not_see_each_other(pages: Pages, frame: Path) -> None:
     assert second.locator("#uploads li").count() == 0 and not second.locator("#marker").is_visible()
 
 
-@pytest.mark.slow
 def test_a_completion_is_cancelled(pages: Pages) -> None:
     """The page says so at once, and completes afterwards."""
     page = pages.open()
@@ -368,7 +363,6 @@ def test_a_completion_is_cancelled(pages: Pages) -> None:
     complete(page)
 
 
-@pytest.mark.slow
 def test_loading_again_in_the_middle_loses_nothing(pages: Pages, frame: Path) -> None:
     """The picture, the marks and the result are there again."""
     page = pages.open()

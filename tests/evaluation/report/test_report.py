@@ -276,7 +276,7 @@ def test_best_median_and_worst_by_hand(tmp_path: Path) -> None:
 
 def test_panels_are_made_to_fit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Oracle: the length of all URLs against a small budget; each still a picture; beyond the last rung some go."""
-    done = evaluated(tmp_path, made_up_dataset(3))
+    done = evaluated(tmp_path, made_up_dataset(3, (10.0, 20.0)), METHODS[:2])
     chosen = choose(done.stored)
     free = as_data_urls(tmp_path / "panels", chosen)
     assert len(free) == len(chosen) and all(len(one.urls) == 10 for one in free)
@@ -292,7 +292,7 @@ def test_panels_are_made_to_fit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
 @pytest.mark.parametrize("damage", ["emptied", "no picture", "one pixel", "missing"])
 def test_a_damaged_panel_is_left_out(tmp_path: Path, damage: str) -> None:
     """Law: the report has all others; a file that begins and ends as a JPEG may hold none."""
-    done = evaluated(tmp_path, made_up_dataset(3))
+    done = evaluated(tmp_path, made_up_dataset(3, (10.0, 20.0)), METHODS[:2])
     chosen = choose(done.stored)
     file = tmp_path / "panels" / chosen[0].file
     if damage == "missing":
