@@ -24,7 +24,9 @@ from dlama.apps import options
 from dlama.apps.cli import VERBS, join_lines, main
 from dlama.apps.terminal.flags import flags_of, with_flags
 from dlama.apps.verbs.measuring import evaluate as evaluate_verb
+from dlama.completion.options import field_texts
 from dlama.inpainters import FILLERS
+from dlama.jobs.options import Results
 from test_docs import WORDS
 
 COMMANDS = [[verb] for verb in VERBS if verb != "models"] + [
@@ -116,7 +118,9 @@ def test_names_in_help_are_those_of_the_library() -> None:
     from dlama.evaluation.protocols.methods import NO_FILL
     from dlama.files.results.completion import BY_DEFAULT, RESULTS
 
-    assert tuple(RESULTS) == options.RESULTS and options.BY_DEFAULT == BY_DEFAULT
+    (only, _) = dataclasses.fields(Results)
+    assert f"of {', '.join(RESULTS)} (" in field_texts(Results)["only"]
+    assert only.metadata["shown"].default == ",".join(BY_DEFAULT)
     assert evaluate_verb.NO_FILL == NO_FILL
     assert get_args(evaluate_verb.Protocol) == get_args(Protocol)
     assert inspect.signature(dlama.view).parameters["pivot"].default == options.Move().pivot

@@ -14,9 +14,10 @@ from running import FAST, pixels, refused, run
 
 import dlama
 from dlama.apps.cli import main
-from dlama.apps.options import RESULTS, Report
+from dlama.apps.options import Report
 from dlama.apps.terminal import progress as terminal_progress
 from dlama.apps.verbs.measuring import evaluate
+from dlama.files.results.completion import RESULTS
 
 VIEW = ("view", "image.png", "depth.png", "--fov", 60, "--yaw", 12, *FAST)
 

@@ -156,12 +156,15 @@ def raise_all(checks: Iterable[Callable[[], Any]]) -> None:
 @functools.lru_cache(None)
 def typed_options() -> dict[str, tuple[Typed, Any, str]]:
     """Option -> how it is typed in text, its default, and what it does, for the command line."""
-    (cls,) = ast.parse(inspect.getsource(Options)).body
+    texts = field_texts(Options)
+    return {one.name: (one.metadata["typed"], one.default, texts[one.name]) for one in fields(Options)}
+
+
+def field_texts(group: type[Any]) -> dict[str, str]:
+    """Field -> its docstring in one line, of a dataclass in which every field has one."""
+    (cls,) = ast.parse(inspect.getsource(group)).body
     texts = [ast.literal_eval(one.value) for one in cls.body[1:] if isinstance(one, ast.Expr)]  # type: ignore[attr-defined]
-    return {
-        one.name: (one.metadata["typed"], one.default, " ".join(text.split()))
-        for one, text in zip(fields(Options), texts)
-    }
+    return {one.name: " ".join(text.split()) for one, text in zip(fields(group), texts)}
 
 
 @functools.lru_cache(None)

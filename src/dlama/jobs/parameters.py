@@ -1,6 +1,6 @@
 """The verbs of a job list and their parameters, as they are typed or stand in JSON, in; checked values out.
 
-Names and meanings are those of the command line; a test holds the two equal.
+Names and types are those of `dlama.jobs.options`, of which the command line is made too.
 """
 
 from __future__ import annotations
@@ -9,11 +9,13 @@ import math
 import os
 import re
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from pathlib import Path
+from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 from dlama.completion.options import typed_options
 from dlama.errors import InputError
 from dlama.inpainters import FILLER_NAMES
+from dlama.jobs import options
 
 Parse = Callable[[str, Any], Any]
 """(name, value as typed or from JSON) -> value. Raises InputError."""
@@ -139,50 +141,37 @@ def _split_values(name: str, value: Any, expected: str, count: int | None = None
     return found
 
 
-MOVE: dict[str, Parse] = {"yaw": number, "pitch": number, "pivot": pivot, "dolly": number, "to": text}
-LENS: dict[str, Parse] = {
-    "camera": text,
-    **dict.fromkeys(("fx", "fy", "cx", "cy", "fov", "pixel_center"), number),
-}
-READING: dict[str, Parse] = {
-    "depth_scale": number,
-    "depth_range": number,
-    "channel": text,
-    "far": number,
-    "resize_depth": one_of("nearest"),
-}
-ESTIMATING: dict[str, Parse] = {
-    "depth_model": text,
-    "metres_at": metres_at,
-    "camera_height": number,
-    "sharpen": switch,
-}
-MASKING: dict[str, Parse] = {"mask_polarity": one_of("fill", "known"), "soft_mask": switch, "mask_class": text}
-POINTING: dict[str, Parse] = {
-    "click": points,
-    "not_click": points,
-    "box": box,
-    "salient": switch,
-    "object_class": text,
-    "masker": text,
-    "mask_model": text,
-    "candidate": text,
-    "with_shadow": switch,
-}
-KINDS: dict[Any, Parse] = {str: text, int: whole_number, float: number}
+KINDS: dict[Any, Parse] = {str: text, Path: text, int: whole_number, float: number, bool: switch}
+OWN_FORM: dict[str, Parse] = {
+    "pivot": pivot, "metres_at": metres_at, "click": points, "not_click": points, "box": box, "only": results, "also": results
+}  # fmt: skip
+"""Options that are more than one value of such a kind."""
+
+
+def parsers(group: type[Any]) -> dict[str, Parse]:
+    """The options of a group of `dlama.jobs.options`, with what reads each."""
+    return {name: OWN_FORM.get(name) or parser_of(kind) for name, kind in get_type_hints(group).items()}
+
+
+def parser_of(kind: Any) -> Parse:
+    """What reads a value of that type; None in it means that the option may be left out."""
+    if get_origin(kind) is Literal:
+        return one_of(*get_args(kind))
+    return KINDS[kind] if kind in KINDS else parser_of(next(one for one in get_args(kind) if one is not type(None)))
+
+
+MOVE, LENS, READING = parsers(options.Move), parsers(options.Lens), parsers(options.Reading)
+ESTIMATING, MASKING, POINTING = parsers(options.Estimating), parsers(options.Masking), parsers(options.Pointing)
+RESULTS = parsers(options.Results)
 METHOD: dict[str, Parse] = {
     name: one_of(*typed.kind) if isinstance(typed.kind, tuple) else KINDS[typed.kind]
     for name, (typed, _, _) in typed_options().items()
 } | {"filler": one_of(*FILLER_NAMES)}
 PAIR: dict[str, Parse] = {
     **dict.fromkeys(("left", "right", "calib", "mask", "mask_right", "disparity"), text),
-    "right_view": one_of("given", "synthesised"),
-    "disparity_scale": number,
-    "matcher": text,
-    "max_disparity": number,
+    **parsers(options.Pair),
     "far": number,
 }
-RESULTS: dict[str, Parse] = {"only": results, "also": results}
 PICTURE: dict[str, Parse] = {"image": text, "depth": text, **MOVE, **LENS, **READING, **ESTIMATING, **METHOD}
 
 VERBS: dict[str, dict[str, Parse]] = {

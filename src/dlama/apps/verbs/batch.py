@@ -14,12 +14,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from tyro.conf import Positional
 
 import dlama
-from dlama.apps.options import Estimating, Lens, Masking, Method, Move, Reading, Report, Results, option
+from dlama.apps.options import Estimating, Lens, Masking, Method, Move, Reading, Report, Results, as_flags, option
 from dlama.apps.places import check_folder_apart
 from dlama.apps.pointing import Pointing
 from dlama.apps.terminal.output import print_line, report_result
 from dlama.apps.terminal.progress import bar_or_lines
 from dlama.errors import InputError, format_count
+from dlama.jobs import options as groups
 from dlama.jobs.lists.data_sets import DatasetJobs
 from dlama.jobs.lists.folders import Pictures
 from dlama.jobs.result import Totals
@@ -85,20 +86,9 @@ class Running:
     """Run nothing; print how many jobs there are and show the first ten as they would run."""
 
 
-@dataclass(frozen=True)
-class Pair:
+@as_flags
+class Pair(groups.Pair):
     """Of stereo pairs."""
-
-    calib: Annotated[Path | None, option("CALIB")] = None
-    """Middlebury calib.txt, or JSON with left_K, right_K, baseline_m, doffs, pixel_center."""
-    right_view: Annotated[Literal["given", "synthesised"] | None, option("given|synthesised", "the recipe's")] = None
-    """Whether the right picture stays as it is, or is made from the left one."""
-    disparity_scale: Annotated[float | None, option("UNITS", "256 for 16-bit files, 1 for float files")] = None
-    """Units of disparity files that make a pixel."""
-    matcher: Annotated[Path | None, option("FILE.onnx", "semi-global matching")] = None
-    """A network that finds the disparity."""
-    max_disparity: Annotated[float | None, option("PX", "found")] = None
-    """The largest disparity looked for."""
 
 
 def batch(
