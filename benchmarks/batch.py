@@ -79,22 +79,34 @@ def clocks() -> Iterator[dict[str, float]]:
 
 
 def throughput(folder: Path, jobs: int, fillers: list[str]) -> None:
-    """Jobs a second of a shell loop, of one warm process, and of batches with 1 and 2 workers."""
-    print("                                     per job (s)           times the shell loop     share of the limit")
-    print("filler   how                jobs/s    wall   processor     by wall   by processor   by wall   by processor")
+    """Jobs a second of a shell loop, and of batches with 1 and 2 workers, each after as many warm processes that do nothing else:
+    they share caches and memory as workers do."""
+    print(
+        "                                     per job (s)           times the shell loop     share of the limit    peak"
+    )
+    print(
+        "filler   how                jobs/s    wall   processor     by wall   by processor   by wall   by processor    MiB"
+    )
     for filler in fillers:
-        found = {"shell loop": shell_loop(folder, filler), "in-process limit": alone(folder, filler, jobs)}
-        for workers in (1, 2):
-            found[f"batch, {workers} worker{'s' * (workers > 1)}"] = batched(folder, filler, jobs * workers, workers)
-        limit, shell = found["in-process limit"], found["shell loop"]
-        for how, one in found.items():
-            count = 2 if how.endswith("workers") else 1
-            times = [shell[clock] / one[clock] for clock in ("wall", "processor")]
-            shares = limit["wall"] / one["wall"] / count, limit["processor"] / one["processor"]
-            print(
-                f"{filler:8} {how:18} {1 / one['wall']:6.2f} {one['wall']:7.3f} {one['processor']:11.3f}"
-                f" {times[0]:11.1f} {times[1]:14.1f} {shares[0]:9.0%} {shares[1]:14.0%}"
+        shell = limit = shell_loop(folder, filler)
+        for workers in (0, 1, 2):
+            found = (
+                {f"alone, {workers} at once": alone(folder, filler, jobs, workers)}
+                if workers
+                else {"shell loop": shell}
             )
+            limit = next(iter(found.values()))
+            if workers:
+                found[f"batch, {workers} worker{'s' * (workers > 1)}"] = batched(
+                    folder, filler, jobs * workers, workers
+                )
+            for how, one in found.items():
+                times = [shell[clock] / one[clock] for clock in ("wall", "processor")]
+                shares = [limit[clock] / one[clock] for clock in ("wall", "processor")]
+                print(
+                    f"{filler:8} {how:18} {1 / one['wall']:6.2f} {one['wall']:7.3f} {one['processor']:11.3f}"
+                    f" {times[0]:11.1f} {times[1]:14.1f} {shares[0]:9.0%} {shares[1]:14.0%} {one.get('peak', 0):9.0f}"
+                )
 
 
 def shell_loop(folder: Path, filler: str, count: int = 3) -> dict[str, float]:
@@ -107,8 +119,8 @@ def shell_loop(folder: Path, filler: str, count: int = 3) -> dict[str, float]:
     return {name: seconds / count for name, seconds in took.items()}
 
 
-def alone(folder: Path, filler: str, count: int) -> dict[str, float]:
-    """One warm process with one thread that does nothing else: reads, completes and writes."""
+def alone(folder: Path, filler: str, count: int, copies: int) -> dict[str, float]:
+    """So many warm processes with one thread each that do nothing else: they read, complete and write."""
     code = (
         "import json, sys, time\nimport cv2, dlama\nfrom pathlib import Path\n"
         "from dlama.geometry.kernels.jit import use_threads\ncv2.setNumThreads(1); use_threads(1)\n"
@@ -122,21 +134,26 @@ def alone(folder: Path, filler: str, count: int) -> dict[str, float]:
         "took = {'wall': time.perf_counter() - wall, 'processor': time.process_time() - processor}\n"
         "print(json.dumps({name: seconds / count for name, seconds in took.items()}))\n"
     )
-    words = [sys.executable, "-c", code, str(folder / f"alone-{filler}"), filler, str(count)]
-    done = subprocess.run(words, check=True, capture_output=True, text=True, env={**os.environ, **THREADS})
-    return dict(json.loads(done.stdout.splitlines()[-1]))
+    words = [
+        [sys.executable, "-c", code, str(folder / f"alone-{n}-{filler}"), filler, str(count)] for n in range(copies)
+    ]
+    started = [subprocess.Popen(one, stdout=subprocess.PIPE, text=True, env={**os.environ, **THREADS}) for one in words]
+    took = [json.loads(one.communicate()[0].splitlines()[-1]) for one in started]
+    mean = {name: statistics.fmean(one[name] for one in took) for name in took[0]}
+    return {"wall": mean["wall"] / copies, "processor": mean["processor"]}
 
 
 def batched(folder: Path, filler: str, count: int, workers: int) -> dict[str, float]:
     """A batch on processes, without their start, which a long run does not notice."""
-    took, found = [dict[str, float](), dict[str, float]()], list[float]()
+    took, found, peak = [dict[str, float](), dict[str, float]()], list[float](), 0.0
     for number, size in enumerate((workers, count + workers)):  # the first, short one is what the start costs
         path = write_list(folder / "jobs.csv", size, filler=filler, only=ONLY)
         with clocks() as took[number]:
             out = folder / f"batch-{filler}-{workers}-{number}"
-            found = sorted(row.finished for row in dlama.batch(path, out, workers=workers, threads=1))
+            done = list(dlama.batch(path, out, workers=workers, threads=1))
+            found, peak = sorted(row.finished for row in done), max(row.peak_mib or 0 for row in done)
     wall = (found[-1] - found[workers - 1]) / count
-    return {"wall": wall, "processor": (took[1]["processor"] - took[0]["processor"]) / count}
+    return {"wall": wall, "processor": (took[1]["processor"] - took[0]["processor"]) / count, "peak": peak}
 
 
 def nothing(task: Task) -> JobResult:
