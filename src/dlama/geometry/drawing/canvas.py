@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dlama.geometry.camera import Camera
-from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, paste
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, freeze, paste
 from dlama.geometry.view import Origin, View, from_source
 
 
@@ -68,3 +68,9 @@ class Canvas:
     def shares_errors(self, layer: View) -> bool:
         """Whether the canvas and the layer both have expected errors."""
         return self.errors is not None and layer.errors is not None
+
+    def pair_errors(self, layer: View) -> tuple[Float32Array, Float32Array]:
+        """Expected errors of the layer and of the canvas, for kernels: both without rows unless both have some."""
+        if self.errors is None or layer.errors is None:
+            return freeze(np.empty((0, 0, 2), np.float32)), np.empty((0, 0, 2), np.float32)
+        return layer.errors, self.errors

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
@@ -180,6 +181,20 @@ def draw(grid: Grid, camera: Camera, canvas: Canvas, count: NDArray[np.int32] = 
     return canvas
 
 
+def draw_apart(
+    grids: Sequence[Grid], camera: Camera, canvases: Sequence[Canvas], count: NDArray[np.int32] = ALL, far: bool = False
+) -> None:
+    """Layers side by side, each onto its own canvas by `draw`, and where `far` by `draw_far`."""
+
+    def draw_some(first: int, last: int) -> None:
+        for grid, canvas in zip(grids[first:last], canvases[first:last]):
+            draw(grid, camera, canvas, count)
+            if far:
+                draw_far(grid, camera, canvas)
+
+    in_bands(draw_some, len(grids), band=1)
+
+
 def draw_as_points(grid: Grid, canvas: Canvas) -> None:
     """Each pixel of the layer onto the target pixel it falls on."""
     layer, hw = grid.layer, canvas.depth.shape
@@ -203,12 +218,11 @@ def draw_as_surface(
     wbuf, where = rasterize_surface(grid.depth, joined, *to_target, camera.hw, count)
     smooth = smooth_quads(joined) if grid.fine else np.zeros_like(joined)
     found = wbuf, where, joined, smooth, layer.color, grid.knots
-    in_bands(shading.shade_surface, rows, *found, layer.origin, layer.confidence, *canvas.buffers())
+    errors, out_errors = canvas.pair_errors(layer)
+    planes = layer.origin, layer.confidence, errors, *canvas.buffers(), out_errors
+    in_bands(shading.shade_surface, rows, *found, *planes)
     if grid.fine:
         in_bands(shading.average_shrunk, rows, *found, canvas.color)
-    if canvas.shares_errors(layer):
-        nearest = (where[wbuf > 0] + np.float32(0.5)).astype(np.intp)
-        canvas.put_errors(layer, wbuf > 0, nearest[:, 1], nearest[:, 0])
 
 
 def rasterize_surface(

@@ -12,11 +12,10 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.drawing.canvas import Canvas
-from dlama.geometry.drawing.layers import ALL, Grid, Mode, count_wanted, draw, draw_far
+from dlama.geometry.drawing.layers import ALL, Grid, Mode, count_wanted, draw_apart
 from dlama.geometry.frames.choosing import MOST_FRAMES, choose_frames
 from dlama.geometry.holes import morphological_open, square
 from dlama.geometry.kernels import merging as kernels
@@ -59,21 +58,12 @@ def merge_frames(scene: Scene, camera: Camera, mode: Mode, fine: bool, most: int
         gains, best[own.valid | own.far] = gains / gains[0], 1
         count = count_wanted(best == 0)
     drawn = [np.zeros((len(grids), *plane.shape), plane.dtype) for plane in Canvas.empty(camera).buffers()]
-    in_bands(_draw_grids, len(grids), grids, camera, count, drawn, band=1)
+    draw_apart(grids, camera, [Canvas(*planes) for planes in zip(*drawn)], count, far=True)
     canvas = _merge_drawn(drawn, grids, camera, gains, scene.noise, best)
     number = np.array([0, *(scene.numbers[place] + 1 for place in places)], np.uint16)
     if own is not None:
         _keep_own(canvas, best, own)
     return Merged(canvas, number[best], grids)
-
-
-def _draw_grids(
-    first: int, last: int, grids: Sequence[Grid], camera: Camera, count: NDArray[np.int32], drawn: Sequence[np.ndarray]
-) -> None:
-    """Some of the frames, each onto its own canvas; drawn: the planes of all canvases."""
-    for place in range(first, last):
-        canvas = draw(grids[place], camera, Canvas(*(planes[place] for planes in drawn)), count)
-        draw_far(grids[place], camera, canvas)
 
 
 def _merge_drawn(

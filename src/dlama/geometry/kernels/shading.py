@@ -41,16 +41,19 @@ def shade_surface(
     knots: Float32Array,
     origin: UInt8Array,
     confidence: Float32Array,
+    errors: Float32Array,
     out_color: UInt8Array,
     out_depth: Float32Array,
     out_origin: UInt8Array,
     out_confidence: Float32Array,
+    out_errors: Float32Array,
 ) -> None:
     """Colours of a surface drawing: read between source pixels, never across an edge (`sampling.surface_color`).
 
     wbuf: H x W inverse depth, 0 = empty; where: H x W x 2 source column, row (vertex positions, so 0 is the first pixel).
-    smooth: `sampling.smooth_quads`; knots: `sampling.spline`.
+    smooth: `sampling.smooth_quads`; knots: `sampling.spline`. errors: without rows where none are drawn.
     """
+    with_errors = len(errors) > 0
     for ty in range(first, last):
         for tx in range(wbuf.shape[1]):
             w = wbuf[ty, tx]
@@ -61,6 +64,9 @@ def shade_surface(
             nearest_row, nearest_column = np.int64(sv + HALF), np.int64(su + HALF)
             out_origin[ty, tx] = reprojected_origin(origin[nearest_row, nearest_column])
             out_confidence[ty, tx] = confidence[nearest_row, nearest_column]
+            if with_errors:
+                for part in range(2):
+                    out_errors[ty, tx, part] = errors[nearest_row, nearest_column, part]
             red, green, blue = surface_color(su, sv, joined, smooth, color, knots)
             out_color[ty, tx, 0], out_color[ty, tx, 1], out_color[ty, tx, 2] = level(red), level(green), level(blue)
 
