@@ -18,7 +18,6 @@ from pathlib import Path
 from typing import IO, Any
 
 from dlama.errors import InputError, OutputError, system_errors
-from dlama.files.atomic_write import new_file
 from dlama.jobs.job import Job, folders_above
 from dlama.jobs.result import JobResult, csv_writer
 from dlama.jobs.storage import Output, file_stamp, file_system, is_address
@@ -145,15 +144,11 @@ class Manifest:
     @system_errors(OutputError)
     def write_table(self) -> str:
         """Write manifest.csv and return its path. OutputError."""
-        target = self.output.of(TABLE)
-        if not self.output.is_remote:
-            with new_file(target) as draft, draft.open("w", encoding="utf-8", newline="") as stream:
-                csv_writer(stream).writerows(row.csv_row() for row in self.rows())
-            return target
-        self._send()
-        with open_to_write(target) as stream:
+        if self.output.is_remote:
+            self._send()
+        with self.output.open(TABLE) as stream:
             csv_writer(stream).writerows(row.csv_row() for row in self.rows())
-        return target
+        return self.output.of(TABLE)
 
     def leave_nothing(self) -> None:
         """Remove the folders that were made for rows, where there are no rows."""
@@ -243,20 +238,10 @@ class Manifest:
     def _send(self) -> None:
         """The shard under way, as a whole, to the object store."""
         if self._shards and self._writer is not None:
-            target = self.output.of(f"{FOLDER}/{self._shards[-1].name}")
-            with open_to_write(target, "wb") as stream, self._shards[-1].open("rb") as source:
+            name = f"{FOLDER}/{self._shards[-1].name}"
+            with self.output.open(name, "wb") as stream, self._shards[-1].open("rb") as source:
                 shutil.copyfileobj(source, stream)
         self._sent = 0, time.monotonic()
-
-
-@contextlib.contextmanager
-def open_to_write(address: str, mode: str = "w") -> Iterator[Any]:
-    """An object of an object store, which appears as a whole when it is closed."""
-    system, inside = file_system(address)
-    system.makedirs(inside.rpartition("/")[0], exist_ok=True)
-    text = {} if "b" in mode else {"encoding": "utf-8", "newline": ""}
-    with system.open(inside, mode, **text) as stream:
-        yield stream
 
 
 def _same_bytes(path: str, sha256: str) -> bool:

@@ -8,7 +8,7 @@ import json
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal, TextIO
+from typing import IO, Any, Literal
 
 from dlama.files.schema import SCHEMA
 from dlama.workers.progress import duration
@@ -87,7 +87,7 @@ class JobResult:
 CSV_COLUMNS = tuple(one.name for one in dataclasses.fields(JobResult) if one.name not in ("trace", "replaces", "kept"))
 
 
-def csv_writer(stream: TextIO) -> Any:
+def csv_writer(stream: IO[str]) -> Any:
     """A writer with the header written."""
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(CSV_COLUMNS)

@@ -16,6 +16,7 @@ from pathlib import Path, PurePosixPath
 from typing import IO, Any
 
 from dlama.errors import FileError, MissingExtraError, OutputError, first_line
+from dlama.files.atomic_write import new_file
 from dlama.files.drafts import DRAFT, hold, name_of, remove
 
 MARKER = "meta.json"
@@ -112,6 +113,29 @@ class Output:
             return Path(self.of(name)).is_file()
         system, inside = file_system(self.of(name))
         return bool(system.exists(inside))
+
+    @contextmanager
+    def open(self, name: str, mode: str = "w") -> Iterator[IO[Any]]:
+        """What lies under a name there, to write; it appears as a whole when it is closed. OutputError."""
+        text: dict[str, Any] = {} if "b" in mode else {"encoding": "utf-8", "newline": "", "errors": "backslashreplace"}
+        if self.is_remote:
+            system, inside = file_system(self.of(name))
+            system.makedirs(inside.rpartition("/")[0], exist_ok=True)
+            with system.open(inside, mode, **text) as stream:
+                yield stream
+            return
+        target = Path(self.of(name))
+        target.parent.mkdir(exist_ok=True)
+        with new_file(target) as draft, draft.open(mode, **text) as stream:
+            yield stream
+
+    def names(self, folder: str) -> list[str]:
+        """The files below a folder there, relative to it, sorted; none where there is no such folder."""
+        if not self.is_remote:
+            place = Path(self.of(folder))
+            return sorted(one.relative_to(place).as_posix() for one in place.rglob("*") if one.is_file())
+        system, inside = file_system(self.of(folder))
+        return sorted(one[len(inside) :].strip("/") for one in system.find(inside)) if system.exists(inside) else []
 
     @contextmanager
     def staging(self) -> Iterator[Path]:

@@ -15,8 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from dlama.errors import OutputError, first_line, system_errors
-from dlama.files.atomic_write import new_file
-from dlama.jobs.manifest import Manifest, open_to_write
+from dlama.jobs.manifest import Manifest
 from dlama.jobs.result import JobResult
 from dlama.jobs.storage import Output, file_system, open_to_read
 
@@ -66,25 +65,12 @@ class Packer:
 
     def _members(self, row: JobResult) -> Iterator[tuple[str, bytes]]:
         """The files of a result; in a shard the folders inside it are part of a file's ending (`right.image.png`)."""
-        for name in self._names(row.folder):
+        for name in self.output.names(row.folder):
             with open_to_read(self.output.of(f"{row.folder}/{name}"), "rb") as stream:
                 yield f"{key_of(row.id)}.{name.replace('/', '.')}", stream.read()
 
-    def _names(self, folder: str) -> list[str]:
-        place = self.output.of(folder)
-        if not self.output.is_remote:
-            return sorted(one.relative_to(place).as_posix() for one in Path(place).rglob("*") if one.is_file())
-        system, inside = file_system(place)
-        return sorted(one[len(inside) :].strip("/") for one in system.find(inside))
-
     def _write(self, name: str, members: Iterable[tuple[str, bytes]]) -> None:
-        target = self.output.of(name)
-        if self.output.is_remote:
-            with open_to_write(target, "wb") as stream:
-                _tar(stream, members)
-            return
-        Path(target).parent.mkdir(exist_ok=True)
-        with new_file(target) as draft, draft.open("wb") as stream:
+        with self.output.open(name, "wb") as stream:
             _tar(stream, members)
 
     def _leave_out(self, shard: str, keys: set[str]) -> None:
@@ -110,14 +96,8 @@ class Packer:
 
     def _next(self) -> int:
         """The number after the last shard's."""
-        return 1 + max((int(Path(name).stem) for name in self._shards() if Path(name).stem.isdigit()), default=-1)
-
-    def _shards(self) -> list[str]:
-        place = self.output.of(FOLDER)
-        if not self.output.is_remote:
-            return [one.name for one in Path(place).glob("*.tar")]
-        system, inside = file_system(place)
-        return [one for one in system.ls(inside, detail=False) if one.endswith(".tar")] if system.exists(inside) else []
+        shards = (Path(name) for name in self.output.names(FOLDER))
+        return 1 + max((int(one.stem) for one in shards if one.suffix == ".tar" and one.stem.isdigit()), default=-1)
 
     def _remove(self, row: JobResult) -> None:
         place = self.output.of(row.folder)

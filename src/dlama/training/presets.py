@@ -149,6 +149,11 @@ def settings_of(name_or_file: str | Path) -> TrainSettings:
     path = Path(name_or_file)
     if not path.is_file():
         raise InputError(f"{name_or_file}: neither a settings file nor one of the presets {', '.join(PRESETS)}")
+    return read_settings(path)
+
+
+def read_settings(path: Path) -> TrainSettings:
+    """Of a settings file. FileError."""
     try:
         return from_json(path.read_text("utf-8"), str(path))
     except (OSError, UnicodeDecodeError) as error:

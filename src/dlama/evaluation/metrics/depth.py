@@ -41,15 +41,19 @@ def depth_errors(
     Raises:
         ShapeError: the shapes differ.
     """
-    for name, array in (("mine", mine), ("the region", region)):
-        if array is not None and array.shape != truth.shape:
-            raise ShapeError(f"depth: {name} is {array.shape} and the truth {truth.shape}; the same is expected")
+    _check_shapes("depth", mine, truth, region)
     chosen = slice(None) if region is None else region
     there, guess = (np.nan_to_num(d[chosen].astype(np.float64).ravel(), posinf=np.inf) for d in (truth, mine))
     known = there > 0
     there, guess = there[known], guess[known]
     cut = np.where(guess > 0, np.minimum(guess, clip_m), clip_m) - np.minimum(there, clip_m)
     return {"mae": mean_or_nan(np.abs(cut)), "rmse": math.sqrt(mean_or_nan(cut**2)), **_valid_errors(guess, there)}
+
+
+def _check_shapes(what: str, mine: Float32Array, truth: Float32Array, region: BoolArray | None) -> None:
+    for name, array in (("mine", mine), ("the region", region)):
+        if array is not None and array.shape != truth.shape:
+            raise ShapeError(f"{what}: {name} is {array.shape} and the truth {truth.shape}; the same is expected")
 
 
 def _valid_errors(guess: Float64Array, there: Float64Array) -> dict[str, float]:
@@ -85,9 +89,7 @@ def disparity_errors(mine: Float32Array, truth: Float32Array, region: BoolArray 
     Raises:
         ShapeError: the shapes differ.
     """
-    for name, array in (("mine", mine), ("the region", region)):
-        if array is not None and array.shape != truth.shape:
-            raise ShapeError(f"disparity: {name} is {array.shape} and the truth {truth.shape}; the same is expected")
+    _check_shapes("disparity", mine, truth, region)
     counted = _is_known(truth) if region is None else _is_known(truth) & region
     guess, there = mine[counted].astype(np.float64), truth[counted].astype(np.float64)
     given = _is_known(guess)

@@ -15,8 +15,8 @@ from PIL import Image
 
 from dlama.errors import FileError
 from dlama.evaluation.report.templates import template
-from dlama.files.atomic_write import PathLike, new_file
-from dlama.jobs.manifest import FOLDER, Manifest, open_to_write
+from dlama.files.atomic_write import PathLike
+from dlama.jobs.manifest import FOLDER, Manifest
 from dlama.jobs.report.summary import Summary, summarise, throughput
 from dlama.jobs.result import JobResult
 from dlama.jobs.storage import Output, is_address, local_path, open_to_read
@@ -56,15 +56,9 @@ def write_report(out: PathLike) -> str:
     page = template("batch.html", "batch")
     with Manifest(output, read_only=True) as manifest:
         found = summarise(manifest.rows())
-    text = page.render(**values(found, output))
-    target = output.of("report.html")
-    if output.is_remote:
-        with open_to_write(target) as stream:
-            stream.write(text)
-        return target
-    with new_file(target) as draft:
-        draft.write_text(text, encoding="utf-8", errors="backslashreplace")
-    return target
+    with output.open("report.html") as stream:
+        stream.write(page.render(**values(found, output)))
+    return output.of("report.html")
 
 
 def values(found: Summary, output: Output) -> dict[str, Any]:

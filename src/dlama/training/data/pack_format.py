@@ -28,7 +28,6 @@ from dlama.training.data.crops import resize_color, resize_disparity, resize_fra
 from dlama.training.data.photos import Photo
 
 FORMAT, VERSION, INDEX = "dlama pack", 2, "index.json"
-"""Version 1 held photos and pairs of posed frames only, under other names; it is still read."""
 PHOTOS, CASES = "photos", "takes"
 """Tables of the index."""
 QUALITY = 88
@@ -204,25 +203,16 @@ def read_pack(path: Path) -> tuple[tuple[Photo, ...], tuple[TrainingCase, ...]]:
         raise
     except Exception as error:  # OSError, KeyError, ValueError, BadZipFile, NotImplementedError, RecursionError, ...
         raise FileError(f"{path}: is no pack that `dlama pack` wrote, or is damaged ({error})") from error
-    if not isinstance(index, dict) or index.get("format") != FORMAT or index.get("version") not in (1, VERSION):
-        raise FileError(f"{path}: its {INDEX} does not say '{FORMAT}', version 1 or {VERSION}")
+    if not isinstance(index, dict) or index.get("format") != FORMAT or index.get("version") != VERSION:
+        raise FileError(f"{path}: its {INDEX} does not say '{FORMAT}', version {VERSION}")
     try:
         photos = tuple(
             Photo(each["name"], functools.partial(load_photo, path, each["file"], at[each["file"]]))
             for each in index[PHOTOS]
         )
-        entries = index[CASES] if index["version"] > 1 else [_first_version(each) for each in index["pairs"]]
-        return photos, tuple(_case_of_entry(path, each, at) for each in entries)
+        return photos, tuple(_case_of_entry(path, each, at) for each in index[CASES])
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise FileError(f"{path}: its {INDEX} is incomplete: {error} is missing or of the wrong kind") from error
-
-
-def _first_version(pair: dict[str, Any]) -> dict[str, Any]:
-    """A pair of posed frames of a pack of version 1, as version 2 has it."""
-    ends = {end: pair[end] for end in ("source", "target")}
-    parts = {f"{end}.{what}": entry[what] for end, entry in ends.items() for what in ("color", "depth")}
-    cameras = {end: entry["camera"] for end, entry in ends.items()}
-    return {**pair, "kind": "frame", "cameras": cameras, "parts": parts}
 
 
 def _case_of_entry(path: Path, entry: dict[str, Any], at: Places) -> TrainingCase:

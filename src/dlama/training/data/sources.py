@@ -182,14 +182,6 @@ def _split(found: TrainingData, kinds: set[str], split: Split) -> TrainingData:
     return TrainingData(photos, split_cases(used, split) if used else (), found.crops)
 
 
-def _toy_scenes(settings: TrainSettings, found: TrainingData, split: Split) -> SampleSource:
-    return ToyScenes(settings.network, settings.data.size, split)
-
-
-def _photos(settings: TrainSettings, found: TrainingData, split: Split) -> SampleSource:
-    return PhotoSamples(found.photos, settings.network, settings.data.size)
-
-
 def _warped_photos(settings: TrainSettings, found: TrainingData, split: Split) -> SampleSource:
     """Holes come from the depth of dataset frames where there are any, else of worlds."""
     size = settings.data.size
@@ -199,34 +191,16 @@ def _warped_photos(settings: TrainSettings, found: TrainingData, split: Split) -
     return WarpedPhotoSamples(found.photos, settings.network, size, holes)
 
 
-def _worlds(settings: TrainSettings, found: TrainingData, split: Split) -> SampleSource:
-    return WorldSamples(_world_set(settings, found, split), settings.network)
-
-
 def _removals(settings: TrainSettings, found: TrainingData, split: Split) -> SampleSource:
     worlds, cases = WorldRemovals(_world_set(settings, found, split), settings.network), found.of("removal")
-    return (
-        _mix_cases_and_worlds(settings, DatasetRemovals(cases, settings.network, settings.data.size), worlds)
-        if cases
-        else worlds
-    )
+    own = DatasetRemovals(cases, settings.network, settings.data.size)
+    return _mix_cases_and_worlds(settings, own, worlds) if cases else worlds
 
 
 def _pairs(settings: TrainSettings, found: TrainingData, split: Split) -> SampleSource:
     worlds, cases = WorldPairs(_world_set(settings, found, split), settings.network), found.of("stereo")
-    return (
-        _mix_cases_and_worlds(settings, DatasetPairs(cases, settings.network, settings.data.size), worlds)
-        if cases
-        else worlds
-    )
-
-
-def _views(settings: TrainSettings, found: TrainingData, split: Split) -> SampleSource:
-    return DatasetViews(found.of("frame"), settings.network, settings.data.size)
-
-
-def _guesses(settings: TrainSettings, found: TrainingData, split: Split) -> SampleSource:
-    return GuessSamples(found.crops, settings.network, split, settings.data.size)
+    own = DatasetPairs(cases, settings.network, settings.data.size)
+    return _mix_cases_and_worlds(settings, own, worlds) if cases else worlds
 
 
 def _world_set(settings: TrainSettings, found: TrainingData, split: Split) -> WorldSet:
@@ -240,13 +214,13 @@ def _mix_cases_and_worlds(settings: TrainSettings, cases: SampleSource, worlds: 
 
 
 MAKERS: dict[str, Callable[[TrainSettings, TrainingData, Split], SampleSource]] = {
-    "sketch": _toy_scenes,
-    "photo": _photos,
+    "sketch": lambda settings, _, split: ToyScenes(settings.network, settings.data.size, split),
+    "photo": lambda settings, found, _: PhotoSamples(found.photos, settings.network, settings.data.size),
     "warped-photo": _warped_photos,
-    "world": _worlds,
-    "frame": _views,
+    "world": lambda settings, found, split: WorldSamples(_world_set(settings, found, split), settings.network),
+    "frame": lambda settings, found, _: DatasetViews(found.of("frame"), settings.network, settings.data.size),
     "removal": _removals,
     "stereo": _pairs,
-    "guesses": _guesses,
+    "guesses": lambda settings, found, split: GuessSamples(found.crops, settings.network, split, settings.data.size),
 }
 """Source of each kind in `kinds.SAMPLES`."""

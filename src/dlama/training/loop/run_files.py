@@ -16,7 +16,7 @@ from typing import Any
 
 from dlama.errors import DlamaError, FileError, InputError, OutputError
 from dlama.files.atomic_write import new_file
-from dlama.training.presets import from_json, to_json
+from dlama.training.presets import read_settings, to_json
 from dlama.training.settings import TrainSettings
 
 try:
@@ -46,7 +46,7 @@ def prepare(run: Path, settings: TrainSettings, resume: bool) -> None:
         if resume:
             if not path.is_file():
                 raise FileError(f"{run}: holds no {SETTINGS}, so there is no run to resume")
-            refuse_changes(settings_of(path), settings)
+            refuse_changes(read_settings(path), settings)
         elif holds_run(run):
             raise OutputError(f"{run}: holds a run already; give `resume` to continue it, or choose another directory")
         run.mkdir(parents=True, exist_ok=True)
@@ -64,7 +64,7 @@ def holds_run(run: Path) -> bool:
     if (run / LAST).exists() or any(run.glob("*.onnx")):
         return True
     try:
-        every = settings_of(run / SETTINGS).loop.checkpoint_every
+        every = read_settings(run / SETTINGS).loop.checkpoint_every
         return max((row.get("step", 0) for row in read_metrics(run)), default=0) >= every
     except FileError:
         return False
@@ -87,14 +87,6 @@ def lock_run(run: Path) -> Iterator[None]:
         yield
     finally:
         os.close(handle)
-
-
-def settings_of(path: Path) -> TrainSettings:
-    """Of a settings.json. FileError."""
-    try:
-        return from_json(path.read_text("utf-8"), str(path))
-    except (OSError, UnicodeDecodeError) as error:
-        raise FileError(f"{path}: cannot be read ({error})") from error
 
 
 def write_settings(run: Path, settings: TrainSettings) -> None:

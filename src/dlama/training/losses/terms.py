@@ -155,33 +155,11 @@ class LossInputs:
         return scores, features, real_features
 
 
-def _l1_known(x: LossInputs) -> Tensor:
-    output, truth, hole = x.color
-    return pixels.masked_l1(output, truth, 1 - hole)
-
-
-def _l1_hole(x: LossInputs) -> Tensor:
-    output, truth, hole = x.color
-    return pixels.masked_l1(output, truth, hole)
-
-
-def _depth_law(x: LossInputs) -> Tensor:
-    return pixels.law_penalty(x.depth[0], x.batch["limit"], x.batch["mask"])
-
-
 def _perceptual(x: LossInputs) -> Tensor:
     """Equation 5 on the colours; of a stereo pair the mean of both views."""
     assert x.perceptual is not None
     truth = pictures(x.batch["target"], x.network)
     return x.perceptual(pictures(x.output, x.network), truth)
-
-
-def _depth_choice(x: LossInputs) -> Tensor:
-    return depth_choice(x.precise_output, x.batch)
-
-
-def _expected_error(x: LossInputs) -> Tensor:
-    return error_likelihood(x.precise_output, x.batch)
 
 
 @dataclass(frozen=True)
@@ -199,14 +177,16 @@ class Term:
 
 
 GENERATOR_TERMS: dict[str, Term] = {
-    "l1_known": Term(_l1_known, in_float32=True),
-    "l1_hole": Term(_l1_hole, in_float32=True),
+    "l1_known": Term(lambda x: pixels.masked_l1(x.color[0], x.color[1], 1 - x.color[2]), in_float32=True),
+    "l1_hole": Term(lambda x: pixels.masked_l1(*x.color), in_float32=True),
     "depth_l1": Term(lambda x: pixels.depth_l1(*x.depth), of_depth=True, in_float32=True),
     "depth_gradient": Term(lambda x: pixels.gradient_matching(*x.depth), of_depth=True, in_float32=True),
     "depth_normal": Term(lambda x: pixels.normal_consistency(*x.depth), of_depth=True, in_float32=True),
-    "depth_law": Term(_depth_law, of_depth=True, in_float32=True),
-    "depth_choice": Term(_depth_choice, of_choice=True, in_float32=True),
-    "expected_error": Term(_expected_error, of_choice=True, in_float32=True),
+    "depth_law": Term(
+        lambda x: pixels.law_penalty(x.depth[0], x.batch["limit"], x.batch["mask"]), of_depth=True, in_float32=True
+    ),
+    "depth_choice": Term(lambda x: depth_choice(x.precise_output, x.batch), of_choice=True, in_float32=True),
+    "expected_error": Term(lambda x: error_likelihood(x.precise_output, x.batch), of_choice=True, in_float32=True),
     "perceptual": Term(_perceptual),
     "adversarial": Term(lambda x: generator_loss(widen_half(x.discriminator_outputs[0]))),
     "feature_matching": Term(lambda x: feature_matching(x.discriminator_outputs[1], x.discriminator_outputs[2])),

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 import logging
-import zipfile
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,7 +11,7 @@ import pytest
 
 from dlama.datasets.frames import RemovalTruth
 from dlama.datasets.layouts import open_dataset
-from dlama.errors import FileError, InputError
+from dlama.errors import InputError
 from dlama.geometry.camera import Camera
 from dlama.geometry.holes import dilate_mask
 from dlama.geometry.rgbd import RGBD
@@ -324,33 +322,6 @@ def test_packs_keep_where_frames_can_be_compared() -> None:
     assert back.exposure_varies and back.source.camera.hw == back.mask.shape == back.compare.shape == (30, 40)
     blocks = [each.reshape(30, 3, 40, 3).swapaxes(1, 2).reshape(30, 40, 9) for each in (truth.mask, compare)]
     assert np.array_equal(back.mask, blocks[0].any(-1)) and np.array_equal(back.compare, blocks[1].all(-1))
-
-
-def test_packs_of_version_1_are_read(folder: Path, tmp_path: Path) -> None:
-    """The same pairs under the names that version 1 had: equal frames; a version and a kind nobody knows are refused."""
-    pack([folder], tmp_path / "2.pack", megabytes=5, size=SIZE)
-    with zipfile.ZipFile(tmp_path / "2.pack") as archive:
-        parts = {name: archive.read(name) for name in archive.namelist()}
-    index = json.loads(parts.pop("index.json"))
-
-    def written(name: str, **changes: object) -> Path:
-        with zipfile.ZipFile(tmp_path / name, "w", zipfile.ZIP_STORED) as archive:
-            archive.writestr("index.json", json.dumps(index | changes))
-            for part, data in parts.items():
-                archive.writestr(part, data)
-        return tmp_path / name
-
-    old = [_as_version_1(entry) for entry in index["takes"] if entry["kind"] == "frame"]
-    _, now = read_pack(tmp_path / "2.pack")
-    frames = [case for case in now if case.kind == "frame"]
-    _, was = read_pack(written("1.pack", version=1, pairs=old, takes=None))
-    assert len(was) == len(frames) > 10 and {case.kind for case in was} == {"frame"}
-    for one, other in zip(was[:3], frames):
-        assert np.array_equal(one.load().target.depth, other.load().target.depth) and one.frames == other.frames
-    with pytest.raises(FileError, match="version 1 or 2"):
-        read_pack(written("3.pack", version=3))
-    with pytest.raises(FileError, match="of kind 'film'"):
-        read_pack(written("4.pack", takes=[index["takes"][0] | {"kind": "film"}]))
 
 
 def _as_version_1(entry: dict[str, object]) -> dict[str, object]:
