@@ -165,13 +165,15 @@ def test_bad_packs(photos: Path, tmp_path: Path) -> None:
         archive.writestr("index.json", " " * 300_000_000)
     with pytest.raises(FileError, match=r"bomb\.pack: is no pack.*compressed"):
         read_pack(tmp_path / "bomb.pack")
-    for index in (
-        "[" * 100_000,
-        '{"format": "dlama pack", "version": 2, "photos": [], "takes": [{"kind": "frame", "parts": 3}]}',
+    for index, told in (
+        ("[" * 100_000, ""),
+        ('{"format": "dlama pack", "version": 2, "photos": [], "takes": [{"kind": "frame", "parts": 3}]}', ""),
+        ('{"format": "dlama pack", "version": 2, "photos": [], "takes": [{"kind": "film"}]}', ".*of kind 'film'"),
+        ('{"format": "dlama pack", "version": 3, "photos": [], "takes": []}', ".*version 2"),
     ):
         with zipfile.ZipFile(tmp_path / "index.pack", "w") as archive:
             archive.writestr("index.json", index)
-        with pytest.raises(FileError, match=r"index\.pack: "):
+        with pytest.raises(FileError, match=rf"index\.pack: {told}"):
             read_pack(tmp_path / "index.pack")
     for wrong in ({"seed": -1}, {"seed": 2**32}, {"megabytes": float("nan")}, {"megabytes": -1}):
         with pytest.raises(InputError, match=next(iter(wrong))):

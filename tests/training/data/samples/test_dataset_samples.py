@@ -322,12 +322,3 @@ def test_packs_keep_where_frames_can_be_compared() -> None:
     assert back.exposure_varies and back.source.camera.hw == back.mask.shape == back.compare.shape == (30, 40)
     blocks = [each.reshape(30, 3, 40, 3).swapaxes(1, 2).reshape(30, 40, 9) for each in (truth.mask, compare)]
     assert np.array_equal(back.mask, blocks[0].any(-1)) and np.array_equal(back.compare, blocks[1].all(-1))
-
-
-def _as_version_1(entry: dict[str, object]) -> dict[str, object]:
-    parts, cameras = entry["parts"], entry["cameras"]
-    ends = {
-        end: {"color": parts[f"{end}.color"], "depth": parts[f"{end}.depth"], "camera": cameras[end]}  # type: ignore
-        for end in ("source", "target")
-    }
-    return {name: entry[name] for name in ("scene", "name", "frames", "exposure_varies")} | ends
