@@ -210,6 +210,7 @@ def main(args: Sequence[str] | None = None) -> None:
     elif words[0] in HELP:
         with errors_as_lines():
             print(list_verbs())
+            sys.exit(0)
     elif words[0] in VERBS:
         run_verb(words[0], words[1:])
     else:

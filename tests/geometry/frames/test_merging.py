@@ -7,11 +7,14 @@ import dataclasses
 import numpy as np
 import pytest
 
+from dlama.geometry import rendering
 from dlama.geometry.camera import Camera
+from dlama.geometry.drawing import layers
+from dlama.geometry.frames import merging
 from dlama.geometry.frames.choosing import MOST_FRAMES, choose_frames
 from dlama.geometry.frames.gathering import scene
 from dlama.geometry.frames.merging import merge_frames, nearest_depth_around
-from dlama.geometry.rendering import render
+from dlama.geometry.rendering import render, render_fills
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import Origin, View
@@ -58,6 +61,31 @@ def test_in_its_own_camera_a_frame_stays_bit_for_bit() -> None:
     assert np.median(np.abs(view.depth - truth)[elsewhere]) < 0.004
     assert view.frame is not None
     assert set(np.unique(view.frame[known])) == {2} and 2 not in view.frame[elsewhere]
+
+
+@pytest.mark.parametrize("place", [1, None])
+def test_only_pixels_that_count_are_drawn(place: int | None, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Oracle: all pixels drawn. At a frame's own camera others count where it has no depth; of fills, the holes that measurements
+    leave, which are the same whether the frames are drawn again or, away from them, not."""
+    given = frames(0.01)
+    given[1] = RGBD(given[1].color, np.where(given[1].depth > 3, 0, given[1].depth), given[1].camera)
+    many, camera = as_scene(given[:2], (0.012, 0.0)), BETWEEN if place is None else CAMERAS[place]
+    before, found = render(many, camera, close=False), View.from_rgbd(given[3])
+    filled = dataclasses.replace(found, origin=np.full(LENS.hw, Origin.FILLED, np.uint8))
+    larger = dataclasses.replace(many, fills=(filled,))
+    some = [render_fills(larger, camera, "surface", before.hole, again) for again in {True, place is not None}]
+    for module in (merging, rendering):
+        monkeypatch.setattr(module, "count_wanted", lambda _: layers.ALL)
+    whole = [render(many, camera, close=False), render(larger, camera, close=False)]
+    shown = before.hole & ~whole[1].hole
+    assert shown.sum() > 30
+    for name in ("color", "depth", "hole", "hole_type", "origin", "confidence"):
+        np.testing.assert_array_equal(getattr(before, name), getattr(whole[0], name), name)
+        if name != "hole_type":
+            for one in some:
+                np.testing.assert_array_equal(
+                    getattr(one, name)[before.hole], getattr(whole[1], name)[before.hole], name
+                )
 
 
 def test_depth_agrees_with_the_slow_twin() -> None:

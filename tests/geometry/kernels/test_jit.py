@@ -39,6 +39,23 @@ def test_every_row_is_done_once(rows: int, threads: int, monkeypatch: pytest.Mon
     assert (out == 1).all()
 
 
+def test_bands_inside_a_band_stay_in_its_thread(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Oracle: each of five rows of bands adds one to its cells, all in the thread of its row; nobody waits for a free thread."""
+    monkeypatch.setattr(jit, "threads", lambda: 2)
+    out, ran = np.zeros((5, 100), int), [set[int]() for _ in range(5)]
+
+    def add(first: int, last: int, row: int) -> None:
+        out[row, first:last] += 1
+        ran[row].add(threading.get_ident())
+
+    def each(first: int, last: int) -> None:
+        for row in range(first, last):
+            in_bands(add, 100, row)
+
+    in_bands(each, 5, band=1)
+    assert (out == 1).all() and {len(one) for one in ran} == {1}
+
+
 def test_what_goes_wrong_in_another_thread_is_raised(monkeypatch: pytest.MonkeyPatch) -> None:
     """A job that fails in whichever thread runs the last band fails the caller."""
     monkeypatch.setattr(jit, "threads", lambda: 2)
