@@ -70,8 +70,8 @@ class SampleKind:
 
     views: tuple[int, ...] = (1,)
     """Pictures per sample that it can give: 1 for one view, 2 for a stereo pair."""
-    photos: Literal["unused", "optional", "required"] = "unused"
-    """Whether photos of the data are used: as textures of worlds (optional), or as the sample itself (required)."""
+    photos: bool = False
+    """Whether photos of the data are used, as textures of worlds."""
     cases: str | None = None
     """The kind of dataset case that samples can be made of: frame, removal, stereo (see `data.cases.TrainingCase`)."""
     cases_required: bool = False
@@ -84,12 +84,10 @@ class SampleKind:
 
 SAMPLES: dict[str, SampleKind] = {
     "sketch": SampleKind(views=(1, 2)),
-    "photo": SampleKind(photos="required"),
-    "warped-photo": SampleKind(photos="required", cases="frame"),
-    "world": SampleKind(photos="optional", worlds=True),
+    "world": SampleKind(photos=True, worlds=True),
     "frame": SampleKind(cases="frame", cases_required=True),
-    "removal": SampleKind(photos="optional", cases="removal", worlds=True),
-    "stereo": SampleKind(views=(2,), photos="optional", cases="stereo", worlds=True),
+    "removal": SampleKind(photos=True, cases="removal", worlds=True),
+    "stereo": SampleKind(views=(2,), photos=True, cases="stereo", worlds=True),
     "guesses": SampleKind(crops=True),
 }
 """Names are those of `data.mixture` in settings files; `sketch` are the scenes of `data.samples.toy_scenes`."""

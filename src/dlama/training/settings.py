@@ -196,7 +196,7 @@ class DataSettings:
     size: int = 256
     """Height and width of a sample in pixels."""
     mixture: Mapping[str, float] = field(default_factory=lambda: {"world": 1.0})
-    """Kind of sample -> its share: sketch, photo, warped-photo, world, frame, removal, stereo."""
+    """Kind of sample -> its share: sketch, world, frame, removal, stereo, guesses."""
     cases: float = 0.5
     """Share of the samples of kinds removal and stereo that is made of the dataset's cases (frames with and without an object,
     stereo pairs); the rest, and all where the data has no such cases, are made of worlds."""

@@ -25,9 +25,8 @@ from posed_folders import truth
 
 
 def settings(planes: str, size: int = 64, **mixture: float) -> TrainSettings:
-    """With shares by kind; `warped_photo` stands for warped-photo."""
-    named = {kind.replace("_", "-"): share for kind, share in mixture.items()}
-    return TrainSettings("t", network=NetworkSettings(planes), data=DataSettings(size=size, mixture=named))
+    """With shares by kind."""
+    return TrainSettings("t", network=NetworkSettings(planes), data=DataSettings(size=size, mixture=mixture))
 
 
 def two_views(first: int, second: int) -> ViewTruth:
@@ -133,8 +132,8 @@ def test_a_pack_needs_no_other_file_and_keeps_the_split(photos: Path, tmp_path: 
     held = {photo.name for photo in split_photos(folder_photos(photos), "held_out")}
     pack([photos], tmp_path / "a.pack", megabytes=5, size=64)
     shutil.rmtree(photos)
-    source = source_for(settings("rgb", photo=1), [tmp_path / "a.pack"], "held_out")
-    assert {photo.name for photo in source.photos} == held  # type: ignore[attr-defined]
+    source = source_for(settings("rgb", world=1), [tmp_path / "a.pack"], "held_out")
+    assert {photo.name for photo in source.worlds.photos} == held  # type: ignore[attr-defined]
     check_sample(source.sample(0, np.random.default_rng(0)), NetworkSettings("rgb"), 64)
     travelled = pickle.loads(pickle.dumps(source)).sample(0, np.random.default_rng(0))
     assert np.array_equal(travelled["input"], source.sample(0, np.random.default_rng(0))["input"])
@@ -193,16 +192,6 @@ def test_frames_of_a_pair(posed: Path) -> None:
         check_sample(source.sample(index, np.random.default_rng(index)), NetworkSettings("rgbd"), 64)
 
 
-def test_photos_under_holes_of_real_depth(photos: Path, posed: Path) -> None:
-    """Where a data set lies beside the photos, its depth and cameras shape the holes; check_sample agrees."""
-    from dlama.training.data.samples.photos import WarpedPhotoSamples
-
-    source = source_for(settings("rgb", warped_photo=1), [photos, posed], "train")
-    assert isinstance(source, WarpedPhotoSamples) and isinstance(source.holes.__self__, DatasetViews)  # type: ignore
-    for index in range(3):
-        check_sample(source.sample(index, np.random.default_rng(index)), NetworkSettings("rgb"), 64)
-
-
 def test_scaling_keeps_points_in_place() -> None:
     """A point in the world falls on the same share of the picture before and after (oracle: the camera model)."""
     rgbd = truth()[1]
@@ -253,13 +242,11 @@ def test_what_source_for_refuses(photos: Path, posed: Path, tmp_path: Path) -> N
     """Kinds without their files, files without a kind, folders with nothing in them: each says what is expected."""
     (tmp_path / "empty").mkdir()
     for chosen, data, words in (
-        (settings("rgb", photo=1), [], "needs photos"),
         (settings("rgbd", frame=1), [photos], "needs a posed data set"),
         (settings("rgbd", sketch=1), [photos], "no use for"),
         (settings("rgbd", world=1), [posed], "no use for"),
         (settings("rgbd", world=1), [tmp_path / "empty"], "holds no picture"),
         (settings("rgbd", world=1), [tmp_path / "gone"], "no such file or folder"),
-        (settings("rgbd", photo=1), [photos], "photos have no depth"),
     ):
         with pytest.raises(InputError, match=words):
             source_for(chosen, data, "train")

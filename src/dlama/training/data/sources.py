@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import logging
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -18,7 +17,6 @@ from dlama.training.data.pack_format import read_pack
 from dlama.training.data.photos import Photo, folder_photos, split_photos
 from dlama.training.data.samples.dataset import DatasetPairs, DatasetRemovals, DatasetViews
 from dlama.training.data.samples.guesses import GuessSamples, holds_crops
-from dlama.training.data.samples.photos import HoleMaker, PhotoSamples, WarpedPhotoSamples, hole_of_world
 from dlama.training.data.samples.toy_scenes import ToyScenes
 from dlama.training.data.samples.world_views import WorldSet
 from dlama.training.data.samples.worlds import WorldPairs, WorldRemovals, WorldSamples
@@ -148,9 +146,6 @@ def _check_use(kinds: set[str], data: Sequence[Path], found: TrainingData) -> No
     """Refuse kinds without their files, and files without a kind."""
     named = ", ".join(map(str, data)) or "no file"
     for kind in sorted(kinds):
-        if SAMPLES[kind].photos == "required" and not found.photos:
-            raise InputError(f"data.mixture has {kind!r}, which needs photos, but `data` names {named}")
-    for kind in sorted(kinds):
         if SAMPLES[kind].cases_required and not found.of(str(SAMPLES[kind].cases)):
             raise InputError(f"data.mixture has {kind!r}, which needs a posed data set, but `data` names {named}")
     for kind in sorted(kinds):
@@ -166,7 +161,7 @@ def _check_use(kinds: set[str], data: Sequence[Path], found: TrainingData) -> No
 
 
 def _use_photos(kinds: set[str]) -> bool:
-    return any(SAMPLES[kind].photos != "unused" for kind in kinds)
+    return any(SAMPLES[kind].photos for kind in kinds)
 
 
 def _cases_of_kinds(found: TrainingData, kinds: set[str]) -> tuple[TrainingCase, ...]:
@@ -180,15 +175,6 @@ def _split(found: TrainingData, kinds: set[str], split: Split) -> TrainingData:
     photos = split_photos(found.photos, split) if found.photos and _use_photos(kinds) else ()
     used = _cases_of_kinds(found, kinds)
     return TrainingData(photos, split_cases(used, split) if used else (), found.crops)
-
-
-def _warped_photos(settings: TrainSettings, found: TrainingData, split: Split) -> SampleSource:
-    """Holes come from the depth of dataset frames where there are any, else of worlds."""
-    size = settings.data.size
-    holes: HoleMaker = functools.partial(hole_of_world, split=split)
-    if found.of("frame"):
-        holes = DatasetViews(found.of("frame"), settings.network, size).hole
-    return WarpedPhotoSamples(found.photos, settings.network, size, holes)
 
 
 def _removals(settings: TrainSettings, found: TrainingData, split: Split) -> SampleSource:
@@ -215,8 +201,6 @@ def _mix_cases_and_worlds(settings: TrainSettings, cases: SampleSource, worlds: 
 
 MAKERS: dict[str, Callable[[TrainSettings, TrainingData, Split], SampleSource]] = {
     "sketch": lambda settings, _, split: ToyScenes(settings.network, settings.data.size, split),
-    "photo": lambda settings, found, _: PhotoSamples(found.photos, settings.network, settings.data.size),
-    "warped-photo": _warped_photos,
     "world": lambda settings, found, split: WorldSamples(_world_set(settings, found, split), settings.network),
     "frame": lambda settings, found, _: DatasetViews(found.of("frame"), settings.network, settings.data.size),
     "removal": _removals,

@@ -28,7 +28,6 @@ from dlama.training.data.augment import change_light, mirror_at_random
 from dlama.training.data.cases import StereoPair, TrainingCase
 from dlama.training.data.crops import Crop, random_crop, resize_frame
 from dlama.training.data.masks import random_mask
-from dlama.training.data.samples.photos import unseen_by_camera
 from dlama.training.data.samples.views import ViewExample, hole_size_fits, pair_sample
 from dlama.training.data.samples.worlds import MOST_DILATION, augment_sample, mask_example
 from dlama.training.settings import NetworkSettings
@@ -63,12 +62,6 @@ class DatasetViews:
             truth = match_exposure(view, target) if pair.exposure_varies else target
             return ViewExample(view, truth, Law.of(Scene((View.from_rgbd(source),))))
         return mask_example(target, random_mask(rng, target.camera.hw))
-
-    def hole(self, rng: np.random.Generator, size: int) -> BoolArray:
-        """size x size, True = what one frame of a random pair shows and the other does not; for kind `warped-photo`."""
-        pair = self.cases[int(rng.integers(len(self.cases)))].load()
-        source, target = (random_crop(each.camera.hw, size, rng).rgbd(each) for each in (pair.source, pair.target))
-        return unseen_by_camera(source, target.camera)
 
 
 class DatasetRemovals:
