@@ -239,8 +239,6 @@ class JudgeSettings:
     """Planes of a guess: three of colour, one of inverse depth."""
     width: int = 24
     """Channels of a guess."""
-    use_depth: bool = True
-    """False: planes of depth count as 0 (an ablation)."""
 
 
 JUDGE_STRIDE, JUDGE_MULTIPLE = 4, 16

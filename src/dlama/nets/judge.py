@@ -91,9 +91,6 @@ class Judge(nn.Module):
     def forward(self, context: Tensor, guesses: Tensor) -> tuple[Tensor, Tensor]:
         """As the class says. ShapeError for other planes, or sides that are no multiples of JUDGE_MULTIPLE."""
         refuse_planes(self.settings, tuple(context.shape), tuple(guesses.shape))
-        if not self.settings.use_depth:
-            context, guesses = context.clone(), guesses.clone()
-            context[:, 3], guesses[:, :, 3] = 0, 0
         apart = guesses - guesses.mean(1, keepdim=True)
         seen = self.of_context(context)
         h = apply_to_each(self.of_guess, torch.cat([guesses, 4 * apart], 2)) + seen[:, None]

@@ -47,8 +47,6 @@ class NetworkSettings:
     start: str | None = None
     """A LaMa checkpoint or safetensors file to start from: planes it lacks are added with zero weights, so that at step
     0 colour is filled as before. Width, blocks and the rest must be its own. Of choice: the ONNX file of a judge."""
-    judge_sees_depth: bool = True
-    """Of choice: whether depth is among what it judges by."""
     frozen_norms: bool = False
     """Batch norms keep their statistics (fine-tuning with small batches), only their scales and shifts learn."""
 
@@ -70,7 +68,7 @@ class NetworkSettings:
     @property
     def judge(self) -> JudgeSettings:
         """The same of the judge of guesses."""
-        return JudgeSettings(width=self.width, use_depth=self.judge_sees_depth)
+        return JudgeSettings(width=self.width)
 
     @property
     def discriminator(self) -> DiscriminatorSettings:

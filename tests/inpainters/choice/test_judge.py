@@ -22,10 +22,10 @@ torch = pytest.importorskip("torch")
 from dlama.nets.judge import GuessMixer, Judge  # noqa: E402
 
 
-def random_judge(seed: int = 0, use_depth: bool = True) -> Judge:
+def random_judge(seed: int = 0) -> Judge:
     """A judge whose every layer does something; its numbers fit half precision, as those in files do."""
     torch.manual_seed(seed)
-    judge = Judge(JudgeSettings(width=8, use_depth=use_depth)).eval()
+    judge = Judge(JudgeSettings(width=8)).eval()
     for name, tensor in judge.named_parameters():
         scale = 0.5 / tensor[0].numel() ** 0.5 if tensor.ndim > 1 else 0.1
         tensor.data = (scale * torch.randn(tensor.shape)).half().float()
@@ -50,10 +50,9 @@ def random_planes(count: int, height: int, width: int, seed: int = 0) -> JudgePl
 
 
 @pytest.mark.parametrize(("count", "height", "width"), [(1, 16, 16), (4, 48, 80), (7, 64, 32)])
-@pytest.mark.parametrize("use_depth", [True, False])
-def test_the_file_gives_what_torch_gives(count, height, width, use_depth, tmp_path):
+def test_the_file_gives_what_torch_gives(count, height, width, tmp_path):
     """Oracle: the twin in torch, for any number of guesses and any size."""
-    judge, planes = random_judge(use_depth=use_depth), random_planes(count, height, width)
+    judge, planes = random_judge(), random_planes(count, height, width)
     found = run_judge(file_of(judge, tmp_path), planes)
     with torch.no_grad():
         logits, errors = judge(torch.from_numpy(planes.context)[None], torch.from_numpy(planes.guesses)[None])

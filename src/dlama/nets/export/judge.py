@@ -77,10 +77,6 @@ class _Writer:
     def judge(self, context: str, guesses: str) -> tuple[str, str]:
         """Names of the logits and of the errors."""
         g = self.g
-        if not self.settings.use_depth:
-            context, guesses = (
-                self._drop_depth(x, n) for x, n in ((context, self.settings.context_planes), (guesses, 4))
-            )
         apart = g.add("Sub", guesses, g.add("ReduceMean", guesses, axes=[0], keepdims=1))
         both = g.add("Concat", guesses, g.add("Mul", apart, g.constant(APART)), axis=1)
         seen = self.conv("of_context", context, stride=JUDGE_STRIDE)
@@ -139,11 +135,6 @@ class _Writer:
         stored = self.g.add("Cast", self.g.constant(weight, np.float16), to=1)
         biases = [] if bias is None else [self.g.constant(bias)]
         return str(self.g.add("Conv", x, stored, *biases, pads=[reach] * 4, **layout))
-
-    def _drop_depth(self, x: str, planes: int) -> str:
-        keep = np.ones((1, planes, 1, 1), np.float32)
-        keep[:, 3] = 0
-        return str(self.g.add("Mul", x, self.g.constant(keep)))
 
     def model(self, logits: str, errors: str, metadata: Mapping[str, str]) -> bytes:
         """The bytes of the ONNX file with these outputs and metadata."""
