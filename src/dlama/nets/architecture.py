@@ -165,7 +165,7 @@ def settings_from_state(shapes: Shapes, activation: str = "sigmoid") -> Generato
     return settings
 
 
-def refuse_differences(came: Shapes, expected: Shapes, what: str, show: int = 3) -> None:
+def refuse_differences(came: Shapes, expected: Shapes, what: str) -> None:
     """Raise ShapeError unless names and shapes agree exactly, naming the first of each kind that differ."""
     missing = [name for name in expected if name not in came]
     extra = [name for name in came if name not in expected]
@@ -175,7 +175,7 @@ def refuse_differences(came: Shapes, expected: Shapes, what: str, show: int = 3)
         if name in came and tuple(came[name]) != tuple(expected[name])
     ]
     parts = [
-        f"{len(names)} {kind}: {', '.join(names[:show])}{', ...' if len(names) > show else ''}"
+        f"{len(names)} {kind}: {', '.join(names[:3])}{', ...' if len(names) > 3 else ''}"
         for kind, names in (("missing", missing), ("not part of it", extra), ("of another shape", other))
         if names
     ]

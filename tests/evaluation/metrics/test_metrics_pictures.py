@@ -22,9 +22,9 @@ from dlama.evaluation.metrics.pictures import (
     psnr,
     region_mean,
     ssim_map,
-    ssim_whole_and_map,
     with_gain,
 )
+from dlama.evaluation.protocols.scores import region_ssim
 from reference.metrics_twin import ssim_planes
 
 RNG = np.random.default_rng(3)
@@ -36,27 +36,25 @@ def test_ssim_map_of_a_plane_is_the_formula_on_every_window() -> None:
     """Twin: Wang et al.'s eq. 13, window by window, up to the border."""
     whole, values = ssim_planes(TRUTH[..., 0], MINE[..., 0])
     np.testing.assert_allclose(ssim_map(TRUTH[..., 0], MINE[..., 0]), values, atol=1e-10)
-    assert ssim_whole_and_map(TRUTH[..., 0], MINE[..., 0])[0] == pytest.approx(whole, abs=1e-10)
+    assert region_ssim(ssim_map(TRUTH[..., 0], MINE[..., 0]), None) == pytest.approx(whole, abs=1e-10)
     assert 0.2 < whole < 0.98
 
 
 def test_ssim_of_colour_is_the_mean_of_its_channels() -> None:
     """Twin, channel by channel."""
     planes = [ssim_planes(TRUTH[..., c], MINE[..., c]) for c in range(3)]
-    whole, values = ssim_whole_and_map(TRUTH, MINE)
-    assert whole == ssim_whole_and_map(TRUTH, MINE)[0] == pytest.approx(np.mean([p[0] for p in planes]), abs=1e-10)
+    values = ssim_map(TRUTH, MINE)
+    assert region_ssim(values, None) == pytest.approx(np.mean([p[0] for p in planes]), abs=1e-10)
     np.testing.assert_allclose(values, np.mean([p[1] for p in planes], axis=0), atol=1e-10)
-    np.testing.assert_array_equal(values, ssim_map(TRUTH, MINE))
 
 
 def test_whole_ssim_is_scikit_images_own_number() -> None:
     """Somebody else's code, called as everybody calls it: uint8, its defaults, data_range and channel_axis."""
     skimage = pytest.importorskip("skimage.metrics", reason="the comparison needs scikit-image")
     theirs = skimage.structural_similarity(TRUTH, MINE, data_range=255, channel_axis=2)
-    assert ssim_whole_and_map(TRUTH, MINE)[0] == theirs
-    assert ssim_whole_and_map(TRUTH[..., 1], MINE[..., 1])[0] == skimage.structural_similarity(
-        TRUTH[..., 1], MINE[..., 1], data_range=255
-    )
+    assert region_ssim(ssim_map(TRUTH, MINE), None) == pytest.approx(theirs, abs=1e-12)
+    plane = skimage.structural_similarity(TRUTH[..., 1], MINE[..., 1], data_range=255)
+    assert region_ssim(ssim_map(TRUTH[..., 1], MINE[..., 1]), None) == pytest.approx(plane, abs=1e-12)
 
 
 def test_mse_and_psnr_are_scikit_images() -> None:

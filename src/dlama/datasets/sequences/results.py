@@ -157,17 +157,17 @@ def cloud_of(scene: Scene, step: int) -> PointCloud:
     )
 
 
-def largest_layers(scene: Scene, counts: Sequence[int], most: int = MOST_MESHED) -> Scene:
-    """The scene with those layers only that add most points (`counts`), up to `most` points in all, one at least."""
+def largest_layers(scene: Scene, counts: Sequence[int]) -> Scene:
+    """The scene with those layers only that add most points (`counts`), up to MOST_MESHED points in all, one at least."""
     order = np.argsort([-count for count in counts], kind="stable")
     total = np.cumsum([counts[place] for place in order])
-    kept = sorted(int(place) for place in order[: max(1, int((total <= most).sum()))])
+    kept = sorted(int(place) for place in order[: max(1, int((total <= MOST_MESHED).sum()))])
     return Scene(tuple(scene.layers[place] for place in kept))
 
 
-def thin_points(cloud: PointCloud, most: int = COLMAP_POINTS, step: int | None = None) -> PointCloud:
-    """Every `step`-th point of a cloud, evenly; where it is not given, so that there are `most` at most."""
-    step = max(1, math.ceil(len(cloud) / most)) if step is None else step
+def thin_points(cloud: PointCloud, step: int | None = None) -> PointCloud:
+    """Every `step`-th point of a cloud, evenly; where it is not given, so that there are COLMAP_POINTS at most."""
+    step = max(1, math.ceil(len(cloud) / COLMAP_POINTS)) if step is None else step
     return PointCloud(cloud.points[::step], cloud.color[::step], cloud.origin[::step], cloud.confidence[::step])
 
 

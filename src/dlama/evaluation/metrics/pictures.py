@@ -68,7 +68,7 @@ GAIN_PIXELS = 100
 """With fewer usable pixels than this no gain is fitted."""
 
 
-def ssim_map(truth: UInt8Array, mine: UInt8Array, settings: MetricSettings = SETTINGS) -> Float64Array:
+def ssim_map(truth: UInt8Array, mine: UInt8Array) -> Float64Array:
     """SSIM of every pixel, the mean over channels; the SSIM of a region is the mean of this map over it.
 
     Up to the border, where scikit-image's filter mirrors the picture: a region there is scored like any other. Only
@@ -80,15 +80,28 @@ def ssim_map(truth: UInt8Array, mine: UInt8Array, settings: MetricSettings = SET
         ShapeError: shapes differ, or a side is shorter than the window.
         MissingExtraError: scikit-image is not installed.
     """
-    return ssim_whole_and_map(truth, mine, settings)[1]
-
-
-def ssim_whole_and_map(
-    truth: UInt8Array, mine: UInt8Array, settings: MetricSettings = SETTINGS
-) -> tuple[float, Float64Array]:
-    """SSIM of the whole picture, as scikit-image's `structural_similarity` gives it (border cropped), and `ssim_map`, at once."""
-    whole, full = _structural_similarity(truth, mine, settings)
-    return whole, full.mean(2) if full.ndim == 3 else full
+    _refuse_differences(truth, mine)
+    if min(truth.shape[:2]) < SETTINGS.ssim_window:
+        raise ShapeError(
+            f"pictures are {truth.shape[1]}x{truth.shape[0]}; SSIM needs {SETTINGS.ssim_window} pixels or more a side"
+        )
+    try:
+        from skimage.metrics import structural_similarity
+    except ImportError as error:
+        raise MissingExtraError("SSIM", "scikit-image", "evaluate") from error
+    _, full = structural_similarity(
+        truth.astype(np.float64),
+        mine.astype(np.float64),
+        win_size=SETTINGS.ssim_window,
+        gaussian_weights=SETTINGS.ssim_gaussian,
+        use_sample_covariance=SETTINGS.ssim_sample_covariance,
+        K1=SETTINGS.ssim_k1,
+        K2=SETTINGS.ssim_k2,
+        data_range=SETTINGS.data_range,
+        channel_axis=2 if truth.ndim == 3 else None,
+        full=True,
+    )
+    return np.asarray(full.mean(2) if full.ndim == 3 else full)
 
 
 def mse_map(truth: UInt8Array, mine: UInt8Array) -> Float64Array:
@@ -104,9 +117,9 @@ def mse_map(truth: UInt8Array, mine: UInt8Array) -> Float64Array:
     return squared.mean(2) if squared.ndim == 3 else squared
 
 
-def psnr(mse: float, data_range: float = SETTINGS.data_range) -> float:
+def psnr(mse: float) -> float:
     """Peak signal to noise ratio in dB of a mean squared error: inf for 0, nan for nan."""
-    return math.inf if mse == 0 else 10 * math.log10(data_range**2 / mse)
+    return math.inf if mse == 0 else 10 * math.log10(SETTINGS.data_range**2 / mse)
 
 
 def region_mean(values: Float64Array, region: BoolArray | None = None) -> float:
@@ -164,32 +177,6 @@ def _gain(mine: Float64Array, truth: Float64Array) -> float:
         fits = residual <= max(2 * float(np.median(residual)), 1.0)
         gain = float(truth[fits].sum() / mine[fits].sum())
     return gain
-
-
-def _structural_similarity(truth: UInt8Array, mine: UInt8Array, settings: MetricSettings) -> tuple[float, Any]:
-    """The score of the whole and the map, H x W or H x W x 3."""
-    _refuse_differences(truth, mine)
-    if min(truth.shape[:2]) < settings.ssim_window:
-        raise ShapeError(
-            f"pictures are {truth.shape[1]}x{truth.shape[0]}; SSIM needs {settings.ssim_window} pixels or more a side"
-        )
-    try:
-        from skimage.metrics import structural_similarity
-    except ImportError as error:
-        raise MissingExtraError("SSIM", "scikit-image", "evaluate") from error
-    score, full = structural_similarity(
-        truth.astype(np.float64),
-        mine.astype(np.float64),
-        win_size=settings.ssim_window,
-        gaussian_weights=settings.ssim_gaussian,
-        use_sample_covariance=settings.ssim_sample_covariance,
-        K1=settings.ssim_k1,
-        K2=settings.ssim_k2,
-        data_range=settings.data_range,
-        channel_axis=2 if truth.ndim == 3 else None,
-        full=True,
-    )
-    return float(score), full
 
 
 def _refuse_differences(truth: UInt8Array, mine: UInt8Array) -> None:

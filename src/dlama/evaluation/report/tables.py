@@ -80,13 +80,12 @@ def side_by_side(
     chosen: Iterable[tuple[str, str, str]],
     methods: Sequence[str],
     title: str,
-    yaw: str = ALL,
 ) -> Table | None:
-    """Many metrics over all frames (or those of a yaw): a row a region and metric, a column a method; best bold."""
+    """Many metrics over all frames: a row a region and metric, a column a method; best bold."""
     rows = []
     for which in chosen:
         cells = _mark_best(
-            [_cell(summary, Key(protocol, dataset, yaw, one, *which)) for one in methods], which[2], methods
+            [_cell(summary, Key(protocol, dataset, ALL, one, *which)) for one in methods], which[2], methods
         )
         if any(cell is not EMPTY for cell in cells):
             rows.append((Cell(which[0]), Cell(column_title(*which)), *cells))

@@ -70,14 +70,14 @@ def read_depth(
 
 
 @system_errors(FileError)
-def read_disparity(path: PathLike, *, scale: float | None = None, channel: str | None = None) -> Float32Array:
+def read_disparity(path: PathLike, *, scale: float | None = None) -> Float32Array:
     """A disparity file as float32 H x W: pixels, 0 = missing (0, NaN or infinity in the file).
 
     PFM, EXR, NPY, NPZ (key `disparity`): pixels, divided by `scale` where given. 16-bit PNG: value / scale (default 256,
     KITTI); 8-bit PNG: `scale` must be given. Raises FileError or DepthError.
     """
     _check_positive(disparity_scale=scale)
-    values = read_stored_numbers(path, "disparity", channel, eight_bit=scale is not None)
+    values = read_stored_numbers(path, "disparity", None, eight_bit=scale is not None)
     if values.dtype.kind == "f":
         values = np.where(np.isfinite(values) | (values < 0), values, 0)
     elif scale is None:

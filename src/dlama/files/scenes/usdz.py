@@ -39,10 +39,10 @@ def _usd(name: str) -> Any:
         raise MissingExtraError("a USDZ file", "usd-core", "usd") from error
 
 
-def write_usdz(path: PathLike, parts: Sequence[MeshPart], quality: int = JPEG_QUALITY) -> None:
+def write_usdz(path: PathLike, parts: Sequence[MeshPart]) -> None:
     """Write meshes with their pictures, in metres, y up; parts whose picture has alpha are meshes of their own.
 
-    quality: of the opaque parts' JPEG, 0 to 100. Raises MissingExtraError, OutputError; nothing half-written is left.
+    Raises MissingExtraError, OutputError; nothing half-written is left.
     """
     usd, utils = _usd("Usd"), _usd("UsdUtils")
     packed = [part for part in pack_parts(parts) if len(part.mesh.triangles)]
@@ -53,7 +53,7 @@ def write_usdz(path: PathLike, parts: Sequence[MeshPart], quality: int = JPEG_QU
         set_up_stage(stage, middle)
         for number, part in enumerate(packed):
             name, ending = (f"soft{number}", "png") if part.soft else ("opaque", "jpg")
-            Pillow.fromarray(part.picture).save(folder / f"{name}.{ending}", quality=quality)
+            Pillow.fromarray(part.picture).save(folder / f"{name}.{ending}", quality=JPEG_QUALITY)
             add_mesh(stage, name, part, middle, f"{name}.{ending}")
         stage.GetRootLayer().Save()
         whole = folder / "photo.usdz"

@@ -43,12 +43,12 @@ class Merged:
     """The frames that were drawn, ready for hole types."""
 
 
-def merge_frames(scene: Scene, camera: Camera, mode: Mode, fine: bool, most: int = MOST_FRAMES) -> Merged:
+def merge_frames(scene: Scene, camera: Camera, mode: Mode, fine: bool) -> Merged:
     """The frames of a scene, merged as `camera` sees them.
 
     In the camera of a frame its own pixels stay bit for bit; the others are drawn only where it has no depth.
     """
-    places = choose_frames(scene.frames, camera, most)
+    places = choose_frames(scene.frames, camera, MOST_FRAMES)
     frames = [scene.frames[place] for place in places]
     grids = [Grid.of(frame, camera, mode, fine) for frame in frames]
     gains = np.array([scene.gains[place] for place in places])

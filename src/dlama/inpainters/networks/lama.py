@@ -59,13 +59,13 @@ def fill_color_and_depth(view: View, network: Engine) -> Fill:
     )
 
 
-def joint_filler(model: str | Path | Engine, contract: Contract | None = None) -> Inpainter:
+def joint_filler(model: str | Path | Engine) -> Inpainter:
     """A filler of a network file (or of an engine) that takes red, green, blue, depth, mask.
 
     Depth is inverse depth on the scale of `contract.DEPTH_PLANE`. In a sensor hole the
     network sees neither colour nor depth; only its depth is used there. FileError where there is no file.
     """
-    network = open_engine(model, contract)
+    network = open_engine(model)
 
     def joint(view: View, law: Law, seed: int) -> Fill:
         require_planes(network.contract, 4, str(network.path), "joint")

@@ -157,9 +157,9 @@ def verdict_features(
     return np.array([*own, *features], np.float32)
 
 
-def shadow_probability(planes: Float32Array, path: Path = MODEL) -> tuple[Float32Array, BoolArray, float] | None:
+def shadow_probability(planes: Float32Array) -> tuple[Float32Array, BoolArray, float] | None:
     """h x w probabilities, the h x w shape, and the probability of the whole. None where no shadow is likely."""
-    parts = classifiers(path)
+    parts = classifiers()
     found = find_likely_shadows(planes, parts)
     if not found:
         return None

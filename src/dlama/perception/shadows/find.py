@@ -11,7 +11,7 @@ import numpy as np
 
 from dlama.geometry.holes import dilate_mask, regions_touching
 from dlama.geometry.rgbd import RGBD, BoolArray
-from dlama.perception.masks.supports import Planes, find_planes_of_picture
+from dlama.perception.masks.supports import find_planes_of_picture
 from dlama.perception.shadows.cast import SMALLEST_PX
 from dlama.perception.shadows.classifier import SHADOW, shadow_probability
 from dlama.perception.shadows.ground import EDGE_PX, find_ground
@@ -22,13 +22,10 @@ NEAR_PX = 5
 """Largest gap in px between a shadow and its cast shape or object."""
 
 
-def find_shadow(rgbd: RGBD, mask: BoolArray, found: Planes | None = None) -> BoolArray:
-    """H x W bool, True in the shadow of the object under `mask`, without the object; all False where there is none.
-
-    found: the planes of the picture, if already known.
-    """
+def find_shadow(rgbd: RGBD, mask: BoolArray) -> BoolArray:
+    """H x W bool, True in the shadow of the object under `mask`, without the object; all False where there is none."""
     none = np.zeros(mask.shape, np.bool_)
-    ground = find_ground(rgbd, mask, found or find_planes_of_picture(rgbd))
+    ground = find_ground(rgbd, mask, find_planes_of_picture(rgbd))
     if ground is None:
         return none
     planes, crop, occlusion = shadow_planes(rgbd, mask, ground)

@@ -138,9 +138,9 @@ class PerceptualLoss(nn.Module):
         return f"perceptual trunk {self.name}"
 
 
-def reference_picture(size: int = 128) -> Tensor:
-    """1 x 3 x size x size: noise with the spectrum of photographs (amplitude 1 / frequency), always the same."""
-    generator = torch.Generator().manual_seed(0)
+def reference_picture() -> Tensor:
+    """1 x 3 x 128 x 128: noise with the spectrum of photographs (amplitude 1 / frequency), always the same."""
+    size, generator = 128, torch.Generator().manual_seed(0)
     spectrum = torch.fft.rfft2(torch.randn(1, 3, size, size, generator=generator))
     rows, columns = torch.fft.fftfreq(size)[:, None], torch.fft.rfftfreq(size)[None]
     frequency = (rows.square() + columns.square()).sqrt().clamp(min=1 / size)
