@@ -68,7 +68,7 @@ def _low_frequency() -> None:
 
 def _remaining_shadows() -> None:
     for place in ("inpainters.layered.filler", "inpainters.layered.depth_first", "inpainters.patchmatch.over_layers"):
-        _replace(place, "find_remaining_shadow", lambda view, label: np.zeros_like(view.hole))
+        _replace(place, "find_remaining_shadow", lambda view, *rest: np.zeros_like(view.hole))
 
 
 def _rims() -> None:

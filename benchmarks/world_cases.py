@@ -12,7 +12,6 @@ from dlama.geometry.holes import dilate_mask
 from dlama.geometry.rgbd import RGBD
 from dlama.perception.monocular import estimate_depth
 from dlama.training.data.samples.world_views import WorldSet, WorldViews
-from dlama.training.data.samples.worlds import frame_without
 from sensors import add_photo_noise, stereo_matcher, structured_light
 
 SHARES, FARTHEST_M = (0.005, 0.12), 6.0
@@ -29,6 +28,8 @@ def world_case(number: int, kind: str, sensor: str, worlds: WorldSet | None = No
         sensor: one of SENSORS.
         worlds: the set of worlds; None: the suite's own, 512 x 512.
         pair: which pair of cameras a view is of.
+
+    The truth of a removal is free of the object's shadow, as it is in all recorded sets.
     """
     worlds = worlds or WorldSet("held_out", 512)
     rng = np.random.default_rng([number, 5])
@@ -43,7 +44,8 @@ def world_case(number: int, kind: str, sensor: str, worlds: WorldSet | None = No
     if kind == "view":
         return ViewTruth(frame, views.frame(target))
     mask = views.raycast(source).group == removed
-    return RemovalTruth(frame, frame_without(views, source, removed, dilate_mask(mask, 12)), mask)
+    empty = dataclasses.replace(views.world, object_index=removed).frame(views.cameras[source], object=False)
+    return RemovalTruth(frame, empty, mask)
 
 
 def cluttered_object(views: WorldViews, camera: int) -> int | None:

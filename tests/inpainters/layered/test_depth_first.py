@@ -161,11 +161,11 @@ def test_a_seam_along_an_occluder_hides_it_from_nobody() -> None:
 
 
 def test_what_lies_behind_a_removed_object_is_its_background() -> None:
-    """Law: by the depth of the removed object, at 2 m before a wall at 5 m. A box next to it at 3 m lies behind it and is shown
-    to the painter; one at 2 m stands next to it and is hidden, and so is the first where the object's depth is not known."""
+    """Law: by the depth of the removed object, at 2 m before a wall at 5 m. A box next to it at 2 m is shown to the painter; one
+    at 1.5 m stands before it and is hidden, and so is the first where the object's depth is not known."""
     depth = np.full((120, 200), 5, np.float32)
     depth[30:90, 80:120] = 2
-    depth[60:90, 50:76], depth[60:90, 124:150] = 3, 2
+    depth[60:90, 50:76], depth[60:90, 124:150] = 2, 1.5
     frame = View.from_rgbd(RGBD(np.zeros((*depth.shape, 3), np.uint8), depth, Camera.from_fov(200, 120, 60)))
     hole = np.zeros(depth.shape, bool)
     hole[27:93, 77:123] = True

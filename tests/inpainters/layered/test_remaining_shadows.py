@@ -7,13 +7,16 @@ import numpy as np
 from dlama.geometry.camera import Camera
 from dlama.geometry.holes import dilate_mask
 from dlama.geometry.rgbd import RGBD
-from dlama.geometry.view import HoleType, View
+from dlama.geometry.scene import Scene
+from dlama.geometry.view import HoleType, Origin, View
+from dlama.geometry.visibility import Law
 from dlama.inpainters.layered.remaining_shadows import find_remaining_shadow
 from worlds import Plane, World
 
 CAMERA = Camera.from_fov(160, 120, 60)
 LIT, DARK = 170, 90
 THING = np.s_[50:80, 60:100]
+NOTHING = Law(())
 
 
 def ground_without_thing(*shadows: tuple[slice, slice]) -> tuple[View, np.ndarray]:
@@ -38,20 +41,36 @@ def test_a_shadow_beside_the_thing_is_found() -> None:
     lies apart from the object."""
     view, dark = ground_without_thing(BESIDE)
     label = np.ones(CAMERA.hw, np.int32)
-    found = find_remaining_shadow(view, label)
+    found = find_remaining_shadow(view, label, NOTHING)
     assert found[dark].mean() > 0.85 and not (found & ~dilate_mask(dark, 3)).any() and not (found & view.hole).any()
-    assert not find_remaining_shadow(ground_without_thing()[0], label).any()
-    assert not find_remaining_shadow(ground_without_thing(np.s_[100:110, 20:60])[0], label).any()
+    assert not find_remaining_shadow(ground_without_thing()[0], label, NOTHING).any()
+    assert not find_remaining_shadow(ground_without_thing(np.s_[100:110, 20:60])[0], label, NOTHING).any()
 
 
 def test_a_pattern_is_no_shadow() -> None:
     """Law: what is as dark farther off as next to the object is a pattern of the ground."""
     tiles = [np.s_[row : row + 12, column : column + 16] for row in (52, 80, 104) for column in range(4, 160, 40)]
-    assert not find_remaining_shadow(ground_without_thing(*tiles, BESIDE)[0], np.ones(CAMERA.hw, np.int32)).any()
+    assert not find_remaining_shadow(
+        ground_without_thing(*tiles, BESIDE)[0], np.ones(CAMERA.hw, np.int32), NOTHING
+    ).any()
 
 
 def test_holes_of_other_kinds_have_no_shadow() -> None:
     """Law: what hides part of a view from elsewhere was not removed."""
     view, _ = ground_without_thing(BESIDE)
     other = view.without(view.hole, HoleType.DISOCCLUDED)
-    assert not find_remaining_shadow(other, np.ones(CAMERA.hw, np.int32)).any()
+    assert not find_remaining_shadow(other, np.ones(CAMERA.hw, np.int32), NOTHING).any()
+
+
+def test_what_lies_far_behind_the_thing_or_in_estimated_depth_is_no_shadow() -> None:
+    """Law: a dark window far behind a removed object is not its shadow, what lies at its depth is; estimated depth tells
+    neither."""
+    view, dark = ground_without_thing(BESIDE)
+    label = np.ones(CAMERA.hw, np.int32)
+    ground = float(np.median(view.depth[dark]))
+    for depth, found in ((ground, True), (ground / 4, False)):
+        thing = View.from_rgbd(RGBD(view.color, np.full(CAMERA.hw, depth, np.float32), CAMERA))
+        law = Law.of(Scene((view,), (thing.without(~view.hole, HoleType.NONE),)))
+        assert find_remaining_shadow(view, label, law)[dark].any() == found
+    guessed = view.with_planes(origin=np.where(view.hole, view.origin, np.uint8(Origin.ESTIMATED)))
+    assert not find_remaining_shadow(guessed, label, NOTHING).any()

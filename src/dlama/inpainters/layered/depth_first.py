@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.holes import dilate_mask, erode_mask, morphological_open, nearest_known, regions_touching, square
+from dlama.geometry.holes import dilate_mask, morphological_open, nearest_known, regions_touching, square
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import HoleType, Origin, View
@@ -15,7 +15,7 @@ from dlama.inpainters.filling import Fill, Inpainter, Painter
 from dlama.inpainters.layered.color.low_frequency import blend_with_low_frequency
 from dlama.inpainters.layered.depth.surfaces import Surfaces
 from dlama.inpainters.layered.filler import continue_lawfully, paint_leaves
-from dlama.inpainters.layered.remaining_shadows import find_remaining_shadow
+from dlama.inpainters.layered.remaining_shadows import depth_of_removed, find_remaining_shadow
 from dlama.perception.planes import plane_values_at
 
 BAND = 24
@@ -34,10 +34,8 @@ STEP = 1.1
 """Ratio of neighbouring depths at which the occluder ends."""
 NEARER = 0.9
 """A known pixel nearer than this share of the depth filled next to it is an occluder."""
-BEHIND = 1.05
-"""A known pixel farther than this many times the depth of the removed object next to it lies behind it."""
-INNER_PX = (8, 4, 0)
-"""Pixels eroded from the removed object before its depth is used, the first that leave some of it: masks are grown."""
+BEHIND = 0.95
+"""A known pixel farther than this many times the depth of the removed object next to it lies next to it or behind it."""
 
 
 def paint_over_depth(inpainter: Inpainter) -> Inpainter:
@@ -55,7 +53,7 @@ def paint_over_depth(inpainter: Inpainter) -> Inpainter:
         notes = inpainter.notes() | {"depth_as": "surfaces continued", "planes": len(surfaces.planes)}
         if not view.color_hole.any():
             return Fill(view.color, depth, moved, notes)
-        shadow = find_remaining_shadow(view, surfaces.label)
+        shadow = find_remaining_shadow(view, surfaces.label, law)
         color = inpainter.paint(view.color, view.color_hole | shadow | find_occluders(view, surfaces, depth, law), seed)
         w = inverse_depth(np.where(view.hole, depth, view.depth))
         return Fill(
@@ -69,8 +67,8 @@ def find_occluders(view: View, surfaces: Surfaces, depth: Float32Array, law: Law
     """H x W, True in known pixels near a hole that are nearer than the surface filled into it: occluders, hidden from the
     painter.
 
-    surfaces: as continued; depth: H x W metres, filled. First the adjacent pixels, then the rest of their object. Pixels behind
-    a removed object are its background, never occluders.
+    surfaces: as continued; depth: H x W metres, filled. First the adjacent pixels, then the rest of their object. Pixels next to
+    a removed object or behind it are its background, never occluders.
     """
     distance, nearest = nearest_known(view.color_hole & ~seams(surfaces.label, view.color_hole))
     near = (distance <= BAND) & view.valid
@@ -96,19 +94,14 @@ def find_occluders(view: View, surfaces: Surfaces, depth: Float32Array, law: Law
 
 
 def find_background(view: View, law: Law) -> BoolArray:
-    """H x W, True in known pixels behind the nearest part of a removed object: its background, also where near.
+    """H x W, True in known pixels next to or behind the nearest part of a removed object: its background, also where near.
 
-    The object's depth comes from the law of this camera; all False where that is unknown.
+    All False where the object's depth is unknown.
     """
-    removed = np.zeros(view.depth.shape, np.float32)
-    for camera, measured in law.measured:
-        if camera.same_view_as(view.camera):
-            removed = np.where((view.hole_type == HoleType.OBJECT) & np.isfinite(measured), measured, np.float32(0))
-    if not removed.any():
+    removed = depth_of_removed(view, law)
+    if removed is None:
         return np.zeros(view.hole.shape, np.bool_)
-    inner = next(inner for px in INNER_PX if (inner := erode_mask(removed > 0, px)).any())
-    nearest = nearest_known(inner)[1]
-    return view.far | (view.valid & (view.depth > BEHIND * removed.ravel()[nearest]))
+    return view.far | (view.valid & (view.depth > BEHIND * removed))
 
 
 def seams(label: NDArray[np.int32], hole: BoolArray) -> BoolArray:

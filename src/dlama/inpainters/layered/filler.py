@@ -44,7 +44,7 @@ def paint_surfaces(
     w = np.where(view.hole, inverse_depth(depth), surfaces.inverse_depth)
     label = np.where(np.abs(w - surfaces.inverse_depth) > 0.05 * w, np.int32(SMOOTH), surfaces.label)
     label = np.where(view.hole & (w == 0), np.int32(SKY), label).astype(np.int32)
-    shadow = find_remaining_shadow(view, label)
+    shadow = find_remaining_shadow(view, label, law)
     leafy = paint_leaves(view.color, view, surfaces)
     open_ = view.color_hole & (surfaces.leaves < 0)
     color = synthesize(leafy, open_, w, label, view.camera, seed=seed, sky=law.sky, spoiled=shadow, detail=detail)

@@ -9,9 +9,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.holes import morphological_open, square
+from dlama.geometry.holes import erode_mask, morphological_open, nearest_known, square
 from dlama.geometry.rgbd import BoolArray, Float32Array
-from dlama.geometry.view import HoleType, View
+from dlama.geometry.view import HoleType, Origin, View
+from dlama.geometry.visibility import Law
 from dlama.perception.shadows.lit_surface import quadratic, robust_fit
 
 GRID = 256
@@ -26,17 +27,22 @@ CLEARLY = 1.25
 """Least factor of a shadow's core over that pattern."""
 REACH = 1.0
 """Search radius, in square roots of the object's area."""
+DEPTH_REACH = 1.5
+"""Largest difference in depth to the object, in the same unit."""
 LEAST_CELLS = 60
 """Least number of distant surface cells that define its pattern."""
+INNER_PX = (8, 4, 0)
+"""Pixels eroded from the removed object before its depth is used, the first that leave some of it: masks are grown."""
 
 
-def find_remaining_shadow(view: View, label: NDArray[np.int32]) -> BoolArray:
+def find_remaining_shadow(view: View, label: NDArray[np.int32], law: Law) -> BoolArray:
     """H x W, True where a plane next to a removed object is darker than its lit surface, and than anywhere farther away.
 
-    label: H x W, the surface of each pixel.
+    label: H x W, the surface of each pixel. What lies far behind the object, a dark window, is no shadow of it; estimated depth
+    is too inexact to see any.
     """
     own = view.hole & (view.hole_type == HoleType.OBJECT)
-    if not own.any() or view.hole.all():
+    if not own.any() or view.hole.all() or (view.origin == Origin.ESTIMATED).any():
         return np.zeros_like(own)
     height, width = own.shape
     step = max(1.0, max(height, width) / GRID)
@@ -56,7 +62,24 @@ def find_remaining_shadow(view: View, label: NDArray[np.int32]) -> BoolArray:
         out |= find_shadow_on(surface, np.asarray(level, np.float32), np.asarray(distance, np.float32), reach)
     out = cv2.dilate(out.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
     full = cv2.resize(out.astype(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST) > 0
+    removed = depth_of_removed(view, law)
+    if removed is not None:
+        full &= (
+            np.abs(view.depth - removed) < DEPTH_REACH * np.sqrt(own.sum()) * np.median(removed[own]) / view.camera.fx
+        )
     return np.asarray(full & ~view.hole)
+
+
+def depth_of_removed(view: View, law: Law) -> Float32Array | None:
+    """H x W m, the depth of the removed object at its nearest inner pixel; None where the law of this camera has none."""
+    removed = np.zeros(view.depth.shape, np.float32)
+    for camera, measured in law.measured:
+        if camera.same_view_as(view.camera):
+            removed = np.where((view.hole_type == HoleType.OBJECT) & np.isfinite(measured), measured, np.float32(0))
+    if not removed.any():
+        return None
+    inner = next(inner for px in INNER_PX if (inner := erode_mask(removed > 0, px)).any())
+    return np.asarray(removed.ravel()[nearest_known(inner)[1]])
 
 
 def shrink_mask(mask: BoolArray, wh: tuple[int, int], least: float) -> BoolArray:

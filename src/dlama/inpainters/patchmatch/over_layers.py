@@ -69,4 +69,4 @@ def exclude_from_patches(
     if not removed.any():
         return surfaces.label, np.zeros_like(hole)
     before = find_occluders(view, surfaces, depth, law) & removed.ravel()[nearest_known(hole)[1]]
-    return None, before | find_remaining_shadow(view, surfaces.label)
+    return None, before | find_remaining_shadow(view, surfaces.label, law)
