@@ -6,6 +6,7 @@ An import inside a function counts like one at the top: a circle that hides ther
 from __future__ import annotations
 
 import ast
+import functools
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
@@ -38,6 +39,7 @@ def room_of(path: Path) -> str:
     return path.relative_to(SOURCE).with_suffix("").parts[0]
 
 
+@functools.cache
 def imported(code: str) -> list[str]:
     """Dotted names under dlama that a piece of code imports, at any depth of nesting; `from a import b` is a.b."""
     names: list[str] = []

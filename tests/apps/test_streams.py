@@ -25,9 +25,12 @@ def shell(words: str, folder: Path, **environment: str) -> subprocess.CompletedP
     )
 
 
-@pytest.mark.parametrize("words", ["view --help", "train presets"])
 @pytest.mark.parametrize(
-    "environment", [{"PYTHONIOENCODING": "ascii"}, {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}]
+    "words, environment",
+    [
+        ("view --help", {"PYTHONIOENCODING": "ascii"}),
+        ("train presets", {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}),
+    ],
 )
 def test_help_is_printed_where_only_ascii_can_be(tmp_path: Path, words: str, environment: dict[str, str]) -> None:
     done = shell(words, tmp_path, **environment)
@@ -52,7 +55,7 @@ def test_names_that_are_not_text_are_printed(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="Linux has a device that is always full")
-@pytest.mark.parametrize("words", ["view --help", "train presets"])
+@pytest.mark.parametrize("words", ["view --help", pytest.param("train presets", marks=pytest.mark.slow)])
 def test_a_full_standard_output_is_one_line(tmp_path: Path, words: str) -> None:
     done = shell(f"{words} > /dev/full", tmp_path)
     assert (done.returncode, done.stderr) == (1, "error: output cannot be written: no space left on device\n")
@@ -73,7 +76,7 @@ def test_a_closed_stream_does_not_stop_the_work(tmp_path: Path) -> None:
     assert (tmp_path / "out" / "image.png").read_bytes()[:4] == b"\x89PNG"
 
 
-@pytest.mark.parametrize("words", ["x", "view x"])
+@pytest.mark.parametrize("words", ["view x", pytest.param("x", marks=pytest.mark.slow)])
 def test_wrong_words_are_refused_with_a_closed_standard_output(tmp_path: Path, words: str) -> None:
     done = shell(f"{words} >&-", tmp_path)
     assert done.returncode == 2 and "Traceback" not in done.stderr
@@ -122,7 +125,7 @@ def test_signals_end_with_one_line_and_leave_nothing(
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("value", ["0", "x"])
+@pytest.mark.parametrize("value", ["0", pytest.param("x", marks=pytest.mark.slow)])
 def test_threads_asked_for_must_be_a_number(tmp_path: Path, value: str) -> None:
     done = shell("worlds --count 1 --size 8", tmp_path, NUMBA_NUM_THREADS=value)
     assert done.returncode == 2

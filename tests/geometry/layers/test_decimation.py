@@ -110,7 +110,7 @@ def check(view: View, found: DecimatedMesh, share: float = 0.001) -> None:
     np.testing.assert_array_equal(mesh.confidence, view.confidence[rows, columns])
 
 
-@pytest.mark.parametrize("size", [(200, 150), (65, 65), (67, 131), (2, 2), (2, 70)])
+@pytest.mark.parametrize("size", [(120, 90), (65, 65), (2, 2), (2, 70)])
 @pytest.mark.parametrize("world", [ROOM, HOLLOW])
 def test_planes_steps_and_a_ball(world: World, size: tuple[int, int]) -> None:
     """Every pixel is met within the tolerance, by triangles that tile what the whole grid's tile and span no edge."""
@@ -129,7 +129,7 @@ def test_the_check_can_fail() -> None:
             check(view, wrong)
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(5))
 def test_rough_ground(seed: int) -> None:
     """The same of random depth; sizes at random."""
     rng = np.random.default_rng(seed)
@@ -140,14 +140,14 @@ def test_rough_ground(seed: int) -> None:
 def test_a_world_of_the_package() -> None:
     """The same of a generated scene with curved and thin objects, as its ray caster sees it."""
     world = generated(3)
-    view = View.from_rgbd(world.frame(world.camera(10, 150)))
+    view = View.from_rgbd(world.frame(world.camera(10, 100)))
     check(view, decimate(view))
 
 
 def test_estimated_depth_takes_fewer_triangles() -> None:
     """The same within 0.5 %, which 0.1 % does not allow."""
-    view = seen(HOLLOW, 200, 150)
-    waves = view.depth * (1 + 0.003 * np.sin(np.indices((150, 200))[1])).astype(np.float32)
+    view = seen(HOLLOW, 120, 90)
+    waves = view.depth * (1 + 0.003 * np.sin(np.indices((90, 120))[1])).astype(np.float32)
     estimated = dataclasses.replace(view, depth=waves, origin=np.full_like(view.origin, Origin.ESTIMATED))
     found = decimate(estimated)
     check(estimated, found, 0.005)
