@@ -267,11 +267,13 @@ def draw_quad(
     xa, xb, xc, xd = x[row, column], x[row, column + 1], x[row + 1, column], x[row + 1, column + 1]
     ya, yb, yc, yd = y[row, column], y[row, column + 1], y[row + 1, column], y[row + 1, column + 1]
     along_bc = abs(wb - wc) <= abs(wa - wd)
-    for number in range(4):
+    whole = sides == 15
+    begin = 2 if whole and not along_bc else 0
+    for number in range(begin, begin + 2 if whole else 4):
         # upper left, lower right (cut along bc), upper right, lower left (along ad), and the sides they need: the triangles
         # abc, bdc, abd, adc
         needed = (3 if number == 0 else 12) if number < 2 else (5 if number == 2 else 10)
-        if sides & needed != needed or (sides == 15 and along_bc != (number < 2)):
+        if sides & needed != needed:
             continue
         from_b, over_d, to_d = number == 1, number & 1, number == 2
         x0, y0, w0 = (xb, yb, wb) if from_b else (xa, ya, wa)
@@ -280,13 +282,18 @@ def draw_quad(
         area = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)
         if area <= 1e-9 or w0 <= 0 or w1 <= 0 or w2 <= 0:  # seen from behind, or not all there
             continue
-        scale = 1.0 / area
+        outside, scale = -1.01e-4 * area, 0.0  # most pixels of the box are clearly outside: no division for them
         for ty in range(box[2], box[3] + 1):
             py = ty + 0.5
             for tx in range(box[0], box[1] + 1):
                 px = tx + 0.5
-                b1 = ((px - x0) * (y2 - y0) - (x2 - x0) * (py - y0)) * scale
-                b2 = ((x1 - x0) * (py - y0) - (px - x0) * (y1 - y0)) * scale
+                e1 = (px - x0) * (y2 - y0) - (x2 - x0) * (py - y0)
+                e2 = (x1 - x0) * (py - y0) - (px - x0) * (y1 - y0)
+                if e1 < outside or e2 < outside or area - e1 - e2 < outside:
+                    continue
+                if scale == 0.0:
+                    scale = 1.0 / area
+                b1, b2 = e1 * scale, e2 * scale
                 b0 = 1.0 - b1 - b2
                 if b0 < -1e-4 or b1 < -1e-4 or b2 < -1e-4:
                     continue
