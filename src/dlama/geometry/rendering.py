@@ -92,7 +92,7 @@ def render(
     if close and mode == "surface" and can_close_gaps(scene):
         close_gaps(drawn.canvas)
     hole = drawn.canvas.depth == 0
-    kinds = hole_types(drawn.grids, scene.removals, camera, hole) if types else hole * np.uint8(HoleType.OUT_OF_VIEW)
+    kinds = hole_types(drawn.grids, scene.removals, hole) if types else hole * np.uint8(HoleType.OUT_OF_VIEW)
     return drawn.view(camera, kinds)
 
 
@@ -191,8 +191,8 @@ def to_scene(source: RGBD | View | Scene) -> Scene:
     return Scene((source,)) if isinstance(source, View) else source
 
 
-def hole_types(grids: list[Grid], removals: tuple[View, ...], camera: Camera, hole: BoolArray) -> UInt8Array:
-    """H x W HoleType codes of the empty pixels of a scene (its grids, its removed objects) seen from `camera`."""
+def hole_types(grids: list[Grid], removals: tuple[View, ...], hole: BoolArray) -> UInt8Array:
+    """H x W HoleType codes of the empty pixels of a scene (its grids, its removed objects)."""
     count = cv2.integral(hole.view(np.uint8))
     ranks = np.zeros(hole.shape, np.uint8)
     for grid in grids:

@@ -270,8 +270,7 @@ def draw_far(grid: Grid, camera: Camera, canvas: Canvas) -> None:
     if layer.camera.same_view_as(camera):
         copy_where(canvas, layer, far & (canvas.depth == 0))
         return
-    turn = layer.camera.cam_from_world[:3, :3] @ camera.world_from_cam[:3, :3]
-    matrix = layer.camera.K @ turn @ np.linalg.inv(camera.K)
+    matrix, _ = px_from_px(layer.camera, camera)
     pixels = layer.color, grid.knots, layer.origin, layer.confidence
     columns = np.flatnonzero(far[rows[0] : rows[-1] + 1].any(0))
     box = np.array([columns[0], columns[-1], rows[0], rows[-1]])
