@@ -89,6 +89,8 @@ class BenchCase:
     name: str
     domain: str
     load: Callable[[], Truth]
+    yaw: float | None = None
+    """Of an orbit's view, degrees."""
 
 
 def cases_of(split: str, shared: Path) -> Iterator[BenchCase]:
@@ -96,7 +98,7 @@ def cases_of(split: str, shared: Path) -> Iterator[BenchCase]:
     for folder, only, domain in SETS[split]:
         for case in (*open_dataset(shared / folder).of("vpi"), *open_dataset(shared / folder).of("ori")):
             if (not only or case.scene == only) and wanted_yaw(case, split, folder):
-                yield BenchCase(f"{folder}/{case.scene}/{case.protocol}/{case.frame}", domain, case.load)
+                yield BenchCase(f"{folder}/{case.scene}/{case.protocol}/{case.frame}", domain, case.load, case.yaw)
     first, count = WORLDS[split]
     for number in range(first, first + count):
         sensor = SENSORS[number // 2 % len(SENSORS)]
@@ -182,7 +184,12 @@ def run_case(case: BenchCase, runs: Sequence[Run]) -> list[dict[str, Any]]:
     truth = dataclasses.replace(case.load(), exposure_varies=not case.name.startswith("worlds"))
     rows = []
     for method, rule in runs:
-        row: dict[str, Any] = {"case": case.name, "domain": case.domain, "method": label_of((method, rule))}
+        row: dict[str, Any] = {
+            "case": case.name,
+            "domain": case.domain,
+            "yaw": case.yaw,
+            "method": label_of((method, rule)),
+        }
         try:
             with without(rule):
                 row["measures"] = measure(truth, method)

@@ -5,7 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dlama.evaluation.metrics.reliability import BINS, STEPS, by_distance, calibration, sparsification_area
+from dlama.evaluation.metrics.reliability import (
+    BINS,
+    STEPS,
+    by_distance,
+    calibration,
+    color_tolerance,
+    sparsification_area,
+)
 
 
 def test_bins_by_hand() -> None:
@@ -55,3 +62,16 @@ def test_the_formula_of_distance() -> None:
     found = by_distance(hole, hole)
     np.testing.assert_allclose(found[30, 45 - 1], 0.25, rtol=0.01)
     np.testing.assert_allclose(by_distance(hole, ~hole)[hole] / found[hole], 1.5)
+
+
+def test_the_tolerance_is_what_two_cameras_agree_on() -> None:
+    """Closed form: 25 where a seventh of the colours are 60 levels apart; 60 where a quarter are; 25 where hardly anything is
+    seen by both."""
+    mine = np.full((20, 20, 3), 100, np.uint8)
+    both = np.ones((20, 20), bool)
+    few, many = mine.copy(), mine.copy()
+    few[:3] += 60
+    many[:5] += 60
+    assert color_tolerance(mine, mine, both, 25) == color_tolerance(mine, few, both, 25) == 25
+    assert color_tolerance(mine, many, both, 25) == 60
+    assert color_tolerance(mine, many, both & (np.arange(20) < 4)[:, None], 25) == 25

@@ -13,12 +13,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.camera import Float64Array
-from dlama.geometry.rgbd import BoolArray
+from dlama.geometry.rgbd import BoolArray, UInt8Array
 
 BINS = 10
 """Of equal width, 0..1."""
 STEPS = np.linspace(0, 0.99, 100)
 """Shares that are removed."""
+AGREEING = 0.8
+"""Share of the pixels that both frames of a pair show whose colours are to agree within the tolerance of a right fill."""
+LEAST_PIXELS = 100
+"""Pixels that both show, below which nothing is said of their cameras."""
 
 
 class Bins(NamedTuple):
@@ -39,6 +43,24 @@ def calibration(predicted: NDArray[np.floating], right: BoolArray) -> Bins:
     number = np.minimum((predicted * BINS).astype(int), BINS - 1)
     sums = [np.bincount(number, weights=part, minlength=BINS) for part in (np.ones(len(predicted)), predicted, right)]
     return Bins(*(one.astype(np.float64) / len(predicted) for one in sums))
+
+
+def color_tolerance(mine: UInt8Array, truth: UInt8Array, both: BoolArray, least: float) -> float:
+    """Levels of 8 bit (mean over channels) within which a filled colour is right: `least`, or what AGREEING of the pixels that
+    both frames show meet, if that is more.
+
+    Two cameras with white balances and vignettings of their own disagree by more than `least` where the surface is the same;
+    no filler can know that, so it is not held against any.
+
+    Args:
+        mine: H x W x 3, the source carried over to the truth's camera, in its exposure.
+        truth: H x W x 3.
+        both: H x W, True = both frames show the surface.
+    """
+    if np.count_nonzero(both) < LEAST_PIXELS:
+        return least
+    levels = np.abs(mine[both].astype(np.float32) - truth[both]).mean(1)
+    return max(least, float(np.quantile(levels, AGREEING)))
 
 
 def sparsification_area(confidence: NDArray[np.floating], error: NDArray[np.floating]) -> float:

@@ -12,7 +12,7 @@ from dlama.evaluation.metrics.reliability import by_distance, calibration, spars
 from dlama.evaluation.protocols.methods import Measure, MethodRun
 from dlama.evaluation.protocols.scores import Reference
 from dlama.geometry.rgbd import Float32Array
-from dlama.inpainters.confidence import COLOR_WITHIN, DEPTH_WITHIN
+from dlama.inpainters.confidence import DEPTH_WITHIN
 
 REGION, MODALITY = "filled", "confidence"
 
@@ -27,9 +27,10 @@ def depth_deviation(z: Float32Array, true_z: Float32Array) -> tuple[NDArray[np.f
 def reliability_measures(run: MethodRun, reference: Reference, number: int = -1) -> list[Measure]:
     """Of one view of a run; nothing of the baseline that fills nothing, where depth is not known, and of hardly any pixels.
 
-    right, predicted: share that is right, and mean confidence; ece; ause_depth, ause_color (ordered by expected error), each also
-    by distance from the rim and at random; expected and actual errors of depth (m, at most the depth itself) and colour (levels);
-    bin_K_share, bin_K_predicted, bin_K_right: the reliability curve, as shares of all filled pixels.
+    right, predicted: share that is right, and mean confidence; color_within: levels that count as right; ece; ause_depth,
+    ause_color (ordered by expected error), each also by distance from the rim and at random; expected and actual errors of depth
+    (m, at most the depth itself) and colour (levels); bin_K_share, bin_K_predicted, bin_K_right: the reliability curve, as shares
+    of all filled pixels.
     """
     if not run.method.fills or reference.depth is None:
         return []
@@ -45,10 +46,11 @@ def reliability_measures(run: MethodRun, reference: Reference, number: int = -1)
         * painted
     )
     off, relative = depth_deviation(z, true_z)
-    right = (relative <= DEPTH_WITHIN) & (levels <= COLOR_WITHIN)
+    right = (relative <= DEPTH_WITHIN) & (levels <= reference.color_within)
     predicted = view.confidence[where]
     bins = calibration(predicted, right)
     found = {"right": float(right.mean()), "predicted": float(predicted.mean()), "ece": bins.error}
+    found["color_within"] = reference.color_within
     distance = by_distance(warped.hole, warped.color_hole)[where]
     random = np.random.default_rng(run.method.seed).random(len(predicted))
     for order, name in ((predicted, ""), (distance, "_distance"), (random, "_random")):

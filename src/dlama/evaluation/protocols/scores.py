@@ -21,6 +21,7 @@ from dlama.evaluation.protocols.methods import Measure, MethodRun, Panel, Protoc
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import View
+from dlama.inpainters.confidence import COLOR_WITHIN
 
 Gain = tuple[float, float, float]
 
@@ -42,6 +43,8 @@ class Reference:
     """What brings the source's colours to the truth's exposure."""
     suffix: str = ""
     """Added to every region's name (`-right`)."""
+    color_within: float = COLOR_WITHIN
+    """Levels within which a filled colour is right (`reliability.color_tolerance`)."""
 
     def match_exposure(self, color: UInt8Array) -> UInt8Array:
         """A method's colours in the truth's exposure."""

@@ -14,12 +14,14 @@ from functools import lru_cache
 
 from dlama.datasets.frames import Truth, ViewTruth
 from dlama.errors import InputError
-from dlama.evaluation.metrics.pictures import channel_gain
+from dlama.evaluation.metrics.pictures import channel_gain, with_gain
 from dlama.evaluation.metrics.regions import source_visibility
+from dlama.evaluation.metrics.reliability import color_tolerance
 from dlama.evaluation.protocols.methods import Measure, Method, MethodRun, ProtocolSettings, Scored, run_method
 from dlama.evaluation.protocols.reliability import reliability_measures
 from dlama.evaluation.protocols.scores import Reference, artifact_measures, leak_measures, picture_panel
 from dlama.geometry.rgbd import RGBD
+from dlama.inpainters.confidence import COLOR_WITHIN
 
 
 def score(truth: Truth, method: Method, settings: ProtocolSettings) -> list[Scored]:
@@ -86,10 +88,12 @@ def reference_without(truth: ViewTruth, settings: ProtocolSettings) -> Reference
 
 
 def reference_of(truth: ViewTruth, target: RGBD, settings: ProtocolSettings, with_object: bool) -> Reference:
-    """A target with regions by what the source sees of it; the gain is fitted on the source carried over by the true depth."""
+    """A target with regions by what the source sees of it; gain and tolerance of colours are those of the source carried over by
+    the true depth."""
     found = source_visibility(truth.source, target, truth.object_mask if with_object else None, settings.seen_tolerance)
-    gain = (1.0, 1.0, 1.0)
+    gain, carried = (1.0, 1.0, 1.0), found.warp_color(truth.source.color)
     if truth.exposure_varies:
-        gain = channel_gain(found.warp_color(truth.source.color), target.color, found.seen)
+        gain = channel_gain(carried, target.color, found.seen)
     shown = None if target.padding is None else ~target.padding
-    return Reference(target.color, target.depth, found.regions(with_object), settings, shown, gain)
+    within = color_tolerance(with_gain(carried, gain), target.color, found.seen, COLOR_WITHIN)
+    return Reference(target.color, target.depth, found.regions(with_object), settings, shown, gain, color_within=within)

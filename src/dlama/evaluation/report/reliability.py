@@ -13,7 +13,8 @@ from dlama.evaluation.report.summary import ALL, Key, Summary
 from dlama.evaluation.report.tables import EMPTY, Cell, Table
 
 RELIABILITY_TEXT = (
-    "How far the confidence of filled pixels can be relied on. Right: depth within 5 % and colour within 25 levels. "
+    "How far the confidence of filled pixels can be relied on. Right: depth within 5 % and colour within 25 levels "
+    "(more where even the pixels that both frames show disagree). "
     "ECE: expected calibration error, ten bins over all frames. AUSE: area between the sparsification curve and an oracle's, in "
     "mean errors (0: the least confident pixels are the most wrong), of depth by confidence, of colour by its expected error; "
     "compared with the distance from the rim of the hole and a random order. Expected errors next to the actual ones, of depth "
