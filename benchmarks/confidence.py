@@ -1,12 +1,12 @@
-"""The confidence of filled pixels: trained on procedural worlds, and held against the truth there and elsewhere.
+"""The confidence of filled pixels: trained on procedural worlds, and the table of how well it holds on the bench.
 
     python benchmarks/confidence.py train [--worlds N] [--seed 0]      writes src/dlama/assets/confidence/confidence.npz
-    python benchmarks/confidence.py measure [--worlds 8] [--data ../shared]
+    python benchmarks/confidence.py table AFTER.jsonl [BEFORE.jsonl]         of files that `bench.py run` wrote
 
-`measure` prints, for held-out worlds and for the street and kitchen data where they are there: the expected calibration error
-(ECE, ten bins of equal width) of this confidence and of the distance formula that it replaced, and the area between the
-sparsification curve and the one an oracle would give (AUSE, in units of the mean error) for depth (ordered by confidence) and
-colour (by its expected error), of the formula and of a random order; the ratio is that of the first two.
+`table` pools the pixels of all cases of a domain, of a domain's views or removals, and of each |yaw| of the streets: the expected
+calibration error (ECE, ten bins of equal width) with the 95 % interval of cases drawn again, the share that is right, what was
+predicted, and what is wrong among pixels of at least .5; the areas of sparsification (AUSE) of depth in the order of confidence
+and of colour in the order of its expected error, each divided by that of the distance formula.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import itertools
-import os
+from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -22,10 +22,11 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
+from bench import Table, table_of
+from bench import rows_of as lines_of
 from dlama.completion.pipeline import complete
 from dlama.datasets.frames import RemovalTruth, Truth
-from dlama.datasets.layouts import open_dataset
-from dlama.evaluation.metrics.reliability import by_distance, calibration, sparsification_area
+from dlama.evaluation.metrics.reliability import BINS, Bins
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import View
 from dlama.inpainters import confidence as room
@@ -39,8 +40,10 @@ SETS = 20, 20, 28, 28
 """Worlds of each set that is trained on."""
 ESTIMATED_WORLDS = 100
 """Worlds more, each seen once with estimated depth, filled by `auto`."""
-TRAINED_FROM, HELD_OUT_FROM = 500_000, 700_000
-"""First seeds of the worlds that are trained on, and of those that are not."""
+TRAINED_FROM = 500_000
+"""First seed of the worlds that are trained on."""
+SURE = 0.5
+"""Least confidence of the pixels whose wrong share is shown."""
 FILLERS = ("layered", "layered", "telea", "migan")
 SIZE = 256
 YAWS = (10, 20, 30, 45, 60)
@@ -68,8 +71,6 @@ class Rows(NamedTuple):
     """N x 2: relative depth error (clipped at 1), colour error in levels (mean over channels)."""
     off: np.ndarray
     """N: depth error in filled depths (|z - true z| / z, at most 1); NaN where far was filled."""
-    formula: np.ndarray
-    """N: confidence by distance, as it was before."""
 
     @classmethod
     def together(cls, parts: Sequence[Rows]) -> Rows:
@@ -100,7 +101,6 @@ def rows_of(
         np.stack([depth_right & (levels <= room.COLOR_WITHIN), depth_right], 1),
         np.stack([off, levels], 1),
         in_depths,
-        by_distance(view.hole, view.color_hole)[view.hole][chosen],
     )
 
 
@@ -242,57 +242,64 @@ def train(rows: Rows, seed: int, start: dict[str, np.ndarray] | None = None) -> 
     return {"mean": mean.astype(np.float32), "spread": spread.astype(np.float32), **named}
 
 
-def shown(name: str, rows: Rows) -> None:
-    probabilities, expected = room.confidence_network()(rows.features)
-    p, right = probabilities[:, 0], rows.right[:, 0]
-    noise = np.random.default_rng(0).random(len(p))
-    painted = rows.errors[:, 1] > 0
-    areas = [
-        [sparsification_area(order[which], rows.errors[which, k]) for order in (sure, rows.formula, noise)]
-        for k, (sure, which) in enumerate(((p, np.ones_like(painted)), (-expected[:, 1], painted)))
-    ]
-    errors = f"{calibration(p, right).error:6.3f} {calibration(rows.formula, right).error:7.3f}"
-    parts = [f" {a:6.3f} {b:7.3f} {c:6.3f} {a / b:6.2f}" for a, b, c in areas]
-    finite = ~np.isnan(rows.off)
-    for k, (said, actual, scale) in enumerate(
-        ((expected[finite, 0], rows.off[finite], 100), (expected[painted, 1], rows.errors[painted, 1], 1))
-    ):
-        tenths = np.array_split(np.argsort(said, kind="stable"), 10)
-        found = "  ".join(f"{scale * said[part].mean():.3g} {scale * actual[part].mean():.3g}" for part in tenths)
-        print(f"    {('depth, % of it', 'colour, levels')[k]}, expected and actual by decile: {found}")
-    print(f"{name:22} {len(p):8} {right.mean():6.3f} | {errors} |{' |'.join(parts)}", flush=True)
+def pooled(cases: Sequence[dict[str, float]]) -> Bins:
+    """The bins of all cases together, each counted alike."""
+    columns = (np.mean([[case[f"bin_{k}_{name}"] for k in range(BINS)] for case in cases], 0) for name in Bins._fields)
+    return Bins(*columns)
 
 
-def measured(count: int, data: Path | None) -> None:
+def groups_of(table: Table, rows: list[dict], method: str) -> dict[str, list[dict[str, float]]]:
+    """The measures of the cases of each domain, each kind of a domain, and each |yaw|."""
+    found = defaultdict(list)
+    yaws = {row["case"]: row.get("yaw") for row in rows if "case" in row}
+    domains = {row["case"]: row["domain"] for row in rows if "case" in row}
+    for case, measures in table[method].items():
+        if "ece" in measures:
+            kind = "removals" if "/ori/" in case else "views"
+            names = ["all", domains[case], f"{domains[case]}, {kind}"]
+            names += [f"|yaw| {abs(yaws[case]):.0f}"] if yaws[case] and kind == "views" else []
+            for name in names:
+                found[name].append(measures)
+    return dict(sorted(found.items()))
+
+
+def show(path: Path, method: str) -> None:
+    """The table of one file."""
+    rows, rng = lines_of(path), np.random.default_rng(0)
     print(
-        "                         pixels  right |  ECE  formula | AUSE depth, formula, random, ratio | AUSE colour, likewise"
+        f"\n{path}\n| cases of | n | right | predicted | ECE (95 %) | wrong of >= {SURE} | AUSE depth | AUSE colour |"
     )
-    shown(
-        "worlds, held out", Rows.together([*world_rows(count, 0, HELD_OUT_FROM), *world_rows(count, 1, HELD_OUT_FROM)])
-    )
-    if data is None:
-        return
-    rng = np.random.default_rng(0)
-    for name, folder in (("street", data / "street"), ("kitchen_vpi", data / "data" / "kitchen_vpi")):
-        cases = [
-            case
-            for case in open_dataset(folder).of("vpi")
-            if case.yaw is None or name != "street" or abs(case.yaw) in (10, 30, 60)
+    print("|---|---|---|---|---|---|---|---|")
+    for name, cases in groups_of(table_of(rows)[0], rows, method).items():
+        bins = pooled(cases)
+        drawn = [pooled([cases[k] for k in rng.integers(len(cases), size=len(cases))]).error for _ in range(300)]
+        low, high = np.percentile(drawn, (2.5, 97.5))
+        sure = slice(int(SURE * BINS), None)
+        wrong = 1 - bins.right[sure].sum() / max(bins.share[sure].sum(), 1e-9)
+        ratios = [
+            np.nanmean([case.get(f"ause_{of}", np.nan) for case in cases])
+            / np.nanmean([case.get(f"ause_{of}_distance", np.nan) for case in cases])
+            for of in ("depth", "color")
         ]
-        for filler in ("layered", "migan"):
-            parts = [filled_rows(case.load(), filler, False, rng) for case in cases]
-            shown(f"{name}, {filler}", Rows.together([part for part in parts if part is not None]))
+        print(
+            f"| {name} | {len(cases)} | {bins.right.sum():.2f} | {bins.predicted.sum():.2f} | {bins.error:.3f} "
+            f"({low:.2f} to {high:.2f}) | {wrong:.2f} of {bins.share[sure].sum():.2f} | {ratios[0]:.2f} | {ratios[1]:.2f} |"
+        )
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=("train", "measure"))
-    parser.add_argument("--worlds", type=int)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--data", type=Path, default=os.environ.get("DLAMA_DATA"))
+    verbs = parser.add_subparsers(required=True, dest="what")
+    one = verbs.add_parser("train")
+    one.add_argument("--worlds", type=int)
+    one.add_argument("--seed", type=int, default=0)
+    two = verbs.add_parser("table")
+    two.add_argument("files", type=Path, nargs="+")
+    two.add_argument("--method", default="dlama/auto")
     asked = parser.parse_args()
-    if asked.what == "measure":
-        measured(asked.worlds or 8, asked.data and Path(asked.data))
+    if asked.what == "table":
+        for path in asked.files:
+            show(path, asked.method)
         return
     sets = SETS if asked.worlds is None else (asked.worlds,)
     rows = [part for number, count in enumerate(sets) for part in world_rows(count, asked.seed + number, TRAINED_FROM)]
