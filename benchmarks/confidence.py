@@ -257,7 +257,7 @@ def groups_of(table: Table, rows: list[dict], method: str) -> dict[str, list[dic
         if "ece" in measures:
             kind = "removals" if "/ori/" in case else "views"
             names = ["all", domains[case], f"{domains[case]}, {kind}"]
-            names += [f"|yaw| {abs(yaws[case]):.0f}"] if yaws[case] and kind == "views" else []
+            names += [f"|yaw| {abs(yaws[case]):.0f}"] if yaws[case] and names[2] == "street, views" else []
             for name in names:
                 found[name].append(measures)
     return dict(sorted(found.items()))
