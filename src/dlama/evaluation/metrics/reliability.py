@@ -22,7 +22,7 @@ STEPS = np.linspace(0, 0.99, 100)
 AGREEING = 0.8
 """Share of the pixels that both frames of a pair show whose colours are to agree within the tolerance of a right fill."""
 LEAST_PIXELS = 100
-"""Pixels that both show, below which nothing is said of their cameras."""
+"""Pixels that both show, below which their cameras are not compared."""
 
 
 class Bins(NamedTuple):
@@ -50,7 +50,7 @@ def color_tolerance(mine: UInt8Array, truth: UInt8Array, both: BoolArray, least:
     both frames show meet, if that is more.
 
     Two cameras with white balances and vignettings of their own disagree by more than `least` where the surface is the same;
-    no filler can know that, so it is not held against any.
+    no filler can know that.
 
     Args:
         mine: H x W x 3, the source carried over to the truth's camera, in its exposure.
