@@ -45,7 +45,7 @@ def test_nothing_is_wrong_with_worlds(seed: int) -> None:
     assert run_checks(world(seed)) == []
 
 
-@pytest.mark.parametrize(("name", "seed"), zip(SPOILT, SEEDS * len(SPOILT)))
+@pytest.mark.parametrize(("name", "seed"), list(zip(SPOILT, SEEDS * len(SPOILT))))
 def test_what_was_spoilt_is_named(name: str, seed: int) -> None:
     spoil, wanted = SPOILT[name]
     assert faults(spoil(world(seed))) & set(wanted)
@@ -87,7 +87,7 @@ FLIPPED = {
 }
 
 
-@pytest.mark.parametrize(("how", "seed"), zip(FLIPPED, MASK_SEEDS))
+@pytest.mark.parametrize(("how", "seed"), list(zip(FLIPPED, MASK_SEEDS)))
 def test_a_mirrored_mask_is_named(how: str, seed: int) -> None:
     """Oracle: how the mask was flipped."""
     seen = world(seed)
