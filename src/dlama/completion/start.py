@@ -153,7 +153,7 @@ def law_of(given: Scene, recipe: Recipe, object_depth: Float32Array | None = Non
 def describe_padding(given: Scene) -> dict[str, dict[str, Any]]:
     """For meta.json: how many pixels of the frames in memory are padding round the picture (`RGBD.padding`); {} = none."""
     measured = (one for one in given.frames if not isinstance(one, StoredView))
-    pixels = sum(int((one.hole_type == HoleType.OUT_OF_VIEW).sum()) for one in measured)
+    pixels = sum(int(np.count_nonzero(one.hole_type == HoleType.OUT_OF_VIEW)) for one in measured)
     reason = "a white or black frame without depth runs round the picture: it is filled, as all that is out of view"
     return {"padding": {"pixels": pixels, "reason": reason}} if pixels else {}
 

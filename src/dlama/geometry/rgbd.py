@@ -108,16 +108,12 @@ class RGBD:
 
         Registered pictures of a Kinect have one (NYU Depth v2: 5 to 11 px). It shows nothing of the scene.
         """
-        lines = tuple((slice(None),) * axis + (end,) for axis in (0, 1) for end in (0, -1))
+        lines = np.s_[0], np.s_[-1], np.s_[:, 0], np.s_[:, -1]
         if any((self.depth[line] != 0).mean() > 1 - PADDING_SHARE for line in lines):
             return None
         for level in (255, 0):
-            low, high = level - PADDING_LEVELS, level + PADDING_LEVELS
-            if all(
-                ((low <= c) & (c <= high)).all(-1).mean() >= PADDING_SHARE for c in (self.color[at] for at in lines)
-            ):
-                blank = ((low <= self.color) & (self.color <= high)).all(-1) & (self.depth == 0)
-                return _frame_of(blank)
+            if all(_is_level(self.color[line], level).mean() >= PADDING_SHARE for line in lines):
+                return _frame_of(_is_level(self.color, level) & self.missing)
         return None
 
 
@@ -127,6 +123,11 @@ def check_color(color: ArrayLike, name: str = "colour") -> UInt8Array:
     if array.dtype != np.uint8 or array.ndim != 3 or array.shape[2] != 3 or not array.size:
         raise ShapeError(f"{name} is {array.dtype} {array.shape}; uint8 H x W x 3 is expected")
     return array
+
+
+def _is_level(color: UInt8Array, level: int) -> BoolArray:
+    """True in the pixels of a picture, or of a line of it (... x 3), that are white (255) or black (0), as padding is."""
+    return np.asarray(((level - PADDING_LEVELS <= color) & (color <= level + PADDING_LEVELS)).all(-1))
 
 
 def _frame_of(blank: BoolArray) -> BoolArray | None:

@@ -121,10 +121,7 @@ class View:
 
     @classmethod
     def from_rgbd(cls, rgbd: RGBD) -> View:
-        """The source view: all measured (or with estimated depth), sensor holes (no depth, known colour) marked as such.
-
-        A frame round the picture (`RGBD.padding`) is out of view.
-        """
+        """The source view, measured or with estimated depth: sensor holes lack depth alone, `RGBD.padding` is out of view."""
         check(rgbd, RGBD, "rgbd")
         missing = rgbd.missing
         known, certainty = (Origin.MEASURED, 1.0) if rgbd.estimate is None else (Origin.ESTIMATED, ESTIMATED_CONFIDENCE)

@@ -53,12 +53,16 @@ class Canvas:
             wins &= ~from_source(self.origin) | (self.depth == 0)
             if at_home:
                 wins &= (self.origin != Origin.DEPTH_FILLED) | (self.depth == 0)
-        paste(other.color, wins, self.color)
-        paste(other.depth, wins, self.depth)
-        paste(other.origin, wins, self.origin)
-        paste(other.confidence, wins, self.confidence)
+        self.copy_where(other, wins)
+
+    def copy_where(self, other: Canvas | View, where: BoolArray) -> None:
+        """The chosen pixels (H x W) of a canvas, or of a view of the same camera, onto this one, as they are."""
+        paste(other.color, where, self.color)
+        paste(other.depth, where, self.depth)
+        paste(other.origin, where, self.origin)
+        paste(other.confidence, where, self.confidence)
         if self.errors is not None and other.errors is not None:
-            paste(other.errors, wins, self.errors)
+            paste(other.errors, where, self.errors)
 
     def put_errors(self, layer: View, where: BoolArray, rows: np.ndarray, columns: np.ndarray) -> None:
         """The expected errors of a layer's pixels (rows, columns: N) in the pixels of `where` (H x W, N True); both have some."""

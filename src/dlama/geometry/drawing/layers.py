@@ -246,19 +246,9 @@ def rasterize_surface(
 
 def copy_onto(canvas: Canvas, layer: View) -> None:
     """The layer seen from its own camera: every finite pixel as it is; a sensor hole its colour, but no depth."""
-    copy_where(canvas, layer, layer.valid)
+    canvas.copy_where(layer, layer.valid)
     paste(layer.color, layer.depth_hole, canvas.color)
     paste(layer.origin, layer.depth_hole, canvas.origin)
-
-
-def copy_where(canvas: Canvas, layer: View, where: BoolArray) -> None:
-    """The chosen pixels of a layer onto the canvas, as they are."""
-    paste(layer.color, where, canvas.color)
-    paste(layer.depth, where, canvas.depth)
-    paste(layer.origin, where, canvas.origin)
-    paste(layer.confidence, where, canvas.confidence)
-    if canvas.errors is not None and layer.errors is not None:
-        paste(layer.errors, where, canvas.errors)
 
 
 def draw_far(grid: Grid, camera: Camera, canvas: Canvas) -> None:
@@ -268,7 +258,7 @@ def draw_far(grid: Grid, camera: Camera, canvas: Canvas) -> None:
     if not len(rows):
         return
     if layer.camera.same_view_as(camera):
-        copy_where(canvas, layer, far & (canvas.depth == 0))
+        canvas.copy_where(layer, far & (canvas.depth == 0))
         return
     matrix, _ = px_from_px(layer.camera, camera)
     pixels = layer.color, grid.knots, layer.origin, layer.confidence
