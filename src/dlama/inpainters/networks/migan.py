@@ -33,19 +33,23 @@ NETWORK_SIDE = 512
 
 
 def migan_filler(model: str | Path | Engine) -> Painter:
-    """A filler of MI-GAN: a file (or an engine) of its generator. FileError where the file is another network's."""
+    """A filler of MI-GAN: a file (or an engine) of its generator. It raises FileError where the file is another network's."""
     network = open_engine(model, budget=(2 * NETWORK_SIDE) ** 2, memory_pattern=False)
-    if network.contract.network != "migan":
-        raise FileError(
-            f"{network.path}: is a network {network.contract.network!r} by its contract; MI-GAN is expected"
-        )
+
+    def require_migan() -> None:  # not before it runs: that loads the network, which many views do without
+        if network.contract.network != "migan":
+            raise FileError(
+                f"{network.path}: is a network {network.contract.network!r} by its contract; MI-GAN is expected"
+            )
 
     def migan(view: View, law: Law, seed: int) -> Fill:
+        require_migan()
         diffused = telea(view, law, seed)
         color = fill_picture(view.color, diffused.color, view.color_hole, network)
         return Fill(color, fill_depth(view, diffused.depth, network), notes=network.notes)
 
     def paint(picture: UInt8Array, hole: BoolArray, seed: int) -> UInt8Array:
+        require_migan()
         return fill_picture(picture, telea.paint(picture, hole, seed), hole, network)
 
     return Painter(migan, paint, lambda: network.notes)
