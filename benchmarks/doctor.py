@@ -148,10 +148,14 @@ def pose_table(rows: list[tuple[str, list[dlama.RGBD]]]) -> None:
     told: dict[str, Counter[str]] = defaultdict(Counter)
     for source, frames in rows:
         told["good, false alarms"][f"{source} tried"] += 1
-        told["good, false alarms"][source] += any(each.severity == "fault" for each in check_poses(frames, ""))
+        told["good, false alarms"][source] += any(
+            each.severity == "fault" for each in check_poses([shrink(one) for one in frames], "")
+        )
         for name, (spoil, wanted) in POSES.items():
             told[name][f"{source} tried"] += 1
-            told[name][source] += wanted in [each.check for each in check_poses(moved(frames, spoil), "")]
+            told[name][source] += wanted in [
+                each.check for each in check_poses([shrink(one) for one in moved(frames, spoil)], "")
+            ]
     print("\nposes, named / tried")
     for name, counts in told.items():
         print(

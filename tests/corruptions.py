@@ -17,30 +17,31 @@ from dlama.perception.diagnosis.finding import Observed
 from dlama.perception.diagnosis.poses import BODY, GL, LEFT_HANDED, Undo, reorder_quaternion
 
 FULL = 65535
+MM = 1000.0
 Spoil = Callable[[Observed], Observed]
 
 
 def observed(rgbd: RGBD, mask: BoolArray | None = None) -> Observed:
     """As 16-bit millimetres, 65535 = far."""
     depth = np.where(rgbd.depth > 65.5, np.inf, rgbd.depth.astype(np.float64))
-    return Observed(rgbd.color, np.round(depth * 1000), 1000.0, rgbd.camera, mask, whole=True)
+    return Observed(rgbd.color, np.round(depth * MM) / MM, rgbd.camera, mask, MM)
 
 
-def in_units(per_metre: float, whole: bool = True) -> Spoil:
-    """Depth in other units, read as the default ones."""
+def stored(seen: Observed, values: np.ndarray) -> Observed:
+    """The same with these 16-bit numbers in its file (rounded and cut off, far as it is), read as millimetres."""
+    finite = np.isfinite(values)
+    values = np.where(finite, np.minimum(np.round(np.where(finite, values, 0)), FULL - 1), np.inf)
+    return replace(seen, depth=values / MM)
 
-    def spoil(seen: Observed) -> Observed:
-        values = seen.values / seen.units * per_metre
-        if not whole:
-            return replace(seen, values=values, units=1.0, whole=False)
-        return replace(seen, values=_sixteen_bits(values))
 
-    return spoil
+def in_units(per_metre: float) -> Spoil:
+    """Depth in other units, read as millimetres."""
+    return lambda seen: stored(seen, seen.depth * per_metre)
 
 
 def read_as(units: float) -> Spoil:
-    """A wrong depth_scale."""
-    return lambda seen: replace(seen, units=units)
+    """Millimetres, and a wrong depth_scale."""
+    return lambda seen: replace(seen, depth=seen.depth * MM / units, units=units)
 
 
 def coded(curve: Callable[[np.ndarray], np.ndarray]) -> Spoil:
@@ -48,36 +49,41 @@ def coded(curve: Callable[[np.ndarray], np.ndarray]) -> Spoil:
 
     def spoil(seen: Observed) -> Observed:
         valid = seen.valid
-        share = np.clip(seen.values[valid] / np.percentile(seen.values[valid], 99), 0, 1)
-        values = np.zeros_like(seen.values)
+        share = np.clip(seen.depth[valid] / np.percentile(seen.depth[valid], 99), 0, 1)
+        values = np.zeros_like(seen.depth)
         values[valid] = curve(share) * (FULL - 1)
-        return replace(seen, values=_sixteen_bits(values))
+        return stored(seen, values)
 
     return spoil
 
 
+def inverse_of(seen: Observed) -> np.ndarray:
+    """1/m, 0 = far or missing."""
+    w = np.zeros_like(seen.depth)
+    w[seen.valid] = 1 / seen.depth[seen.valid]
+    return w
+
+
 def inverse(seen: Observed) -> Observed:
     """Disparity: inverse depth, 0 = far."""
-    w = np.zeros_like(seen.values)
-    w[seen.valid] = 1 / seen.values[seen.valid]
-    return replace(seen, values=_sixteen_bits(w / w.max() * 50000))
+    w = inverse_of(seen)
+    return stored(seen, w / w.max() * 50000)
 
 
 def normalised_inverse(seen: Observed) -> Observed:
     """Inverse depth between its smallest and largest value, as networks for single pictures give it."""
-    w = np.zeros_like(seen.values)
-    w[seen.valid] = 1 / seen.values[seen.valid]
+    w = inverse_of(seen)
     lowest = w[seen.valid].min()
-    return replace(seen, values=_top_is_far(np.clip((w - lowest) / (w.max() - lowest), 0, 1)))
+    return _top_is_far(seen, np.clip((w - lowest) / (w.max() - lowest), 0, 1))
 
 
 def normalised(seen: Observed) -> Observed:
     """Depth between its smallest and largest value."""
     valid = seen.valid
-    lowest, largest = seen.values[valid].min(), seen.values[valid].max()
-    share = np.zeros_like(seen.values)
-    share[valid] = (seen.values[valid] - lowest) / (largest - lowest)
-    return replace(seen, values=_top_is_far(share))
+    lowest, largest = seen.depth[valid].min(), seen.depth[valid].max()
+    share = np.zeros_like(seen.depth)
+    share[valid] = (seen.depth[valid] - lowest) / (largest - lowest)
+    return _top_is_far(seen, share)
 
 
 def radial(seen: Observed) -> Observed:
@@ -85,22 +91,22 @@ def radial(seen: Observed) -> Observed:
     camera = seen.camera
     x = (np.arange(camera.width) + 0.5 - camera.cx) / camera.fx
     y = (np.arange(camera.height) + 0.5 - camera.cy) / camera.fy
-    return replace(seen, values=_sixteen_bits(seen.values * np.sqrt(1 + x**2 + y[:, None] ** 2)))
+    return stored(seen, seen.depth * MM * np.sqrt(1 + x**2 + y[:, None] ** 2))
 
 
 def flipped(turn: Callable[[np.ndarray], np.ndarray]) -> Spoil:
     """Depth mirrored or turned."""
-    return lambda seen: replace(seen, values=np.ascontiguousarray(turn(seen.values)))
+    return lambda seen: replace(seen, depth=np.ascontiguousarray(turn(seen.depth)))
 
 
 def shifted(right: float, down: float) -> Spoil:
     """Depth moved by shares of the width; nothing is known where it came from."""
 
     def spoil(seen: Observed) -> Observed:
-        (h, w), by = seen.values.shape, (round(down * seen.values.shape[1]), round(right * seen.values.shape[1]))
+        (h, w), by = seen.depth.shape, (round(down * seen.depth.shape[1]), round(right * seen.depth.shape[1]))
         padded = np.zeros((3 * h, 3 * w))
-        padded[h + by[0] : 2 * h + by[0], w + by[1] : 2 * w + by[1]] = seen.values
-        return replace(seen, values=padded[h : 2 * h, w : 2 * w])
+        padded[h + by[0] : 2 * h + by[0], w + by[1] : 2 * w + by[1]] = seen.depth
+        return replace(seen, depth=padded[h : 2 * h, w : 2 * w])
 
     return spoil
 
@@ -115,7 +121,7 @@ SPOILT: dict[str, tuple[Spoil, tuple[str, ...]]] = {
     "1/10000 m read as mm": (in_units(10000), ("depth-scale",)),
     "1/256 m read as mm": (in_units(256), ("depth-scale",)),
     "mm read as 1/5000 m": (read_as(5000.0), ("depth-scale",)),
-    "float mm read as metres": (in_units(1000, whole=False), ("depth-scale",)),
+    "mm read as metres": (read_as(1.0), ("depth-scale",)),
     "inverse": (inverse, ("inverse-depth",)),
     "normalised inverse": (normalised_inverse, ("inverse-depth", "normalised-depth")),
     "normalised": (normalised, ("normalised-depth",)),
@@ -132,15 +138,9 @@ SPOILT: dict[str, tuple[Spoil, tuple[str, ...]]] = {
 """How a good input is spoilt -> the function, and which checks name it."""
 
 
-def _sixteen_bits(values: np.ndarray) -> np.ndarray:
-    """Rounded and cut off, far as it is."""
-    finite = np.isfinite(values)
-    return np.where(finite, np.minimum(np.round(np.where(finite, values, 0)), FULL - 1), np.inf)
-
-
-def _top_is_far(share: np.ndarray) -> np.ndarray:
+def _top_is_far(seen: Observed, share: np.ndarray) -> Observed:
     values = np.round(share * FULL)
-    return np.where(values == FULL, np.inf, values)
+    return stored(seen, np.where(values == FULL, np.inf, values))
 
 
 def transposed(pose: Float64Array) -> Float64Array:

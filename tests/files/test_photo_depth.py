@@ -253,7 +253,7 @@ def test_doctor_says_what_a_photo_carries(tmp_path: Path) -> None:
     *notes, last = diagnose(apple_jpeg(tmp_path / "IMG.jpg"))
     assert [note.severity for note in notes] == ["note"] and "relative" in notes[0].what
     assert (
-        "IMG.jpg: nothing wrong: 128x96, 54.2 degrees wide, depth of the photo (JPEG, Apple disparity), 64x48"
+        "IMG.jpg: nothing wrong: 128x96, 54.2 degrees wide, depth 0.25 to 2 m, depth of the photo (JPEG, Apple disparity), 64x48"
         in last.what
     )
     first, _ = diagnose(put(tmp_path / "a.jpg", picture(COLOR)))

@@ -1,23 +1,56 @@
-"""Paths of inputs in; what is wrong with them, in findings, out: the public function behind `dlama doctor`."""
+"""Paths of inputs in; what is wrong with them, in findings, out: the public function behind `dlama doctor`.
+
+Inputs are read as every verb reads them, once; what the reader refuses is the finding. Checks examine what was read.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import logging
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
+
 from dlama.arguments import check_arguments, check_number
-from dlama.datasets.dataset_diagnosis import diagnose_dataset
-from dlama.datasets.layouts import is_capture_file
+from dlama.datasets.frames import Dataset, Frame, RemovalTruth, StereoTruth
+from dlama.datasets.layouts import detect, is_capture_file, open_dataset
+from dlama.datasets.posed.posed_frames import CameraOption
+from dlama.datasets.posed.scene_file import LAYOUT as SCENE
 from dlama.datasets.posed.scene_file import is_scene_file
-from dlama.errors import FileError, InputError, system_errors
+from dlama.datasets.posed.view_pairs import LOG, NoPairsError
+from dlama.errors import FileError, InputError, ShapeError, format_count, system_errors
 from dlama.files.atomic_write import PathLike
-from dlama.files.diagnosis import DepthOptions, diagnose_pair, diagnose_photo, diagnose_rgbd
+from dlama.files.cameras import read_stereo_calib
+from dlama.files.photos.depth import read_photo_depth
+from dlama.files.rasters.depth import MILLIMETRES
+from dlama.files.rasters.images import SUFFIXES, read_stored
+from dlama.files.rasters.pictures import read_color, read_mask
+from dlama.files.rasters.turned_pairs import check_mask_fits, orientation_difference
+from dlama.files.rgbd import read_rgbd
 from dlama.geometry.camera import Camera
-from dlama.perception.diagnosis.finding import Finding
+from dlama.geometry.rgbd import RGBD, describe_depth_range, percent
+from dlama.perception.depth_scale import describe_depth_source
+from dlama.perception.diagnosis.finding import Finding, Observed
+from dlama.perception.diagnosis.landing import shrink
+from dlama.perception.diagnosis.lens import check_lens
+from dlama.perception.diagnosis.odd_frames import find_odd_frames
+from dlama.perception.diagnosis.poses import check_poses
+from dlama.perception.diagnosis.rgbd_checks import run_checks
+from dlama.perception.diagnosis.stereo_pair import check_pair
+from dlama.workers.progress import log_messages
 
 DEFAULTS = {"pixel_center": 0.5, "mask_polarity": "fill", "soft_mask": False}
 """Of options of `diagnose` that are not None."""
+SCENES, FRAMES, CASES = 3, 6, 3
+"""At most so many scenes, frames in a row of each, and stereo or removal cases are looked at."""
+COMPARED = 100
+"""At most so many frames of a scene are compared with their neighbours."""
+Found = tuple[list[Finding], str, list[str]]
+"""Findings, how the inputs are called, and what was made of them."""
 
 
 @system_errors(FileError)
@@ -56,8 +89,8 @@ def diagnose(
         mask_polarity, soft_mask, mask_class: As in `read_mask`.
 
     Returns:
-        Findings of severity "fault" (results would be wrong), "note", and at the end one that is "fine". A file that
-        cannot be read is a finding, too.
+        Findings of severity "fault" (results would be wrong), "note", and at the end one that is "fine". Inputs that
+        cannot be read are one finding: the reader's message.
 
     Raises:
         InputError: no right picture is given, or an option that does not apply to these inputs.
@@ -66,28 +99,159 @@ def diagnose(
     intrinsics = {"fx": fx, "fy": fy, "cx": cx, "cy": cy, "fov": fov, "pixel_center": pixel_center}
     for name, value in (intrinsics | {"depth_scale": depth_scale, "depth_range": depth_range, "far": far}).items():
         check_number(value, name)
-    reading = DepthOptions(depth_scale, depth_range, channel, far, resize_depth)
+    depth: dict[str, Any] = {"depth_scale": depth_scale, "depth_range": depth_range, "channel": channel, "far": far}
+    depth["resize_depth"] = resize_depth
     masking = {"mask_polarity": mask_polarity, "soft_mask": soft_mask, "mask_class": mask_class}
-    of_picture = intrinsics | vars(reading) | masking
-    if Path(first).is_dir() or (second is None and (is_scene_file(Path(first)) or is_capture_file(Path(first)))):
-        _refuse(first, {"second": second, "mask": mask, "calib": calib, **of_picture})
-        return tuple(diagnose_dataset(Path(first), layout, camera))
-    if second is None and not Path(first).exists():
-        raise InputError(f"{Path(first)}: no such file or folder")
-    if second is None and calib is not None:
-        raise InputError(f"{Path(first)}: a left picture needs its right one")
-    if second is None:
-        _refuse(first, {"mask": mask, "layout": layout, **vars(reading), **masking})
-        return tuple(diagnose_photo(first, {"camera": camera, **intrinsics}))
-    if calib is not None:
-        _refuse(first, {"mask": mask, "layout": layout, "camera": camera, **of_picture})
-        return tuple(diagnose_pair(first, second, calib))
-    _refuse(first, {"layout": layout})
+    others = {"mask": mask, "layout": layout, "camera": camera, **intrinsics, **depth, **masking}
     lens = {"camera": camera, **intrinsics}
-    return tuple(diagnose_rgbd(first, second, mask, lens_options=lens, depth_options=reading, mask_options=masking))
-
-
-def _refuse(first: PathLike, others: Mapping[str, Any]) -> None:
+    examine: Callable[[], Found]
+    place = Path(first)
+    if place.is_dir() or (second is None and (is_scene_file(place) or is_capture_file(place))):
+        examine, takes = partial(_examine_dataset, place, layout, camera), {"layout", "camera"}
+        others |= {"second": second, "calib": calib}
+    elif second is None and not place.exists():
+        raise InputError(f"{place}: no such file or folder")
+    elif second is None and calib is not None:
+        raise InputError(f"{place}: a left picture needs its right one")
+    elif second is None:
+        examine, takes = partial(_examine_photo, place, lens), set(lens)
+    elif calib is not None:
+        examine, takes = partial(_examine_pair, place, Path(second), calib), set()
+    else:
+        examine = partial(_examine_picture, place, Path(second), mask, {**lens, **depth}, masking)
+        takes = set(others) - {"layout"}
     for name, value in others.items():
-        if value is not None and value != DEFAULTS.get(name):
-            raise InputError(f"{Path(first)}: `{name}` is {value}; it does not apply to these inputs")
+        if name not in takes and value is not None and value != DEFAULTS.get(name):
+            raise InputError(f"{place}: `{name}` is {value}; it does not apply to these inputs")
+    try:
+        found, names, parts = examine()
+    except InputError as error:
+        return (Finding("reading", "fault", 1.0, error.marked),)
+    verdict = "read as" if any(each.severity == "fault" for each in found) else "nothing wrong:"
+    return (*found, Finding("understood", "fine", 1.0, f"{names}: {verdict} {', '.join(parts)}"))
+
+
+def _examine_picture(
+    image: Path, depth: Path, mask: PathLike | None, reading: Mapping[str, Any], masking: Mapping[str, Any]
+) -> Found:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of what the checks look at, and of turned files, which are findings
+        rgbd = read_rgbd(image, depth, **reading)
+        removed = None if mask is None else read_mask(mask, **masking)
+        if mask is not None and removed is not None:
+            check_mask_fits(removed, mask, image)
+    turned = [orientation_difference(image, one) for one in (depth, mask) if one is not None]
+    mend = "clear the tag (exiftool -Orientation= FILE)"
+    found = [Finding("orientation", "note", 0.5, each, mend) for each in turned if each]
+    whole = depth.suffix.lower() in SUFFIXES
+    units = None if reading["depth_range"] else reading["depth_scale"] or (MILLIMETRES if whole else 1.0)
+    names = image.name, depth.name, "mask" if mask is None else Path(mask).name
+    found += run_checks(Observed.of(rgbd, names, removed, units))
+    parts = [*describe_frame(rgbd), f"{percent(rgbd.depth == 0)} missing", f"{percent(rgbd.far)} far"]
+    parts += [] if removed is None else [f"mask {percent(removed)}"]
+    return found, ", ".join(names[: 2 if mask is None else 3]), parts
+
+
+def describe_frame(rgbd: RGBD) -> list[str]:
+    """Size, field of view and depth, in words."""
+    camera = rgbd.camera
+    return [
+        f"{camera.width}x{camera.height}",
+        f"{camera.fov_deg:.3g} degrees wide",
+        f"depth {describe_depth_range(rgbd.depth)}",
+    ]
+
+
+def _examine_photo(image: Path, lens: Mapping[str, Any]) -> Found:
+    with warnings.catch_warnings(record=True) as noted:
+        warnings.simplefilter("always", UserWarning)
+        own = read_photo_depth(image)
+        if own is None:
+            read_stored(image)
+            what = f"{image.name}: carries no depth: it is estimated, unless a depth file is given"
+            return [Finding("photo-depth", "note", 1.0, what)], image.name, ["a picture"]
+        rgbd = read_rgbd(image, **lens)
+    found = check_lens(rgbd.camera)
+    found += [Finding("photo-depth", "note", 1.0, " ".join(str(one.message).split())) for one in noted]
+    parts = [
+        *describe_frame(rgbd),
+        f"depth {describe_depth_source(own.about)}, {'x'.join(map(str, own.about['size']))}",
+    ]
+    parts += [f"accuracy {own.about['accuracy']}"] if "accuracy" in own.about else []
+    return found, image.name, parts
+
+
+def _examine_pair(left: Path, right: Path, calib: PathLike) -> Found:
+    pictures = read_color(left), read_color(right)
+    rig = read_stereo_calib(calib, hw=pictures[0].shape[:2])
+    names = f"{left.name}, {right.name}"
+    if pictures[0].shape != pictures[1].shape:
+        sizes = " and ".join(f"{each.shape[1]}x{each.shape[0]}" for each in pictures)
+        raise ShapeError(f"{names}: are {sizes}; rectified pictures of one size are expected")
+    found = [
+        replace(each, what=f"{names}: {each.what}") for each in check_lens(rig.left) + check_pair(*pictures, rig.doffs)
+    ]
+    parts = [f"{rig.left.width}x{rig.left.height}", f"{rig.left.fov_deg:.3g} degrees wide"]
+    return found, names, [*parts, f"baseline {rig.baseline_m:.3g} m", f"doffs {rig.doffs:.3g} px"]
+
+
+def _examine_dataset(root: Path, layout: str | None, camera: CameraOption) -> Found:
+    dataset, found = _open(root, layout, camera)
+    first: list[RGBD] = []
+    for scene in list(dict.fromkeys(frame.scene for frame in dataset.frames))[:SCENES]:
+        found += examine_scene([frame for frame in dataset.frames if frame.scene == scene], first)
+    for case in (*dataset.of("sii")[:CASES], *dataset.of("ori")[:CASES]):
+        truth = case.load()
+        if isinstance(truth, StereoTruth):
+            noted = check_pair(truth.left, truth.right, truth.rig.doffs)
+            found += [replace(each, what=f"{case.scene}: {each.what}") for each in noted]
+        elif isinstance(truth, RemovalTruth):
+            name = f"{case.scene}/{case.frame}"
+            found += run_checks(Observed.of(truth.source, (name, name, f"{name}, mask"), truth.mask))
+    found = list({finding.line: finding for finding in found}.values())
+    counts = [format_count(len(dataset.frames), "frame"), format_count(len(dataset.cases), "case")]
+    return found, root.name, [f"layout {dataset.layout}", *counts, *(describe_frame(first[0]) if first else [])]
+
+
+def _open(root: Path, layout: str | None, camera: CameraOption) -> tuple[Dataset, list[Finding]]:
+    """The data set, also where no case can be made of its frames; what its reader logs (frames left out) are notes."""
+    noted, found = list[str](), list[Finding]()
+    try:
+        with log_messages(noted.append, LOG, logging.getLogger("dlama.kernels")):
+            dataset = open_dataset(root, layout, camera=camera)
+    except NoPairsError as error:
+        name = layout or (SCENE if is_scene_file(root) else detect(root))
+        dataset = Dataset(root.name, name, root, error.frames, ())
+        if len({frame.world_from_cam.tobytes() for frame in error.frames}) > 1:
+            found.append(Finding("no-overlap", "fault", 0.9, str(error)))
+    return dataset, [*(Finding("frames", "note", 1.0, note) for note in noted), *found]
+
+
+def examine_scene(frames: Sequence[Frame], first: list[RGBD]) -> list[Finding]:
+    """Findings on the frames of a scene, each read once; the first frame in a row is added to `first`."""
+    row = frames_in_a_row(frames)
+    spread = np.linspace(0, len(frames) - 1, min(len(frames), COMPARED)).round().astype(int)
+    small, found = {}, list[Finding]()
+    for frame in {each.name: each for each in (*(frames[place] for place in spread), *row)}.values():
+        rgbd, name = frame.load(), f"{frame.scene}/{frame.name}"
+        small[name] = shrink(rgbd)
+        if frame is row[0]:
+            first.append(rgbd)
+            found = run_checks(Observed.of(rgbd, (name, name, name)))
+    of_poses = check_poses([small[f"{each.scene}/{each.name}"] for each in row], row[0].scene)
+    if all(each.severity != "fault" for each in of_poses):  # one odd frame also makes frames in a row fit badly
+        of_poses = find_odd_frames(list(small.values()), list(small)) or of_poses
+    odd_scale = any(
+        each.check == "depth-scale" for each in of_poses if each.what.startswith(f"{row[0].scene}/{row[0].name}:")
+    )
+    return [*(each for each in found if not (odd_scale and each.check == "depth-scale")), *of_poses]
+
+
+def frames_in_a_row(frames: Sequence[Frame]) -> list[Frame]:
+    """Some of a scene's frames, neighbours in a row: by yaw about 0 where they have one, else from the middle of the listing."""
+    if all(frame.yaw is not None for frame in frames):
+        unlike = {frame.yaw: frame for frame in frames}
+        near = sorted(unlike, key=lambda yaw: abs(yaw or 0))[:FRAMES]
+        return [unlike[yaw] for yaw in sorted(near, key=lambda yaw: yaw or 0)]
+    start = max(0, (len(frames) - FRAMES) // 2)
+    return list(frames[start : start + FRAMES])

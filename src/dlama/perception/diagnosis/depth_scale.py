@@ -1,4 +1,4 @@
-"""Stored depth and a camera in; whether its unit makes a likely scene, and which unit does, out.
+"""Depth and a camera in; whether its unit makes a likely scene, and which unit does, or whether the unit is lost, out.
 
 A camera is carried 0.5 to 2.5 m above the floor or street, ceilings are 2.2 to 3.5 m high, and the nearest objects are about a
 metre away. Floors and ceilings are the largest planes that face up and down.
@@ -15,9 +15,8 @@ from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.perception.diagnosis.finding import Finding, Observed, certainty
 from dlama.perception.planes import TOLERANCE, find_planes
 
-WHOLE_UNITS = {1000.0: "millimetres", 5000.0: "1/5000 m (TUM)", 256.0: "1/256 m (KITTI)", 10000.0: "1/10000 m",
-               100.0: "centimetres"}  # fmt: skip
-FLOAT_UNITS = {1.0: "metres", 1000.0: "millimetres", 100.0: "centimetres"}
+UNITS = {1.0: "metres", 1000.0: "millimetres", 5000.0: "1/5000 m (TUM)", 256.0: "1/256 m (KITTI)", 10000.0: "1/10000 m",
+         100.0: "centimetres"}  # fmt: skip
 """Values per metre -> what they are called: the usual ones."""
 WIDTH = 200
 """Width in px of the picture in which planes are searched."""
@@ -37,10 +36,14 @@ AS_READ = 1.5
 """Least gain in log likelihood of another unit."""
 UNLIKELY = 2.9
 """And least unlikeliness of the given unit; typical scenes have 0 to 2.7."""
+FULL = 65535
+RARE, LOWEST, HIGHEST = 0.004, 0.008, 0.8
+"""Of depth that was stretched to 0..FULL: largest share of pixels at the maximum (more are a code, far, or a clip), largest least
+value and least largest value below it, over FULL."""
 
 
 class Extent(NamedTuple):
-    """How large a scene is in the unit it is read in."""
+    """How large a scene is as it was read, metres."""
 
     nearest: float
     middle: float
@@ -52,22 +55,39 @@ class Extent(NamedTuple):
 
 def check_depth_unit(seen: Observed) -> list[Finding]:
     """Reports which of the usual units depth is in, where the given one makes no likely scene."""
-    extent = measure_extent(seen)
+    extent, units = measure_extent(seen), seen.units or 1.0
     if extent is None:
         return []
-    usual = WHOLE_UNITS if seen.whole else FLOAT_UNITS
-    odds = {unit: unlikeliness(extent, seen.units / unit) for unit in usual if unit != seen.units}
+    odds = {unit: unlikeliness(extent, units / unit) for unit in UNITS if unit != units}
     as_read, best = unlikeliness(extent, 1.0), min(odds, key=lambda unit: odds[unit])
     margin = as_read - odds[best] - AS_READ
     if as_read < UNLIKELY or margin < 0:
         return []
-    factor = seen.units / best
+    factor = units / best
     if extent.floor is not None:
         shows = f"ground {extent.floor * factor:.3g} m below the camera, {extent.floor:.3g} m as read"
     else:
         shows = f"half of it within {extent.middle * factor:.3g} m, {extent.middle:.3g} m as read"
-    what = f"{seen.names[1]}: values look like {usual[best]} ({shows})"
-    return [Finding("depth-scale", "fault", certainty(margin, 2.0), what, f"give `depth_scale={best:g}`")]
+    what = f"{seen.names[1]}: values look like {UNITS[best]} ({shows})"
+    mend = "check the unit of depth" if seen.units is None else f"give `depth_scale={best:g}`"
+    return [Finding("depth-scale", "fault", certainty(margin, 2.0), what, mend)]
+
+
+def check_value_range(seen: Observed) -> list[Finding]:
+    """Reports 16-bit values that fill 0..65535 exactly, as normalising leaves them (floats of 0..1 are refused when they are
+    read)."""
+    known, far = seen.valid, np.isposinf(seen.depth)
+    if seen.units in (None, 1.0) or not known.any() or not 0 < far.sum() <= RARE * (known | far).sum():
+        return []
+    share = seen.depth[known] * seen.units / FULL
+    extent = measure_extent(seen)
+    if share.min() > LOWEST or not HIGHEST <= share.max() <= 1 or extent is None:
+        return []
+    read, typical = (extent.middle, MIDDLE[0]) if extent.floor is None else (extent.floor, FLOOR[0])
+    scale = seen.units * read / typical
+    what = f"{seen.names[1]}: values span 0..{FULL} exactly, as normalised depth does; its unit is lost"
+    mend = f"save metres; depth_scale={scale:.3g} would make this a usual scene, a guess ({FULL / scale:.2g} m at most)"
+    return [Finding("normalised-depth", "fault", 0.85, what, mend)]
 
 
 def measure_extent(seen: Observed) -> Extent | None:
@@ -75,10 +95,10 @@ def measure_extent(seen: Observed) -> Extent | None:
     valid = seen.valid
     if valid.sum() < 50:
         return None
-    nearest, middle = np.percentile(seen.values[valid], (2, 50)) / seen.units
+    nearest, middle = np.percentile(seen.depth[valid], (2, 50))
     step = max(1, max(valid.shape) // WIDTH)
     known = valid[::step, ::step]
-    w = np.where(known, seen.units / np.where(known, seen.values[::step, ::step], 1), 0).astype(np.float32)
+    w = np.where(known, 1 / np.where(known, seen.depth[::step, ::step], 1), 0).astype(np.float32)
     floor, ceiling = floor_and_ceiling(w, known, seen.camera, step)
     return Extent(float(nearest), float(middle), floor, ceiling)
 

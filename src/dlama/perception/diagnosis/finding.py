@@ -1,8 +1,7 @@
-"""The two nouns of a diagnosis: what a check examines (stored numbers, picture, camera) and what it reports (findings)."""
+"""The two nouns of a diagnosis: what a check examines (picture, depth, camera, mask) and what it reports (findings)."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -10,13 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.camera import Camera
-from dlama.geometry.rgbd import BoolArray, UInt8Array
+from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
 
 Severity = Literal["fault", "note", "fine"]
 """fault: results would be wrong; note: worth knowing; fine: how the input was understood."""
-CERTAIN = 0.9
-"""Probability from which a finding is certain."""
-LIKELY = 0.7
+CERTAIN, LIKELY = 0.9, 0.7
+"""Probabilities from which a finding is called so."""
 
 
 @dataclass(frozen=True)
@@ -24,7 +22,7 @@ class Finding:
     """One finding about the inputs."""
 
     check: str
-    """Name of the fault, e.g. "depth-scale", "mirrored"; "understood" for how the input was read."""
+    """Name of the fault, e.g. "depth-scale", "mirrored-depth"; "understood" for how the input was read."""
     severity: Severity
     confidence: float
     """Probability, 0..1."""
@@ -40,12 +38,6 @@ class Finding:
         return f"{self.what}{mend}{'' if self.severity == 'fine' else f' ({describe_probability(self.confidence)})'}"
 
 
-def understood(names: str, parts: Sequence[str], found: Sequence[Finding]) -> Finding:
-    """The last finding: what was made of the inputs, in `parts`, after those that were `found`."""
-    verdict = "read as" if any(each.severity == "fault" for each in found) else "nothing wrong:"
-    return Finding("understood", "fine", 1.0, f"{names}: {verdict} {', '.join(parts)}")
-
-
 def describe_probability(confidence: float) -> str:
     """A probability in words."""
     return "certain" if confidence >= CERTAIN else "likely" if confidence >= LIKELY else "perhaps"
@@ -58,23 +50,28 @@ def certainty(evidence: float, half: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Observed:
-    """A picture with its depth file, before any interpretation."""
+    """A picture with its depth, as they were read."""
 
     color: UInt8Array
     """H x W x 3 RGB."""
-    values: NDArray[np.float64]
-    """H x W, as stored; 0 = missing, +inf = far."""
-    units: float
-    """Values per metre as they would be read."""
+    depth: NDArray[np.float64]
+    """H x W metres; 0 = missing, +inf = far."""
     camera: Camera
     mask: BoolArray | None = None
     """H x W, True = remove."""
+    units: float | None = None
+    """Values a metre that the depth file was read with; None: no option says how it is read."""
     names: tuple[str, str, str] = ("image", "depth", "mask")
     """How messages call the three."""
-    whole: bool = False
-    """Stored as whole numbers."""
+
+    @classmethod
+    def of(
+        cls, rgbd: RGBD, names: tuple[str, str, str], mask: BoolArray | None = None, units: float | None = None
+    ) -> Observed:
+        """A frame that was read."""
+        return cls(rgbd.color, rgbd.depth.astype(np.float64), rgbd.camera, mask, units, names)
 
     @property
     def valid(self) -> BoolArray:
         """H x W, True where depth has a finite value > 0."""
-        return np.asarray((self.values > 0) & (self.values < np.inf), np.bool_)
+        return np.asarray((self.depth > 0) & (self.depth < np.inf), np.bool_)

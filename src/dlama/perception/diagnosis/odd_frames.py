@@ -58,54 +58,38 @@ def find_oddity(frame: SmallFrame, others: Sequence[SmallFrame], name: str) -> F
     as_read = fits(frame, others)
     if lower_median(1 / np.maximum(as_read, 0.01)) < LEAST_LEAD:  # no fit is above 1, so that no factor could lead
         return check_tone_curve(frame, others, name)
-    scale = depth_factor(frame, others)
-    trials = {("depth", scale): fits(rescale_frame(frame, depth=scale), others)}
-    trials |= {("focal", factor): fits(rescale_frame(frame, focal=factor), others) for factor in map(float, FACTORS)}
-    best = max(trials, key=lambda key: lower_median(trials[key]))
-    (what, factor), fit = best, lower_median(trials[best])
-    lead = lower_median(trials[best] / np.maximum(as_read, 0.01))
+    tried = [("depth", depth_factor(frame, others)), *(("focal", factor) for factor in map(float, FACTORS))]
+    found = [fits(rescale_frame(frame, **{what: factor}), others) for what, factor in tried]
+    (what, factor), best = max(zip(tried, found), key=lambda pair: lower_median(pair[1]))
+    fit, lead = lower_median(best), lower_median(best / np.maximum(as_read, 0.01))
     if max(factor, 1 / factor) < LEAST_CHANGE or fit < LEAST_FIT or lead < LEAST_LEAD:
         return check_tone_curve(frame, others, name)
+    check, which, low, high, multiplied = {
+        "depth": ("depth-scale", "depth", "small", "large", "depth"),
+        "focal": ("focal-length", "its focal length", "short", "long", "fx and fy"),
+    }[what]
+    times = f"{max(factor, 1 / factor):.3g} times too {low if factor > 1 else high}"
     shows = f"so {fit:.0%} of its points fit the neighbouring frames, {lower_median(as_read):.0%} as read"
-    confidence = certainty(lead - 1, 0.3)
-    if what == "depth":
-        times = f"{max(factor, 1 / factor):.3g} times too {'small' if factor > 1 else 'large'}"
-        return Finding(
-            "depth-scale",
-            "fault",
-            confidence,
-            f"{name}: depth is {times}; {shows}",
-            f"multiply its depth by {factor:.3g}",
-        )
-    times = f"{max(factor, 1 / factor):.2f} times too {'short' if factor > 1 else 'long'}"
-    return Finding(
-        "focal-length",
-        "fault",
-        confidence,
-        f"{name}: its focal length is {times}; {shows}",
-        f"multiply its fx and fy by {factor:.2f}",
-    )
+    mend = f"multiply its {multiplied} by {factor:.3g}"
+    return Finding(check, "fault", certainty(lead - 1, 0.3), f"{name}: {which} is {times}; {shows}", mend)
 
 
 def check_tone_curve(frame: SmallFrame, others: Sequence[SmallFrame], name: str) -> Finding | None:
     """Reports a gamma of the picture against its neighbours; exposure and white balance do not change contrast."""
-    exponents = [
-        contrast(landed) for landed in (find_landing_points(frame, other) for other in others) if landed.fit > LEAST_FIT
-    ]
-    if len(exponents) < 2:
+    landed = [each for each in (find_landing_points(frame, other) for other in others) if each.fit > LEAST_FIT]
+    if len(landed) < 2:
         return None
-    exponent = float(np.exp(np.median(np.log(exponents))))
+    curves = np.log([contrast(each) for each in landed])
+    curve, least = float(np.median(curves)), np.log(LEAST_CURVE)
     # all must agree: two kinds of camera in one scene may differ by as much
-    away = min(max(each, 1 / each) if (each > 1) == (exponent > 1) else 1.0 for each in exponents)
-    if max(exponent, 1 / exponent) < LEAST_CURVE or away < np.sqrt(LEAST_CURVE):
+    if abs(curve) < least or (curves * np.sign(curve)).min() < least / 2:
         return None
-    curve = "a gamma of 1/2.2 applied once more" if exponent < 1 else "its gamma taken off (linear values)"
-    what = f"{name}: the picture looks as if it had {curve}: its colours are its neighbours' to the power of {exponent:.2g}"
-    undo = 2.2 if exponent < 1 else 1 / 2.2
-    confidence = certainty(abs(np.log(exponent)) - np.log(LEAST_CURVE), 0.15)
-    return Finding(
-        "picture-gamma", "fault", confidence, what, f"save it anew with each value (0..1) to the power of {undo:.2g}"
+    how, undo = (
+        ("a gamma of 1/2.2 applied once more", 2.2) if curve < 0 else ("its gamma taken off (linear values)", 1 / 2.2)
     )
+    what = f"{name}: the picture looks as if it had {how}: its colours are its neighbours' to the power of {np.exp(curve):.2g}"
+    mend = f"save it anew with each value (0..1) to the power of {undo:.2g}"
+    return Finding("picture-gamma", "fault", certainty(abs(curve) - least, 0.15), what, mend)
 
 
 def contrast(landed: Landed) -> float:

@@ -15,16 +15,13 @@ import numpy as np
 from dlama.errors import CameraError
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.poses import invert_pose, quaternion_from_rotation, rotation_from_quaternion
-from dlama.geometry.rgbd import RGBD
 from dlama.perception.diagnosis.finding import Finding, certainty
-from dlama.perception.diagnosis.landing import Landed, SmallFrame, find_landing_points, shrink
+from dlama.perception.diagnosis.landing import SmallFrame, find_landing_points
 
 LEAST_LEAD = 1.3
 """Least gain of another convention,"""
 LEAST_FIT = 0.12
 """and its least agreement (1: every point lands, colours agree fully)."""
-EXPOSURE = 1.25
-"""Least ratio of brightness between frames that is reported as exposure."""
 GL = np.diag([1.0, -1.0, -1.0, 1.0])
 """OpenGL's camera axes (y up, z back) in OpenCV's."""
 LEFT_HANDED = np.diag([1.0, -1.0, 1.0, 1.0])
@@ -59,83 +56,53 @@ def _transpose(pose: Float64Array) -> Float64Array:
 
 
 def _scale_translation(factor: float) -> Undo:
-    def undo(pose: Float64Array) -> Float64Array:
-        out = pose.copy()
-        out[:3, 3] *= factor
-        return out
-
-    return undo
+    return lambda pose: np.block([[pose[:3, :3], pose[:3, 3:] * factor], [pose[3:]]])
 
 
-AXES = "have other camera axes"
+def _inverse_after(before: Float64Array, after: Float64Array) -> Undo:
+    return lambda pose: invert_pose(pose @ before) @ after
+
+
+SAME = np.eye(4)
 INVERSE = "go from world to camera, not from camera to world"
-FLIP = "multiply each from the right by diag(1, -1, -1, 1)"
-MIRROR = "multiply each from both sides by diag(1, -1, 1, 1)"
-BODY_AXES = f"{AXES} (x forward, y left, z up, as robots have them)"
-CONVENTIONS: dict[str, Convention] = {
-    "opengl": Convention("pose-axes", f"{AXES} (y and z the other way round)", FLIP, lambda p: p @ GL),
-    "inverse": Convention("pose-direction", INVERSE, "invert them", invert_pose),
-    "inverse opengl": Convention(
-        "pose-direction", f"{INVERSE}, and {AXES}", f"invert them, then {FLIP}", lambda p: invert_pose(p) @ GL
-    ),
-    "opengl inverse": Convention("pose-direction", INVERSE, "invert them", lambda p: invert_pose(p @ GL)),
-    "opengl inverse opengl": Convention("pose-direction", INVERSE, "invert them", lambda p: invert_pose(p @ GL) @ GL),
-    "left-handed": Convention(
-        "pose-handedness", "are left-handed (y up)", MIRROR, lambda p: LEFT_HANDED @ p @ LEFT_HANDED
-    ),
-    "left-handed opengl": Convention(
-        "pose-handedness", "are left-handed (y up)", MIRROR, lambda p: LEFT_HANDED @ p @ GL @ LEFT_HANDED
-    ),
-    "body": Convention("pose-axes", BODY_AXES, "turn the axes to x right, y down, z forward", lambda p: p @ invert_pose(BODY)),
-    "transposed": Convention("pose-rotation", "have their rotations transposed", "transpose the 3x3 part", _transpose),
-    "wxyz": Convention(
-        "quaternion-order", "have quaternions in the order w x y z", "write them as x y z w",
-        lambda p: reorder_quaternion(p, (1, 2, 3, 0)),
-    ),
-    "xyzw": Convention(
-        "quaternion-order", "have quaternions in the order x y z w", "write them as w x y z",
-        lambda p: reorder_quaternion(p, (3, 0, 1, 2)),
-    ),
-    **{f"scale {factor:g}": Convention(
-        "pose-scale", f"move {max(factor, 1 / factor):g} times too {'little' if factor > 1 else 'far'} for the depth",
-        f"multiply translations by {factor:g}, or divide depth by it", _scale_translation(factor))
-       for factor in (0.001, 0.01, 0.1, 0.2, 5.0, 10.0, 100.0, 1000.0)},
-}  # fmt: skip
+CONVENTIONS: list[Convention] = [
+    Convention("pose-axes", "have other camera axes (y and z the other way round)",
+               "multiply each from the right by diag(1, -1, -1, 1)", lambda p: p @ GL),
+    Convention("pose-axes", "have other camera axes (x forward, y left, z up, as robots have them)",
+               "turn the axes to x right, y down, z forward", lambda p: p @ invert_pose(BODY)),
+    Convention("pose-direction", f"{INVERSE}, and have other camera axes",
+               "invert them, then multiply each from the right by diag(1, -1, -1, 1)", _inverse_after(SAME, GL)),
+    *(Convention("pose-direction", INVERSE, "invert them", _inverse_after(*turns))
+      for turns in ((SAME, SAME), (GL, SAME), (GL, GL))),
+    *(Convention("pose-handedness", "are left-handed (y up)", "multiply each from both sides by diag(1, -1, 1, 1)", undo)
+      for undo in (lambda p: LEFT_HANDED @ p @ LEFT_HANDED, lambda p: LEFT_HANDED @ p @ GL @ LEFT_HANDED)),
+    Convention("pose-rotation", "have their rotations transposed", "transpose the 3x3 part", _transpose),
+    Convention("quaternion-order", "have quaternions in the order w x y z", "write them as x y z w",
+               lambda p: reorder_quaternion(p, (1, 2, 3, 0))),
+    Convention("quaternion-order", "have quaternions in the order x y z w", "write them as w x y z",
+               lambda p: reorder_quaternion(p, (3, 0, 1, 2))),
+    *(Convention("pose-scale", f"move {max(factor, 1 / factor):g} times too {'little' if factor > 1 else 'far'} for the depth",
+                 f"multiply translations by {factor:g}, or divide depth by it", _scale_translation(factor))
+      for factor in (0.001, 0.01, 0.1, 0.2, 5.0, 10.0, 100.0, 1000.0)),
+]  # fmt: skip
 """The usual mistakes."""
 
 
-def check_poses(frames: Sequence[RGBD], name: str) -> list[Finding]:
+def check_poses(frames: Sequence[SmallFrame], name: str) -> list[Finding]:
     """Findings on frames in a row (each overlapping the next), called `name` in messages."""
-    small = [shrink(frame) for frame in frames]
-    if len(small) < 2:
+    if len(frames) < 2:
         return []
-    as_read = [find_landing_points(*pair) for pair in pairwise(small)]
-    fit = float(np.mean([each.fit for each in as_read]))
-    fits = {key: mean_fit(small, way.undo) for key, way in CONVENTIONS.items()}
-    best = max(fits, key=lambda key: fits[key])
-    lead = fits[best] / max(fit, 1e-3)
-    if lead > LEAST_LEAD and fits[best] > LEAST_FIT:
-        way = CONVENTIONS[best]
-        shares = f"{_format_share(fits[best])} of a frame's points fit the next one, {_format_share(fit)} as read"
-        what = f"{name}: poses {way.what}; so {shares}"
+    fit = mean_fit(frames, lambda pose: pose)
+    fits = [mean_fit(frames, way.undo) for way in CONVENTIONS]
+    best, way = max(fits), CONVENTIONS[int(np.argmax(fits))]
+    lead = best / max(fit, 1e-3)
+    if lead > LEAST_LEAD and best > LEAST_FIT:
+        what = f"{name}: poses {way.what}; so {best:.0%} of a frame's points fit the next one, {fit:.0%} as read"
         return [Finding(way.check, "fault", certainty(lead - 1, 0.5), what, way.mend)]
-    found = []
-    if fit < LEAST_FIT:
-        what = f"{name}: frames in a row hardly fit each other ({_format_share(fit)} of the points); no usual convention mends it"
-        found.append(Finding("poses", "note", 0.6, what, "check that poses, depth and camera belong to these frames"))
-    gains = [gain(each) for each in as_read if each.fit > LEAST_FIT]
-    most = max((max(each, 1 / each) for each in gains), default=1.0)
-    if most > EXPOSURE:
-        what = f"{name}: exposure changes from frame to frame, up to {most:.2f} times as bright"
-        found.append(
-            Finding("exposure", "note", 0.85, what, "undo the gain before colours of frames are compared or mixed")
-        )
-    return found
-
-
-def gain(landed: Landed) -> float:
-    """Brightness of the other frame over this one's, at landed points."""
-    return float((np.median(landed.second) + 1) / (np.median(landed.first) + 1))
+    if fit >= LEAST_FIT:
+        return []
+    what = f"{name}: frames in a row hardly fit each other ({fit:.0%} of the points); no usual convention mends it"
+    return [Finding("poses", "note", 0.6, what, "check that poses, depth and camera belong to these frames")]
 
 
 def mean_fit(frames: Sequence[SmallFrame], undo: Undo) -> float:
@@ -147,7 +114,3 @@ def mean_fit(frames: Sequence[SmallFrame], undo: Undo) -> float:
     except CameraError:  # far from the world's origin already, and scaled: no camera stands there
         return 0.0
     return float(np.mean([find_landing_points(*pair).fit for pair in pairwise(moved)]))
-
-
-def _format_share(share: float) -> str:
-    return f"{100 * share:.0f} %"

@@ -46,57 +46,41 @@ class Peak(NamedTuple):
 
 def check_registration(seen: Observed) -> list[Finding]:
     """Reports depth that is mirrored, turned or shifted against the picture."""
-    step = max(1, round(max(seen.values.shape) / WIDTH))
-    depth = depth_edges(seen.values, seen.units, step)
-    image, name = picture_edges(seen.color, step), f"{seen.names[1]}: depth"
-    return _find_misregistration(
-        image, depth, step, name, "mirrored-depth", "shifted-depth", "register depth to the picture"
+    return _compare_edges(
+        seen, depth_edges(seen.depth), f"{seen.names[1]}: depth", "depth", "register depth to the picture"
     )
 
 
 def check_mask_registration(seen: Observed) -> list[Finding]:
-    """Reports a mask that is mirrored or turned against the picture."""
+    """Reports a mask that is mirrored, turned or shifted against the picture."""
     if seen.mask is None:
         return []
-    step = max(1, round(max(seen.values.shape) / WIDTH))
-    outline = mask_edges(seen.mask, step)
-    return _find_misregistration(
-        picture_edges(seen.color, step),
-        outline,
-        step,
-        f"{seen.names[2]}: the mask",
-        "mirrored-mask",
-        "shifted-mask",
-        "draw it anew",
-    )
+    return _compare_edges(seen, mask_edges(seen.mask), f"{seen.names[2]}: the mask", "mask", "draw it anew")
 
 
-def correlate_edges(color: UInt8Array, values: NDArray[np.float64]) -> float:
-    """Agreement of the edges of picture and depth: standard deviations of the correlation over shifts; 0 where their sizes
-    differ."""
-    if color.shape[:2] != values.shape:
-        return 0.0
-    step = max(1, round(max(values.shape) / WIDTH))
-    return find_peak(picture_edges(color, step), depth_edges(values, 1.0, step)).here
-
-
-def _find_misregistration(
-    image: Floats, other: Floats, step: int, what: str, mirror: str, shifted: str, mend: str
-) -> list[Finding]:
+def _compare_edges(seen: Observed, edges: list[Floats], what: str, kind: str, mend: str) -> list[Finding]:
+    step = max(1, round(max(seen.depth.shape) / WIDTH))
+    image, other = picture_edges(seen.color, step), np.stack([_shrink(_clear_border(each), step) for each in edges])
     peaks = {name: find_peak(image, flip(other)) for name, flip in FLIPS.items()}
     plain, best = peaks["as it is"], max(peaks, key=lambda name: peaks[name].here)
     lead = peaks[best].here / max(plain.z, 1.0)
     if best != "as it is" and peaks[best].here > LEAST_Z and lead > LEAST_LEAD:
         back = {"mirrored left to right": "left to right", "upside down": "top to bottom"}.get(best)
         undo = f"mirror it back, {back}" if back else "turn it back by 180 degrees"
-        return [Finding(mirror, "fault", certainty(lead - 1, 0.25), f"{what} is {best} against the picture", undo)]
+        return [
+            Finding(
+                f"mirrored-{kind}", "fault", certainty(lead - 1, 0.25), f"{what} is {best} against the picture", undo
+            )
+        ]
     right, down = (round(each * step) for each in plain.shift)
     far = np.hypot(*plain.shift) > ALIGNED * image.shape[2]
     lead = plain.z / max(plain.here, 1.0)
     if far and plain.z > LEAST_Z and lead > LEAST_LEAD:
         sides = [f"{abs(by)} px too far {word}" for by, word in
                  ((right, "right" if right > 0 else "left"), (down, "down" if down > 0 else "up")) if by]  # fmt: skip
-        return [Finding(shifted, "fault", certainty(lead - 1, 0.25), f"{what} lies {' and '.join(sides)}", mend)]
+        return [
+            Finding(f"shifted-{kind}", "fault", certainty(lead - 1, 0.25), f"{what} lies {' and '.join(sides)}", mend)
+        ]
     return []
 
 
@@ -134,27 +118,22 @@ def picture_edges(color: UInt8Array, step: int) -> Floats:
     return np.stack([np.minimum(change / around, 1) for change in along]).astype(np.float32)
 
 
-def depth_edges(values: NDArray[np.float64], units: float, step: int) -> Floats:
-    """2 x H x W bends and jumps of inverse depth between known neighbours along rows and columns, 0..1; far is known."""
-    known = values > 0
-    w = np.where(known, units / np.where(known, values, 1), 0).astype(np.float32)
-    found = []
+def depth_edges(depth: NDArray[np.float64]) -> list[Floats]:
+    """Two H x W: bends and jumps of inverse depth between known neighbours along rows and columns, 0..1; far is known."""
+    known, found = depth > 0, []
+    w = np.where(known, 1 / np.where(known, depth, 1), 0).astype(np.float32)
     for axis in (1, 0):
         a, b, c = (np.roll(w, by, axis) for by in (1, 0, -1))
         there = np.roll(known, 1, axis) & known & np.roll(known, -1, axis)
         bend = np.abs(a - 2 * b + c) / np.maximum(np.maximum(np.maximum(a, b), c), 1e-6)
-        found.append(
-            _shrink(_clear_border(np.where(there, np.clip(bend / JUMP - 0.5, 0, 1), 0).astype(np.float32)), step)
-        )
-    return np.stack(found)
+        found.append(np.where(there, np.clip(bend / JUMP - 0.5, 0, 1), 0).astype(np.float32))
+    return found
 
 
-def mask_edges(mask: BoolArray, step: int) -> Floats:
-    """2 x H x W: the outline of a mask, without the picture's border."""
+def mask_edges(mask: BoolArray) -> list[Floats]:
+    """Two H x W: the outline of a mask along rows and columns."""
     small = cv2.GaussianBlur(mask.astype(np.float32), (0, 0), 0.8)
-    return np.stack(
-        [_shrink(_clear_border(np.abs(cv2.Sobel(small, cv2.CV_32F, *by))), step) for by in ((1, 0), (0, 1))]
-    )
+    return [np.abs(cv2.Sobel(small, cv2.CV_32F, *by)) for by in ((1, 0), (0, 1))]
 
 
 def _clear_border(edges: Floats) -> Floats:

@@ -10,8 +10,6 @@ from dlama.perception.stereo.checks import SAME_ROW, Corners, diagnose_corners, 
 
 SAME_LEVELS = 1.0
 """Largest mean colour difference (of 255) of identical pictures."""
-GAIN = 1.3
-"""Least ratio of brightness that is reported as exposure."""
 MENDS = {
     "unrelated": "give two pictures of one scene, taken side by side",
     "unrectified": "rectify the pair with its calibration (cv2.stereoRectify)",
@@ -27,33 +25,17 @@ def check_pair(left: UInt8Array, right: UInt8Array, doffs: float = 0.0) -> list[
     corners = match_corners(left, right)
     doubt = diagnose_corners(corners, left.shape[0], doffs)
     if doubt is None:
-        return _exposure(left, right)
+        return []
     kind, what = doubt
-    return [
-        Finding(
-            f"{kind}-pair",
-            "fault",
-            0.92,
-            what,
-            _describe_shift(corners, left.shape[0]) if kind == "unrectified" else MENDS[kind],
-        )
-    ]
+    mend = describe_shift(corners, left.shape[0]) if kind == "unrectified" else MENDS[kind]
+    return [Finding(f"{kind}-pair", "fault", 0.92, what, mend)]
 
 
-def _describe_shift(corners: Corners, height: int) -> str:
+def describe_shift(corners: Corners, height: int) -> str:
     """The correction of an unrectified pair: a vertical shift of the right picture, where that is enough."""
     down = corners.offsets[:, 1]
     down = down[np.abs(down) <= SAME_ROW * height]
     middle = float(np.median(down))
     if np.median(np.abs(down - middle)) > 0.3 * abs(middle):
         return MENDS["unrectified"]
-    way = "down" if middle > 0 else "up"
-    return f"move the right picture {way} by {abs(middle):.1f} px, or {MENDS['unrectified']}"
-
-
-def _exposure(left: UInt8Array, right: UInt8Array) -> list[Finding]:
-    gain = (np.median(right) + 1) / (np.median(left) + 1)
-    if 1 / GAIN < gain < GAIN:
-        return []
-    what = f"the right picture is {gain:.2f} times as bright as the left one"
-    return [Finding("exposure", "note", 0.8, what, "nothing to do: matching and filling allow for it")]
+    return f"move the right picture {'down' if middle > 0 else 'up'} by {abs(middle):.1f} px, or {MENDS['unrectified']}"
