@@ -79,16 +79,3 @@ def test_a_disk_that_cannot_hold_the_checkpoints(monkeypatch: pytest.MonkeyPatch
     with pytest.raises(OutputError, match=r"run: the run's last checkpoint.*GB, the disk has 0\.00 GB free"):
         train(toy(), tmp_path / "deep" / "run")
     assert list(tmp_path.iterdir()) == []
-
-
-def test_a_pack_that_neither_memory_nor_disk_can_hold(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """Closed form: 0.02 bytes a pixel, and never more than the megabytes that were asked for."""
-    monkeypatch.setattr(limits, "available_bytes", lambda: 10**6)
-    limits.check_pack(100, 45, 100, tmp_path / "a.pack")
-    limits.check_pack(10**9, 0.9, 256, tmp_path / "a.pack")
-    with pytest.raises(InputError, match=r"megabytes is 45: a pack of 1000 pictures of 256 px takes at least 0\.00 GB"):
-        limits.check_pack(1000, 45, 256, tmp_path / "a.pack")
-    monkeypatch.setattr(limits, "available_bytes", lambda: None)
-    monkeypatch.setattr(limits.shutil, "disk_usage", lambda place: NEARLY_FULL)
-    with pytest.raises(OutputError, match=r"a\.pack: a pack of 1000 pictures of 256 px takes at least"):
-        limits.check_pack(1000, 45, 256, tmp_path / "a.pack")

@@ -1,4 +1,4 @@
-"""Settings of a run, or of a pack, in -> InputError or OutputError out, before any work, where this machine has not the devices,
+"""Settings of a run in -> InputError or OutputError out, before any work, where this machine has not the devices,
 the memory or the disk for them.
 
 What is needed is estimated from below (weights, optimisers, and the tensors that the backward pass keeps), so that nothing is
@@ -24,31 +24,12 @@ KEPT = 3
 """Tensors that the backward pass keeps of a layer: what the convolution, the norm and the activation were given."""
 
 
-LEAST_PACKED = 0.02
-"""Bytes of a packed pixel at least (WebP of photos takes five to fifteen times that)."""
-
-
 def check_machine(settings: TrainSettings, run: Path) -> None:
     """Raise InputError for more devices than there are and settings whose memory cannot fit; OutputError where the disk of the
     directory `run` cannot hold its checkpoints."""
     check_devices(settings)
     check_memory(settings)
     check_disk(checkpoint_bytes(settings), run, "the run's last checkpoint, the one before it and its network")
-
-
-def check_pack(pictures: int, megabytes: float, size: int, output: Path) -> None:
-    """Raise InputError where a pack of so many pictures takes more memory than is free, OutputError where more than the disk has.
-
-    megabytes: its size at most; size: pixels of the smaller side.
-    """
-    needed = min(megabytes * 1e6, LEAST_PACKED * pictures * size * size)
-    free = available_bytes()
-    if free is not None and needed > free:
-        raise InputError(
-            f"`megabytes` is {megabytes:g}: a pack of {pictures} pictures of {size} px takes at least "
-            f"{needed / GB:.2f} GB of memory while it is made, {free / GB:.2f} GB are free; give less"
-        )
-    check_disk(needed, output, f"a pack of {pictures} pictures of {size} px")
 
 
 def check_disk(needed: float, place: Path, what: str) -> None:

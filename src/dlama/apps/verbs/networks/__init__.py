@@ -1,1 +1,1 @@
-"""Verbs about networks: `dlama models`, `train`, `pack`."""
+"""Verbs about networks: `dlama models`, `train`."""
