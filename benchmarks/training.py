@@ -26,8 +26,6 @@ CHANGES: dict[str, dict[str, Any]] = {
     "batch 8": {"batch": 8},
     "batch 16": {"batch": 16},
     "batch 8, bf16": {"batch": 8, "precision": "bf16"},
-    "batch 8, channels last": {"batch": 8, "channels_last": True},
-    "batch 8, bf16, channels last": {"batch": 8, "precision": "bf16", "channels_last": True},
     "batch 8, compiled": {"batch": 8, "compiled": True},
     "batch 8, bf16, compiled": {"batch": 8, "precision": "bf16", "compiled": True},
 }

@@ -20,8 +20,6 @@ HEAVY = (
     "skimage",
     "matplotlib",
     "jinja2",
-    "pytorch_lightning",
-    "tensorboard",
 )
 
 

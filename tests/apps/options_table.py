@@ -282,7 +282,6 @@ TRAIN = {
     "steps": Reach("--steps 3", "train.settings", attribute("loop.steps", 3)),
     "batch": Reach("--batch 7", "train.settings", attribute("loop.batch", 7)),
     "precision": Reach("--precision bf16", "train.settings", attribute("loop.precision", "bf16")),
-    "devices": Reach("--devices 2", "train.settings", attribute("loop.devices", 2)),
 }
 SHOW = {
     "what": instead("scene.npz", "points_in.path", Path("scene.npz"), "out"),

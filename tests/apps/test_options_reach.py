@@ -199,7 +199,7 @@ def training(monkeypatch: pytest.MonkeyPatch, calls: Calls) -> None:
     def no_run(*given: Any, **more: Any) -> Any:
         arguments = inspect.signature(original).bind(*given, **more).arguments
         calls.setdefault("train", []).append(dict(arguments))
-        return SimpleNamespace(first=False)
+        return SimpleNamespace(run=Path("run"), step=0, ended="", network=None)
 
     original = train.train
     monkeypatch.setattr(train, "train", no_run)

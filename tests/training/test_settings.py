@@ -113,7 +113,7 @@ def test_old_settings_files_still_load():
     folder = Path(__file__).parents[2] / "benchmarks" / "training_settings"
     assert len([settings_of(path) for path in folder.glob("*.json")]) >= 2
     first = {"data": {"mixture": dict.fromkeys(("sketch", "world", "frame", "removal"), 1.0), "cases": 0.25}}
-    found = from_json(json.dumps(first | {"loop": {"validate_every": 5, "guard_every": 7}}))
+    found = from_json(json.dumps(first | {"loop": {"validate_every": 5, "sheet_every": 7}}))
     assert found.data.cases == 0.25 and set(found.data.mixture) == set(first["data"]["mixture"])
 
 

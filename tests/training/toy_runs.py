@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -75,10 +74,3 @@ class Exploit:
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Path.touch, (self.marker,)
-
-
-def no_tensorboard() -> None:
-    """Some of its imports warn of Python's own changes; that is nobody's fault here."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        import torch.utils.tensorboard  # noqa: F401

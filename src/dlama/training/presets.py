@@ -43,7 +43,7 @@ FINISH = OptimiserSettings(warm_up=200, decay="cosine")
 
 def _tiny() -> TrainSettings:
     network = NetworkSettings("rgbd", width=8, blocks=1, downsamplings=2, discriminator_width=8, discriminator_layers=2)
-    intervals = LoopSettings(log_every=5, validate_every=20, sheet_every=20, checkpoint_every=20, guard_every=10)
+    intervals = LoopSettings(log_every=5, validate_every=20, sheet_every=20, checkpoint_every=20)
     return TrainSettings(
         "tiny",
         network=network,

@@ -47,8 +47,6 @@ class NetworkSettings:
     start: str | None = None
     """A LaMa checkpoint or safetensors file to start from: planes it lacks are added with zero weights, so that at step
     0 colour is filled as before. Width, blocks and the rest must be its own. Of choice: the ONNX file of a judge."""
-    frozen_norms: bool = False
-    """Batch norms keep their statistics (fine-tuning with small batches), only their scales and shifts learn."""
 
     def __post_init__(self) -> None:
         one_of("network.planes", self.planes, PLANES)
@@ -219,22 +217,16 @@ class DataSettings:
 
 @dataclass(frozen=True)
 class LoopSettings:
-    """Length, batch size, devices, and how often what is written."""
+    """Length, batch size, device, and how often what is written."""
 
     steps: int = 100_000
     """Number of optimiser steps."""
     batch: int = 16
-    """Samples of a batch on each device."""
+    """Samples of a batch."""
     precision: Literal["bf16", "fp32"] = "fp32"
     """bf16: matrix products in bfloat16; FFT, losses and weights stay float32."""
-    devices: int = 1
-    """GPUs (or processes, on a CPU) per node."""
-    nodes: int = 1
-    """Computers."""
     accelerator: Literal["auto", "cpu", "gpu"] = "auto"
     """auto: a GPU where there is one."""
-    channels_last: bool = False
-    """Tensors in the memory order B x H x W x C."""
     compiled: bool = False
     """The generator through torch.compile."""
     exact: bool = False
@@ -250,8 +242,6 @@ class LoopSettings:
     """Steps between two sample sheets."""
     checkpoint_every: int = 1000
     """Steps between two checkpoints."""
-    guard_every: int = 50
-    """Steps between two copies in memory that the run returns to after a gradient that is not finite."""
 
     def __post_init__(self) -> None:
         one_of("loop.precision", self.precision, ("bf16", "fp32"))

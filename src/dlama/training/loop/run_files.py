@@ -1,12 +1,11 @@
-"""A run directory: settings.json, metrics.csv, log.txt, tensorboard/, sheets/, last.ckpt, and at the end the network.
+"""A run directory: settings.json, metrics.csv, log.txt, sheets/, last.ckpt, and at the end the network.
 
-Rows, lines and pictures in -> files out. Only the first process of a run writes.
+Rows and lines in -> files out.
 """
 
 from __future__ import annotations
 
 import csv
-import io
 import logging
 import os
 from collections.abc import Iterator, Mapping, Sequence
@@ -27,7 +26,7 @@ except ImportError:  # Windows: two runs in one directory are not noticed
 LOG = logging.getLogger("dlama")
 SETTINGS, METRICS, LOG_FILE, SHEETS, LAST = "settings.json", "metrics.csv", "log.txt", "sheets", "last.ckpt"
 MAY_CHANGE = {
-    "loop": {"steps", "log_every", "validate_every", "sheet_every", "checkpoint_every", "guard_every", "accelerator"},
+    "loop": {"steps", "log_every", "validate_every", "sheet_every", "checkpoint_every", "accelerator"},
     "data": {"workers"},
 }
 """Settings that may differ in a resumed run; all others would make it another run."""
@@ -125,64 +124,40 @@ def refuse_changes(before: TrainSettings, now: TrainSettings) -> None:
                 raise InputError(f"`{group}.{name}` is {new[name]!r}, the run to resume has {old[name]!r}")
 
 
-class RunFiles:
-    """Files of a run that rows are appended to.
+class MetricsTable:
+    """metrics.csv, to which rows are appended.
 
-    columns: of metrics.csv, behind step, samples and seconds; step: the run begins after it, rows of later steps are removed.
+    columns: behind step, samples and seconds; step: the run begins after it, rows of later steps are removed.
     """
 
     def __init__(self, run: Path, columns: Sequence[str], step: int) -> None:
-        self.run = run
-        self.columns = ["step", "samples", "seconds", *columns]
-        self._begin_metrics(step)
-        self.tensorboard = _tensorboard(run, step)
-
-    def row(self, values: Mapping[str, Any]) -> None:
-        """Append one row of metrics.csv and the same to TensorBoard; columns without a value stay empty."""
-        text = io.StringIO()
-        writer = csv.DictWriter(text, self.columns)
-        writer.writerow({name: f"{v:.6g}" if isinstance(v, float) else v for name, v in values.items()})
-        try:
-            with (self.run / METRICS).open("a", encoding="utf-8", newline="") as stream:
-                stream.write(text.getvalue())
-        except OSError as error:
-            raise OutputError(f"{self.run / METRICS}: cannot be written ({error.strerror or error})") from error
-        try:
-            for name, value in values.items():
-                if self.tensorboard is not None and name != "step":
-                    self.tensorboard.add_scalar(name, value, values["step"])
-        except Exception as error:  # its thread raises again any error it met while writing
-            LOG.warning("no more TensorBoard files are written: %s", error)
-            self.tensorboard = None
-
-    def sheet_path(self, step: int) -> Path:
-        """Where the sample sheet of that step goes."""
-        return self.run / SHEETS / f"step-{step:07d}.png"
-
-    def close(self) -> None:
-        """Flush everything."""
-        if self.tensorboard is not None:
-            with suppress(Exception):  # a full disk: metrics.csv has the same numbers
-                self.tensorboard.close()
-
-    def _begin_metrics(self, step: int) -> None:
-        """Write the header, and the rows of an interrupted run up to its checkpoint: the steps after it are done again."""
-        path = self.run / METRICS
-        kept = self._rows_before(path, step) if path.is_file() and step else []
-        with new_file(path) as draft, draft.open("w", encoding="utf-8", newline="") as stream:
+        self.path, self.columns = run / METRICS, ["step", "samples", "seconds", *columns]
+        kept = rows_before(self.path, step) if self.path.is_file() and step else []
+        with new_file(self.path) as draft, draft.open("w", encoding="utf-8", newline="") as stream:
             writer = csv.DictWriter(stream, self.columns, extrasaction="ignore")
             writer.writeheader()
             writer.writerows(kept)
 
-    def _rows_before(self, path: Path, step: int) -> list[dict[str, str]]:
-        """The rows up to a step; of a damaged table none, which is logged, and the table is kept under another name."""
+    def add(self, values: Mapping[str, Any]) -> None:
+        """Append one row; columns without a value stay empty. OutputError."""
+        row = {name: f"{value:.6g}" if isinstance(value, float) else value for name, value in values.items()}
         try:
-            rows = _table(path)
-        except FileError as error:
-            path.replace(path.with_suffix(".damaged.csv"))
-            LOG.warning("%s; it is kept as %s, and a new one begins", error, path.with_suffix(".damaged.csv").name)
-            return []
-        return [row for row in rows if row["step"].isdigit() and int(row["step"]) <= step]
+            with self.path.open("a", encoding="utf-8", newline="") as stream:
+                csv.DictWriter(stream, self.columns).writerow(row)
+        except OSError as error:
+            raise OutputError(f"{self.path}: cannot be written ({error.strerror or error})") from error
+
+
+def rows_before(path: Path, step: int) -> list[dict[str, str]]:
+    """The rows of an interrupted run up to its checkpoint: the steps after it are done again. Of a damaged table none, which is
+    logged, and the table is kept under another name."""
+    try:
+        rows = _table(path)
+    except FileError as error:
+        path.replace(path.with_suffix(".damaged.csv"))
+        LOG.warning("%s; it is kept as %s, and a new one begins", error, path.with_suffix(".damaged.csv").name)
+        return []
+    return [row for row in rows if row["step"].isdigit() and int(row["step"]) <= step]
 
 
 def _table(path: Path) -> list[dict[str, str]]:
@@ -207,16 +182,3 @@ def read_metrics(run: Path) -> list[dict[str, float]]:
         if isinstance(error, FileError):
             raise
         raise FileError(f"{run / METRICS}: is damaged: {error}") from error
-
-
-def _tensorboard(run: Path, step: int) -> Any:
-    """TensorBoard's writer; None where it is not installed, which is logged: metrics.csv has the same numbers."""
-    try:
-        import tensorboard  # noqa: F401
-        from torch.utils.tensorboard import SummaryWriter
-    except ImportError:
-        LOG.info(
-            "no TensorBoard files are written, since it is not installed (pip install 'dlama[train]'); metrics.csv is"
-        )
-        return None
-    return SummaryWriter(str(run / "tensorboard"), purge_step=step + 1 if step else None)
