@@ -188,7 +188,11 @@ def pair_cost(value: Real, other: Real, potts: Real) -> Real:
     """Cost between two different labels of neighbouring hole pixels: `potts` where their surfaces meet, 1 more at a jump
     of 10 % and above."""
     larger = value if value > other else other
-    jump = abs(value - other) / (larger if larger > 1e-9 else 1e-9) / 0.1
+    larger = larger if larger > 1e-9 else 1e-9
+    step = abs(value - other)
+    if step > 0.11 * larger:  # most are: no division for them
+        return potts + 1.0
+    jump = step / larger / 0.1
     return potts + (jump if jump < 1 else 1.0)
 
 
@@ -199,6 +203,7 @@ def send(
     values: Float32Array,
     potts: Real,
     belief: Float64Array,
+    cheap: NDArray[np.int64],
     line: Whole,
     row: Whole,
     column: Whole,
@@ -209,16 +214,26 @@ def send(
 ) -> None:
     """One min-sum message from a hole pixel to its neighbour; `incoming` is the direction it must not echo."""
     count = unary.shape[2]
+    one, two, three = np.int64(incoming == 0), 1 + np.int64(incoming <= 1), 2 + np.int64(incoming <= 2)  # the others
+    least = np.inf
     for k in range(count):
         total = np.float64(unary[row, column, k])
-        for direction in range(4):
-            if direction != incoming:
-                total += messages[direction, row, column, k]
+        total += messages[one, row, column, k]
+        total += messages[two, row, column, k]
+        total += messages[three, row, column, k]
         belief[line, k] = total
+        least = total if total < least else least
+    dearest = least + (potts + 1.0)  # any label can be reached from the cheapest one at this cost
+    rivals = 0
+    for k in range(count):
+        if belief[line, k] + potts < dearest:
+            cheap[line, rivals] = k
+            rivals += 1
     smallest = np.inf
     for k in range(count):
-        best = belief[line, k]
-        for other in range(count):
+        best = belief[line, k] if belief[line, k] < dearest else dearest
+        for rival in range(rivals):
+            other = cheap[line, rival]
             if other != k and belief[line, other] + potts < best:  # a border costs `potts` at least
                 cost = belief[line, other] + pair_cost(values[row, column, other], values[to_row, to_column, k], potts)
                 best = cost if cost < best else best
@@ -239,30 +254,32 @@ def sweep(
     hole: BoolArray,
     potts: Real,
     belief: Float64Array,
+    cheap: NDArray[np.int64],
 ) -> None:
     """Messages there and back along each row (across = 1: directions 0 from left, 1 from right) or column (2 from above, 3 from
-    below); lines first..last only, which do not meet. values: H x W x L; belief: lines x L, room to work."""
+    below); lines first..last only, which do not meet. values: H x W x L; belief, cheap: lines x L, room to
+    work."""
     length = hole.shape[1] if across else hole.shape[0]
     base = 0 if across else 2
-    for line in range(first, last):
-        for back in range(2):
-            for step in range(length - 1):
-                here = length - 1 - step if back else step
-                there = here - 1 if back else here + 1
+    for back in range(2):
+        for step in range(length - 1):
+            here = length - 1 - step if back else step
+            there = here - 1 if back else here + 1
+            for line in range(first, last):  # neighbours in memory along columns, and independent of each other
                 row, column, to_row, to_column = (line, here, line, there) if across else (here, line, there, line)
                 if hole[row, column] and hole[to_row, to_column]:
                     incoming, outgoing = base + 1 - back, base + back
-                    send(
-                        unary, messages, values, potts, belief, line, row, column, to_row, to_column, incoming, outgoing
-                    )
+                    room = belief, cheap, line
+                    send(unary, messages, values, potts, *room, row, column, to_row, to_column, incoming, outgoing)
 
 
 def beliefs(unary: Float32Array, values: Float32Array, hole: BoolArray, potts: float, rounds: int) -> Float32Array:
     """H x W x L min-marginals by loopy belief propagation (sequential sweeps along rows and columns). values: L x H x W."""
     messages, values = np.zeros((4, *unary.shape), np.float32), np.ascontiguousarray(values.transpose(1, 2, 0))
     belief = np.empty((max(hole.shape), unary.shape[2]))
+    cheap = np.empty(belief.shape, np.int64)
     for _ in range(rounds):
         for across in (1, 0):
             lines = hole.shape[1 - across]
-            in_bands(sweep, lines, across, unary, messages, values, hole, potts, belief)
+            in_bands(sweep, lines, across, unary, messages, values, hole, potts, belief, cheap)
     return np.asarray(unary + messages.sum(0))
