@@ -10,14 +10,15 @@ pixel, but not the filler's name. It was trained on procedural worlds (src/dlama
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import NamedTuple
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from dlama.geometry.holes import nearest_known
+from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import HoleType, Origin, View
@@ -49,8 +50,8 @@ class ConfidenceNetwork(Perceptron):
         expected errors, of depth in filled depths (0..1), of colour in levels."""
         out = np.clip(self.outputs(features, REACH), -30, 30)
         p = 1 / (1 + np.exp(-out[:, :2]))
-        errors = np.minimum(np.exp(out[:, 2:]), (1, 255 / COLOR_WITHIN)) * (1, COLOR_WITHIN)
-        return np.clip(p, 1 - LARGEST_CONFIDENCE, LARGEST_CONFIDENCE).astype(np.float32), errors.astype(np.float32)
+        errors = np.minimum(np.exp(out[:, 2:]), np.float32((1, 255 / COLOR_WITHIN))) * np.float32((1, COLOR_WITHIN))
+        return np.clip(p, 1 - LARGEST_CONFIDENCE, LARGEST_CONFIDENCE), errors
 
 
 @functools.cache
@@ -59,7 +60,9 @@ def confidence_network(path: Path = WEIGHTS) -> ConfidenceNetwork:
     return ConfidenceNetwork.of(read_arrays(path), path, layers=3, inputs=FEATURES, outputs=OUTPUTS)
 
 
-def judge_fill(view: View, color: UInt8Array, depth: Float32Array) -> tuple[Float32Array, Float32Array]:
+def judge_fill(
+    view: View, color: UInt8Array, depth: Float32Array, known: KnownFeatures | None = None
+) -> tuple[Float32Array, Float32Array]:
     """Confidence (H x W) and expected errors (H x W x 2) of a fill.
 
     Confidence is, in the view's hole, the probability that a filled pixel is right; where only depth was filled (the colour is
@@ -70,11 +73,12 @@ def judge_fill(view: View, color: UInt8Array, depth: Float32Array) -> tuple[Floa
         view: with its holes.
         color: H x W x 3 uint8, filled.
         depth: H x W metres, filled; +inf = far.
+        known: `features_of_known` of the view, where they were found already.
     """
     confidence = view.confidence.copy()
     errors = np.zeros((*view.hole.shape, 2), np.float32) if view.errors is None else view.errors.copy()
     if view.hole.any():
-        probabilities, expected = run_in_batches(confidence_network(), feature_rows(view, color, depth))
+        probabilities, expected = run_in_batches(confidence_network(), feature_rows(view, color, depth, known))
         both, depth_alone = probabilities.T
         painted = view.color_hole[view.hole]
         confidence[view.hole] = np.where(painted, both, np.maximum(both, depth_alone))
@@ -85,66 +89,98 @@ def judge_fill(view: View, color: UInt8Array, depth: Float32Array) -> tuple[Floa
 def run_in_batches(network: ConfidenceNetwork, rows: Float32Array) -> tuple[Float32Array, Float32Array]:
     """The network's outputs for FEATURES x N `rows`, in batches that stay in the processor's cache."""
     probabilities, expected = np.empty((2, rows.shape[1], 2), np.float32)
-    for start in range(0, rows.shape[1], PIECE):
-        piece = slice(start, start + PIECE)
-        probabilities[piece], expected[piece] = network(np.ascontiguousarray(rows[:, piece].T))
+
+    def run(first: int, last: int) -> None:
+        for start in range(first, last, PIECE):
+            piece = slice(start, min(start + PIECE, last))
+            probabilities[piece], expected[piece] = network(np.ascontiguousarray(rows[:, piece].T))
+
+    in_bands(run, rows.shape[1], band=PIECE)
     return probabilities, expected
 
 
-def feature_rows(view: View, color: UInt8Array, depth: Float32Array) -> Float32Array:
-    """FEATURES x N of the N hole pixels, row by row, arguments as of `judge_fill`: one feature at a time, to save memory.
+class KnownFeatures(NamedTuple):
+    """What is known round each of a view's N hole pixels, whatever fills them."""
+
+    rows: Float32Array
+    """FEATURES x N; those that `feature_rows` fills in are open."""
+    rim: NDArray[np.intp]
+    """N, flat index of the nearest known pixel."""
+    typical: float
+    """Median inverse depth, 1/m."""
+    mean: Float32Array
+    """N, mean grey level round the rim."""
+
+
+def features_of_known(view: View) -> KnownFeatures:
+    """The features of a view that its known pixels give, one at a time, to save memory.
 
     No feature depends on the picture's size in pixels or on the scene's scale.
     """
-    rows = np.empty((FEATURES, np.count_nonzero(view.hole)), np.float32)
-    for row, feature in zip(rows, each_feature(view, color, depth), strict=True):
-        row[:] = feature
-    return rows
-
-
-def each_feature(view: View, color: UInt8Array, depth: Float32Array) -> Iterator[np.ndarray | np.floating[Any]]:
-    """Each of FEATURES: N values, or one for all."""
     hole = view.hole
+    rows = np.empty((FEATURES, np.count_nonzero(hole)), np.float32)
     diagonal = float(np.hypot(*hole.shape))
     distance, nearest = nearest_known(~hole)
     rim, distance = nearest[hole], distance[hole]
     del nearest
-    yield np.log1p(distance / (0.01 * diagonal))
-    yield distance / diagonal
-    for kind in TYPES:
-        yield view.hole_type[hole] == kind
-    known_w = inverse_depth(np.where(hole, np.float32(0), view.depth))
-    w = inverse_depth(np.where(hole, depth, view.depth))
-    typical = float(np.median(known_w[known_w > 0])) if (known_w > 0).any() else 1.0
-    log_w = np.log(np.maximum(w, np.float32(0.02 * typical)) / typical)
-    here, there = log_w[hole], log_w.ravel()[rim]
-    yield here
-    yield there
-    yield np.abs(here - there)
-    yield w[hole] == 0
-    yield known_w.ravel()[rim] == 0
-    del w, known_w, here
-    known_grey, grey = channel_mean(view.color), channel_mean(color)
-    mean, contrast = (of.ravel()[rim] for of in local_contrast(known_grey, ~hole, BROAD * diagonal))
-    yield np.log1p(contrast)
-    yield np.log1p(local_contrast(known_grey, ~hole, FINE * diagonal)[1].ravel()[rim])
+    rows[0] = np.log1p(distance / (0.01 * diagonal))
+    rows[1] = distance / diagonal
+    del distance
+    kinds = view.hole_type[hole]
+    for row, kind in enumerate(TYPES, start=2):
+        rows[row] = kinds == kind
+    w = inverse_depth(np.where(hole, np.float32(0), view.depth))
+    typical = float(np.median(w[w > 0])) if (w > 0).any() else 1.0
+    rows[10] = w.ravel()[rim] == 0
+    log_w = log_inverse(w, typical)
+    del w
+    there = rows[7] = log_w.ravel()[rim]
     level, relief = (of.ravel()[rim] for of in local_contrast(log_w, view.valid, BROAD * diagonal))
-    yield np.log1p(10 * relief)
-    yield np.log1p((np.hypot(*(cv2.Scharr(log_w, cv2.CV_32F, *way) for way in ((1, 0), (0, 1)))) * diagonal / 32)[hole])
-    painted, nearest_grey = grey[hole], known_grey.ravel()[rim]
-    yield np.log1p(np.abs(painted - mean))
-    yield np.float32(np.log(hole.mean()))
-    yield painted / 255
-    yield local_contrast(grey, np.ones_like(hole), FINE * diagonal)[1][hole] / 25
-    yield np.log1p(np.abs(painted - nearest_grey))
-    yield np.log1p(np.abs(nearest_grey - mean))
-    yield np.abs(there - level)
-    yield blur((~hole).astype(np.float32), BROAD * diagonal)[hole]
-    yield np.log1p(100 * local_contrast(log_w, view.valid, FINE * diagonal)[1].ravel()[rim])
-    yield np.float32(estimate_noise(known_grey, ~hole))
-    yield np.float32(estimate_noise(log_w, view.valid, 1000))
-    yield np.float32((view.hole_type == HoleType.SENSOR).mean())
-    yield np.float32((view.origin == Origin.ESTIMATED).any())
+    rows[13] = np.log1p(10 * relief)
+    rows[21] = np.abs(there - level)
+    rows[23] = np.log1p(100 * local_contrast(log_w, view.valid, FINE * diagonal)[1].ravel()[rim])
+    rows[25] = estimate_noise(log_w, view.valid, 1000)
+    del log_w
+    grey = channel_mean(view.color)
+    mean, contrast = (of.ravel()[rim] for of in local_contrast(grey, ~hole, BROAD * diagonal))
+    rows[11] = np.log1p(contrast)
+    rows[12] = np.log1p(local_contrast(grey, ~hole, FINE * diagonal)[1].ravel()[rim])
+    rows[20] = np.log1p(np.abs(grey.ravel()[rim] - mean))
+    rows[24] = estimate_noise(grey, ~hole)
+    rows[22] = blur((~hole).astype(np.float32), BROAD * diagonal)[hole]
+    rows[16] = np.log(hole.mean())
+    rows[26] = (view.hole_type == HoleType.SENSOR).mean()
+    rows[27] = (view.origin == Origin.ESTIMATED).any()
+    return KnownFeatures(rows, rim, typical, mean)
+
+
+def feature_rows(
+    view: View, color: UInt8Array, depth: Float32Array, known: KnownFeatures | None = None
+) -> Float32Array:
+    """FEATURES x N of the N hole pixels, row by row, arguments as of `judge_fill`."""
+    rows, rim, typical, mean = known or features_of_known(view)
+    hole, diagonal = view.hole, float(np.hypot(*view.hole.shape))
+    w = inverse_depth(np.where(hole, depth, view.depth))
+    rows[9] = w[hole] == 0
+    log_w = log_inverse(w, typical)
+    del w
+    rows[6] = log_w[hole]
+    rows[8] = np.abs(rows[6] - rows[7])
+    slope = np.hypot(*(cv2.Scharr(log_w, cv2.CV_32F, *way) for way in ((1, 0), (0, 1))))
+    rows[14] = np.log1p(slope[hole] * diagonal / 32)
+    del log_w, slope
+    grey = channel_mean(color)
+    painted = grey[hole]
+    rows[15] = np.log1p(np.abs(painted - mean))
+    rows[17] = painted / 255
+    rows[18] = local_contrast(grey, np.ones_like(hole), FINE * diagonal)[1][hole] / 25
+    rows[19] = np.log1p(np.abs(painted - channel_mean(view.color.reshape(-1, 1, 3)[rim])[:, 0]))
+    return rows
+
+
+def log_inverse(w: Float32Array, typical: float) -> Float32Array:
+    """Logarithm of inverse depth (H x W, 1/m) over a `typical` one, at least .02 of it."""
+    return np.asarray(np.log(np.maximum(w, np.float32(0.02 * typical)) / typical), np.float32)
 
 
 def estimate_noise(values: Float32Array, known: BoolArray, scale: float = 1) -> float:

@@ -17,10 +17,11 @@ import numpy as np
 from dlama.arguments import check, check_arguments
 from dlama.errors import ShapeError
 from dlama.geometry.holes import box_around, larger_box, sides_of
+from dlama.geometry.kernels.jit import beside
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import Origin, View
 from dlama.geometry.visibility import Law, project_depth
-from dlama.inpainters.confidence import judge_fill
+from dlama.inpainters.confidence import features_of_known, judge_fill
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,12 +147,12 @@ def paste_part(view: View, part: View, rows: slice, columns: slice) -> View:
 
 def _fill_whole(view: View, inpainter: Inpainter, law: Law, seed: int) -> tuple[View, FillReport]:
     """`inpaint` with the filler seeing the whole view."""
-    hole = view.hole
+    hole, known = view.hole, beside(features_of_known, view)
     fill = check_fill(inpainter(view, law, seed), view)
     depth, moved = project_depth(view, fill.depth, hole, law)
     color = np.where(view.color_hole[..., None], fill.color, view.color)
     filled_origin = np.where(view.color_hole, np.uint8(Origin.FILLED), np.uint8(Origin.DEPTH_FILLED))
-    confidence, errors = judge_fill(view, color, depth)
+    confidence, errors = judge_fill(view, color, depth, known())
     if fill.errors is not None:
         errors = np.where(hole[..., None], fill.errors, errors)
     filled = view.with_planes(

@@ -66,6 +66,7 @@ Array = NDArray[Any]
 """An array of whichever type the caller has: numba compiles the piece for each."""
 
 Loop = TypeVar("Loop", bound=Callable[..., Any])
+Made = TypeVar("Made")
 
 
 def kernel(function: Loop) -> Loop:
@@ -214,7 +215,28 @@ def in_bands(job: Callable[..., None], rows: int, *arguments: Any, band: int = B
         work()
     finally:
         for other in others:
-            other.result()
+            if not other.cancel():  # not begun while `beside` has the thread: nothing is left for it
+                other.result()
+
+
+def beside(job: Callable[..., Made], *arguments: Any) -> Callable[[], Made]:
+    """Begin job(*arguments) in another thread, if there is one; what comes back waits for its result, and does it where it has not
+    begun.
+
+    For numpy and OpenCV, which let go of Python's lock. Kernels meanwhile have a thread less, the job's own have its thread alone.
+    """
+    if threads() < 2 or getattr(_thread, "at_work", False):
+        return functools.partial(job, *arguments)
+
+    def work() -> Made:
+        _thread.at_work = True
+        try:
+            return job(*arguments)
+        finally:
+            _thread.at_work = False
+
+    begun = _pool().submit(work)
+    return lambda: job(*arguments) if begun.cancel() else begun.result()
 
 
 @functools.cache
