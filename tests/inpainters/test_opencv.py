@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 import pytest
 
@@ -10,7 +11,7 @@ from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.filling import inpaint
-from dlama.inpainters.opencv import depth_of_levels, telea
+from dlama.inpainters.opencv import RADIUS, depth_of_levels, paint, telea
 from worlds import Plane, World
 
 NOTHING = Law(())
@@ -45,6 +46,18 @@ def test_a_constant_plane_goes_on_at_its_depth(metres: float, nearest: float) ->
     step = 1 / (metres * nearest) / 65535
     assert abs(1 / filled.depth[block()].astype(float) - 1 / metres).max() < (STEPS + 0.5) * step
     assert abs(filled.color.astype(int) - (200, 30, 90)).max() <= STEPS
+
+
+@pytest.mark.parametrize("levels", [(0, 255, (70, 90, 3), np.uint8), (0, 65535, (70, 90), np.uint16)])
+def test_parts_of_a_hole_are_filled_as_the_whole(levels: tuple[int, int, tuple[int, ...], type]) -> None:
+    """Twin: cv2.inpaint of the whole picture, bit for bit, for parts at all distances from each other and at the border."""
+    rng = np.random.default_rng(7)
+    picture, hole = rng.integers(*levels), np.zeros((70, 90), np.bool_)
+    for _ in range(14):
+        row, column, height, width = (int(rng.integers(n)) for n in (70, 90, 12, 12))
+        hole[row : row + height, column : column + width] = True
+    wanted = cv2.inpaint(picture, hole.astype(np.uint8), RADIUS, cv2.INPAINT_TELEA)
+    np.testing.assert_array_equal(paint(picture, hole), wanted)
 
 
 def test_a_slanted_plane_is_bridged() -> None:

@@ -9,6 +9,8 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from dlama.geometry.holes import larger_box
+from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import View
@@ -28,8 +30,24 @@ def diffuse(view: View, law: Law, seed: int) -> Fill:
 
 
 def paint(picture: np.ndarray, hole: BoolArray, seed: int = 0) -> np.ndarray:
-    """A picture (uint8 H x W x 3, or uint16 H x W) with the hole filled by cv2.inpaint, which draws nothing from the seed."""
-    return np.asarray(cv2.inpaint(picture, hole.astype(np.uint8), RADIUS, cv2.INPAINT_TELEA), picture.dtype)
+    """A picture (uint8 H x W x 3, or uint16 H x W) with the hole filled by cv2.inpaint, which draws nothing from the seed.
+
+    Parts of the hole that lie farther apart than it looks are filled side by side, each within its box: the same pixels.
+    """
+    square = np.ones((2 * RADIUS + 1, 2 * RADIUS + 1), np.uint8)
+    parts, boxes = cv2.connectedComponentsWithStats(cv2.dilate(hole.view(np.uint8), square))[1:3]
+    out, order = picture.copy(), 1 + np.argsort(-boxes[1:, cv2.CC_STAT_AREA], kind="stable")
+
+    def fill(first: int, last: int) -> None:
+        for number in order[first:last]:
+            left, top, width, height, _ = boxes[number]
+            box = larger_box((slice(top, top + height), slice(left, left + width)), RADIUS, hole.shape)
+            part = hole[box] & (parts[box] == number)
+            filled = cv2.inpaint(np.ascontiguousarray(picture[box]), part.view(np.uint8), RADIUS, cv2.INPAINT_TELEA)
+            out[box][part] = filled[part]
+
+    in_bands(fill, len(order), band=1)
+    return out
 
 
 def depth_of_levels(levels: np.ndarray, scale: float) -> Float32Array:

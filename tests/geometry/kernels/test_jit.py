@@ -5,6 +5,7 @@ Oracles: every row once, exceptions seen, a child process that has no threads ye
 
 from __future__ import annotations
 
+import functools
 import gc
 import importlib.util
 import logging
@@ -13,6 +14,7 @@ import os
 import subprocess
 import sys
 import threading
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import ModuleType
 
@@ -22,7 +24,7 @@ import pytest
 from numba.core.event import Event, Listener, install_listener
 
 from dlama.geometry.kernels import jit
-from dlama.geometry.kernels.jit import in_bands
+from dlama.geometry.kernels.jit import beside, in_bands
 
 
 def count(first: int, last: int, out: np.ndarray) -> None:
@@ -69,6 +71,21 @@ def test_what_goes_wrong_in_another_thread_is_raised(monkeypatch: pytest.MonkeyP
 
     with pytest.raises(ArithmeticError, match="second band"):
         in_bands(fail, 64)
+
+
+def test_a_job_beside_leaves_bands_to_the_caller(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Oracle: while a job has the other thread, bands end without it, and a second job is done by whoever waits for it; its
+    caller sees what a job raises."""
+    monkeypatch.setattr(jit, "threads", lambda: 2)
+    monkeypatch.setattr(jit, "_pool", functools.cache(lambda: ThreadPoolExecutor(1)))
+    out, go = np.zeros(100, int), threading.Event()
+    first, second = beside(go.wait, 600), beside(threading.get_ident)
+    in_bands(count, 100, out)
+    assert (out == 1).all() and second() == threading.get_ident()
+    go.set()
+    assert first()
+    with pytest.raises(ZeroDivisionError):
+        beside(divmod, 1, 0)()
 
 
 def test_one_thread_alone_compiles(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -220,10 +220,10 @@ def in_bands(job: Callable[..., None], rows: int, *arguments: Any, band: int = B
 
 
 def beside(job: Callable[..., Made], *arguments: Any) -> Callable[[], Made]:
-    """Begin job(*arguments) in another thread, if there is one; what comes back waits for its result, and does it where it has not
-    begun.
+    """Begin job(*arguments) in another thread, if there is one; what comes back waits for its result, and computes it where that
+    thread has not begun.
 
-    For numpy and OpenCV, which let go of Python's lock. Kernels meanwhile have a thread less, the job's own have its thread alone.
+    For numpy and OpenCV, which let go of Python's lock; kernels of the job, which stay in its thread, only by `in_bands`.
     """
     if threads() < 2 or getattr(_thread, "at_work", False):
         return functools.partial(job, *arguments)

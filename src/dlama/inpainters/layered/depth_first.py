@@ -12,7 +12,7 @@ from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import HoleType, Origin, View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.filling import Fill, Inpainter, Painter
-from dlama.inpainters.layered.color.low_frequency import blend_with_low_frequency
+from dlama.inpainters.layered.color.low_frequency import begin_guess, blend_with_low_frequency
 from dlama.inpainters.layered.depth.surfaces import Surfaces
 from dlama.inpainters.layered.filler import continue_lawfully, paint_leaves
 from dlama.inpainters.layered.remaining_shadows import depth_of_removed, find_remaining_shadow
@@ -49,6 +49,7 @@ def paint_over_depth(inpainter: Inpainter) -> Inpainter:
         return inpainter
 
     def fill(view: View, law: Law, seed: int) -> Fill:
+        guess = begin_guess(view)
         surfaces, depth, moved = continue_lawfully(view, law, seed)
         notes = inpainter.notes() | {"depth_as": "surfaces continued", "planes": len(surfaces.planes)}
         if not view.color_hole.any():
@@ -56,9 +57,8 @@ def paint_over_depth(inpainter: Inpainter) -> Inpainter:
         shadow = find_remaining_shadow(view, surfaces.label, law)
         color = inpainter.paint(view.color, view.color_hole | shadow | find_occluders(view, surfaces, depth, law), seed)
         w = inverse_depth(np.where(view.hole, depth, view.depth))
-        return Fill(
-            paint_leaves(blend_with_low_frequency(view, color, view.color_hole, w), view, surfaces), depth, moved, notes
-        )
+        color = blend_with_low_frequency(view, color, view.color_hole, w, guess=guess)
+        return Fill(paint_leaves(color, view, surfaces), depth, moved, notes)
 
     return fill
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from dlama.geometry.projection import depth_from_inverse, inverse_depth
@@ -9,7 +11,7 @@ from dlama.geometry.rgbd import Float32Array, UInt8Array
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law, project_depth
 from dlama.inpainters.filling import Fill
-from dlama.inpainters.layered.color.low_frequency import blend_with_low_frequency
+from dlama.inpainters.layered.color.low_frequency import begin_guess, blend_with_low_frequency
 from dlama.inpainters.layered.color.rims import blend_at_rim
 from dlama.inpainters.layered.color.texture_synthesis import synthesize
 from dlama.inpainters.layered.depth.surfaces import Surfaces, continue_surfaces
@@ -22,16 +24,21 @@ NOT_BLENDED = (HoleType.OUT_OF_VIEW, HoleType.OBJECT)
 
 def layered(view: View, law: Law, seed: int = 0) -> Fill:
     """Continue planes, sky and smooth surfaces into the holes, project them onto the visibility law, then paint them."""
+    guess = begin_guess(view)
     surfaces, depth, moved = continue_lawfully(view, law, seed)
-    color = blend_out_of_view(view, surfaces, depth, paint_surfaces(view, surfaces, depth, law, seed), law)
+    color = blend_out_of_view(view, surfaces, depth, paint_surfaces(view, surfaces, depth, law, seed), law, guess)
     return Fill(color, depth, moved, {"planes": len(surfaces.planes)})
 
 
-def blend_out_of_view(view: View, surfaces: Surfaces, depth: Float32Array, color: UInt8Array, law: Law) -> UInt8Array:
+def blend_out_of_view(
+    view: View, surfaces: Surfaces, depth: Float32Array, color: UInt8Array, law: Law, guess: Callable[[], Float32Array]
+) -> UInt8Array:
     """H x W x 3: painted colours (H x W x 3), each surface out of view blended with a low-frequency estimate; depth: H x W m,
-    filled."""
+    filled; guess: of `begin_guess`."""
     w = np.where(view.hole, inverse_depth(depth), surfaces.inverse_depth)
-    return blend_with_low_frequency(view, color, view.color_hole & (surfaces.leaves < 0), w, surfaces.label, law.sky)
+    return blend_with_low_frequency(
+        view, color, view.color_hole & (surfaces.leaves < 0), w, surfaces.label, law.sky, guess
+    )
 
 
 def paint_surfaces(

@@ -21,6 +21,7 @@ from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.filling import Fill, Inpainter
+from dlama.inpainters.layered.color.low_frequency import begin_guess
 from dlama.inpainters.layered.depth.surfaces import Surfaces
 from dlama.inpainters.layered.depth_first import find_occluders
 from dlama.inpainters.layered.filler import blend_out_of_view, continue_lawfully, paint_surfaces
@@ -38,6 +39,7 @@ def layered_patches_filler(model: str | Path) -> Inpainter:
     network = migan_filler(model)
 
     def fill(view: View, law: Law, seed: int) -> Fill:
+        smooth = begin_guess(view)
         surfaces, depth, moved = continue_lawfully(view, law, seed)
         hole = view.color_hole & np.isin(view.hole_type, REPAINTED if law.misplaced_edges else (HoleType.OBJECT,))
         removed = hole & (view.hole_type == HoleType.OBJECT)
@@ -52,7 +54,7 @@ def layered_patches_filler(model: str | Path) -> Inpainter:
                 notes["guess"] = network.notes()
             done = complete_picture(color, hole | hidden, guess, seed, label=label, effort=QUICK)
             color = np.where(hidden[..., None], color, done)
-        color = blend_out_of_view(view, surfaces, depth, color, law)
+        color = blend_out_of_view(view, surfaces, depth, color, law, smooth)
         return Fill(color, depth, moved, notes)
 
     return fill

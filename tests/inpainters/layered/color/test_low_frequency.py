@@ -135,4 +135,4 @@ def test_smooth_guesses_of_one_colour_are_that_colour() -> None:
     rng = np.random.default_rng(1)
     view = view_of()
     view = view.without(rng.random(HW) < 0.3, HoleType.OUT_OF_VIEW)
-    np.testing.assert_allclose(smooth_guess(view, view.hole), np.tile(KNOWN, (view.hole.sum(), 1)), atol=DRIFT)
+    np.testing.assert_allclose(smooth_guess(view), np.tile(KNOWN, (view.hole.sum(), 1)), atol=DRIFT)

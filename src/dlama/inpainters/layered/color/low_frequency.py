@@ -8,10 +8,13 @@ mixes a wall with the sky looks like fog.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from dlama.geometry.kernels.jit import beside
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.sky import Sky
 from dlama.geometry.view import HoleType, View
@@ -45,11 +48,13 @@ def blend_with_low_frequency(
     w: Float32Array,
     label: NDArray[np.int32] | None = None,
     sky: Sky | None = None,
+    guess: Callable[[], Float32Array] | None = None,
 ) -> UInt8Array:
     """H x W x 3 colours: `color`, blended with `smooth_guess` in the hole pixels out of view.
 
-    color: H x W x 3, painted; hole: H x W, the painted pixels; w: H x W inverse depth (1/m), filled everywhere; label: H x W,
-    surfaces that are blended one by one, over WIDE instead of DETAIL_PX; sky: of the source pictures, defines up.
+    color: H x W x 3, painted; hole: H x W, the painted pixels, colour holes; w: H x W inverse depth (1/m), filled everywhere;
+    label: H x W, surfaces that are blended one by one, over WIDE instead of DETAIL_PX; sky: of the source pictures, defines up;
+    guess: of `begin_guess`, where that was begun before.
     """
     out_of_view = hole & (view.hole_type == HoleType.OUT_OF_VIEW)
     known = w[~view.hole]
@@ -61,11 +66,11 @@ def blend_with_low_frequency(
     unsure = 1 - np.exp(-distance / (REACH * max(w.shape)))
     share = largest * unsure * np.clip(2 * (1 - w[out_of_view] / middle), 0, 1)
     out = color.copy()
-    guess = smooth_guess(view, out_of_view)
+    smooth = (guess or begin_guess(view))()[hole[unseen_colors(view)]]
     if label is None:
-        step = guess - blur_among(color, out_of_view)
+        step = smooth - blur_among(color, out_of_view)
     else:
-        step = blur_per_label(guess - color[out_of_view], out_of_view, label)
+        step = blur_per_label(smooth - color[out_of_view], out_of_view, label)
     blend = color[out_of_view] + share[:, None] * step
     out[out_of_view] = np.clip(np.round(blend), 0, 255)
     return out
@@ -120,11 +125,24 @@ def sample_bilinear(picture: Float32Array, x: Float32Array, y: Float32Array) -> 
     return np.asarray(top * (1 - along) + low * along, np.float32)
 
 
-def smooth_guess(view: View, where: BoolArray) -> Float32Array:
-    """N x 3, at the N pixels of `where` (H x W): the mean of two estimates that ignore surfaces, pull-push and Telea.
+def unseen_colors(view: View) -> BoolArray:
+    """H x W, True in colour holes out of view."""
+    return view.color_hole & (view.hole_type == HoleType.OUT_OF_VIEW)
+
+
+def begin_guess(view: View) -> Callable[[], Float32Array]:
+    """Begin `smooth_guess` in another thread, beside the search for surfaces, which it does not need."""
+    return beside(smooth_guess, view)
+
+
+def smooth_guess(view: View) -> Float32Array:
+    """N x 3, at the N `unseen_colors`: the mean of two estimates that ignore surfaces, pull-push and Telea.
 
     Street dev scenes, +-10 to +-60 degrees: against pull-push alone at a weight of 0.55 the squared error falls by 8 to 13 %,
     LPIPS by up to 1 %.
     """
+    where = unseen_colors(view)
+    if not where.any():
+        return np.zeros((0, 3), np.float32)
     pulled = pull_push(view.color, ~view.hole)[where]
     return np.asarray((pulled + spread_small(view.color, ~view.hole, telea_spread, GUESSED)[where]) / 2, np.float32)

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.camera import Camera
+from dlama.geometry.kernels.jit import beside
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
@@ -111,18 +112,16 @@ class CoarseView:
             np.minimum(((np.arange(n) + 0.5) * step).astype(np.int64), size - 1) for n, size in zip(camera.hw, w.shape)
         )
         pick = np.ix_(rows, columns)
-        hole = cells_with_holes(view.hole, camera.wh)
-        smooth = surface_kernels.far_side(w[pick], hole)
+        hole, w, label = cells_with_holes(view.hole, camera.wh), w[pick], label[pick]
         in_view = hole & cells_with_holes(view.hole & (view.hole_type != HoleType.OUT_OF_VIEW), camera.wh)
-        unseen = hole & ~in_view
-        on_planes = plane_values(planes, camera.hw, step)
-        cut = find_cut_objects(w[pick], label[pick], hole, cells_near(unseen))
-        candidates = np.concatenate([smooth[None], np.zeros_like(smooth)[None], on_planes])
-        known = w[pick], label[pick], candidates.astype(np.float32)
-        return cls(camera, hole, in_view, *known, cut, followed_from, solid)
+        cut = beside(find_cut_objects, w, label, hole, cells_near(hole & ~in_view))
+        smooth = surface_kernels.far_side(w, hole)
+        candidates = np.concatenate([smooth[None], np.zeros_like(smooth)[None], plane_values(planes, camera.hw, step)])
+        return cls(camera, hole, in_view, w, label, candidates, cut(), followed_from, solid)
 
     def label_costs(self, law: Law) -> Float32Array:
         """h x w x L cost of each label after belief propagation (lower is better)."""
+        distances = beside(self.distance_to_known, law)
         unseen = self.hole & ~self.hole_in_view
         followed = self.followed_planes()
         known = self.hole, unseen, self.inverse_depth, self.label
@@ -135,8 +134,8 @@ class CoarseView:
         penalty[1:] += ORDER_COST * self.out_of_order()
         hidden = self.hole_in_view.copy()
         on += penalise_between(lines, self.candidates, self.hole, hidden, self.inverse_depth, self.label, followed)
-        distance = self.distance_to_known(law)
         allowed = self.allowed(law)
+        distance = distances()
         hidden &= distance[1] - distance.min(0) >= REACH * GRID  # no sky near
         hidden &= ~foliage(self.inverse_depth, ~self.hole & (self.inverse_depth > 0))  # and it shows through leaves
         smooth, gap = surface_behind(self.camera, self.candidates[0], hidden, law, allowed)

@@ -94,9 +94,8 @@ def upsample_labels(
     chosen = np.full(w.shape, SMOOTH, np.int32)
     for number in range(costs.shape[2]):
         cost = enlarge(spread[..., number], view.camera.wh)
-        better = cost < best
-        best[better] = cost[better]
-        chosen[better] = number - 1
+        np.copyto(chosen, np.int32(number - 1), where=cost < best)
+        np.minimum(best, cost, out=best)
     rows, columns = np.nonzero(view.hole)
     labels = chosen[rows, columns]
     on_plane = plane_values_at(planes, labels, rows, columns)
