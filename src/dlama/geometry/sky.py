@@ -56,7 +56,9 @@ class Sky(NamedTuple):
 
     def heights(self, camera: Camera, x: Float64Array, y: Float64Array) -> Float64Array:
         """Sines of the elevation at places x, y of the camera's picture, in pixels."""
-        return np.asarray(directions(camera, x, y) @ self.up)
+        right, down, ahead = camera.world_from_cam[:3, :3].T @ self.up
+        x, y = (x - camera.cx) / camera.fx, (y - camera.cy) / camera.fy
+        return np.asarray((right * x + down * y + ahead) / np.sqrt(x * x + y * y + 1))
 
     def render_sky(self, camera: Camera, cell: int = 1) -> Float32Array:
         """h x w x 3 RGB, 0..255, of the sky alone, in cells of cell x cell pixels; the last may cross the border."""

@@ -50,7 +50,8 @@ class ConfidenceNetwork(Perceptron):
         expected errors, of depth in filled depths (0..1), of colour in levels."""
         out = np.clip(self.outputs(features, REACH), -30, 30)
         p = 1 / (1 + np.exp(-out[:, :2]))
-        errors = np.minimum(np.exp(out[:, 2:]), np.float32((1, 255 / COLOR_WITHIN))) * np.float32((1, COLOR_WITHIN))
+        most, unit = np.array([(1, 255 / COLOR_WITHIN), (1, COLOR_WITHIN)], np.float32)
+        errors = np.minimum(np.exp(out[:, 2:]), most) * unit
         return np.clip(p, 1 - LARGEST_CONFIDENCE, LARGEST_CONFIDENCE), errors
 
 

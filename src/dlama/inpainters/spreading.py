@@ -21,7 +21,9 @@ Spread = Callable[[np.ndarray, BoolArray], Float32Array]
 def spread_small(values: np.ndarray, known: BoolArray, spread: Spread, largest: int = LARGEST) -> Float32Array:
     """As `spread`, computed with `largest` pixels at most and enlarged; uint8 values are rounded to levels before that."""
     height, width = known.shape
-    by = min(1.0, largest / max(height, width))
+    by = largest / max(height, width)
+    if by >= 1:
+        return np.asarray(spread(values, known).astype(values.dtype), np.float32)
     size = max(1, round(width * by)), max(1, round(height * by))
     small, share = shrink_known(values, known, size)
     filled = spread(small, share >= 0.5)

@@ -35,8 +35,8 @@ Lower heights look clearer and err more. Squared error of street, +-10 to +-40, 
 a weight of .2 at all heights, LPIPS .1 % less."""
 WIDE = 0.1
 """Sigma of the blur within one surface, over the picture's longer side."""
-GUESSED = 256
-"""Longer side of the picture in which Telea guesses; only its low frequencies are used."""
+GUESSED, PULLED = 256, 640
+"""Longer side of the picture in which Telea guesses, and pull-push; only low frequencies are used."""
 GRID = 128
 """Longer side of the grid for that blur."""
 
@@ -144,5 +144,5 @@ def smooth_guess(view: View) -> Float32Array:
     where = unseen_colors(view)
     if not where.any():
         return np.zeros((0, 3), np.float32)
-    pulled = pull_push(view.color, ~view.hole)[where]
+    pulled = spread_small(view.color.astype(np.float32), ~view.hole, pull_push, PULLED)[where]
     return np.asarray((pulled + spread_small(view.color, ~view.hole, telea_spread, GUESSED)[where]) / 2, np.float32)

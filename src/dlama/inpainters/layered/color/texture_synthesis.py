@@ -8,7 +8,7 @@ the known texture under that translation, its least-squares gain (see `patch_off
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import cv2
 import numpy as np
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from dlama.errors import ShapeError
 from dlama.geometry.camera import Camera
+from dlama.geometry.kernels.jit import beside
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.sky import Sky
 from dlama.inpainters.layered.color.patch_offsets import Bases, CopiedDetail, copy_detail
@@ -76,10 +77,8 @@ def synthesize(
     else:
         out[open_air] = enlarge_colors(under, grid)[open_air]
     rng = np.random.default_rng(seed)
-    for region in hole_regions(grid):
-        if not region.sources.any():
-            continue
-        bases = base_colors(grid, region, under)
+    regions = [region for region in hole_regions(grid) if region.sources.any()]
+    for region, bases in zip(regions, bases_ahead(grid, regions, under)):
         unit = grid.at_unit_depth(region.label)
         copied = copy_detail(unit, region, bases, rng) if detail else CopiedDetail.none(bases[0].shape[:2])
         paint(
@@ -145,6 +144,16 @@ def enlarge_colors(colors: Float32Array, grid: TextureGrid) -> UInt8Array:
     (rows, cols), size, (height, width) = colors.shape[:2], grid.base_cell_size, grid.hole.shape
     large = cv2.resize(colors, (cols * size, rows * size), interpolation=cv2.INTER_LINEAR)
     return np.round(large[:height, :width]).astype(np.uint8)
+
+
+def bases_ahead(grid: TextureGrid, regions: list[HoleRegion], sky: Float32Array | None) -> Iterator[Bases]:
+    """The `base_colors` of each region; those of the next one are begun, beside what is done with them."""
+    begun: list[Callable[[], Bases]] = []
+    for here, following in zip(regions, [*regions[1:], None]):
+        bases = begun.pop()() if begun else base_colors(grid, here, sky)
+        if following is not None:
+            begun.append(beside(base_colors, grid, following, sky))
+        yield bases
 
 
 def base_colors(grid: TextureGrid, region: HoleRegion, sky: Float32Array | None = None) -> Bases:
