@@ -12,6 +12,7 @@ import trimesh
 from pygltflib import GLTF2
 
 from dlama.completion.verbs import remove, view
+from dlama.files.scenes import textured_mesh
 from dlama.files.scenes.textured_mesh import bring_near, pack_textures, write_textured_glb
 from dlama.geometry.camera import Camera
 from dlama.geometry.layers.decimation import decimate
@@ -48,6 +49,28 @@ def test_every_vertex_has_its_own_colour(tmp_path: Path, objects: bool) -> None:
     assert_colors_near(seen.visual.to_color().vertex_colors[:, :3], mesh.color)
     assert np.allclose(seen.vertices, mesh.vertices * [1, -1, -1], atol=1e-5)
     assert np.array_equal(seen.faces, mesh.triangles[:, ::-1])
+
+
+def corners_of(file: Path) -> np.ndarray:
+    """Position, place in the texture, origin and confidence of each triangle's corners, triangles in one order."""
+    seen = trimesh.load(file, process=False, force="mesh")
+    about = seen.vertex_attributes
+    planes = (seen.vertices, seen.visual.uv, about["_ORIGIN"].reshape(-1, 1), about["_CONFIDENCE"].reshape(-1, 1))
+    found = np.concatenate(planes, 1)[seen.faces].reshape(len(seen.faces), -1)
+    return np.asarray(found[np.lexsort(found.T)])
+
+
+def test_a_large_mesh_is_in_pieces(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two bytes number the vertices of each; all have one picture. Oracle: the same triangles in one piece."""
+    write_textured_glb(tmp_path / "whole.glb", SCENE)
+    monkeypatch.setattr(textured_mesh, "SHORT_VERTICES", 200)
+    write_textured_glb(tmp_path / "scene.glb", SCENE)
+    document = GLTF2().load(str(tmp_path / "scene.glb"))
+    pieces = document.meshes[0].primitives
+    assert len(pieces) > 2 and len(document.images) == len(document.materials) == 1
+    assert all(document.accessors[one.attributes.POSITION].count <= 200 for one in pieces)
+    assert {document.accessors[one.indices].componentType for one in pieces} == {5123}
+    assert np.array_equal(corners_of(tmp_path / "scene.glb"), corners_of(tmp_path / "whole.glb"))
 
 
 def test_it_is_sound_gltf(tmp_path: Path) -> None:

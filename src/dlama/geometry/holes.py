@@ -158,7 +158,7 @@ def fill_with_nearest(values: np.ndarray, known: BoolArray) -> np.ndarray:
     box = box_around(~known, 1)
     missing = ~known[box]
     rim = known[box] & (cv2.dilate(missing.view(np.uint8), square(3)) > 0)  # the nearest known pixels lie on it
-    _, labels = _nearest_labels(rim)
+    labels = _nearest_labels(rim)[1]
     rows, columns = np.nonzero(rim)
     of_label = np.zeros((2, len(rows) + 1), np.intp)
     of_label[:, labels[rows, columns]] = rows, columns

@@ -27,17 +27,19 @@ export async function readGlb(blob) {
     const accessor = json.accessors[number], view = json.bufferViews[accessor.bufferView];
     return { accessor, offset: start + (view.byteOffset ?? 0) + (accessor.byteOffset ?? 0), length: view.byteLength, stride: view.byteStride ?? 0 };
   };
-  const parts = await Promise.all(primitives.map(async (primitive) => {
-    const material = json.materials?.[primitive.material], number = material?.pbrMetallicRoughness.baseColorTexture?.index;
-    const image = number !== undefined && json.images[json.textures[number].source], view = image && json.bufferViews[image.bufferView];
-    const texture = image && await createImageBitmap(new Blob([new Uint8Array(data, start + (view.byteOffset ?? 0), view.byteLength)], { type: image.mimeType }), { premultiplyAlpha: "none" });
+  const textures = await Promise.all((json.textures ?? []).map(({ source }) => {
+    const image = json.images[source], view = json.bufferViews[image.bufferView];
+    return createImageBitmap(new Blob([new Uint8Array(data, start + (view.byteOffset ?? 0), view.byteLength)], { type: image.mimeType }), { premultiplyAlpha: "none" });
+  }));
+  const parts = primitives.map((primitive) => {
+    const material = json.materials?.[primitive.material], texture = textures[material?.pbrMetallicRoughness.baseColorTexture?.index];
     const attributes = {};
     for (const [name, key] of [["POSITION", "position"], ["TEXCOORD_0", "uv"], ["_ORIGIN", "origin"], ["_CONFIDENCE", "confidence"]]) {
       if (primitive.attributes[name] !== undefined) attributes[key] = taken(primitive.attributes[name]);
     }
     const indices = primitive.indices === undefined ? null : taken(primitive.indices);
     return { attributes, indices, texture, soft: material?.alphaMode === "BLEND", count: (indices ?? attributes.position).accessor.count };
-  }));
+  });
   return { data, parts, middle: json.nodes[0].translation ?? [0, 0, 0] };
 }
 
@@ -108,7 +110,7 @@ export class SceneView {
     gl.bindTexture(gl.TEXTURE_2D, picture);
     gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA, gl.RGBA, gl.UNSIGNED_BYTE, texture);
     for (const [name, value] of [[gl.TEXTURE_MIN_FILTER, gl.LINEAR], [gl.TEXTURE_WRAP_S, gl.CLAMP_TO_EDGE], [gl.TEXTURE_WRAP_T, gl.CLAMP_TO_EDGE]]) gl.texParameteri(gl.TEXTURE_2D, name, value);
-    return { vertices, picture, points: !indices, soft, count };
+    return { vertices, picture, numbers: indices?.accessor.componentType, soft, count };
   }
 
   begin() {
@@ -196,12 +198,12 @@ export class SceneView {
     const lens = new Float32Array([focal * wide / aspect, 0, 0, 0, 0, focal * wide, 0, 0, 0, 0, (far + near) / (near - far), -1, 0, 0, 2 * far * near / (near - far), 0]);
     gl.uniformMatrix4fv(gl.getUniformLocation(this.program, "clip"), false, times(lens, look));
     gl.uniform1i(gl.getUniformLocation(this.program, "mode"), this.mode);
-    for (const { vertices, picture, points, soft, count } of this.parts) {
+    for (const { vertices, picture, numbers, soft, count } of this.parts) {
       gl.bindVertexArray(vertices);
       gl.bindTexture(gl.TEXTURE_2D, picture);
       soft ? gl.enable(gl.BLEND) : gl.disable(gl.BLEND);
       gl.depthMask(!soft);
-      points ? gl.drawArrays(gl.POINTS, 0, count) : gl.drawElements(gl.TRIANGLES, count, gl.UNSIGNED_INT, 0);
+      numbers ? gl.drawElements(gl.TRIANGLES, count, numbers, 0) : gl.drawArrays(gl.POINTS, 0, count);
     }
     gl.depthMask(true);
   }

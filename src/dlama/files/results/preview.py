@@ -17,12 +17,11 @@ from dlama.geometry.view import HoleType, View
 
 def hole_legend(hole_type: UInt8Array) -> list[tuple[str, RGB]]:
     """(name with its share of the picture, colour) of the hole types that occur, for a sheet's legend."""
-    counts = np.bincount(hole_type.ravel(), minlength=len(HOLE_PALETTE))
-    total = max(hole_type.size, 1)
+    counts = {code: np.count_nonzero(hole_type == code) for code in HoleType if code}
     return [
-        (f"{code.name.lower().replace('_', ' ')} {percent(counts[code] / total)}", HOLE_PALETTE[code])
-        for code in HoleType
-        if code and counts[code]
+        (f"{code.name.lower().replace('_', ' ')} {percent(count / hole_type.size)}", HOLE_PALETTE[code])
+        for code, count in counts.items()
+        if count
     ]
 
 

@@ -169,13 +169,13 @@ class GLTF2:
     samplers: list[Sampler] = field(default_factory=list)
     textures: list[Texture] = field(default_factory=list)
 
-    def glb(self, binary: bytes | bytearray) -> list[bytes]:
+    def glb(self, binary: bytearray) -> list[bytes | bytearray]:
         """The file, in pieces; binary: the buffer's bytes, a multiple of 4, or none."""
         text = json.dumps(_stated(self), separators=(",", ":")).encode()
         text += b" " * (-len(text) % 4)
-        chunks = [struct.pack("<II", len(text), JSON), text]
+        chunks: list[bytes | bytearray] = [struct.pack("<II", len(text), JSON), text]
         if binary:
-            chunks += [struct.pack("<II", len(binary), BINARY), bytes(binary)]
+            chunks += [struct.pack("<II", len(binary), BINARY), binary]
         return [struct.pack("<III", HEAD, 2, 12 + sum(map(len, chunks))), *chunks]
 
 

@@ -9,7 +9,7 @@ import re
 from pathlib import Path
 from typing import Any
 
-from dlama.files.scenes.textured_mesh import textured_glb
+from dlama.files.scenes.textured_mesh import pack_parts, textured_glb
 from dlama.geometry.layers.head_box import HeadBox
 from dlama.geometry.layers.layered_mesh import MeshPart
 
@@ -23,8 +23,9 @@ LARGEST_GLB, LARGEST_PAGE = 10_000_000, 8_000_000
 
 def glb_within(parts: list[MeshPart], most: int) -> bytes:
     """The GLB file of a 3-D photo, of the best quality with which it has no more than so many bytes (or of the least)."""
+    packed = pack_parts(parts)
     for quality in QUALITIES:
-        found = b"".join(textured_glb(parts, quality))
+        found = b"".join(textured_glb(packed, quality))
         if len(found) <= most:
             break
     return found

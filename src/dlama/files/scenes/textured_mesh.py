@@ -9,21 +9,30 @@ from __future__ import annotations
 import dataclasses
 import io
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from PIL import Image as Pillow
 
 from dlama.files.atomic_write import PathLike, new_file
 from dlama.files.scenes.gltf import GLTF2, BufferView, Image, Sampler, Texture, TextureInfo
-from dlama.files.scenes.meshes import ARRAY_BUFFER, FLOAT, Blob, add_primitive, mesh_document
+from dlama.files.scenes.meshes import (
+    ARRAY_BUFFER,
+    FLOAT,
+    SHORT_VERTICES,
+    Blob,
+    add_material,
+    add_primitive,
+    mesh_document,
+)
 from dlama.geometry.camera import Camera, Float64Array
-from dlama.geometry.holes import fill_with_nearest
+from dlama.geometry.holes import fill_with_nearest, sides_of
 from dlama.geometry.layers.decimation import bounding_box, decimate
 from dlama.geometry.layers.layered_mesh import MeshPart
-from dlama.geometry.mesh import join_meshes
+from dlama.geometry.mesh import Mesh, join_meshes
 from dlama.geometry.rgbd import UInt8Array
 from dlama.geometry.scene import Scene
+from dlama.geometry.view import View
 
 LINEAR, CLAMP_TO_EDGE = 9729, 33071
 JPEG_QUALITY = 90
@@ -39,31 +48,53 @@ def write_textured_glb(path: PathLike, scene: Scene, objects: bool = False) -> N
     objects: with the removed objects. Without any surface an empty scene is written. Raises OutputError.
     """
     layers = (*scene.layers, *scene.removals) if objects else scene.layers
-    found = [(decimate(layer), layer.read()) for layer in layers]
-    parts = [MeshPart(part.mesh, part.pixels, layer.color, part.surface) for part, layer in found]
+    packed = pack_parts([decimated_part(layer) for layer in layers])
     with new_file(path) as draft, draft.open("wb") as file:
-        file.writelines(textured_glb(parts))
+        file.writelines(textured_glb(packed))
 
 
-def textured_glb(parts: Sequence[MeshPart], quality: int = JPEG_QUALITY) -> list[bytes]:
-    """A GLB file, in pieces, of meshes with their pictures: one mesh with one texture, a JPEG of that quality (0..100), and one
-    more for each part whose picture has alpha, a PNG."""
-    packed = pack_parts(parts)
+def decimated_part(layer: View) -> MeshPart:
+    """The surface of a layer (`decimate`) with its picture."""
+    part = decimate(layer)
+    return MeshPart(part.mesh, part.pixels, layer.color, part.surface)
+
+
+def textured_glb(packed: Sequence[MeshPart], quality: int = JPEG_QUALITY) -> list[bytes | bytearray]:
+    """A GLB file, in pieces, of meshes with their pictures, as `pack_parts` gives them: one mesh, with a texture for each part, a
+    JPEG of that quality (0..100), or a PNG where the picture has alpha."""
     document, blob = mesh_document(packed[0].mesh if packed else None)
     if not packed:
         return document.glb(blob.bytes)
     document.samplers = [Sampler(magFilter=LINEAR, minFilter=LINEAR, wrapS=CLAMP_TO_EDGE, wrapT=CLAMP_TO_EDGE)]
     options = {"quality": quality, "subsampling": 0 if quality >= JPEG_QUALITY else 2}
-    for number, part in enumerate(packed):
-        if number:
-            add_primitive(document, blob, part.mesh)
+    for part in packed:
+        material = add_material(document)
         if part.soft:
-            document.materials[-1].alphaMode = "BLEND"
-            add_texture(document, blob, part.picture, part.pixels, "PNG")
+            material.alphaMode = "BLEND"
+            add_texture(document, blob, part.picture, "PNG")
         else:
-            add_texture(document, blob, part.picture, part.pixels, "JPEG", **options)
+            add_texture(document, blob, part.picture, "JPEG", **options)
+        for mesh, pixels in split_mesh(part.mesh, part.pixels):
+            uv = pixels / (part.picture.shape[1], part.picture.shape[0])  # glTF's v runs down, too
+            attributes = add_primitive(document, blob, mesh).attributes
+            attributes.TEXCOORD_0 = blob.add(uv.astype("<f4"), "VEC2", FLOAT, ARRAY_BUFFER)
     blob.close()
     return document.glb(blob.bytes)
+
+
+def split_mesh(mesh: Mesh, pixels: Float64Array) -> Iterator[tuple[Mesh, Float64Array]]:
+    """A mesh and the places of its vertices in the picture (N x 2, px), in pieces of so few vertices that two bytes number them;
+    vertices at their seams are in both."""
+    if len(mesh.vertices) <= SHORT_VERTICES or not len(mesh.triangles):
+        yield mesh, pixels
+        return
+    ordered = mesh.triangles[np.argsort(mesh.triangles.min(1), kind="stable")]  # by rows of the picture
+    for triangles in np.array_split(ordered, 2):
+        used = np.zeros(len(mesh.vertices), bool)
+        used[triangles] = True
+        number = np.cumsum(used, dtype=np.int32) - 1
+        color, origin, confidence = mesh.color[used], mesh.origin[used], mesh.confidence[used]
+        yield from split_mesh(Mesh(mesh.vertices[used], number[triangles], color, origin, confidence), pixels[used])
 
 
 def pack_parts(parts: Sequence[MeshPart]) -> list[MeshPart]:
@@ -89,13 +120,8 @@ def bring_near(parts: Sequence[MeshPart], camera: Camera, metres: float) -> list
     return found
 
 
-def add_texture(
-    document: GLTF2, blob: Blob, picture: UInt8Array, pixels: Float64Array, kind: str, **options: int
-) -> None:
-    """A picture in a file of that kind becomes the texture of the document's last primitive; pixels: N x 2, x and y in it."""
-    uv = pixels / (picture.shape[1], picture.shape[0])  # glTF's v runs down, too
-    attributes = document.meshes[0].primitives[-1].attributes
-    attributes.TEXCOORD_0 = blob.add(uv.astype("<f4"), "VEC2", FLOAT, ARRAY_BUFFER)
+def add_texture(document: GLTF2, blob: Blob, picture: UInt8Array, kind: str, **options: int) -> None:
+    """A picture in a file of that kind becomes the texture of the document's last material."""
     stream = io.BytesIO()
     Pillow.fromarray(picture).save(stream, kind, **options)
     file = stream.getvalue()
@@ -110,25 +136,22 @@ def pack_textures(parts: Sequence[MeshPart]) -> tuple[UInt8Array, list[Float64Ar
     """One picture that holds what is seen of every part, in rows from the top; and for each part what takes x, y of its own
     picture to that one's (px). Pixels that are not seen take the nearest one's colour: nothing bleeds in at edges.
     """
-    cut: list[UInt8Array] = []
-    corners: list[tuple[int, int]] = []
-    for part in parts:
-        if part.shown is None:
-            cut.append(part.picture)
-            corners.append((0, 0))
-            continue
-        box = bounding_box(part.shown)
-        picture = part.picture[box]
-        cut.append(fill_with_nearest(picture, part.shown[box]) if part.shown.any() else picture)
-        corners.append((box[0].start, box[1].start))
-    width = max(max(picture.shape[1] for picture in cut), math.ceil(math.sqrt(sum(one[..., 0].size for one in cut))))
+    boxes = [
+        np.s_[0 : len(one.picture), 0 : one.picture.shape[1]] if one.shown is None else bounding_box(one.shown)
+        for one in parts
+    ]
+    sizes = [sides_of(box) for box in boxes]
+    width = max(max(columns for _, columns in sizes), math.ceil(math.sqrt(sum(map(math.prod, sizes)))))
     places, left, top, height = [], 0, 0, 0
-    for picture in cut:
-        if left and left + picture.shape[1] > width:
+    for rows, columns in sizes:
+        if left and left + columns > width:
             left, top, height = 0, top + height, 0
         places.append((top, left))
-        left, height = left + picture.shape[1], max(height, picture.shape[0])
-    texture = np.zeros((top + height, max(x + one.shape[1] for (_, x), one in zip(places, cut)), 3), np.uint8)
-    for (row, column), picture in zip(places, cut):
-        texture[row : row + picture.shape[0], column : column + picture.shape[1]] = picture
-    return texture, [np.array([x - left, y - top], np.float64) for (y, x), (top, left) in zip(places, corners)]
+        left, height = left + columns, max(height, rows)
+    across = max(x + columns for (_, x), (_, columns) in zip(places, sizes))
+    texture = np.zeros((top + height, across, 3), np.uint8)
+    for part, box, (row, column), (rows, columns) in zip(parts, boxes, places, sizes):
+        picture = part.picture[box]
+        seen = picture if part.shown is None else fill_with_nearest(picture, part.shown[box])
+        texture[row : row + rows, column : column + columns] = seen
+    return texture, [np.array([x - box[1].start, y - box[0].start], float) for (y, x), box in zip(places, boxes)]

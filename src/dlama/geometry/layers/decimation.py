@@ -55,13 +55,13 @@ def decimate(
     depth, joined = grid or mesh_grid(layer)
     surface = (depth > 0) & (depth < np.inf)
     box = bounding_box(surface)
-    depth, joined, origin = np.where(surface[box], depth[box], np.float32(0)), joined[box], layer.origin[box]
-    halves = cell_halves(depth, joined)
     if share is None:
         share = ESTIMATED_SHARE if Origin.ESTIMATED in layer.origins else DEPTH_SHARE
-    corners = np.concatenate(triangles(depth, flat_cells(joined, origin), halves, share))
-    lone_rows, lone_columns = np.nonzero(surface[box] & ~covered_pixels(halves, depth.shape))
-    used = np.zeros(depth.shape, bool)
+    depth, joined = np.where(surface[box], depth[box], np.float32(0)), joined[box]
+    corners, covered = cut_into_triangles(depth, joined, layer.origin[box], share)
+    del depth, joined  # of a large picture they are as large as all that follows
+    lone_rows, lone_columns = np.nonzero(surface[box] & ~covered)
+    used = np.zeros(covered.shape, bool)
     used[corners[..., 0], corners[..., 1]] = True
     number = np.cumsum(used, dtype=np.int32).reshape(used.shape) - 1
     rows, columns = np.nonzero(used)
@@ -76,6 +76,15 @@ def decimate(
     planes = (plane[rows, columns] for plane in (layer.color, layer.origin, layer.confidence))
     mesh = Mesh(unproject(layer, places, layer.depth[rows, columns]), numbers, *planes)
     return DecimatedMesh(mesh, pixels, surface)
+
+
+def cut_into_triangles(
+    depth: Float32Array, joined: UInt8Array, origin: UInt8Array, share: float
+) -> tuple[Corners, BoolArray]:
+    """The triangles of a grid, and H x W, True at the pixels that are corners of its smallest ones."""
+    halves = cell_halves(depth, joined)
+    corners = np.concatenate(triangles(depth, flat_cells(joined, origin), halves, share))
+    return corners, covered_pixels(halves, depth.shape)
 
 
 def bounding_box(where: BoolArray) -> tuple[slice, slice]:
