@@ -22,16 +22,6 @@ for (const head of document.querySelectorAll("table.sorts th")) {
     body.append(...rows);
   });
 }
-// A field that leaves only the rows with all of its words.
-for (const field of document.querySelectorAll("input[data-table]")) {
-  field.addEventListener("input", () => {
-    const words = field.value.toLowerCase().split(/\s+/).filter(Boolean);
-    for (const row of document.getElementById(field.dataset.table).tBodies[0].rows) {
-      const text = row.textContent.toLowerCase();
-      row.hidden = !words.every((word) => text.includes(word));
-    }
-  });
-}
 // Panels: shown are those that every choice above them agrees with; a choice offers what the ones before it leave.
 for (const pick of document.querySelectorAll(".pick[data-panels]")) {
   const panels = document.getElementById(pick.dataset.panels).querySelectorAll(".panel");
