@@ -10,7 +10,7 @@ import struct
 import numpy as np
 
 from dlama.files.atomic_write import PathLike, new_file
-from dlama.files.scenes.meshes import GLTF_FROM_OPENCV
+from dlama.files.scenes.glb import GLTF_FROM_OPENCV
 from dlama.files.scenes.splats import FIELDS
 
 MAGIC, VERSION = 0x5053474E, 3

@@ -7,24 +7,13 @@ numbers as they are, which is too dark; trimesh drops them if there is a materia
 from __future__ import annotations
 
 import dataclasses
-import io
 import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from PIL import Image as Pillow
 
 from dlama.files.atomic_write import PathLike, new_file
-from dlama.files.scenes.gltf import GLTF2, BufferView, Image, Sampler, Texture, TextureInfo
-from dlama.files.scenes.meshes import (
-    ARRAY_BUFFER,
-    FLOAT,
-    SHORT_VERTICES,
-    Blob,
-    add_material,
-    add_primitive,
-    mesh_document,
-)
+from dlama.files.scenes.glb import SHORT_VERTICES, Glb
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.holes import fill_with_nearest, sides_of
 from dlama.geometry.layers.decimation import bounding_box, decimate
@@ -34,7 +23,6 @@ from dlama.geometry.rgbd import UInt8Array
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 
-LINEAR, CLAMP_TO_EDGE = 9729, 33071
 JPEG_QUALITY = 90
 
 
@@ -62,24 +50,16 @@ def decimated_part(layer: View) -> MeshPart:
 def textured_glb(packed: Sequence[MeshPart], quality: int = JPEG_QUALITY) -> list[bytes | bytearray]:
     """A GLB file, in pieces, of meshes with their pictures, as `pack_parts` gives them: one mesh, with a texture for each part, a
     JPEG of that quality (0..100), or a PNG where the picture has alpha."""
-    document, blob = mesh_document(packed[0].mesh if packed else None)
-    if not packed:
-        return document.glb(blob.bytes)
-    document.samplers = [Sampler(magFilter=LINEAR, minFilter=LINEAR, wrapS=CLAMP_TO_EDGE, wrapT=CLAMP_TO_EDGE)]
-    options = {"quality": quality, "subsampling": 0 if quality >= JPEG_QUALITY else 2}
+    glb = Glb()
+    if packed:
+        glb.place(packed[0].mesh)
+    jpeg = {"quality": quality, "subsampling": 0 if quality >= JPEG_QUALITY else 2}
     for part in packed:
-        material = add_material(document)
-        if part.soft:
-            material.alphaMode = "BLEND"
-            add_texture(document, blob, part.picture, "PNG")
-        else:
-            add_texture(document, blob, part.picture, "JPEG", **options)
+        kind, options = ("PNG", {}) if part.soft else ("JPEG", jpeg)
+        glb.add_material(part.picture, kind, **options)
         for mesh, pixels in split_mesh(part.mesh, part.pixels):
-            uv = pixels / (part.picture.shape[1], part.picture.shape[0])  # glTF's v runs down, too
-            attributes = add_primitive(document, blob, mesh).attributes
-            attributes.TEXCOORD_0 = blob.add(uv.astype("<f4"), "VEC2", FLOAT, ARRAY_BUFFER)
-    blob.close()
-    return document.glb(blob.bytes)
+            glb.add_mesh(mesh, pixels / (part.picture.shape[1], part.picture.shape[0]))  # glTF's v runs down, too
+    return glb.pieces()
 
 
 def split_mesh(mesh: Mesh, pixels: Float64Array) -> Iterator[tuple[Mesh, Float64Array]]:
@@ -118,18 +98,6 @@ def bring_near(parts: Sequence[MeshPart], camera: Camera, metres: float) -> list
         vertices = home + rays * np.where(share < 1, share * (1.5 - 0.5 * share), 1)
         found.append(part._replace(mesh=dataclasses.replace(part.mesh, vertices=vertices)))
     return found
-
-
-def add_texture(document: GLTF2, blob: Blob, picture: UInt8Array, kind: str, **options: int) -> None:
-    """A picture in a file of that kind becomes the texture of the document's last material."""
-    stream = io.BytesIO()
-    Pillow.fromarray(picture).save(stream, kind, **options)
-    file = stream.getvalue()
-    document.bufferViews.append(BufferView(buffer=0, byteOffset=len(blob.bytes), byteLength=len(file)))
-    blob.bytes += file + bytes(-len(file) % 4)
-    document.images.append(Image(bufferView=len(document.bufferViews) - 1, mimeType=f"image/{kind.lower()}"))
-    document.textures.append(Texture(source=len(document.images) - 1, sampler=0))
-    document.materials[-1].pbrMetallicRoughness.baseColorTexture = TextureInfo(index=len(document.textures) - 1)
 
 
 def pack_textures(parts: Sequence[MeshPart]) -> tuple[UInt8Array, list[Float64Array]]:

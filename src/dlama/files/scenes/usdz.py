@@ -17,7 +17,7 @@ from PIL import Image as Pillow
 
 from dlama.errors import MissingExtraError, OutputError
 from dlama.files.atomic_write import PathLike, new_file
-from dlama.files.scenes.meshes import GLTF_FROM_OPENCV
+from dlama.files.scenes.glb import GLTF_FROM_OPENCV
 from dlama.files.scenes.textured_mesh import JPEG_QUALITY, pack_parts
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.layers.layered_mesh import MeshPart
