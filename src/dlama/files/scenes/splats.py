@@ -152,24 +152,14 @@ def unit(vectors: Float64Array) -> tuple[Float64Array, Float64Array]:
 
 
 def quaternions(axes: Float64Array) -> Float64Array:
-    """N x 4 (w, x, y, z) of N x 3 x 3 rotations, by the largest of the four (Shepperd, 1978)."""
-    m = axes
-    trace = m[:, 0, 0] + m[:, 1, 1] + m[:, 2, 2]
-    choice = np.argmax(np.stack([trace, m[:, 0, 0], m[:, 1, 1], m[:, 2, 2]]), axis=0)
-    found = np.empty((len(m), 4))
-    for which in range(4):
-        n = np.flatnonzero(choice == which)
-        r = m[n]
-        if which == 0:
-            found[n] = np.stack(
-                [1 + trace[n], r[:, 2, 1] - r[:, 1, 2], r[:, 0, 2] - r[:, 2, 0], r[:, 1, 0] - r[:, 0, 1]], 1
-            )
-            continue
-        i, j, k = (which - 1, which % 3, (which + 1) % 3)
-        part = np.empty((len(n), 4))
-        part[:, 0] = r[:, k, j] - r[:, j, k]
-        part[:, 1 + i] = 1 + r[:, i, i] - r[:, j, j] - r[:, k, k]
-        part[:, 1 + j] = r[:, j, i] + r[:, i, j]
-        part[:, 1 + k] = r[:, k, i] + r[:, i, k]
-        found[n] = part
+    """N x 4 (w, x, y, z) of N x 3 x 3 rotations: of the row of 4 q q^T with the largest diagonal (Shepperd, 1978)."""
+    (a, d, e), (f, b, g), (h, i, c) = np.moveaxis(axes, 0, -1)
+    products = np.array([
+        [1 + (a + b + c), i - g, e - h, f - d],
+        [i - g, 1 + a - b - c, f + d, h + e],
+        [e - h, d + f, 1 + b - c - a, i + g],
+        [f - d, e + h, g + i, 1 + c - a - b],
+    ])  # fmt: skip
+    largest = np.argmax([a + b + c, a, b, c], axis=0)
+    found = products[largest, :, np.arange(len(axes))]
     return np.asarray(found / np.linalg.norm(found, axis=1, keepdims=True))
