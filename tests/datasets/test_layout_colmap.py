@@ -116,7 +116,7 @@ def test_damaged_models_are_named(tmp_path: Path) -> None:
     cameras.write_text(text)
     for path in (root / "depth").iterdir():
         path.unlink()
-    with pytest.raises(FileError, match="none of the model's 3 images has a depth map"):
+    with pytest.raises(FileError, match="none of its 3 frames can be used \\(3 without depth/NAME"):
         open_frames(root)
 
 

@@ -84,7 +84,7 @@ def test_frames_without_depth_are_left_out_and_counted(tmp_path: Path, caplog: p
     save(root, listing)
     with caplog.at_level(logging.WARNING, logger="dlama"):
         assert [frame.name for frame in open_dataset(root).frames] == ["f1", "f2", "f3"]
-    assert "1 of 4 frames have no depth" in caplog.text
+    assert "1 of 4 frames are left out (1 without a depth_file_path)" in caplog.text
 
 
 def test_distortion_is_refused_where_it_shows() -> None:
@@ -148,7 +148,9 @@ def test_no_depth_at_all(tmp_path: Path) -> None:
     for frame in listing["frames"]:
         del frame["depth_file_path"]
     save(root, listing)
-    with pytest.raises(FileError, match=r"transforms\.json: no frame has a depth_file_path"):
+    with pytest.raises(
+        FileError, match=r"transforms\.json: none of its \d+ frames can be used \(\d+ without a depth_file_path"
+    ):
         open_dataset(root)
     (root / "transforms.json").write_text("[1]")
     with pytest.raises(FileError, match=r"transforms\.json:1:1: holds a JSON list"):

@@ -49,11 +49,11 @@ def test_lost_poses_are_left_out_and_counted(tmp_path: Path, caplog: pytest.LogC
     (root / "pose/10.txt").write_text("-inf -inf -inf -inf\n" * 4)
     with caplog.at_level(logging.WARNING, logger="dlama"):
         dataset = open_dataset(root)
-    assert "1 of 4 frames have no pose (tracking was lost)" in caplog.text
+    assert "1 of 4 frames are left out (1 without a pose: tracking was lost)" in caplog.text
     assert [frame.name for frame in dataset.frames] == ["0", "20", "30"]
     for path in (root / "pose").iterdir():
         path.write_text("-inf -inf -inf -inf\n" * 4)
-    with pytest.raises(FileError, match=r"pose: none of its 4 files holds a pose"):
+    with pytest.raises(FileError, match=r"none of its 4 frames can be used \(4 without a pose"):
         open_dataset(root)
 
 

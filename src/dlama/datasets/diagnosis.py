@@ -18,10 +18,10 @@ import numpy as np
 from dlama.arguments import check_arguments, check_number
 from dlama.datasets.frames import Dataset, Frame, RemovalTruth, StereoTruth
 from dlama.datasets.layouts import detect, is_capture_file, open_dataset
-from dlama.datasets.posed.posed_frames import CameraOption
+from dlama.datasets.posed.posed_frames import LOG, CameraOption
 from dlama.datasets.posed.scene_file import LAYOUT as SCENE
 from dlama.datasets.posed.scene_file import is_scene_file
-from dlama.datasets.posed.view_pairs import LOG, NoPairsError
+from dlama.datasets.posed.view_pairs import NoPairsError
 from dlama.errors import FileError, InputError, ShapeError, format_count, system_errors
 from dlama.files.atomic_write import PathLike
 from dlama.files.cameras import read_stereo_calib

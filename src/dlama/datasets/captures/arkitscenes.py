@@ -7,24 +7,15 @@ millimetres, confidence 0 to 2. Format: github.com/apple/ARKitScenes, DATA.md an
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 
 import cv2
 import numpy as np
 
-from dlama.datasets.captures.captured_frames import (
-    CaptureFiles,
-    captured_frame,
-    files_by_stem,
-    levels_of_png,
-    report_left_out,
-)
+from dlama.datasets.captures.captured_frames import CaptureFiles, captured_frames, files_by_stem, files_of_capture
 from dlama.datasets.posed.posed_frames import Lens, PosedFrame
 from dlama.datasets.text_tables import natural_order, nearest_in_time, pose_at, read_rows
 from dlama.errors import FileError
-from dlama.files.rasters.depth import read_depth
-from dlama.files.rasters.pictures import read_color_of_camera
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.poses import invert_pose
 
@@ -51,28 +42,19 @@ def arkitscenes_frames(scene: str, folder: Path) -> list[PosedFrame]:
     lenses = files_by_stem(folder / f"{pictures.name}_intrinsics", (".pincam",))
     lens_names = sorted(lenses, key=_seconds)
     lens_times = np.array([_seconds(name) for name in lens_names])
-    left_out = {"without a picture": 0, "without a pose": 0, "without a camera": 0}
-    frames = []
-    for name in sorted(depths, key=natural_order):
+
+    def files(name: str) -> CaptureFiles | str:
         pose, lens = (nearest_in_time(each, _seconds(name), NEAREST_S) for each in (times, lens_times))
         if name not in colors:
-            left_out["without a picture"] += 1
-        elif pose is None:
-            left_out["without a pose"] += 1
-        elif lens is None:
-            left_out["without a camera"] += 1
-        else:
-            files = CaptureFiles(
-                (str(colors[name]), str(depths[name])),
-                partial(read_color_of_camera, colors[name]),
-                partial(read_depth, depths[name]),
-                _lens(lenses[lens_names[lens]]),
-                poses[pose],
-                partial(levels_of_png, levels[name]) if name in levels else None,
-            )
-            frames.append(captured_frame(scene, name, files))
-    report_left_out(folder, frames, len(depths), left_out)
-    return frames
+            return "without a picture"
+        if pose is None:
+            return "without a pose"
+        if lens is None:
+            return "without a camera"
+        own = _lens(lenses[lens_names[lens]])
+        return files_of_capture(colors[name], depths[name], own, poses[pose], levels.get(name))
+
+    return captured_frames(scene, folder, ((name, files(name)) for name in sorted(depths, key=natural_order)))
 
 
 def _seconds(name: str) -> float:

@@ -18,9 +18,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from dlama.datasets.captures.captured_frames import CaptureFiles, captured_frame, register_depth, report_left_out
-from dlama.datasets.posed.posed_frames import Lens, PosedFrame
-from dlama.datasets.posed.view_pairs import LOG
+from dlama.datasets.captures.captured_frames import CaptureFiles, captured_frames, register_depth
+from dlama.datasets.posed.posed_frames import LOG, Lens, PosedFrame
 from dlama.datasets.text_tables import nearest_in_time, pose_at
 from dlama.errors import FileError
 from dlama.files.fields import FileFields, json_fields
@@ -78,16 +77,14 @@ def azure_kinect_frames(scene: str, path: Path) -> list[PosedFrame]:
     depth_camera = _camera(fields, listed, "CALIBRATION_CameraLocationD0", sizes[1], MODES)
     color_from_depth = color_camera.from_device @ invert_pose(depth_camera.from_device)
     LOG.warning("%s: holds no poses: the camera is taken as standing still", path)
-    depth_times = video_times(path, depth)
-    frames, left_out = [], {"without depth": 0}
-    times = video_times(path, color)
-    for place, seconds in enumerate(times.tolist()):
-        near = nearest_in_time(depth_times, seconds, NEAREST_S)
+    times, depth_times = video_times(path, color), video_times(path, depth)
+
+    def files(place: int) -> CaptureFiles | str:
+        near = nearest_in_time(depth_times, times[place], NEAREST_S)
         if near is None:
-            left_out["without depth"] += 1
-            continue
+            return "without depth"
         metres = partial(undistorted_depth, path, near, depth, depth_camera)
-        files = CaptureFiles(
+        return CaptureFiles(
             (f"{path}, picture {place}", f"{path}, depth {near}"),
             partial(undistorted_color, path, place, color, color_camera),
             partial(register_depth, metres, depth_camera.lens, color_camera.lens, color_from_depth),
@@ -95,9 +92,8 @@ def azure_kinect_frames(scene: str, path: Path) -> list[PosedFrame]:
             np.eye(4),
             range_m=np.inf,
         )
-        frames.append(captured_frame(scene, f"{place:06d}", files))
-    report_left_out(path, frames, len(times), left_out)
-    return frames
+
+    return captured_frames(scene, path, ((f"{place:06d}", files(place)) for place in range(len(times))))
 
 
 def _track(path: Path, tags: Sequence[dict[str, str]], name: str) -> int:

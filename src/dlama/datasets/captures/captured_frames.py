@@ -7,21 +7,22 @@ the sensor, is missing depth.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
 
 from dlama.datasets.posed.numbered_frames import warp_depth
-from dlama.datasets.posed.posed_frames import Lens, PosedFrame, camera_at_depth, shrink_color
-from dlama.datasets.posed.view_pairs import LOG
+from dlama.datasets.posed.posed_frames import Lens, PosedFrame, camera_at_depth, report_left_out, shrink_color
 from dlama.errors import FileError, ShapeError
 from dlama.files.cameras import make_camera
+from dlama.files.rasters.depth import read_depth
 from dlama.files.rasters.images import read_stored
+from dlama.files.rasters.pictures import read_color_of_camera
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.holes import fill_with_nearest
 from dlama.geometry.projection import inverse_depth
@@ -56,12 +57,6 @@ class CaptureFiles:
     """Less is missing depth."""
     range_m: float = LIDAR_RANGE_M
     """Beyond is missing depth."""
-
-
-def captured_frame(scene: str, name: str, files: CaptureFiles) -> PosedFrame:
-    """A frame whose pixels are read when they are needed."""
-    load, depth = partial(load_capture, files), partial(load_capture_depth, files)
-    return PosedFrame(scene, name, load, world_from_cam=files.world_from_cam, load_depth=depth)
 
 
 def load_capture(files: CaptureFiles) -> RGBD:
@@ -138,10 +133,28 @@ def files_by_stem(folder: Path, suffixes: Sequence[str]) -> dict[str, Path]:
     return {path.stem: path for path in folder.iterdir() if path.suffix.lower() in suffixes} if folder.is_dir() else {}
 
 
-def report_left_out(place: Path, kept: Sequence[Any], listed: int, why: Mapping[str, int]) -> None:
-    """A line on frames that were left out, and why; FileError where none is kept."""
-    reasons = ", ".join(f"{count} {reason}" for reason, count in why.items() if count)
-    if not kept:
-        raise FileError(f"{place}: none of its {listed} frames can be used" + (f" ({reasons})" if reasons else ""))
-    if reasons:
-        LOG.warning("%s: %d of %d frames are left out (%s)", place, listed - len(kept), listed, reasons)
+def captured_frames(scene: str, place: Path, listed: Iterable[tuple[str, CaptureFiles | str]]) -> list[PosedFrame]:
+    """The frames of a recording; listed: name and files of each, or why it is left out, which a line reports.
+
+    Raises FileError where none is kept.
+    """
+    frames, left_out = list[PosedFrame](), Counter[str]()
+    for name, files in listed:
+        if isinstance(files, str):
+            left_out[files] += 1
+        else:
+            load, depth = partial(load_capture, files), partial(load_capture_depth, files)
+            frames.append(PosedFrame(scene, name, load, world_from_cam=files.world_from_cam, load_depth=depth))
+    report_left_out(place, frames, len(frames) + left_out.total(), left_out)
+    return frames
+
+
+def files_of_capture(
+    color: Path, depth: Path, lens: Lens, pose: Float64Array, confidence: Path | None, least: int = MEDIUM
+) -> CaptureFiles:
+    """A frame of a picture file, a depth file and, where the app recorded it, one of confidence."""
+    levels = None if confidence is None else partial(levels_of_png, confidence)
+    names = str(color), str(depth)
+    return CaptureFiles(
+        names, partial(read_color_of_camera, color), partial(read_depth, depth), lens, pose, levels, least
+    )

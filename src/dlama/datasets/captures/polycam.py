@@ -8,24 +8,15 @@ github.com/PolyCam/polyform, README.md.
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from dlama.datasets.captures.captured_frames import (
-    CaptureFiles,
-    captured_frame,
-    files_by_stem,
-    levels_of_png,
-    report_left_out,
-)
+from dlama.datasets.captures.captured_frames import CaptureFiles, captured_frames, files_by_stem, files_of_capture
 from dlama.datasets.posed.nerfstudio import CV_FROM_GL
 from dlama.datasets.posed.posed_frames import Lens, PosedFrame
 from dlama.datasets.text_tables import natural_order, pose_at
 from dlama.files.fields import read_json_fields
-from dlama.files.rasters.depth import read_depth
-from dlama.files.rasters.pictures import read_color_of_camera
 
 FOLDER = "keyframes"
 BOTH = (("corrected_cameras", "corrected_images"), ("cameras", "images"))
@@ -53,26 +44,15 @@ def polycam_frames(scene: str, folder: Path) -> list[PosedFrame]:
         ({}, {}),
     )
     depths, levels = (files_by_stem(inside / name, (".png",)) for name in ("depth", "confidence"))
-    frames, left_out = [], {"without a picture": 0, "without depth": 0}
-    for name in sorted(cameras, key=natural_order):
+
+    def files(name: str) -> CaptureFiles | str:
         if name not in pictures:
-            left_out["without a picture"] += 1
-        elif name not in depths:
-            left_out["without depth"] += 1
-        else:
-            lens, pose = _camera(cameras[name])
-            files = CaptureFiles(
-                (str(pictures[name]), str(depths[name])),
-                partial(read_color_of_camera, pictures[name]),
-                partial(read_depth, depths[name]),
-                lens,
-                pose,
-                partial(levels_of_png, levels[name]) if name in levels else None,
-                MEDIUM_CODE,
-            )
-            frames.append(captured_frame(scene, name, files))
-    report_left_out(inside, frames, len(cameras), left_out)
-    return frames
+            return "without a picture"
+        if name not in depths:
+            return "without depth"
+        return files_of_capture(pictures[name], depths[name], *_camera(cameras[name]), levels.get(name), MEDIUM_CODE)
+
+    return captured_frames(scene, inside, ((name, files(name)) for name in sorted(cameras, key=natural_order)))
 
 
 def _camera(path: Path) -> tuple[Lens, np.ndarray]:

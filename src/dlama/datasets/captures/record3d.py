@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from dlama.datasets.captures.captured_frames import CaptureFiles, captured_frame, report_left_out
+from dlama.datasets.captures.captured_frames import CaptureFiles, captured_frames
 from dlama.datasets.posed.nerfstudio import CV_FROM_GL
 from dlama.datasets.posed.posed_frames import Lens, PosedFrame
 from dlama.datasets.text_tables import pose_of
@@ -45,28 +45,24 @@ def record3d_frames(scene: str, place: Path) -> list[PosedFrame]:
     depth_hw = (fields.count("dh"), fields.count("dw"))
     check_pixels(fields.path, *depth_hw)
     present = _members(place)
-    frames, left_out = [], {"without a picture": 0, "without depth": 0}
-    for number, values in enumerate(poses):
+
+    def files(number: int) -> CaptureFiles | str:
         color, depth, levels = (f"{INSIDE}/{number}.{kind}" for kind in ("jpg", "depth", "conf"))
         if color not in present:
-            left_out["without a picture"] += 1
-        elif depth not in present:
-            left_out["without depth"] += 1
-        else:
-            numbers = FileFields(fields.path, {"pose": [values]}).matrix("pose", (1, 7))[0].tolist()
-            where = f"{fields.path}: poses[{number}]"
-            pose = pose_of(where, numbers[4:], numbers[:4]) @ CV_FROM_GL
-            files = CaptureFiles(
-                (f"{place}: {color}", f"{place}: {depth}"),
-                partial(color_of_member, place, color),
-                partial(array_of_member, place, depth, "<f4", depth_hw),
-                _lens(fields, number, size),
-                pose,
-                partial(array_of_member, place, levels, "u1", depth_hw) if levels in present else None,
-            )
-            frames.append(captured_frame(scene, f"{number:06d}", files))
-    report_left_out(place, frames, len(poses), left_out)
-    return frames
+            return "without a picture"
+        if depth not in present:
+            return "without depth"
+        numbers = FileFields(fields.path, {"pose": [poses[number]]}).matrix("pose", (1, 7))[0].tolist()
+        return CaptureFiles(
+            (f"{place}: {color}", f"{place}: {depth}"),
+            partial(color_of_member, place, color),
+            partial(array_of_member, place, depth, "<f4", depth_hw),
+            _lens(fields, number, size),
+            pose_of(f"{fields.path}: poses[{number}]", numbers[4:], numbers[:4]) @ CV_FROM_GL,
+            partial(array_of_member, place, levels, "u1", depth_hw) if levels in present else None,
+        )
+
+    return captured_frames(scene, place, ((f"{number:06d}", files(number)) for number in range(len(poses))))
 
 
 def _lens(fields: FileFields, number: int, hw: tuple[int, int]) -> Lens:

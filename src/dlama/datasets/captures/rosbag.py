@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from dlama.datasets.captures import realsense
-from dlama.datasets.captures.captured_frames import CaptureFiles, captured_frame, register_depth, report_left_out
+from dlama.datasets.captures.captured_frames import CaptureFiles, captured_frames, register_depth
 from dlama.datasets.captures.ros_messages import (
     Topic,
     Track,
@@ -35,8 +35,7 @@ from dlama.datasets.captures.ros_messages import (
     times_to_match,
 )
 from dlama.datasets.posed.nerfstudio import SHOWS_PX, distortion_px
-from dlama.datasets.posed.posed_frames import Lens, PosedFrame
-from dlama.datasets.posed.view_pairs import LOG
+from dlama.datasets.posed.posed_frames import LOG, Lens, PosedFrame
 from dlama.datasets.text_tables import nearest_in_time
 from dlama.errors import DlamaError, FileError, MissingExtraError, first_line
 from dlama.files.fields import FileFields
@@ -66,32 +65,29 @@ def rosbag_frames(scene: str, path: Path) -> list[PosedFrame]:
     transforms, moves = bag.transforms, bag.transforms.moves
     if not moves:
         LOG.warning("%s: holds no moving transform (/tf): the camera is taken as standing still", path)
-    frames, left_out = [], {"without depth": 0, "without a pose": 0}
     matched, of_depth = times_to_match(color, depth)
-    registered = color.frame == depth.frame
-    for number, (stamp, place) in enumerate(zip(color.stamps.tolist(), color.places)):
-        near = nearest_in_time(of_depth, matched[number], NEAREST_S)
-        pose = transforms.root_from(color.frame, stamp) if near is not None else None
+
+    def files(number: int) -> CaptureFiles | str:
+        stamp = float(color.stamps[number])
+        near, pose = nearest_in_time(of_depth, matched[number], NEAREST_S), transforms.root_from(color.frame, stamp)
         if near is None:
-            left_out["without depth"] += 1
-        elif pose is None:
-            left_out["without a pose"] += 1
-        else:
-            metres: Any = partial(read_depth_message, path, depth.name, depth.places[near])
-            if not registered:
-                found = transforms.between(color.frame, depth.frame, stamp)
-                if found is None:
-                    raise FileError(
-                        f"{path}: depth is in the frame {depth.frame!r} and colour in {color.frame!r}, and no transform leads "
-                        "from one to the other; depth registered to the colour camera is expected"
-                    )
-                metres = partial(register_depth, metres, depth_lens, lens, found)
-            names = f"{path}, {color.name} {number}", f"{path}, {depth.name} {near}"
-            picture = partial(read_color_message, path, color.name, place)
-            files = CaptureFiles(names, picture, metres, lens, pose, range_m=np.inf)
-            frames.append(captured_frame(scene, f"{number:06d}", files))
-    report_left_out(path, frames, len(color.stamps), left_out)
-    return frames
+            return "without depth"
+        if pose is None:
+            return "without a pose"
+        metres: Any = partial(read_depth_message, path, depth.name, depth.places[near])
+        if color.frame != depth.frame:
+            found = transforms.between(color.frame, depth.frame, stamp)
+            if found is None:
+                raise FileError(
+                    f"{path}: depth is in the frame {depth.frame!r} and colour in {color.frame!r}, and no transform leads "
+                    "from one to the other; depth registered to the colour camera is expected"
+                )
+            metres = partial(register_depth, metres, depth_lens, lens, found)
+        names = f"{path}, {color.name} {number}", f"{path}, {depth.name} {near}"
+        picture = partial(read_color_message, path, color.name, color.places[number])
+        return CaptureFiles(names, picture, metres, lens, pose, range_m=np.inf)
+
+    return captured_frames(scene, path, ((f"{number:06d}", files(number)) for number in range(len(color.stamps))))
 
 
 def read_color_message(path: Path, topic: str, place: int) -> UInt8Array:

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dlama.datasets.captures.captured_frames import CaptureFiles, captured_frame, report_left_out
+from dlama.datasets.captures.captured_frames import CaptureFiles, captured_frames
 from dlama.datasets.posed.posed_frames import Lens, PosedFrame
 from dlama.datasets.text_tables import natural_order, pose_at
 from dlama.errors import FileError, MissingExtraError
@@ -44,9 +44,8 @@ def scannetpp_frames(scene: str, folder: Path) -> list[PosedFrame]:
     inside = folder if (folder / POSES).is_file() else folder / FOLDER
     listed = read_json_fields(inside / POSES)
     color, depth = _pictures(inside), _depths(inside)
-    frames = []
-    left_out = {"without a pose": 0, "without a picture": 0, "without depth": 0}
-    for name in sorted(listed.values, key=natural_order):
+
+    def files(name: str) -> CaptureFiles | str:
         number = name.rpartition("_")[2]
         if not number.isdecimal():
             raise FileError(f"{listed.path}: field '{name[:40]}' is no frame; names such as frame_000000 are expected")
@@ -56,18 +55,16 @@ def scannetpp_frames(scene: str, folder: Path) -> list[PosedFrame]:
         tracked = tracked and bool(np.isfinite(matrix.astype(np.float64)).all())
         picture, metres = color(int(number)), depth(int(number))
         if not tracked:
-            left_out["without a pose"] += 1
-        elif picture is None:
-            left_out["without a picture"] += 1
-        elif metres is None:
-            left_out["without depth"] += 1
-        else:
-            pose = pose_at(f"{fields.path}: aligned_pose", fields.matrix("aligned_pose", (4, 4)))
-            lens = Lens(str(fields.path), fields.intrinsics("intrinsic"), 0.5)
-            files = CaptureFiles((f"{inside}, picture {name}", f"{inside}, depth {name}"), picture, metres, lens, pose)
-            frames.append(captured_frame(scene, name, files))
-    report_left_out(inside, frames, len(listed.values), left_out)
-    return frames
+            return "without a pose"
+        if picture is None:
+            return "without a picture"
+        if metres is None:
+            return "without depth"
+        pose = pose_at(f"{fields.path}: aligned_pose", fields.matrix("aligned_pose", (4, 4)))
+        lens = Lens(str(fields.path), fields.intrinsics("intrinsic"), 0.5)
+        return CaptureFiles((f"{inside}, picture {name}", f"{inside}, depth {name}"), picture, metres, lens, pose)
+
+    return captured_frames(scene, inside, ((name, files(name)) for name in sorted(listed.values, key=natural_order)))
 
 
 def _pictures(folder: Path) -> Callable[[int], Callable[[], UInt8Array] | None]:

@@ -8,22 +8,16 @@ pictures. Format: github.com/strayrobots/scanner (format.md).
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from dlama.datasets.captures.captured_frames import (
-    CaptureFiles,
-    captured_frame,
-    files_by_stem,
-    levels_of_png,
-    report_left_out,
-)
+from dlama.datasets.captures.captured_frames import CaptureFiles, captured_frames, files_by_stem, levels_of_png
 from dlama.datasets.posed.posed_frames import Lens, PosedFrame
 from dlama.datasets.text_tables import matrix_of, pose_of, read_rows
 from dlama.errors import FileError
-from dlama.files.fields import FileFields
 from dlama.files.rasters.depth import read_depth
 from dlama.files.rasters.video_frames import count_video_frames, read_video_frame
 
@@ -51,29 +45,31 @@ def stray_scanner_frames(scene: str, folder: Path) -> list[PosedFrame]:
     shared = _matrix(folder) if not set(LENS_COLUMNS) <= set(names) else None
     pictures = count_video_frames(folder / VIDEO)
     depths, levels = (files_by_stem(folder / name, (".png",)) for name in ("depth", "confidence"))
-    frames, left_out = [], {"without a picture in the video": 0, "without depth": 0}
-    for place, row in enumerate(rows):
-        values = dict(zip(names, row.numbers(", ".join(names), len(names))))
-        name = f"{int(values.get('frame', place)):06d}"
-        if place >= pictures:
-            left_out["without a picture in the video"] += 1
-        elif name not in depths:
-            left_out["without depth"] += 1
-        else:
-            pose = pose_of(row.at(0), [values[each] for each in BARE[:3]], [values[each] for each in BARE[3:]])
-            fx, fy, cx, cy = (values.get(each, np.nan) for each in LENS_COLUMNS)
-            lens = shared or Lens(row.at(0), (fx, fy, cx, cy), 0.5)
-            files = CaptureFiles(
-                (f"{folder / VIDEO}, picture {place}", str(depths[name])),
-                partial(read_video_frame, folder / VIDEO, place),
-                partial(read_depth, depths[name]),
-                lens,
-                pose,
-                partial(levels_of_png, levels[name]) if name in levels else None,
-            )
-            frames.append(captured_frame(scene, name, files))
-    report_left_out(folder, frames, len(rows), left_out)
-    return frames
+
+    def listed() -> Iterator[tuple[str, CaptureFiles | str]]:
+        for place, row in enumerate(rows):
+            values = dict(zip(names, row.numbers(", ".join(names), len(names))))
+            name = f"{int(values.get('frame', place)):06d}"
+            if place >= pictures:
+                yield name, "without a picture in the video"
+            elif name not in depths:
+                yield name, "without depth"
+            else:
+                pose = pose_of(row.at(0), [values[each] for each in BARE[:3]], [values[each] for each in BARE[3:]])
+                fx, fy, cx, cy = (values.get(each, np.nan) for each in LENS_COLUMNS)
+                yield (
+                    name,
+                    CaptureFiles(
+                        (f"{folder / VIDEO}, picture {place}", str(depths[name])),
+                        partial(read_video_frame, folder / VIDEO, place),
+                        partial(read_depth, depths[name]),
+                        shared or Lens(row.at(0), (fx, fy, cx, cy), 0.5),
+                        pose,
+                        partial(levels_of_png, levels[name]) if name in levels else None,
+                    ),
+                )
+
+    return captured_frames(scene, folder, listed())
 
 
 def _matrix(folder: Path) -> Lens:
@@ -81,5 +77,4 @@ def _matrix(folder: Path) -> Lens:
     rows = read_rows(path, commas=True)
     if len(rows) != 3:
         raise FileError(f"{path}: holds {len(rows)} lines of numbers; a 3x3 matrix is expected")
-    K = matrix_of(rows, (3, 3))
-    return Lens(str(path), FileFields(path, {"the matrix K": K.tolist()}).intrinsics("the matrix K"), 0.5)
+    return Lens.of_matrix(str(path), matrix_of(rows, (3, 3)).tolist(), 0.5)

@@ -18,8 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dlama.datasets.posed.posed_frames import FrameFiles, Lens, PosedFrame, posed_frame
-from dlama.datasets.posed.view_pairs import LOG
+from dlama.datasets.posed.posed_frames import FrameFiles, Lens, PosedFrame, posed_frame, report_left_out
 from dlama.datasets.text_tables import pose_at, read_rows
 from dlama.errors import CameraError, FileError
 from dlama.files.atomic_write import new_file
@@ -236,15 +235,8 @@ def colmap_frames(scene: str, folder: Path) -> list[PosedFrame]:
             files = FrameFiles(folder / "images" / image.name, depth, lens, image.world_from_cam, units, far_code=True)
             name = Path(image.name).with_suffix("").as_posix().replace("/", "_")
             frames.append(posed_frame(scene, name, files))
-    if not frames:
-        raise FileError(
-            f"{folder}: none of the model's {len(images)} images has a depth map; depth/NAME.png (millimetres) or "
-            f"{DENSE}/NAME{DENSE_KINDS[0]} is expected"
-        )
-    if len(frames) < len(images):
-        LOG.warning(
-            "%s: %d of %d images have no depth and are left out", folder, len(images) - len(frames), len(images)
-        )
+    without = f"without depth/NAME.png (millimetres) or {DENSE}/NAME{DENSE_KINDS[0]}"
+    report_left_out(folder, frames, len(images), {without: len(images) - len(frames)})
     return frames
 
 

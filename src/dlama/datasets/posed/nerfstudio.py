@@ -12,10 +12,16 @@ from pathlib import Path
 
 import numpy as np
 
-from dlama.datasets.posed.posed_frames import FrameFiles, Lens, PosedFrame, posed_frame, units_per_metre
-from dlama.datasets.posed.view_pairs import LOG
+from dlama.datasets.posed.posed_frames import (
+    FrameFiles,
+    Lens,
+    PosedFrame,
+    posed_frame,
+    report_left_out,
+    units_per_metre,
+)
 from dlama.datasets.text_tables import pose_at
-from dlama.errors import CameraError, FileError
+from dlama.errors import CameraError
 from dlama.files.fields import FileFields, Intrinsics, read_json_fields
 from dlama.geometry.camera import Float64Array
 
@@ -45,12 +51,7 @@ def nerfstudio_frames(scene: str, folder: Path) -> list[PosedFrame]:
         frame = fields.part(f"frames[{number}]", each)
         if "depth_file_path" in frame:
             frames.append(_frame(scene, folder, frame, fields, units))
-    if not frames:
-        raise FileError(f"{fields.path}: no frame has a depth_file_path; posed frames with depth are expected")
-    if len(frames) < len(listed):
-        LOG.warning(
-            "%s: %d of %d frames have no depth and are left out", folder, len(listed) - len(frames), len(listed)
-        )
+    report_left_out(fields.path, frames, len(listed), {"without a depth_file_path": len(listed) - len(frames)})
     return frames
 
 

@@ -5,10 +5,12 @@ The camera's intrinsics (`Lens`) come from the option `camera`, or from a camera
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import logging
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -28,6 +30,7 @@ from dlama.geometry.rgbd import RGBD, Float32Array, UInt8Array
 
 CameraOption = PathLike | Camera | None
 """The option `camera` of layouts whose files may say nothing of intrinsics: a camera file, or a Camera (its pose is not used)."""
+LOG = logging.getLogger("dlama")
 SAME_PROPORTIONS = 0.02
 """Relative difference of width / height up to which colour and depth of two sizes show the same field of view."""
 
@@ -44,6 +47,13 @@ class Lens:
     """Where they put the first pixel's centre: 0.5 or 0.0."""
     hw: tuple[int, int] | None = None
     """The picture size they are for; None: the picture's."""
+
+    @classmethod
+    def of_matrix(
+        cls, source: str, K: Sequence[Sequence[float]], center: float, hw: tuple[int, int] | None = None
+    ) -> Lens:
+        """Of a 3x3 matrix; raises CameraError that begins with the source for one that is none of a pinhole camera."""
+        return cls(source, FileFields(source, {"the matrix K": K}).intrinsics("the matrix K"), center, hw)
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,8 +137,7 @@ def read_lens(path: Path) -> Lens:
 
 def text_lens(path: Path, shape: tuple[int, int]) -> Lens:
     """A text file with the matrix K, as `shape` says 3x3, or 4x4 with nothing in the last row and column (ScanNet)."""
-    K = read_matrix(path, shape)[:3, :3]
-    return Lens(str(path), FileFields(path, {"the matrix K": K.tolist()}).intrinsics("the matrix K"), 0.0)
+    return Lens.of_matrix(str(path), read_matrix(path, shape)[:3, :3].tolist(), 0.0)
 
 
 def json_lens(fields: FileFields) -> Lens:
@@ -155,10 +164,7 @@ def _of_open3d(fields: FileFields) -> Lens:
         raise CameraError(
             f"{fields.path}: intrinsic_matrix is {str(listed)[:60]}; 9 numbers, column by column, are expected"
         )
-    columns = [listed[start : start + 3] for start in (0, 3, 6)]
-    K = [list(row) for row in zip(*columns)]
-    intrinsics = FileFields(fields.path, {"intrinsic_matrix": K}).intrinsics("intrinsic_matrix")
-    return Lens(str(fields.path), intrinsics, 0.0, fields.size(None))
+    return Lens.of_matrix(str(fields.path), [listed[start::3] for start in range(3)], 0.0, fields.size(None))
 
 
 def _metres(files: FrameFiles) -> Float32Array:
@@ -204,3 +210,12 @@ def shrink_color(color: UInt8Array, hw: tuple[int, ...]) -> UInt8Array:
     if color.shape[:2] == tuple(hw):
         return color
     return np.asarray(cv2.resize(color, (hw[1], hw[0]), interpolation=cv2.INTER_AREA), np.uint8)
+
+
+def report_left_out(place: PathLike, kept: Sequence[Any], listed: int, why: Mapping[str, int]) -> None:
+    """A line on frames that were left out, and why; FileError where none is kept."""
+    reasons = ", ".join(f"{count} {reason}" for reason, count in why.items() if count)
+    if not kept:
+        raise FileError(f"{place}: none of its {listed} frames can be used" + (f" ({reasons})" if reasons else ""))
+    if reasons:
+        LOG.warning("%s: %d of %d frames are left out (%s)", place, listed - len(kept), listed, reasons)

@@ -18,9 +18,9 @@ from dlama.datasets.posed.posed_frames import (
     PosedFrame,
     lens_for,
     posed_frame,
+    report_left_out,
     text_lens,
 )
-from dlama.datasets.posed.view_pairs import LOG
 from dlama.datasets.text_tables import files_in, pose_at, read_matrix
 from dlama.errors import CameraError, FileError
 
@@ -57,8 +57,5 @@ def scannet_frames(scene: str, folder: Path, root: Path, camera: CameraOption) -
         depth = folder / "depth" / f"{path.stem}.png"
         files = FrameFiles(colors[path.stem], depth, lens, pose_at(f"{path}:1:1", pose))
         frames.append(posed_frame(scene, path.stem, files))
-    if lost:
-        LOG.warning("%s: %d of %d frames have no pose (tracking was lost) and are left out", folder, lost, len(poses))
-    if not frames:
-        raise FileError(f"{folder / 'pose'}: none of its {len(poses)} files holds a pose")
+    report_left_out(folder, frames, len(poses), {"without a pose: tracking was lost": lost})
     return frames

@@ -13,8 +13,14 @@ from pathlib import Path
 
 import numpy as np
 
-from dlama.datasets.posed.posed_frames import CameraOption, FrameFiles, PosedFrame, lens_for, posed_frame
-from dlama.datasets.posed.view_pairs import LOG
+from dlama.datasets.posed.posed_frames import (
+    CameraOption,
+    FrameFiles,
+    PosedFrame,
+    lens_for,
+    posed_frame,
+    report_left_out,
+)
 from dlama.datasets.text_tables import Row, nearest_in_time, pose_of, read_rows
 from dlama.errors import FileError
 from dlama.geometry.camera import Float64Array
@@ -46,13 +52,8 @@ def tum_frames(scene: str, folder: Path, root: Path, camera: CameraOption) -> li
                 folder / row.words[1], folder / depth_row.words[1], lens, _pose(pose_row), UNITS_PER_METRE
             )
             frames.append(posed_frame(scene, Path(row.words[1]).stem, files))
-    if not frames:
-        raise FileError(f"{folder}: no colour picture has a depth picture and a pose within {NEAREST_S:g} s")
-    if len(frames) < len(color.rows):
-        LOG.warning(
-            "%s: %d of %d colour pictures have no depth or no pose within %g s and are left out",
-            folder, len(color.rows) - len(frames), len(color.rows), NEAREST_S,
-        )  # fmt: skip
+    without = {f"without depth or a pose within {NEAREST_S:g} s": len(color.rows) - len(frames)}
+    report_left_out(folder, frames, len(color.rows), without)
     return frames
 
 

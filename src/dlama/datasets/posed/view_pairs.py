@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
@@ -19,8 +18,6 @@ from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.poses import rotation_deg
 from dlama.geometry.projection import project, rays
 from dlama.geometry.rgbd import RGBD, Float32Array
-
-LOG = logging.getLogger("dlama")
 
 DEGREES = (10.0, 20.0, 30.0, 40.0, 50.0, 60.0)
 """Rotations that pairs are looked for at: the paper's yaws."""
@@ -112,35 +109,21 @@ def _check_names(root: Path, frames: Iterable[PosedFrame]) -> None:
         seen.add((frame.scene, frame.name))
 
 
-def view_pairs(
-    frames: Sequence[PosedFrame],
-    *,
-    dataset: str,
-    every: int | None = None,
-    degrees: Sequence[float] = DEGREES,
-    stride: int | None = None,
-    min_overlap: float = MIN_OVERLAP,
-    limit: int | None = None,
-) -> tuple[Case, ...]:
-    """VPI cases between frames of one scene: of every k-th frame, to frames that turned away by about each of `degrees`.
+def view_pairs(frames: Sequence[PosedFrame], *, dataset: str, limit: int | None = None) -> tuple[Case, ...]:
+    """VPI cases between frames of one scene: of SOURCES frames, evenly, to frames that turned away by about each of DEGREES.
 
-    `every` None takes SOURCES sources evenly. Of the frames within DEGREES_OFF of an angle the nearest to it with enough
-    overlap is taken (of frames in a row the best is tried), each target once per source; with `stride` instead the
-    frame so many places on. Overlap is the share of the source's pixels that land in the target within 5 % of its depth:
-    depth files of candidates are read for it. `yaw` is the angle of rotation. Deterministic. Raises InputError.
+    Of the frames within DEGREES_OFF of an angle the nearest to it with enough overlap is taken (of frames in a row the best is
+    tried), each target once per source. Overlap is the share of the source's pixels that land in the target within 5 % of its
+    depth: depth files of candidates are read for it. `yaw` is the angle of rotation. Deterministic.
     """
     if not frames:
         return ()
-    for name, value in (("every", every), ("stride", stride), ("limit", limit)):
-        if value is not None and value < 1:
-            raise InputError(f"pairs of posed frames: {name} is {value}; a whole number >= 1 is expected")
-    step = every if every is not None else math.ceil(len(frames) / SOURCES)
     overlaps = Overlaps(frames)
     rotations = np.stack([frame.world_from_cam[:3, :3] for frame in frames])
     found = (
         pair_case(dataset, frames[source], frames[target])
-        for source in range(0, len(frames), step)
-        for target in _targets(source, rotations, overlaps, degrees, stride, min_overlap)
+        for source in range(0, len(frames), math.ceil(len(frames) / SOURCES))
+        for target in _targets(source, rotations, overlaps)
     )
     return tuple(islice(found, limit))
 
@@ -192,24 +175,12 @@ def _sample(depth: Float32Array, camera: Camera) -> tuple[Float64Array, Float32A
     return local @ pose[:3, :3].T + pose[:3, 3], small, camera
 
 
-def _targets(
-    source: int,
-    rotations: Float64Array,
-    overlaps: Overlaps,
-    degrees: Sequence[float],
-    stride: int | None,
-    min_overlap: float,
-) -> Iterator[int]:
+def _targets(source: int, rotations: Float64Array, overlaps: Overlaps) -> Iterator[int]:
     angles = rotation_deg(rotations, rotations[source])
-    if stride is not None:
-        target = source + stride
-        if target < len(angles) and overlaps.share(source, target) >= min_overlap:
-            yield target
-        return
     used = [source]
-    for angle in degrees:
+    for angle in DEGREES:
         for target in _candidates(np.abs(angles - angle), used):
-            if overlaps.share(source, target) >= min_overlap:
+            if overlaps.share(source, target) >= MIN_OVERLAP:
                 used.append(target)
                 yield target
                 break
