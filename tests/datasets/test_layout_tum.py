@@ -15,7 +15,6 @@ import pytest
 from dlama.datasets.layouts import open_dataset
 from dlama.errors import CameraError, FileError, InputError
 from dlama.files.cameras import write_camera
-from dlama.geometry.poses import rotation_from_quaternion
 from posed_folders import AXIS, LENS, TURNS, cameras, check_frames, truth, write_codes16, write_picture
 
 TIMES = [1305031102.175304 + 0.1 * number for number in range(len(TURNS))]
@@ -92,13 +91,6 @@ def test_intrinsics_come_from_the_option_or_the_folder_or_not_at_all(tmp_path: P
         assert np.allclose(open_dataset(root, camera=camera).frames[0].load().camera.K, LENS.K)
     (tmp_path / "mine.json").rename(tmp_path / "data/camera.json")
     assert open_dataset(tmp_path / "data").frames[0].scene == "seq"
-
-
-def test_a_unit_quaternion_turns_as_its_axis_says() -> None:
-    """Oracle: a quarter turn about z takes x to y; about x takes y to z."""
-    half = math.sqrt(0.5)
-    assert np.allclose(rotation_from_quaternion(np.array([0, 0, half, half])) @ [1, 0, 0], [0, 1, 0])
-    assert np.allclose(rotation_from_quaternion(np.array([half, 0, 0, half])) @ [0, 1, 0], [0, 0, 1])
 
 
 @pytest.mark.parametrize(

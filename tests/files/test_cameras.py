@@ -233,15 +233,6 @@ def test_contradicting_flags(options: dict[str, Any], words: str) -> None:
         camera_for((480, 640), **options)
 
 
-def test_shipped_calibration_reads() -> None:
-    """The demo's own files (oracle: street's README: f 256, centre 256, pair 0.12 m apart)."""
-    folder = Path(__file__).parents[2] / "src/dlama/assets/demo"
-    rig = read_stereo_calib(folder / "calib.txt", hw=(512, 512))
-    camera = read_camera(folder / "camera.json", hw=(512, 512))
-    assert camera.same_view_as(rig.left) and (camera.fx, camera.cx, camera.cy) == (256, 256, 256)
-    assert rig.baseline_m == 0.12 and rig.doffs == 0
-
-
 @pytest.mark.parametrize(
     ("text", "words"),
     [("[" * 100_000, "is no JSON"), ('[{"width": 3,}]', r"cameras\.json:1:1[34]: is no JSON"), ("3", "holds no list")],

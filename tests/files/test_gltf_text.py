@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
 from PIL import Image
 
 from dlama.completion.verbs import remove
@@ -99,30 +98,3 @@ def test_the_texture_is_the_picture(tmp_path: Path) -> None:
     np.testing.assert_array_equal(values(document, blob, one["attributes"]["_CONFIDENCE"])[:, 0], mesh.confidence)
     indices = values(document, blob, one["indices"])[:, 0].reshape(-1, 3)
     np.testing.assert_array_equal(np.sort(indices, 1), np.sort(mesh.triangles, 1))
-
-
-def test_open3d_reads_the_texture(tmp_path: Path) -> None:
-    """Somebody else's reader: the same positions and, at each triangle's corners, the colours of the mesh as JPEG keeps them."""
-    o3d = pytest.importorskip("open3d", exc_type=ImportError)  # it needs libraries that small machines lack
-    write_textured_glb(tmp_path / "scene.glb", SCENE)
-    read = o3d.io.read_triangle_mesh(str(tmp_path / "scene.glb"))
-    mesh = join_meshes([decimate(layer).mesh for layer in SCENE.layers])
-    assert len(read.triangles) == len(mesh.triangles) and len(read.textures) >= 1
-    picture = np.asarray(read.textures[0])
-    corners = np.asarray(read.triangles).ravel()
-    uv = np.asarray(read.triangle_uvs)
-    at = (uv * picture.shape[1::-1]).astype(int)
-    by_place = {tuple(np.round(p, 4)): tuple(c) for p, c in zip(on_axes(mesh), mesh.color)}
-    places = np.round(np.asarray(read.vertices)[corners], 4)
-    up, down = (
-        [tuple(picture[row, x][:3]) for x, row in zip(at[:, 0], rows)]
-        for rows in (at[:, 1], picture.shape[0] - 1 - at[:, 1])
-    )
-    wanted = [by_place.get(tuple(p)) for p in places]
-    counted = [k for k, one in enumerate(wanted) if one is not None]
-    assert len(counted) > 0.9 * len(wanted)
-    off = min(
-        np.abs(np.subtract([shown[k] for k in counted], [wanted[k] for k in counted], dtype=int)).mean()
-        for shown in (up, down)
-    )
-    assert off < 3

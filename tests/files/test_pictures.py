@@ -75,12 +75,6 @@ def test_plain_modes_are_accepted(tmp_path: Path, mode: str) -> None:
     assert np.array_equal(read_color(tmp_path / "c.png"), np.array(picture.convert("RGB")))
 
 
-@pytest.mark.parametrize("hw", [(1, 1), (1, 7), (7, 1)])
-def test_thin_pictures(tmp_path: Path, hw: tuple[int, int]) -> None:
-    write_color(tmp_path / "c.png", COLOR[: hw[0], : hw[1]])
-    assert read_color(tmp_path / "c.png").shape == (*hw, 3)
-
-
 def test_missing_and_wrong_files(tmp_path: Path) -> None:
     (tmp_path / "empty.png").touch()
     (tmp_path / "text.png").write_text("no picture")

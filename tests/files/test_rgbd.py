@@ -10,7 +10,7 @@ import pytest
 from dlama.errors import CameraError, ShapeError
 from dlama.files.cameras import write_camera
 from dlama.files.rasters.depth import write_depth_png
-from dlama.files.rasters.pictures import read_color, read_mask, write_color
+from dlama.files.rasters.pictures import write_color
 from dlama.files.rgbd import read_rgbd
 from dlama.geometry.camera import Camera
 
@@ -62,15 +62,3 @@ def test_other_sizes(tmp_path: Path) -> None:
         read_rgbd(*paths, fov=60, resize_depth="linear")  # type: ignore[arg-type]
     with pytest.raises(ShapeError, match=r"d\.png is 4x4 and .*crop first"):
         read_rgbd(*pair(tmp_path, np.ones((4, 4))), fov=60, resize_depth="nearest")
-
-
-def test_bin_reads(data_dir: Path) -> None:
-    """A real removal pair (oracle: its camera.json, which gives K and the share of missing depth inside the bin)."""
-    folder = data_dir / "data/bin_removal"
-    lens = {"fx": 619.871277, "fy": 619.871338, "cx": 314.241211, "cy": 238.906021, "pixel_center": 0.0}
-    rgbd = read_rgbd(folder / "with.color.png", folder / "with.depth.png", depth_scale=10000, **lens)
-    inside = read_mask(folder / "compare_region.png")
-    assert rgbd.camera.cx == pytest.approx(314.741211)
-    assert rgbd.missing[inside].mean() == pytest.approx(0.07946, abs=1e-5)
-    assert 0.5 < np.median(rgbd.depth[rgbd.valid]) < 2
-    assert np.array_equal(rgbd.color, read_color(folder / "with.color.png"))

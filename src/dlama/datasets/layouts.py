@@ -212,12 +212,18 @@ def open_dataset(
     if is_scene_file(root):
         refuse_unused(SCENE, frozenset(), {"layout": layout, **particular})
         return select_cases(scene_file(root, limit=limit), scenes, limit)
-    name = layout_of(root, layout)
-    chosen = LAYOUTS[name]
-    refuse_unused(name, chosen.options, particular)
-    given = particular | {"scenes": scenes, "limit": limit}
-    options = {key: value for key, value in given.items() if value is not None and key in chosen.options}
-    return select_cases(chosen.read(root, **options), scenes, limit)
+    dataset = list_dataset(root, layout_of(root, layout), particular, {"scenes": scenes, "limit": limit})
+    return select_cases(dataset, scenes, limit)
+
+
+def list_dataset(root: Path, name: str, particular: Mapping[str, object], shared: Mapping[str, object]) -> Dataset:
+    """The data set of that layout, which takes those of the `shared` options that it knows. InputError: one of `particular`."""
+    layout = LAYOUTS[name]
+    refuse_unused(name, layout.options, particular)
+    given = {**particular, **shared}
+    return layout.read(
+        root, **{key: value for key, value in given.items() if value is not None and key in layout.options}
+    )
 
 
 def layout_of(root: Path, layout: str | None) -> str:

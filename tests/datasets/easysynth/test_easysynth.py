@@ -210,14 +210,10 @@ def test_png_depth_must_say_its_encoding(sequence: Path) -> None:
 # Layouts
 
 
-def test_scenes_of_other_names_and_of_a_single_camera_folder(tmp_path: Path, sequence: Path) -> None:
-    """A folder of plain sequences is a scene; the first versions put pictures beside CameraPoses.csv; both have VPI cases."""
+def test_scenes_of_other_names(tmp_path: Path, sequence: Path) -> None:
+    """A folder of plain sequences is a scene; they have VPI cases."""
     for name in ("a", "b"):
         shutil.copytree(sequence, tmp_path / "set" / name)
-    flat = tmp_path / "set" / "b"
-    for each in (flat / "CameraComponent").iterdir():
-        each.replace(flat / each.name)
-    edit_json(flat / "CameraRig.json", rename="")
     data = easysynth(tmp_path / "set")
     assert [case.key for case in data.cases] == [
         f"vpi__set__set__{name}-{number:04d}" for name in ("a", "b") for number in (1, 2)

@@ -148,14 +148,6 @@ def test_depth_states_and_limits_survive(tmp_path: Path) -> None:
     np.testing.assert_allclose(read, [[0, np.inf, 65.534, np.inf], [0.001, 1, 10, 20]], atol=1e-6)
 
 
-def test_jpeg_where_asked_for(tmp_path: Path) -> None:
-    """The reader finds the JPEG under the name EasySynth gives it; grey levels survive to within compression."""
-    write_scene(tmp_path, "s", {"with": [shot(CAMERA)]}, depth_range=10, classes=CLASSES, color="jpeg")
-    assert (tmp_path / "s" / "with" / "CameraComponent" / "ColorImage" / "s_with.0000.jpeg").exists()
-    read = easysynth(tmp_path / "s" / "with").frames[0].load().color.astype(int)
-    assert np.abs(read - shot(CAMERA).rgbd.color).mean() < 4
-
-
 def test_nothing_is_left_of_a_writing_that_fails(tmp_path: Path) -> None:
     """Atomic: a generator that breaks after two frames leaves neither the scene nor a draft."""
 
@@ -185,7 +177,6 @@ def test_what_cannot_be_written_is_refused(tmp_path: Path) -> None:
     cases = [
         ([frame], {"depth_range": 0.0}, InputError, "depth_range is 0"),
         ([frame], {"classes": {}}, InputError, "classes are"),
-        ([frame], {"color": "exr"}, InputError, "color is 'exr'"),
         ([], {}, InputError, "no frames"),
         ([wrong_size], {}, ShapeError, "s_with.0000: semantic is uint8"),
         ([unknown], {}, InputError, "class 3, there are 3"),

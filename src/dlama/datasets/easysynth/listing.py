@@ -71,10 +71,8 @@ def read_sequence(folder: Path, options: Options) -> RenderedSequence:
     """The frames of one rendering output folder; pictures are not opened. Raises FileError, CameraError, DepthError."""
     rig = read_rig(folder / RIG) if (folder / RIG).exists() else {}
     places = {each.name: each for each in _folders(folder) if (each / COLOR).is_dir()}
-    if (folder / COLOR).is_dir():  # a single camera of the first versions
-        places = {"": folder}
     missing = [name for name in rig if name not in places]
-    if missing and "" not in places:
+    if missing:
         raise FileError(f"{folder / missing[0] / COLOR}: no such folder; {folder / RIG} has a camera '{missing[0]}'")
     return RenderedSequence(
         folder, {name: _camera(folder, place, rig.get(name), options) for name, place in places.items()}
@@ -84,7 +82,7 @@ def read_sequence(folder: Path, options: Options) -> RenderedSequence:
 def _is_sequence(folder: Path) -> bool:
     if not ((folder / RIG).is_file() or (folder / POSES).is_file()):
         return False
-    return (folder / COLOR).is_dir() or any((each / COLOR).is_dir() for each in _folders(folder))
+    return any((each / COLOR).is_dir() for each in _folders(folder))
 
 
 def _folders(root: Path) -> list[Path]:

@@ -22,8 +22,6 @@ from dlama.files.semantic_classes import CLASSES_FILE, RGB
 from dlama.geometry.camera import Camera, Float64Array, StereoRig
 from dlama.geometry.rgbd import RGBD, Float32Array, UInt8Array
 
-ColorFormat = Literal["png", "jpeg"]
-
 FRAME_TIME_S = 1 / 30
 """EasySynth's t starts at one frame time, not at 0."""
 DEEPEST_MM = 65534.5
@@ -58,7 +56,6 @@ class _Style:
 
     depth_range: float
     classes: Mapping[str, RGB]
-    color: ColorFormat
 
     def __post_init__(self) -> None:
         if not (self.depth_range > 0 and np.isfinite(self.depth_range)):
@@ -67,8 +64,6 @@ class _Style:
             raise InputError(
                 f"classes are {dict(self.classes)}; 1 to 256 names with a colour each, all different, are expected"
             )
-        if self.color not in ("png", "jpeg"):
-            raise InputError(f"color is '{self.color}'; 'png' (lossless) or 'jpeg' is expected")
 
 
 def write_scene(
@@ -78,7 +73,6 @@ def write_scene(
     *,
     depth_range: float,
     classes: Mapping[str, RGB],
-    color: ColorFormat = "png",
     texts: Mapping[str, str] | None = None,
 ) -> None:
     """Write the sequences of a scene to `root/scene/<key>`, pictures called `<scene>_<key>.<NNNN>`; all of them or none.
@@ -89,7 +83,7 @@ def write_scene(
     all of a sequence have one lens; a StereoSequence becomes a rig of two cameras. `classes` are colours by name; `texts`:
     further files of the scene, name -> content. Raises InputError, ShapeError, CameraError, OutputError.
     """
-    style = _Style(depth_range, classes, color)
+    style = _Style(depth_range, classes)
     with _new(Path(root) / scene) as draft:
         for key, frames in sequences.items():
             (draft / key).mkdir()
@@ -140,7 +134,7 @@ def _write_pictures(place: Path, name: str, frames: Iterable[SequenceFrame], sty
     for number, frame in enumerate(frames):
         _check(frame, cameras, f"{name}.{number:04d}", len(colors))
         stem, depth = f"{name}.{number:04d}", frame.rgbd.depth
-        write_color(place / COLOR / f"{stem}.{style.color}", frame.rgbd.color)
+        write_color(place / COLOR / f"{stem}.png", frame.rgbd.color)
         write_color(place / SEMANTIC / f"{stem}.png", colors[frame.semantic])
         write_depth_png(
             place / MILLIMETRES / f"{stem}.png", np.where(depth * 1000 > DEEPEST_MM, np.float32(np.inf), depth)

@@ -9,7 +9,7 @@ from typing import TypeVar
 
 from dlama.datasets.easysynth.listing import sequence_folders
 from dlama.datasets.frames import Frame
-from dlama.datasets.layouts import LAYOUTS, layout_of, refuse_unused
+from dlama.datasets.layouts import layout_of, list_dataset
 from dlama.datasets.posed.posed_frames import CameraOption
 from dlama.errors import FileError, InputError, system_errors
 from dlama.files.atomic_write import PathLike
@@ -39,15 +39,9 @@ def open_frames(
     """
     root = Path(path)
     name = layout_of(root, layout)
-    chosen = LAYOUTS[name]
-    particular = {"camera": camera, "depth_range": depth_range}
-    refuse_unused(name, chosen.options, particular)
-    options = {key: value for key, value in particular.items() if value is not None}
     if name == "easysynth":
         _check_one_sequence(root)
-    if "limit" in chosen.options:
-        options["limit"] = 0
-    frames = chosen.read(root, **options).frames
+    frames = list_dataset(root, name, {"camera": camera, "depth_range": depth_range}, {"limit": 0}).frames
     if not frames:
         raise InputError(f"{root}: a data set of layout {name} has no posed frames of one scene")
     return _of_scene(root, frames, scene)

@@ -26,17 +26,16 @@ from dlama.geometry.view import View
 JPEG_QUALITY = 90
 
 
-def write_textured_glb(path: PathLike, scene: Scene, objects: bool = False) -> None:
+def write_textured_glb(path: PathLike, scene: Scene) -> None:
     """Write one unlit, double-sided mesh: POSITION, TEXCOORD_0, _ORIGIN, _CONFIDENCE, and the layers' pictures as its texture.
 
     The loss: flat parts are large triangles (depth within 1 mm or 0.1 %, estimated depth 0.5 %, the picture within half a pixel;
     see `decimate`), and the texture is a JPEG of quality 90. scene.npz has everything without loss, and the far pixels (sky),
     which have no triangles.
 
-    objects: with the removed objects. Without any surface an empty scene is written. Raises OutputError.
+    Without any surface an empty scene is written. Raises OutputError.
     """
-    layers = (*scene.layers, *scene.removals) if objects else scene.layers
-    packed = pack_parts([decimated_part(layer) for layer in layers])
+    packed = pack_parts([decimated_part(layer) for layer in scene.layers])
     with new_file(path) as draft, draft.open("wb") as file:
         file.writelines(textured_glb(packed))
 
