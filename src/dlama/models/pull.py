@@ -1,7 +1,7 @@
 """A record in; its file, downloaded, checked and moved into place, out.
 
-Received bytes lie in a .part file next to the target, so that an interrupted pull resumes. The file
-itself appears under its name only when it is whole and its hash is right.
+Received bytes lie in a .part file next to the target. The file itself appears under its name only when it is whole and its
+hash is right.
 """
 
 from __future__ import annotations
@@ -48,18 +48,13 @@ def pull(model: Record, progress: Progress | None = None, timeout: float = 30.0)
 
 
 def _from_mirror(url: str, model: Record, target: Path, progress: Progress | None, timeout: float) -> Path:
-    """From one mirror; a wrong hash after a resumed download is given one more try from the start."""
+    """From one mirror."""
     part = target.with_name(target.name + (".zip.part" if model.member else ".part"))
-    while True:
-        resumed = download(url, part, model.bytes, progress, timeout)
-        size, digest = size_and_sha256(part)
-        complaint = mismatch(size, digest, model.bytes, model.sha256)
-        if not complaint:
-            break
-        part.unlink()
-        if not resumed:
-            raise Unusable(complaint)
+    download(url, part, model.bytes, progress, timeout)
     try:
+        complaint = mismatch(*size_and_sha256(part), model.bytes, model.sha256)
+        if complaint:
+            raise Unusable(complaint)
         return _install(_unpack(part, model, target) if model.member else part, model, target)
     finally:
         part.unlink(missing_ok=True)
