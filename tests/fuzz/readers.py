@@ -29,10 +29,9 @@ from dlama.datasets.posed.trajectory_log import read_log
 from dlama.datasets.sequences.scene_frames import open_frames
 from dlama.datasets.text_tables import read_pose
 from dlama.errors import InputError
-from dlama.evaluation.protocols.methods import Measure, Panel
-from dlama.evaluation.report.panels import choose, read_strip
+from dlama.evaluation.protocols.methods import Measure
+from dlama.evaluation.report.panels import choose
 from dlama.evaluation.runner.store import Stored, StoredRun, read_stored, result_rows, timing_rows, write_stored
-from dlama.evaluation.runner.strips import jpeg, strip
 from dlama.files.cameras import read_camera, read_cameras, read_stereo_calib
 from dlama.files.photos.depth import read_photo_depth
 from dlama.files.rasters.colmap_depth import read_colmap_depth
@@ -324,16 +323,14 @@ def networks() -> list[Reader]:
 
 
 def kept() -> list[Reader]:
-    """What dlama itself wrote to be read again: hashes of models, results and panels of an evaluation."""
+    """What dlama itself wrote to be read again: hashes of models, results of an evaluation."""
     pins = {"big-lama.pt": {"sha256": "0" * 64, "bytes": 12}, "migan.onnx": {"sha256": "1" * 64, "bytes": 7}}
     measures = (Measure("whole", "rgb", "ssim", 0.5), Measure("unseen", "rgb", "psnr", float("inf")))
     runs = (StoredRun("", measures, "case--0.jpg"), StoredRun("object,dilate=3", measures))
     case = Stored("key", "vpi", "street", "s01", "0001", -20.0, "dlama", "telea", runs, measures[:1], ("warned",))
-    panel = Panel(COLOR, COLOR, COLOR, COLOR, DEPTH > 3, DEPTH, DEPTH, DEPTH, DEPTH)
     return [
         Reader("pins.json", json.dumps(pins).encode(), pinned),
         Reader("case.json", made(lambda path: write_stored(path, case), ".json"), rows_of_stored),
-        Reader("panel.jpg", jpeg(strip(panel)), read_strip),
         Reader("big.tif", big_tiff(), read_color),
     ]
 

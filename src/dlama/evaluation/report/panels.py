@@ -1,30 +1,24 @@
-"""Stored results in; the panels that the report shows (best, median and worst of each yaw and method) out, made to fit."""
+"""Stored results in; the panels that the report shows (best, median and worst of each yaw and method) out."""
 
 from __future__ import annotations
 
 import base64
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from dlama.errors import FileError
 from dlama.evaluation.report.columns import Which
 from dlama.evaluation.report.summary import ALL, yaw_labels
 from dlama.evaluation.runner.store import Stored, StoredRun, result_rows
-from dlama.evaluation.runner.strips import cut_strip, jpeg, shrink
-from dlama.files.rasters.pictures import read_color
-from dlama.geometry.rgbd import UInt8Array
+from dlama.evaluation.runner.strips import is_whole_jpeg
 
 RANKED_BY: tuple[Which, ...] = tuple(
     (region, "rgb", metric) for metric in ("lpips", "mse") for region in ("unseen", "mask", "whole")
 )
 """The first that was measured decides which frames are best and worst; less is better."""
-BUDGET = 14_000_000
-"""Bytes of all panels in the page, as text."""
-LADDER = ((256, 88), (256, 78), (200, 75), (160, 70), (128, 62), (100, 55))
-"""Largest side of a picture in px and JPEG quality, tried in turn until all fit."""
+BUDGET = 18_000_000
+"""Characters of all panels in the page; those beyond it are left out."""
 
 
 class Chosen(NamedTuple):
@@ -40,20 +34,6 @@ class Chosen(NamedTuple):
     ranked_by: str
     score: float
     file: str
-
-
-@dataclass(frozen=True)
-class ShownPanel:
-    """One panel with its pictures."""
-
-    chosen: Chosen
-    urls: tuple[str, ...]
-    """data: URLs in the order of `dlama.evaluation.runner.strips.COLUMNS`: the colours, then the depths."""
-
-    @property
-    def size(self) -> int:
-        """Characters of all URLs."""
-        return sum(map(len, self.urls))
 
 
 def choose(stored: Sequence[Stored]) -> list[Chosen]:
@@ -73,40 +53,20 @@ def choose(stored: Sequence[Stored]) -> list[Chosen]:
     return [panel for group in groups.values() for panel in _rank(group)]
 
 
-def as_data_urls(folder: Path, chosen: Sequence[Chosen]) -> list[ShownPanel]:
-    """Each with its pictures as data: URLs, all alike as large as fits BUDGET; panels beyond even that are left out.
+def as_data_urls(folder: Path, chosen: Sequence[Chosen]) -> list[tuple[Chosen, str]]:
+    """Each with its strip as a data: URL, as many as fit BUDGET.
 
     Args:
-        folder: where the panels' files lie; those that are missing or damaged are skipped.
+        folder: where the panels' files lie; those that are missing or cut short are skipped.
     """
-    strips = [(one, read_strip(folder / one.file)) for one in chosen]
-    whole = [(one, strip) for one, strip in strips if strip is not None]
-    found: list[ShownPanel] = []
-    for side, quality in LADDER:
-        found = [ShownPanel(one, tuple(_urls(strip, side, quality))) for one, strip in whole]
-        if sum(one.size for one in found) <= BUDGET:
-            break
-    kept, used = [], 0
-    for one in found:
-        used += one.size
-        if used <= BUDGET:
-            kept.append(one)
-    return kept
-
-
-def read_strip(path: Path) -> UInt8Array | None:
-    """The strip of a panel, H x W x 3; None where the file is missing, damaged, or too small to hold all its pictures."""
-    try:
-        picture = read_color(path)
-    except FileError:
-        return None
-    return picture if all(cell.size for cell in cut_strip(picture)) else None
-
-
-def _urls(strip: UInt8Array, side: int, quality: int) -> Iterator[str]:
-    """The pictures of a strip, each at most so many px a side, as data: URLs."""
-    for cell in cut_strip(strip):
-        yield f"data:image/jpeg;base64,{base64.b64encode(jpeg(shrink(cell, side), quality)).decode()}"
+    found, used = [], 0
+    for one in chosen:
+        path = folder / one.file
+        if is_whole_jpeg(path):
+            url = f"data:image/jpeg;base64,{base64.b64encode(path.read_bytes()).decode()}"
+            used += len(url)
+            found += [(one, url)] if used <= BUDGET else []
+    return found
 
 
 def _score(run: StoredRun) -> tuple[Which, float] | None:

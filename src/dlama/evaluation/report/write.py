@@ -13,7 +13,7 @@ from dlama.datasets.frames import Dataset
 from dlama.errors import format_count
 from dlama.evaluation.metrics.pictures import SETTINGS as METRIC_SETTINGS
 from dlama.evaluation.protocols.methods import ProtocolSettings
-from dlama.evaluation.report.panels import ShownPanel, as_data_urls, choose
+from dlama.evaluation.report.panels import Chosen, as_data_urls, choose
 from dlama.evaluation.report.sections import EXPLAINED, PROTOCOLS, Section, protocols_of, sections
 from dlama.evaluation.report.summary import RESAMPLES, Summary, summarise, write_summary
 from dlama.evaluation.report.templates import template
@@ -33,7 +33,7 @@ def page(
     about: Mapping[str, Any],
     explained: Mapping[str, str],
     sections: Sequence[Section],
-    panels: Sequence[ShownPanel],
+    panels: Sequence[tuple[Chosen, str]],
     failures: Sequence[str] = (),
 ) -> str:
     """The page, as HTML: failures and pictures first, then the sections and the settings.
@@ -52,7 +52,7 @@ def page(
             explained=explained,
             sections=sections,
             panels=panels,
-            choices={name: list(dict.fromkeys(getattr(one.chosen, name) for one in panels)) for name in CHOICES},
+            choices={name: list(dict.fromkeys(getattr(one, name) for one, _ in panels)) for name in CHOICES},
             columns=COLUMNS,
             color_full=f"{COLOR_FULL:g}",
             depth_full=f"{100 * DEPTH_FULL:g} %",

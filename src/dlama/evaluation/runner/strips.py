@@ -85,13 +85,6 @@ def stack(rows: list[list[UInt8Array]]) -> UInt8Array:
     return sheet
 
 
-def cut_strip(sheet: UInt8Array) -> list[UInt8Array]:
-    """The pictures of a strip again, row by row: what `strip` stacked."""
-    height, width = (sheet.shape[0] - GAP) // 2, (sheet.shape[1] - GAP * (len(COLUMNS) - 1)) // len(COLUMNS)
-    places = [(down * (height + GAP), across * (width + GAP)) for down in range(2) for across in range(len(COLUMNS))]
-    return [sheet[top : top + height, left : left + width] for top, left in places]
-
-
 def is_whole_jpeg(path: Path) -> bool:
     """Whether a file begins and ends as a JPEG does; False for one that a power cut or a full disk emptied or cut short."""
     try:
@@ -103,7 +96,7 @@ def is_whole_jpeg(path: Path) -> bool:
         return False
 
 
-def jpeg(picture: UInt8Array, quality: int = 88) -> bytes:
+def jpeg(picture: UInt8Array, quality: int = 80) -> bytes:
     """The picture as the bytes of a JPEG file."""
     written, data = cv2.imencode(".jpg", np.ascontiguousarray(picture[..., ::-1]), [cv2.IMWRITE_JPEG_QUALITY, quality])
     if not written:
