@@ -23,26 +23,10 @@ from dlama.inpainters import FILLERS, model_file
 from dlama.models.network_file import default_provider
 from dlama.models.verify import sha256_of
 
-ROOMS = (
-    *("geometry", "models", "perception", "inpainters", "completion", "files", "workers", "datasets", "worlds"),
-    "evaluation",
-)
-"""The rooms whose code decides about numbers and panels."""
-SHOWING = (
-    "evaluation/report/",
-    "evaluation/runner/run.py",
-    "evaluation/runner/progress.py",
-    "evaluation/runner/store.py",
-    "workers/pool.py",
-    "workers/threads.py",
-    "workers/progress.py",
-)
-"""Folders (with a slash) and files that only arrange, store and show what was measured: a change there makes no result stale.
-The code that measures must import none of them but `store`."""
+SHOWING = ("apps/", "jobs/", "training/", "web/", "evaluation/report/")
+"""Folders whose code makes no number: a change there makes no result stale. The imports' order keeps what measures apart."""
 SOURCE = Path(__file__).parents[2]
 """src/dlama."""
-
-
 PACKAGES = (
     *("numpy", "numba", "opencv-python-headless", "opencv-python", "onnxruntime", "onnxruntime-gpu"),
     *("scikit-image", "scipy", "pillow", "OpenEXR"),
@@ -96,15 +80,10 @@ def method_hash(method: Method) -> str:
 def code_hash() -> str:
     """Of dlama's own code that decides about numbers and panels: another version of it makes results stale."""
     digest = hashlib.sha256()
-    for name in hashed_files():
-        digest.update(name.encode() + b"\0" + (SOURCE / name).read_bytes())
+    for name in sorted(file.relative_to(SOURCE).as_posix() for file in SOURCE.rglob("*.py")):
+        if not name.startswith(SHOWING):
+            digest.update(name.encode() + b"\0" + (SOURCE / name).read_bytes())
     return digest.hexdigest()[:16]
-
-
-def hashed_files() -> list[str]:
-    """The files that `code_hash` reads, as paths below src/dlama: all of ROOMS but SHOWING."""
-    files = (file.relative_to(SOURCE).as_posix() for room in ROOMS for file in (SOURCE / room).rglob("*.py"))
-    return sorted(name for name in files if not name.startswith(SHOWING))
 
 
 def describe(value: Any) -> Any:
