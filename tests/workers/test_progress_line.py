@@ -1,8 +1,10 @@
-"""How much is done, in a line (oracle: lines by hand; tests/evaluation/runner has a run that waits for them)."""
+"""How much is done, in a line (oracle: lines by hand), and while a task is under way (law: it ends only because lines come)."""
 
 from __future__ import annotations
 
-from dlama.workers.progress import duration, progress_line
+import threading
+
+from dlama.workers.progress import duration, progress_line, write_line_every
 
 
 def test_lines_by_hand() -> None:
@@ -21,3 +23,20 @@ def test_lines_by_hand() -> None:
         "1 h 00 min",
         "3 h 05 min",
     ]
+
+
+def test_lines_come_while_a_task_is_under_way() -> None:
+    """No thread is left, and no line comes after the end."""
+    before, lines, two = threading.active_count(), list[str](), threading.Event()
+
+    def write(line: str) -> None:
+        lines.append(line)
+        if len(lines) == 2:
+            two.set()
+
+    with write_line_every(lambda seconds: f"{seconds:.0f} s", write, every=0.01):
+        assert two.wait(600)
+    count = len(lines)
+    assert threading.active_count() == before
+    threading.Event().wait(0.05)
+    assert len(lines) == count

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -24,7 +23,7 @@ from dlama.jobs import options as groups
 from dlama.jobs.lists.data_sets import DatasetJobs
 from dlama.jobs.lists.folders import Pictures
 from dlama.jobs.result import Totals
-from dlama.workers.progress import progress_line, write_line_every
+from dlama.workers.progress import progress_line
 
 if TYPE_CHECKING:
     from dlama.jobs.batch import Progress
@@ -231,7 +230,7 @@ def show_progress(report: Report, totals: Any) -> Iterator[Progress]:
     def line(seconds: float) -> str:
         return progress_line("batch", kept=totals.kept, failed=totals.kinds_line(), seconds=seconds, **state)
 
-    with bar_or_lines("batch", report, functools.partial(write_line_every, line)) as (bar, _):
+    with bar_or_lines("batch", report, line) as bar:
 
         def progress(row: JobResult | None, done: int, total: int | None) -> None:
             state.update(done=done, total=total)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -28,7 +27,7 @@ from dlama.apps.places import check_folder_apart
 from dlama.apps.terminal.output import report_result
 from dlama.apps.terminal.progress import bar_or_lines
 from dlama.errors import InputError, format_count
-from dlama.workers.progress import progress_line, write_line_every
+from dlama.workers.progress import progress_line
 
 if TYPE_CHECKING:
     from dlama.geometry.rgbd import BoolArray
@@ -145,7 +144,7 @@ def show_progress(title: str, report: Report) -> Iterator[Callable[[int, int, st
         total = counts["total"] or None
         return progress_line(title, kept=counts["kept"], done=counts["done"], total=total, failed=0, seconds=seconds)
 
-    with bar_or_lines(title, report, functools.partial(write_line_every, line)) as (bar, _):
+    with bar_or_lines(title, report, line) as bar:
 
         def progress(done: int, total: int, name: str, earlier: bool) -> None:
             counts.update(done=done, total=total, kept=counts["kept"] + earlier)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 import shlex
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -21,6 +20,7 @@ from dlama.apps.terminal.progress import bar_or_lines
 from dlama.completion.options import RECIPE_NAMES
 from dlama.errors import InputError, MissingExtraError, format_count
 from dlama.inpainters import FILLERS
+from dlama.workers.progress import progress_line
 
 if TYPE_CHECKING:
     from dlama.datasets.frames import Case, Dataset
@@ -241,15 +241,21 @@ def summary_values(done: Results, output: Path) -> dict[str, Any]:
 def show_progress(title: str, report: Report) -> Iterator[Progress]:
     """A bar on a terminal, a line a minute elsewhere; failures as a line each, at once. Ctrl-C prints that nothing is lost."""
     from dlama.evaluation.report.write import failure_line
-    from dlama.evaluation.runner.progress import progress_lines
 
-    with bar_or_lines(title, report, functools.partial(progress_lines, title)) as (bar, count):
+    state = {"kept": 0, "done": 0, "total": 0, "failed": 0}
+
+    def line(seconds: float) -> str:
+        return progress_line(title, seconds=seconds, **state)
+
+    with bar_or_lines(title, report, line) as bar:
 
         def progress(outcome: Any, done: int, total: int) -> None:
-            if outcome is not None and outcome.error:
+            state.update(done=done, total=total)
+            if outcome is None:
+                state["kept"] = done
+            elif outcome.error:
+                state["failed"] += 1
                 print_line("error", failure_line(outcome))
-            if count is not None:
-                count(outcome, done, total)
             if bar is not None:
                 case = f": {outcome.case.scene} {outcome.case.frame}" if outcome else ""
                 bar(done, total, f"{title}{case}")
