@@ -185,9 +185,6 @@ def test_mask_class_by_name_and_by_color(tmp_path: Path) -> None:
         read_mask(folder / "s.png", mask_class="car")
     with pytest.raises(MaskError, match=r"no pixel shows class sky \(70,130,180\); found: 0,0,0 255,0,0"):
         read_mask(folder / "s.png", mask_class="sky")
-    (tmp_path / "table.csv").write_text("thing,255,0\n")
-    with pytest.raises(FileError, match="name,R,G,B"):
-        read_mask(folder / "s.png", mask_class="thing", classes_csv=tmp_path / "table.csv")
 
 
 def test_real_semantic_picture(data_dir: Path) -> None:

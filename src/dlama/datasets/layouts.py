@@ -5,36 +5,21 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any, Protocol
 
-from dlama.datasets.captures.arkitscenes import arkitscenes_frames, looks_like_arkitscenes
-from dlama.datasets.captures.azure_kinect import azure_kinect_frames, looks_like_azure_kinect
-from dlama.datasets.captures.polycam import looks_like_polycam, polycam_frames
-from dlama.datasets.captures.record3d import looks_like_record3d, record3d_frames
-from dlama.datasets.captures.rosbag import FILES as ROSBAG_FILES
-from dlama.datasets.captures.rosbag import looks_like_rosbag, rosbag_frames
-from dlama.datasets.captures.scannetpp import looks_like_scannetpp, scannetpp_frames
-from dlama.datasets.captures.stray_scanner import looks_like_stray_scanner, stray_scanner_frames
+from dlama.datasets.captures import arkitscenes, azure_kinect, polycam, record3d, rosbag, scannetpp, stray_scanner
 from dlama.datasets.easysynth.dataset import easysynth, looks_like_easysynth
 from dlama.datasets.frames import Dataset, Gamma
 from dlama.datasets.pairs_json import looks_like_pairs, pairs_json
-from dlama.datasets.posed.colmap import colmap_frames, looks_like_colmap
-from dlama.datasets.posed.nerfstudio import looks_like_nerfstudio, nerfstudio_frames
-from dlama.datasets.posed.numbered_frames import (
-    looks_like_seven_scenes,
-    looks_like_tsdf_fusion,
-    seven_scenes_frames,
-    tsdf_fusion_frames,
-)
+from dlama.datasets.posed import colmap, nerfstudio, scannet, trajectory_log, tum
+from dlama.datasets.posed.numbered_frames import SEVEN_SCENES, TSDF_FUSION
 from dlama.datasets.posed.posed_frames import CameraOption, PosedFrame
-from dlama.datasets.posed.scannet import looks_like_scannet, scannet_frames
 from dlama.datasets.posed.scene_file import LAYOUT as SCENE
 from dlama.datasets.posed.scene_file import is_scene_file, scene_file
-from dlama.datasets.posed.trajectory_log import looks_like_trajectory_log, trajectory_log_frames
-from dlama.datasets.posed.tum import looks_like_tum, tum_frames
-from dlama.datasets.posed.view_pairs import read_posed
+from dlama.datasets.posed.view_pairs import posed_dataset
 from dlama.datasets.removal_folder import looks_like_removal, removal_folder
 from dlama.datasets.stereo_folder import looks_like_stereo, stereo_folder
-from dlama.datasets.text_tables import LEVELS, check_folder, check_scenes, files_in, folders_in
+from dlama.datasets.text_tables import LEVELS, check_folder, check_scenes, files_in, folders_in, scene_folders
 from dlama.errors import FileError, InputError, system_errors
 
 
@@ -65,15 +50,20 @@ class SeveralLayoutsError(InputError):
     """A folder that is a data set, of one layout as well as of another."""
 
 
+class PosedReader(Protocol):
+    """A file that reads a layout of posed frames."""
+
+    def looks_like(self, root: Path, /) -> bool:
+        """Whether a folder, or a file, holds a scene; looks at names only."""
+
+    def list_frames(self, *args: Any) -> list[PosedFrame]:
+        """The frames of a scene: `(scene, folder)`, or `(scene, folder, root, camera)`."""
+
+
 def _posed(
-    name: str,
-    looked_for: str,
-    looks_like: Callable[[Path], bool],
-    frames: Callable[..., list[PosedFrame]],
-    takes_camera: bool = False,
-    **others: tuple[str, ...],
+    name: str, looked_for: str, reader: PosedReader, takes_camera: bool = False, **others: tuple[str, ...]
 ) -> tuple[str, Layout]:
-    """A layout of posed frames by its name: `frames(scene, folder)` lists those of a scene, `takes_camera`: (..., root, camera).
+    """A layout of posed frames by its name; takes_camera: whether frames are listed with (..., root, camera).
 
     others: `files` and `parts`.
     """
@@ -82,103 +72,44 @@ def _posed(
         root: Path, *, camera: CameraOption = None, scenes: Sequence[str] | None = None, limit: int | None = None
     ) -> Dataset:
         more = (root, camera) if takes_camera else ()
-        files = others.get("files", ())
-        return read_posed(
-            name, root, looks_like, looked_for, lambda scene, place: frames(scene, place, *more), scenes, limit, files
-        )
+        folders = scene_folders(root, reader.looks_like, looked_for, scenes, others.get("files", ()))
+        frames = [frame for scene, place in folders.items() for frame in reader.list_frames(scene, place, *more)]
+        return posed_dataset(name, root, frames, limit)
 
     options = {"scenes", "limit", "camera"} if takes_camera else {"scenes", "limit"}
-    return name, Layout(looked_for, looks_like, read, frozenset(options), **others)
+    return name, Layout(looked_for, reader.looks_like, read, frozenset(options), **others)
 
 
 _FOLDERS = frozenset({"scenes"})
+_OF_EASYSYNTH = frozenset({"depth_range", "gamma", "removal_object"})
+_BAGS = "a .bag, .mcap or .db3 file, or a folder with metadata.yaml"
+_LOWRES = ("lowres_wide.traj", "lowres_depth", "lowres_wide_intrinsics")
 
 LAYOUTS: dict[str, Layout] = {
     "easysynth": Layout(
-        "CameraPoses.csv or CameraRig.json, and ColorImage",
-        looks_like_easysynth,
-        easysynth,
-        frozenset({"depth_range", "gamma", "removal_object"}),
+        "CameraPoses.csv or CameraRig.json, and ColorImage", looks_like_easysynth, easysynth, _OF_EASYSYNTH
     ),
     "pairs": Layout("pairs.json", looks_like_pairs, pairs_json, _FOLDERS),
     "removal": Layout("with.color.png and without.color.png", looks_like_removal, removal_folder, _FOLDERS),
     "stereo": Layout("im0.png and im1.png, or left.png and right.png", looks_like_stereo, stereo_folder, _FOLDERS),
     **dict(
         [
+            _posed("tum", "rgb.txt, depth.txt and groundtruth.txt", tum, True, parts=("groundtruth.txt", "rgb.txt")),
+            _posed("7-scenes", "frame-*.pose.txt and frame-*.depth.png", SEVEN_SCENES, True),
+            _posed("scannet", "folders color, depth and pose", scannet, True),
+            _posed("tsdf-fusion", "camera-intrinsics.txt and frame-*.pose.txt", TSDF_FUSION, True),
+            _posed("redwood", "trajectory.log and a folder depth", trajectory_log, True),
+            _posed("colmap", "images and cameras (.txt or .bin) in sparse/0 or sparse", colmap),
+            _posed("nerfstudio", "transforms.json", nerfstudio),
+            _posed("stray-scanner", "rgb.mp4, odometry.csv and depth", stray_scanner, parts=("odometry.csv",)),
+            _posed("polycam", "keyframes with depth and cameras", polycam, parts=("keyframes",)),
             _posed(
-                "tum",
-                "rgb.txt, depth.txt and groundtruth.txt",
-                looks_like_tum,
-                tum_frames,
-                takes_camera=True,
-                parts=("groundtruth.txt", "rgb.txt"),
+                "record3d", "a .r3d file, or metadata and a folder rgbd", record3d, files=(".r3d",), parts=("rgbd",)
             ),
-            _posed(
-                "7-scenes",
-                "frame-*.pose.txt and frame-*.depth.png",
-                looks_like_seven_scenes,
-                seven_scenes_frames,
-                takes_camera=True,
-            ),
-            _posed("scannet", "folders color, depth and pose", looks_like_scannet, scannet_frames, takes_camera=True),
-            _posed(
-                "tsdf-fusion",
-                "camera-intrinsics.txt and frame-*.pose.txt",
-                looks_like_tsdf_fusion,
-                tsdf_fusion_frames,
-                takes_camera=True,
-            ),
-            _posed(
-                "redwood",
-                "trajectory.log and a folder depth",
-                looks_like_trajectory_log,
-                trajectory_log_frames,
-                takes_camera=True,
-            ),
-            _posed(
-                "colmap", "images and cameras (.txt or .bin) in sparse/0 or sparse", looks_like_colmap, colmap_frames
-            ),
-            _posed("nerfstudio", "transforms.json", looks_like_nerfstudio, nerfstudio_frames),
-            _posed(
-                "stray-scanner",
-                "rgb.mp4, odometry.csv and depth",
-                looks_like_stray_scanner,
-                stray_scanner_frames,
-                parts=("odometry.csv",),
-            ),
-            _posed(
-                "polycam", "keyframes with depth and cameras", looks_like_polycam, polycam_frames, parts=("keyframes",)
-            ),
-            _posed(
-                "record3d",
-                "a .r3d file, or metadata and a folder rgbd",
-                looks_like_record3d,
-                record3d_frames,
-                files=(".r3d",),
-                parts=("rgbd",),
-            ),
-            _posed(
-                "arkitscenes",
-                "lowres_wide.traj and a folder lowres_depth",
-                looks_like_arkitscenes,
-                arkitscenes_frames,
-                parts=("lowres_wide.traj", "lowres_depth", "lowres_wide_intrinsics"),
-            ),
-            _posed(
-                "rosbag",
-                "a .bag, .mcap or .db3 file, or a folder with metadata.yaml",
-                looks_like_rosbag,
-                rosbag_frames,
-                files=ROSBAG_FILES,
-            ),
-            _posed("azure-kinect", "a .mkv file", looks_like_azure_kinect, azure_kinect_frames, files=(".mkv",)),
-            _posed(
-                "scannetpp",
-                "pose_intrinsic_imu.json",
-                looks_like_scannetpp,
-                scannetpp_frames,
-                parts=("pose_intrinsic_imu.json", "iphone"),
-            ),
+            _posed("arkitscenes", "lowres_wide.traj and a folder lowres_depth", arkitscenes, parts=_LOWRES),
+            _posed("rosbag", _BAGS, rosbag, files=rosbag.FILES),
+            _posed("azure-kinect", "a .mkv file", azure_kinect, files=(".mkv",)),
+            _posed("scannetpp", scannetpp.POSES, scannetpp, parts=(scannetpp.POSES, scannetpp.FOLDER)),
         ]
     ),
 }

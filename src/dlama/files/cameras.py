@@ -162,14 +162,13 @@ def camera_for(
     cy: float | None = None,
     fov: float | None = None,
     image: PathLike | None = None,
-    world_from_cam: ArrayLike | None = None,
     pixel_center: float = 0.5,
 ) -> tuple[Camera, str]:
     """The camera of a picture of size `hw`, and in words where its intrinsics came from.
 
     Exactly one source: a `camera`, or the file of one; `fx` (and `fy`, default fx) in pixels; `fov`, horizontal, degrees; or
     the EXIF focal length of `image`. `cx`, `cy` default to the centre; `pixel_center` says where they put the first pixel's
-    centre. `world_from_cam` replaces the file's pose. Raises CameraError: two sources, or none (the message explains fov).
+    centre. Raises CameraError: two sources, or none (the message explains fov).
     """
     check_pixel_center(pixel_center)
     numbers = {"fx": fx, "fy": fy, "cx": cx, "cy": cy}
@@ -178,17 +177,14 @@ def camera_for(
         if value is not None and not isinstance(value, Real):
             raise CameraError(f"`{name}` is {value!r}; a number is expected")
     _check_one_source(camera, given, fov)
+    if isinstance(camera, Camera):
+        return camera, "the given camera"
     if camera is not None:
-        if isinstance(camera, Camera):
-            found, words = camera, "the given camera"
-        else:
-            found, words = read_camera(camera, hw=hw), f"camera {Path(camera).name}"
-        return (found if world_from_cam is None else found.at(world_from_cam)), words
+        return read_camera(camera, hw=hw), f"camera {Path(camera).name}"
     focal_x, focal_y, source = _focal_lengths(hw, fx, fy, fov, image)
     border = 0.5 - pixel_center  # cx and cy count as the options do, the middle counts from the picture's border
     center = (hw[1] / 2 - border if cx is None else cx, hw[0] / 2 - border if cy is None else cy)
-    made = make_camera(OPTIONS, hw, (focal_x, focal_y, *center), pixel_center, world_from_cam)
-    return made, source
+    return make_camera(OPTIONS, hw, (focal_x, focal_y, *center), pixel_center), source
 
 
 def make_camera(

@@ -26,12 +26,12 @@ NEAREST_S = 0.005
 """Seconds by which a pose or a camera may differ from a picture (as in tenFpsDataLoader.py)."""
 
 
-def looks_like_arkitscenes(root: Path) -> bool:
+def looks_like(root: Path) -> bool:
     """True where a folder holds the depth pictures and the poses."""
     return (root / DEPTH).is_dir() and (root / POSES).is_file()
 
 
-def arkitscenes_frames(scene: str, folder: Path) -> list[PosedFrame]:
+def list_frames(scene: str, folder: Path) -> list[PosedFrame]:
     """The frames of one scene. Raises FileError, CameraError."""
     pictures = next((folder / name for name in PICTURES if (folder / name).is_dir()), None)
     if pictures is None:

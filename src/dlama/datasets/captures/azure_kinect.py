@@ -56,12 +56,12 @@ class Kinect:
     """4x4, metres."""
 
 
-def looks_like_azure_kinect(root: Path) -> bool:
+def looks_like(root: Path) -> bool:
     """True for a .mkv file."""
     return root.suffix.lower() == SUFFIX and root.is_file()
 
 
-def azure_kinect_frames(scene: str, path: Path) -> list[PosedFrame]:
+def list_frames(scene: str, path: Path) -> list[PosedFrame]:
     """The frames of one scene. Raises FileError, CameraError."""
     tags, attached = video_tracks(path)
     color, depth = (_track(path, tags, name) for name in ("COLOR", "DEPTH"))

@@ -24,7 +24,7 @@ BOTH = (("corrected_cameras", "corrected_images"), ("cameras", "images"))
 MEDIUM_CODE = 127
 
 
-def looks_like_polycam(root: Path) -> bool:
+def looks_like(root: Path) -> bool:
     """True where a folder holds keyframes/ with depth and cameras, or is that folder."""
     return any(
         (root / inside / "depth").is_dir() and any((root / inside / cameras).is_dir() for cameras, _ in BOTH)
@@ -32,7 +32,7 @@ def looks_like_polycam(root: Path) -> bool:
     )
 
 
-def polycam_frames(scene: str, folder: Path) -> list[PosedFrame]:
+def list_frames(scene: str, folder: Path) -> list[PosedFrame]:
     """The frames of one scene. Raises FileError, CameraError."""
     inside = folder / FOLDER if (folder / FOLDER).is_dir() else folder
     cameras, pictures = next(

@@ -31,14 +31,14 @@ MOST_BYTES = 2**28
 """Of one member of the file."""
 
 
-def looks_like_record3d(root: Path) -> bool:
+def looks_like(root: Path) -> bool:
     """True for a .r3d file, and for a folder with metadata and rgbd/."""
     if root.suffix.lower() == SUFFIX and root.is_file():
         return True
     return (root / META).is_file() and (root / INSIDE).is_dir()
 
 
-def record3d_frames(scene: str, place: Path) -> list[PosedFrame]:
+def list_frames(scene: str, place: Path) -> list[PosedFrame]:
     """The frames of one scene. Raises FileError, CameraError."""
     fields = json_fields(f"{place}: {META}", read_member(place, META).decode("utf-8", "replace"))
     poses, size = fields.entries("poses", "poses"), (fields.count("h"), fields.count("w"))

@@ -50,14 +50,14 @@ NEAREST_S = 0.02
 """Seconds by which colour and depth may differ."""
 
 
-def looks_like_rosbag(root: Path) -> bool:
+def looks_like(root: Path) -> bool:
     """True for a bag, and for the folder of one of ROS 2."""
     if root.is_file():
         return root.suffix.lower() in FILES
     return (root / META).is_file() and any(path.suffix.lower() in FILES[1:] for path in root.iterdir())
 
 
-def rosbag_frames(scene: str, path: Path) -> list[PosedFrame]:
+def list_frames(scene: str, path: Path) -> list[PosedFrame]:
     """The frames of one scene. Raises FileError, CameraError."""
     bag = open_bag(path)
     color, depth = bag.pair()

@@ -33,12 +33,12 @@ HW = (192, 256)
 """Of the depth in depth.bin."""
 
 
-def looks_like_scannetpp(root: Path) -> bool:
+def looks_like(root: Path) -> bool:
     """True where a folder holds the JSON, or iphone/ in it does."""
     return any((root / inside / POSES).is_file() for inside in ("", FOLDER))
 
 
-def scannetpp_frames(scene: str, folder: Path) -> list[PosedFrame]:
+def list_frames(scene: str, folder: Path) -> list[PosedFrame]:
     """The frames of one scene. Raises FileError, CameraError."""
     inside = folder if (folder / POSES).is_file() else folder / FOLDER
     listed = read_json_fields(inside / POSES)

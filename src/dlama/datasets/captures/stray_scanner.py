@@ -27,12 +27,12 @@ BARE = ("x", "y", "z", "qx", "qy", "qz", "qw")
 LENS_COLUMNS = ("fx", "fy", "cx", "cy")
 
 
-def looks_like_stray_scanner(root: Path) -> bool:
+def looks_like(root: Path) -> bool:
     """True where a folder holds the video, the poses and depth/."""
     return (root / VIDEO).is_file() and (root / ODOMETRY).is_file() and (root / "depth").is_dir()
 
 
-def stray_scanner_frames(scene: str, folder: Path) -> list[PosedFrame]:
+def list_frames(scene: str, folder: Path) -> list[PosedFrame]:
     """The frames of one scene. Raises FileError, CameraError."""
     rows = read_rows(folder / ODOMETRY, commas=True)
     if not rows:

@@ -207,7 +207,7 @@ DEPTH_FOLDERS, DEPTH_KINDS = ("depth", "depths"), (".png", ".exr", ".pfm", ".npy
 DENSE, DENSE_KINDS = "stereo/depth_maps", (".geometric.bin", ".photometric.bin")
 
 
-def looks_like_colmap(root: Path) -> bool:
+def looks_like(root: Path) -> bool:
     """True where a model lies in a folder, and no transforms.json of nerfstudio, which often has one next to it."""
     return model_folder(root) is not None and not (root / "transforms.json").is_file()
 
@@ -221,7 +221,7 @@ def model_folder(root: Path) -> Path | None:
     return None
 
 
-def colmap_frames(scene: str, folder: Path) -> list[PosedFrame]:
+def list_frames(scene: str, folder: Path) -> list[PosedFrame]:
     """The frames of one scene. Raises FileError, CameraError."""
     model = model_folder(folder)
     assert model is not None

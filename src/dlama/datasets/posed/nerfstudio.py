@@ -36,12 +36,12 @@ SHOWS_PX = 0.5
 """Distortion that moves a corner by no more than this is left alone."""
 
 
-def looks_like_nerfstudio(root: Path) -> bool:
+def looks_like(root: Path) -> bool:
     """True where a folder holds transforms.json."""
     return (root / NAME).is_file()
 
 
-def nerfstudio_frames(scene: str, folder: Path) -> list[PosedFrame]:
+def list_frames(scene: str, folder: Path) -> list[PosedFrame]:
     """The frames of one scene. Raises FileError, CameraError."""
     fields = read_json_fields(folder / NAME)
     listed = fields.entries("frames", "frames")

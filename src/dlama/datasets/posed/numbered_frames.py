@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -71,6 +72,17 @@ def tsdf_fusion_frames(scene: str, folder: Path, root: Path, camera: CameraOptio
     advice = f"the layout needs a {TSDF_INTRINSICS}"
     lens = lens_for(folder, folder.parent, camera, (TSDF_INTRINSICS,), advice)
     return numbered_frames(scene, folder, lens, posed_frame)
+
+
+class NumberedLayout(NamedTuple):
+    """What the other layouts have as functions of their files."""
+
+    looks_like: Callable[[Path], bool]
+    list_frames: Callable[[str, Path, Path, CameraOption], list[PosedFrame]]
+
+
+SEVEN_SCENES = NumberedLayout(looks_like_seven_scenes, seven_scenes_frames)
+TSDF_FUSION = NumberedLayout(looks_like_tsdf_fusion, tsdf_fusion_frames)
 
 
 def frame_name(path: Path) -> str:

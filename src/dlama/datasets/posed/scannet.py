@@ -28,7 +28,7 @@ FOLDERS = ("color", "depth", "pose")
 INTRINSICS = "intrinsic/intrinsic_color.txt"
 
 
-def looks_like_scannet(root: Path) -> bool:
+def looks_like(root: Path) -> bool:
     """True where a folder holds color/, depth/ and pose/."""
     return all((root / name).is_dir() for name in FOLDERS)
 
@@ -41,7 +41,7 @@ def _lens(folder: Path, root: Path, camera: CameraOption) -> Lens:
     return text_lens(folder / INTRINSICS, (4, 4))
 
 
-def scannet_frames(scene: str, folder: Path, root: Path, camera: CameraOption) -> list[PosedFrame]:
+def list_frames(scene: str, folder: Path, root: Path, camera: CameraOption) -> list[PosedFrame]:
     """The frames of one scene. Raises FileError, CameraError."""
     lens = _lens(folder, root, camera)
     colors = {path.stem: path for path in files_in(folder / "color", (".jpg", ".jpeg", ".png"))}

@@ -23,12 +23,12 @@ LINES = 5
 """Of a pose: a head and the rows of a matrix."""
 
 
-def looks_like_trajectory_log(root: Path) -> bool:
+def looks_like(root: Path) -> bool:
     """True where a folder holds depth/ and a log of poses."""
     return any((root / name).is_file() for name in LOGS) and (root / "depth").is_dir()
 
 
-def trajectory_log_frames(scene: str, folder: Path, root: Path, camera: CameraOption) -> list[PosedFrame]:
+def list_frames(scene: str, folder: Path, root: Path, camera: CameraOption) -> list[PosedFrame]:
     """The frames of one scene. Raises FileError, CameraError."""
     lens = lens_for(folder, root, camera, CAMERA_NAMES, ADVICE)
     colors = next((folder / name for name in COLOR_FOLDERS if (folder / name).is_dir()), None)

@@ -35,12 +35,12 @@ ADVICE = (
 )
 
 
-def looks_like_tum(root: Path) -> bool:
+def looks_like(root: Path) -> bool:
     """True where a folder holds all three listings."""
     return all((root / name).is_file() for name in LISTINGS)
 
 
-def tum_frames(scene: str, folder: Path, root: Path, camera: CameraOption) -> list[PosedFrame]:
+def list_frames(scene: str, folder: Path, root: Path, camera: CameraOption) -> list[PosedFrame]:
     """The frames of one sequence. Raises FileError, CameraError."""
     lens = lens_for(folder, root, camera, ("camera.json",), ADVICE)
     color, depth, poses = (Timeline.read(folder / name, count) for name, count in zip(LISTINGS, (2, 2, 8)))

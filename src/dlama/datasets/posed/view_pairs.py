@@ -12,7 +12,6 @@ import numpy as np
 
 from dlama.datasets.frames import Case, Dataset, ViewTruth
 from dlama.datasets.posed.posed_frames import PosedFrame
-from dlama.datasets.text_tables import scene_folders
 from dlama.errors import FileError, InputError, format_count
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.poses import rotation_deg
@@ -45,27 +44,6 @@ class NoPairsError(FileError):
 def load_view(source: Callable[[], RGBD], target: Callable[[], RGBD], exposure_varies: bool) -> ViewTruth:
     """Read both frames of a pair."""
     return ViewTruth(source(), target(), exposure_varies=exposure_varies)
-
-
-def read_posed(
-    layout: str,
-    root: Path,
-    holds_frames: Callable[[Path], bool],
-    looked_for: str,
-    read_frames: Callable[[str, Path], list[PosedFrame]],
-    scenes: Sequence[str] | None,
-    limit: int | None,
-    files: Iterable[str] = (),
-) -> Dataset:
-    """What all layouts of posed frames have in common: find the scenes, list the frames of each, and the pairs between them.
-
-    `holds_frames` recognises the folder of a scene, or a file with one of the endings `files`, `looked_for` names by what;
-    `read_frames(scene, folder)` lists its frames.
-    Raises FileError, InputError (a scene that is not there) and what `read_frames` raises.
-    """
-    folders = scene_folders(root, holds_frames, looked_for, scenes, files)
-    frames = [frame for scene, folder in folders.items() for frame in read_frames(scene, folder)]
-    return posed_dataset(layout, root, frames, limit)
 
 
 def posed_dataset(layout: str, root: Path, frames: Iterable[PosedFrame], limit: int | None = None) -> Dataset:

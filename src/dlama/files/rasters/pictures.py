@@ -73,8 +73,6 @@ def read_mask(
     mask_polarity: Literal["fill", "known"] = "fill",
     soft_mask: bool = False,
     mask_class: str | None = None,
-    *,
-    classes_csv: PathLike | None = None,
 ) -> BoolArray:
     """A mask as bool H x W, True = remove / fill.
 
@@ -82,8 +80,8 @@ def read_mask(
         path: Black and white PNG, JPEG, WebP or TIFF; values <= 8 and >= 247 count as 0 and 255.
         mask_polarity: "fill": white (255) is removed; "known": white stays.
         soft_mask: Take a grey mask, values above 127 as white; else values between are refused.
-        mask_class: The picture is an EasySynth semantic one; take the pixels of this class: "R,G,B" or a name.
-        classes_csv: Where names stand; default: SemanticClasses.csv next to the picture or up to three folders above.
+        mask_class: The picture is an EasySynth semantic one; take the pixels of this class: "R,G,B", or a name that stands in
+            SemanticClasses.csv next to the picture or up to three folders above.
 
     Raises:
         FileError: the file is missing or damaged.
@@ -95,7 +93,7 @@ def read_mask(
             f"`mask_polarity` is {mask_polarity!r}; 'fill' (255 = remove) or 'known' (255 = keep) is expected"
         )
     if mask_class is not None:
-        mask = _class_mask(path, mask_class, classes_csv)
+        mask = _class_mask(path, mask_class)
         largest = 255
     else:
         grey = _grey(path)
@@ -204,10 +202,10 @@ def _threshold(path: PathLike, grey: UInt8Array, soft_mask: bool) -> BoolArray:
     return grey >= LOWEST_WHITE
 
 
-def _class_mask(path: PathLike, mask_class: str, classes_csv: PathLike | None) -> BoolArray:
+def _class_mask(path: PathLike, mask_class: str) -> BoolArray:
     """Where a semantic picture shows exactly the colour of one class."""
     picture = read_color(path)
-    class_rgb = class_color(mask_class, classes_csv, path)
+    class_rgb = class_color(mask_class, None, path)
     mask = (picture == np.array(class_rgb, np.uint8)).all(axis=2)
     if not mask.any():
         found = np.unique(picture.reshape(-1, 3), axis=0)
