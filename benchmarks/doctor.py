@@ -43,7 +43,7 @@ def worlds(count: int) -> Iterator[tuple[str, Observed]]:
     """Streets and rooms from several cameras, each with its object as the mask."""
     for seed in range(1000, 1000 + count):
         rng = np.random.default_rng(seed)
-        made = build(seed, None, (), shadows=True, antialias=True)
+        made = build(seed, None, ())
         camera = made.camera(float(rng.choice([0, 20, -30, 45])), SIZE, float(rng.choice([60, 75, 90])))
         seen = made.raycast(camera)
         mask = seen.group == made.object_index
@@ -85,7 +85,7 @@ def data(folder: Path) -> Iterator[tuple[str, Observed]]:
 def stereo_pairs(count: int, folder: Path | None) -> Iterator[tuple[np.ndarray, np.ndarray, float]]:
     """Left, right and doffs: pairs of worlds, and of the folder."""
     for seed in range(2000, 2000 + count):
-        made = build(seed, None, (), shadows=True, antialias=True)
+        made = build(seed, None, ())
         rig = made.rig(size=SIZE)
         yield made.raycast(rig.left).color, made.raycast(rig.right).color, 0.0
     if folder is not None:
@@ -129,7 +129,7 @@ def pair_table(pairs: list[tuple[np.ndarray, np.ndarray, float]]) -> None:
 def sequences(count: int, folder: Path | None) -> Iterator[tuple[str, list[dlama.RGBD]]]:
     """Frames in a row: of worlds by a camera that turns about all axes, and the Kinect's."""
     for seed in range(3000, 3000 + count):
-        made, rng, frames = build(seed, None, (), shadows=True, antialias=True), np.random.default_rng(seed), []
+        made, rng, frames = build(seed, None, ()), np.random.default_rng(seed), []
         for number in range(4):
             camera = dlama.orbit(made.camera(0, 192), 8.0 * number, 5.0 * number)
             hand = np.eye(4)
@@ -168,7 +168,7 @@ def odd_rows(count: int, folder: Path | None) -> Iterator[tuple[str, list[SmallF
     """Posed frames of one scene: orbits in worlds, and the folder's sequences."""
     loaded = []
     for seed in range(4000, 4000 + count):
-        made = build(seed, None, (), shadows=True, antialias=True)
+        made = build(seed, None, ())
         cameras = (dlama.orbit(made.camera(0, 192), 8.0 * number, 3.0 * number) for number in range(6))
         loaded.append(("worlds", [made.frame(camera) for camera in cameras]))
     if folder is not None:

@@ -267,8 +267,6 @@ WORLDS = {
     "seed": Reach("--seed 9", "write_worlds.seed", 9),
     "size": Reach("--size 64", "write_worlds.size", 64),
     "kind": Reach("--kind room", "write_worlds.kind", "room"),
-    "shadows": Reach("--no-shadows", "write_worlds.shadows", False),
-    "antialias": Reach("--no-antialias", "write_worlds.antialias", False),
     "textures": Reach("--textures photos", "write_worlds.textures", Path("photos")),
 }
 TRAIN = {

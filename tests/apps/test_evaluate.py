@@ -37,7 +37,6 @@ def small_worlds(tmp_path_factory: pytest.TempPathFactory) -> Path:
             "street",
             "--seed",
             "3",
-            "--no-antialias",
         ]
     )
     return folder
@@ -214,7 +213,7 @@ def test_help_names_every_option(capsys: pytest.CaptureFixture[str]) -> None:
     wanted = {
         "evaluate": "--protocol --recipes --fillers --model --scenes --yaws --limit --layout --depth-range --jobs --seed "
         "--no-variants --output",
-        "worlds": "--output --count --seed --size --kind --no-shadows --no-antialias --textures",
+        "worlds": "--output --count --seed --size --kind --textures",
     }
     for name, options in wanted.items():
         with pytest.raises(SystemExit):

@@ -126,7 +126,7 @@ def test_a_saved_scene(tmp_path: Path) -> None:
 
 def test_a_scene_of_two_frames_seen_from_either() -> None:
     """Law: each frame is itself, whatever the other one adds."""
-    made = build(12, None, (), shadows=True, antialias=True)
+    made = build(12, None, ())
     frames = [made.frame(made.camera(yaw, 64)) for yaw in (0.0, 15.0)]
     for frame in frames:
         check_same(view(dlama.scene(frames), frame.camera, filler=refuse), frame)

@@ -19,7 +19,7 @@ SIZE = 192
 @cache
 def scene() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Colour, depth in metres and the object's mask of a street."""
-    made = build(3, "street", (), shadows=True, antialias=True)
+    made = build(3, "street", ())
     seen = made.raycast(made.camera(0, SIZE, 75))
     return seen.color, seen.depth, seen.group == made.object_index
 

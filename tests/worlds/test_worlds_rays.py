@@ -110,7 +110,7 @@ def test_without_the_object_and_behind_things_match_the_twin() -> None:
     np.testing.assert_allclose(world.frame(camera, object=False).depth, gone.depth.astype(np.float32), rtol=1e-5)
     first = world.raycast(camera).group
     second = twin.trace(world, camera, through=first)
-    behind = world.behind(camera).depth
+    behind = world.raycast(camera, through=world.raycast(camera).group).depth
     agree = np.isclose(behind, second.depth, rtol=1e-5)
     assert agree.mean() > 0.9995
     assert (behind >= world.frame(camera).depth).all()

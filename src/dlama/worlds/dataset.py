@@ -42,9 +42,7 @@ Textures = str | Path | Sequence[np.ndarray] | None
 
 
 @system_errors(FileError)
-def world(
-    seed: int, *, kind: Kind | None = None, textures: Textures = None, shadows: bool = True, antialias: bool = True
-) -> World:
+def world(seed: int, *, kind: Kind | None = None, textures: Textures = None) -> World:
     """The world of a seed (>= 0): the same bytes in every process, for any number of threads.
 
     `textures`: a folder of pictures (searched through) or pictures (H x W x 3 uint8 RGB), a dozen of which, drawn by the
@@ -54,8 +52,8 @@ def world(
     _check_whole("seed", seed, 0)
     _check_kind(kind)
     if textures is None or isinstance(textures, str | Path):
-        return _from_seed(seed, kind, None if textures is None else Path(textures), shadows, antialias)
-    return _build_with_photos(seed, kind, textures, shadows, antialias)
+        return _from_seed(seed, kind, None if textures is None else Path(textures))
+    return _build_with_photos(seed, kind, textures)
 
 
 def _check_whole(name: str, value: int, least: int, most: int | None = None) -> None:
@@ -70,16 +68,14 @@ def _check_kind(kind: str | None) -> None:
 
 
 @lru_cache(maxsize=4)
-def _from_seed(seed: int, kind: Kind | None, folder: Path | None, shadows: bool, antialias: bool) -> World:
+def _from_seed(seed: int, kind: Kind | None, folder: Path | None) -> World:
     """Four worlds are kept, because the cases of a world are mostly loaded one after another."""
-    return _build_with_photos(seed, kind, _pictures(folder) if folder is not None else (), shadows, antialias)
+    return _build_with_photos(seed, kind, _pictures(folder) if folder is not None else ())
 
 
-def _build_with_photos(
-    seed: int, kind: Kind | None, pictures: Sequence[np.ndarray | Path], shadows: bool, antialias: bool
-) -> World:
+def _build_with_photos(seed: int, kind: Kind | None, pictures: Sequence[np.ndarray | Path]) -> World:
     chosen = np.random.default_rng((seed, 1)).permutation(len(pictures))[:PHOTOS]
-    return build(seed, kind, [pictures[int(n)] for n in chosen], shadows=shadows, antialias=antialias)
+    return build(seed, kind, [pictures[int(n)] for n in chosen])
 
 
 @lru_cache(maxsize=4)
@@ -101,8 +97,6 @@ class WorldSettings:
     seed: int
     kind: Kind | None
     textures: Path | tuple[np.ndarray, ...] | None
-    shadows: bool
-    antialias: bool
     size: int
 
     @property
@@ -112,7 +106,7 @@ class WorldSettings:
 
     def world(self) -> World:
         """The world, built anew."""
-        return world(self.seed, kind=self.kind, textures=self.textures, shadows=self.shadows, antialias=self.antialias)
+        return world(self.seed, kind=self.kind, textures=self.textures)
 
     def camera(self, yaw: float) -> Camera:
         """The camera at a yaw (degrees) of its orbit."""
@@ -126,8 +120,6 @@ def worlds(
     size: int = SIZE,
     yaws: Sequence[float] = YAWS,
     kind: Kind | None = None,
-    shadows: bool = True,
-    antialias: bool = True,
     textures: Textures = None,
 ) -> Dataset:
     """`count` worlds, of the seeds `seed`, `seed` + 1 ...; nothing is built until a frame or a case is loaded.
@@ -136,7 +128,7 @@ def worlds(
     yaw (with the cast shadow as a region), SII at yaw 0 with a baseline of 0.12 m and the object removed in both views.
     Raises InputError.
     """
-    every = world_settings(count, seed, size, kind, shadows, antialias, textures)
+    every = world_settings(count, seed, size, kind, textures)
     if not all(is_finite(yaw) and 0 < yaw < 180 for yaw in yaws):
         raise InputError(
             f"yaws are {tuple(yaws)}; degrees between 0 and 180 are expected, each is used with both signs"
@@ -153,9 +145,7 @@ def worlds(
 
 
 @system_errors(FileError)
-def world_settings(
-    count: int, seed: int, size: int, kind: Kind | None, shadows: bool, antialias: bool, textures: Textures
-) -> list[WorldSettings]:
+def world_settings(count: int, seed: int, size: int, kind: Kind | None, textures: Textures) -> list[WorldSettings]:
     """The settings of `count` worlds of the seeds `seed`, `seed` + 1 ...; raises InputError, FileError (no textures there)."""
     for name, value, least, most in (
         ("count", count, 1, MOST_WORLDS),
@@ -168,7 +158,7 @@ def world_settings(
     pictures = folder if folder is None or isinstance(folder, Path) else tuple(folder)
     if isinstance(pictures, Path):
         _pictures(pictures)
-    return [WorldSettings(seed + n, kind, pictures, shadows, antialias, size) for n in range(count)]
+    return [WorldSettings(seed + n, kind, pictures, size) for n in range(count)]
 
 
 def _yaw_name(yaw: float) -> str:

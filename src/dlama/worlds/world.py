@@ -133,17 +133,6 @@ class World:
         lit_without = (with_object.light == BLOCKED) & (without.light == LIT)
         return lit_without & (with_object.group != self.object_index)
 
-    def semantic(self, camera: Camera, *, object: bool = True) -> UInt8Array:
-        """H x W class numbers: 0 background, 1 object of interest, 2 sky."""
-        group = self.raycast(camera, object=object).group
-        return classes_of(group, self.object_index)
-
-    def behind(self, camera: Camera) -> RGBD:
-        """The second layer: per pixel, what would be seen without the first object hit (its shadow stays)."""
-        first = self.raycast(camera).group
-        seen = self.raycast(camera, through=first)
-        return RGBD(seen.color, seen.depth, camera)
-
     def raycast(self, camera: Camera, *, object: bool = True, through: Int32Array | None = None) -> Raycast:
         """All that a camera sees. `through`: H x W, the group that each pixel sees through (-1: none)."""
         hw = camera.hw

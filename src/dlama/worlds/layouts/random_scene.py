@@ -19,7 +19,7 @@ from dlama.worlds.world import Kind, Light, Rgb, Sky, World
 WHITE = (255.0, 255.0, 255.0)
 
 
-def build(seed: int, kind: Kind | None, photos: Sequence[Photo], *, shadows: bool, antialias: bool) -> World:
+def build(seed: int, kind: Kind | None, photos: Sequence[Photo]) -> World:
     """The world of a seed; `photos` take the place of some textures. A street in 60 % without a kind."""
     rng = np.random.default_rng(seed)
     is_street = rng.random() < 0.6
@@ -29,9 +29,9 @@ def build(seed: int, kind: Kind | None, photos: Sequence[Photo], *, shadows: boo
     builder.layer(rgba(shade(WHITE, noise(rng, SOFT))))
     plan = FloorPlan(builder, Palette(builder, rng, photos), rng)
     (street if is_street else room)(plan)
-    light, sky = (daylight(rng, shadows) if is_street else lamplight(rng, shadows)), random_sky(rng)
+    light, sky = (daylight(rng) if is_street else lamplight(rng)), random_sky(rng)
     name = f"{'street' if is_street else 'room'}-{seed}"
-    return World(builder.shapes(), builder.texels(), light, sky, name, float(rng.uniform(1.2, 1.6)), antialias)
+    return World(builder.shapes(), builder.texels(), light, sky, name, float(rng.uniform(1.2, 1.6)))
 
 
 def direction_to_light(azimuth_deg: float, elevation_deg: float) -> Rgb:
@@ -40,7 +40,7 @@ def direction_to_light(azimuth_deg: float, elevation_deg: float) -> Rgb:
     return math.sin(a) * math.cos(e), -math.sin(e), -math.cos(a) * math.cos(e)
 
 
-def daylight(rng: Generator, shadows: bool) -> Light:
+def daylight(rng: Generator) -> Light:
     """From high noon to a low warm sun to an overcast day; mostly from behind the camera."""
     azimuth = float(rng.normal(0, 60) if rng.random() < 0.75 else rng.uniform(0, 360))
     elevation, bright = float(rng.uniform(22, 65)), float(rng.uniform(0.85, 1.2))
@@ -54,11 +54,10 @@ def daylight(rng: Generator, shadows: bool) -> Light:
         (sun, sun * (0.96 - 0.2 * warm), sun * (0.9 - 0.4 * warm)),
         (rest * (1 - blue), rest, rest * (1 + blue)),
         (0.55 * rest, 0.53 * rest, 0.5 * rest),
-        shadows,
     )
 
 
-def lamplight(rng: Generator, shadows: bool) -> Light:
+def lamplight(rng: Generator) -> Light:
     """A steep, soft light in a room; the walls do not stop it."""
     bright, warm = float(rng.uniform(0.8, 1.1)), float(rng.uniform(-0.05, 0.12))
     sun, rest = bright * float(rng.uniform(0.3, 0.55)), bright * float(rng.uniform(0.62, 0.85))
@@ -67,7 +66,6 @@ def lamplight(rng: Generator, shadows: bool) -> Light:
         (sun * (1 + warm), sun, sun * (1 - warm)),
         (rest * (1 + warm), rest, rest * (1 - warm)),
         (0.85 * rest * (1 + warm), 0.85 * rest, 0.85 * rest * (1 - warm)),
-        shadows,
     )
 
 

@@ -18,8 +18,6 @@ def worlds(
     seed: Seed = 0,
     size: Annotated[int, option("PX", "512")] = 512,
     kind: Annotated[Literal["room", "street"] | None, option("room|street", "drawn by the seed")] = None,
-    shadows: Annotated[bool, option("", "objects cast shadows")] = True,
-    antialias: Annotated[bool, option("", "colour edges are smooth")] = True,
     textures: Annotated[Path | None, option("DIR", "procedural")] = None,
 ) -> None:
     """Generated scenes with exact ground truth, in EasySynth's layout: all that `dlama evaluate` needs, without other data.
@@ -30,11 +28,9 @@ def worlds(
         seed: The same seed gives the same scenes.
         size: Side of the square pictures.
         kind: Rooms or streets.
-        shadows: Objects cast no shadows (the paper names shadows as a difficulty).
-        antialias: Colour edges are hard, exactly where depth changes.
         textures: A folder of photos to paint surfaces with.
     """
-    scene = {"size": size, "kind": kind, "shadows": shadows, "antialias": antialias, "textures": textures}
+    scene = {"size": size, "kind": kind, "textures": textures}
     check_folder_apart(output, {"folder of textures": textures})
     with report_result("worlds", report) as result, counting_bar("worlds", report) as progress:
         from dlama.worlds.writer import write_worlds  # in here, so that what it warns of is one line
