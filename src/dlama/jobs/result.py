@@ -107,6 +107,7 @@ class Totals:
     """Of all jobs of this run that are done."""
     stages: dict[str, float] = field(default_factory=dict)
     hole_shares: float = 0.0
+    law_moves: int = 0
     law_violations: int = 0
     peak_mib: float = 0.0
     started: float = field(default_factory=time.monotonic)
@@ -120,6 +121,7 @@ class Totals:
         self.done += 1
         self.kept += row.kept
         self.hole_shares += row.hole_share or 0.0
+        self.law_moves += row.law_moves or 0
         self.law_violations += row.law_violations or 0
         self.peak_mib = max(self.peak_mib, row.peak_mib or 0.0)
         if not row.kept:

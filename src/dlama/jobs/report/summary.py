@@ -8,7 +8,7 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from dlama.jobs.result import JobResult
+from dlama.jobs.result import JobResult, Totals
 
 SHOWN = 12
 """Pictures of one contact sheet."""
@@ -34,49 +34,35 @@ class Group:
 
 
 @dataclass
-class Summary:
+class Summary(Totals):
     """What the page shows."""
 
-    done: int = 0
-    failed: int = 0
     groups: dict[tuple[str, str], Group] = field(default_factory=dict)
     """(kind, message without names) -> the failures that say it."""
-    seconds: float = 0.0
-    """Of all jobs that are done."""
-    stages: dict[str, float] = field(default_factory=dict)
-    """Stage -> seconds."""
     hosts: dict[str, int] = field(default_factory=dict)
     """Name -> results that ended there, failed ones too."""
-    peak_mib: float = 0.0
-    """The largest of any worker."""
-    law_moves: int = 0
-    """Filled pixels that were moved behind what was measured."""
-    law_violations: int = 0
-    """Filled pixels that still hide it."""
-    hole_share: float = 0.0
-    """Summed; divided by `done` it is the mean."""
     finished: dict[int, int] = field(default_factory=dict)
     """Second -> results that ended in it."""
     at_random: list[JobResult] = field(default_factory=list)
     """SHOWN results, each as likely as any other."""
-    largest_holes: list[tuple[float, str, JobResult]] = field(default_factory=list)
-    """Heaps of (value, id, result): the SHOWN largest."""
-    most_moves: list[tuple[float, str, JobResult]] = field(default_factory=list)
+    holes: list[tuple[float, str, JobResult]] = field(default_factory=list)
+    """A heap of (share, id, result): the SHOWN largest holes."""
 
     def groups_by_size(self) -> list[Group]:
         """The largest first."""
         return sorted(self.groups.values(), key=lambda one: (-one.count, one.kind, one.message))
 
-    def worst(self, of: str) -> list[JobResult]:
-        """The results with the largest holes, or the most law moves; the worst first."""
-        kept = self.largest_holes if of == "holes" else self.most_moves
-        return [row for value, _, row in sorted(kept, key=lambda one: one[:2], reverse=True) if value > 0]
+    @property
+    def largest_holes(self) -> list[JobResult]:
+        """The results with the largest holes, the largest first."""
+        return [row for share, _, row in sorted(self.holes, key=lambda one: one[:2], reverse=True) if share > 0]
 
 
 def summarise(rows: Iterable[JobResult], seed: int = 0) -> Summary:
     """One pass over the rows; the random ones are drawn by reservoir, so that each result is as likely as any other."""
     found, draw = Summary(), random.Random(seed)
     for row in rows:
+        found.add(row)
         second = int(row.finished)
         found.finished[second] = found.finished.get(second, 0) + 1
         if row.host:
@@ -84,20 +70,13 @@ def summarise(rows: Iterable[JobResult], seed: int = 0) -> Summary:
         if row.status == "failed":
             _add_failure(found, row)
             continue
-        found.done += 1
-        found.seconds += row.seconds
-        found.peak_mib = max(found.peak_mib, row.peak_mib or 0.0)
-        found.law_moves += row.law_moves or 0
-        found.law_violations += row.law_violations or 0
-        found.hole_share += row.hole_share or 0.0
-        for stage, seconds in row.seconds_by_stage.items():
-            found.stages[stage] = found.stages.get(stage, 0.0) + seconds
         if len(found.at_random) < SHOWN:
             found.at_random.append(row)
         elif (place := draw.randrange(found.done)) < SHOWN:
             found.at_random[place] = row
-        _keep(found.largest_holes, row.hole_share or 0.0, row)
-        _keep(found.most_moves, float(row.law_moves or 0), row)
+        heapq.heappush(found.holes, (row.hole_share or 0.0, row.id, row))
+        if len(found.holes) > SHOWN:
+            heapq.heappop(found.holes)
     return found
 
 
@@ -120,18 +99,8 @@ def throughput(finished: dict[int, int]) -> tuple[int, list[tuple[int, int]]]:
 
 
 def _add_failure(found: Summary, row: JobResult) -> None:
-    found.failed += 1
     key = row.error_kind, without_names(row.error)
     group = found.groups.setdefault(key, Group(*key))
     group.count += 1
     if len(group.examples) < EXAMPLES:
         group.examples.append(row)
-
-
-def _keep(kept: list[tuple[float, str, JobResult]], value: float, row: JobResult) -> None:
-    """The SHOWN largest, equal ones by id."""
-    entry = value, row.id, row
-    if len(kept) < SHOWN:
-        heapq.heappush(kept, entry)
-    elif entry[:2] > kept[0][:2]:
-        heapq.heapreplace(kept, entry)

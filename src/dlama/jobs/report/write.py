@@ -74,14 +74,13 @@ def values(found: Summary, output: Output) -> dict[str, Any]:
         ("of these", ", ".join(f"{stage} {seconds / done:.2f}" for stage, seconds in found.stages.items())),
         ("hosts", ", ".join(f"{host} ({count})" for host, count in sorted(found.hosts.items()))),
         ("peak memory of a worker", f"{found.peak_mib:.0f} MiB"),
-        ("unknown before filling", f"{found.hole_share / done:.1%} of a picture, on the average"),
+        ("unknown before filling", f"{found.hole_shares / done:.1%} of a picture, on the average"),
         ("filled pixels moved behind what was measured", f"{found.law_moves}"),
         ("that still hide what was measured", f"{found.law_violations}"),
     ]
     sheets = [
         ("At random", "drawn from all results", _sheet(found.at_random, output)),
-        ("Largest holes", "the largest share of the picture was unknown", _sheet(found.worst("holes"), output)),
-        ("Most law moves", "most filled pixels had to be moved", _sheet(found.worst("moves"), output)),
+        ("Largest holes", "the largest share of the picture was unknown", _sheet(found.largest_holes, output)),
     ]
     return {
         "title": f"Batch {Path(local_path(output.place)).name or output.place}",
