@@ -244,7 +244,7 @@ def vote_rows(
     A patch weighs exp(-sharpness cost / (2 mean cost)), times the trust in its target, times a Gaussian of its centre's
     distance (width_px). out: M x C, for the M pixels.
     """
-    height, width, channels = values.shape
+    height, width, _ = values.shape
     for p in range(first, last):
         row, column = int(pixels[p, 0]), int(pixels[p, 1])
         top, bottom = max(-HALF, -row), min(HALF, height - 1 - row)
@@ -258,9 +258,8 @@ def vote_rows(
                     least = min(least, np.float64(cost[t]))
                     count += 1.0
         scale = sharpness / (2.0 * (mean / count + 1e-3))
-        for k in range(channels):
-            out[p, k] = 0.0
         total = 0.0
+        a = b = c = d = e = np.float32(0)  # sums of the CHANNELS: in registers they take two thirds of the time
         for j in range(top, bottom + 1):
             for i in range(left, right + 1):
                 t = int(number[row + j, column + i])
@@ -269,10 +268,13 @@ def vote_rows(
                     weight = np.exp(-(np.float64(cost[t]) - least) * scale - off) * np.float64(trust[t])
                     total += weight
                     source_row, source_column = int(found[t, 0]) - j, int(found[t, 1]) - i
-                    for k in range(channels):
-                        out[p, k] += weight * np.float64(values[source_row, source_column, k])
-        for k in range(channels):
-            out[p, k] /= total
+                    a = np.float32(a + weight * np.float64(values[source_row, source_column, 0]))
+                    b = np.float32(b + weight * np.float64(values[source_row, source_column, 1]))
+                    c = np.float32(c + weight * np.float64(values[source_row, source_column, 2]))
+                    d = np.float32(d + weight * np.float64(values[source_row, source_column, 3]))
+                    e = np.float32(e + weight * np.float64(values[source_row, source_column, 4]))
+        for k, channel in enumerate((a, b, c, d, e)):
+            out[p, k] = channel / total
 
 
 @kernel

@@ -22,8 +22,9 @@ def mean_chords(there: BoolArray) -> tuple[float, float]:
     """Mean length of the runs of True along columns and along rows of an h x w grid, over the cells in them."""
     chords = []
     for lines in (there.T, there):
-        line = np.pad(lines, ((0, 0), (0, 1))).ravel()  # one run ends where another line begins
-        ends = np.flatnonzero(np.diff(line, prepend=False))
+        apart = np.zeros((len(lines), lines.shape[1] + 1), np.bool_)  # one run ends where another line begins
+        apart[:, 1:] = lines
+        ends = np.flatnonzero(np.diff(apart.ravel(), append=False))
         length = (ends[1::2] - ends[::2]).astype(np.float64)
         chords.append(float((length**2).sum() / max(length.sum(), 1)))
     return chords[0], chords[1]

@@ -5,6 +5,7 @@ An inverse depth < 0 marks a cell that is not used.
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,8 +17,9 @@ from dlama.inpainters.layered.kernels.cells import bilinear_neighbours, blend
 
 def pull(sums: Float32Array, weights: Float32Array) -> tuple[Float32Array, Float32Array]:
     """The next coarser grid: sums over 2 x 2 cells."""
-    odd = tuple((0, size % 2) for size in weights.shape)
-    sums, weights = np.pad(sums, (*odd, (0, 0))), np.pad(weights, odd)
+    down, right = (size % 2 for size in weights.shape)
+    if down or right:
+        sums, weights = (cv2.copyMakeBorder(a, 0, down, 0, right, cv2.BORDER_CONSTANT) for a in (sums, weights))
     up, upw = (a[0::2, 0::2] + a[0::2, 1::2] + a[1::2, 0::2] + a[1::2, 1::2] for a in (sums, weights))
     return up, upw
 
