@@ -134,7 +134,9 @@ def filled_rows(
         frames = [as_recorded(frame, rng, MISPLACED) for frame in frames]
     parts: list[Rows] = []
 
-    def recorded(view: View, color: np.ndarray, depth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def recorded(
+        view: View, color: np.ndarray, depth: np.ndarray, known: object = None
+    ) -> tuple[np.ndarray, np.ndarray]:
         for frame in frames:
             if frame.camera.same_view_as(view.camera) and view.color_hole.any():
                 parts.append(rows_of(view, color, depth, frame, gain_of(view, frame, truth.exposure_varies), rng))

@@ -9,6 +9,7 @@ pixel, but not the filler's name. It was trained on procedural worlds (src/dlama
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 from pathlib import Path
 from typing import NamedTuple
@@ -17,10 +18,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.holes import nearest_known
+from dlama.geometry.holes import fill_with_nearest, nearest_known
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.projection import inverse_depth
-from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, freeze
 from dlama.geometry.view import HoleType, Origin, View
 from dlama.models.perceptron import Perceptron, read_arrays
 
@@ -33,6 +34,8 @@ FINE, BROAD = 0.005, 0.02
 TYPES = (HoleType.DISOCCLUDED, HoleType.OUT_OF_VIEW, HoleType.SENSOR, HoleType.OBJECT)
 """Hole types that the network distinguishes; the rest are cracks and flying pixels."""
 FEATURES, OUTPUTS = 28, 4
+JUDGED = 640
+"""Longer side of the picture from twice of which on not every pixel is judged, in pixels."""
 REACH = 3.0
 """Features are clipped at so many standard deviations of the training data."""
 PIECE = 1 << 10
@@ -79,12 +82,26 @@ def judge_fill(
     confidence = view.confidence.copy()
     errors = np.zeros((*view.hole.shape, 2), np.float32) if view.errors is None else view.errors.copy()
     if view.hole.any():
-        probabilities, expected = run_in_batches(confidence_network(), feature_rows(view, color, depth, known))
-        both, depth_alone = probabilities.T
+        known = known or features_of_known(view)
+        found = np.hstack(run_in_batches(confidence_network(), feature_rows(view, color, depth, known)))
+        both, depth_alone, *expected = enlarge_to_hole(found, known, view.hole)
         painted = view.color_hole[view.hole]
         confidence[view.hole] = np.where(painted, both, np.maximum(both, depth_alone))
-        errors[view.hole] = np.stack([expected[:, 0] * depth[view.hole], expected[:, 1] * painted], 1)
+        errors[view.hole] = np.stack([expected[0] * depth[view.hole], expected[1] * painted], 1)
     return confidence, errors
+
+
+def enlarge_to_hole(found: Float32Array, known: KnownFeatures, hole: BoolArray) -> list[Float32Array]:
+    """Each of N' x C values of the hole pixels that were judged, interpolated to the N pixels of the view's hole (H x W)."""
+    judged, step = known.view.hole, known.step
+    if step == 1:
+        return list(found.T)
+    small = np.zeros((*judged.shape, found.shape[1]), np.float32)
+    small[judged] = found
+    small = fill_with_nearest(small, judged)
+    wh, (height, width) = (step * judged.shape[1], step * judged.shape[0]), hole.shape
+    planes = (np.ascontiguousarray(small[..., k]) for k in range(small.shape[2]))
+    return [np.asarray(cv2.resize(one, wh)[:height, :width][hole], np.float32) for one in planes]
 
 
 def run_in_batches(network: ConfidenceNetwork, rows: Float32Array) -> tuple[Float32Array, Float32Array]:
@@ -101,8 +118,11 @@ def run_in_batches(network: ConfidenceNetwork, rows: Float32Array) -> tuple[Floa
 
 
 class KnownFeatures(NamedTuple):
-    """What is known round each of a view's N hole pixels, whatever fills them."""
+    """What is known round each of the N hole pixels of a view that are judged, whatever fills them."""
 
+    view: View
+    """Every `step`-th pixel of it."""
+    step: int
     rows: Float32Array
     """FEATURES x N; those that `feature_rows` fills in are open."""
     rim: NDArray[np.intp]
@@ -116,8 +136,12 @@ class KnownFeatures(NamedTuple):
 def features_of_known(view: View) -> KnownFeatures:
     """The features of a view that its known pixels give, one at a time, to save memory.
 
-    No feature depends on the picture's size in pixels or on the scene's scale.
+    No feature depends on the picture's size in pixels or on the scene's scale. Of a large view some pixels are judged.
     """
+    step = max(1, max(view.hole.shape) // JUDGED)
+    if not view.hole[places(view, step)].any():
+        step = 1
+    view = every_pixel(view, step)
     hole = view.hole
     rows = np.empty((FEATURES, np.count_nonzero(hole)), np.float32)
     diagonal = float(np.hypot(*hole.shape))
@@ -152,15 +176,36 @@ def features_of_known(view: View) -> KnownFeatures:
     rows[16] = np.log(hole.mean())
     rows[26] = (view.hole_type == HoleType.SENSOR).mean()
     rows[27] = (view.origin == Origin.ESTIMATED).any()
-    return KnownFeatures(rows, rim, typical, mean)
+    return KnownFeatures(view, step, rows, rim, typical, mean)
+
+
+def places(view: View, step: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Rows and columns of every `step`-th pixel, those in the middle of their squares; the last may cross the border."""
+    rows, columns = (np.minimum(np.arange(step // 2, n + step // 2, step), n - 1) for n in view.hole.shape)
+    return rows[:, None], columns[None]
+
+
+def every_pixel(view: View, step: int) -> View:
+    """Every `step`-th pixel of a view, as a view; its camera is the view's but for the size."""
+    if step == 1:
+        return view
+    at = places(view, step)
+    planes = {
+        name: freeze(getattr(view, name)[at])
+        for name in ("color", "depth", "hole", "hole_type", "origin", "confidence")
+    }
+    height, width = planes["hole"].shape
+    return View(dataclasses.replace(view.camera, width=width, height=height), **planes)
 
 
 def feature_rows(
     view: View, color: UInt8Array, depth: Float32Array, known: KnownFeatures | None = None
 ) -> Float32Array:
-    """FEATURES x N of the N hole pixels, row by row, arguments as of `judge_fill`."""
-    rows, rim, typical, mean = known or features_of_known(view)
-    hole, diagonal = view.hole, float(np.hypot(*view.hole.shape))
+    """FEATURES x N of the N hole pixels that are judged, row by row, arguments as of `judge_fill`."""
+    judged, step, rows, rim, typical, mean = known or features_of_known(view)
+    if step > 1:
+        color, depth = color[places(view, step)], depth[places(view, step)]
+    view, hole, diagonal = judged, judged.hole, float(np.hypot(*judged.hole.shape))
     w = inverse_depth(np.where(hole, depth, view.depth))
     rows[9] = w[hole] == 0
     log_w = log_inverse(w, typical)

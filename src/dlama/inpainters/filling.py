@@ -49,9 +49,6 @@ longer side, and at least so many pixels."""
 WORTH_CROPPING = 0.6
 """Largest share of the view for which only that part is filled."""
 
-MOST_BESIDE = 1_000_000
-"""Most hole pixels whose features for confidence are found beside the fill; they are held till its end."""
-
 Inpainter = Callable[[View, Law, int], Fill]
 """A filler: (view with holes, visibility law, seed) -> Fill. Deterministic for one seed."""
 Paint = Callable[[UInt8Array, BoolArray, int], UInt8Array]
@@ -150,13 +147,12 @@ def paste_part(view: View, part: View, rows: slice, columns: slice) -> View:
 
 def _fill_whole(view: View, inpainter: Inpainter, law: Law, seed: int) -> tuple[View, FillReport]:
     """`inpaint` with the filler seeing the whole view."""
-    hole = view.hole
-    known = beside(features_of_known, view) if np.count_nonzero(hole) <= MOST_BESIDE else None
+    hole, known = view.hole, beside(features_of_known, view)
     fill = check_fill(inpainter(view, law, seed), view)
     depth, moved = project_depth(view, fill.depth, hole, law)
     color = np.where(view.color_hole[..., None], fill.color, view.color)
     filled_origin = np.where(view.color_hole, np.uint8(Origin.FILLED), np.uint8(Origin.DEPTH_FILLED))
-    confidence, errors = judge_fill(view, color, depth, known and known())
+    confidence, errors = judge_fill(view, color, depth, known())
     if fill.errors is not None:
         errors = np.where(hole[..., None], fill.errors, errors)
     filled = view.with_planes(

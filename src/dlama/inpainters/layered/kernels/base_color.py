@@ -19,7 +19,8 @@ def pull(sums: Float32Array, weights: Float32Array) -> tuple[Float32Array, Float
     """The next coarser grid: sums over 2 x 2 cells."""
     down, right = (size % 2 for size in weights.shape)
     if down or right:
-        sums, weights = (cv2.copyMakeBorder(a, 0, down, 0, right, cv2.BORDER_CONSTANT) for a in (sums, weights))
+        edges = 0, down, 0, right, cv2.BORDER_CONSTANT
+        sums, weights = (np.asarray(cv2.copyMakeBorder(a, *edges), np.float32) for a in (sums, weights))
     up, upw = (a[0::2, 0::2] + a[0::2, 1::2] + a[1::2, 0::2] + a[1::2, 1::2] for a in (sums, weights))
     return up, upw
 
