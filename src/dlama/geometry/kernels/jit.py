@@ -223,7 +223,8 @@ def beside(job: Callable[..., Made], *arguments: Any) -> Callable[[], Made]:
     """Begin job(*arguments) in another thread, if there is one; what comes back waits for its result, and computes it where that
     thread has not begun.
 
-    For numpy and OpenCV, which let go of Python's lock; kernels of the job, which stay in its thread, only by `in_bands`.
+    For numpy and OpenCV, which let go of Python's lock. The job's kernels stay in its thread: they must be such as nothing else
+    runs meanwhile, or run by `in_bands`.
     """
     if threads() < 2 or getattr(_thread, "at_work", False):
         return functools.partial(job, *arguments)

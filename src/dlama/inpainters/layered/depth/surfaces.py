@@ -8,6 +8,7 @@ Ground and walls continue as planes, the sky as sky; anything else is interpolat
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import cv2
@@ -15,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.holes import fill_with_nearest, nearest_known
+from dlama.geometry.kernels.jit import beside
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import View
@@ -58,7 +60,8 @@ def continue_surfaces(view: View, law: Law, seed: int = 0) -> Surfaces:
     step = max(1.0, max(w.shape) / GRID)
     followed_from = np.inf if noise else FOLLOWED
     coarse = CoarseView.of(view, w, label, planes, step, followed_from, law.misplaced_edges)
-    found = upsample_labels(view, w, label, planes, coarse, coarse.label_costs(law), seed)
+    leaves = beside(copy_leaves, view, w, coarse.cut, seed)
+    found = upsample_labels(view, w, label, planes, coarse, coarse.label_costs(law), leaves)
     return found if by_color is None else set_missing_depth(found, by_color)
 
 
@@ -80,12 +83,12 @@ def upsample_labels(
     planes: NDArray[np.float64],
     coarse: CoarseView,
     costs: Float32Array,
-    seed: int = 0,
+    leaves_of: Callable[[], NDArray[np.int32]],
 ) -> Surfaces:
     """Label costs (h x w x L) interpolated to every hole pixel; each takes the label of least cost and its inverse depth.
     Foliage covers it where it extends.
 
-    w, label: H x W, of the known pixels; planes: K x 3.
+    w, label: H x W, of the known pixels; planes: K x 3; leaves_of: gives `copy_leaves`.
     """
     spread = fill_with_nearest(costs, coarse.hole)
     no_plane = coarse.candidates[0]
@@ -103,7 +106,7 @@ def upsample_labels(
     out, filled = w.copy(), label.copy()
     out[rows, columns] = np.where(labels == SMOOTH, smooth[rows, columns], np.where(labels > 0, on_plane, 0))
     filled[rows, columns] = labels
-    leaves = copy_leaves(view, w, coarse.cut, seed)
+    leaves = leaves_of()
     leaf = (leaves >= 0) & (w.ravel()[np.maximum(leaves, 0)] > out)
     out[leaf], filled[leaf] = w.ravel()[leaves[leaf]], SMOOTH
     return Surfaces(out, filled, planes, np.where(leaf, leaves, GAP).astype(np.int32))

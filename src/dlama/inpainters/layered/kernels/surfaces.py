@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.camera import Float64Array
-from dlama.geometry.kernels.jit import Real, Whole, in_bands, kernel, piece
-from dlama.geometry.rgbd import BoolArray, Float32Array
+from dlama.geometry.kernels.jit import Flag, Real, Whole, in_bands, kernel, piece
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 
 DIRECTIONS = 16
 SKY_LABEL = 0
@@ -211,8 +211,9 @@ def send(
     to_column: Whole,
     incoming: Whole,
     outgoing: Whole,
-) -> None:
-    """One min-sum message from a hole pixel to its neighbour; `incoming` is the direction it must not echo."""
+) -> Flag:
+    """One min-sum message from a hole pixel to its neighbour, and whether it changed; `incoming` is the direction it must not
+    echo."""
     count = unary.shape[2]
     one, two, three = np.int64(incoming == 0), 1 + np.int64(incoming <= 1), 2 + np.int64(incoming <= 2)  # the others
     least = np.inf
@@ -221,26 +222,31 @@ def send(
         total += messages[one, row, column, k]
         total += messages[two, row, column, k]
         total += messages[three, row, column, k]
-        belief[line, k] = total
+        belief[0, line, k] = total
         least = total if total < least else least
     dearest = least + (potts + 1.0)  # any label can be reached from the cheapest one at this cost
     rivals = 0
     for k in range(count):
-        if belief[line, k] + potts < dearest:
+        if belief[0, line, k] + potts < dearest:
             cheap[line, rivals] = k
             rivals += 1
     smallest = np.inf
     for k in range(count):
-        best = belief[line, k] if belief[line, k] < dearest else dearest
+        best = belief[0, line, k] if belief[0, line, k] < dearest else dearest
         for rival in range(rivals):
             other = cheap[line, rival]
-            if other != k and belief[line, other] + potts < best:  # a border costs `potts` at least
-                cost = belief[line, other] + pair_cost(values[row, column, other], values[to_row, to_column, k], potts)
+            if other != k and belief[0, line, other] + potts < best:  # a border costs `potts` at least
+                cost = pair_cost(values[row, column, other], values[to_row, to_column, k], potts)
+                cost += belief[0, line, other]
                 best = cost if cost < best else best
-        messages[outgoing, to_row, to_column, k] = best
+        belief[1, line, k] = np.float32(best)
         smallest = best if best < smallest else smallest
+    changed = False
     for k in range(count):
-        messages[outgoing, to_row, to_column, k] -= smallest
+        message = np.float32(belief[1, line, k] - smallest)
+        changed = changed or message != messages[outgoing, to_row, to_column, k]
+        messages[outgoing, to_row, to_column, k] = message
+    return changed
 
 
 @kernel
@@ -253,33 +259,36 @@ def sweep(
     values: Float32Array,
     hole: BoolArray,
     potts: Real,
+    stale: UInt8Array,
     belief: Float64Array,
     cheap: NDArray[np.int64],
 ) -> None:
     """Messages there and back along each row (across = 1: directions 0 from left, 1 from right) or column (2 from above, 3 from
-    below); lines first..last only, which do not meet. values: H x W x L; belief, cheap: lines x L, room to
-    work."""
+    below); lines first..last only, which do not meet. values: H x W x L; stale: H x W, bits of the messages to be sent, those
+    whose own messages changed; belief: 2 x lines x L, cheap: lines x L, room to work."""
     length = hole.shape[1] if across else hole.shape[0]
     base = 0 if across else 2
     for back in range(2):
+        incoming, outgoing = base + 1 - back, base + back
         for step in range(length - 1):
             here = length - 1 - step if back else step
             there = here - 1 if back else here + 1
             for line in range(first, last):  # neighbours in memory along columns, and independent of each other
                 row, column, to_row, to_column = (line, here, line, there) if across else (here, line, there, line)
-                if hole[row, column] and hole[to_row, to_column]:
-                    incoming, outgoing = base + 1 - back, base + back
+                if stale[row, column] >> outgoing & 1 and hole[row, column] and hole[to_row, to_column]:
+                    stale[row, column] ^= 1 << outgoing
                     room = belief, cheap, line
-                    send(unary, messages, values, potts, *room, row, column, to_row, to_column, incoming, outgoing)
+                    if send(unary, messages, values, potts, *room, row, column, to_row, to_column, incoming, outgoing):
+                        stale[to_row, to_column] |= 15 ^ (1 << incoming)
 
 
 def beliefs(unary: Float32Array, values: Float32Array, hole: BoolArray, potts: float, rounds: int) -> Float32Array:
     """H x W x L min-marginals by loopy belief propagation (sequential sweeps along rows and columns). values: L x H x W."""
     messages, values = np.zeros((4, *unary.shape), np.float32), np.ascontiguousarray(values.transpose(1, 2, 0))
-    belief = np.empty((max(hole.shape), unary.shape[2]))
-    cheap = np.empty(belief.shape, np.int64)
+    belief = np.empty((2, max(hole.shape), unary.shape[2]))
+    cheap, stale = np.empty(belief.shape[1:], np.int64), np.full(hole.shape, 15, np.uint8)
     for _ in range(rounds):
         for across in (1, 0):
             lines = hole.shape[1 - across]
-            in_bands(sweep, lines, across, unary, messages, values, hole, potts, belief, cheap)
+            in_bands(sweep, lines, across, unary, messages, values, hole, potts, stale, belief, cheap)
     return np.asarray(unary + messages.sum(0))
