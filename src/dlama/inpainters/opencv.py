@@ -12,7 +12,7 @@ import numpy as np
 from dlama.geometry.holes import larger_box
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.projection import inverse_depth
-from dlama.geometry.rgbd import BoolArray, Float32Array
+from dlama.geometry.rgbd import BoolArray, Float32Array, paste
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.filling import Fill, Painter
@@ -44,7 +44,7 @@ def paint(picture: np.ndarray, hole: BoolArray, seed: int = 0) -> np.ndarray:
             box = larger_box((slice(top, top + height), slice(left, left + width)), RADIUS, hole.shape)
             part = hole[box] & (parts[box] == number)
             filled = cv2.inpaint(np.ascontiguousarray(picture[box]), part.view(np.uint8), RADIUS, cv2.INPAINT_TELEA)
-            out[box][part] = filled[part]
+            paste(filled, part, out[box])
 
     in_bands(fill, len(order), band=1)
     return out

@@ -119,9 +119,9 @@ def sample_bilinear(picture: Float32Array, x: Float32Array, y: Float32Array) -> 
     x, y = np.clip(x, 0, width - 1), np.clip(y, 0, height - 1)
     x0, y0 = (np.minimum(a.astype(np.int64), size - 1) for a, size in ((x, width), (y, height)))
     x1, y1 = np.minimum(x0 + 1, width - 1), np.minimum(y0 + 1, height - 1)
-    along, across = y - y0, x - x0
-    top = picture[y0, x0][:, 0] * (1 - across) + picture[y0, x1][:, 0] * across
-    low = picture[y1, x0][:, 0] * (1 - across) + picture[y1, x1][:, 0] * across
+    along, across, flat = y - y0, x - x0, picture.reshape(-1, 3)
+    top = flat.take((y0 * width + x0)[:, 0], 0) * (1 - across) + flat.take((y0 * width + x1)[:, 0], 0) * across
+    low = flat.take((y1 * width + x0)[:, 0], 0) * (1 - across) + flat.take((y1 * width + x1)[:, 0], 0) * across
     return np.asarray(top * (1 - along) + low * along, np.float32)
 
 
