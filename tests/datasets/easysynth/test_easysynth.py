@@ -45,7 +45,7 @@ def test_street_poses_agree_with_poses_json(street: Path) -> None:
             wanted = np.array(entry["world_from_cam"])
             np.testing.assert_allclose(files.world_from_cam[:3, 3], wanted[:3, 3], atol=5e-7 + 1e-12)
             np.testing.assert_allclose(files.world_from_cam[:3, :3], wanted[:3, :3], atol=2e-6)
-            assert found.yaw == entry["yaw_deg"] and files.kind == "millimetres"
+            assert found.yaw == entry["yaw_deg"] and files.depth.args[0].parent.name == "DepthMM"
             np.testing.assert_array_equal(files.sensor.camera((512, 512), wanted).K, told["K"])
 
 

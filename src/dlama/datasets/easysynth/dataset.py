@@ -20,7 +20,6 @@ from dlama.datasets.easysynth.frames import (
 from dlama.datasets.easysynth.listing import (
     POSES,
     CameraPair,
-    Options,
     RenderedSequence,
     read_sequence,
     sequence_folders,
@@ -54,7 +53,6 @@ def easysynth(
     VPI: the first frame of each camera of `with` (and of each sequence of another name) to every other; the object's mask and
     the frames without it where there is a `without`. ORI: the frames of `with` that show the object. SII: stereo_with
     against stereo_without, and rectified pairs of any other sequence for view synthesis.
-    Which file a frame's depth comes from stands in its `load.args[0]` (RenderedFrame.depth, .kind).
 
     Args:
         root: one sequence, a scene (folders with, without, stereo_with, stereo_without, or of any other names), or a folder
@@ -70,12 +68,12 @@ def easysynth(
         InputError: gamma is another word.
     """
     root = Path(root)
-    name, options = root.resolve().name, Options(depth_range, gamma)
+    name = root.resolve().name
     frames: list[PosedFrame] = []
     cases: list[Case] = []
     for folder, folders in _scenes(root):
         scene = folder.resolve().name
-        sequences = [read_sequence(each, options) for each in folders]
+        sequences = [read_sequence(each, depth_range, gamma) for each in folders]
         frames += [frame for sequence in sequences for frame in _frames(scene, sequence)]
         cases += [
             Case(protocol, name, scene, frame, load, yaw)

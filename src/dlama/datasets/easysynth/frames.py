@@ -5,9 +5,9 @@ The shadow that an object casts is what differs between a frame with it and one 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 import cv2
 import numpy as np
@@ -15,7 +15,6 @@ import numpy as np
 from dlama.datasets.easysynth.text_files import Sensor
 from dlama.datasets.frames import Gamma, RemovalTruth, StereoTruth, ViewTruth
 from dlama.errors import CameraError, DepthError, FileError, MaskError
-from dlama.files.rasters.depth import read_depth
 from dlama.files.rasters.images import read_stored
 from dlama.files.rasters.pictures import read_color
 from dlama.files.semantic_classes import RGB
@@ -73,8 +72,6 @@ def _neighbourhood(mask: BoolArray) -> tuple[slice, slice]:
     return larger_box(tight, int(NEIGHBOURHOOD * np.hypot(*sides_of(tight))), mask.shape)
 
 
-DepthKind = Literal["millimetres", "exr", "png"]
-"""DepthMM (our addition, 16-bit mm, full range), or DepthImage as EXR, or as PNG."""
 SRGB_LINEAR_BELOW = 0.04045
 """IEC 61966-2-1."""
 
@@ -84,27 +81,23 @@ class RenderedFrame:
     """Where one frame lies, and how it is to be read."""
 
     color: Path
-    depth: Path
-    kind: DepthKind
+    depth: Callable[[], Float32Array]
+    """Reads H x W metres."""
     semantic: Path | None
     sensor: Sensor
     world_from_cam: Float64Array
     """4x4, OpenCV axes, metres."""
-    depth_range: float | None = None
-    """Metres that 1.0 stands for in DepthImage."""
-    gamma: Gamma | None = None
-    """How an 8-bit DepthImage is encoded."""
 
 
 def load_frame(files: RenderedFrame) -> RGBD:
     """Colour, depth and camera of one frame. Raises FileError, DepthError, CameraError, ShapeError."""
     color = read_color(files.color)
-    return RGBD(color, _depth(files), files.sensor.camera(color.shape[:2], files.world_from_cam))
+    return RGBD(color, files.depth(), files.sensor.camera(color.shape[:2], files.world_from_cam))
 
 
 def load_depth(files: RenderedFrame) -> tuple[Float32Array, Camera]:
     """The depth of `load_frame` (H x W, metres) and its camera, without the colour."""
-    depth = _depth(files)
+    depth = files.depth()
     return depth, files.sensor.camera(depth.shape[:2], files.world_from_cam)
 
 
@@ -174,25 +167,13 @@ def _disparity(rig: StereoRig, depth: Float32Array) -> Float32Array:
     return np.maximum(disparity, 0)
 
 
-def _depth(files: RenderedFrame) -> Float32Array:
-    if files.kind == "millimetres":
-        return read_depth(files.depth)
-    if files.kind == "exr":
-        return read_depth(files.depth, depth_range=files.depth_range)
-    return _png_depth(files)
-
-
-def _png_depth(files: RenderedFrame) -> Float32Array:
-    """Metres of a DepthImage in 8 bit; its largest value is far, 0 is missing."""
-    stored = read_stored(files.depth).values
+def read_png_depth(path: Path, depth_range: float, gamma: Gamma) -> Float32Array:
+    """H x W metres of a DepthImage in 8 bit; its largest value is far, 0 is missing. DepthError, FileError."""
+    stored = read_stored(path).values
     values = stored if stored.ndim == 2 else stored[..., 0]
     if stored.dtype != np.uint8 or (stored.ndim == 3 and (stored[..., :3] != values[..., None]).any()):
-        raise DepthError(
-            f"{files.depth}: is {stored.dtype} {stored.shape}; 8-bit grey is what EasySynth writes as PNG depth"
-        )
+        raise DepthError(f"{path}: is {stored.dtype} {stored.shape}; 8-bit grey is what EasySynth writes as PNG depth")
     share = values / 255.0
-    if files.gamma == "srgb":
+    if gamma == "srgb":
         share = np.where(share <= SRGB_LINEAR_BELOW, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
-    assert files.depth_range is not None  # the listing has refused this
-    depth = np.where(values == 255, np.inf, share * files.depth_range)
-    return depth.astype(np.float32)
+    return np.where(values == 255, np.inf, share * depth_range).astype(np.float32)

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
-from dlama.datasets.easysynth.frames import DepthKind, RenderedFrame
+from dlama.datasets.easysynth.frames import RenderedFrame, read_png_depth
 from dlama.datasets.easysynth.text_files import Pose, RigCamera, read_poses, read_rig
 from dlama.datasets.frames import Gamma
 from dlama.errors import CameraError, DepthError, FileError, InputError
+from dlama.files.rasters.depth import read_depth
 from dlama.geometry.camera import StereoRig
+from dlama.geometry.rgbd import Float32Array
 
 RIG, POSES = "CameraRig.json", "CameraPoses.csv"
 COLOR, DEPTH, SEMANTIC, MILLIMETRES = "ColorImage", "DepthImage", "SemanticImage", "DepthMM"
@@ -18,18 +22,6 @@ PICTURE = re.compile(r"(?P<stem>.*\D|)(?P<number>\d+)(?P<suffix>\.(?:png|jpe?g|e
 """<Sequence>.<NNNN>.<png, jpeg or exr>."""
 
 CameraPair = tuple[dict[int, RenderedFrame], dict[int, RenderedFrame]]
-
-
-@dataclass(frozen=True)
-class Options:
-    """What the files do not hold; see RenderedFrame."""
-
-    depth_range: float | None
-    gamma: Gamma | None
-
-    def __post_init__(self) -> None:
-        if self.gamma not in ("srgb", "linear", None):
-            raise InputError(f"`gamma` is {self.gamma!r}; 'srgb' or 'linear' is expected")
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,16 +59,20 @@ def sequence_folders(root: Path) -> list[tuple[Path, list[Path]]]:
     return [(scene, found) for scene, found in below if found]
 
 
-def read_sequence(folder: Path, options: Options) -> RenderedSequence:
-    """The frames of one rendering output folder; pictures are not opened. Raises FileError, CameraError, DepthError."""
+def read_sequence(folder: Path, depth_range: float | None, gamma: Gamma | None) -> RenderedSequence:
+    """The frames of one rendering output folder; pictures are not opened. depth_range, gamma: as in `easysynth`.
+
+    Raises FileError, CameraError, DepthError, InputError.
+    """
+    if gamma not in ("srgb", "linear", None):
+        raise InputError(f"`gamma` is {gamma!r}; 'srgb' or 'linear' is expected")
     rig = read_rig(folder / RIG) if (folder / RIG).exists() else {}
     places = {each.name: each for each in _folders(folder) if (each / COLOR).is_dir()}
     missing = [name for name in rig if name not in places]
     if missing:
         raise FileError(f"{folder / missing[0] / COLOR}: no such folder; {folder / RIG} has a camera '{missing[0]}'")
-    return RenderedSequence(
-        folder, {name: _camera(folder, place, rig.get(name), options) for name, place in places.items()}
-    )
+    cameras = {name: _camera(folder, place, rig.get(name), depth_range, gamma) for name, place in places.items()}
+    return RenderedSequence(folder, cameras)
 
 
 def _is_sequence(folder: Path) -> bool:
@@ -91,10 +87,12 @@ def _folders(root: Path) -> list[Path]:
     return sorted(each for each in root.iterdir() if each.is_dir() and not each.name.startswith("."))
 
 
-def _camera(folder: Path, place: Path, rig: RigCamera | None, options: Options) -> dict[int, RenderedFrame]:
+def _camera(
+    folder: Path, place: Path, rig: RigCamera | None, depth_range: float | None, gamma: Gamma | None
+) -> dict[int, RenderedFrame]:
     """The frames of one camera, by id."""
     table, poses = _poses(folder, place, rig)
-    kind, depths = _depth_pictures(place, list(poses), options)
+    read, depths = _depth_pictures(place, list(poses), depth_range, gamma)
     colors = _pictures(place / COLOR, list(poses))
     semantics = _pictures(place / SEMANTIC, list(poses)) if (place / SEMANTIC).is_dir() else {}
     frames = {}
@@ -104,16 +102,8 @@ def _camera(folder: Path, place: Path, rig: RigCamera | None, options: Options) 
             raise FileError(
                 f"{folder / RIG}: no such file, or no camera '{place.name}' in it; {table} has no intrinsics"
             )
-        frames[identity] = RenderedFrame(
-            color=colors[identity],
-            depth=depths[identity],
-            kind=kind,
-            semantic=semantics.get(identity),
-            sensor=sensor,
-            world_from_cam=pose.world_from_cam,
-            depth_range=options.depth_range,
-            gamma=options.gamma,
-        )
+        depth = partial(read, depths[identity])
+        frames[identity] = RenderedFrame(colors[identity], depth, semantics.get(identity), sensor, pose.world_from_cam)
     return frames
 
 
@@ -129,26 +119,28 @@ def _poses(folder: Path, place: Path, rig: RigCamera | None) -> tuple[Path, dict
     }
 
 
-def _depth_pictures(place: Path, identities: list[int], options: Options) -> tuple[DepthKind, dict[int, Path]]:
-    """DepthMM where it is there, else DepthImage, if the options say how to read it."""
+def _depth_pictures(
+    place: Path, identities: list[int], depth_range: float | None, gamma: Gamma | None
+) -> tuple[Callable[[Path], Float32Array], dict[int, Path]]:
+    """Pictures, and how each is read: DepthMM (16-bit mm) where it is there, else DepthImage, if the options say how."""
     if (place / MILLIMETRES).is_dir():
-        return "millimetres", _pictures(place / MILLIMETRES, identities)
+        return read_depth, _pictures(place / MILLIMETRES, identities)
     pictures = _pictures(place / DEPTH, identities)
     first = next(iter(pictures.values()))
-    if options.depth_range is None:
+    if depth_range is None:
         raise DepthError(
             f"{place / DEPTH}: depth is divided by EasySynth's 'Depth range', which no file holds: give `depth_range=METRES`"
         )
     if first.suffix.lower() == ".exr":
-        return "exr", pictures
+        return partial(read_depth, depth_range=depth_range), pictures
     if first.suffix.lower() != ".png":
         raise DepthError(f"{first}: depth as JPEG is not exact; render DepthImage as EXR")
-    if options.gamma is None:
+    if gamma is None:
         raise DepthError(
             f"{first}: depth as PNG has 256 steps and is usually gamma-encoded by Unreal; render it as EXR, or say how it is "
             "encoded: `gamma=srgb` (to be undone) or `gamma=linear`"
         )
-    return "png", pictures
+    return partial(read_png_depth, depth_range=depth_range, gamma=gamma), pictures
 
 
 def _pictures(folder: Path, identities: list[int]) -> dict[int, Path]:
