@@ -16,9 +16,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from dlama.datasets.captures.captured_frames import enlarge_depth
 from dlama.datasets.diagnosis import diagnose
 from dlama.datasets.layouts import LAYOUTS, detect, open_dataset
+from dlama.datasets.posed.posed_frames import enlarge_depth
 from dlama.datasets.sequences.scene_frames import open_frames
 from dlama.errors import FileError, MissingExtraError
 from dlama.geometry.camera import Camera

@@ -11,7 +11,7 @@ import pytest
 
 from dlama.datasets.layouts import open_dataset
 from dlama.datasets.posed.numbered_frames import DEPTH_LENS, load_registered_depth, warp_depth
-from dlama.datasets.posed.posed_frames import FrameFiles
+from dlama.datasets.posed.posed_frames import files_of
 from dlama.errors import CameraError, FileError, ShapeError
 from dlama.files.cameras import write_camera
 from dlama.geometry.camera import Camera
@@ -69,7 +69,7 @@ def test_the_colour_camera_is_to_the_right_of_the_depth_camera(tmp_path: Path) -
     metres[240, 320] = 2
     write_codes16(tmp_path / "d.png", metres)
     write_picture(tmp_path / "c.png", np.zeros((480, 640, 3), np.uint8))
-    moved, camera = load_registered_depth(FrameFiles(tmp_path / "c.png", tmp_path / "d.png", DEPTH_LENS, np.eye(4)))
+    moved, camera = load_registered_depth(files_of(tmp_path / "c.png", tmp_path / "d.png", DEPTH_LENS, np.eye(4)))
     assert np.argwhere(moved).tolist() == [[238, 313]] and moved[238, 313] == 2
     assert camera.world_from_cam[:3, 3] == pytest.approx([0.025, -0.004, 0])
 

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from dlama.datasets.frames import Case, Dataset
-from dlama.datasets.posed.posed_frames import FrameFiles, Lens, PosedFrame, json_lens, posed_frame, units_per_metre
+from dlama.datasets.posed.posed_frames import Lens, PosedFrame, files_of, json_lens, posed_frame, units_per_metre
 from dlama.datasets.posed.view_pairs import pair_case
 from dlama.datasets.text_tables import pose_at, scene_folders
 from dlama.errors import FileError
@@ -51,7 +51,7 @@ def _frames(scene: str, folder: Path, fields: FileFields) -> dict[str, PosedFram
 def _frame(root: Path, scene: str, name: str, fields: FileFields, lens: Lens, units: float) -> PosedFrame:
     pose = pose_at(str(fields.path), fields.matrix("world_from_cam", (4, 4)))
     color, depth = (root / fields.text(each) for each in ("color", "depth"))
-    return posed_frame(scene, name, FrameFiles(color, depth, lens, pose, units))
+    return posed_frame(scene, name, files_of(color, depth, lens, pose, units))
 
 
 def _case(dataset: str, fields: FileFields, number: int, pair: object, frames: dict[str, PosedFrame]) -> Case:

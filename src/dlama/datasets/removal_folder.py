@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from dlama.datasets.frames import Case, Dataset, RemovalTruth
-from dlama.datasets.posed.posed_frames import FrameFiles, json_lens, load_rgbd, posed_frame, units_per_metre
+from dlama.datasets.posed.posed_frames import FrameFiles, files_of, json_lens, load_rgbd, posed_frame, units_per_metre
 from dlama.datasets.text_tables import scene_folders
 from dlama.errors import FileError, ShapeError
 from dlama.files.fields import read_json_fields
@@ -72,7 +72,7 @@ def _files(folder: Path) -> RemovalFiles:
     if not isinstance(varies, bool):
         raise FileError(f"{fields.path}: exposure_varies is {varies!r}; true or false is expected")
     source, without = (
-        FrameFiles(folder / f"{each}.color.png", folder / f"{each}.depth.png", lens, np.eye(4), units)
+        files_of(folder / f"{each}.color.png", folder / f"{each}.depth.png", lens, np.eye(4), units)
         for each in ("with", "without")
     )
     compare, shadow = (

@@ -12,8 +12,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from dlama.datasets.captures.captured_frames import CaptureFiles, captured_frames, files_by_stem, files_of_capture
-from dlama.datasets.posed.posed_frames import Lens, PosedFrame
+from dlama.datasets.captures.captured_frames import captured_frames, files_by_stem, files_of_capture
+from dlama.datasets.posed.posed_frames import FrameFiles, Lens, PosedFrame
 from dlama.datasets.text_tables import natural_order, nearest_in_time, pose_at, read_rows
 from dlama.errors import FileError
 from dlama.geometry.camera import Float64Array
@@ -43,7 +43,7 @@ def list_frames(scene: str, folder: Path) -> list[PosedFrame]:
     lens_names = sorted(lenses, key=_seconds)
     lens_times = np.array([_seconds(name) for name in lens_names])
 
-    def files(name: str) -> CaptureFiles | str:
+    def files(name: str) -> FrameFiles | str:
         pose, lens = (nearest_in_time(each, _seconds(name), NEAREST_S) for each in (times, lens_times))
         if name not in colors:
             return "without a picture"

@@ -18,8 +18,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from dlama.datasets.captures.captured_frames import CaptureFiles, captured_frames, register_depth
-from dlama.datasets.posed.posed_frames import LOG, Lens, PosedFrame
+from dlama.datasets.captures.captured_frames import capture_files, captured_frames, register_depth
+from dlama.datasets.posed.posed_frames import LOG, FrameFiles, Lens, PosedFrame
 from dlama.datasets.text_tables import nearest_in_time, pose_at
 from dlama.errors import FileError
 from dlama.files.fields import FileFields, json_fields
@@ -79,12 +79,12 @@ def list_frames(scene: str, path: Path) -> list[PosedFrame]:
     LOG.warning("%s: holds no poses: the camera is taken as standing still", path)
     times, depth_times = video_times(path, color), video_times(path, depth)
 
-    def files(place: int) -> CaptureFiles | str:
+    def files(place: int) -> FrameFiles | str:
         near = nearest_in_time(depth_times, times[place], NEAREST_S)
         if near is None:
             return "without depth"
         metres = partial(undistorted_depth, path, near, depth, depth_camera)
-        return CaptureFiles(
+        return capture_files(
             (f"{path}, picture {place}", f"{path}, depth {near}"),
             partial(undistorted_color, path, place, color, color_camera),
             partial(register_depth, metres, depth_camera.lens, color_camera.lens, color_from_depth),

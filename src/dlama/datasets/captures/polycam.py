@@ -12,9 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
-from dlama.datasets.captures.captured_frames import CaptureFiles, captured_frames, files_by_stem, files_of_capture
+from dlama.datasets.captures.captured_frames import captured_frames, files_by_stem, files_of_capture
 from dlama.datasets.posed.nerfstudio import CV_FROM_GL
-from dlama.datasets.posed.posed_frames import Lens, PosedFrame
+from dlama.datasets.posed.posed_frames import FrameFiles, Lens, PosedFrame
 from dlama.datasets.text_tables import natural_order, pose_at
 from dlama.files.fields import read_json_fields
 
@@ -45,7 +45,7 @@ def list_frames(scene: str, folder: Path) -> list[PosedFrame]:
     )
     depths, levels = (files_by_stem(inside / name, (".png",)) for name in ("depth", "confidence"))
 
-    def files(name: str) -> CaptureFiles | str:
+    def files(name: str) -> FrameFiles | str:
         if name not in pictures:
             return "without a picture"
         if name not in depths:

@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from dlama.datasets.captures.captured_frames import CaptureFiles, captured_frames
+from dlama.datasets.captures.captured_frames import capture_files, captured_frames
 from dlama.datasets.posed.nerfstudio import CV_FROM_GL
-from dlama.datasets.posed.posed_frames import Lens, PosedFrame
+from dlama.datasets.posed.posed_frames import FrameFiles, Lens, PosedFrame
 from dlama.datasets.text_tables import pose_of
 from dlama.errors import DlamaError, FileError, MissingExtraError, first_line
 from dlama.files.fields import FileFields, json_fields
@@ -46,14 +46,14 @@ def list_frames(scene: str, place: Path) -> list[PosedFrame]:
     check_pixels(fields.path, *depth_hw)
     present = _members(place)
 
-    def files(number: int) -> CaptureFiles | str:
+    def files(number: int) -> FrameFiles | str:
         color, depth, levels = (f"{INSIDE}/{number}.{kind}" for kind in ("jpg", "depth", "conf"))
         if color not in present:
             return "without a picture"
         if depth not in present:
             return "without depth"
         numbers = FileFields(fields.path, {"pose": [poses[number]]}).matrix("pose", (1, 7))[0].tolist()
-        return CaptureFiles(
+        return capture_files(
             (f"{place}: {color}", f"{place}: {depth}"),
             partial(color_of_member, place, color),
             partial(array_of_member, place, depth, "<f4", depth_hw),

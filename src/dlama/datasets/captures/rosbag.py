@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from dlama.datasets.captures import realsense
-from dlama.datasets.captures.captured_frames import CaptureFiles, captured_frames, register_depth
+from dlama.datasets.captures.captured_frames import capture_files, captured_frames, register_depth
 from dlama.datasets.captures.ros_messages import (
     Topic,
     Track,
@@ -35,7 +35,7 @@ from dlama.datasets.captures.ros_messages import (
     times_to_match,
 )
 from dlama.datasets.posed.nerfstudio import SHOWS_PX, distortion_px
-from dlama.datasets.posed.posed_frames import LOG, Lens, PosedFrame
+from dlama.datasets.posed.posed_frames import LOG, FrameFiles, Lens, PosedFrame
 from dlama.datasets.text_tables import nearest_in_time
 from dlama.errors import DlamaError, FileError, MissingExtraError, first_line
 from dlama.files.fields import FileFields
@@ -67,7 +67,7 @@ def list_frames(scene: str, path: Path) -> list[PosedFrame]:
         LOG.warning("%s: holds no moving transform (/tf): the camera is taken as standing still", path)
     matched, of_depth = times_to_match(color, depth)
 
-    def files(number: int) -> CaptureFiles | str:
+    def files(number: int) -> FrameFiles | str:
         stamp = float(color.stamps[number])
         near, pose = nearest_in_time(of_depth, matched[number], NEAREST_S), transforms.root_from(color.frame, stamp)
         if near is None:
@@ -85,7 +85,7 @@ def list_frames(scene: str, path: Path) -> list[PosedFrame]:
             metres = partial(register_depth, metres, depth_lens, lens, found)
         names = f"{path}, {color.name} {number}", f"{path}, {depth.name} {near}"
         picture = partial(read_color_message, path, color.name, color.places[number])
-        return CaptureFiles(names, picture, metres, lens, pose, range_m=np.inf)
+        return capture_files(names, picture, metres, lens, pose, range_m=np.inf)
 
     return captured_frames(scene, path, ((f"{number:06d}", files(number)) for number in range(len(color.stamps))))
 

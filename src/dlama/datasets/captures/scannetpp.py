@@ -16,8 +16,8 @@ from pathlib import Path
 
 import numpy as np
 
-from dlama.datasets.captures.captured_frames import CaptureFiles, captured_frames
-from dlama.datasets.posed.posed_frames import Lens, PosedFrame
+from dlama.datasets.captures.captured_frames import capture_files, captured_frames
+from dlama.datasets.posed.posed_frames import FrameFiles, Lens, PosedFrame
 from dlama.datasets.text_tables import natural_order, pose_at
 from dlama.errors import FileError, MissingExtraError
 from dlama.files.fields import read_json_fields
@@ -44,7 +44,7 @@ def list_frames(scene: str, folder: Path) -> list[PosedFrame]:
     listed = read_json_fields(inside / POSES)
     color, depth = _pictures(inside), _depths(inside)
 
-    def files(name: str) -> CaptureFiles | str:
+    def files(name: str) -> FrameFiles | str:
         number = name.rpartition("_")[2]
         if not number.isdecimal():
             raise FileError(f"{listed.path}: field '{name[:40]}' is no frame; names such as frame_000000 are expected")
@@ -61,7 +61,7 @@ def list_frames(scene: str, folder: Path) -> list[PosedFrame]:
             return "without depth"
         pose = pose_at(f"{fields.path}: aligned_pose", fields.matrix("aligned_pose", (4, 4)))
         lens = Lens(str(fields.path), fields.intrinsics("intrinsic"), 0.5)
-        return CaptureFiles((f"{inside}, picture {name}", f"{inside}, depth {name}"), picture, metres, lens, pose)
+        return capture_files((f"{inside}, picture {name}", f"{inside}, depth {name}"), picture, metres, lens, pose)
 
     return captured_frames(scene, inside, ((name, files(name)) for name in sorted(listed.values, key=natural_order)))
 

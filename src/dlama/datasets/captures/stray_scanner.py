@@ -14,8 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
-from dlama.datasets.captures.captured_frames import CaptureFiles, captured_frames, files_by_stem, levels_of_png
-from dlama.datasets.posed.posed_frames import Lens, PosedFrame
+from dlama.datasets.captures.captured_frames import capture_files, captured_frames, files_by_stem, levels_of_png
+from dlama.datasets.posed.posed_frames import FrameFiles, Lens, PosedFrame
 from dlama.datasets.text_tables import matrix_of, pose_of, read_rows
 from dlama.errors import FileError
 from dlama.files.rasters.depth import read_depth
@@ -46,7 +46,7 @@ def list_frames(scene: str, folder: Path) -> list[PosedFrame]:
     pictures = count_video_frames(folder / VIDEO)
     depths, levels = (files_by_stem(folder / name, (".png",)) for name in ("depth", "confidence"))
 
-    def listed() -> Iterator[tuple[str, CaptureFiles | str]]:
+    def listed() -> Iterator[tuple[str, FrameFiles | str]]:
         for place, row in enumerate(rows):
             values = dict(zip(names, row.numbers(", ".join(names), len(names))))
             name = f"{int(values.get('frame', place)):06d}"
@@ -59,7 +59,7 @@ def list_frames(scene: str, folder: Path) -> list[PosedFrame]:
                 fx, fy, cx, cy = (values.get(each, np.nan) for each in LENS_COLUMNS)
                 yield (
                     name,
-                    CaptureFiles(
+                    capture_files(
                         (f"{folder / VIDEO}, picture {place}", str(depths[name])),
                         partial(read_video_frame, folder / VIDEO, place),
                         partial(read_depth, depths[name]),

@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dlama.datasets.posed.posed_frames import FrameFiles, Lens, PosedFrame, posed_frame, report_left_out
+from dlama.datasets.posed.posed_frames import Lens, PosedFrame, files_of, posed_frame, report_left_out
 from dlama.datasets.text_tables import pose_at, read_rows
 from dlama.errors import CameraError, FileError
 from dlama.files.atomic_write import new_file
@@ -232,7 +232,7 @@ def list_frames(scene: str, folder: Path) -> list[PosedFrame]:
         if depth is not None:
             lens = Lens(str(model), image.camera.intrinsics, 0.5, image.camera.hw)
             units = 1000.0 if depth.suffix == ".png" else 1.0
-            files = FrameFiles(folder / "images" / image.name, depth, lens, image.world_from_cam, units, far_code=True)
+            files = files_of(folder / "images" / image.name, depth, lens, image.world_from_cam, units, has_far=True)
             name = Path(image.name).with_suffix("").as_posix().replace("/", "_")
             frames.append(posed_frame(scene, name, files))
     without = f"without depth/NAME.png (millimetres) or {DENSE}/NAME{DENSE_KINDS[0]}"

@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 
 from dlama.datasets.posed.posed_frames import (
-    FrameFiles,
     Lens,
     PosedFrame,
+    files_of,
     posed_frame,
     report_left_out,
     units_per_metre,
@@ -59,7 +59,7 @@ def _frame(scene: str, folder: Path, frame: FileFields, shared: FileFields, unit
     color, depth = (Path(frame.text(name)) for name in ("file_path", "depth_file_path"))
     pose = pose_at(f"{frame.path}: transform_matrix", frame.matrix("transform_matrix", (4, 4)) @ CV_FROM_GL)
     lens = lens_of(FileFields(frame.path, {**shared.values, **frame.values}))
-    files = FrameFiles(folder / color, folder / depth, lens, pose, units, far_code=True)
+    files = files_of(folder / color, folder / depth, lens, pose, units, has_far=True)
     return posed_frame(scene, color.stem, files)
 
 

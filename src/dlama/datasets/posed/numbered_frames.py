@@ -22,6 +22,7 @@ from dlama.datasets.posed.posed_frames import (
     FrameFiles,
     Lens,
     PosedFrame,
+    files_of,
     lens_for,
     load_depth,
     posed_frame,
@@ -29,7 +30,6 @@ from dlama.datasets.posed.posed_frames import (
 from dlama.datasets.text_tables import files_in, read_pose
 from dlama.errors import FileError, ShapeError
 from dlama.files.cameras import make_camera
-from dlama.files.rasters.pictures import read_color_of_camera
 from dlama.geometry.camera import Camera
 from dlama.geometry.poses import invert_pose
 from dlama.geometry.projection import project, rays
@@ -102,7 +102,7 @@ def numbered_frames(
             color = next((each for each in colors if each.is_file()), None)
             if color is None:
                 raise FileError(f"{colors[0]}: no such file (nor {colors[1].name}), but {pose.name} is there")
-            files = FrameFiles(color, folder / f"{name}.depth.png", lens, read_pose(pose))
+            files = files_of(color, folder / f"{name}.depth.png", lens, read_pose(pose))
             frames.append(make(scene, name, files))
     return frames
 
@@ -116,10 +116,10 @@ def _registered_frame(scene: str, name: str, files: FrameFiles) -> PosedFrame:
 def load_registered(files: FrameFiles) -> RGBD:
     """Colour as it is, and the depth moved into the colour camera; raises FileError, DepthError, ShapeError."""
     depth, camera = load_registered_depth(files)
-    color = read_color_of_camera(files.color)
+    color = files.color()
     if color.shape[:2] != camera.hw:
         raise ShapeError(
-            f"{files.color}: is {color.shape[1]}x{color.shape[0]}; 640x480 is expected, or a camera that says otherwise"
+            f"{files.names[0]}: is {color.shape[1]}x{color.shape[0]}; 640x480 is expected, or a camera that says otherwise"
         )
     return RGBD(color, depth, camera)
 

@@ -26,7 +26,10 @@ from dlama.files.rasters.depth import read_depth
 from dlama.files.rasters.images import picture_hw
 from dlama.files.rasters.pictures import read_color_of_camera
 from dlama.geometry.camera import Camera, Float64Array
+from dlama.geometry.holes import fill_with_nearest
+from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import RGBD, Float32Array, UInt8Array
+from dlama.perception.sharpening import sharpen_depth
 
 CameraOption = PathLike | Camera | None
 """The option `camera` of layouts whose files may say nothing of intrinsics: a camera file, or a Camera (its pose is not used)."""
@@ -58,17 +61,41 @@ class Lens:
 
 @dataclass(frozen=True, eq=False)
 class FrameFiles:
-    """Colour and depth of one pinhole camera, not yet read."""
+    """A picture and its depth of one pinhole camera, not yet read. Its functions are picklable (functools.partial)."""
 
-    color: Path
-    depth: Path
+    names: tuple[str, str]
+    """How messages call the picture and the depth."""
+    color: Callable[[], UInt8Array]
+    """H x W x 3 RGB."""
+    depth: Callable[[], Float32Array]
+    """h x w metres; 0 and NaN are missing."""
     lens: Lens
+    """Of the picture."""
     world_from_cam: Float64Array
     """4x4, camera to world, OpenCV axes, metres."""
-    units_per_metre: float = 1000.0
-    """Of the depth file; millimetres unless the layout says otherwise."""
-    far_code: bool = False
-    """True: 65535 in 16-bit depth, and infinity, is far, as in our own files; False: missing, as sensors mean it."""
+    color_hw: Callable[[], tuple[int, int]] | None = None
+    """(H, W), where that is told without reading the picture."""
+    confidence: Callable[[], UInt8Array] | None = None
+    """h x w; None: none was recorded."""
+    least_confidence: int = 0
+    """Less is missing depth."""
+    range_m: float = np.inf
+    """Beyond is missing depth."""
+    enlarged: int = 1
+    """Times its own size to which depth is enlarged at most, where the picture is larger."""
+    has_far: bool = False
+    """True: infinite depth is far, as in our own files; False: missing, as sensors mean it."""
+
+
+def files_of(
+    color: Path, depth: Path, lens: Lens, pose: Float64Array, units: float = 1000.0, has_far: bool = False
+) -> FrameFiles:
+    """Of a picture file and a depth file with so many units a metre; pose: 4x4, camera to world, OpenCV axes, metres."""
+    read = (
+        partial(read_colmap_depth, depth) if depth.suffix == ".bin" else partial(read_depth, depth, depth_scale=units)
+    )
+    read_color, hw = partial(read_color_of_camera, color), partial(picture_hw, color)
+    return FrameFiles((str(color), str(depth)), read_color, read, lens, pose, hw, has_far=has_far)
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,26 +109,59 @@ class PosedFrame(Frame):
 
 
 def posed_frame(scene: str, name: str, files: FrameFiles) -> PosedFrame:
-    """A frame of two files of one camera."""
+    """A frame whose pixels are read when they are needed."""
     load, depth = partial(load_rgbd, files), partial(load_depth, files)
     return PosedFrame(scene, name, load, world_from_cam=files.world_from_cam, load_depth=depth)
 
 
 def load_rgbd(files: FrameFiles) -> RGBD:
-    """Read both. Colour bigger than depth is brought to depth's size by area means, and the camera with it.
+    """Picture and depth at one size: that of depth, or the one it is enlarged to; the picture is shrunk to it by area means.
 
-    Raises FileError, DepthError, CameraError, ShapeError.
+    Raises FileError, DepthError, CameraError, ShapeError, MissingExtraError.
     """
-    depth = _metres(files)
-    color = read_color_of_camera(files.color)
+    depth, color = measured_depth(files), files.color()
     camera = _camera(files, color.shape[:2], depth.shape)
-    return RGBD(shrink_color(color, depth.shape), depth, camera)
+    wide = min(color.shape[1], files.enlarged * depth.shape[1])
+    if wide <= depth.shape[1]:
+        return RGBD(shrink_color(color, depth.shape), depth, camera)
+    hw = (max(1, round(color.shape[0] * wide / color.shape[1])), wide)
+    color = shrink_color(color, hw)
+    return RGBD(color, enlarge_depth(depth, color), camera.resized(hw[1], hw[0]))
 
 
 def load_depth(files: FrameFiles) -> tuple[Float32Array, Camera]:
-    """The depth of `load_rgbd` and its camera; of the colour only the size is read."""
-    depth = _metres(files)
-    return depth, _camera(files, picture_hw(files.color), depth.shape)
+    """The depth as it was recorded, and its camera; the picture is not read where its size is known."""
+    depth = measured_depth(files)
+    hw = files.color_hw() if files.color_hw is not None else files.lens.hw or files.color().shape[:2]
+    return depth, _camera(files, hw, depth.shape)
+
+
+def measured_depth(files: FrameFiles) -> Float32Array:
+    """h x w metres, 0 where it is missing, not confident or beyond the range."""
+    depth = files.depth()
+    known = (depth > 0) & (depth <= files.range_m)
+    if not files.has_far:
+        known &= depth < np.inf
+    if files.confidence is not None:
+        confidence = files.confidence()
+        if confidence.shape != depth.shape:
+            raise ShapeError(
+                f"{files.names[1]}: is {depth.shape[1]}x{depth.shape[0]} and its confidence "
+                f"{'x'.join(map(str, confidence.shape[1::-1]))}; one size is expected"
+            )
+        known &= confidence >= files.least_confidence
+    return np.where(known, depth, np.float32(0)).astype(np.float32)
+
+
+def enlarge_depth(depth: Float32Array, color: UInt8Array) -> Float32Array:
+    """h x w metres (0 = missing) at the picture's size (H x W x 3), edges where the picture has them; missing stays missing."""
+    known, wh = depth > 0, (color.shape[1], color.shape[0])
+    if not known.any():
+        return np.zeros(color.shape[:2], np.float32)
+    w = fill_with_nearest(inverse_depth(depth), known)
+    large = sharpen_depth(np.asarray(cv2.resize(w, wh, interpolation=cv2.INTER_LINEAR), np.float32), color)
+    shown = cv2.resize(known.astype(np.uint8), wh, interpolation=cv2.INTER_NEAREST) > 0
+    return np.divide(1, large, out=np.zeros_like(large), where=shown & (large > 0))
 
 
 def lens_for(folder: Path, root: Path, camera: CameraOption, names: Sequence[str], advice: str) -> Lens:
@@ -167,28 +227,9 @@ def _of_open3d(fields: FileFields) -> Lens:
     return Lens.of_matrix(str(fields.path), [listed[start::3] for start in range(3)], 0.0, fields.size(None))
 
 
-def _metres(files: FrameFiles) -> Float32Array:
-    if files.depth.suffix == ".bin":
-        return read_colmap_depth(files.depth)
-    depth = read_depth(files.depth, depth_scale=files.units_per_metre)
-    if not files.far_code:
-        depth[np.isposinf(depth)] = 0
-    return depth
-
-
 def _camera(files: FrameFiles, color_hw: tuple[int, ...], depth_hw: tuple[int, ...]) -> Camera:
-    names = str(files.color), str(files.depth)
-    return camera_at_depth(files.lens, files.world_from_cam, names, color_hw, depth_hw)
-
-
-def camera_at_depth(
-    lens: Lens,
-    world_from_cam: Float64Array,
-    names: tuple[str, str],
-    color_hw: tuple[int, ...],
-    depth_hw: tuple[int, ...],
-) -> Camera:
     """The camera at the depth's size; ShapeError, with the names of picture and depth, for sizes that cannot belong together."""
+    lens, names = files.lens, files.names
     if lens.hw is not None and lens.hw != tuple(color_hw):
         raise ShapeError(
             f"{names[0]}: is {color_hw[1]}x{color_hw[0]}, and {lens.source} is for {lens.hw[1]}x{lens.hw[0]}; "
@@ -201,7 +242,7 @@ def camera_at_depth(
             "same size, or bigger with the same proportions, is expected"
         )
     hw = color_hw[0], color_hw[1]
-    camera = make_camera(lens.source, hw, lens.intrinsics, lens.pixel_center, world_from_cam)
+    camera = make_camera(lens.source, hw, lens.intrinsics, lens.pixel_center, files.world_from_cam)
     return camera.resized(depth_hw[1], depth_hw[0])
 
 

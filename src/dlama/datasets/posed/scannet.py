@@ -13,9 +13,9 @@ import numpy as np
 
 from dlama.datasets.posed.posed_frames import (
     CameraOption,
-    FrameFiles,
     Lens,
     PosedFrame,
+    files_of,
     lens_for,
     posed_frame,
     report_left_out,
@@ -55,7 +55,7 @@ def list_frames(scene: str, folder: Path, root: Path, camera: CameraOption) -> l
             lost += 1
             continue
         depth = folder / "depth" / f"{path.stem}.png"
-        files = FrameFiles(colors[path.stem], depth, lens, pose_at(f"{path}:1:1", pose))
+        files = files_of(colors[path.stem], depth, lens, pose_at(f"{path}:1:1", pose))
         frames.append(posed_frame(scene, path.stem, files))
     report_left_out(folder, frames, len(poses), {"without a pose: tracking was lost": lost})
     return frames

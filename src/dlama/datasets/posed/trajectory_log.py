@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from dlama.datasets.posed.posed_frames import CameraOption, FrameFiles, PosedFrame, lens_for, posed_frame
+from dlama.datasets.posed.posed_frames import CameraOption, PosedFrame, files_of, lens_for, posed_frame
 from dlama.datasets.text_tables import files_in, matrix_of, pose_at, read_rows
 from dlama.errors import FileError
 from dlama.geometry.camera import Float64Array
@@ -41,7 +41,7 @@ def list_frames(scene: str, folder: Path, root: Path, camera: CameraOption) -> l
         )
     log = next(folder / name for name in LOGS if (folder / name).is_file())
     return [
-        posed_frame(scene, color[place].stem, FrameFiles(color[place], depth[place], lens, pose))
+        posed_frame(scene, color[place].stem, files_of(color[place], depth[place], lens, pose))
         for place, pose in sorted(read_log(log, len(color)).items())
     ]
 

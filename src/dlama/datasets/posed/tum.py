@@ -15,8 +15,8 @@ import numpy as np
 
 from dlama.datasets.posed.posed_frames import (
     CameraOption,
-    FrameFiles,
     PosedFrame,
+    files_of,
     lens_for,
     posed_frame,
     report_left_out,
@@ -48,9 +48,7 @@ def list_frames(scene: str, folder: Path, root: Path, camera: CameraOption) -> l
     for time, row in zip(color.times.tolist(), color.rows):
         depth_row, pose_row = depth.nearest(time), poses.nearest(time)
         if depth_row is not None and pose_row is not None:
-            files = FrameFiles(
-                folder / row.words[1], folder / depth_row.words[1], lens, _pose(pose_row), UNITS_PER_METRE
-            )
+            files = files_of(folder / row.words[1], folder / depth_row.words[1], lens, _pose(pose_row), UNITS_PER_METRE)
             frames.append(posed_frame(scene, Path(row.words[1]).stem, files))
     without = {f"without depth or a pose within {NEAREST_S:g} s": len(color.rows) - len(frames)}
     report_left_out(folder, frames, len(color.rows), without)
