@@ -47,7 +47,6 @@ def test_an_exploit_is_inert_and_the_weights_beside_it_are_read(tmp_path):
     file = TorchFile(tmp_path / "evil.ckpt")
     assert file.kind == "lightning" and file.others == ("callbacks", "epoch")
     np.testing.assert_array_equal(file.read(["generator.w"])["generator.w"][0], weights.numpy())
-    assert any("system" in name for name in file.placeholders)
     assert not marker.exists()
     pickle.loads(pickle.dumps(Exploit(marker)))
     assert marker.exists()

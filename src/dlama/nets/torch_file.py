@@ -35,7 +35,6 @@ class TorchFile:
     Attributes:
         tensors: dotted name -> where it lies.
         others: top-level entries that hold no tensor that is named (epoch, callbacks, hyper-parameters, ...).
-        placeholders: globals the pickle asked for that were not resolved, `module.name`.
         kind: torchscript; lightning (the tensors lie under `state_dict`); or torch.
     """
 
@@ -54,7 +53,7 @@ class TorchFile:
             scripted = f"{self.root}constants.pkl" in names
             if f"{self.root}byteorder" in names and self._entry(self._archive, "byteorder").strip() != b"little":
                 raise FileError(f"{path}: written on a big-endian machine, expected little-endian numbers")
-            tree, self.placeholders = self._unpickle()
+            tree = self._unpickle()
         self.tensors, self.others, inner = _name_tensors(path, tree)
         if scripted:
             self.others = ()  # flags that every module of such an archive has
@@ -108,7 +107,7 @@ class TorchFile:
         except Exception as error:  # KeyError, EOFError, OSError, BadZipFile, NotImplementedError, RuntimeError, ...
             raise FileError(f"{self.path}: entry {self.root}{name} cannot be read ({error})") from error
 
-    def _unpickle(self) -> tuple[Any, tuple[str, ...]]:
+    def _unpickle(self) -> Any:
         try:
             return read_pickle(self._entry(self._archive, "data.pkl"))
         except FileError:

@@ -49,17 +49,15 @@ class StoredTensor:
         raise pickle.UnpicklingError("a tensor with a state of its own")
 
 
-def read_pickle(data: bytes) -> tuple[Any, tuple[str, ...]]:
-    """The tree that a pickle describes, and the names of the globals that became placeholders.
+def read_pickle(data: bytes) -> Any:
+    """The tree that a pickle describes.
 
     Raises any error that Python raises on a broken pickle; UnpicklingError: more bytes, items or globals than are read, or a key
     that is no text, number, or short tuple of these.
     """
     if len(data) > LARGEST_PICKLE:
         raise pickle.UnpicklingError(f"{len(data)} bytes; at most {LARGEST_PICKLE} are read")
-    reader = _InertUnpickler(data)
-    tree = reader.load()
-    return tree, tuple(sorted(reader.unresolved))
+    return _InertUnpickler(data).load()
 
 
 class Inert:

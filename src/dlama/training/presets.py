@@ -6,14 +6,13 @@ Reading is strict: an unknown name or a value of another type is refused; a sett
 from __future__ import annotations
 
 import json
-import types
 import typing
 from dataclasses import asdict, dataclass, is_dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
+from dlama.arguments import check
 from dlama.errors import FileError, InputError, system_errors
-from dlama.training.kinds import one_of
 from dlama.training.settings import (
     DataSettings,
     LoopSettings,
@@ -31,12 +30,8 @@ class Preset:
     purpose: str
     """One line for people."""
     settings: TrainSettings
-    samples_per_second: str
-    """Training speed, where and how it was measured."""
 
 
-UNTIMED = "not measured on a GPU"
-MINI = "3 per core in fp32, 5 in bf16 (CPU time of one EPYC core with AVX-512 bf16; a core for making samples comes on top)"
 BIG_SCREEN = DataSettings(size=512, held_out=32)
 FINISH = OptimiserSettings(warm_up=200, decay="cosine")
 
@@ -110,13 +105,13 @@ def _choice() -> TrainSettings:
 
 
 PRESETS: dict[str, Preset] = {
-    "tiny": Preset("one minute on a CPU: does the whole loop work?", _tiny(), "60 on one EPYC core"),
-    "mini-rgbd": Preset("colour and depth, on a CPU", _mini("rgbd", "world"), MINI),
-    "mini-stereo": Preset("both pictures of a pair, on a CPU", _mini("stereo", "stereo"), MINI),
-    "choice": Preset("the judge of filler `choice`, on a CPU", _choice(), "4 on one EPYC core"),
-    "small-rgbd": Preset("colour and depth, on one GPU", _small("rgbd", "world"), UNTIMED),
-    "small-stereo": Preset("both pictures of a pair, on one GPU", _small("stereo", "stereo"), UNTIMED),
-    "big-rgbd": Preset("colour and depth in big-lama's shape; start from its weights", _big(), UNTIMED),
+    "tiny": Preset("one minute on a CPU: does the whole loop work?", _tiny()),
+    "mini-rgbd": Preset("colour and depth, on a CPU", _mini("rgbd", "world")),
+    "mini-stereo": Preset("both pictures of a pair, on a CPU", _mini("stereo", "stereo")),
+    "choice": Preset("the judge of filler `choice`, on a CPU", _choice()),
+    "small-rgbd": Preset("colour and depth, on one GPU", _small("rgbd", "world")),
+    "small-stereo": Preset("both pictures of a pair, on one GPU", _small("stereo", "stereo")),
+    "big-rgbd": Preset("colour and depth in big-lama's shape; start from its weights", _big()),
 }
 """By name, in the order of their size."""
 
@@ -168,24 +163,13 @@ def _dataclass_of(kind: type, value: Any, at: str) -> Any:
     unknown = [name for name in value if name not in hints]
     if unknown:
         raise InputError(f"{at}{unknown[0]} is no setting; the known ones are {', '.join(hints)}")
-    return kind(**{name: _value(hints[name], item, f"{at}{name}") for name, item in value.items()})
-
-
-def _value(kind: Any, value: Any, at: str) -> Any:
-    """A JSON value as the type `kind`; InputError naming the setting `at`."""
-    if is_dataclass(kind):
-        return _dataclass_of(typing.cast(type, kind), value, f"{at}.")
-    origin, inside = typing.get_origin(kind), typing.get_args(kind)
-    if origin in (typing.Union, types.UnionType):
-        return None if value is None else _value(inside[0], value, at)
-    if origin is Literal:
-        one_of(at, value, inside)
-        return value
-    if origin is not None:  # the one table: kind of sample -> share
-        table = value if isinstance(value, dict) else {at: None}
-        return {str(name): _value(float, share, f"{at}.{name}") for name, share in table.items()}
-    if kind is float and type(value) is int:
-        return float(value)
-    if type(value) is not kind:
-        raise InputError(f"{at} is {value!r}; {kind.__name__} is expected")
-    return value
+    found: dict[str, Any] = {}
+    for name, item in value.items():
+        if is_dataclass(hints[name]):
+            found[name] = _dataclass_of(hints[name], item, f"{at}{name}.")
+        else:
+            check(item, hints[name], f"{at}{name}")
+            if hints[name] is int and type(item) is not int:
+                raise InputError(f"{at}{name} is {item!r}; a whole number is expected")
+            found[name] = float(item) if hints[name] is float else item
+    return kind(**found)

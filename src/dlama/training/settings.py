@@ -46,10 +46,12 @@ class NetworkSettings:
     """Its layers with stride 2."""
     start: str | None = None
     """A LaMa checkpoint or safetensors file to start from: planes it lacks are added with zero weights, so that at step
-    0 colour is filled as before. Width, blocks and the rest must be its own. Of choice: the ONNX file of a judge."""
+    0 colour is filled as before. Width, blocks and the rest must be its own."""
 
     def __post_init__(self) -> None:
         one_of("network.planes", self.planes, PLANES)
+        if self.kind.guesses and self.start is not None:
+            raise InputError(f"`network.start` is {self.start!r}; a judge of guesses begins with random weights")
         _ = self.generator, self.discriminator  # raises ShapeError on impossible sizes
 
     @property

@@ -19,7 +19,7 @@ from dlama.nets.safetensors_file import read_safetensors  # noqa: E402
 from dlama.training.data.batches import check_sample, composite, hole_planes, pictures  # noqa: E402
 from dlama.training.data.samples.toy_scenes import ToyScenes  # noqa: E402
 from dlama.training.kinds import PLANES  # noqa: E402
-from dlama.training.loop.validation import hole_metrics, metric_names, ssim_map, telea  # noqa: E402
+from dlama.training.loop.validation import hole_metrics, metric_names, telea  # noqa: E402
 from dlama.training.losses import pixels, terms, trunks  # noqa: E402
 from dlama.training.losses.perceptual import PerceptualLoss, perceptual_loss, reference_picture  # noqa: E402
 from dlama.training.losses.terms import (  # noqa: E402
@@ -340,18 +340,8 @@ def test_metrics_of_the_truth_and_of_telea():
     perfect = hole_metrics(batch["target"], batch, network)
     assert list(perfect) == metric_names(network)
     assert perfect["color_l1"] == perfect["depth_l1"] == perfect["law_broken"] == 0
-    assert perfect["color_ssim"] == pytest.approx(1) and perfect["color_psnr"] == pytest.approx(100)
+    assert perfect["color_psnr"] == pytest.approx(100)
     grey = hole_metrics(torch.full_like(batch["target"], 0.5), batch, network)
     diffused = telea(batch)
     torch.testing.assert_close(composite(diffused, batch), diffused, rtol=0, atol=0.5 / 255 + 1e-6)
     assert 0 < hole_metrics(diffused, batch, network)["color_l1"] < grey["color_l1"]
-
-
-def test_ssim_agrees_with_scikit_image():
-    """Oracle: somebody else's code, away from the border."""
-    metrics = pytest.importorskip("skimage.metrics", reason="needs scikit-image: pip install 'dlama[evaluate]'")
-    rng = np.random.default_rng(0)
-    a, b = rng.random((2, 32, 40), dtype=np.float32)
-    wanted = metrics.structural_similarity(a, b, win_size=7, data_range=1, full=True, use_sample_covariance=False)[1]
-    mine = ssim_map(torch.from_numpy(a)[None, None], torch.from_numpy(b)[None, None])[0, 0]
-    np.testing.assert_allclose(mine[3:-3, 3:-3], wanted[3:-3, 3:-3], atol=1e-5)

@@ -26,9 +26,8 @@ def cloud_scores(
         truth: M x 3, metres.
         thresholds: metres.
     Returns:
-        accuracy, accuracy_median (metres, estimate to truth), completeness, completeness_median (metres, truth to
-        estimate); per threshold precision_0.02, recall_0.02, fscore_0.02 (0..1). Where one cloud is empty, distances
-        are nan and shares 0; where both are, there is nothing to score and all is nan.
+        accuracy (metres, estimate to truth), completeness (metres, truth to estimate); per threshold fscore_0.02 (0..1).
+        Where one cloud is empty, distances are nan and shares 0; where both are, there is nothing to score and all is nan.
     Raises:
         ShapeError: no N x 3, or a point that is not finite.
         MissingExtraError: scipy is not installed.
@@ -39,16 +38,14 @@ def cloud_scores(
     there, back = nearest_distances(estimate, truth), nearest_distances(truth, estimate)
     scores = {
         "accuracy": _mean(there),
-        "accuracy_median": _median(there),
         "completeness": _mean(back),
-        "completeness_median": _median(back),
     }
     for threshold in thresholds:
         precision, recall = _share(there, threshold), _share(back, threshold)
         both = precision + recall
         fscore = 2 * precision * recall / both if both > 0 else 0.0
         name = f"{threshold:.2f}" if round(threshold, 2) == threshold else f"{threshold:g}"
-        scores |= {f"precision_{name}": precision, f"recall_{name}": recall, f"fscore_{name}": fscore}
+        scores[f"fscore_{name}"] = fscore
     if len(estimate) + len(truth) == 0:
         return dict.fromkeys(scores, math.nan)
     return scores
@@ -67,10 +64,6 @@ def nearest_distances(points: Float64Array, others: Float64Array) -> Float64Arra
 
 def _mean(distances: Float64Array) -> float:
     return float(distances.mean()) if len(distances) and np.isfinite(distances).all() else math.nan
-
-
-def _median(distances: Float64Array) -> float:
-    return float(np.median(distances)) if len(distances) and np.isfinite(distances).all() else math.nan
 
 
 def _share(distances: Float64Array, threshold: float) -> float:

@@ -5,7 +5,7 @@ Two rules then, because sky has no metres:
 
 - `mae` and `rmse` count every pixel whose truth is valid or far, both depths cut at `clip_m`: sky is at `clip_m`, and so
   is an estimate that is far or missing.
-- `mae_uncut`, `rmse_uncut` and `absrel` count the pixels where truth and estimate are both valid, in full metres;
+- `absrel` counts the pixels where truth and estimate are both valid;
   `coverage` is their share of the validly true pixels. `delta*` counts all validly true pixels, and an estimate that
   is far or missing is wrong there.
 
@@ -36,7 +36,7 @@ def depth_errors(
         region: H x W; None = everywhere.
         clip_m: metres, where `mae` and `rmse` cut both.
     Returns:
-        mae, rmse, mae_uncut, rmse_uncut (metres), absrel, delta1.05, delta1.25, coverage (0..1); nan where no pixel
+        mae, rmse (metres), absrel, delta1.05, delta1.25, coverage (0..1); nan where no pixel
         counts.
     Raises:
         ShapeError: the shapes differ.
@@ -64,8 +64,6 @@ def _valid_errors(guess: Float64Array, there: Float64Array) -> dict[str, float]:
     ratio = np.full(len(there), np.inf)
     ratio[both] = np.maximum(guess[both] / there[both], there[both] / guess[both])
     return {
-        "mae_uncut": mean_or_nan(np.abs(error)),
-        "rmse_uncut": math.sqrt(mean_or_nan(error**2)),
         "absrel": mean_or_nan(np.abs(error) / there[both]),
         **{f"delta{limit:g}": mean_or_nan(ratio < limit) for limit in SETTINGS.depth_deltas},
         "coverage": mean_or_nan(both),

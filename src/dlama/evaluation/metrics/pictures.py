@@ -7,10 +7,8 @@ in float64, so the same input gives the same numbers on every run.
 
 from __future__ import annotations
 
-import hashlib
-import json
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -55,10 +53,6 @@ class MetricSettings:
     cloud_thresholds_m: tuple[float, ...] = (0.02, 0.05, 0.10)
     disparity_bad_px: tuple[float, ...] = (1.0, 2.0)
     gain: str = "ratio of means per channel, levels 5..250, residuals up to twice their median"
-
-    def settings_hash(self) -> str:
-        """The first 12 hexadecimal digits of the sha256 of all fields as JSON, names sorted."""
-        return hashlib.sha256(json.dumps(asdict(self), sort_keys=True).encode()).hexdigest()[:12]
 
 
 SETTINGS = MetricSettings()

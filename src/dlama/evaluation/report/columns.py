@@ -63,16 +63,7 @@ METRICS = {
     "mask_ratio": "mask ratio, %",
     "share": "share of the picture, %",
 }
-METRES = (
-    "mae",
-    "rmse",
-    "mae_uncut",
-    "rmse_uncut",
-    "accuracy",
-    "completeness",
-    "accuracy_median",
-    "completeness_median",
-)
+METRES = ("mae", "rmse", "accuracy", "completeness")
 """Metrics in metres where the modality is depth_m or cloud."""
 
 

@@ -124,7 +124,7 @@ def report_meta(dataset: Dataset, run: Results, settings: ProtocolSettings, seed
 
 def settings_hash(settings: ProtocolSettings) -> str:
     """12 hexadecimal digits of the metrics' settings and the protocols' together."""
-    return short_hash([METRIC_SETTINGS.settings_hash(), settings])[:12]
+    return short_hash([METRIC_SETTINGS, settings])[:12]
 
 
 def failure_line(one: Outcome) -> str:

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from dlama.errors import FileError, system_errors
 from dlama.nets.architecture import (
     JUDGE_ERRORS,
     JUDGE_HEADS,
@@ -43,36 +42,11 @@ def export_judge(
     return write_whole(path, writer.model(logits, errors, metadata))
 
 
-def read_judge(settings: JudgeSettings, path: Path) -> dict[str, np.ndarray]:
-    """Name -> float32 array of a judge that `export_judge` wrote: what `export_judge` takes. FileError: another file."""
-    import onnx
-    from google.protobuf.message import DecodeError  # type: ignore[import-untyped]
-
-    writer = _Writer(settings, {name: np.zeros(shape, np.float32) for name, shape in judge_shapes(settings).items()})
-    writer.judge("context", "guesses")
-    with system_errors(FileError):
-        try:
-            graph = onnx.load(path).graph
-            stored = {one.name: onnx.numpy_helper.to_array(one) for one in graph.initializer}
-        except (DecodeError, ValueError, TypeError) as error:
-            raise FileError(f"{path}: is no ONNX file, or a damaged one ({error})") from error
-    cast = {node.output[0]: node.input[0] for node in graph.node if node.op_type == "Cast"}
-    layers = [node for node in graph.node if node.op_type == "Conv"]
-    state: dict[str, np.ndarray] = {}
-    for name, node in zip(writer.layers, layers):
-        for part, tensor in zip(("weight", "bias"), node.input[1:]):
-            state[f"{name}.{part}"] = np.array(stored.get(cast.get(tensor, tensor), ()), np.float32)
-    if {name: a.shape for name, a in state.items()} != judge_shapes(settings):
-        raise FileError(f"{path}: is no judge of width {settings.width}")
-    return state
-
-
 class _Writer:
     """Layers by their names in `state`, one after another into a graph."""
 
     def __init__(self, settings: JudgeSettings, state: Mapping[str, np.ndarray]) -> None:
         self.settings, self.state, self.g = settings, state, Graph()
-        self.layers: list[str] = []  # names of the convolutions, as they come
 
     def judge(self, context: str, guesses: str) -> tuple[str, str]:
         """Names of the logits and of the errors."""
@@ -127,7 +101,6 @@ class _Writer:
 
     def conv(self, name: str, x: str, stride: int = 1, dilation: int = 1) -> str:
         """A convolution with the state's weights of that name, stored as float16."""
-        self.layers.append(name)
         weight, bias = self.state[f"{name}.weight"], self.state.get(f"{name}.bias")
         kernel = weight.shape[2]
         reach = 0 if kernel == stride else dilation * (kernel // 2)

@@ -13,12 +13,10 @@ from torch import Tensor, nn
 from dlama.errors import DlamaError, InputError
 from dlama.models.cache import user_path
 from dlama.nets.checkpoints import read_generator
-from dlama.nets.export.judge import read_judge
 from dlama.nets.generator import Discriminator, Generator, generator_from_state
 from dlama.nets.judge import GuessMixer
 from dlama.nets.surgery import widen
 from dlama.training.data.batches import Batch, network_input
-from dlama.training.loop.random_state import seed_everything
 from dlama.training.losses.perceptual import perceptual_loss
 from dlama.training.losses.pixels import widen_half
 from dlama.training.losses.terms import LossInputs, Terms, discriminator_terms, generator_terms
@@ -38,7 +36,7 @@ class Training:
 
     def __init__(self, settings: TrainSettings, device: str | torch.device = "cpu") -> None:
         self.settings, self.device = settings, torch.device(device)
-        seed_everything(settings.loop.seed)
+        torch.manual_seed(settings.loop.seed)
         self.generator = initial_generator(settings.network).to(device)
         self.discriminator = None
         if settings.loss.uses_discriminator:
@@ -158,7 +156,7 @@ def initial_generator(network: NetworkSettings) -> Generator | GuessMixer:
         InputError: it is another network than the settings describe, planes apart.
     """
     if network.kind.guesses:
-        return initial_mixer(network)
+        return GuessMixer(network.judge, network.kind.guesses)
     if network.start is None:
         return Generator(network.generator)
     weights = read_generator(user_path(network.start))
@@ -169,15 +167,6 @@ def initial_generator(network: NetworkSettings) -> Generator | GuessMixer:
         raise InputError(f"{network.start}: is {weights.settings}; {network.generator} is expected by the settings")
     state = widen(weights.state, network.generator.in_channels, network.generator.out_channels)
     return generator_from_state(state).train()
-
-
-def initial_mixer(network: NetworkSettings) -> GuessMixer:
-    """The judge with its mixture, new or that of the file `network.start`. FileError: no judge of that width."""
-    mixer = GuessMixer(network.judge, network.kind.guesses)
-    if network.start is not None:
-        state = read_judge(network.judge, user_path(network.start))
-        mixer.judge.load_state_dict({name: torch.from_numpy(values) for name, values in state.items()})
-    return mixer
 
 
 def moving_average(network: nn.Module) -> nn.Module:

@@ -12,14 +12,12 @@ import cv2
 import numpy as np
 import torch
 from torch import Tensor, nn
-from torch.nn.functional import avg_pool2d, pad
 
 from dlama.files.atomic_write import new_file
 from dlama.training.data.batches import Batch, composite, hole_planes, network_input
 from dlama.training.losses.pixels import TOLERANCE
 from dlama.training.settings import NetworkSettings, TrainSettings
 
-SSIM_WINDOW = 7
 TELEA_RADIUS = 3
 """Pixels."""
 ROWS = 6
@@ -32,7 +30,7 @@ HOLE = np.array([255, 0, 255], np.uint8)
 
 def metric_names(network: NetworkSettings) -> list[str]:
     """The keys of `hole_metrics` for such a network."""
-    return ["color_l1", "color_psnr", "color_ssim", *(["depth_l1", "law_broken"] if network.has_depth else [])]
+    return ["color_l1", "color_psnr", *(["depth_l1", "law_broken"] if network.has_depth else [])]
 
 
 @torch.no_grad()
@@ -51,8 +49,8 @@ def scores_of(network: nn.Module, batch: Batch, settings: TrainSettings, device:
 def hole_metrics(output: Tensor, batch: Batch, network: NetworkSettings) -> dict[str, float]:
     """Metrics of an output (B x P x H x W, 0..1) in the hole, by name.
 
-    color_l1; color_psnr (dB, of the hole's mean squared error); color_ssim (uniform 7 x 7 windows); for networks with depth
-    depth_l1 where the truth is known, and law_broken: share of the hole that is nearer than the visibility law allows.
+    color_l1; color_psnr (dB, of the hole's mean squared error); for networks with depth depth_l1 where the truth is known, and
+    law_broken: share of the hole that is nearer than the visibility law allows.
     """
     filled, colors = composite(output.float(), batch), 3 * network.views
     mine, true, hole = filled[:, :colors], batch["target"][:, :colors], hole_planes(batch["mask"], colors)
@@ -60,7 +58,6 @@ def hole_metrics(output: Tensor, batch: Batch, network: NetworkSettings) -> dict
     found = {
         "color_l1": _weighted_mean(hole, (mine - true).abs()),
         "color_psnr": -10 * squared.clamp(min=1e-10).log10(),
-        "color_ssim": _weighted_mean(hole, ssim_map(mine, true)),
     }
     if network.has_depth:
         depth, truth = filled[:, -1:], batch["target"][:, -1:]
@@ -68,22 +65,6 @@ def hole_metrics(output: Tensor, batch: Batch, network: NetworkSettings) -> dict
         nearer = (depth > batch["limit"] * (1 + TOLERANCE)).float()
         found["law_broken"] = _weighted_mean(batch["mask"], nearer)
     return {name: float(values.mean()) for name, values in found.items()}
-
-
-def ssim_map(a: Tensor, b: Tensor) -> Tensor:
-    """SSIM of each pixel's window (Wang et al. 2004, uniform weights, data range 1); B x P x H x W, borders reflected."""
-    reach = SSIM_WINDOW // 2
-    both = [pad(one, (reach,) * 4, mode="reflect") for one in (a, b)]
-
-    def mean(x: Tensor) -> Tensor:
-        return avg_pool2d(x, SSIM_WINDOW, 1)
-
-    mean_a, mean_b = (mean(one) for one in both)
-    var_a, var_b = (mean(one * one) - m * m for one, m in zip(both, (mean_a, mean_b)))
-    shared = mean(both[0] * both[1]) - mean_a * mean_b
-    c1, c2 = 0.01**2, 0.03**2
-    top = (2 * mean_a * mean_b + c1) * (2 * shared + c2)
-    return top / ((mean_a.square() + mean_b.square() + c1) * (var_a + var_b + c2))
 
 
 def telea(batch: Batch) -> Tensor:

@@ -62,7 +62,7 @@ def train(
             made of.
         max_minutes: Stop after so long, with a checkpoint and the network as it is then.
         resume: Continue the run in this directory, exactly as if it had never stopped.
-        start: A LaMa checkpoint to start from; planes it lacks are added. Of choice: the ONNX file of a judge.
+        start: A LaMa checkpoint to start from; planes it lacks are added.
         trunk: Weights of the perceptual trunk, the dilated ResNet-50 of ADE20K (.safetensors, .pth).
         steps: Batches until the end.
         batch: Samples of a batch.
@@ -140,7 +140,6 @@ def preset_lines() -> list[str]:
         lines += [
             f"    {s.network.parameters / 1e6:.2f} M parameters",
             f"    {s.loop.steps} steps of {s.loop.batch} samples of {s.data.size} x {s.data.size} pixels, {s.loop.precision}",
-            f"    samples/s: {preset.samples_per_second}",
         ]
     return lines
 
