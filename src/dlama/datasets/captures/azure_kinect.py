@@ -18,8 +18,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from dlama.datasets.captures.captured_frames import capture_files, captured_frames, register_depth
+from dlama.datasets.captures.captured_frames import capture_files, captured_frames
 from dlama.datasets.posed.posed_frames import LOG, FrameFiles, Lens, PosedFrame
+from dlama.datasets.posed.registered_depth import register_depth
 from dlama.datasets.text_tables import nearest_in_time, pose_at
 from dlama.errors import FileError
 from dlama.files.fields import FileFields, json_fields

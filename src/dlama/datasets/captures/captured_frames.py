@@ -14,14 +14,12 @@ from pathlib import Path
 
 import numpy as np
 
-from dlama.datasets.posed.numbered_frames import warp_depth
 from dlama.datasets.posed.posed_frames import FrameFiles, Lens, PosedFrame, posed_frame, report_left_out
 from dlama.errors import FileError
-from dlama.files.cameras import make_camera
 from dlama.files.rasters.depth import read_depth
 from dlama.files.rasters.images import read_stored
 from dlama.files.rasters.pictures import read_color_of_camera
-from dlama.geometry.camera import Camera, Float64Array
+from dlama.geometry.camera import Float64Array
 from dlama.geometry.rgbd import Float32Array, UInt8Array
 
 MEDIUM = 1
@@ -44,22 +42,6 @@ def capture_files(
 ) -> FrameFiles:
     """One frame of a recording, as `FrameFiles` has it; depth is a phone's LiDAR's unless `range_m` says otherwise."""
     return FrameFiles(names, color, depth, lens, pose, None, confidence, least, range_m, MOST_ENLARGED)
-
-
-def register_depth(
-    read: Callable[[], Float32Array], depth_lens: Lens, lens: Lens, color_from_depth: Float64Array
-) -> Float32Array:
-    """Depth moved into the colour camera, at a size at which no cracks open. FileError, CameraError."""
-    depth = np.nan_to_num(read(), nan=0.0, posinf=0.0, neginf=0.0)
-    source, target = _camera_of(depth_lens, color_from_depth), _camera_of(lens, np.eye(4))
-    factor = min(1.0, source.fx / target.fx, source.fy / target.fy)
-    target = target.resized(max(1, round(target.width * factor)), max(1, round(target.height * factor)))
-    return warp_depth(depth.astype(np.float32), source, target)
-
-
-def _camera_of(lens: Lens, pose: Float64Array) -> Camera:
-    assert lens.hw is not None
-    return make_camera(lens.source, lens.hw, lens.intrinsics, lens.pixel_center, pose)
 
 
 def levels_of_png(path: Path) -> UInt8Array:

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from dlama.datasets.captures import realsense
-from dlama.datasets.captures.captured_frames import capture_files, captured_frames, register_depth
+from dlama.datasets.captures.captured_frames import capture_files, captured_frames
 from dlama.datasets.captures.ros_messages import (
     Topic,
     Track,
@@ -36,6 +36,7 @@ from dlama.datasets.captures.ros_messages import (
 )
 from dlama.datasets.posed.nerfstudio import SHOWS_PX, distortion_px
 from dlama.datasets.posed.posed_frames import LOG, FrameFiles, Lens, PosedFrame
+from dlama.datasets.posed.registered_depth import register_depth
 from dlama.datasets.text_tables import nearest_in_time
 from dlama.errors import DlamaError, FileError, MissingExtraError, first_line
 from dlama.files.fields import FileFields

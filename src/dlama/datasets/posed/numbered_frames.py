@@ -11,6 +11,7 @@ centre at 0.0 (the fusion code rounds projections to whole pixels). Format: gith
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
@@ -24,16 +25,12 @@ from dlama.datasets.posed.posed_frames import (
     PosedFrame,
     files_of,
     lens_for,
-    load_depth,
     posed_frame,
 )
+from dlama.datasets.posed.registered_depth import register_depth
 from dlama.datasets.text_tables import files_in, read_pose
-from dlama.errors import FileError, ShapeError
-from dlama.files.cameras import make_camera
-from dlama.geometry.camera import Camera
+from dlama.errors import FileError
 from dlama.geometry.poses import invert_pose
-from dlama.geometry.projection import project, rays
-from dlama.geometry.rgbd import RGBD, Float32Array
 
 DEPTH_LENS = Lens("7-Scenes' published camera", (585.0, 585.0, 320.0, 240.0), 0.0, (480, 640))
 COLOR_LENS = Lens("7-Scenes' measured colour camera", (526.0, 526.0, 320.0, 237.0), 0.0, (480, 640))
@@ -108,43 +105,7 @@ def numbered_frames(
 
 
 def _registered_frame(scene: str, name: str, files: FrameFiles) -> PosedFrame:
+    """The picture as it is, and the depth moved into the colour camera."""
+    depth = partial(register_depth, files.depth, DEPTH_LENS, COLOR_LENS, COLOR_FROM_DEPTH)
     pose = files.world_from_cam @ invert_pose(COLOR_FROM_DEPTH)
-    load, depth = partial(load_registered, files), partial(load_registered_depth, files)
-    return PosedFrame(scene, name, load, world_from_cam=pose, load_depth=depth)
-
-
-def load_registered(files: FrameFiles) -> RGBD:
-    """Colour as it is, and the depth moved into the colour camera; raises FileError, DepthError, ShapeError."""
-    depth, camera = load_registered_depth(files)
-    color = files.color()
-    if color.shape[:2] != camera.hw:
-        raise ShapeError(
-            f"{files.names[0]}: is {color.shape[1]}x{color.shape[0]}; 640x480 is expected, or a camera that says otherwise"
-        )
-    return RGBD(color, depth, camera)
-
-
-def load_registered_depth(files: FrameFiles) -> tuple[Float32Array, Camera]:
-    """The depth moved into the colour camera, and that camera at its pose."""
-    depth, depth_camera = load_depth(files)
-    pose = files.world_from_cam @ invert_pose(COLOR_FROM_DEPTH)
-    color_camera = make_camera(COLOR_LENS.source, depth_camera.hw, COLOR_LENS.intrinsics, COLOR_LENS.pixel_center, pose)
-    return warp_depth(depth, depth_camera, color_camera), color_camera
-
-
-def warp_depth(depth: Float32Array, source: Camera, target: Camera) -> Float32Array:
-    """Depth as seen from another camera close by: each reading goes to the pixel it falls into, the nearest wins.
-
-    H x W of the target, 0 where nothing fell. Fit for a target with the shorter focal length, where no cracks open.
-    """
-    rows, columns = np.nonzero(depth)
-    z = depth[rows, columns].astype(np.float64)
-    local = rays(source)[rows, columns] * z[:, None]
-    pose = source.world_from_cam
-    pixels, seen_at = project(local @ pose[:3, :3].T + pose[:3, 3], target)
-    inside = (pixels >= 0).all(1) & (pixels[:, 0] < target.width) & (pixels[:, 1] < target.height)
-    flat = pixels[inside].astype(np.intp) @ (1, target.width)
-    out = np.full(target.height * target.width, np.inf, np.float32)
-    np.minimum.at(out, flat, seen_at[inside].astype(np.float32))
-    out[np.isinf(out)] = 0
-    return out.reshape(target.hw)
+    return posed_frame(scene, name, replace(files, depth=depth, lens=COLOR_LENS, world_from_cam=pose))
