@@ -1,4 +1,4 @@
-"""Object masks alone, without the removal that `dlama evaluate --protocol mask` does with them: data sets in, a table out.
+"""How well object masks are found: data sets in, a table out.
 
     python benchmarks/masks.py worlds:100:3100 --yaws 0
     python benchmarks/masks.py ../shared/street --scenes s06 s08
@@ -21,10 +21,10 @@ import numpy as np
 
 from dlama.datasets.frames import RemovalTruth
 from dlama.evaluation.metrics.masks import border_f, innermost_pixel, iou
-from dlama.evaluation.protocols.mask import find_masks, find_or_empty
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.perception.object_masks import MaskSession
 from dlama.worlds.dataset import open_dataset_or_worlds
+from pointing import find_masks, find_or_empty
 from sensors import add_photo_noise, structured_light
 
 SEED = 7
@@ -32,8 +32,7 @@ SEED = 7
 
 def measured(truth: RemovalTruth) -> dict[str, tuple[float, float]]:
     """IoU and border F by what was given."""
-    masks, _ = find_masks(truth)
-    return {name: (iou(mask, truth.mask), border_f(mask, truth.mask)) for name, mask in masks.items()}
+    return {name: (iou(mask, truth.mask), border_f(mask, truth.mask)) for name, mask in find_masks(truth).items()}
 
 
 def by_a_depth_camera(truth: RemovalTruth, shifted: bool, seed: int) -> RGBD:

@@ -20,8 +20,7 @@ import numpy as np
 
 from dlama.completion.verbs import remove
 from dlama.datasets.frames import RemovalTruth
-from dlama.evaluation.metrics.masks import darkened_by_shadow, outside_contact_band
-from dlama.evaluation.protocols.mask import SMALLEST_SHADOW_PX
+from dlama.evaluation.metrics.masks import SMALLEST_SHADOW_PX, darkened_by_shadow, outside_contact_band
 from dlama.geometry.holes import dilate_mask
 from dlama.perception.masks.supports import find_planes_of_picture
 from dlama.perception.shadows.cast import WEIGHTS, find_cast_shape

@@ -15,6 +15,8 @@ DARKER = 0.1
 """Share of its luma that a pixel loses at least in a shadow,"""
 DARKER_LEVELS = 3.0
 """and levels of 0..255: less is compression."""
+SMALLEST_SHADOW_PX = 60
+"""A smaller shadow counts as none."""
 EDGE_PX = 2
 """Around the object colours are mixes of it and the background."""
 
