@@ -193,6 +193,19 @@ def _heic(file: Path) -> Image.Image:
     return picture
 
 
+def picture_of_bytes(data: bytes, where: str) -> Image.Image:
+    """A JPEG or PNG, decoded. FileError, which begins with `where`: it is damaged, of another kind or too large."""
+    try:
+        picture = Image.open(io.BytesIO(data), formats=("JPEG", "PNG"))
+        check_pixels(where, *picture.size)
+        picture.load()
+        return picture
+    except FileError:
+        raise
+    except Exception as error:
+        raise FileError(f"{where}: is damaged, or not packed as JPEG or PNG ({first_line(error)})") from error
+
+
 def _check_sums(file: Path, data: bytes) -> None:
     """FileError where a chunk of a PNG has another checksum than its bytes: Pillow decodes pixels without looking at it."""
     bytes_of, at = memoryview(data), 8
