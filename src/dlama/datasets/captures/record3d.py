@@ -19,7 +19,7 @@ from dlama.datasets.captures.captured_frames import capture_files, captured_fram
 from dlama.datasets.posed.nerfstudio import CV_FROM_GL
 from dlama.datasets.posed.posed_frames import FrameFiles, Lens, PosedFrame
 from dlama.datasets.text_tables import pose_of
-from dlama.errors import FileError, MissingExtraError
+from dlama.errors import FileError, import_extra
 from dlama.files.fields import FileFields, json_fields
 from dlama.files.rasters.images import check_pixels, picture_of_bytes
 from dlama.geometry.rgbd import UInt8Array
@@ -80,10 +80,7 @@ def color_of_member(place: Path, name: str) -> UInt8Array:
 
 def array_of_member(place: Path, name: str, kind: str, hw: tuple[int, int]) -> Any:
     """h x w numbers that are packed by LZFSE. FileError, MissingExtraError."""
-    try:
-        import lzfse
-    except ImportError as error:
-        raise MissingExtraError(f"{place}: depth packed by LZFSE", "lzfse", "captures") from error
+    lzfse = import_extra("lzfse", f"{place}: depth packed by LZFSE", "lzfse", "captures")
     try:
         data = lzfse.decompress(read_member(place, name))
     except (lzfse.error, ValueError) as error:
