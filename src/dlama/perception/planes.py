@@ -48,9 +48,11 @@ def noise_level(w: Float32Array, surface: BoolArray) -> float:
     planar. Noise below the tolerance at the median distance counts as none.
     """
     k, found = NOISE_REACH, []
-    for a, there in ((w, surface), (w.T, surface.T)):
-        known = there[:, : -2 * k] & there[:, k:-k] & there[:, 2 * k :]
-        found.append(np.abs(a[:, k:-k] - (a[:, : -2 * k] + a[:, 2 * k :]) / 2)[known])
+    spans = slice(-2 * k), slice(k, -k), slice(2 * k, None)
+    for cuts in (spans, [(slice(None), span) for span in spans]):
+        before, here, after = (w[cut] for cut in cuts)
+        known = surface[cuts[0]] & surface[cuts[1]] & surface[cuts[2]]
+        found.append(np.abs(here - (before + after) / 2)[known])
     bends = np.concatenate(found)
     noise = float(np.median(bends)) / (0.6745 * np.sqrt(1.5)) if bends.size else 0.0
     return noise if noise and NOISE_FACTOR * noise > TOLERANCE * float(np.median(w[surface])) else 0.0
@@ -138,20 +140,25 @@ def _label_known(
     w: Float32Array, surface: BoolArray, planes: Iterable[Float32Array], noise: float
 ) -> NDArray[np.int32]:
     """`label_known` of some rows without far pixels; planes: the inverse depth of each in these rows."""
-    window = (NEIGHBOURHOOD, NEIGHBOURHOOD)
-    there = surface.astype(np.float32)
-    most = 0.3 * cv2.boxFilter(there, -1, window, normalize=False)
+    most = np.float32(0.3) * count_around(surface)
+    near, half = tolerance(w, noise), np.float32(0.5) * count_around(surface)
     label = np.full(w.shape, SMOOTH, np.int32)
-    near, half = tolerance(w, noise), 0.5 * cv2.boxFilter(there, -1, window, normalize=False)
     for number, value in enumerate(planes):
         residual = np.abs(value - w)
         fits = surface & (residual < near)
-        count = cv2.boxFilter(fits.astype(np.float32), -1, window, normalize=False)
-        fits |= surface & (residual < OUTLIER_FACTOR * NOISE_FACTOR * noise) & (count > half)
+        count = count_around(fits)
+        if noise:
+            fits |= surface & (residual < OUTLIER_FACTOR * NOISE_FACTOR * noise) & (count > half)
         better = fits & (count > most)
-        most[better] = count[better]
-        label[better] = number + 1
+        np.copyto(most, count, where=better)
+        np.copyto(label, np.int32(number + 1), where=better)
     return label
+
+
+def count_around(where: BoolArray) -> Float32Array:
+    """H x W: how many of `where` (H x W) lie in the square of NEIGHBOURHOOD px round each pixel."""
+    window = (NEIGHBOURHOOD, NEIGHBOURHOOD)
+    return np.asarray(cv2.boxFilter(where.view(np.uint8), cv2.CV_32F, window, normalize=False), np.float32)
 
 
 def plane_values_at(
