@@ -252,13 +252,15 @@ def blur(values: Float32Array, sigma: float) -> Float32Array:
 def local_contrast(values: Float32Array, known: BoolArray, sigma: float) -> tuple[Float32Array, Float32Array]:
     """(mean, standard deviation), H x W, of the known values round each pixel under a Gaussian of `sigma` pixels."""
     by = max(1, int(sigma // 2))  # the blur is computed at a coarser size where it is broad
-    size = max(1, values.shape[1] // by), max(1, values.shape[0] // by)
-    weight = known.astype(np.float32)
-    sums = [
-        cv2.resize(part, size, interpolation=cv2.INTER_AREA) for part in (weight, values * weight, values**2 * weight)
-    ]
-    share, first, second = (cv2.GaussianBlur(part, (0, 0), max(sigma / by, 0.5)) for part in sums)
-    mean = first / np.maximum(share, 1e-6)
-    deviation = np.sqrt(np.maximum(second / np.maximum(share, 1e-6) - mean**2, 0))
     full = values.shape[1], values.shape[0]
-    return np.asarray(cv2.resize(mean, full), np.float32), np.asarray(cv2.resize(deviation, full), np.float32)
+    size, weight = (max(1, full[0] // by), max(1, full[1] // by)), known.astype(np.float32)
+    sums: list[np.ndarray] = [weight, values * weight, values**2 * weight]
+    if by > 1:
+        sums = [cv2.resize(part, size, interpolation=cv2.INTER_AREA) for part in sums]
+    share, first, second = (cv2.GaussianBlur(part, (0, 0), max(sigma / by, 0.5)) for part in sums)
+    share = np.maximum(share, 1e-6)
+    mean = np.asarray(first / share, np.float32)
+    deviation = np.asarray(np.sqrt(np.maximum(second / share - mean**2, 0)), np.float32)
+    if by > 1:
+        mean, deviation = (np.asarray(cv2.resize(one, full), np.float32) for one in (mean, deviation))
+    return mean, deviation
