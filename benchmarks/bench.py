@@ -44,6 +44,7 @@ from dlama.evaluation.protocols.methods import Method, ProtocolSettings, run_met
 from dlama.evaluation.protocols.reliability import reliability_measures
 from dlama.geometry.rgbd import BoolArray, UInt8Array
 from rules import RULES, without
+from standing_objects import standing_case
 from world_cases import SENSORS, world_case
 
 SPLITS = ("tune", "validate", "test")
@@ -66,6 +67,13 @@ REMOVAL_FRAMES = {"tune": (0, 1, 4, 5, 8, 9, 12), "validate": (0, 2, 3, 6, 7, 10
 VIEW_YAWS = {"tune": (10, -20, 30, -40, 50, -60), "validate": (-10, 20, -30, 40, -50, 60), "test": ()}
 WORLDS = {"tune": (1000, 60), "validate": (2000, 60), "test": (3000, 60)}
 """First number and count of the held-out worlds of a split: removals in clutter and views, in turn."""
+STANDING: dict[str, tuple[tuple[str, int, int], ...]] = {
+    # folder, every so many frames, objects in each
+    "tune": (("data/kitchen_sequence", 3, 1),),
+    "validate": (("data/dining_vpi", 1, 2), ("data/table_vpi", 1, 2), ("data/lab_removal_31", 1, 2)),
+    "test": (("data/shelf_sequence", 1, 1),),
+}
+"""Recorded frames in which objects are put on surfaces and removed (domain `clutter`)."""
 SHELF_EVERY = 8
 SETTINGS = ProtocolSettings(mask_changes=(), object_dilations=())
 MARGIN = 48
@@ -99,6 +107,11 @@ def cases_of(split: str, shared: Path) -> Iterator[BenchCase]:
         for case in (*open_dataset(shared / folder).of("vpi"), *open_dataset(shared / folder).of("ori")):
             if (not only or case.scene == only) and wanted_yaw(case, split, folder):
                 yield BenchCase(f"{folder}/{case.scene}/{case.protocol}/{case.frame}", domain, case.load, case.yaw)
+    for folder, every, count in STANDING[split]:
+        for place, frame in enumerate(open_dataset(shared / folder).frames[::every]):
+            for number in range(count):
+                name = f"standing/{folder}/ori/{frame.name}-{number}"
+                yield BenchCase(name, "clutter", partial(standing_case, frame.load, 100 * place + number))
     first, count = WORLDS[split]
     for number in range(first, first + count):
         sensor = SENSORS[number // 2 % len(SENSORS)]
@@ -181,7 +194,7 @@ def label_of(run_: Run) -> str:
 def run_case(case: BenchCase, runs: Sequence[Run]) -> list[dict[str, Any]]:
     """One case, all methods, with all rules and without each of some."""
     cv2.setNumThreads(1)
-    truth = dataclasses.replace(case.load(), exposure_varies=not case.name.startswith("worlds"))
+    truth = dataclasses.replace(case.load(), exposure_varies=not case.name.startswith(("worlds", "standing")))
     rows = []
     for method, rule in runs:
         row: dict[str, Any] = {
