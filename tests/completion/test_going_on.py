@@ -118,13 +118,13 @@ def test_measured_colours_are_no_holes_where_depth_is_left_open() -> None:
 
 
 def test_a_recipe_and_its_name_grow_masks_alike() -> None:
-    """Law: in a depth camera's picture by 6 px, in both ways of saying `dlama`; meta.json says so, and why."""
+    """Law: by 3 px, in both ways of saying `dlama`; meta.json says so, and why."""
     rgbd, mask = blurred(4)
     for recipe in (dlama.Recipe("dlama"), "dlama"):
         meta = remove(rgbd, mask, filler="telea", recipe=recipe).meta
-        assert meta["recipe"]["dilate"] == 6
-        assert meta["decisions"]["mask_growth"]["px"] == 6
-        assert meta["decisions"]["mask_growth"]["reason"].startswith("depth edges lie ")
+        assert meta["recipe"]["dilate"] == 3
+        assert meta["decisions"]["mask_growth"]["px"] == 3
+        assert meta["decisions"]["mask_growth"]["reason"].startswith("by the picture's longer side")
     explicit = remove(rgbd, mask, filler="telea", dilate=2).meta["decisions"]["mask_growth"]
     assert explicit == {"px": 2, "reason": "as given"}
 

@@ -16,7 +16,6 @@ import cv2
 import numpy as np
 
 from dlama.errors import InputError, MaskError
-from dlama.geometry.drawing.picture_edges import DepthProfile
 from dlama.geometry.frames.agreement import AGREES
 from dlama.geometry.frames.choosing import choose_frames
 from dlama.geometry.frames.foreground import find_foreground, grow_region
@@ -27,9 +26,9 @@ from dlama.geometry.rgbd import BoolArray
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, View
 
-GROWTH_PX, HALO_PX = 3, 3
-"""Growth of a mask in px in a picture of up to GROWTH_WIDTH px, and extra growth for a depth camera's: compression and blur
-spread an object's colours. In larger pictures both scale with the width."""
+GROWTH_PX = 3
+"""Growth of a mask in px in a picture of up to GROWTH_WIDTH px, as compression and blur spread an object's colours. In larger
+pictures it scales with the width."""
 GROWTH_WIDTH = 1024
 RIM_PX = 3
 """Rim in px of a mask that is not transferred: masks reach a little over the object."""
@@ -66,14 +65,13 @@ class Removal(NamedTuple):
 
 
 def mask_growth(scene: Scene, dilate: int | None = None) -> Growth:
-    """`dilate` px where given; else GROWTH_PX, plus HALO_PX for a depth camera, scaled for pictures wider than GROWTH_WIDTH."""
+    """`dilate` px where given; else GROWTH_PX, scaled for pictures wider than GROWTH_WIDTH."""
     if dilate is not None:
         if not isinstance(dilate, Integral) or dilate < 0:
             raise InputError(f"`dilate` is {dilate!r} px; a whole number, 0 or more, is expected")
         return Growth(int(dilate), "as given")
-    profile = DepthProfile.of(scene)
-    larger = max(1.0, max(max(frame.camera.wh) for frame in scene.frames) / GROWTH_WIDTH)
-    return Growth(round(larger * (GROWTH_PX + HALO_PX * profile.from_depth_camera)), profile.reason)
+    widest = max(max(frame.camera.wh) for frame in scene.frames)
+    return Growth(round(GROWTH_PX * max(1.0, widest / GROWTH_WIDTH)), f"by the picture's longer side, {widest} px")
 
 
 def remove_object(scene: Scene, mask: BoolArray | Mapping[int, BoolArray], dilate: int | None = None) -> Removal:
