@@ -38,8 +38,10 @@ from world_cases import world_case
 
 SETS = 20, 20, 28, 28
 """Worlds of each set that is trained on."""
-ESTIMATED_WORLDS = 100
+ESTIMATED_WORLDS = 140
 """Worlds more, each seen once with estimated depth, filled by `auto`."""
+KEEP = 5.0
+"""Weight, in their training, of what the network said of measured depth before."""
 TRAINED_FROM = 500_000
 """First seed of the worlds that are trained on."""
 SURE = 0.5
@@ -186,62 +188,99 @@ def estimated_rows(count: int, seed: int) -> Iterator[Rows]:
     print()
 
 
-def train(rows: Rows, seed: int, start: dict[str, np.ndarray] | None = None) -> dict[str, np.ndarray]:
+def train(
+    rows: Rows, seed: int, start: dict[str, np.ndarray] | None = None, kept: Rows | None = None
+) -> dict[str, np.ndarray]:
     """Weights by Adam: the cross entropy of both probabilities, and the Laplace likelihood of both errors, log b + |e| / b, whose
     best b is the mean of |e|.
 
-    With `start`, weights trained before, only those of the last feature move (is depth estimated?): where that is 0, all that the
-    network says stays.
+    With `start`, weights trained before, training goes on with `rows`; of `kept` the network says what it said at the start.
     """
     rng = np.random.default_rng(seed)
     mean, spread = rows.features.mean(0), rows.features.std(0) + 1e-3
     mean[-1], spread[-1] = 0, 1
     if start is not None:
         mean, spread = start["mean"], start["spread"]
-    x_all = np.clip((rows.features - mean) / spread, -room.REACH, room.REACH).astype(np.float32)
-    y_all, far = rows.right.astype(np.float32), np.isnan(rows.off)
-    e_all = np.stack([np.where(far, 0, rows.off), rows.errors[:, 1] / room.COLOR_WITHIN], 1).astype(np.float32)
-    counted = np.stack([~far, rows.errors[:, 1] > 0], 1).astype(np.float32)  # 0: the colour was measured
-    lowest, highest = np.array(LOGS, np.float32).T
+    x_all, y_all, e_all, counted = training_data(rows, mean, spread)
     sizes = (room.FEATURES, HIDDEN, HIDDEN, room.OUTPUTS)
     weights = [rng.normal(0, np.sqrt(2 / a), (a, b)).astype(np.float32) for a, b in itertools.pairwise(sizes)]
     numbers = [part for weight in weights for part in (weight, np.zeros(weight.shape[1], np.float32))]
+    noise, decay, rate, steps = (NOISE, DECAY, RATE, STEPS) if start is None else (NOISE / 3, 0.0, RATE / 2, 2 * STEPS)
     if start is not None:
         numbers = [start[f"{kind}{k}"].copy() for k in range(3) for kind in ("weight", "bias")]
+    x_kept, out_kept = x_all[:0], np.zeros((0, room.OUTPUTS), np.float32)
+    if kept is not None:
+        x_kept = training_data(kept, mean, spread)[0]
+        out_kept = run_layers(numbers, x_kept)[-1]
+    half = BATCH // 2 if kept is not None else BATCH
     first, second = [np.zeros_like(n) for n in numbers], [np.zeros_like(n) for n in numbers]
-    noise, decay = (NOISE, DECAY) if start is None else (0.0, 0.0)  # 24 numbers learn nothing by heart
-    for step in range(1, STEPS + 1):
-        pick = rng.integers(0, len(x_all), BATCH)
-        activations = [x_all[pick] + noise * rng.standard_normal((BATCH, room.FEATURES), np.float32)]
-        for k in range(3):
-            out = activations[-1] @ numbers[2 * k] + numbers[2 * k + 1]
-            activations.append(np.maximum(out, 0) if k < 2 else out)
-        p, log_b = 1 / (1 + np.exp(-out[:, :2])), np.clip(out[:, 2:], lowest, highest)
-        off_by, within = e_all[pick] * np.exp(-log_b), (out[:, 2:] > lowest) & (out[:, 2:] < highest)
-        error = np.hstack([p - y_all[pick], LAPLACE * counted[pick] * within * (1 - off_by)]) / BATCH
+    shaken = noise * np.r_[np.ones(room.FEATURES - 1), start is None].astype(np.float32)
+    for step in range(1, steps + 1):
+        pick = rng.integers(0, len(x_all), half)
+        x, expected = x_all[pick] + shaken * rng.standard_normal((half, room.FEATURES), np.float32), out_kept[:0]
+        if kept is not None:
+            again = rng.integers(0, len(x_kept), BATCH - half)
+            x, expected = np.concatenate([x, x_kept[again]]), out_kept[again]
+        activations = run_layers(numbers, x)
+        error = errors_of(activations[-1][:half], y_all[pick], e_all[pick], counted[pick])
+        error = np.concatenate([error, KEEP * errors_from(activations[-1][half:], expected)]) / BATCH
+        if step % 500 == 0:
+            print_loss(step, activations[-1][:half], y_all[pick], e_all[pick], counted[pick])
         gradients: list[np.ndarray] = []
         for k in (2, 1, 0):
             gradients = [activations[k].T @ error, error.sum(0), *gradients]
             error = (error @ numbers[2 * k].T) * (activations[k] > 0)
-        rate = RATE * 0.5 * (1 + np.cos(np.pi * step / STEPS))
+        now = rate * 0.5 * (1 + np.cos(np.pi * step / steps))
         for n, g, m, v in zip(numbers, gradients, first, second):
             m += 0.1 * (g - m)
             v += 0.001 * (g * g - v)
-            move = (rate * (m / (1 - 0.9**step) / (np.sqrt(v / (1 - 0.999**step)) + 1e-8) + decay * n)).astype(
-                np.float32
-            )
-            if start is None:
-                n -= move
-            elif n is numbers[0]:
-                n[-1] -= move[-1]
-        if step % 500 == 0:
-            p, y = np.clip(p, 1e-6, 1 - 1e-6), y_all[pick]
-            entropy = -(y * np.log(p) + (1 - y) * np.log(1 - p)).mean()
-            print(
-                f"step {step}: cross entropy {entropy:.4f}, of errors {(counted[pick] * (log_b + off_by)).mean():.4f}"
-            )
+            n -= (now * (m / (1 - 0.9**step) / (np.sqrt(v / (1 - 0.999**step)) + 1e-8) + decay * n)).astype(np.float32)
     named = {f"{kind}{k}": numbers[2 * k + place] for k in range(3) for place, kind in enumerate(("weight", "bias"))}
     return {"mean": mean.astype(np.float32), "spread": spread.astype(np.float32), **named}
+
+
+def training_data(rows: Rows, mean: np.ndarray, spread: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Inputs in standard deviations, what is right, errors in the network's units, and 1 where an error counts (far and measured
+    ones do not)."""
+    x = np.clip((rows.features - mean) / spread, -room.REACH, room.REACH).astype(np.float32)
+    far, levels = np.isnan(rows.off), rows.errors[:, 1]
+    errors = np.stack([np.where(far, 0, rows.off), levels / room.COLOR_WITHIN], 1).astype(np.float32)
+    return x, rows.right.astype(np.float32), errors, np.stack([~far, levels > 0], 1).astype(np.float32)
+
+
+def run_layers(numbers: Sequence[np.ndarray], x: np.ndarray) -> list[np.ndarray]:
+    """Inputs and the outputs of each layer."""
+    activations = [x]
+    for k in range(3):
+        out = activations[-1] @ numbers[2 * k] + numbers[2 * k + 1]
+        activations.append(np.maximum(out, 0) if k < 2 else out)
+    return activations
+
+
+def errors_of(out: np.ndarray, right: np.ndarray, errors: np.ndarray, counted: np.ndarray) -> np.ndarray:
+    """The loss's gradient by the network's outputs."""
+    p, log_b, within = limited(out)
+    return np.hstack([p - right, LAPLACE * counted * within * (1 - errors * np.exp(-log_b))])
+
+
+def errors_from(out: np.ndarray, expected: np.ndarray) -> np.ndarray:
+    """The same for rows of which the network is to say what it said: `expected`."""
+    return np.hstack([limited(out)[0] - limited(expected)[0], LAPLACE * (out - expected)[:, 2:]])
+
+
+def limited(out: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Probabilities, logarithms of the expected errors within LOGS, and where they lie within."""
+    lowest, highest = np.array(LOGS, np.float32).T
+    logs = out[:, 2:]
+    return 1 / (1 + np.exp(-out[:, :2])), np.clip(logs, lowest, highest), (logs > lowest) & (logs < highest)
+
+
+def print_loss(step: int, out: np.ndarray, right: np.ndarray, errors: np.ndarray, counted: np.ndarray) -> None:
+    p, log_b, _ = limited(out)
+    p = np.clip(p, 1e-6, 1 - 1e-6)
+    entropy = -(right * np.log(p) + (1 - right) * np.log(1 - p)).mean()
+    off = (counted * (log_b + errors * np.exp(-log_b))).mean()
+    print(f"step {step}: cross entropy {entropy:.4f}, of errors {off:.4f}")
 
 
 def pooled(cases: Sequence[dict[str, float]]) -> Bins:
@@ -304,11 +343,11 @@ def main() -> None:
             show(path, asked.method)
         return
     sets = SETS if asked.worlds is None else (asked.worlds,)
-    rows = [part for number, count in enumerate(sets) for part in world_rows(count, asked.seed + number, TRAINED_FROM)]
-    weights = train(Rows.together(rows), asked.seed)
-    weights = train(
-        Rows.together(list(estimated_rows(asked.worlds or ESTIMATED_WORLDS, asked.seed))), asked.seed, weights
-    )
+    parts = [part for number, count in enumerate(sets) for part in world_rows(count, asked.seed + number, TRAINED_FROM)]
+    rows = Rows.together(parts)
+    weights = train(rows, asked.seed)
+    estimated = Rows.together(list(estimated_rows(asked.worlds or ESTIMATED_WORLDS, asked.seed)))
+    weights = train(estimated, asked.seed, weights, kept=rows)
     room.WEIGHTS.parent.mkdir(exist_ok=True)
     np.savez(room.WEIGHTS, **weights)
     print(f"{room.WEIGHTS}: {sum(array.size for array in weights.values())} numbers")
