@@ -18,7 +18,7 @@ from weakref import WeakSet
 
 import numpy as np
 
-from dlama.errors import DlamaError, FileError, InputError, first_line, import_extra, system_errors
+from dlama.errors import DlamaError, FileError, InputError, MissingExtraError, first_line, system_errors
 from dlama.models.verify import sha256_of
 
 PROVIDERS = {
@@ -185,4 +185,8 @@ def make_room(pixels: int) -> None:
 
 
 def _onnxruntime() -> Any:
-    return import_extra("onnxruntime", "running a network", "onnxruntime", "onnx")
+    try:
+        import onnxruntime
+    except ImportError as error:
+        raise MissingExtraError("running a network", "onnxruntime", "onnx") from error
+    return onnxruntime

@@ -6,6 +6,7 @@ https://openusd.org/release/spec_usdz.html. What a camera saw is lit already, so
 
 from __future__ import annotations
 
+import importlib
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,7 +15,7 @@ from typing import Any
 import numpy as np
 from PIL import Image as Pillow
 
-from dlama.errors import OutputError, import_extra
+from dlama.errors import MissingExtraError, OutputError
 from dlama.files.atomic_write import PathLike, new_file
 from dlama.files.scenes.glb import GLTF_FROM_OPENCV
 from dlama.files.scenes.textured_mesh import JPEG_QUALITY, pack_parts
@@ -32,7 +33,10 @@ def check_usd() -> None:
 
 
 def _usd(name: str) -> Any:
-    return import_extra(f"pxr.{name}", "a USDZ file", "usd-core", "usd")
+    try:
+        return importlib.import_module(f"pxr.{name}")
+    except ImportError as error:
+        raise MissingExtraError("a USDZ file", "usd-core", "usd") from error
 
 
 def write_usdz(path: PathLike, parts: Sequence[MeshPart]) -> None:

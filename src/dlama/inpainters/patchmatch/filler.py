@@ -11,7 +11,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from dlama.geometry.holes import shrink_known
+from dlama.geometry.holes import box_around, shrink_known
 from dlama.geometry.rgbd import BoolArray, UInt8Array
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
@@ -23,6 +23,10 @@ from dlama.models.network_file import make_room
 
 GUESS_SIDE = 768
 """Longer side in pixels of the picture that the painter sees: detail comes from patches."""
+DIFFERS = 20.0
+"""Levels by which patches differ from their guess where the mean of both is taken."""
+BLEND_PX = 3
+"""Sigma in pixels over which that difference is averaged: texture of one kind is no difference."""
 
 
 def guess_coarsely(paint: Paint, picture: UInt8Array, hole: BoolArray, seed: int) -> UInt8Array:
@@ -39,6 +43,25 @@ def guess_coarsely(paint: Paint, picture: UInt8Array, hole: BoolArray, seed: int
     return np.where(hole[..., None], painted, picture)
 
 
+def blend_with_guess(painted: UInt8Array, guess: UInt8Array, hole: BoolArray) -> UInt8Array:
+    """H x W x 3: the painted hole, and its mean with the guess where the two differ: each errs elsewhere.
+
+    painted, guess: H x W x 3; hole: H x W. Detail finer than GUESS_SIDE pixels stays that of the painted picture.
+    """
+    box = box_around(hole, 3 * BLEND_PX)
+    height, width = hole[box].shape
+    by = min(1.0, GUESS_SIDE / max(hole.shape))
+    size = max(1, round(width * by)), max(1, round(height * by))
+    step = cv2.resize(guess[box].astype(np.float32) - painted[box], size, interpolation=cv2.INTER_AREA)
+    differs = np.abs(cv2.GaussianBlur(step, (0, 0), BLEND_PX)).mean(2, keepdims=True)
+    step *= 0.5 * np.minimum(differs / DIFFERS, 1)
+    out = painted.copy()
+    there = hole[box]
+    blended = painted[box] + cv2.resize(step, (width, height), interpolation=cv2.INTER_LINEAR)
+    out[box][there] = np.clip(np.round(blended[there]), 0, 255)
+    return out
+
+
 def patchmatch_filler(model: str | Path) -> Painter:
     """The filler with its network: MI-GAN's generator, or the published pipeline. FileError where the file is neither."""
     network = migan_filler(model)
@@ -47,7 +70,10 @@ def patchmatch_filler(model: str | Path) -> Painter:
         return Fill(paint(view.color, view.color_hole, seed), telea(view, law, seed).depth, notes=notes())
 
     def paint(picture: UInt8Array, hole: BoolArray, seed: int) -> UInt8Array:
-        return complete_picture(picture, hole, guess_coarsely(network.paint, picture, hole, seed), seed)
+        if not hole.any():
+            return picture
+        guess = guess_coarsely(network.paint, picture, hole, seed)
+        return blend_with_guess(complete_picture(picture, hole, guess, seed), guess, hole)
 
     def notes() -> dict[str, Any]:
         return {"guess": network.notes()}

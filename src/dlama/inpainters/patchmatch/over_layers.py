@@ -28,7 +28,7 @@ from dlama.inpainters.layered.filler import blend_out_of_view, continue_lawfully
 from dlama.inpainters.layered.remaining_shadows import find_remaining_shadow
 from dlama.inpainters.networks.migan import migan_filler
 from dlama.inpainters.patchmatch.completion import QUICK, complete_picture
-from dlama.inpainters.patchmatch.filler import guess_coarsely
+from dlama.inpainters.patchmatch.filler import blend_with_guess, guess_coarsely
 
 REPAINTED = (HoleType.OBJECT, HoleType.DISOCCLUDED, HoleType.OUT_OF_VIEW)
 """Types of holes that patches paint; cracks are too thin to gain by it."""
@@ -53,6 +53,7 @@ def layered_patches_filler(model: str | Path) -> Inpainter:
                 guess = guess_coarsely(network.paint, color, removed | hidden, seed)
                 notes["guess"] = network.notes()
             done = complete_picture(color, hole | hidden, guess, seed, label=label, effort=QUICK)
+            done = blend_with_guess(done, guess, hole)
             color = np.where(hidden[..., None], color, done)
         color = blend_out_of_view(view, surfaces, depth, color, law, smooth)
         return Fill(color, depth, moved, notes)
