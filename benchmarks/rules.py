@@ -18,7 +18,7 @@ def without(rule: str) -> Iterator[None]:
     """Switch a rule off; "" is none."""
     start = len(_REPLACED)
     if rule:
-        (RULES | SHADOW_RULES)[rule]()
+        (RULES | SHADOW_RULES | MASK_RULES)[rule]()
     try:
         yield
     finally:
@@ -157,7 +157,40 @@ def _no_pixel_classifier() -> None:
     _set(room, "find_likely_shadows", of_network)
 
 
+def _network_alone() -> Callable[[], None]:
+    """No classifiers: what the network marks is the shadow."""
+
+    def marked_alone(planes: Any) -> Any:
+        from dlama.perception.shadows import classifier as room
+
+        marked = room.network_probability(planes, room.color_shares(planes))
+        return (marked, marked > room.SHADOW, 1.0) if (marked > room.SHADOW).any() else None
+
+    return _shadow("shadow_probability", marked_alone)
+
+
+def _empty_plane(name: str) -> Callable[[], None]:
+    """A plane of the shadow network that is empty."""
+
+    def off() -> None:
+        from dlama.perception.shadows import find
+        from dlama.perception.shadows.planes import PLANES
+
+        def emptied(*args: Any) -> Any:
+            planes, *rest = before(*args)
+            planes[PLANES.index(name)] = 0
+            return planes, *rest
+
+        before = find.shadow_planes
+        _set(find, "shadow_planes", emptied)
+
+    return off
+
+
 SHADOW_RULES: dict[str, Callable[[], None]] = {
+    "classifiers": _network_alone(),
+    "sharp-light": _empty_plane("sharp"),
+    "common-light": _empty_plane("common"),
     "grow-shadow": _shadow("grow_shadow", lambda rgbd, mask, *rest: np.zeros_like(mask)),
     "grow-ambient": _shadow("grow_ambient_shadow", lambda rgbd, mask, *rest: np.zeros_like(mask)),
     "pixel-classifier": _no_pixel_classifier,
@@ -166,6 +199,42 @@ SHADOW_RULES: dict[str, Callable[[], None]] = {
     "near-only": _shadow("regions_touching", lambda mask, seeds: mask),
 }
 """The same of `dlama.perception.shadows`, for `shadow_rules.py`."""
+
+
+def _mask(name: str, value: Any, place: str = "rgbd") -> Callable[[], None]:
+    return lambda: _replace(f"perception.masks.{place}", name, value)
+
+
+def _saliency() -> None:
+    from dlama.perception.masks.saliency_correction import CorrectedMask
+
+    _mask("correct_by_saliency", lambda rgbd, found, pieces, target, prompt: CorrectedMask(target, None))()
+
+
+def _salient_photo() -> None:
+    from dlama.perception.masks.photo import PhotoMasker
+
+    _set(PhotoMasker, "readings", lambda self, pixel: [])
+
+
+MASK_RULES: dict[str, Callable[[], None]] = {
+    "stands": _mask("find_stands", lambda rgbd, *rest: np.zeros(rgbd.depth.shape, np.bool_)),
+    "several-pieces": _mask("OBJECT_GAP", 0.0),
+    "larger-pieces": _mask("LARGER", np.inf, "pieces"),
+    "facades": _mask("MOST_BEHIND", 0.1, "supports"),
+    "border-colors": _mask("snap_to_picture_edges", lambda rgbd, target, *rest: target),
+    "saliency": _saliency,
+    "salient-surfaces": _mask(
+        "select_surfaces", lambda rgbd, found, pieces, target, shown: (target, 0.0), "saliency_correction"
+    ),
+    "salient-click": _mask("find_salient_at_click", lambda color, prompt: None, "saliency_correction"),
+    "noisy-depth": _mask("is_noisy", lambda rgbd: False),
+    "salient-photo": _salient_photo,
+    "second-window": _mask("WINDOWS", (0.75,), "photo"),
+    "photo-border": _mask("refine_border", lambda rgbd, mask, window_hw: mask, "photo"),
+    "rough-color": _mask("LARGEST_COLOR", 0.0, "rough"),
+}
+"""The same of `dlama.perception.masks`, for `clicks.py --rules`."""
 RULES: dict[str, Callable[[], None]] = {
     "foliage": _foliage,
     "low-frequency": _low_frequency,

@@ -1,4 +1,4 @@
-"""Where a mask ends: how sharp a depth step is (oracle: steps drawn in closed form)."""
+"""Where a mask ends, against closed forms: colours in a band, and corrections at clicks."""
 
 from __future__ import annotations
 
@@ -10,28 +10,12 @@ from dlama.evaluation.metrics.masks import innermost_pixel, iou
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
 from dlama.perception.masks import borders
-from dlama.perception.masks.borders import MOST_PX, decide_by_color, edges_are_sharp
-from dlama.perception.masks.supports import Planes
+from dlama.perception.masks.borders import MOST_PX, correct_at_click, decide_by_color
 from worlds import Box, Plane, World
 
-SIDE = 60
 
-
-@pytest.mark.parametrize("turn", [0, 1, 2, 3])
-@pytest.mark.parametrize("ramp", [1, 9])
-def test_a_step_is_sharp_within_one_pixel_at_any_border_of_the_picture(ramp: int, turn: int) -> None:
-    """An object that reaches to a border of the picture: what lies at the other border is not next to it."""
-    columns = np.arange(SIDE) - 30
-    share = np.clip((columns + ramp / 2) / ramp, 0, 1) if ramp > 1 else columns >= 0
-    w = np.rot90(np.tile((0.2 + 0.3 * share).astype(np.float32), (SIDE, 1)), turn)
-    thing = np.rot90(np.tile(columns >= 0, (SIDE, 1)), turn)
-    rgbd = RGBD(np.zeros((SIDE, SIDE, 3), np.uint8), 1 / w, Camera.from_fov(SIDE, SIDE, 60))
-    found = Planes(w, np.zeros((0, 3)), np.full(w.shape, -1, np.int32), (), 0.0)
-    assert edges_are_sharp(rgbd, found, thing) == (ramp == 1)
-
-
-def test_a_carpet_is_no_foot_of_what_stands_on_it() -> None:
-    """The true pixels of a box on a layer of 1 cm, which rises over the ground as a foot does, but continues beyond it."""
+def test_a_carpet_is_no_part_of_what_stands_on_it() -> None:
+    """The true pixels of a box on a layer of 1 cm that continues beyond it."""
     camera = Camera.from_fov(320, 240, 70)
     carpet, box = Box((-1.5, 0.99, 2.0), (0.5, 1.0, 3.6)), Box((-0.3, 0.2, 2.6), (0.1, 0.99, 2.9))
     made = World((Plane((0, 1, 0), (0, -1, 0)), Plane((0, 0, 6), (0, 0, -1)), carpet, box))
@@ -64,3 +48,17 @@ def test_a_band_round_a_box_is_decided_at_every_size(monkeypatch: pytest.MonkeyP
     frame = RGBD(color.astype(np.uint8), np.ones((80, 100), np.float32), Camera.from_fov(100, 80, 60))
     found = decide_by_color(frame, inner | (outer & (np.arange(100) < 50)), outer & ~inner)
     assert (found & truth).sum() > (0.99 if most == MOST_PX else 0.9) * (found | truth).sum()
+
+
+@pytest.mark.parametrize("belongs", [False, True])
+def test_a_click_corrects_the_region_of_its_colour(belongs: bool) -> None:
+    """Oracle: two squares side by side of two colours; the second is taken away from both, or added to the first."""
+    first, second = np.zeros((2, 120, 160), bool)
+    first[40:80, 30:70], second[40:80, 70:110] = True, True
+    color = np.select([first[..., None], second[..., None]], [200, 120], 40)
+    color = color + np.random.default_rng(0).integers(0, 9, (120, 160, 3))
+    frame = RGBD(color.astype(np.uint8), np.ones((120, 160), np.float32), Camera.from_fov(160, 120, 60))
+    before, true = (first, first | second) if belongs else (first | second, first)
+    found = correct_at_click(frame, before, (60, 90), belongs)
+    assert found[60, 90] == belongs
+    assert iou(found, true) > 0.95

@@ -41,7 +41,7 @@ def middle(where: BoolArray) -> tuple[int, int]:
 def test_a_click_finds_the_box(scene: tuple[RGBD, np.ndarray], number: int) -> None:
     """A box that stands on the ground, from one click on it: the ground is taken away, its neighbours stay out."""
     rgbd, shown = scene
-    assert iou(find_mask(rgbd, clicks=[middle(shown == number)]).mask, shown == number) > 0.97
+    assert iou(find_mask(rgbd, clicks=[middle(shown == number)]).mask, shown == number) > 0.95
 
 
 def test_a_lamp_is_its_shade_and_its_pole(scene: tuple[RGBD, np.ndarray]) -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD, BoolArray
-from dlama.perception.masks.pieces import Pieces, color_bins
+from dlama.perception.masks.pieces import Pieces
 from dlama.perception.masks.saliency_correction import (
     SalientObject,
     depth_step_at_outline,
@@ -46,7 +46,7 @@ def scene() -> tuple[RGBD, Planes, Pieces]:
     found = Planes((1 / depth).astype(np.float32), planes, label, (0.0, 0.0, 0.0), 0.0)
     free = label != WALL
     parent = np.where(free, 1, 0).astype(np.int32)
-    return rgbd, found, Pieces(depth, free, parent, ~free, color_bins(rgbd.color), 100.0)
+    return rgbd, found, Pieces(depth, free, parent, ~free)
 
 
 def test_a_seat_belongs_and_a_table_does_not(scene: tuple[RGBD, Planes, Pieces]) -> None:

@@ -1,5 +1,4 @@
-"""Numba kernels of regions: depth and free pixels in; connected regions and geodesic distances out. Loaded when masks are
-found."""
+"""Numba kernel of regions: depth and free pixels in; connected regions out. Loaded when masks are found."""
 
 from __future__ import annotations
 
@@ -50,32 +49,3 @@ def join_regions(
                         parent[max(one, other)] = np.int32(min(one, other))
     for pixel in range(len(parent)):
         parent[pixel] = np.int32(root_of(parent, pixel))
-
-
-@kernel
-def sweep_distances(across: Float32Array, down: Float32Array, near: Float32Array) -> int:
-    """Shortest paths over the grid by four raster sweeps; exact when repeated until nothing changes.
-
-    across: H x W, cost from a pixel to its right neighbour; down: to its lower one; inf is impassable. near: H x W float32, 0
-    on seeds and inf elsewhere at first. Returns how many pixels changed.
-    """
-    rows, columns = near.shape
-    changed = 0
-    for sweep in range(4):
-        for i in range(rows):
-            row = i if sweep < 2 else rows - 1 - i
-            for j in range(columns):
-                column = j if sweep % 2 == 0 else columns - 1 - j
-                best = near[row, column]
-                if column > 0:
-                    best = min(best, near[row, column - 1] + across[row, column - 1])
-                if column < columns - 1:
-                    best = min(best, near[row, column + 1] + across[row, column])
-                if row > 0:
-                    best = min(best, near[row - 1, column] + down[row - 1, column])
-                if row < rows - 1:
-                    best = min(best, near[row + 1, column] + down[row, column])
-                if best < near[row, column]:
-                    near[row, column] = best
-                    changed += 1
-    return changed

@@ -2,7 +2,7 @@
 
 Supporting surfaces are removed, the tops of objects that the object stands on among them; the connected region around the
 click stays. Where depth edges are misaligned with the picture, as a depth camera's are, a salient-object network corrects the
-mask (`correct_by_saliency`), and the outline follows the picture (`outlines`).
+mask (`correct_by_saliency`), and colours decide in a band along its border (`borders`).
 """
 
 from __future__ import annotations
@@ -18,14 +18,12 @@ from dlama.geometry.holes import dilate_mask, morphological_open, nearest_known,
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.perception.kernels.regions import join_regions
-from dlama.perception.masks.borders import add_ground_contact, at_same_depth, snap_to_picture_edges
-from dlama.perception.masks.cuts import closer_to_object
-from dlama.perception.masks.outlines import refine_outline
+from dlama.perception.masks.borders import at_same_depth, correct_at_click, snap_to_picture_edges
 from dlama.perception.masks.photo import PhotoMasker
-from dlama.perception.masks.pieces import GROUP_GAP, OBJECT_GAP, TOUCHING_PX, Pieces, color_bins, merge_pieces
+from dlama.perception.masks.pieces import GROUP_GAP, OBJECT_GAP, TOUCHING_PX, Pieces, merge_pieces
 from dlama.perception.masks.prompt import Pixel, Prompt
 from dlama.perception.masks.rough import rough_candidates, rough_depth
-from dlama.perception.masks.saliency_correction import CorrectedMask, correct_by_saliency, find_uncertain_pixels
+from dlama.perception.masks.saliency_correction import SalientObject, correct_by_saliency, find_unknown_pixels
 from dlama.perception.masks.supports import (
     Planes,
     find_planes_of_picture,
@@ -46,8 +44,8 @@ NOISE_STEP = 4.0
 """The same, in standard deviations of the noise."""
 SNAP_PX = 6
 """Radius in px in which a click finds the nearest piece: thin objects are hard to hit."""
-PATCH = 3.0
-"""Reach of a negative click, in multiples of its distance from the mask's border."""
+MORE_PX = 1
+"""Pixels added to the misalignment of depth edges: the band that colours decide."""
 BARRED = 0.5
 """A negative click removes its whole piece if that is less than this share of the object, else its surroundings."""
 ROUGH = "found in estimated depth, which is rough: look at the mask, or give depth"
@@ -110,20 +108,17 @@ def rgbd_candidates(
         "part": own,
         "group": merge_pieces(with_stand, with_stand.at_any(seeds), GROUP_GAP, set() if stands.any() else barred),
     }
-    raw = {
-        name: add_ground_contact(found, support if name == "group" else pieces.support, mask & prompt.inside)
-        for name, mask in whole.items()
-    }
+    raw = {name: mask & prompt.inside for name, mask in whole.items()}
     clicked = seeds + flat
     if not edge_offset:
-        return drop_duplicates({name: finish_mask(rgbd, found, raw[name], prompt, clicked) for name in raw}), ()
+        return drop_duplicates({name: finish_mask(rgbd, raw[name], prompt, clicked) for name in raw}), ()
     raw = drop_duplicates(raw)
     corrected = correct_by_saliency(rgbd, found, pieces, raw["object"], prompt)
     masks = {
-        "object": finish_mask(rgbd, found, corrected.target & prompt.inside, prompt, clicked, edge_offset, corrected)
+        "object": finish_mask(rgbd, corrected.target & prompt.inside, prompt, clicked, edge_offset, corrected.shown)
     }
     for name in [each for each in raw if each != "object"]:
-        masks[name] = finish_mask(rgbd, found, raw[name], prompt, clicked, edge_offset)
+        masks[name] = finish_mask(rgbd, raw[name], prompt, clicked, edge_offset)
     return drop_duplicates(masks), ()
 
 
@@ -175,7 +170,7 @@ def find_pieces(rgbd: RGBD, support: BoolArray, noise: float) -> Pieces:
     allowed = (step + np.where(apart < 1.5, SLOPE, SLOPE / 3) * apart / focal).astype(np.float32)
     parent = np.arange(free.size, dtype=np.int32)
     join_regions(rgbd.depth, free, offsets, allowed, parent)
-    return Pieces(rgbd.depth, free, parent.reshape(free.shape), support, color_bins(rgbd.color), focal)
+    return Pieces(rgbd.depth, free, parent.reshape(free.shape), support)
 
 
 def find_stands(rgbd: RGBD, found: Planes, pieces: Pieces, seeds: list[Pixel]) -> BoolArray:
@@ -217,46 +212,25 @@ def snap_to_piece(pieces: Pieces, seed: Pixel) -> Pixel:
 
 def finish_mask(
     rgbd: RGBD,
-    found: Planes,
     mask: BoolArray,
     prompt: Prompt,
     clicks: list[Pixel],
     edge_offset: int = 0,
-    corrected: CorrectedMask | None = None,
+    shown: SalientObject | None = None,
 ) -> BoolArray:
-    """The mask with its border on the picture's edges, without the regions of negative clicks."""
-    included, excluded = (np.zeros(mask.shape, np.bool_) for _ in range(2))
-    for pixel in clicks:
-        included[pixel] = True
-    for pixel in Prompt.pixels(prompt.not_clicks):
-        excluded[pixel] = True
-    if edge_offset and mask.any():
-        mask = refine_outline(rgbd.color, mask, find_uncertain_pixels(rgbd, mask, edge_offset, corrected))
-    else:
-        mask = snap_to_picture_edges(rgbd, found, mask)
-    for pixel in zip(*np.nonzero(excluded & mask)):
-        mask = mask & ~pixels_of_negative_click(rgbd, ~mask, (int(pixel[0]), int(pixel[1])), included)
-    for pixel in zip(*np.nonzero(included & ~mask)):
-        mask = mask | pixels_of_negative_click(rgbd, mask, (int(pixel[0]), int(pixel[1])), excluded)
-    return (mask | included) & ~excluded
+    """The mask with its border on the picture's edges, without the regions of negative clicks.
 
-
-def pixels_of_negative_click(rgbd: RGBD, mask: BoolArray, pixel: Pixel, against: BoolArray) -> BoolArray:
-    """The region of a negative click: pixels geodesically closer to it than to their surroundings.
-
-    Its reach grows with the click's distance from the mask: a correction is local.
+    edge_offset: misalignment of depth edges with the picture, px. shown: the same object as a salient region.
     """
-    away = float(nearest_known(mask)[0][pixel]) if mask.any() else 20.0
-    reach = int(min(PATCH * away + 2, max(mask.shape) / 4))
-    rows = slice(max(pixel[0] - reach - 2, 0), pixel[0] + reach + 3)
-    columns = slice(max(pixel[1] - reach - 2, 0), pixel[1] + reach + 3)
-    v, u = np.mgrid[: mask.shape[0], : mask.shape[1]][:, rows, columns]
-    apart = np.hypot(v - pixel[0], u - pixel[1])
-    seed, window, rim = (np.zeros(mask.shape, np.bool_) for _ in range(3))
-    seed[pixel] = True
-    window[rows, columns] = apart <= reach
-    rim[rows, columns] = (apart <= reach) & (apart > reach - 2)
-    return closer_to_object(rgbd, seed, (against | rim) & window & ~mask & ~seed, window & ~mask)
+    reach = edge_offset + MORE_PX if edge_offset else 0
+    mask = snap_to_picture_edges(rgbd, mask, reach, find_unknown_pixels(rgbd, mask, shown))
+    for pixel in Prompt.pixels(prompt.not_clicks):
+        mask = correct_at_click(rgbd, mask, pixel, belongs=False) if mask[pixel] else mask
+    for pixel in clicks:
+        mask = mask if mask[pixel] else correct_at_click(rgbd, mask, pixel, belongs=True)
+    for pixel in Prompt.pixels(prompt.not_clicks):
+        mask[pixel] = False
+    return mask
 
 
 def segment_box(rgbd: RGBD, found: Planes, prompt: Prompt, edge_offset: int) -> dict[str, BoolArray]:
@@ -279,8 +253,8 @@ def segment_box(rgbd: RGBD, found: Planes, prompt: Prompt, edge_offset: int) -> 
     barred = {int(pieces.label[p]) for p in Prompt.pixels(prompt.not_clicks) if pieces.free[p]} - {main}
     masks = {}
     for name, gap in (("object", GROUP_GAP), ("part", 0.0)):
-        mask = add_ground_contact(found, pieces.support, merge_pieces(cropped, start, gap, barred) & inside)
-        masks[name] = finish_mask(rgbd, found, mask, prompt, [], edge_offset)
+        mask = merge_pieces(cropped, start, gap, barred) & inside
+        masks[name] = finish_mask(rgbd, mask, prompt, [], edge_offset)
     return drop_duplicates(masks)
 
 

@@ -18,7 +18,6 @@ from dlama.errors import MaskError
 from dlama.geometry.holes import dilate_mask, disc, erode_mask, morphological_open, nearest_known
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.perception.masks.borders import HOLE_PX
-from dlama.perception.masks.outlines import Doubt
 from dlama.perception.masks.pieces import OBJECT_GAP, Pieces
 from dlama.perception.masks.prompt import Pixel, Prompt
 from dlama.perception.masks.salient import saliency
@@ -79,17 +78,10 @@ def correct_by_saliency(rgbd: RGBD, found: Planes, pieces: Pieces, target: BoolA
     return CorrectedMask(target, None)
 
 
-def find_uncertain_pixels(rgbd: RGBD, mask: BoolArray, edge_offset: int, corrected: CorrectedMask | None) -> Doubt:
-    """Where depth is ambiguous about a mask (H x W): missing pixels near it; more of them where salient.
-
-    edge_offset: misalignment of depth edges with the picture, px. corrected: result of `correct_by_saliency`; None: it did not
-    run.
-    """
+def find_unknown_pixels(rgbd: RGBD, mask: BoolArray, shown: SalientObject | None) -> BoolArray:
+    """H x W, True on missing depth near a mask (H x W), farther out where salient."""
     unknown = rgbd.missing & dilate_mask(mask, HOLE_PX)
-    if corrected is None or corrected.shown is None:
-        return Doubt(edge_offset, unknown)
-    unknown |= corrected.shown.part & rgbd.missing & dilate_mask(mask, 2 * HOLE_PX)
-    return Doubt(edge_offset, unknown, corrected.shown.level, corrected.shown.part)
+    return unknown if shown is None else unknown | (shown.part & rgbd.missing & dilate_mask(mask, 2 * HOLE_PX))
 
 
 def find_salient_at_click(color: UInt8Array, prompt: Prompt) -> SalientObject | None:

@@ -113,13 +113,3 @@ def is_ground(found: Planes, row: int, column: int) -> bool:
     """True where a pixel lies on a supporting plane, so on no object."""
     number = int(found.label[row, column]) - 1
     return number >= 0 and found.share(number) >= 4 * SMALLEST_SUPPORT and found.behind[number] <= LITTLE_BEHIND
-
-
-def height_above(found: Planes, support: BoolArray) -> Float32Array:
-    """H x W relative height, in inverse depth, over the plane of each pixel of `support`; 0 elsewhere."""
-    rows, columns = np.nonzero(support)
-    plane = found.planes[found.label[rows, columns] - 1]
-    value = plane[:, 0] * (columns + 0.5) + plane[:, 1] * (rows + 0.5) + plane[:, 2]
-    out = np.zeros(support.shape, np.float32)
-    out[rows, columns] = found.w[rows, columns] / np.maximum(value, 1e-9) - 1
-    return out
