@@ -103,12 +103,8 @@ def test_distortion_is_refused_where_it_shows() -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"frames": []}, r"transforms\.json: frames is \[\]; a list of frames is expected"),
-        ({"frames": [3]}, r"transforms\.json: frames\[0\] is 3; an object with named fields is expected"),
         ({"camera_model": "OPENCV_FISHEYE"}, r"frames\[0\]: camera_model is OPENCV_FISHEYE; one of PINHOLE"),
         ({"k4": 0.1}, r"frames\[0\]: k4 is not 0; a pinhole camera is expected"),
-        ({"fl_x": "wide"}, r'frames\[0\]: fl_x is "wide"; a finite number is expected'),
-        ({"h": 71.5}, r"frames\[0\]: h is 71\.5; a whole number of pixels"),
         ({"depth_unit_scale_factor": -1}, r"depth_unit_scale_factor is -1; metres per unit > 0 are expected"),
         ({"depth_unit_scale_factor": 1.0}, r"depths/f0\.png: the median depth is 3\d\d\d m, it looks like millimetres"),
         ({"w": 640, "h": 480}, r"images/f0\.png: is 96x72, and .*transforms\.json: frames\[0\] is for 640x480"),
@@ -124,9 +120,7 @@ def test_bad_fields_are_named(tmp_path: Path, change: dict[str, Any], message: s
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"transform_matrix": [[1, 0], [0, 1]]}, r"frames\[1\]: transform_matrix is .*a 4x4 matrix"),
         ({"transform_matrix": np.diag([1, 1, -1, 1]).tolist()}, r"frames\[1\]: transform_matrix: .*a mirroring"),
-        ({"depth_file_path": 3}, r"frames\[1\]: depth_file_path is 3; a text is expected"),
         (
             {"file_path": "images/f0.png"},
             r"two frames have pictures called f0 \(scene \w+\); different names are expected",

@@ -9,9 +9,8 @@ from pathlib import Path
 import pytest
 
 from dlama.datasets.easysynth.dataset import easysynth
-from dlama.datasets.easysynth.writer import write_scene
-from dlama.errors import DlamaError, FileError
-from rendered_walls import CLASSES, edit_json, frame
+from dlama.errors import DlamaError
+from rendered_walls import edit_json
 
 
 def replaced(line: int, old: str, new: str) -> Callable[[Path], None]:
@@ -73,20 +72,3 @@ def test_bad_files_are_named(sequence: Path, name: str, edit: Callable[[Path], N
     edit(sequence / name)
     with pytest.raises(DlamaError, match=message):
         easysynth(sequence, depth_range=10)
-
-
-@pytest.mark.parametrize(
-    ("line", "message"),
-    [
-        ("object,255,0", r":2:1: the line is"),
-        ("a,b,300,1,2", r":2:5: R is '300'; a whole number 0..255"),
-        ("x,0,0,0", "twice"),
-    ],
-)
-def test_bad_classes_are_named(tmp_path: Path, line: str, message: str) -> None:
-    """SemanticClasses.csv of a scene, its second line wrong, or its first line there for the second time."""
-    write_scene(tmp_path, "w", {"with": [frame()], "without": [frame()]}, depth_range=10, classes=CLASSES)
-    lines = ["x,0,0,0", line]
-    (tmp_path / "w" / "with" / "SemanticClasses.csv").write_text("\n".join(lines))
-    with pytest.raises(FileError, match=message.replace("twice", r":2:1: class 'x' is there for the second time")):
-        easysynth(tmp_path / "w")
