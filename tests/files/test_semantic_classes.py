@@ -14,32 +14,33 @@ TABLE = "sky, 70,130,180\nchair, old,255,0,0\n\n"
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
 def test_names_may_hold_commas_in_any_encoding_of_unreal(tmp_path: Path, encoding: str) -> None:
-    path = tmp_path / "classes.csv"
+    path = tmp_path / "SemanticClasses.csv"
     path.write_text(TABLE, encoding=encoding)
     assert read_classes(path) == {"sky": (70, 130, 180), "chair, old": (255, 0, 0)}
-    assert class_color("chair, old", path, tmp_path / "picture.png") == (255, 0, 0)
-    assert class_color("1, 2,3", None, tmp_path / "picture.png") == (1, 2, 3)
+    assert class_color("chair, old", tmp_path / "picture.png") == (255, 0, 0)
+    assert class_color("1, 2,3", tmp_path / "picture.png") == (1, 2, 3)
 
 
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [
-        ("sky,70,130\n", r"classes.csv:1:1: the line is 'sky,70,130'; name,R,G,B is expected"),
-        ("a,0,0,0\nsky,70, 256,1\n", r"classes.csv:2:9: G is '256'; a whole number 0..255 is expected"),
-        ("sky,0,0,0\nsky,1,1,1\n", r"classes.csv:2:1: class 'sky' is there for the second time"),
+        ("sky,70,130\n", r"SemanticClasses.csv:1:1: the line is 'sky,70,130'; name,R,G,B is expected"),
+        ("a,0,0,0\nsky,70, 256,1\n", r"SemanticClasses.csv:2:9: G is '256'; a whole number 0..255 is expected"),
+        ("sky,0,0,0\nsky,1,1,1\n", r"SemanticClasses.csv:2:1: class 'sky' is there for the second time"),
     ],
 )
 def test_bad_lines_are_named(tmp_path: Path, text: str, complaint: str) -> None:
-    path = tmp_path / "classes.csv"
+    path = tmp_path / "SemanticClasses.csv"
     path.write_text(text)
     with pytest.raises(FileError, match=complaint):
         read_classes(path)
 
 
 def test_a_class_that_is_not_there(tmp_path: Path) -> None:
-    path = tmp_path / "classes.csv"
+    path = tmp_path / "SemanticClasses.csv"
     path.write_text(TABLE)
     with pytest.raises(MaskError, match=r"no class is called 'car'; known: sky, chair, old; or give R,G,B"):
-        class_color("car", path, tmp_path / "picture.png")
+        class_color("car", tmp_path / "picture.png")
+    path.unlink()
     with pytest.raises(MaskError, match=r"picture\.png: no SemanticClasses\.csv next to it"):
-        class_color("car", None, tmp_path / "picture.png")
+        class_color("car", tmp_path / "picture.png")

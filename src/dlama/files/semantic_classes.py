@@ -38,10 +38,9 @@ def read_classes(path: PathLike) -> dict[str, RGB]:
     return classes
 
 
-def class_color(name: str, classes_csv: PathLike | None, picture: PathLike) -> RGB:
-    """The colour of a class given as "R,G,B", or by its name in a SemanticClasses.csv.
+def class_color(name: str, picture: PathLike) -> RGB:
+    """The colour of a class: "R,G,B", or its name in the SemanticClasses.csv next to the picture or up to three folders above.
 
-    Where `classes_csv` is None the table is looked for next to the semantic `picture` and up to three folders above.
     Raises MaskError (no table, or no such name: it lists the known), FileError (what the table holds).
     """
     parts = name.split(",")
@@ -49,7 +48,7 @@ def class_color(name: str, classes_csv: PathLike | None, picture: PathLike) -> R
         if not all(CHANNEL.fullmatch(part.strip()) and int(part) <= 255 for part in parts):
             raise MaskError(f"`mask_class` is {name[:40]}; R,G,B of 0 to 255 each is expected")
         return int(parts[0]), int(parts[1]), int(parts[2])
-    table = _find_table(picture) if classes_csv is None else classes_csv
+    table = _find_table(picture)
     classes = read_classes(table)
     if name not in classes:
         raise MaskError(f"{table}: no class is called '{name}'; known: {', '.join(classes)}; or give R,G,B")

@@ -146,8 +146,7 @@ def _cases(sequences: list[RenderedSequence], removal_object: str | None) -> Ite
         without = truth_of.get(sequence.folder.name)
         color = None
         if without is not None:
-            table = sequence.folder / CLASSES_FILE
-            color = class_color(removal_object or OBJECT_CLASS, table, sequence.folder)
+            color = class_color(removal_object or OBJECT_CLASS, sequence.folder / CLASSES_FILE)
         pair = sequence.pair()
         if pair is not None:
             yield from _sii(sequence, pair, without, color)

@@ -18,11 +18,6 @@ from dlama.files.rasters.images import SUFFIXES, existing_file, read_stored
 from dlama.files.rasters.pictures import save_picture
 from dlama.geometry.rgbd import PLAUSIBLE_M, Float32Array, mark_far
 
-__all__ = [
-    "depth_from_mm", "mm_from_depth", "read_depth", "read_disparity", "read_pfm", "read_stored_numbers", "write_depth_exr",
-    "write_depth_png", "write_disparity_pfm", "write_pfm",
-]  # fmt: skip
-
 FAR_CODE = 65535
 """In 16-bit depth pictures: far, at or beyond what the file can say."""
 MILLIMETRES = 1000.0

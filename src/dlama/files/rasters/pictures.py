@@ -205,7 +205,7 @@ def _threshold(path: PathLike, grey: UInt8Array, soft_mask: bool) -> BoolArray:
 def _class_mask(path: PathLike, mask_class: str) -> BoolArray:
     """Where a semantic picture shows exactly the colour of one class."""
     picture = read_color(path)
-    class_rgb = class_color(mask_class, None, path)
+    class_rgb = class_color(mask_class, path)
     mask = (picture == np.array(class_rgb, np.uint8)).all(axis=2)
     if not mask.any():
         found = np.unique(picture.reshape(-1, 3), axis=0)
