@@ -65,10 +65,14 @@ def find_pointed(
     picture: RGBD | UInt8Array, image: Path, settings: Mapping[str, Any], object_class: str | None = None
 ) -> ObjectMask:
     """The object in a picture, read from `image`: by `settings` of find_mask, or of a semantic class. InputError and its kin."""
+    from dlama.models.network_file import close_networks
     from dlama.perception import object_masks
 
     if object_class is None:
-        return object_masks.find_mask(picture, **settings)
+        close_networks()  # the network of masks and those of fillers need the memory in turn
+        found = object_masks.find_mask(picture, **settings)
+        close_networks()
+        return found
     if settings["clicks"] or settings["not_clicks"] or settings["box"] or settings["masker"]:
         raise InputError("`object_class` and other ways to point at an object contradict each other; give one of them")
     from dlama.files.rasters.pictures import read_mask

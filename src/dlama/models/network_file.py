@@ -171,17 +171,22 @@ _OPEN: WeakSet[NetworkFile] = WeakSet()
 
 
 def make_room(pixels: int) -> None:
-    """Close the sessions of all network files where a picture of so many pixels needs the memory; they open again when they run.
+    """Close all network files where a picture of so many pixels needs the memory (`close_networks`)."""
+    if pixels > LARGE:
+        close_networks()
+
+
+def close_networks() -> None:
+    """Close the sessions of all network files; they open again when they run.
 
     A session keeps what its largest run took, some 300 MB; opening one takes .06 s. What was freed goes back to the system, too:
     glibc keeps about as much, in pieces.
     """
-    if pixels > LARGE:
-        for one in list(_OPEN):
-            vars(one).pop("session", None)
-        _OPEN.clear()
-        with contextlib.suppress(OSError, AttributeError, TypeError):  # glibc alone has it
-            ctypes.CDLL(None).malloc_trim(0)
+    for one in list(_OPEN):
+        vars(one).pop("session", None)
+    _OPEN.clear()
+    with contextlib.suppress(OSError, AttributeError, TypeError):  # glibc alone has it
+        ctypes.CDLL(None).malloc_trim(0)
 
 
 def _onnxruntime() -> Any:
