@@ -34,7 +34,7 @@ from dlama.geometry.drawing.layers import MODES as MODES
 from dlama.geometry.drawing.layers import Mode as Mode
 from dlama.geometry.drawing.layers import find_flying_pixels as find_flying_pixels
 from dlama.geometry.frames.extent import may_show
-from dlama.geometry.frames.merging import merge_frames
+from dlama.geometry.frames.merging import keep_latest, merge_frames
 from dlama.geometry.holes import box_around, fill_with_nearest
 from dlama.geometry.kernels import hole_types as hole_kernels
 from dlama.geometry.kernels.jit import in_bands, threads
@@ -202,7 +202,7 @@ def hole_types(grids: list[Grid], removals: tuple[View, ...], hole: BoolArray) -
         if grid.own_camera:
             np.maximum(ranks, RANK_OF_TYPE[layer.hole_type], out=ranks, where=hole)
         elif layer.shows_source:
-            depth, grid_rank = close_grid(layer, removals)
+            depth, grid_rank = (close_frame if len(grids) > 1 else close_grid)(layer, removals)
             x, y, w = transform_depth(depth, grid.matrix, grid.offset)
             crack_rank = hole_kernels.CRACK_RANK if grid.joined is None else hole_kernels.DISOCCLUDED_RANK
             marks = grid_rank, crack_rank, hole, count, ranks
@@ -227,6 +227,10 @@ def close_grid(layer: View, removals: tuple[View, ...]) -> tuple[Float32Array, U
     horizon = 100 * float(depth[finite].max()) if finite.any() else 1e4
     depth = np.minimum(depth, np.float32(horizon))
     return fill_with_nearest(depth, depth > 0), rank
+
+
+close_frame = keep_latest(close_grid)
+"""As `close_grid`, of one of many frames."""
 
 
 def render_cloud(cloud: PointCloud, camera: Camera, mode: Mode) -> View:

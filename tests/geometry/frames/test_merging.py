@@ -164,3 +164,18 @@ def test_nothing_known_far_stays_far() -> None:
     view = render(many, BETWEEN)
     truth = world.trace(BETWEEN)[0]
     assert np.isposinf(view.depth[5:15]).all() and np.isposinf(truth[5:15]).all()
+
+
+def test_what_drawing_finds_of_frames_is_kept_for_the_latest() -> None:
+    """Law: found once for each of the latest KEPT frames, anew after as many others, and each time for large frames."""
+    found: list[View] = []
+    keep = merging.keep_latest(lambda frame: found.append(frame))
+    views = [View.from_rgbd(WORLD.rgbd(LENS)) for _ in range(merging.KEPT + 1)]
+    for view in (*views[:2], *views[:2], *views, views[0]):
+        keep(view)
+    assert found == [*views, views[0]]
+    large = Camera.from_fov(1200, 900, 60)
+    wide = View.from_rgbd(RGBD(np.zeros((*large.hw, 3), np.uint8), np.ones(large.hw, np.float32), large))
+    keep(wide)
+    keep(wide)
+    assert found[-2:] == [wide, wide]

@@ -94,10 +94,33 @@ def join_neighbours(w: Float32Array, camera: Camera, step: float = 0.0) -> UInt8
 
 
 @dataclass(frozen=True, eq=False)
+class Surface:
+    """What drawing needs of a layer, whatever the camera; each is found when it is asked for first."""
+
+    layer: View
+
+    @cached_property
+    def mesh(self) -> tuple[Float32Array, BoolArray, UInt8Array]:
+        """As `prepare_mesh`."""
+        return prepare_mesh(self.layer)
+
+    @cached_property
+    def knots(self) -> Float32Array:
+        """Of the colours' splines (`sampling.spline`)."""
+        return spline(self.layer.color)
+
+    @cached_property
+    def smooth(self) -> UInt8Array:
+        """Where colours are read by splines (`sampling.smooth_quads`)."""
+        return smooth_quads(self.mesh[2])
+
+
+@dataclass(frozen=True, eq=False)
 class Grid:
     """A layer prepared for drawing into one camera."""
 
     layer: View
+    surface: Surface
     own_camera: bool
     """The camera is the layer's own: pixels are copied, nothing is rejected."""
     mode: Mode
@@ -109,24 +132,21 @@ class Grid:
     """Colours by cubic B-spline; False: bilinear."""
 
     @classmethod
-    def of(cls, layer: View, camera: Camera, mode: Mode, fine: bool) -> Grid:
-        """The layer, prepared for `camera`; flying pixels and joined neighbours are computed on demand."""
+    def of(cls, layer: View, camera: Camera, mode: Mode, fine: bool, surface: Surface | None = None) -> Grid:
+        """The layer, prepared for `camera`. surface: the layer's, where it is kept."""
         layer = layer.read()
-        return cls(layer, layer.camera.same_view_as(camera), mode, *px_from_px(camera, layer.camera), fine)
-
-    @cached_property
-    def _surface(self) -> tuple[Float32Array, BoolArray, UInt8Array]:
-        return prepare_mesh(self.layer)
+        places = px_from_px(camera, layer.camera)
+        return cls(layer, surface or Surface(layer), layer.camera.same_view_as(camera), mode, *places, fine)
 
     @property
     def depth(self) -> Float32Array:
         """Depth without holes and flying pixels (0)."""
-        return self._surface[0]
+        return self.surface.mesh[0]
 
     @property
     def flying(self) -> BoolArray:
         """H x W, True at flying pixels."""
-        return self._surface[1]
+        return self.surface.mesh[1]
 
     @property
     def joined(self) -> UInt8Array | None:
@@ -136,12 +156,12 @@ class Grid:
     @property
     def mesh(self) -> UInt8Array:
         """`joined`, in points mode too."""
-        return self._surface[2]
+        return self.surface.mesh[2]
 
-    @cached_property
+    @property
     def knots(self) -> Float32Array:
-        """Of the colours' splines (`sampling.spline`); none where not fine."""
-        return spline(self.layer.color) if self.fine else np.empty(0, np.float32)
+        """Of the colours' splines; none where not fine."""
+        return self.surface.knots if self.fine else np.empty(0, np.float32)
 
 
 def mesh_grid(layer: View, step: float = 0.0) -> tuple[Float32Array, UInt8Array]:
@@ -216,7 +236,7 @@ def draw_as_surface(
     layer, rows = grid.layer, camera.height
     to_target = grid.matrix, grid.offset, camera.fx / layer.camera.fx
     wbuf, where = rasterize_surface(grid.depth, joined, *to_target, camera.hw, count)
-    smooth = smooth_quads(joined) if grid.fine else np.zeros_like(joined)
+    smooth = grid.surface.smooth if grid.fine else np.zeros_like(joined)
     found = wbuf, where, joined, smooth, layer.color, grid.knots
     errors, out_errors = canvas.pair_errors(layer)
     planes = layer.origin, layer.confidence, errors, *canvas.buffers(), out_errors

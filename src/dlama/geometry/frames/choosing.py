@@ -16,7 +16,7 @@ from dlama.geometry.frames.extent import bounding_boxes, intersects_view
 from dlama.geometry.projection import project
 from dlama.geometry.view import View
 
-MOST_FRAMES = 8
+MOST_FRAMES = 4
 """Frames that are rendered for one camera."""
 SAMPLES = (24, 32)
 """Rows and columns of a frame's samples, and cells of the camera's picture in which they are counted."""

@@ -7,15 +7,17 @@ that see it best.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import functools
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import cv2
 import numpy as np
 
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.drawing.canvas import Canvas
-from dlama.geometry.drawing.layers import ALL, Grid, Mode, count_wanted, draw_apart
+from dlama.geometry.drawing.layers import ALL, Grid, Mode, Surface, count_wanted, draw_apart
 from dlama.geometry.frames.choosing import MOST_FRAMES, choose_frames
 from dlama.geometry.holes import morphological_open, square
 from dlama.geometry.kernels import merging as kernels
@@ -28,6 +30,9 @@ from dlama.geometry.view import Origin, View, from_source
 
 LOOKED_THROUGH_PX = 2
 """A frame sees through a point only if it has no near depth within so many px: poses drift."""
+KEPT, KEPT_PIXELS = 3 * MOST_FRAMES, 1_000_000
+"""Frames of which is kept what drawing needs of them, some 30 bytes a pixel, and pixels that they have at most."""
+Found = TypeVar("Found")
 NARROWEST = 3
 """px; strips from other frames behind a removed object that are narrower are left to be filled."""
 
@@ -49,8 +54,8 @@ def merge_frames(scene: Scene, camera: Camera, mode: Mode, fine: bool) -> Merged
     In the camera of a frame its own pixels stay bit for bit; the others are drawn only where it has no depth.
     """
     places = choose_frames(scene.frames, camera, MOST_FRAMES)
-    frames = [scene.frames[place] for place in places]
-    grids = [Grid.of(frame, camera, mode, fine) for frame in frames]
+    frames = [scene.frames[place].read() for place in places]
+    grids = [Grid.of(frame, camera, mode, fine, surface_of(frame)) for frame in frames]
     gains = np.array([scene.gains[place] for place in places])
     own = grids[0].layer if grids[0].own_camera else None
     best, count = np.zeros(camera.hw, np.uint16), ALL
@@ -82,13 +87,31 @@ def _merge_drawn(
     ]
     in_bands(
         kernels.merge, camera.height, *drawn,
-        np.stack([nearest_depth_around(grid.layer) for grid in grids]), np.stack([confidence_margin(grid) for grid in grids]),
+        np.stack([nearest_depth_around(grid.layer) for grid in grids]),
+        np.stack([confidence_margin(grid.layer, grid.mode) for grid in grids]),
         np.stack([matrix for matrix, _ in ways]), np.stack([offset for _, offset in ways]), np.array(centers),
         np.array([camera.fx, camera.fy, camera.cx, camera.cy]), gains, np.array(noise), *out.buffers(), best,
     )  # fmt: skip
     return out
 
 
+def keep_latest(function: Callable[..., Found]) -> Callable[..., Found]:
+    """Decorator of a function of a frame, and more: what it gave for the frames drawn last is kept, unless frames are large."""
+    kept = functools.lru_cache(KEPT)(function)
+
+    def of_frame(frame: View, *more: Hashable) -> Found:
+        return (kept if frame.camera.width * frame.camera.height <= KEPT_PIXELS else function)(frame, *more)
+
+    return of_frame
+
+
+@keep_latest
+def surface_of(frame: View) -> Surface:
+    """What drawing needs of a frame."""
+    return Surface(frame)
+
+
+@keep_latest
 def nearest_depth_around(view: View) -> Float32Array:
     """H x W, the nearest depth measured within LOOKED_THROUGH_PX of each pixel with depth; 0 elsewhere, inf = far."""
     measured = ~view.hole & (view.depth > 0) & from_source(view.origin)
@@ -97,13 +120,14 @@ def nearest_depth_around(view: View) -> Float32Array:
     return np.where(measured, nearest, np.float32(0))
 
 
-def confidence_margin(grid: Grid) -> Float32Array:
-    """H x W distance in px to the picture's border, the next pixel without depth and the next depth edge."""
-    known = grid.depth > 0
-    inside = known & ~grid.flying
-    if grid.joined is not None:
-        inside[:, :-1] &= (grid.joined[:, :-1] & RIGHT) > 0
-        inside[:-1] &= (grid.joined[:-1] & DOWN) > 0
+@keep_latest
+def confidence_margin(frame: View, mode: Mode) -> Float32Array:
+    """H x W distance in px to the picture's border, the next pixel without depth and, of surfaces, the next depth edge."""
+    depth, flying, joined = surface_of(frame).mesh
+    inside = (depth > 0) & ~flying
+    if mode == "surface":
+        inside[:, :-1] &= (joined[:, :-1] & RIGHT) > 0
+        inside[:-1] &= (joined[:-1] & DOWN) > 0
     framed = cv2.copyMakeBorder(inside.astype(np.uint8), 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=0)
     return np.asarray(cv2.distanceTransform(framed, cv2.DIST_L2, cv2.DIST_MASK_3)[1:-1, 1:-1], np.float32)
 

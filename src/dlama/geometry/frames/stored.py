@@ -1,6 +1,6 @@
 """A view on disk and its camera in; a View that reads its pixels on demand out.
 
-Of a scene of a thousand frames a camera needs eight. A `StoredView` behaves as a View; its pixels are in a `PixelCache` of
+Of a scene of a thousand frames a camera needs four. A `StoredView` behaves as a View; its pixels are in a `PixelCache` of
 limited size, which drops the least recently used.
 """
 
