@@ -107,7 +107,6 @@ def correlate(
         axes,
         need,
         out,
-        band=8,
     )
     return out
 
