@@ -118,7 +118,7 @@ def run_in_batches(network: ConfidenceNetwork, rows: Float32Array) -> tuple[Floa
 
 
 class KnownFeatures(NamedTuple):
-    """What is known round each of the N hole pixels of a view that are judged, whatever fills them."""
+    """What is known round each of the N hole pixels of a view that are judged, the same for every fill."""
 
     view: View
     """Every `step`-th pixel of it."""

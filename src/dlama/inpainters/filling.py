@@ -17,7 +17,7 @@ import numpy as np
 from dlama.arguments import check, check_arguments
 from dlama.errors import ShapeError
 from dlama.geometry.holes import box_around, larger_box, sides_of
-from dlama.geometry.kernels.jit import beside
+from dlama.geometry.kernels.jit import begin_job
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import Origin, View
 from dlama.geometry.visibility import Law, project_depth
@@ -147,7 +147,7 @@ def paste_part(view: View, part: View, rows: slice, columns: slice) -> View:
 
 def _fill_whole(view: View, inpainter: Inpainter, law: Law, seed: int) -> tuple[View, FillReport]:
     """`inpaint` with the filler seeing the whole view."""
-    hole, known = view.hole, beside(features_of_known, view)
+    hole, known = view.hole, begin_job(features_of_known, view)
     fill = check_fill(inpainter(view, law, seed), view)
     depth, moved = project_depth(view, fill.depth, hole, law)
     color = np.where(view.color_hole[..., None], fill.color, view.color)

@@ -24,7 +24,7 @@ import pytest
 from numba.core.event import Event, Listener, install_listener
 
 from dlama.geometry.kernels import jit
-from dlama.geometry.kernels.jit import beside, in_bands
+from dlama.geometry.kernels.jit import begin_job, in_bands
 
 
 def count(first: int, last: int, out: np.ndarray) -> None:
@@ -73,19 +73,19 @@ def test_what_goes_wrong_in_another_thread_is_raised(monkeypatch: pytest.MonkeyP
         in_bands(fail, 64)
 
 
-def test_a_job_beside_leaves_bands_to_the_caller(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_job_that_was_begun_leaves_bands_to_the_caller(monkeypatch: pytest.MonkeyPatch) -> None:
     """Oracle: while a job has the other thread, bands end without it, and a second job is done by whoever waits for it; its
     caller sees what a job raises."""
     monkeypatch.setattr(jit, "threads", lambda: 2)
     monkeypatch.setattr(jit, "_pool", functools.cache(lambda: ThreadPoolExecutor(1)))
     out, go = np.zeros(100, int), threading.Event()
-    first, second = beside(go.wait, 600), beside(threading.get_ident)
+    first, second = begin_job(go.wait, 600), begin_job(threading.get_ident)
     in_bands(count, 100, out)
     assert (out == 1).all() and second() == threading.get_ident()
     go.set()
     assert first()
     with pytest.raises(ZeroDivisionError):
-        beside(divmod, 1, 0)()
+        begin_job(divmod, 1, 0)()
 
 
 def test_one_thread_alone_compiles(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,4 +1,4 @@
-"""Depth of one camera in; the same as the colour camera beside it sees it out."""
+"""Depth of one camera in; the same as the colour camera next to it sees it out."""
 
 from __future__ import annotations
 

@@ -215,11 +215,11 @@ def in_bands(job: Callable[..., None], rows: int, *arguments: Any, band: int = B
         work()
     finally:
         for other in others:
-            if not other.cancel():  # not begun while `beside` has the thread: nothing is left for it
+            if not other.cancel():  # not begun, for a job of `begin_job` has the thread: nothing is left for it
                 other.result()
 
 
-def beside(job: Callable[..., Made], *arguments: Any) -> Callable[[], Made]:
+def begin_job(job: Callable[..., Made], *arguments: Any) -> Callable[[], Made]:
     """Begin job(*arguments) in another thread, if there is one; what comes back waits for its result, and computes it where that
     thread has not begun.
 

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.kernels.jit import beside
+from dlama.geometry.kernels.jit import begin_job
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.sky import Sky
 from dlama.geometry.view import HoleType, View
@@ -131,8 +131,8 @@ def unseen_colors(view: View) -> BoolArray:
 
 
 def begin_guess(view: View) -> Callable[[], Float32Array]:
-    """Begin `smooth_guess` in another thread, beside the search for surfaces, which it does not need."""
-    return beside(smooth_guess, view)
+    """Begin `smooth_guess` in another thread, before the search for surfaces, which it does not need."""
+    return begin_job(smooth_guess, view)
 
 
 def smooth_guess(view: View) -> Float32Array:

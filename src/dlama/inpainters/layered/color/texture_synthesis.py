@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from dlama.errors import ShapeError
 from dlama.geometry.camera import Camera
-from dlama.geometry.kernels.jit import beside
+from dlama.geometry.kernels.jit import begin_job
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.sky import Sky
 from dlama.inpainters.layered.color.patch_offsets import Bases, CopiedDetail, copy_detail
@@ -147,12 +147,12 @@ def enlarge_colors(colors: Float32Array, grid: TextureGrid) -> UInt8Array:
 
 
 def bases_ahead(grid: TextureGrid, regions: list[HoleRegion], sky: Float32Array | None) -> Iterator[Bases]:
-    """The `base_colors` of each region; those of the next one are begun, beside what is done with them."""
+    """The `base_colors` of each region; those of the next one are begun before they are used."""
     begun: list[Callable[[], Bases]] = []
     for here, following in zip(regions, [*regions[1:], None]):
         bases = begun.pop()() if begun else base_colors(grid, here, sky)
         if following is not None:
-            begun.append(beside(base_colors, grid, following, sky))
+            begun.append(begin_job(base_colors, grid, following, sky))
         yield bases
 
 

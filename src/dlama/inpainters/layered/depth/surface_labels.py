@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.camera import Camera
-from dlama.geometry.kernels.jit import beside
+from dlama.geometry.kernels.jit import begin_job
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
@@ -114,14 +114,14 @@ class CoarseView:
         pick = np.ix_(rows, columns)
         hole, w, label = cells_with_holes(view.hole, camera.wh), w[pick], label[pick]
         in_view = hole & cells_with_holes(view.hole & (view.hole_type != HoleType.OUT_OF_VIEW), camera.wh)
-        cut = beside(find_cut_objects, w, label, hole, cells_near(hole & ~in_view))
+        cut = begin_job(find_cut_objects, w, label, hole, cells_near(hole & ~in_view))
         smooth = surface_kernels.far_side(w, hole)
         candidates = np.concatenate([smooth[None], np.zeros_like(smooth)[None], plane_values(planes, camera.hw, step)])
         return cls(camera, hole, in_view, w, label, candidates, cut(), followed_from, solid)
 
     def label_costs(self, law: Law) -> Float32Array:
         """h x w x L cost of each label after belief propagation (lower is better)."""
-        distances = beside(self.distance_to_known, law)
+        distances = begin_job(self.distance_to_known, law)
         unseen = self.hole & ~self.hole_in_view
         followed = self.followed_planes()
         known = self.hole, unseen, self.inverse_depth, self.label

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.holes import fill_with_nearest, nearest_known
-from dlama.geometry.kernels.jit import beside
+from dlama.geometry.kernels.jit import begin_job
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import View
@@ -60,7 +60,7 @@ def continue_surfaces(view: View, law: Law, seed: int = 0) -> Surfaces:
     step = max(1.0, max(w.shape) / GRID)
     followed_from = np.inf if noise else FOLLOWED
     coarse = CoarseView.of(view, w, label, planes, step, followed_from, law.misplaced_edges)
-    leaves = beside(copy_leaves, view, w, coarse.cut, seed)
+    leaves = begin_job(copy_leaves, view, w, coarse.cut, seed)
     found = upsample_labels(view, w, label, planes, coarse, coarse.label_costs(law), leaves)
     return found if by_color is None else set_missing_depth(found, by_color)
 
