@@ -189,9 +189,8 @@ def _empty_plane(name: str) -> Callable[[], None]:
 
 SHADOW_RULES: dict[str, Callable[[], None]] = {
     "classifiers": _network_alone(),
-    "sharp-light": _empty_plane("sharp"),
+    "own-light": _empty_plane("cast"),
     "common-light": _empty_plane("common"),
-    "grow-shadow": _shadow("grow_shadow", lambda rgbd, mask, *rest: np.zeros_like(mask)),
     "grow-ambient": _shadow("grow_ambient_shadow", lambda rgbd, mask, *rest: np.zeros_like(mask)),
     "pixel-classifier": _no_pixel_classifier,
     "cast-candidates": _shadow("TRIED", 0, "classifier"),

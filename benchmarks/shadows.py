@@ -23,10 +23,9 @@ from dlama.datasets.frames import RemovalTruth
 from dlama.evaluation.metrics.masks import SMALLEST_SHADOW_PX, darkened_by_shadow, outside_contact_band
 from dlama.geometry.holes import dilate_mask
 from dlama.perception.masks.supports import find_planes_of_picture
-from dlama.perception.shadows.cast import WEIGHTS, find_cast_shape
+from dlama.perception.shadows.cast import find_cast_shape
 from dlama.perception.shadows.find import find_shadow
 from dlama.perception.shadows.ground import EDGE_PX, find_ground, measure_object, object_points
-from dlama.perception.shadows.search import Scale
 from dlama.worlds.dataset import open_dataset_or_worlds, worlds
 from logistic import logistic_weights
 
@@ -38,7 +37,7 @@ def true_shadow(truth: RemovalTruth) -> np.ndarray:
     return darkened_by_shadow(truth.source.color, truth.without.color, truth.mask)
 
 
-def rows_of(truths: Iterator[RemovalTruth], scale: Scale) -> tuple[np.ndarray, np.ndarray]:
+def rows_of(truths: Iterator[RemovalTruth]) -> tuple[np.ndarray, np.ndarray]:
     """N x features, and N: whether the thrown shape is right."""
     features, right = [], []
     for truth in truths:
@@ -47,11 +46,11 @@ def rows_of(truths: Iterator[RemovalTruth], scale: Scale) -> tuple[np.ndarray, n
             continue
         usable = ground.surface & ~dilate_mask(truth.mask, EDGE_PX)
         thing = measure_object(*object_points(truth.source, truth.mask, ground), ground)
-        thrown = find_cast_shape(truth.source, usable, thing, scale)
+        thrown = find_cast_shape(truth.source, usable, thing)
         if thrown is None:
             continue
-        true, shape = true_shadow(truth), thrown[1]
-        features.append(thrown[2])
+        true, (shape, of_shape) = true_shadow(truth), thrown
+        features.append(of_shape)
         right.append(true.sum() >= SMALLEST_SHADOW_PX and (true & shape).sum() > 0.5 * shape.sum())
     return np.array(features), np.array(right, np.float64)
 
@@ -65,18 +64,17 @@ def fitted(features: np.ndarray, right: np.ndarray) -> np.ndarray:
 
 
 def train(count: int, seed: int) -> None:
-    for scale in WEIGHTS:
-        cases = (case for case in worlds(count, seed=seed).cases if case.protocol == "ori" and case.yaw == 0)
-        report(scale, *rows_of((case.load() for case in cases), scale))
+    cases = (case for case in worlds(count, seed=seed).cases if case.protocol == "ori" and case.yaw == 0)
+    report(*rows_of(case.load() for case in cases))
 
 
-def report(scale: Scale, features: np.ndarray, right: np.ndarray) -> None:
+def report(features: np.ndarray, right: np.ndarray) -> None:
     half = np.arange(len(right)) % 2 == 0
     said = np.zeros(len(right))
     for held in (half, ~half):
         weights = fitted(features[~held], right[~held])
         said[held] = 1 / (1 + np.exp(-(features[held] @ weights[:-1] + weights[-1])))
-    print(f"scale {scale}: {len(right)} thrown shapes, {right.mean():.2f} right")
+    print(f"{len(right)} thrown shapes, {right.mean():.2f} right")
     for least in (0.3, 0.4, 0.5, 0.6, 0.7, 0.8):
         taken = said >= least
         print(

@@ -10,8 +10,8 @@ from dlama.geometry.projection import rays
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.perception.masks.supports import find_planes_of_picture
 from dlama.perception.shadows.crop import crop_around
+from dlama.perception.shadows.find import grow_ambient_shadow
 from dlama.perception.shadows.ground import Ground, find_ground, measure_object, object_points, surface_axes
-from dlama.perception.shadows.growing import grow_ambient_shadow
 from dlama.perception.shadows.lit_surface import measure_darkness
 from dlama.perception.shadows.occlusion import ambient_occlusion, sky_directions
 from worlds import Box, Plane, World

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dlama.perception.kernels.shadows import DIRECTIONS_A_TASK, cast_shapes
-from dlama.perception.shadows.search import SHARP, divergence_of
+from dlama.perception.shadows.search import divergence_of
 
 
 def test_thrown_shapes_against_a_twin() -> None:
@@ -39,7 +39,7 @@ def test_the_flux_through_a_border_is_the_sum_inside() -> None:
     """A square darker by the factor 0.8: its flux is the step in log luma times the border's length, and without one it is 0."""
     color = np.full((60, 80, 3), 150, np.uint8)
     color[20:40, 30:50] = 120
-    divergence, spread = divergence_of(color, np.ones((60, 80), np.bool_), SHARP)
+    divergence, spread = divergence_of(color, np.ones((60, 80), np.bool_))
     step = math.log(154) - math.log(124)
     assert divergence.sum() == pytest.approx(0, abs=1e-4)
     assert divergence[20:40, 30:50].sum() == pytest.approx(step * 0.4 * 80, rel=0.35)

@@ -2,5 +2,5 @@
 
 Begin with `find`. `ground` finds the surface, `occlusion` the ambient occlusion, `lit_surface` the darkness of the surface,
 `search` the direction of light; `cast` projects the object's shape along it. `planes` collects all of it in a crop (`crop`).
-`network`, `features` and `classifier` classify the pixels; `growing` extends the shadow to its faded border.
+`network`, `features` and `classifier` classify the pixels.
 """

@@ -13,15 +13,12 @@ from dlama.geometry.holes import dilate_mask, morphological_close, square
 from dlama.geometry.projection import rays
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.perception.shadows.ground import Ground, StandingObject, measure_object
-from dlama.perception.shadows.search import SHARP, SOFT, CastShape, Scale, best_direction, pixels_of
+from dlama.perception.shadows.search import CastShape, best_direction, pixels_of
 
 FEATURES = "strength over next best", "strength", "step", "even and clear", "contrast", "off in colour", "over pattern"
 """Features of a cast shape from which its probability follows: `shape_features`."""
-WEIGHTS = {
-    SHARP: (3.027, 1.401, 0.903, 3.322, 0.765, -1.893, 0.079, -1.249),
-    SOFT: (2.148, 0.585, -1.594, 1.615, 3.260, 0.527, 0.250, -4.860),
-}
-"""Of FEATURES at each scale, and a constant; fitted on 120 worlds by `python benchmarks/shadows.py train`."""
+WEIGHTS = 3.027, 1.401, 0.903, 3.322, 0.765, -1.893, 0.079, -1.249
+"""Of FEATURES, and a constant; fitted on 120 worlds by `python benchmarks/shadows.py train`."""
 SMALLEST_PX = 25
 """Fewer points of an object, or pixels of a shape or its ring, are ignored."""
 LEAST_PROBABILITY = 0.15
@@ -37,38 +34,30 @@ STRONG = 20.0
 def find_cast_shapes(
     rgbd: RGBD, ground: Ground, usable: BoolArray, caster: StandingObject, tall: float
 ) -> list[tuple[float, BoolArray] | None]:
-    """Probability and H x W shape of: the best light at each scale, the second best at the fine scale, and the common light of
-    all objects. usable: H x W, True where the surface is seen; tall: metres."""
+    """Probability and H x W shape of: the best light of the object, and the common light of all objects. usable: H x W, True
+    where the surface is seen; tall: metres."""
     if len(caster.base) < SMALLEST_PX:
-        return [None] * 4
-    out: list[tuple[float, BoolArray] | None] = []
-    second = None
-    for scale in (SHARP, SOFT):
-        made = find_cast_shape(rgbd, usable, caster, scale)
-        if made is None:
-            out.append(None)
-            continue
-        found, shape, features = made
-        probability = LEAST_PROBABILITY + (1 - LEAST_PROBABILITY) * cast_shadow_probability(features, WEIGHTS[scale])
-        out.append((probability, shape))
-        if scale == SHARP and found.next_best > 0:
-            share = found.next_best / max(found.strength, 1e-6)
-            second = probability * share, cast_shape(caster, found.next_over, rgbd, usable)
-    return [*out, second, find_common_light(rgbd, ground, usable, caster, tall)]
+        return [None, None]
+    made = find_cast_shape(rgbd, usable, caster)
+    own = None
+    if made is not None:
+        shape, features = made
+        own = LEAST_PROBABILITY + (1 - LEAST_PROBABILITY) * cast_shadow_probability(features), shape
+    return [own, find_common_light(rgbd, ground, usable, caster, tall)]
 
 
 def find_cast_shape(
-    rgbd: RGBD, usable: BoolArray, caster: StandingObject, scale: Scale
-) -> tuple[CastShape, BoolArray, NDArray[np.float64]] | None:
-    """The best light, its cast shape (H x W) and FEATURES. None: there is none."""
-    found = best_direction(caster, rgbd, usable, scale)
+    rgbd: RGBD, usable: BoolArray, caster: StandingObject
+) -> tuple[BoolArray, NDArray[np.float64]] | None:
+    """The shape cast by the best light (H x W), and its FEATURES. None: there is none."""
+    found = best_direction(caster, rgbd, usable)
     if found is None:
         return None
     shape = cast_shape(caster, found.over, rgbd, usable)
     ring = surrounding_ring(shape, usable)
     if shape.sum() < SMALLEST_PX or ring.sum() < SMALLEST_PX:
         return None
-    return found, shape, np.array([*shape_features(rgbd, shape, ring, found)])
+    return shape, np.array([*shape_features(rgbd, shape, ring, found)])
 
 
 def find_common_light(
@@ -83,7 +72,7 @@ def find_common_light(
     if len(keep) < SMALLEST_PX:
         return None
     others = measure_object(every[keep], height[keep], ground)
-    found = best_direction(others, rgbd, usable, SHARP)
+    found = best_direction(others, rgbd, usable)
     if found is None:
         return None
     return float(np.tanh(found.strength / STRONG)), cast_shape(caster, found.over, rgbd, usable)
@@ -107,10 +96,10 @@ def shape_features(rgbd: RGBD, shape: BoolArray, ring: BoolArray, found: CastSha
     )
 
 
-def cast_shadow_probability(features: NDArray[np.float64], weights: tuple[float, ...]) -> float:
+def cast_shadow_probability(features: NDArray[np.float64]) -> float:
     """Probability (0..1) that a cast shape is the object's shadow: a logistic regression, fitted on worlds
     (`benchmarks/shadows.py`)."""
-    return float(1 / (1 + np.exp(-(features @ np.array(weights[:-1]) + weights[-1]))))
+    return float(1 / (1 + np.exp(-(features @ np.array(WEIGHTS[:-1]) + WEIGHTS[-1]))))
 
 
 def error_radius(shape: BoolArray) -> int:

@@ -76,12 +76,11 @@ def candidate_features(planes: Float32Array, shapes: list[BoolArray], shares: Co
         middle = (deep + around) / 2
         ratio = planes[:3, ring].mean(1) - planes[:3, inside].mean(1)
         agree = [overlap(inside, other) if n != number else 0.0 for n, other in enumerate(shapes)]
-        agree[2] = 0.0 if number in (0, 2) else agree[2]  # the second best is another one by choice
         spread = float(dark[ring].std())
         rows.append(
             [
-                probability[number], probability[3], *(float(number == kind) for kind in range(6)), max(agree[:4]), agree[3],
-                sum(agree[:4]), deep, deep - around, float((dark[inside] > middle).mean() + (dark[ring] < middle).mean()) - 1,
+                probability[number], probability[1], *(float(number == kind) for kind in range(4)), max(agree[:2]), agree[1],
+                sum(agree[:2]), deep, deep - around, float((dark[inside] > middle).mean() + (dark[ring] < middle).mean()) - 1,
                 min((deep - around) / max(spread, LEAST_DEEP), 4.0), spread,
                 min(float(np.abs(ratio - ratio[1]).max()) / max(float(abs(ratio[1])), 0.05), 3.0),
                 float((dark[rest] > middle).mean()) if rest.sum() > 50 else 0.5,
@@ -93,7 +92,7 @@ def candidate_features(planes: Float32Array, shapes: list[BoolArray], shares: Co
     return np.array(rows, np.float32)
 
 
-CANDIDATE_FEATURES = 25
+CANDIDATE_FEATURES = 23
 
 
 def tone_steps(planes: Float32Array, region: BoolArray) -> Float32Array:

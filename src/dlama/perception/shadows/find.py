@@ -10,14 +10,18 @@ from __future__ import annotations
 import numpy as np
 
 from dlama.geometry.holes import dilate_mask, regions_touching
-from dlama.geometry.rgbd import RGBD, BoolArray
+from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
 from dlama.perception.masks.supports import find_planes_of_picture
 from dlama.perception.shadows.cast import SMALLEST_PX
 from dlama.perception.shadows.classifier import SHADOW, shadow_probability
-from dlama.perception.shadows.ground import EDGE_PX, find_ground
-from dlama.perception.shadows.growing import grow_ambient_shadow, grow_shadow
+from dlama.perception.shadows.ground import EDGE_PX, Ground, find_ground
+from dlama.perception.shadows.lit_surface import around, measure_darkness, sky_lost
 from dlama.perception.shadows.planes import shadow_planes
 
+DARKER = 0.1
+"""Least darkness of an ambient shadow (natural logarithm): a tenth."""
+EVEN, RIM_PX = 0.07, 4
+"""Largest residual of the ambient fit (mean of the logarithm), outside the shadow's border, for ambient shadows to be used."""
 NEAR_PX = 5
 """Largest gap in px between a shadow and its cast shape or object."""
 
@@ -36,9 +40,27 @@ def find_shadow(rgbd: RGBD, mask: BoolArray) -> BoolArray:
     usable = ground.surface & ~dilate_mask(mask, EDGE_PX)
     cast = (shape > 0.5) & usable
     shadow = regions_touching((probability > SHADOW) & usable, cast | dilate_mask(mask, NEAR_PX))
-    shadow |= grow_shadow(rgbd, mask, ground, usable, cast)
     shadow |= grow_ambient_shadow(rgbd, mask, ground, usable, shadow, occlusion)
     if shadow.sum() < SMALLEST_PX:
         return none
     contact = dilate_mask(shadow, EDGE_PX + 2) & dilate_mask(mask, EDGE_PX + 1)
     return np.asarray((shadow | contact) & ground.surface & ~mask)
+
+
+def grow_ambient_shadow(
+    rgbd: RGBD, mask: BoolArray, ground: Ground, usable: BoolArray, shadow: BoolArray, occlusion: Float32Array
+) -> BoolArray:
+    """H x W, the part of the surface darkened by ambient occlusion, fitted outside `shadow`.
+
+    occlusion: H x W, `ambient_occlusion`. Where a hard shadow explains the darkness, little is left for the sky. On patterned
+    surfaces a tenth cannot be measured.
+    """
+    outside = ground.surface & ~dilate_mask(shadow, RIM_PX)
+    darkness = measure_darkness(rgbd, mask, outside, occlusion)
+    if darkness is None:
+        return np.zeros_like(shadow)
+    rest = (darkness.dark - darkness.ambient)[outside & usable & around(mask)]
+    if not rest.size or np.abs(rest).mean() > EVEN:
+        return np.zeros_like(shadow)
+    darker = usable & (darkness.share * sky_lost(occlusion) > DARKER)
+    return regions_touching(darker, shadow | dilate_mask(mask, RIM_PX))

@@ -1,7 +1,8 @@
 """A picture, an object's mask and its supporting surface in; the input planes of the shadow network, for a crop, out.
 
 They are log colour against the lit surface, masks of object and surface, height and position over the surface in object
-heights, darkness, ambient occlusion and the darkness that it explains, and the shapes cast by the likeliest lights.
+heights, darkness, ambient occlusion and the darkness that it explains, and the shapes cast by the likeliest light and by the
+common light of all objects.
 """
 
 from __future__ import annotations
@@ -22,9 +23,9 @@ MULTIPLE = 32
 """The sides of the planes are multiples of this many pixels; the crop's longer side has `crop.SIDE`."""
 PLANES = (
     "red", "green", "blue", "object", "surface", "picture", "height", "right", "away", "darkness", "occluded",
-    "ambient", "sharp", "soft", "second", "common",
+    "ambient", "cast", "common",
 )  # fmt: skip
-FIRST_CAST = PLANES.index("sharp")
+FIRST_CAST = PLANES.index("cast")
 """First plane of a cast shape."""
 LOG_RANGE, FAR = 2.0, 4.0
 """Log colour, and distance in object heights, that are 1 in a plane (the latter through tanh)."""

@@ -33,11 +33,9 @@ LONG = 2.5
 """Slope above which shadows are rare: a low sun."""
 SIDE_PX = 256
 """The picture is reduced by a whole factor to about this many pixels along its longer side."""
-Scale = tuple[float, float]
-"""Blur in px, and the largest gradient (of the logarithm, per px) that counts, so that lines of a pattern weigh no more than
-borders."""
-SHARP, SOFT = (1.2, 0.08), (4.0, 0.05)
-"""For borders of hard shadows, and of soft ones."""
+BLUR_PX, STEEPEST = 1.2, 0.08
+"""Blur of the reduced picture, and the largest gradient (of the logarithm, per px) that counts, so that lines of a pattern weigh
+no more than borders."""
 SHORTEST_PX = 20
 """Least border length in the normalisation: short borders are no evidence."""
 FEWEST_PX = 8
@@ -55,19 +53,17 @@ class CastShape:
     strength: float
     """Flux over its standard deviation by chance; less for a low sun."""
     next_best: float
-    """Strength of the best different direction,"""
-    next_over: NDArray[np.float64]
-    """and its offset, as `over`."""
+    """Strength of the best different direction."""
     step: float
     """Mean gradient of the logarithm outwards, a pixel."""
 
 
-def best_direction(caster: StandingObject, rgbd: RGBD, seen: BoolArray, scale: Scale) -> CastShape | None:
+def best_direction(caster: StandingObject, rgbd: RGBD, seen: BoolArray) -> CastShape | None:
     """The direction whose cast shape is strongest; None where no shape falls on the visible surface.
 
-    seen: H x W, True where the surface is seen. scale: SHARP or SOFT.
+    seen: H x W, True where the surface is seen.
     """
-    search = Search(caster, rgbd, seen, scale)
+    search = Search(caster, rgbd, seen)
     slopes, turns = (each.ravel() for each in np.meshgrid(SLOPES, np.arange(TURNS) * 1.0, indexing="ij"))
     coarse = search.strengths(slopes, turns)[0]
     top = np.argsort(-coarse, kind="stable")[:REFINED]
@@ -80,21 +76,20 @@ def best_direction(caster: StandingObject, rgbd: RGBD, seen: BoolArray, scale: S
     over = search.over(near[0][best : best + 1], near[1][best : best + 1])[0]
     every = search.over(slopes, turns)
     others = np.where(np.linalg.norm(every - over, axis=1) > OTHER * np.linalg.norm(over), coarse, 0)
-    second = int(others.argmax())
-    return CastShape(over, float(fine[best]), max(float(others[second]), 0.0), every[second], float(steps[best]))
+    return CastShape(over, float(fine[best]), max(float(others.max()), 0.0), float(steps[best]))
 
 
 class Search:
     """What all directions share: the reduced picture's divergence, the object's points and the surface's axes."""
 
-    def __init__(self, caster: StandingObject, rgbd: RGBD, seen: BoolArray, scale: Scale) -> None:
+    def __init__(self, caster: StandingObject, rgbd: RGBD, seen: BoolArray) -> None:
         camera = rgbd.camera
         step = max(1, round(max(seen.shape) / SIDE_PX))
         height, width = seen.shape[0] // step, seen.shape[1] // step
         whole = seen[: height * step, : width * step].reshape(height, step, width, step)
         self.seen = np.ascontiguousarray(whole.all((1, 3)))
         small = cv2.resize(rgbd.color[: height * step, : width * step], (width, height), interpolation=cv2.INTER_AREA)
-        self.divergence, self.spread = divergence_of(np.asarray(small, np.uint8), self.seen, scale)
+        self.divergence, self.spread = divergence_of(np.asarray(small, np.uint8), self.seen)
         self.base, self.rise = np.ascontiguousarray(caster.base), np.ascontiguousarray(caster.rise)
         self.lens = np.array([camera.fx, camera.fy, camera.cx, camera.cy]) / step
         self.up = caster.up
@@ -116,17 +111,16 @@ class Search:
         return np.where(pixels < FEWEST_PX, 0, strength), flux / np.maximum(border, 1)
 
 
-def divergence_of(color: UInt8Array, seen: BoolArray, scale: Scale) -> tuple[NDArray[np.float64], float]:
+def divergence_of(color: UInt8Array, seen: BoolArray) -> tuple[NDArray[np.float64], float]:
     """H x W divergence of the clipped gradient of log luma between pixels that are seen, and the gradient's RMS."""
-    blur, steepest = scale
     level = np.log(cv2.cvtColor(color, cv2.COLOR_RGB2GRAY).astype(np.float32) + 4)
-    smooth = gaussian_mean(level, seen.astype(np.float32), blur)
+    smooth = gaussian_mean(level, seen.astype(np.float32), BLUR_PX)
     inner = cv2.erode(seen.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
     out, squares = np.zeros(seen.shape), []
     for axis in (0, 1):
         both = inner & np.roll(inner, -1, axis)
         both[(-1, slice(None)) if axis == 0 else (slice(None), -1)] = False
-        step = np.where(both, np.clip(np.roll(smooth, -1, axis) - smooth, -steepest, steepest), 0)
+        step = np.where(both, np.clip(np.roll(smooth, -1, axis) - smooth, -STEEPEST, STEEPEST), 0)
         out += step - np.roll(step, 1, axis)
         squares.append(step[inner] ** 2)
     spread = float(np.sqrt(np.concatenate(squares).mean())) if inner.any() else 0.0
