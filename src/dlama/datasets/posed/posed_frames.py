@@ -74,7 +74,7 @@ class FrameFiles:
     world_from_cam: Float64Array
     """4x4, camera to world, OpenCV axes, metres."""
     color_hw: Callable[[], tuple[int, int]] | None = None
-    """(H, W), where that is told without reading the picture."""
+    """(H, W), where that is known without reading the picture."""
     confidence: Callable[[], UInt8Array] | None = None
     """h x w; None: none was recorded."""
     least_confidence: int = 0

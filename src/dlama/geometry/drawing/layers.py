@@ -95,7 +95,7 @@ def join_neighbours(w: Float32Array, camera: Camera, step: float = 0.0) -> UInt8
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """What drawing needs of a layer, whatever the camera; each is found when it is asked for first."""
+    """What drawing needs of a layer, the same for every camera; each is found when it is asked for first."""
 
     layer: View
 

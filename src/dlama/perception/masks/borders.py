@@ -20,7 +20,7 @@ from dlama.perception.masks.prompt import Pixel
 from dlama.perception.masks.supports import Planes
 
 BAND_PX = 3
-"""Pixels inside the mask that missing depth beside it may take from it."""
+"""Pixels inside the mask that missing depth next to it may take from it."""
 HOLE_PX = 12
 """Pixels by which a mask may grow into missing depth."""
 CORRECTED, MARK_PX = 3.0, 2
