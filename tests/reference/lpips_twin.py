@@ -80,16 +80,6 @@ def pair(name: str) -> tuple[np.ndarray, np.ndarray]:
     return np.asarray(Image.open(demo / "street.jpg")), np.asarray(Image.open(demo / "without.jpg"))
 
 
-def street_pair(data: Path, name: str) -> tuple[np.ndarray, np.ndarray]:
-    """Two real frames: `s03 turned` (yaw 0 and 10 degrees), `s05 blurred` (a frame and itself, blurred)."""
-    from PIL import Image
-
-    scene, _, change = name.partition(" ")
-    folder = data / "street" / scene / "with" / "CameraComponent" / "ColorImage"
-    frames = [np.asarray(Image.open(folder / f"{scene}_with.{number:04d}.jpeg")) for number in (0, 1)]
-    return (frames[0], frames[1]) if change == "turned" else (frames[0], blurred(frames[0]))
-
-
 def noise(shape: tuple[int, ...], seed: int) -> np.ndarray:
     """uint8, white; a hash of the place (the finaliser of MurmurHash3), so that no library's generator matters."""
     h = np.arange(np.prod(shape), dtype=np.uint64) * 2 + np.uint64(seed * 1_000_003)
@@ -116,5 +106,3 @@ if __name__ == "__main__":
     told = Path(os.environ["DLAMA_DATA"])
     for title in PICTURES:
         print(f'"{title}": {lpips(weights_of(told / "weights"), *pair(title))[0]:.6f},')
-    for title in ("s03 turned", "s05 blurred"):
-        print(f'"{title}": {lpips(weights_of(told / "weights"), *street_pair(told, title))[0]:.6f},')

@@ -5,24 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 
-def ssim_planes(x: np.ndarray, y: np.ndarray, window: int = 7) -> tuple[float, np.ndarray]:
-    """The mean over whole windows, and the map with the picture mirrored at its border, of two H x W planes 0..255.
-
-    Wang et al. 2004, eq. 13, with all pixels of a window alike and variances divided by n - 1.
-    """
-    c1, c2, reach = (0.01 * 255) ** 2, (0.03 * 255) ** 2, window // 2
-    a, b = (np.pad(plane.astype(float), reach, mode="symmetric") for plane in (x, y))
-    out = np.zeros(x.shape)
-    for row in range(x.shape[0]):
-        for column in range(x.shape[1]):
-            p = a[row : row + window, column : column + window].ravel()
-            q = b[row : row + window, column : column + window].ravel()
-            (vp, vpq), (_, vq) = np.cov(p, q)
-            mp, mq = p.mean(), q.mean()
-            out[row, column] = (2 * mp * mq + c1) * (2 * vpq + c2) / ((mp**2 + mq**2 + c1) * (vp + vq + c2))
-    return float(out[reach:-reach, reach:-reach].mean()), out
-
-
 def nearest(points: np.ndarray, others: np.ndarray) -> np.ndarray:
     """N distances to the nearest of M others."""
     return np.array([min(float(np.sqrt(((p - q) ** 2).sum())) for q in others) for p in points])

@@ -7,7 +7,6 @@ import dataclasses
 import functools
 import json
 import os
-import signal
 import subprocess
 import sys
 import time
@@ -183,24 +182,6 @@ def test_a_process_that_dies_takes_only_its_case(tmp_path: Path) -> None:
     )
     assert done.failures[0].case.frame == "+10" and "process died" in str(done.failures[0].error)
     assert len(done.failures) == 1 and len(done.stored) == 5
-
-
-def die_once(mark: Path, seed: int) -> object:
-    """A truth whose first reader is killed, as by the system when memory runs out."""
-    if not mark.exists():
-        mark.touch()
-        os.kill(os.getpid(), signal.SIGKILL)
-    return made_up.truth(seed)
-
-
-@pytest.mark.slow
-def test_a_process_that_was_killed_once_costs_nothing(tmp_path: Path) -> None:
-    """Every case has its result in the end."""
-    whole = made_up_dataset(1)
-    once = dataclasses.replace(whole.cases[2], load=functools.partial(die_once, tmp_path / "mark", 1))
-    cases = (*whole.cases[:2], once, *whole.cases[3:])
-    done = evaluated(dataclasses.replace(whole, cases=cases), tmp_path / "out", Method("dlama", "telea"), jobs=2)
-    assert done.failures == () and len(done.stored) == 6
 
 
 @pytest.mark.parametrize("damaged", [b"", b"\xff\xd8cut short"])
