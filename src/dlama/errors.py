@@ -17,6 +17,7 @@ DlamaError
 
 from __future__ import annotations
 
+import importlib
 import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -117,6 +118,14 @@ class MissingExtraError(DlamaError, ImportError):
 
     def __init__(self, what: str, package: str, extra: str) -> None:
         super().__init__(f"{what} needs the package '{package}': pip install 'dlama[{extra}]'")
+
+
+def import_extra(module: str, what: object, package: str, extra: str) -> Any:
+    """A module of an optional dependency. MissingExtraError, which says what needs it, where it is not installed."""
+    try:
+        return importlib.import_module(module)
+    except ImportError as error:
+        raise MissingExtraError(str(what), package, extra) from error
 
 
 def first_line(error: BaseException) -> str:

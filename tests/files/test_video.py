@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import builtins
+import sys
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -48,14 +47,7 @@ def test_what_cannot_be_a_video_leaves_nothing(tmp_path: Path, monkeypatch: pyte
         write_video(tmp_path / "a.gif", [])
     with pytest.raises(ShapeError, match="one size is expected"):
         write_video(tmp_path / "a.gif", [PICTURES[0], PICTURES[0][1:]])
-    original = builtins.__import__
-
-    def without(name: str, *given: Any, **more: Any) -> Any:
-        if name == "av":
-            raise ImportError(name)
-        return original(name, *given, **more)
-
-    monkeypatch.setattr(builtins, "__import__", without)
+    monkeypatch.setitem(sys.modules, "av", None)
     with pytest.raises(MissingExtraError, match=r"pip install 'dlama\[video\]'"):
         write_video(tmp_path / "a.mp4", PICTURES)
     assert list(tmp_path.iterdir()) == []

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import IO, Any
 
-from dlama.errors import FileError, MissingExtraError, OutputError, first_line
+from dlama.errors import FileError, MissingExtraError, OutputError, first_line, import_extra
 from dlama.files.atomic_write import new_file
 from dlama.files.drafts import DRAFT, hold, name_of, remove
 
@@ -209,8 +209,4 @@ def file_system(path: str) -> tuple[Any, str]:
 
 
 def _fsspec(path: str) -> Any:
-    try:
-        import fsspec
-    except ImportError as error:
-        raise MissingExtraError(path, "fsspec", "batch") from error
-    return fsspec
+    return import_extra("fsspec", path, "fsspec", "batch")

@@ -18,7 +18,7 @@ from weakref import WeakSet
 
 import numpy as np
 
-from dlama.errors import DlamaError, FileError, InputError, MissingExtraError, first_line, system_errors
+from dlama.errors import DlamaError, FileError, InputError, first_line, import_extra, system_errors
 from dlama.models.verify import sha256_of
 
 PROVIDERS = {
@@ -190,8 +190,4 @@ def close_networks() -> None:
 
 
 def _onnxruntime() -> Any:
-    try:
-        import onnxruntime
-    except ImportError as error:
-        raise MissingExtraError("running a network", "onnxruntime", "onnx") from error
-    return onnxruntime
+    return import_extra("onnxruntime", "running a network", "onnxruntime", "onnx")

@@ -8,22 +8,20 @@ github.com/codekansas/usa, usa/tasks/datasets/r3d.py, and nerfstudio's record3d_
 
 from __future__ import annotations
 
-import io
 import zipfile
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from PIL import Image
 
 from dlama.datasets.captures.captured_frames import capture_files, captured_frames
 from dlama.datasets.posed.nerfstudio import CV_FROM_GL
 from dlama.datasets.posed.posed_frames import FrameFiles, Lens, PosedFrame
 from dlama.datasets.text_tables import pose_of
-from dlama.errors import DlamaError, FileError, MissingExtraError, first_line
+from dlama.errors import FileError, import_extra
 from dlama.files.fields import FileFields, json_fields
-from dlama.files.rasters.images import check_pixels
+from dlama.files.rasters.images import check_pixels, picture_of_bytes
 from dlama.geometry.rgbd import UInt8Array
 
 META, INSIDE, SUFFIX = "metadata", "rgbd", ".r3d"
@@ -77,22 +75,12 @@ def _lens(fields: FileFields, number: int, hw: tuple[int, int]) -> Lens:
 
 def color_of_member(place: Path, name: str) -> UInt8Array:
     """H x W x 3 RGB of a JPEG in the file. FileError."""
-    try:
-        with Image.open(io.BytesIO(read_member(place, name)), formats=("JPEG", "PNG")) as picture:
-            check_pixels(f"{place}: {name}", *picture.size)
-            return np.asarray(picture.convert("RGB"))
-    except DlamaError:
-        raise
-    except Exception as error:
-        raise FileError(f"{place}: {name} is damaged ({first_line(error)})") from error
+    return np.asarray(picture_of_bytes(read_member(place, name), f"{place}: {name}").convert("RGB"))
 
 
 def array_of_member(place: Path, name: str, kind: str, hw: tuple[int, int]) -> Any:
     """h x w numbers that are packed by LZFSE. FileError, MissingExtraError."""
-    try:
-        import lzfse
-    except ImportError as error:
-        raise MissingExtraError(f"{place}: depth packed by LZFSE", "lzfse", "captures") from error
+    lzfse = import_extra("lzfse", f"{place}: depth packed by LZFSE", "lzfse", "captures")
     try:
         data = lzfse.decompress(read_member(place, name))
     except (lzfse.error, ValueError) as error:

@@ -7,7 +7,6 @@ b), 0 missing). Camera frames have OpenCV's axes ("optical", REP 103); transform
 
 from __future__ import annotations
 
-import io
 import struct
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -15,11 +14,10 @@ from typing import Any
 
 import cv2
 import numpy as np
-from PIL import Image
 
 from dlama.datasets.text_tables import nearest_in_time, pose_of
-from dlama.errors import FileError, first_line
-from dlama.files.rasters.images import check_pixels
+from dlama.errors import FileError
+from dlama.files.rasters.images import check_pixels, picture_of_bytes
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.poses import invert_pose, slerp
 from dlama.geometry.rgbd import Float32Array, UInt8Array
@@ -79,7 +77,7 @@ def is_color(message: Any) -> bool:
 def color_of(message: Any, where: str) -> UInt8Array:
     """H x W x 3 RGB. FileError, which begins with `where`."""
     if not hasattr(message, "encoding"):
-        return np.asarray(_open_picture(bytes(message.data), where).convert("RGB"))
+        return np.asarray(picture_of_bytes(bytes(message.data), where).convert("RGB"))
     if message.encoding in PACKED:
         return np.asarray(cv2.cvtColor(_pixels(message, np.uint8, 2, where), PACKED[message.encoding]), np.uint8)
     channels = CHANNELS[message.encoding]
@@ -94,7 +92,7 @@ def depth_of(message: Any, where: str, unit: float | None = None) -> Float32Arra
         codes = _pixels(message, DEPTHS[message.encoding], 1, where)[..., 0]
     else:
         data = bytes(message.data)
-        codes = np.asarray(_open_picture(data[DEPTH_HEADER:], where))
+        codes = np.asarray(picture_of_bytes(data[DEPTH_HEADER:], where))
         if message.format.strip().startswith("32FC1"):
             _, a, b = struct.unpack("<iff", data[:DEPTH_HEADER])
             known = codes > 0
@@ -106,18 +104,6 @@ def depth_of(message: Any, where: str, unit: float | None = None) -> Float32Arra
     return codes.astype(np.float32) / (
         MILLIMETRES if codes.dtype.kind in "ui" or codes.dtype == np.int32 else np.float32(1)
     )
-
-
-def _open_picture(data: bytes, where: str) -> Image.Image:
-    try:
-        picture = Image.open(io.BytesIO(data), formats=("JPEG", "PNG"))
-        check_pixels(where, *picture.size)
-        picture.load()
-        return picture
-    except FileError:
-        raise
-    except Exception as error:
-        raise FileError(f"{where}: is damaged, or not packed as JPEG or PNG ({first_line(error)})") from error
 
 
 def _pixels(message: Any, kind: type, channels: int, where: str) -> np.ndarray:

@@ -38,7 +38,7 @@ from dlama.datasets.posed.nerfstudio import SHOWS_PX, distortion_px
 from dlama.datasets.posed.posed_frames import LOG, FrameFiles, Lens, PosedFrame
 from dlama.datasets.posed.registered_depth import register_depth
 from dlama.datasets.text_tables import nearest_in_time
-from dlama.errors import DlamaError, FileError, MissingExtraError, first_line
+from dlama.errors import DlamaError, FileError, first_line, import_extra
 from dlama.files.fields import FileFields
 from dlama.geometry.rgbd import Float32Array, UInt8Array
 
@@ -117,16 +117,15 @@ class Bag:
     reader: Any = None
 
     def __init__(self, path: Path) -> None:
-        try:
-            from rosbags.highlevel import AnyReader
-            from rosbags.typesys import Stores, get_typestore
-        except ImportError as error:
-            raise MissingExtraError(f"{path}: a bag of ROS", "rosbags", "ros") from error
+        highlevel, types = (
+            import_extra(f"rosbags.{name}", f"{path}: a bag of ROS", "rosbags", "ros")
+            for name in ("highlevel", "typesys")
+        )
         self.path, self.lock = path, Lock()
         is_old = path.suffix.lower() == ".bag"
         try:
-            types = get_typestore(Stores.ROS1_NOETIC if is_old else Stores.ROS2_HUMBLE)
-            self.reader = AnyReader([path], default_typestore=types)
+            store = types.get_typestore(types.Stores.ROS1_NOETIC if is_old else types.Stores.ROS2_HUMBLE)
+            self.reader = highlevel.AnyReader([path], default_typestore=store)
             self.reader.open()
             self.units = dict[str, float]()
             self.topics, self.infos, self.transforms = self._list_topics()

@@ -19,7 +19,7 @@ import numpy as np
 from dlama.datasets.captures.captured_frames import capture_files, captured_frames
 from dlama.datasets.posed.posed_frames import FrameFiles, Lens, PosedFrame
 from dlama.datasets.text_tables import natural_order, pose_at
-from dlama.errors import FileError, MissingExtraError
+from dlama.errors import FileError, import_extra
 from dlama.files.fields import read_json_fields
 from dlama.files.rasters.depth import read_depth
 from dlama.files.rasters.images import existing_file
@@ -106,13 +106,10 @@ def depth_of_bin(path: Path, number: int) -> Float32Array:
         return _array(path, zlib.decompress(block, wbits=-zlib.MAX_WBITS), np.float32)[0]
     except zlib.error:
         pass
+    lz4 = import_extra("lz4.block", f"{path}: depth packed by LZ4", "lz4", "captures")
     try:
-        import lz4.block
-    except ImportError as error:
-        raise MissingExtraError(f"{path}: depth packed by LZ4", "lz4", "captures") from error
-    try:
-        codes = lz4.block.decompress(block, uncompressed_size=HW[0] * HW[1] * 2)
-    except lz4.block.LZ4BlockError as error:
+        codes = lz4.decompress(block, uncompressed_size=HW[0] * HW[1] * 2)
+    except lz4.LZ4BlockError as error:
         raise FileError(f"{path}: the depth of frame {number} is damaged ({error})") from error
     return _array(path, codes, np.uint16)[0].astype(np.float32) / np.float32(1000)
 

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dlama.errors import MissingExtraError, ShapeError
+from dlama.errors import ShapeError, import_extra
 from dlama.evaluation.metrics.pictures import SETTINGS
 from dlama.geometry.camera import Float64Array
 
@@ -55,11 +55,8 @@ def nearest_distances(points: Float64Array, others: Float64Array) -> Float64Arra
     """For each of N points the distance to the nearest of M others: N metres, inf where there are no others."""
     if len(points) == 0 or len(others) == 0:
         return np.full(len(points), np.inf)
-    try:
-        from scipy.spatial import cKDTree
-    except ImportError as error:
-        raise MissingExtraError("cloud metrics", "scipy", "evaluate") from error
-    return np.asarray(cKDTree(others).query(points)[0], np.float64)
+    spatial = import_extra("scipy.spatial", "cloud metrics", "scipy", "evaluate")
+    return np.asarray(spatial.cKDTree(others).query(points)[0], np.float64)
 
 
 def _mean(distances: Float64Array) -> float:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.errors import MissingExtraError, ShapeError
+from dlama.errors import ShapeError, import_extra
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 
@@ -79,11 +79,7 @@ def ssim_map(truth: UInt8Array, mine: UInt8Array) -> Float64Array:
         raise ShapeError(
             f"pictures are {truth.shape[1]}x{truth.shape[0]}; SSIM needs {SETTINGS.ssim_window} pixels or more a side"
         )
-    try:
-        from skimage.metrics import structural_similarity
-    except ImportError as error:
-        raise MissingExtraError("SSIM", "scikit-image", "evaluate") from error
-    _, full = structural_similarity(
+    _, full = import_extra("skimage.metrics", "SSIM", "scikit-image", "evaluate").structural_similarity(
         truth.astype(np.float64),
         mine.astype(np.float64),
         win_size=SETTINGS.ssim_window,

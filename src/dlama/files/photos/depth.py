@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from dlama.errors import DepthError, DlamaError, MissingExtraError, first_line
+from dlama.errors import DepthError, DlamaError, first_line
 from dlama.files.atomic_write import PathLike
 from dlama.files.cameras import FILM_DIAGONAL_MM
 from dlama.files.photos.containers import (
@@ -31,7 +31,15 @@ from dlama.files.photos.containers import (
     list_further_pictures,
 )
 from dlama.files.photos.stereo import match_stereo_photo
-from dlama.files.rasters.images import HEIC, check_pixels, existing_file, orientation_of, picture_hw, read_stored
+from dlama.files.rasters.images import (
+    HEIC,
+    check_pixels,
+    existing_file,
+    open_heif,
+    orientation_of,
+    picture_hw,
+    read_stored,
+)
 from dlama.files.rasters.orientation import apply_orientation
 from dlama.files.rasters.pictures import eight_bit_rgb
 from dlama.geometry.camera import Camera
@@ -81,7 +89,7 @@ def read_photo_depth(path: PathLike) -> PhotoDepth | None:
     if not (heic or data.startswith(JPEG_BEGINS)):
         return None
     try:
-        opened = _open_heic(file, data) if heic else None
+        opened = open_heif(file, io.BytesIO(data), convert_hdr_to_8bit=False) if heic else None
         hw = picture_hw(file) if opened is None else (opened.size[1], opened.size[0])  # not decoded
         found = _of_google(file, data)
         if found is None:
@@ -97,14 +105,6 @@ def read_photo_depth(path: PathLike) -> PhotoDepth | None:
                 f"{file}: the depth in it is {shape[1]}x{shape[0]} and the picture {width}x{height}; they do not show the same"
             )
     return found
-
-
-def _open_heic(file: Path, data: bytes) -> Any:
-    try:
-        import pillow_heif
-    except ImportError as error:
-        raise MissingExtraError(f"{file}: a HEIC picture", "pillow-heif", "heic") from error
-    return pillow_heif.open_heif(io.BytesIO(data), convert_hdr_to_8bit=False)
 
 
 def _of_heic(file: Path, data: bytes, opened: Any, hw: tuple[int, int]) -> PhotoDepth | None:

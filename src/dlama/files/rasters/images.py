@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 from PIL import Image
 
-from dlama.errors import DlamaError, FileError, MissingExtraError, first_line, system_errors
+from dlama.errors import DlamaError, FileError, first_line, import_extra, system_errors
 from dlama.files.atomic_write import PathLike
 from dlama.files.rasters.orientation import (
     BIG_TIFF_HEADS,
@@ -183,14 +183,28 @@ def _open(file: Path, data: bytes) -> Iterator[Image.Image]:
 
 def _heic(file: Path) -> Image.Image:
     """The main picture of a HEIC file, 8 bits a channel; its decoder turns it as viewers show it."""
-    try:
-        import pillow_heif
-    except ImportError as error:
-        raise MissingExtraError(f"{file}: a HEIC picture", "pillow-heif", "heic") from error
-    opened = pillow_heif.open_heif(file)
+    opened = open_heif(file, file)
     check_pixels(file, *opened.size)
     picture: Image.Image = opened.to_pillow()
     return picture
+
+
+def open_heif(file: Path, source: Path | io.BytesIO, **options: bool) -> Any:
+    """A HEIC file, or its bytes, by pillow-heif. MissingExtraError."""
+    return import_extra("pillow_heif", f"{file}: a HEIC picture", "pillow-heif", "heic").open_heif(source, **options)
+
+
+def picture_of_bytes(data: bytes, where: str) -> Image.Image:
+    """A JPEG or PNG, decoded. FileError, which begins with `where`: it is damaged, of another kind or too large."""
+    try:
+        picture = Image.open(io.BytesIO(data), formats=("JPEG", "PNG"))
+        check_pixels(where, *picture.size)
+        picture.load()
+        return picture
+    except FileError:
+        raise
+    except Exception as error:
+        raise FileError(f"{where}: is damaged, or not packed as JPEG or PNG ({first_line(error)})") from error
 
 
 def _check_sums(file: Path, data: bytes) -> None:

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from dlama.errors import DlamaError, FileError, MissingExtraError, first_line, system_errors
+from dlama.errors import DlamaError, FileError, first_line, import_extra, system_errors
 from dlama.files.rasters.images import check_pixels, existing_file
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.rgbd import UInt8Array, UInt16Array
@@ -71,10 +71,7 @@ class Video:
     """A track of an open video; one picture is decoded after the other as long as places ascend."""
 
     def __init__(self, path: Path, track: int) -> None:
-        try:
-            import av
-        except ImportError as error:
-            raise MissingExtraError(f"{path}: a video", "av", "video") from error
+        av = import_extra("av", f"{path}: a video", "av", "video")
         self.path, self.lock, self.next = path, Lock(), 0
         try:
             self.container = av.open(str(path))

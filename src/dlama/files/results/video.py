@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from dlama.errors import InputError, MissingExtraError, OutputError, ShapeError, system_errors
+from dlama.errors import InputError, OutputError, ShapeError, import_extra, system_errors
 from dlama.files.atomic_write import PathLike, new_file
 from dlama.geometry.rgbd import UInt8Array
 
@@ -81,8 +81,4 @@ def _write_animation(path: Path, pictures: Iterator[UInt8Array], fps: float) -> 
 
 def _av() -> Any:
     """PyAV, or MissingExtraError."""
-    try:
-        import av
-    except ImportError as error:
-        raise MissingExtraError("writing a video (WebP and GIF go without)", "av", "video") from error
-    return av
+    return import_extra("av", "writing a video (WebP and GIF go without)", "av", "video")

@@ -6,7 +6,6 @@ https://openusd.org/release/spec_usdz.html. What a camera saw is lit already, so
 
 from __future__ import annotations
 
-import importlib
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,7 +14,7 @@ from typing import Any
 import numpy as np
 from PIL import Image as Pillow
 
-from dlama.errors import MissingExtraError, OutputError
+from dlama.errors import OutputError, import_extra
 from dlama.files.atomic_write import PathLike, new_file
 from dlama.files.scenes.glb import GLTF_FROM_OPENCV
 from dlama.files.scenes.textured_mesh import JPEG_QUALITY, pack_parts
@@ -33,10 +32,7 @@ def check_usd() -> None:
 
 
 def _usd(name: str) -> Any:
-    try:
-        return importlib.import_module(f"pxr.{name}")
-    except ImportError as error:
-        raise MissingExtraError("a USDZ file", "usd-core", "usd") from error
+    return import_extra(f"pxr.{name}", "a USDZ file", "usd-core", "usd")
 
 
 def write_usdz(path: PathLike, parts: Sequence[MeshPart]) -> None:
