@@ -112,15 +112,15 @@ def test_kinds_are_whole():
 def test_old_settings_files_still_load():
     """Oracle: the files of published runs, and the kinds and settings that the first edition wrote."""
     folder = Path(__file__).parents[2] / "benchmarks" / "training_settings"
-    assert len([settings_of(path) for path in folder.glob("*.json")]) >= 2
+    assert len([settings_of(path) for path in folder.glob("*.json")]) >= 3
     first = {"data": {"mixture": dict.fromkeys(("sketch", "world", "frame", "removal"), 1.0), "cases": 0.25}}
     found = from_json(json.dumps(first | {"loop": {"validate_every": 5, "sheet_every": 7}}))
     assert found.data.cases == 0.25 and set(found.data.mixture) == set(first["data"]["mixture"])
 
 
 def test_settings_load_no_torch():
-    """Oracle: sys.modules of a fresh interpreter. The command line's help must be quick."""
-    modules = "sys, dlama.training.presets, dlama.apps.verbs.networks.train"
+    """Oracle: sys.modules of a fresh interpreter. The command line's help must be quick, and packing needs no torch."""
+    modules = "sys, dlama.training.presets, dlama.apps.verbs.networks.train, dlama.training.data.pack"
     code = f"import {modules}; print('torch' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"

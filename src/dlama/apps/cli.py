@@ -44,7 +44,7 @@ from dlama.apps.verbs.measuring.doctor import doctor
 from dlama.apps.verbs.measuring.evaluate import evaluate
 from dlama.apps.verbs.measuring.worlds import worlds
 from dlama.apps.verbs.networks.model_verbs import models
-from dlama.apps.verbs.networks.train import train
+from dlama.apps.verbs.networks.train import pack, train
 from dlama.apps.verbs.photo3d import photo3d
 from dlama.apps.verbs.sequence import sequence
 from dlama.apps.verbs.serve import serve
@@ -190,6 +190,7 @@ VERBS: dict[str, Callable[..., Any]] = {
     "evaluate": evaluate,
     "worlds": worlds,
     "train": train,
+    "pack": pack,
 }
 
 

@@ -248,7 +248,7 @@ def test_the_run_goes_on_when_a_checkpoint_fails_but_not_without_the_last(tmp_pa
 
 def test_what_is_refused_leaves_no_run(tmp_path):
     """Oracle: law; after a wrong --data the same directory cases the right command."""
-    with pytest.raises(InputError, match="no such folder"):
+    with pytest.raises(InputError, match="no such file or folder"):
         train(toy(steps=1), tmp_path / "run", data=[tmp_path / "gone"])
     assert train(toy(steps=1), tmp_path / "run").step == 1
 

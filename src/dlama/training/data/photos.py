@@ -28,7 +28,7 @@ class Photo:
     """A picture without depth, not yet read."""
 
     name: str
-    """File name without folder and suffix."""
+    """File name without folder and suffix: the same in a folder and in a pack."""
     load: Callable[[], UInt8Array]
     """H x W x 3 RGB; picklable."""
 

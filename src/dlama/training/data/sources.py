@@ -13,6 +13,7 @@ import numpy as np
 from dlama.datasets.layouts import LAYOUTS, SeveralLayoutsError, detect, open_dataset
 from dlama.errors import FileError, InputError, system_errors
 from dlama.training.data.cases import KIND_NAMES, TrainingCase, split_cases, training_cases
+from dlama.training.data.pack_format import read_pack
 from dlama.training.data.photos import Photo, folder_photos, split_photos
 from dlama.training.data.samples.dataset import DatasetPairs, DatasetRemovals, DatasetViews
 from dlama.training.data.samples.guesses import GuessSamples, holds_crops
@@ -65,7 +66,7 @@ class Mixture:
 
 @dataclass(frozen=True)
 class TrainingData:
-    """Photos and dataset cases that were found in folders; their pictures are not read yet."""
+    """Photos and dataset cases that were found in folders and packs; their pictures are not read yet."""
 
     photos: tuple[Photo, ...] = ()
     cases: tuple[TrainingCase, ...] = ()
@@ -81,7 +82,7 @@ def source_for(settings: TrainSettings, data: Sequence[Path], split: Split) -> S
     """The source of a run's samples; held-out samples share no world, photo or frame with those trained on.
 
     Args:
-        data: folders of pictures or datasets; none: procedural worlds alone.
+        data: folders of pictures, datasets or packs; none: procedural worlds alone.
     Raises:
         InputError: `data` names nothing that can be read or is of use, or the mixture needs files that `data` lacks.
         FileError: a file of `data` cannot be read.
@@ -111,12 +112,12 @@ def usage_summary(found: TrainingData, settings: TrainSettings) -> str:
 
 @system_errors(FileError)
 def find_training_data(data: Sequence[Path]) -> TrainingData:
-    """The photos and cases of folders of pictures and of datasets. InputError, FileError."""
+    """The photos and cases of folders of pictures, datasets and packs. InputError, FileError."""
     photos: list[Photo] = []
     cases: list[TrainingCase] = []
     crops = tuple(path for path in map(Path, data) if holds_crops(path))
     for path in (path for path in map(Path, data) if path not in crops):
-        more_photos, more_cases = _in_folder(path)
+        more_photos, more_cases = read_pack(path) if path.is_file() else _in_folder(path)
         photos += more_photos
         cases += more_cases
     return TrainingData(tuple(photos), tuple(cases), crops)
@@ -125,7 +126,7 @@ def find_training_data(data: Sequence[Path]) -> TrainingData:
 def _in_folder(path: Path) -> tuple[Sequence[Photo], Sequence[TrainingCase]]:
     """The cases of a dataset of a known layout, or else the pictures of the folder."""
     if not path.is_dir():
-        raise FileError(f"{path}: no such folder; pictures or a data set is expected")
+        raise FileError(f"{path}: no such file or folder; pictures, a data set or a pack is expected")
     try:
         layout = detect(path)
     except SeveralLayoutsError:

@@ -59,7 +59,7 @@ def train(
     Args:
         settings: of a new run; of a resumed one they must be the same, see `run_files.MAY_CHANGE`.
         run: directory; made where it is missing, must not hold a run unless `resume`.
-        data: folders of pictures or datasets that samples are made of; none: procedural worlds.
+        data: folders of pictures, datasets or packs that samples are made of; none: procedural worlds.
         max_minutes: stop after so long, with a checkpoint and an export; default: no limit.
         resume: continue from `last.ckpt`; the numbers are those of a run that was never stopped.
         source: samples to train on, in place of those of `data`.

@@ -1,1 +1,1 @@
-"""Verbs about networks: `dlama models`, `train`."""
+"""Verbs about networks: `dlama models`, `train`, `pack`."""
