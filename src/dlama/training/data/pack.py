@@ -25,7 +25,6 @@ from dlama.training.data.crops import resize_color
 from dlama.training.data.pack_format import CASES, FORMAT, INDEX, PHOTOS, VERSION, encode_case, webp
 from dlama.training.data.photos import Photo
 from dlama.training.data.sources import find_training_data
-from dlama.training.limits import check_pack
 
 LONGEST = 1.5
 """A photo's longer side is cut (about its centre) to so many times the smaller one."""
@@ -90,7 +89,6 @@ def pack(data: Sequence[Path], output: Path, megabytes: float = 45.0, size: int 
     if not megabytes > 0:
         raise InputError(f"`megabytes` is {megabytes}; more than 0 is expected")
     found, rng = find_training_data(data), np.random.default_rng(check_seed(seed))
-    check_pack(len(found.photos) + len(found.cases), megabytes, size, output)
     contents = PackContents(megabytes * 1e6 - END_BYTES - 2 * len(INDEX) - PART_BYTES - 200)
     reserve = contents.bytes_left * (1 - CASE_SHARE) if found.photos else 0.0
     cases, photos = _shuffle(found.cases, rng), _shuffle(found.photos, rng)
