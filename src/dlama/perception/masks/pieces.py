@@ -19,9 +19,9 @@ TOUCHING_PX = 3
 LARGER = 3.0
 """A piece so many times larger than the clicked one, which also covers LARGE_SHARE, is another object."""
 LARGE_SHARE = 0.05
-MOSTLY = 0.5
+MOSTLY = 0.95
 """Share of the common border with similar depths that joins two pieces. A stool before a bed touches it at its ground contact
-alone."""
+alone, a vase what lies behind the edge of its plinth."""
 
 
 @dataclass(frozen=True, eq=False)
