@@ -63,7 +63,7 @@ def refused(capsys: pytest.CaptureFixture[str], *words: str) -> str:
 @pytest.mark.slow
 def test_worlds_say_what_to_do_next(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Oracle: the command that is printed, run as it stands."""
-    main(["worlds", "-o", str(tmp_path / "made"), "--count", "1", "--size", "48", "--no-shadows"])
+    main(["worlds", "-o", str(tmp_path / "made"), "--count", "1", "--size", "48"])
     place, _, command = capsys.readouterr().out.strip().partition(": 1 scene. Next: ")
     assert place == str(tmp_path / "made") and command.startswith(f"dlama evaluate {place} ")
     words = command.split()[1:-1]

@@ -28,7 +28,7 @@ needs_data = pytest.mark.skipif("DLAMA_DATA" not in os.environ, reason="needs DL
 @cache
 def orbit(seed: int) -> tuple[dlama.RGBD, ...]:
     """Six frames of a world, 8 degrees apart."""
-    made = build(seed, None, (), shadows=True, antialias=True)
+    made = build(seed, None, ())
     return tuple(made.frame(dlama.orbit(made.camera(0, 128), 8.0 * n, 3.0 * n)) for n in range(6))
 
 
@@ -86,7 +86,7 @@ def test_exposure_and_white_balance_are_no_gamma() -> None:
 
 def test_a_zoomed_picture_with_its_own_lens_is_not_odd() -> None:
     """Oracle: a world seen by a camera of another focal length is seen rightly."""
-    made, frames = build(3, None, (), shadows=True, antialias=True), list(orbit(3))
+    made, frames = build(3, None, ()), list(orbit(3))
     frames[2] = made.frame(with_focal(1.3)(frames[2]).camera)
     assert odd(frames) == []
 

@@ -26,7 +26,7 @@ needs_data = pytest.mark.skipif("DLAMA_DATA" not in os.environ, reason="needs DL
 
 @cache
 def world(seed: int) -> World:
-    return build(seed, None, (), shadows=True, antialias=True)
+    return build(seed, None, ())
 
 
 @cache

@@ -30,7 +30,7 @@ EYE = 1.2, 1.6
 
 @cache
 def world(seed: int) -> Observed:
-    made = build(seed, "street" if seed % 2 else "room", (), shadows=True, antialias=True)
+    made = build(seed, "street" if seed % 2 else "room", ())
     camera = made.camera(0, 256, 75)
     seen = made.raycast(camera)
     return observed(dlama.RGBD(seen.color, seen.depth, camera), seen.group == made.object_index)
