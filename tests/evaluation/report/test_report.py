@@ -8,6 +8,7 @@ import json
 import re
 import subprocess
 import sys
+import xml.etree.ElementTree as ET
 from html.parser import HTMLParser
 from pathlib import Path
 from shutil import which
@@ -21,8 +22,10 @@ from dlama.datasets.frames import Dataset
 from dlama.errors import MissingExtraError
 from dlama.evaluation.protocols.methods import Method, ProtocolSettings
 from dlama.evaluation.report import panels
+from dlama.evaluation.report.charts import Figure, curves
 from dlama.evaluation.report.panels import Chosen, as_data_urls, choose
 from dlama.evaluation.report.sections import EXPLAINED, Section
+from dlama.evaluation.report.summary import summarise
 from dlama.evaluation.report.tables import Cell, Table
 from dlama.evaluation.report.templates import PARTS
 from dlama.evaluation.report.write import FILES, page, settings_hash, write_report
@@ -100,24 +103,25 @@ def test_the_page_is_well_formed_and_needs_nothing_else(report: Path) -> None:
     text = (report / "report.html").read_text("utf-8")
     outline = Outline(text)
     assert outline.open == []
-    assert len(outline.ids) == len(set(outline.ids)) > 7
+    assert len(outline.ids) == len(set(outline.ids)) > 10
     assert {link[1:] for link in outline.links} <= set(outline.ids) and all(
         link.startswith("#") for link in outline.links
     )
     assert outline.loads and all(one.startswith("data:image/jpeg;base64,") for one in outline.loads)
     assert not re.search(r"@import|https?://|url\((?!#)|src=\"(?!data:)", text)
-    assert outline.tags.count("script") == 1
+    plots, lines = 8 + 6, 4 + 1 + 4  # whole and unseen over yaw; four methods, the paper's numbers once
+    assert outline.tags.count("svg") == plots + lines and outline.tags.count("script") == 1
 
 
 def test_pictures_come_first_and_abbreviations_are_explained(report: Path) -> None:
-    """Oracles: the order of headings; each sentence stands before the first heading."""
+    """Oracles: the order of headings; each sentence stands before the first heading, in markdown before the first table."""
     text = (report / "report.html").read_text("utf-8")
     headings = re.findall(r"<h2>(.*?)</h2>", text)
     assert headings[0].startswith("Pictures") and headings[1] == "View change (VPI) on toy"
     assert text.index("<figure") < text.index("<table")
-    before = text[: text.index("<h2>")]
+    before, summary = text[: text.index("<h2>")], (report / "summary.md").read_text("utf-8")
     for name in ("vpi", "ori"):
-        assert EXPLAINED[name] in before
+        assert EXPLAINED[name] in before and EXPLAINED[name] in summary[: summary.index("|")]
     assert EXPLAINED["sii"] not in text  # it did not run
 
 
@@ -127,7 +131,7 @@ def test_names_are_escaped() -> None:
     table = Table(bad, (bad,), ((Cell(bad, interval=bad),),), bad)
     chosen = Chosen("vpi", bad, bad, "best", bad, bad, bad, 0.5, "")
     shown = [(chosen, "data:image/jpeg;base64,")]
-    section = Section("a", bad, bad, (table, dataclasses.replace(table, minor=True)))
+    section = Section("a", bad, bad, (Figure(bad, (), (("", bad),)),), (table, dataclasses.replace(table, minor=True)))
     text = page(bad, {"lead": bad, "settings_hash": bad, "x": {bad: bad}}, {bad: bad}, [section], shown, [bad])
     assert "<b onclick" not in text and text.count("&lt;b onclick=") > 20
 
@@ -179,6 +183,25 @@ def test_the_page_shows_the_numbers(report: Path) -> None:
     assert "View change (VPI) on toy" in text and "Object removal (ORI) on toy" in text
 
 
+def test_markdown_has_the_tables(report: Path) -> None:
+    """Oracle: every table has rows as wide as its head; hash beside each; all of the sections."""
+    text = (report / "summary.md").read_text("utf-8")
+    blocks = re.findall(r"(?:^\|.*\|\n)+", text, re.MULTILINE)
+    assert len(blocks) >= 15
+    for block in blocks:
+        assert len({len(re.findall(r"(?<!\\)\|", line)) for line in block.splitlines()}) == 1
+    assert text.count(f"Settings `{settings_hash(SETTINGS)}`") == len(blocks)
+    for wanted in (
+        "| ±60 |",
+        "**Whole pictures**",
+        "Hidden regions",
+        "object,dilate=3",
+        "Runtime and memory",
+        "dlama evaluate toy",
+    ):
+        assert wanted in text
+
+
 @pytest.mark.slow
 def test_the_same_results_give_the_same_report(tmp_path: Path) -> None:
     """Oracle: bytes, in two folders; runtimes left out by one fixed number of the protocol's own."""
@@ -192,13 +215,47 @@ def test_the_same_results_give_the_same_report(tmp_path: Path) -> None:
 
 
 def test_failures_are_listed(tmp_path: Path) -> None:
-    """On the page, and in the first line."""
+    """On the page, in markdown, and in the first line."""
     dataset = made_up_dataset(1, (10.0,))
     methods = (Method("dlama", "telea"), Method("paper", "bad"))
     write_report(tmp_path, dataset, evaluated(tmp_path, dataset, methods), SETTINGS)
-    text = (tmp_path / "report.html").read_text("utf-8")
-    assert "vpi s0 +10, paper/bad: RuntimeError: no such luck with paper" in text
-    assert "1 failed and count nowhere" in text
+    for name in ("report.html", "summary.md"):
+        text = (tmp_path / name).read_text("utf-8")
+        assert "vpi s0 +10, paper/bad: RuntimeError: no such luck with paper" in text
+        assert "1 failed and count nowhere" in text
+
+
+def test_curves_are_svg_with_the_methods_and_the_paper() -> None:
+    """Oracles: an XML parser; the drawn points of a line, counted."""
+    cases = mixed().cases
+    rows = [
+        dataclasses_row(case, method, value)
+        for case in cases
+        if case.protocol == "vpi"
+        for method, value in (("dlama/telea", 0.5), ("paper/telea", 0.7))
+    ]
+    figure = curves(summarise(rows), "vpi", "toy", [("whole", "rgb", "ssim")], ["dlama/telea", "paper/telea"], "Whole")
+    assert figure and len(figure.plots) == 1
+    assert [name for _, name in figure.legend] == ["dlama/telea", "paper/telea", "paper, other data"]
+    (svg,) = figure.plots
+    root = ET.fromstring(svg.replace("xlink:", ""))
+    words = "".join(root.itertext())
+    assert "±60" in words and "colour SSIM" in words
+    assert len([one for one in root.iter() if one.get("id", "").partition("-")[2].startswith("line2d")]) > 3
+    assert root.attrib["aria-label"] == "Whole: colour SSIM ↑" and "currentColor" in svg and "#0a0b0c" not in svg
+    assert figure.has_intervals  # four scenes
+    one_scene = [row for row in rows if row.scene == rows[0].scene]
+    alone = curves(summarise(one_scene), "vpi", "toy", [("whole", "rgb", "ssim")], ["dlama/telea"], "Whole")
+    assert alone and not alone.has_intervals
+    assert curves(summarise(rows[:2]), "vpi", "toy", [("whole", "rgb", "ssim")], ["dlama/telea"], "Whole") is None
+
+
+def dataclasses_row(case, method: str, value: float):  # type: ignore[no-untyped-def]
+    """A row of results.csv of a case."""
+    from dlama.evaluation.runner.store import Row
+
+    recipe, filler = method.split("/")
+    return Row("vpi", "toy", case.scene, case.frame, case.yaw, recipe, filler, "whole", "rgb", "ssim", value)
 
 
 def test_best_median_and_worst_by_hand(tmp_path: Path) -> None:

@@ -100,11 +100,22 @@ INTEREST = tuple(
     }.items()
     for metric in metrics
 )
-"""What the main tables show; everything else is in `every mean` and in the tables of artifacts."""
+"""What the main tables show; everything else is in the tables of artifacts."""
+CURVES: tuple[tuple[str, str], ...] = (
+    ("rgb", "ssim"), ("rgb", "lpips"), ("rgb", "psnr"), ("depth", "lpips"), ("depth", "mse"), ("depth_m", "mae"),
+)  # fmt: skip
+MORE_WHOLE: tuple[Which, ...] = (("whole", "rgb", "psnr"), ("whole", "depth_m", "mae"), MASK_RATIO)
 PER_YAW_HIDDEN: tuple[Which, ...] = (
     ("unseen", "rgb", "lpips"),
     ("unseen", "rgb", "psnr"),
     ("unseen", "depth_m", "mae"),
+)
+REMOVAL: tuple[Which, ...] = tuple(
+    ("mask", modality, metric)
+    for modality, metric in (
+        *(("rgb", "ssim"), ("rgb", "lpips"), ("rgb", "mse"), ("depth_m", "mae")),
+        *(("cloud", "fscore_0.05"), ("disparity", "bad-1")),
+    )
 )
 VARIANT_METRICS: tuple[Which, ...] = (
     *(

@@ -1,4 +1,4 @@
-"""A Summary in; the section about confidence (calibration, sparsification, reliability curve) and its lines out."""
+"""A Summary in; the section about confidence (reliability curve, calibration, sparsification) and its lines out."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 
 from dlama.evaluation.metrics.reliability import BINS, Bins
 from dlama.evaluation.protocols.reliability import MODALITY, REGION
+from dlama.evaluation.report.charts import Figure, against_diagonal
 from dlama.evaluation.report.summary import ALL, Key, Summary
 from dlama.evaluation.report.tables import EMPTY, Cell, Table
 
@@ -77,6 +78,19 @@ def reliability_tables(summary: Summary, protocol: str, dataset: str, methods: S
 
 def _bin(share: float, predicted: float, right: float) -> Cell:
     return EMPTY if share <= 0 else Cell(f"{right / share:.2f} ({share:.0%})", right / share)
+
+
+def reliability_figure(summary: Summary, protocol: str, dataset: str, methods: Sequence[str]) -> Figure | None:
+    """Predicted against right, bin by bin, a line a method, and the diagonal."""
+    lines = {}
+    for method in methods:
+        bins = bins_of(summary, protocol, dataset, method)
+        if bins is not None:
+            some = bins.share >= 0.005
+            lines[method] = list(zip(bins.predicted[some] / bins.share[some], bins.right[some] / bins.share[some]))
+    if not lines:
+        return None
+    return against_diagonal(lines, ("confidence", "share that is right"), "Reliability", (protocol, dataset))
 
 
 def reliability_lines(summary: Summary) -> list[str]:

@@ -1,9 +1,9 @@
-"""A Summary in; tables, some of the paper's shape, out, as cells."""
+"""A Summary in; tables, some of the paper's shape, out, as cells that markdown and HTML are written from."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from statistics import median
 from typing import NamedTuple
@@ -36,6 +36,8 @@ class Table:
     note: str = ""
     minor: bool = False
     """Folded away at first."""
+    with_intervals: bool = False
+    """In markdown, too, the intervals stand next to the means."""
 
     @property
     def word_columns(self) -> list[bool]:
@@ -68,7 +70,7 @@ def by_yaw(
             others = (_paper_cell(value, which[2]) for value, which in zip(published, chosen))
             rows.append((Cell(yaw, other=True), Cell(PAPER, other=True), *others))
     head = ("yaw", "method", *(column_title(*which) for which in chosen))
-    return Table(title, head, tuple(rows)) if rows else None
+    return Table(title, head, tuple(rows), with_intervals=True) if rows else None
 
 
 def side_by_side(
@@ -87,7 +89,7 @@ def side_by_side(
         )
         if any(cell is not EMPTY for cell in cells):
             rows.append((Cell(which[0]), Cell(column_title(*which)), *cells))
-    return Table(title, ("region", "metric", *methods), tuple(rows)) if rows else None
+    return Table(title, ("region", "metric", *methods), tuple(rows), with_intervals=True) if rows else None
 
 
 def variants(
@@ -135,6 +137,31 @@ def variant_of(method: str) -> tuple[str, str]:
     recipe, _, filler = method.rpartition("/")
     base, _, variant = recipe.partition("+")
     return f"{base}/{filler}", variant
+
+
+def markdown(table: Table) -> str:
+    """A table of GitHub's markdown, its heading in bold; best values bold, other data in italics."""
+
+    def text(cell: Cell) -> str:
+        plain = cell.text.replace("|", "\\|")
+        mark = "**" if cell.best else "*" if cell.other else ""
+        extra = f" ({cell.interval})" if table.with_intervals and cell.interval else ""
+        return f"{mark}{plain}{mark}{extra}"
+
+    def lines() -> Iterator[str]:
+        yield f"**{table.title}**"
+        yield ""
+        yield _line(table.head)
+        yield _line("---" for _ in table.head)
+        yield from (_line(map(text, row)) for row in table.rows)
+        if table.note:
+            yield from ("", table.note)
+
+    return "\n".join(lines()) + "\n"
+
+
+def _line(fields: Iterable[str]) -> str:
+    return f"| {' | '.join(fields)} |"
 
 
 def _cell(summary: Summary, key: Key) -> Cell:

@@ -1,4 +1,4 @@
-"""A finished run in; results.csv, timings.csv, summary.json and report.html, a page that loads nothing else, out."""
+"""A finished run in; results.csv, timings.csv, summary.json, summary.md and report.html, a page that loads nothing else, out."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from dlama.evaluation.protocols.methods import ProtocolSettings
 from dlama.evaluation.report.panels import Chosen, as_data_urls, choose
 from dlama.evaluation.report.sections import EXPLAINED, PROTOCOLS, Section, protocols_of, sections
 from dlama.evaluation.report.summary import RESAMPLES, Summary, summarise, write_summary
+from dlama.evaluation.report.tables import markdown
 from dlama.evaluation.report.templates import template
 from dlama.evaluation.runner.cache_key import code_hash, short_hash, versions
 from dlama.evaluation.runner.run import Results
@@ -72,7 +73,7 @@ def flatten(about: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, s
             yield f"{before}{name}".replace("_", " "), text
 
 
-FILES = ("results.csv", "timings.csv", "summary.json", "report.html")
+FILES = ("results.csv", "timings.csv", "summary.json", "summary.md", "report.html")
 
 
 def write_report(
@@ -82,21 +83,20 @@ def write_report(
 
     Raises:
         OutputError: the folder cannot be written.
-        MissingExtraError: jinja2 is not installed.
+        MissingExtraError: matplotlib or jinja2 is not installed.
     """
     rows, timings = result_rows(run.stored), timing_rows(run.stored)
     write_rows(folder / "results.csv", rows)
     write_rows(folder / "timings.csv", timings)
     summary = summarise(rows, seed=seed, about=report_meta(dataset, run, settings, seed, command))
     write_summary(folder / "summary.json", summary)
-    parts = sections(summary, timings)
+    parts = sections(summary, rows, timings, seed)
     explained = {PROTOCOLS[name]: EXPLAINED[name] for name in protocols_of(summary)}
     failed = [failure_line(one) for one in run.failures]
+    _write(folder / "summary.md", "\n".join(summary_lines(dataset, summary, explained, parts, failed)))
     panels = as_data_urls(folder / "panels", choose(run.stored))
     title = f"dlama evaluated on {dataset.name}"
-    text = page(title, summary.about, explained, parts, panels, failed)
-    with new_file(folder / "report.html") as draft:
-        draft.write_text(text, encoding="utf-8", errors="backslashreplace")
+    _write(folder / "report.html", page(title, summary.about, explained, parts, panels, failed))
     return summary
 
 
@@ -130,3 +130,31 @@ def settings_hash(settings: ProtocolSettings) -> str:
 def failure_line(one: Outcome) -> str:
     """`vpi s03 +10, dlama/telea: FileError: ...`."""
     return f"{one.case.protocol} {one.case.scene} {one.case.frame}, {one.method.label}: {one.error}"
+
+
+def summary_lines(
+    dataset: Dataset, summary: Summary, explained: Mapping[str, str], parts: Sequence[Section], failed: Sequence[str]
+) -> Iterator[str]:
+    """summary.md; `explained`, `parts` and `failed` as in `dlama.evaluation.report.write.page`."""
+    facts: Mapping[str, Any] = summary.about
+    yield from (f"# Evaluation on {dataset.name}", "", facts["lead"], "")
+    yield from (*(f"- {sentence}" for sentence in explained.values()), "")
+    if facts["command"]:
+        yield from ("```", facts["command"], "```", "")
+    if failed:
+        yield from ("## What failed", "", *(f"- {line}" for line in failed), "")
+    for part in parts:
+        yield from (f"## {part.title}", "")
+        if part.text:
+            yield from (part.text, "")
+        for table in part.tables:
+            text = f"{markdown(table)}\nSettings `{facts['settings_hash']}`.\n"
+            yield f"<details><summary>{table.title}</summary>\n\n{text}\n</details>\n" if table.minor else text
+    yield from ("## Settings and versions", "")
+    yield from (f"- {name}: `{text}`" for name, text in flatten(facts) if name != "lead")
+    yield ""
+
+
+def _write(path: Path, text: str) -> None:
+    with new_file(path) as draft:
+        draft.write_text(text, encoding="utf-8", errors="backslashreplace")

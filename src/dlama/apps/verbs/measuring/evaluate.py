@@ -33,7 +33,7 @@ NO_FILL = "none"
 """The filler that leaves holes as they are."""
 NETWORK_FILLERS = tuple(name for name, record in FILLERS.items() if record.needs_model)
 """Fillers that run a network."""
-NEEDED = {"scikit-image": "skimage", "scipy": "scipy", "jinja2": "jinja2"}
+NEEDED = {"scikit-image": "skimage", "scipy": "scipy", "matplotlib": "matplotlib", "jinja2": "jinja2"}
 YAW_NEAR = 0.5
 """Degrees by which a pair's yaw may differ from the one asked for."""
 Protocol = Literal["vpi", "ori", "sii"]
@@ -180,7 +180,7 @@ def evaluate(
 
     Args:
         dataset: The folder of a data set, a scene.npz, or worlds[:COUNT[:SEED]] for generated ones where no folder is called so.
-        output: Directory for report.html, summary.json, results.csv, timings.csv, and what a later run takes over.
+        output: Directory for report.html, summary.md, summary.json, results.csv, timings.csv, and what a later run takes over.
         jobs: Processes; each computes on one core.
     """
     check_extra()

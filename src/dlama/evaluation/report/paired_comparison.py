@@ -1,0 +1,85 @@
+"""Rows of results in; a paired comparison of our recipe with the paper's, same filler and same cases, as a table out."""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Sequence
+
+import numpy as np
+
+from dlama.evaluation.protocols.methods import NO_FILL
+from dlama.evaluation.report.columns import PAPER_SHAPE, Which, better_direction, column_title
+from dlama.evaluation.report.summary import ALL, draws, intervals, yaw_labels, yaw_order
+from dlama.evaluation.report.tables import EMPTY, Cell, Table
+from dlama.evaluation.runner.store import Row
+
+OURS, THEIRS = "dlama", "paper"
+NOTE = (
+    f"Change of the mean from {THEIRS} to {OURS} with the same filler on the same cases, with its 95 % interval over scenes, "
+    "and on how many of the cases it is better. Bold: better on average."
+)
+Pairs = dict[str, list[tuple[float, float]]]
+"""Scene -> (ours, theirs) of each case."""
+
+
+def paired_comparison(
+    rows: Sequence[Row], protocol: str, dataset: str, chosen: Sequence[Which], seed: int = 0
+) -> Table | None:
+    """A row a filler and yaw (± together; and all, where there are several), a column a metric.
+
+    Args:
+        seed: the intervals' resamples of scenes are drawn with it.
+    Returns:
+        None where only one of the recipes ran.
+    """
+    pairs = _pairs([row for row in rows if (row.protocol, row.dataset) == (protocol, dataset)])
+    seen = [which for which in chosen if any(key[2] == which for key in pairs)]
+    places = dict.fromkeys((filler, yaw) for filler, yaw, which in pairs if which in seen and filler != NO_FILL)
+    fillers = list(dict.fromkeys(filler for filler, _ in places))
+    single = len({yaw for _, yaw in places} - {ALL}) == 1  # then `all` is the same
+    ordered = sorted(
+        (place for place in places if not (single and place[1] == ALL)),
+        key=lambda place: (fillers.index(place[0]), yaw_order(place[1])),
+    )
+    lines = [
+        (Cell(filler), Cell(yaw), *(_cell(pairs.get((filler, yaw, which)), which[2], seed) for which in seen))
+        for filler, yaw in ordered
+    ]
+    head = ("filler", "yaw", *(column_title(*which) for which in seen))
+    where = "" if tuple(chosen) == PAPER_SHAPE else f", {chosen[0][0]}"
+    title = f"{OURS} against {THEIRS}, same filler{where}"
+    return Table(title, head, tuple(lines), NOTE, with_intervals=True) if lines else None
+
+
+def _pairs(rows: Sequence[Row]) -> dict[tuple[str, str, Which], Pairs]:
+    labels = yaw_labels(rows)
+    theirs = {(*row[2:4], *row[6:10]): row.value for row in rows if row.recipe == THEIRS}
+    found: dict[tuple[str, str, Which], Pairs] = defaultdict(lambda: defaultdict(list))
+    for row in rows:
+        other = theirs.get((*row[2:4], *row[6:10]))
+        if row.recipe != OURS or other is None or not math.isfinite(row.value + other):
+            continue
+        for yaw in labels[row.protocol, row.dataset, row.yaw][:2]:
+            found[row.filler, yaw, (row.region, row.modality, row.metric)][row.scene].append((row.value, other))
+    return found
+
+
+def _cell(pairs: Pairs | None, metric: str, seed: int) -> Cell:
+    """The change of the mean in %. Both recipes get the same resamples of scenes, so their common spread cancels."""
+    side = better_direction(metric)
+    if not pairs or side == 0:
+        return EMPTY
+    every = [pair for scene in pairs.values() for pair in scene]
+    wins = sum(side * (ours - theirs) > 0 for ours, theirs in every)
+    sums = np.array([[math.fsum(pair[which] for pair in scene) for scene in pairs.values()] for which in (0, 1)])
+    if all(ours == theirs for ours, theirs in every):
+        return Cell("the same", 0.0)
+    if not (sums[1] > 0).all():
+        return EMPTY
+    change = 100 * (float(sums[0].sum() / sums[1].sum()) - 1)
+    between = ""
+    if len(pairs) > 1:
+        low, high = intervals(sums[:1], sums[1:], draws(len(pairs), seed))
+        between = f"{100 * (low[0] - 1):+.1f} to {100 * (high[0] - 1):+.1f}"
+    return Cell(f"{change:+.1f} % ({wins}/{len(every)})", change, best=side * change > 0, interval=between)
