@@ -20,10 +20,10 @@ BODY = bytes(range(256)) * 4000
 WRONG = BODY[:-1] + b"!"
 
 
-def a_record(*urls: str) -> Record:
+def a_record(*urls: str, known: bool = True) -> Record:
     """A record of BODY at those addresses."""
-    sha256 = hashlib.sha256(BODY).hexdigest()
-    return Record("toy", "a toy", urls, sha256, len(BODY), "MIT", "lama-weights", "toy.pt")
+    sha256, size = (hashlib.sha256(BODY).hexdigest(), len(BODY)) if known else (None, None)
+    return Record("toy", "a toy", urls, sha256, size, "MIT", "lama-weights", "toy.pt")
 
 
 def refused(wanted: Record) -> str:
@@ -71,6 +71,63 @@ def test_redirects_from_https_to_http_are_not(server: Server, monkeypatch: pytes
     assert "redirects from https to http://" in refused(a_record(address))
 
 
+def test_goes_on_where_it_broke_off(server: Server) -> None:
+    """Within one pull: the second request asks for the rest only."""
+    pulled = pull(a_record(server.add("/a", Site(BODY, stops_after=[300_000, 400_000]))))
+    assert pulled.read_bytes() == BODY
+    assert [asked for _, asked in server.asked] == [None, "bytes=300000-", "bytes=700000-"]
+
+
+def test_a_later_pull_goes_on(server: Server, cache_dir: Path) -> None:
+    """Even after giving up: the .part file is kept, and used by the next pull."""
+    url = server.add("/a", Site(BODY, stops_after=[100_000, 0]))
+    assert "broke off after 100000 of 1024000 bytes; pulling again continues from there" in refused(a_record(url))
+    assert (cache_dir / "toy.pt.part").read_bytes() == BODY[:100_000]
+    assert pull(a_record(url)).read_bytes() == BODY
+    assert server.asked[-1][1] == "bytes=100000-"
+    assert leftovers(cache_dir) == ["toy.pt"]
+
+
+def test_a_server_without_ranges_sends_all_again(server: Server) -> None:
+    """Nothing of the first reply is left in the file."""
+    url = server.add("/a", Site(BODY, stops_after=[300_000], ranges=False))
+    assert pull(a_record(url)).read_bytes() == BODY
+    assert len(server.asked) == 2
+
+
+def test_a_file_that_changed_meanwhile_is_not_glued(server: Server) -> None:
+    """Hash unknown, so only the ETag can tell: the old half is not continued with the new one."""
+    url = server.add("/a", Site(b"x" * len(BODY), stops_after=[100_000, 0]))
+    refused(a_record(url, known=False))
+    server.sites["/a"] = Site(BODY, etag='"2"')
+    assert pull(a_record(url, known=False)).read_bytes() == BODY
+
+
+def test_a_damaged_part_file_is_given_up(server: Server, cache_dir: Path) -> None:
+    """A resumed file with the wrong hash is pulled once more, from its start."""
+    url = server.add("/a", Site(BODY, stops_after=[100_000, 0]))
+    refused(a_record(url))
+    (cache_dir / "toy.pt.part").write_bytes(b"?" * 100_000)
+    assert pull(a_record(url)).read_bytes() == BODY
+
+
+@pytest.mark.parametrize("extra", [0, 9])
+def test_a_part_file_that_is_whole_or_too_long(server: Server, cache_dir: Path, extra: int) -> None:
+    """The server answers 416; it is pulled again."""
+    url = server.add("/a", Site(BODY, stops_after=[100_000, 0]))
+    refused(a_record(url))
+    (cache_dir / "toy.pt.part").write_bytes(BODY + b"?" * extra)
+    assert pull(a_record(url)).read_bytes() == BODY
+
+
+def test_a_server_that_answers_another_range(server: Server) -> None:
+    """It is not believed."""
+    url = server.add("/a", Site(BODY, stops_after=[100_000, 0]))
+    refused(a_record(url))
+    server.sites["/a"].wrong_range = True
+    assert "asked for the bytes from 100000 on, it sends bytes 100001-1023999/1024000" in refused(a_record(url))
+
+
 @pytest.mark.parametrize(
     ("site", "message"),
     [
@@ -88,30 +145,30 @@ def test_redirects_from_https_to_http_are_not(server: Server, monkeypatch: pytes
         (Site(BODY[:-9], announced=-1), r"cut short: 1023991 bytes came, expected 1024000"),
         (Site(BODY + b"?", announced=-1), r"too long: more than 1024000 bytes came"),
         (
-            Site(BODY, chunked=True, stops_after=500_000),
+            Site(BODY, chunked=True, stops_after=[500_000] * 4, etag=""),
             r"broke off; the server did not announce the file's length",
         ),
-        (Site(BODY, stops_after=len(BODY) - 9), r"broke off after 1023991 of 1024000 bytes"),
+        (Site(BODY[:-9], announced=len(BODY), etag=""), r"broke off after 1023991 of 1024000 bytes"),
     ],
 )
 def test_servers_that_do_not_give_the_file(server: Server, cache_dir: Path, site: Site, message: str) -> None:
-    """Each has its own words; nothing is left behind."""
+    """Each has its own words; nothing is left behind, as none of these can be gone on from."""
     told = refused(a_record(server.add("/a", site)))
     assert re.search(message, told), told
     assert leftovers(cache_dir) == []
 
 
-def test_a_full_disk_leaves_nothing(server: Server, cache_dir: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Oracle: what lies in the directory."""
+def test_a_full_disk_leaves_nothing_that_is_of_no_use(
+    server: Server, cache_dir: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Law: the first write fails, so there is nothing to continue from (oracle: what lies in the directory)."""
 
-    def full(*_: object) -> None:
+    def full(*_: object) -> int:
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    wanted = a_record(server.add("/a", Site(BODY)))
-    monkeypatch.setattr(Path, "open", full)
-
-    with pytest.raises(OutputError, match="No space left"):
-        pull(wanted)
+    monkeypatch.setattr("dlama.models.download._copy", full)
+    with pytest.raises(OSError, match="No space left"):
+        pull(a_record(server.add("/a", Site(BODY))))
     assert leftovers(cache_dir) == []
 
 
@@ -133,7 +190,7 @@ def test_mirrors_in_order(server: Server) -> None:
     gone, wrong = server.add("/gone", Site(status=404)), server.add("/wrong", Site(WRONG))
     good, unused = server.add("/good", Site(BODY)), server.add("/unused", Site(BODY))
     assert pull(a_record(gone, wrong, good, unused)).read_bytes() == BODY
-    assert server.asked == ["/gone", "/wrong", "/good"]
+    assert [path for path, _ in server.asked] == ["/gone", "/wrong", "/good"]
     (pull(a_record(good))).unlink()
     told = refused(a_record(gone, wrong))
     assert "no mirror gave the right file" in told and told.index("/gone: moved") < told.index("/wrong: corrupted")

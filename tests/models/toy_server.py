@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import threading
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 
@@ -16,26 +16,29 @@ class Site:
     status: int = 200
     announced: int | None = None
     """Content-Length, where it is not the truth; -1: none at all."""
-    stops_after: int | None = None
-    """The reply breaks off after that many bytes of it."""
+    stops_after: list[int] = field(default_factory=list)
+    """The n-th reply breaks off after that many bytes of it."""
+    ranges: bool = True
+    etag: str = '"1"'
     kind: str = "application/octet-stream"
     to: str = ""
     chunked: bool = False
+    wrong_range: bool = False
 
 
 class Server:
-    """Addresses by path; remembers the path of every request."""
+    """Addresses by path; remembers the Range header of every request."""
 
     def __init__(self) -> None:
         self.sites: dict[str, Site] = {}
-        self.asked: list[str] = []
+        self.asked: list[tuple[str, str | None]] = []
         outer = self
 
         class Handler(BaseHTTPRequestHandler):
             protocol_version = "HTTP/1.1"
 
             def do_GET(self) -> None:
-                outer.asked.append(self.path)
+                outer.asked.append((self.path, self.headers.get("Range")))
                 _answer(self, outer.sites[self.path])
 
             def log_message(self, *_: object) -> None:
@@ -52,8 +55,22 @@ class Server:
 
 
 def _answer(handler: BaseHTTPRequestHandler, site: Site) -> None:
-    body = site.body
-    handler.send_response(site.status)
+    start = 0
+    asked = handler.headers.get("Range")
+    if site.ranges and asked and handler.headers.get("If-Range") == site.etag:
+        start = int(asked.removeprefix("bytes=").removesuffix("-"))
+        if start >= len(site.body):
+            handler.send_response(416)
+            handler.send_header("Content-Length", "0")
+            handler.end_headers()
+            return
+    start += site.wrong_range
+    body = site.body[start:]
+    handler.send_response(206 if start else site.status)
+    if start:
+        handler.send_header("Content-Range", f"bytes {start}-{len(site.body) - 1}/{len(site.body)}")
+    if site.etag:
+        handler.send_header("ETag", site.etag)
     if site.to:
         handler.send_header("Location", site.to)
     handler.send_header("Content-Type", site.kind)
@@ -63,7 +80,7 @@ def _answer(handler: BaseHTTPRequestHandler, site: Site) -> None:
         handler.send_header("Content-Length", str(len(body) if site.announced is None else site.announced))
     handler.send_header("Connection", "close")
     handler.end_headers()
-    cut = len(body) if site.stops_after is None else site.stops_after
+    cut = site.stops_after.pop(0) if site.stops_after else len(body)
     body = b"%x\r\n%b\r\n" % (len(body), body[:cut]) + b"0\r\n\r\n" * (cut == len(body)) if site.chunked else body[:cut]
     with contextlib.suppress(ConnectionError):  # who had read enough has hung up
         handler.wfile.write(body)

@@ -1,15 +1,21 @@
-"""An address in; its file, as long as the server announced, out, or in words why this mirror does not give it."""
+"""An address and a .part file in; the .part file, as long as the server announced, out. It resumes where it broke off.
+
+Continuing is requested only from the address that the .part file came from, and only if the file there is still the same
+(If-Range); a server that knows nothing of ranges sends everything again.
+"""
 
 from __future__ import annotations
 
 import http.client
+import json
 import re
 import urllib.error
 import urllib.request
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import IO, Any, TypeAlias
 
 from dlama.errors import OutputError
 
@@ -17,6 +23,9 @@ Progress: TypeAlias = Callable[[int, int | None], None]
 
 PIECE = 1 << 18
 LONGEST = 4 << 30
+TRIES = 4
+RANGE_REFUSED = 416
+PARTIAL = 206
 
 
 class Unusable(Exception):
@@ -31,11 +40,28 @@ class Offline(Unusable):
     """There is no connection to this address."""
 
 
-def download(url: str, part: Path, size: int | None, progress: Progress | None, timeout: float) -> None:
-    """Make `part` the whole file at that address; nothing is left of a failure.
+class _BrokeOff(Unusable):
+    """Less came than was announced; what came is kept."""
+
+
+@dataclass(frozen=True)
+class _Reply:
+    """What the server announced."""
+
+    start: int
+    """First byte of the file that it sends."""
+    total: int | None
+    """Bytes of the whole file."""
+    validator: str
+    """HTTP validator (ETag, else date) of this version of the file; empty where there is none."""
+
+
+def download(url: str, part: Path, size: int | None, progress: Progress | None, timeout: float) -> bool:
+    """Make `part` the whole file at that address; True where it is not from one single reply.
 
     Args:
         url: http or https.
+        part: what has arrived; what it came from is written next to it.
         size: bytes expected, None: unknown.
         progress: called with the bytes that have arrived and the bytes in all.
         timeout: seconds a server may be silent.
@@ -43,54 +69,80 @@ def download(url: str, part: Path, size: int | None, progress: Progress | None, 
         Unusable: this address does not give the file; in words why.
         OutputError: the disk cannot be written.
     """
-    request = urllib.request.Request(url, headers={"User-Agent": "dlama", "Accept-Encoding": "identity"})
     try:
-        with _name_failures(), urllib.request.urlopen(request, timeout=timeout) as response:
-            total = _announced(url, response, size)
-            done = 0
-            with _disk_errors(part):
-                sink = part.open("wb")
-            with sink:
-                for piece in _pieces(response, total):
-                    done += len(piece)
-                    if done > (LONGEST if size is None else size):
-                        raise Unusable(f"too long: more than {LONGEST if size is None else size} bytes came")
-                    with _disk_errors(part):
-                        sink.write(piece)
-                    if progress:
-                        progress(done, total or size)
-        if total is not None and done < total:
-            raise Unusable(f"broke off after {done} of {total} bytes")
-        if size is not None and done != size:
-            raise Unusable(f"cut short: {done} bytes came, expected {size}")
-    except BaseException:
-        part.unlink(missing_ok=True)
+        return _download_parts(url, part, size, progress, timeout)
+    except BaseException as error:
+        kept = isinstance(error, (_BrokeOff, Offline)) or not isinstance(error, Unusable)
+        if not (kept and _resumable_bytes(url, part)):  # only what a later pull continues from stays
+            part.unlink(missing_ok=True)
+            _state_file(part).unlink(missing_ok=True)
         raise
 
 
-def _announced(url: str, response: Any, size: int | None) -> int | None:
-    """Bytes that the headers announce; raises where it is plainly not the file."""
-    headers = response.headers
-    if url.startswith("https:") and not response.geturl().startswith("https:"):
-        raise Unusable(f"redirects from https to {response.geturl()}, which is not followed")
-    if headers.get_content_type() == "text/html" and "Content-Type" in headers:
-        raise Moved("a web page came instead of the file (moved, or a login is asked for)")
-    length = headers.get("Content-Length", "")
-    total = int(length) if length.isdecimal() else None
-    if size is not None and total is not None and total != size:
-        raise Unusable(f"{'cut short' if total < size else 'too long'}: {total} bytes are announced, expected {size}")
-    return total
+def _download_parts(url: str, part: Path, size: int | None, progress: Progress | None, timeout: float) -> bool:
+    """As `download`, which removes what is left of a failure."""
+    resumed, before = False, -1
+    for _ in range(TRIES):
+        start_at = _resumable_bytes(url, part)
+        if start_at <= before:  # a whole try brought nothing
+            break
+        resumed = resumed or start_at > 0
+        try:
+            _fetch(url, part, start_at, size, progress, timeout)
+        except _BrokeOff as error:
+            broken = error
+            before = start_at if part.is_file() else -1
+        else:
+            _state_file(part).unlink(missing_ok=True)
+            return resumed
+    raise broken
 
 
-def _pieces(response: Any, total: int | None) -> Iterator[bytes]:
+def _fetch(url: str, part: Path, start_at: int, size: int | None, progress: Progress | None, timeout: float) -> None:
+    """One request, from byte `start_at` on."""
+    request = urllib.request.Request(url, headers={"User-Agent": "dlama", "Accept-Encoding": "identity"})
+    validator = _read_state(part).get("validator", "")
+    if start_at and validator:
+        request.add_header("Range", f"bytes={start_at}-")
+        request.add_header("If-Range", validator)
+    with _name_failures(part), urllib.request.urlopen(request, timeout=timeout) as response:
+        reply = _reply(url, response, start_at, size)
+        with _disk_errors(part):
+            _state_file(part).write_text(json.dumps({"url": url, "validator": reply.validator}), "utf-8")
+            sink = part.open("r+b" if reply.start else "wb")
+        with sink:
+            sink.seek(reply.start)
+            sink.truncate()
+            done = _copy(response, sink, reply, size, progress)
+    if reply.total is not None and done < reply.total:
+        raise _BrokeOff(f"broke off after {done} of {reply.total} bytes; pulling again continues from there")
+    if size is not None and done != size:
+        raise Unusable(f"cut short: {done} bytes came, expected {size}")
+
+
+def _copy(response: Any, sink: IO[bytes], reply: _Reply, size: int | None, progress: Progress | None) -> int:
+    """Bytes of the file that lie on the disk afterwards."""
+    done = reply.start
+    for piece in _pieces(response, reply):
+        done += len(piece)
+        if done > (LONGEST if size is None else size):
+            raise Unusable(f"too long: more than {LONGEST if size is None else size} bytes came")
+        with _disk_errors(Path(sink.name)):
+            sink.write(piece)
+        if progress:
+            progress(done, reply.total or size)
+    return done
+
+
+def _pieces(response: Any, reply: _Reply) -> Iterator[bytes]:
     """The body as it comes; ends early where the connection does."""
-    first = True
+    first = reply.start == 0
     while True:
         try:
             piece = response.read(PIECE)
         except (http.client.IncompleteRead, ConnectionError, TimeoutError):
-            if total is None:
-                raise Unusable("broke off; the server did not announce the file's length") from None
+            if reply.total is None:
+                raise _BrokeOff("broke off; the server did not announce the file's length") from None
             return
         if not piece:
             return
@@ -100,12 +152,37 @@ def _pieces(response: Any, total: int | None) -> Iterator[bytes]:
         yield piece
 
 
+def _reply(url: str, response: Any, start_at: int, size: int | None) -> _Reply:
+    """What the headers announce; raises where it is plainly not the file."""
+    headers = response.headers
+    if url.startswith("https:") and not response.geturl().startswith("https:"):
+        raise Unusable(f"redirects from https to {response.geturl()}, which is not followed")
+    if headers.get_content_type() == "text/html" and "Content-Type" in headers:
+        raise Moved("a web page came instead of the file (moved, or a login is asked for)")
+    validator = headers.get("ETag", "")
+    validator = headers.get("Last-Modified", "") if not validator or validator.startswith("W/") else validator
+    length = headers.get("Content-Length", "")
+    total = int(length) if length.isdecimal() else None
+    start = 0
+    if response.status == PARTIAL:
+        match = re.fullmatch(r"bytes (\d+)-\d+/(\d+|\*)", headers.get("Content-Range", "").strip())
+        if match is None or int(match[1]) != start_at:
+            raise Unusable(f"asked for the bytes from {start_at} on, it sends {headers.get('Content-Range', 'others')}")
+        start, total = start_at, None if match[2] == "*" else int(match[2])
+    if size is not None and total is not None and total != size:
+        raise Unusable(f"{'cut short' if total < size else 'too long'}: {total} bytes are announced, expected {size}")
+    return _Reply(start, total, validator)
+
+
 @contextmanager
-def _name_failures() -> Iterator[None]:
+def _name_failures(part: Path) -> Iterator[None]:
     try:
         yield
     except urllib.error.HTTPError as error:
         error.close()
+        if error.code == RANGE_REFUSED:
+            part.unlink(missing_ok=True)
+            raise _BrokeOff("what had arrived before does not fit its file") from error
         kind = Moved if error.code in (404, 410) else Unusable
         words = {404: "moved or gone", 410: "gone", 401: "a login is asked for", 403: "access refused"}
         raise kind(f"{words.get(error.code, 'the server fails')} (HTTP {error.code})") from error
@@ -123,3 +200,22 @@ def _disk_errors(part: Path) -> Iterator[None]:
         yield
     except OSError as error:
         raise OutputError(f"{part}: cannot be written ({error}); DLAMA_MODELS names another directory") from error
+
+
+def _state_file(part: Path) -> Path:
+    return part.with_name(part.name + ".json")
+
+
+def _read_state(part: Path) -> dict[str, str]:
+    try:
+        state = json.loads(_state_file(part).read_text("utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return {str(key): str(value) for key, value in state.items()} if isinstance(state, dict) else {}
+
+
+def _resumable_bytes(url: str, part: Path) -> int:
+    """Bytes that came from that address before and can be gone on from."""
+    state = _read_state(part)
+    usable = part.is_file() and state.get("url") == url and state.get("validator")
+    return part.stat().st_size if usable else 0

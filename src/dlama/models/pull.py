@@ -1,7 +1,7 @@
 """A record in; its file, downloaded, checked and moved into place, out.
 
-Received bytes lie in a .part file next to the target. The file itself appears under its name only when it is whole and its
-hash is right.
+Received bytes lie in a .part file next to the target, so that an interrupted pull resumes. The file
+itself appears under its name only when it is whole and its hash is right.
 """
 
 from __future__ import annotations
@@ -43,13 +43,17 @@ def pull(model: Record, progress: Progress | None = None, timeout: float = 30.0)
 
 
 def _from_mirror(url: str, model: Record, target: Path, progress: Progress | None, timeout: float) -> Path:
-    """From one mirror."""
+    """From one mirror; a wrong hash after a resumed download is given one more try from the start."""
     part = target.with_name(target.name + ".part")
-    download(url, part, model.bytes, progress, timeout)
-    try:
+    while True:
+        resumed = download(url, part, model.bytes, progress, timeout)
         complaint = mismatch(*size_and_sha256(part), model.bytes, model.sha256)
-        if complaint:
+        if not complaint:
+            break
+        part.unlink()
+        if not resumed:
             raise Unusable(complaint)
+    try:
         with system_errors(OutputError):
             return part.replace(target)
     finally:

@@ -93,7 +93,7 @@ class Info(Report):
 
 @dataclass(frozen=True, kw_only=True)
 class Pull(Report):
-    """Download one model into the cache directory, and check the file."""
+    """Download one model into the cache directory; continues an earlier pull that broke off, and checks the file."""
 
     name: Name
     """Which model of `dlama models list`."""
