@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import io
 import json
+import os
 import pickle
 import struct
 import tempfile
@@ -48,7 +49,9 @@ from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.inpainters.networks.contract import CONTRACT_KEY, Contract, from_metadata
+from dlama.models.cache import expected_sha256, expected_size
 from dlama.models.network_file import NetworkFile
+from dlama.models.records import CATALOGUE
 from dlama.nets.safetensors_file import read_safetensors, write_safetensors
 from dlama.nets.torch_file import TorchFile
 from dlama.training.data.pack import pack
@@ -346,14 +349,22 @@ def networks() -> list[Reader]:
 
 
 def kept() -> list[Reader]:
-    """What dlama itself wrote to be read again: results of an evaluation."""
+    """What dlama itself wrote to be read again: hashes of models, results of an evaluation."""
+    pins = {"big-lama.pt": {"sha256": "0" * 64, "bytes": 12}, "migan.onnx": {"sha256": "1" * 64, "bytes": 7}}
     measures = (Measure("whole", "rgb", "ssim", 0.5), Measure("unseen", "rgb", "psnr", float("inf")))
     runs = (StoredRun("", measures, "case--0.jpg"), StoredRun("object,dilate=3", measures))
     case = Stored("key", "vpi", "street", "s01", "0001", -20.0, "dlama", "telea", runs, measures[:1], ("warned",))
     return [
+        Reader("pins.json", json.dumps(pins).encode(), pinned),
         Reader("case.json", made(lambda path: write_stored(path, case), ".json"), rows_of_stored),
         Reader("big.tif", big_tiff(), read_color),
     ]
+
+
+def pinned(path: Path) -> object:
+    """The hashes and sizes in a folder of models."""
+    os.environ["DLAMA_MODELS"] = str(path.parent)
+    return [(expected_sha256(entry), expected_size(entry)) for entry in CATALOGUE.values()]
 
 
 def rows_of_stored(path: Path) -> object:

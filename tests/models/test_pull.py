@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import errno
 import hashlib
+import io
+import json
 import re
 import socket
 import urllib.request
+import zipfile
 from pathlib import Path
 
 import pytest
@@ -20,10 +23,12 @@ BODY = bytes(range(256)) * 4000
 WRONG = BODY[:-1] + b"!"
 
 
-def a_record(*urls: str, known: bool = True) -> Record:
+def a_record(*urls: str, known: bool = True, body: bytes = BODY, member: str | None = None) -> Record:
     """A record of BODY at those addresses."""
-    sha256, size = (hashlib.sha256(BODY).hexdigest(), len(BODY)) if known else (None, None)
-    return Record("toy", "a toy", urls, sha256, size, "MIT", "lama-weights", "toy.pt")
+    sha256 = hashlib.sha256(body).hexdigest() if known else None
+    return Record(
+        "toy", "a toy", urls, sha256, len(body) if known else None, "MIT", "lama-weights", "toy.pt", True, member
+    )
 
 
 def refused(wanted: Record) -> str:
@@ -205,6 +210,47 @@ def test_a_bad_file_in_the_cache_is_replaced(server: Server, cache_dir: Path) ->
     assert (cache_dir / "toy.pt").read_bytes() == b"old"
     server.sites["/a"] = Site(BODY)
     assert pull(wanted).read_bytes() == BODY
+
+
+def test_an_unknown_hash_is_pinned(server: Server, cache_dir: Path) -> None:
+    """The first pull writes it down; another file under that address is refused from then on."""
+    wanted = a_record(server.add("/a", Site(BODY)), known=False)
+    path = pull(wanted)
+    pins = json.loads((cache_dir / "pins.json").read_text())
+    assert pins == {"toy.pt": {"sha256": hashlib.sha256(BODY).hexdigest(), "bytes": len(BODY)}}
+    path.unlink()
+    server.sites["/a"] = Site(WRONG)
+    assert "pinned when it was first used; remove its entry in pins.json" in refused(wanted)
+    assert not path.exists()
+
+
+def a_zip(**entries: bytes) -> bytes:
+    """An archive with those entries, dots and slashes in the names written as D and S."""
+    held = io.BytesIO()
+    with zipfile.ZipFile(held, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, data in entries.items():
+            archive.writestr(name.replace("S", "/").replace("D", "."), data)
+    return held.getvalue()
+
+
+def test_one_entry_of_a_zip_is_kept(server: Server, cache_dir: Path) -> None:
+    """The checkpoint, wherever in the archive it is; the archive itself goes."""
+    url = server.add("/a", Site(a_zip(bigSmodelsSbestDckpt=BODY, bigSconfigDyaml=b"x")))
+    wanted = a_record(url, known=False, member="models/best.ckpt")
+    assert pull(wanted).read_bytes() == BODY
+    assert leftovers(cache_dir) == ["pins.json", "toy.pt"]
+
+
+def test_zips_that_do_not_hold_it(server: Server, cache_dir: Path) -> None:
+    """No such entry; no archive; an archive whose entry is damaged."""
+    damaged = bytearray(a_zip(mSmodelsSbestDckpt=BODY))
+    damaged[200:240] = bytes(40)
+    cases = ((a_zip(other=b"x"), "a ZIP with 0 entries"), (BODY, "no ZIP archive"), (bytes(damaged), "no ZIP archive"))
+    for body, words in cases:
+        wanted = a_record(server.add("/a", Site(body)), known=False, member="models/best.ckpt")
+        with pytest.raises(FileError, match=words):
+            pull(wanted)
+        assert leftovers(cache_dir) == []
 
 
 def test_a_cache_directory_that_cannot_be_written(server: Server, cache_dir: Path) -> None:

@@ -1,19 +1,21 @@
-"""A model's name in; its file on this disk out.
+"""A model's name in; its file on this disk out, and the hashes that were pinned when a file was first used.
 
 Files lie flat in one directory: the user's cache directory, or the one that the environment variable DLAMA_MODELS names.
 """
 
 from __future__ import annotations
 
+import json
 import os
 from pathlib import Path
 
 import platformdirs
 
-from dlama.errors import FileError, system_errors
+from dlama.errors import FileError, OutputError, system_errors
 from dlama.models.records import Record, record
 
 VARIABLE = "DLAMA_MODELS"
+PINS = "pins.json"
 
 
 def user_path(path: str | Path) -> Path:
@@ -37,10 +39,8 @@ def target_path(model: Record) -> Path:
 
 def describe_manual_install(model: Record) -> str:
     """What to do where the network does not help, as one sentence."""
-    return (
-        f"By hand: download {' or '.join(model.urls)} and put it at {target_path(model)}, "
-        f"then `dlama models verify {model.name}`"
-    )
+    part = f", unpack it and put {model.member} from it at" if model.member else " and put it at"
+    return f"By hand: download {' or '.join(model.urls)}{part} {target_path(model)}, then `dlama models verify {model.name}`"
 
 
 @system_errors(FileError)
@@ -59,9 +59,56 @@ def locate(name: str) -> Path:
         raise FileError(
             f"{path}: the model {name} is not there; get it with `dlama models pull {name}`. {describe_manual_install(model)}"
         )
-    if model.bytes is not None and path.stat().st_size != model.bytes:
+    size = expected_size(model)
+    if size is not None and path.stat().st_size != size:
         raise FileError(
-            f"{path}: {path.stat().st_size} bytes, the model {name} has {model.bytes}; "
+            f"{path}: {path.stat().st_size} bytes, the model {name} has {size}; "
             f"replace it with `dlama models pull {name}`. {describe_manual_install(model)}"
         )
     return path
+
+
+def expected_sha256(model: Record) -> str | None:
+    """Of the file as it lies on the disk: the record's, else the one pinned on first use, else None."""
+    if model.sha256 is not None and not model.member:
+        return model.sha256
+    pinned = _pinned(model, "sha256")
+    return pinned if isinstance(pinned, str) else None
+
+
+def expected_size(model: Record) -> int | None:
+    """Of the file as it lies on the disk, in bytes; None where unknown."""
+    if model.bytes is not None and not model.member:
+        return model.bytes
+    pinned = _pinned(model, "bytes")
+    return pinned if isinstance(pinned, int) else None
+
+
+def pin(model: Record, sha256: str, size: int) -> None:
+    """Remember what a file was when it was first used; OutputError where that cannot be written down."""
+    path = directory() / PINS
+    text = json.dumps(read_pins() | {model.file: {"sha256": sha256, "bytes": size}}, indent=1, sort_keys=True)
+    temporary = path.with_name(PINS + ".part")
+    try:
+        temporary.write_text(text + "\n", "utf-8")
+        temporary.replace(path)
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be written ({error})") from error
+
+
+def read_pins() -> dict[str, dict[str, object]]:
+    """File name -> sha256 and bytes, of every file that was pinned; FileError where the list is damaged."""
+    path = directory() / PINS
+    try:
+        pins = json.loads(path.read_text("utf-8"))
+    except FileNotFoundError:
+        return {}
+    except (OSError, ValueError, RecursionError) as error:
+        raise FileError(f"{path}: cannot be read ({error}); remove it to pin every file anew") from error
+    if not isinstance(pins, dict) or not all(isinstance(entry, dict) for entry in pins.values()):
+        raise FileError(f"{path}: expected a table of file names; remove it to pin every file anew")
+    return pins
+
+
+def _pinned(model: Record, key: str) -> object:
+    return read_pins().get(model.file, {}).get(key)

@@ -24,7 +24,7 @@ class Record:
     urls: tuple[str, ...]
     """Mirrors, tried in this order; all of them hold the same bytes."""
     sha256: str | None
-    """64 hexadecimal digits of what the addresses serve; None: unknown."""
+    """64 hexadecimal digits of what the addresses serve; None: unknown, pinned on first use."""
     bytes: int | None
     """Size of what the addresses serve; None: unknown."""
     licence: str
@@ -37,6 +37,8 @@ class Record:
     """Its name in the cache directory."""
     seen: bool = True
     """Whether the file was examined; otherwise addresses and hash are as others publish them."""
+    member: str | None = None
+    """Where the addresses serve a ZIP: the end of the path, inside it, of the one entry that is kept."""
     note: str = ""
     """Notes for users."""
 
@@ -46,13 +48,14 @@ _MOBILE_SAM = "https://huggingface.co/Acly/MobileSAM/resolve/0d3b403339b4674a824
 _SAM = "https://github.com/wkentaro/labelme/releases/download/sam-20230416"
 _EFFICIENT_SAM = "https://github.com/labelmeai/efficient-sam/releases/download/onnx-models-20231225"
 _AS_PUBLISHED = "Size and sha256 are as projects that load it publish them."
+_BIG_LAMA = "LaMa with 18 blocks, trained on Places: fills holes of any size in colour"
 
 CATALOGUE: dict[str, Record] = {
     record.name: record
     for record in (
         Record(
             name="big-lama",
-            what="LaMa with 18 blocks, trained on Places: fills holes of any size in colour (TorchScript)",
+            what=f"{_BIG_LAMA} (TorchScript)",
             urls=(
                 "https://github.com/Sanster/models/releases/download/add_big_lama/big-lama.pt",
                 "https://huggingface.co/signature-ai/big-lama/resolve/main/big-lama.pt",
@@ -64,6 +67,19 @@ CATALOGUE: dict[str, Record] = {
             file="big-lama.pt",
             seen=False,
             note="Size and sha256 are as several projects that load it publish them.",
+        ),
+        Record(
+            name="big-lama-official",
+            what=f"{_BIG_LAMA} (the authors' checkpoint, discriminator included)",
+            urls=("https://huggingface.co/smartywu/big-lama/resolve/main/big-lama.zip",),
+            sha256=None,
+            bytes=None,
+            licence="Apache-2.0",
+            contract="lama-weights",
+            file="big-lama-official.ckpt",
+            seen=False,
+            member="models/best.ckpt",
+            note="The mirror that the authors' README names; about 400 MB, of which the checkpoint is kept.",
         ),
         Record(
             name="depth-anything-small",

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Literal
 
 from dlama.errors import FileError, system_errors
-from dlama.models.cache import describe_manual_install, target_path
+from dlama.models.cache import describe_manual_install, expected_sha256, expected_size, pin, target_path
 from dlama.models.records import Record
 
 PIECE = 1 << 20
@@ -20,31 +20,37 @@ class Verdict:
 
     path: Path
     """Where the file lies, or would."""
-    state: Literal["missing", "wrong", "verified", "unknown"]
-    """unknown: its hash is published nowhere, so there is nothing to compare it with."""
+    state: Literal["missing", "wrong", "verified", "pinned"]
+    """pinned: its hash is published nowhere, so it was written down now and is compared from now on."""
     detail: str
     """What came and what was expected, in words."""
 
 
 @system_errors(FileError)
 def verify(model: Record) -> Verdict:
-    """Compare size and sha256 with the record's. FileError: the file cannot be read."""
+    """Compare size and sha256 with the record's, or with those pinned on first use; the first use pins.
+
+    Raises:
+        FileError: the file cannot be read.
+        OutputError: the hash cannot be written down.
+    """
     path = target_path(model)
     if not path.is_file():
         return Verdict(
             path, "missing", f"not there; `dlama models pull {model.name}`. {describe_manual_install(model)}"
         )
     size, digest = size_and_sha256(path)
-    complaint = mismatch(size, digest, model.bytes, model.sha256)
+    complaint = mismatch(size, digest, expected_size(model), expected_sha256(model))
     if complaint:
         return Verdict(
             path,
             "wrong",
             f"{complaint}; remove it and `dlama models pull {model.name}`. {describe_manual_install(model)}",
         )
-    if model.sha256 is not None:
+    if expected_sha256(model) is not None:
         return Verdict(path, "verified", f"sha256 {digest}")
-    return Verdict(path, "unknown", f"sha256 {digest}, published nowhere: nothing to compare it with")
+    pin(model, digest, size)
+    return Verdict(path, "pinned", f"sha256 {digest}, published nowhere: pinned now, compared from now on")
 
 
 def mismatch(size: int, digest: str, known_size: int | None, known_digest: str | None) -> str | None:
