@@ -79,18 +79,6 @@ def _plane_edges() -> None:
     _replace("inpainters.layered.depth.surface_labels", "align_lines_to_edges", lambda lines, *rest: lines)
 
 
-def _gaps() -> None:
-    _replace(
-        "inpainters.layered.depth.surface_labels",
-        "surface_behind",
-        lambda camera, smooth, where, law, allowed: (smooth, np.zeros_like(where)),
-    )
-
-
-def _rim_correction() -> None:
-    _replace("inpainters.layered.depth.surfaces", "rim_correction", lambda *rest: np.float64(0))
-
-
 def _of_coarse(method: str, value: Callable[[Any], Any]) -> Callable[[], None]:
     def switch() -> None:
         from dlama.inpainters.layered.depth.surface_labels import CoarseView
@@ -240,8 +228,6 @@ RULES: dict[str, Callable[[], None]] = {
     "remaining-shadows": _remaining_shadows,
     "rims": _rims,
     "plane-edges": _plane_edges,
-    "gaps": _gaps,
-    "rim-correction": _rim_correction,
     "order": _of_coarse("out_of_order", lambda self: np.zeros((len(self.candidates) - 1, *self.hole.shape), np.bool_)),
     "relief": _of_coarse("with_relief", lambda self: self.label),
     "chords": _chords,

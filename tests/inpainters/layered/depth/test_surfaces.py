@@ -13,7 +13,7 @@ from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.layered.depth.distances import angle_to_far
 from dlama.inpainters.layered.depth.surface_labels import POTTS, RIM, cells_with_holes, with_larger_pixels
-from dlama.inpainters.layered.depth.surfaces import continue_surfaces, rim_correction
+from dlama.inpainters.layered.depth.surfaces import continue_surfaces
 from dlama.inpainters.layered.kernels import surfaces as kernels
 from dlama.perception.planes import SKY
 from reference import extension as twin
@@ -191,27 +191,6 @@ def test_shrunk_camera_looks_the_same_way() -> None:
     assert small.hw == (12, 16)
     np.testing.assert_allclose(small.K @ np.linalg.inv(camera.K) @ (20, 36, 1), (5, 9, 1))
     assert with_larger_pixels(Camera(1, 500, 60, 60, 0.5, 250), 500 / 256).wh == (1, 256)
-
-
-def test_anchor_closes_the_step_and_fades_out() -> None:
-    """Closed form: misfit 0.01 at the rim, times exp(-distance / 16); nothing where the rim is another surface's."""
-    hole = np.array([[False] + [True] * 20])
-    planes = np.array([[0.0, 0.0, 0.5]])
-    w = np.full(hole.shape, 0.51, np.float32)
-    label = np.ones(hole.shape, np.int32)
-    expected = 0.01 * np.exp(-np.arange(1, 21) / 16)
-    np.testing.assert_allclose(rim_correction(hole, w, label, planes, label[hole]), expected, rtol=0.02)
-    np.testing.assert_array_equal(rim_correction(hole, w, 0 * label, planes, label[hole]), 0)
-
-
-def test_anchor_looks_behind_the_rim() -> None:
-    """Closed form: the pixel at the very rim misses by 0.05, the one behind it by 0.01: the latter anchors, from where it is."""
-    hole = np.array([[False] * 2 + [True] * 20])
-    w = np.full(hole.shape, 0.51, np.float32)
-    w[0, 1] = 0.55
-    label = np.ones(hole.shape, np.int32)
-    got = rim_correction(hole, w, label, np.array([[0.0, 0.0, 0.5]]), label[hole])
-    np.testing.assert_allclose(got, 0.01 * np.exp(-np.arange(2, 22) / 16), rtol=0.02)
 
 
 def test_angle_to_the_nearest_sky_that_was_seen() -> None:

@@ -18,7 +18,7 @@ from dlama.geometry.kernels.jit import begin_job
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
-from dlama.inpainters.layered.depth.cut_objects import CutObjects, find_cut_objects, foliage
+from dlama.inpainters.layered.depth.cut_objects import CutObjects, find_cut_objects
 from dlama.inpainters.layered.depth.distances import (
     CHORD,
     angle_to_far,
@@ -26,7 +26,6 @@ from dlama.inpainters.layered.depth.distances import (
     enlarge,
     mean_chords,
 )
-from dlama.inpainters.layered.depth.gaps import surface_behind
 from dlama.inpainters.layered.depth.out_of_view import (
     FOLLOWED,
     PlaneLines,
@@ -132,20 +131,13 @@ class CoarseView:
         penalty += ending_cost(self.hole, unseen, self.label, followed, self.cut.beyond, REACH * GRID)
         penalty[0] += SMOOTH_PENALTY
         penalty[1:] += ORDER_COST * self.out_of_order()
-        hidden = self.hole_in_view.copy()
-        on += penalise_between(lines, self.candidates, self.hole, hidden, self.inverse_depth, self.label, followed)
-        allowed = self.allowed(law)
+        in_view = self.hole, self.hole_in_view, self.inverse_depth, self.label
+        on += penalise_between(lines, self.candidates, *in_view, followed)
         distance = distances()
-        hidden &= distance[1] - distance.min(0) >= REACH * GRID  # no sky near
-        hidden &= ~foliage(self.inverse_depth, ~self.hole & (self.inverse_depth > 0))  # and it shows through leaves
-        smooth, gap = surface_behind(self.camera, self.candidates[0], hidden, law, allowed)
-        candidates = np.concatenate([smooth[None], self.candidates[1:]])
-        allowed[0] |= gap
-        distance[0, gap] = distance.min(0)[gap]
         distance += on * (distance.min(0) - distance)  # what is seen on its line is as near as anything
         unary = surface_kernels.unary_costs(
-            candidates,
-            allowed,
+            self.candidates,
+            self.allowed(law),
             distance,
             self.hole,
             self.inverse_depth,
@@ -154,7 +146,7 @@ class CoarseView:
             penalty,
             np.array(RIM),
         )
-        return surface_kernels.beliefs(unary, candidates, self.hole, POTTS, ROUNDS)
+        return surface_kernels.beliefs(unary, self.candidates, self.hole, POTTS, ROUNDS)
 
     def allowed(self, law: Law) -> BoolArray:
         """L x h x w, False where a label is impossible: behind the camera, never seen, or against the law by over 3 %."""

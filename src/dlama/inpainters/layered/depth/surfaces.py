@@ -11,14 +11,13 @@ import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.holes import fill_with_nearest, nearest_known
+from dlama.geometry.holes import fill_with_nearest
 from dlama.geometry.kernels.jit import begin_job
 from dlama.geometry.projection import inverse_depth
-from dlama.geometry.rgbd import BoolArray, Float32Array
+from dlama.geometry.rgbd import Float32Array
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.layered.depth.distances import enlarge
@@ -101,8 +100,7 @@ def upsample_labels(
         np.minimum(best, cost, out=best)
     rows, columns = np.nonzero(view.hole)
     labels = chosen[rows, columns]
-    on_plane = plane_values_at(planes, labels, rows, columns)
-    on_plane = np.maximum(0, on_plane + rim_correction(view.hole, w, label, planes, labels))
+    on_plane = np.maximum(0, plane_values_at(planes, labels, rows, columns))
     out, filled = w.copy(), label.copy()
     out[rows, columns] = np.where(labels == SMOOTH, smooth[rows, columns], np.where(labels > 0, on_plane, 0))
     filled[rows, columns] = labels
@@ -110,20 +108,3 @@ def upsample_labels(
     leaf = (leaves >= 0) & (w.ravel()[np.maximum(leaves, 0)] > out)
     out[leaf], filled[leaf] = w.ravel()[leaves[leaf]], SMOOTH
     return Surfaces(out, filled, planes, np.where(leaf, leaves, GAP).astype(np.int32))
-
-
-def rim_correction(
-    hole: BoolArray, w: Float32Array, label: NDArray[np.int32], planes: NDArray[np.float64], labels: NDArray[np.int32]
-) -> NDArray[np.float64]:
-    """Residual of the plane at the nearest known pixel, fading over 16 px, for each hole pixel: no step at the rim.
-
-    labels: the label of each hole pixel, in row-major order; only a known pixel of the same plane anchors.
-    """
-    # the pixel at the very rim is a footprint half a pixel off its surface: anchor on the one behind it
-    inner = cv2.erode((~hole).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
-    distance, source = nearest_known(inner if inner.any() else ~hole)
-    source = source[hole]
-    rows, columns = np.divmod(source, hole.shape[1])
-    same = (label.ravel()[source] == labels) & (labels > 0)
-    fitted = plane_values_at(planes, labels, rows, columns)
-    return np.where(same, (w.ravel()[source] - fitted) * np.exp(-distance[hole] / 16), 0)
