@@ -21,10 +21,10 @@ import numpy as np
 
 from dlama.datasets.frames import RemovalTruth
 from dlama.evaluation.metrics.masks import border_f, innermost_pixel, iou
+from dlama.evaluation.protocols.pointing import find_masks, find_or_empty
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.perception.object_masks import MaskSession
 from dlama.worlds.dataset import open_dataset_or_worlds
-from pointing import find_masks, find_or_empty
 from sensors import add_photo_noise, structured_light
 
 SEED = 7
@@ -32,7 +32,8 @@ SEED = 7
 
 def measured(truth: RemovalTruth) -> dict[str, tuple[float, float]]:
     """IoU and border F by what was given."""
-    return {name: (iou(mask, truth.mask), border_f(mask, truth.mask)) for name, mask in find_masks(truth).items()}
+    masks, _ = find_masks(truth)
+    return {name: (iou(mask, truth.mask), border_f(mask, truth.mask)) for name, mask in masks.items()}
 
 
 def by_a_depth_camera(truth: RemovalTruth, shifted: bool, seed: int) -> RGBD:

@@ -18,6 +18,7 @@ from dlama.evaluation.report.columns import (
     PAPER_SHAPE,
     PAPER_SOURCE,
     PER_YAW_HIDDEN,
+    POINTED,
     REMOVAL,
     VARIANT_METRICS,
     WHOLE,
@@ -33,6 +34,7 @@ PROTOCOLS = {
     "vpi": "View change (VPI)",
     "ori": "Object removal (ORI)",
     "sii": "Stereo (SII)",
+    "mask": "Object masks (MASK)",
 }
 EXPLAINED = {
     "vpi": "VPI, virtual projected inpainting: a source frame is shown from the camera of a target frame, its holes are "
@@ -41,6 +43,8 @@ EXPLAINED = {
     "compared with the true frame without the object.",
     "sii": "SII, stereoscopic image inpainting: an object is removed from both views of a rectified stereo pair or, where "
     "there are no masks, the right view is made from the left; the result is compared with the true pair.",
+    "mask": "MASK, an object pointed at: its mask is found by clicks (one, then up to three corrections) and by a box, "
+    "compared with the true mask and with GrabCut alone, and used to remove the object.",
 }
 """A sentence each for readers who do not know the paper's abbreviations."""
 
@@ -179,12 +183,16 @@ class _Place:
 
     def region_tables(self) -> tuple[Table, ...]:
         """Regions that were hidden, and those that were not; all yaws together."""
+        masks = [which for which in self._interesting(POINTED) if which[1] == "mask"]
         titles = {"Hidden regions": HIDDEN, "Known regions": KNOWN}
-        return _drop_missing([self._side_by_side(self._interesting(of), title) for title, of in titles.items()])
+        chosen = {
+            title: [which for which in self._interesting(of) if which[1] != "mask"] for title, of in titles.items()
+        }
+        return _drop_missing([self._side_by_side(found, title) for title, found in {"Masks": masks, **chosen}.items()])
 
     def more_tables(self) -> tuple[Table, ...]:
         """What is neither of a common metric nor of the method as named."""
-        shown = {*self._interesting(HIDDEN), *self._interesting(KNOWN)}
+        shown = {*self._interesting(HIDDEN), *self._interesting(KNOWN), *self._interesting(POINTED)}
         rest = [which for which in self.all_measures if which not in shown and which[1] != CONFIDENCE]
         main = VARIANT_METRICS
         different = variants(

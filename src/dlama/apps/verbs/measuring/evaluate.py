@@ -36,7 +36,7 @@ NETWORK_FILLERS = tuple(name for name, record in FILLERS.items() if record.needs
 NEEDED = {"scikit-image": "skimage", "scipy": "scipy", "matplotlib": "matplotlib", "jinja2": "jinja2"}
 YAW_NEAR = 0.5
 """Degrees by which a pair's yaw may differ from the one asked for."""
-Protocol = Literal["vpi", "ori", "sii"]
+Protocol = Literal["vpi", "ori", "sii", "mask"]
 
 
 @dataclass(frozen=True)
@@ -46,9 +46,9 @@ class Cases:
     protocol: Annotated[
         tuple[Protocol, ...],
         option(
-            "vpi|ori|sii ...",
+            "vpi|ori|sii|mask ...",
             "vpi ori sii, as the data set has",
-            help="View change, object removal, stereo.",
+            help="View change, object removal, stereo; and how well the removed object's mask is found by clicks and boxes.",
         ),
     ] = ()
     scenes: Annotated[tuple[str, ...], option("SCENE ...", "all")] = ()
@@ -91,7 +91,7 @@ class Cases:
         if missing:
             raise InputError(f"{dataset.name} has no cases of {missing[0]}; it has {', '.join(has) or 'none at all'}")
         cases: list[Case] = []
-        for name in self.protocol or has:
+        for name in self.protocol or [one for one in has if one != "mask"]:
             cases += [case for case in dataset.of(name) if self.has_yaw(case)][: self.limit]
         if not cases:
             known = sorted({abs(case.yaw) for case in dataset.cases if case.yaw is not None})

@@ -1,4 +1,4 @@
-"""A frame and the true mask of an object in; the masks that clicks, boxes and GrabCut find, for `masks.py`, out.
+"""A frame and the true mask of an object in; the masks that clicks, boxes and GrabCut find out.
 
 One click at the true mask's innermost pixel, then up to three corrections, each at the innermost pixel of the largest wrong
 region; the box of the true mask, 5 % larger; both where depth is estimated from the picture. Compared with OpenCV's GrabCut
@@ -7,7 +7,9 @@ alone, with the same box, and with a box of a quarter of the picture round the f
 
 from __future__ import annotations
 
+import time
 import warnings
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -26,11 +28,14 @@ BOX_LARGER = 0.05
 GRABCUT_ROUNDS = 5
 
 
-def find_masks(truth: RemovalTruth) -> dict[str, BoolArray]:
-    """The masks by what was given."""
+@lru_cache(maxsize=1)
+def find_masks(truth: RemovalTruth) -> tuple[dict[str, BoolArray], float]:
+    """The masks by what was given, and processor seconds of the first click; made once for all methods of a case."""
     color, true = truth.source.color, truth.mask
     session = MaskSession(truth.source)
+    started = time.process_time()
     first = find_or_empty(session, true, clicks=[innermost_pixel(true)])
+    seconds = time.process_time() - started
     masks = dict(zip(CLICKS, correct_mask(session, true, first)))
     masks["box"] = find_or_empty(session, true, box=box_of(true, BOX_LARGER))
     with warnings.catch_warnings():
@@ -41,7 +46,7 @@ def find_masks(truth: RemovalTruth) -> dict[str, BoolArray]:
     (x, y), (height, width) = innermost_pixel(true), true.shape
     masks["grabcut-box"] = grabcut(color, box_of(true, BOX_LARGER))
     masks["grabcut-click"] = grabcut(color, (x - width / 4, y - height / 4, width / 2, height / 2))
-    return masks
+    return masks, seconds
 
 
 def correct_mask(session: MaskSession, true: BoolArray, first: BoolArray) -> list[BoolArray]:
