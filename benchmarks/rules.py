@@ -88,10 +88,6 @@ def _of_coarse(method: str, value: Callable[[Any], Any]) -> Callable[[], None]:
     return switch
 
 
-def _seen_both_ways() -> None:
-    _replace("inpainters.layered.depth.surface_labels", "penalise_between", lambda *rest: np.float32(0))
-
-
 def _ending_cost() -> None:
     _replace("inpainters.layered.depth.surface_labels", "ending_cost", lambda *rest: np.float32(0))
 
@@ -231,7 +227,6 @@ RULES: dict[str, Callable[[], None]] = {
     "order": _of_coarse("out_of_order", lambda self: np.zeros((len(self.candidates) - 1, *self.hole.shape), np.bool_)),
     "relief": _of_coarse("with_relief", lambda self: self.label),
     "chords": _chords,
-    "seen-both-ways": _seen_both_ways,
     "ending-cost": _ending_cost,
     "seams": _seams,
     "whole-occluders": _whole_occluders,

@@ -14,7 +14,6 @@ from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.filling import inpaint
 from dlama.inpainters.layered.depth.out_of_view import (
-    BETWEEN,
     CONTINUED_COST,
     CROWN_COST,
     ENDING_COST,
@@ -25,7 +24,6 @@ from dlama.inpainters.layered.depth.out_of_view import (
     ending_cost,
     follow_lines,
     has_ended,
-    penalise_between,
     vanishing_points,
 )
 from dlama.inpainters.layered.filler import layered
@@ -88,31 +86,13 @@ def test_lines_count_what_they_meet() -> None:
     w[20:, 24:30], label[20:, 24:30] = 0.5, -1
     away = cv2.distanceTransform(hole.astype(np.uint8), cv2.DIST_L2, 5)
     plane, level, every = np.array([[0.0, 0.0, 0.25]]), np.array([[1.0, 0.0, 0.0]]), np.ones(1, np.bool_)
-    first, length, both = seen_on_lines(plane, level, every, w, label, hole, away, hole, 1)
+    first, length = seen_on_lines(plane, level, every, w, label, hole, away, hole, 1)
     for row, start, count in ((5, 24, 0), (15, 24, 36), (30, 30, 30)):
         np.testing.assert_allclose(first[0, row, :24], start - np.arange(24), atol=1)
         np.testing.assert_array_equal(length[0, row, :24], count)
-    assert (first[0, :, 24:] == -1).all() and not both.any()
+    assert (first[0, :, 24:] == -1).all()
     upwards = seen_on_lines(plane, np.array([[0.0, 1.0, 0.0]]), every, w, label, hole, away, hole, 1)
     assert (upwards[0] == -1).all()
-
-
-def test_a_wall_seen_on_both_sides_goes_on_between() -> None:
-    """By hand: a wall with a hole and an object next to that counts BETWEEN in the hole; where one side is sky, where it is not
-    followed and where the hole reaches the border it does not."""
-    w, label = np.full((40, 60), 0.25, np.float32), np.ones((40, 60), np.int32)
-    w[:10, 30:], label[:10, 30:] = 0, 0
-    w[10:30, 30:40], label[10:30, 30:40] = 0.5, -1
-    hole = np.zeros(w.shape, bool)
-    hole[:30, 20:30] = True
-    hole[34:, 50:] = True
-    candidates = np.stack([np.full(w.shape, value, np.float32) for value in (0.25, 0, 0.25)])
-    known = hole, hole, w, label
-    lines = PlaneLines.of(Camera.from_fov(60, 40, 60), candidates, hole, label)
-    on = penalise_between(lines, candidates, *known, np.ones(1, bool))
-    assert (on[2, 12:28, 22:28] == BETWEEN).all() and not on[2, 1:8, 22:28].any() and not on[2, 36:, 52:].any()
-    assert not on[:2].any() and not on[2][~hole].any()
-    assert not penalise_between(lines, candidates, *known, np.zeros(1, bool)).any()
 
 
 def test_cost_of_a_wall_that_goes_on_and_of_one_that_has_ended() -> None:

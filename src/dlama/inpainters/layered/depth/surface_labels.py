@@ -34,7 +34,6 @@ from dlama.inpainters.layered.depth.out_of_view import (
     cells_of_planes,
     ending_cost,
     follow_lines,
-    penalise_between,
 )
 from dlama.inpainters.layered.depth.plane_edges import align_lines_to_edges
 from dlama.inpainters.layered.kernels import surfaces as surface_kernels
@@ -131,8 +130,6 @@ class CoarseView:
         penalty += ending_cost(self.hole, unseen, self.label, followed, self.cut.beyond, REACH * GRID)
         penalty[0] += SMOOTH_PENALTY
         penalty[1:] += ORDER_COST * self.out_of_order()
-        in_view = self.hole, self.hole_in_view, self.inverse_depth, self.label
-        on += penalise_between(lines, self.candidates, *in_view, followed)
         distance = distances()
         distance += on * (distance.min(0) - distance)  # what is seen on its line is as near as anything
         unary = surface_kernels.unary_costs(

@@ -90,7 +90,6 @@ def line_rows(
     stride: Whole,
     first: Float32Array,
     length: Float32Array,
-    both: BoolArray,
 ) -> None:
     """Rows of `seen_on_lines`."""
     for row in range(begin, end):
@@ -106,15 +105,12 @@ def line_rows(
                 if size < 1e-9:
                     continue
                 dc, dr = dc / size, dr / size
-                ways = 0
                 for _way in range(2):
                     found, cells = follow_line(planes[k], k + 1, w, label, hole, away, y, x, dr, dc)
-                    ways += cells > 0
                     if found > 0 and (first[k, row, column] < 0 or found < first[k, row, column]):
                         first[k, row, column] = found
                         length[k, row, column] = cells
                     dc, dr = -dc, -dr
-                both[k, row, column] = ways == 2
 
 
 def seen_on_lines(
@@ -127,17 +123,17 @@ def seen_on_lines(
     away: Float32Array,
     asking: BoolArray,
     stride: int,
-) -> tuple[Float32Array, Float32Array, BoolArray]:
+) -> tuple[Float32Array, Float32Array]:
     """K x h' x w' cells from each queried cell to the plane along its line, and the length over which the plane is seen there.
 
     planes: K x 3, w = a x + b y + c over cells (first cell: x = y = 0); towards: K x 3, homogeneous vanishing point of each
     plane's lines; followed: K, the planes that are looked for; w, label: h x w inverse depth and label of the known cells;
     hole, asking: h x w; away: h x w, cells to known ones. Every stride-th row and column is queried. -1: undecided, or not
-    looked for; length 0: the line looks behind the plane. The third: True where the plane is seen in both directions.
+    looked for; length 0: the line looks behind the plane.
     """
     height, width = (-(-size // stride) for size in hole.shape)
     first = np.full((len(planes), height, width), -1, np.float32)
-    length, both = np.zeros_like(first), np.zeros(first.shape, np.bool_)
+    length = np.zeros_like(first)
     known = w, label, hole, away, asking
-    in_bands(line_rows, height, planes, towards, followed, *known, stride, first, length, both, band=8)
-    return first, length, both
+    in_bands(line_rows, height, planes, towards, followed, *known, stride, first, length, band=8)
+    return first, length
