@@ -20,6 +20,8 @@ HEAVY = (
     "skimage",
     "matplotlib",
     "jinja2",
+    "pytorch_lightning",
+    "tensorboard",
 )
 
 

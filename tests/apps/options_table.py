@@ -281,6 +281,7 @@ TRAIN = {
     "steps": Reach("--steps 3", "train.settings", attribute("loop.steps", 3)),
     "batch": Reach("--batch 7", "train.settings", attribute("loop.batch", 7)),
     "precision": Reach("--precision bf16", "train.settings", attribute("loop.precision", "bf16")),
+    "devices": Reach("--devices 2", "train.settings", attribute("loop.devices", 2)),
 }
 PACK = {
     "data": instead("a b -o out", "pack.data", (Path("a"), Path("b")), "photos -o out"),

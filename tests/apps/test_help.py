@@ -204,9 +204,9 @@ def test_lists_of_the_library_are_options_that_are_given_again(line: str, shown:
 
 
 def test_settings_of_the_loop_are_options() -> None:
-    """`dlama train --batch` sets loop.batch."""
+    """`dlama train --devices` sets loop.devices."""
     flags = flags_of(VERBS["train"])
-    assert with_flags("`loop.batch` is 9999; 2 are here", flags) == "--batch is 9999; 2 are here"
+    assert with_flags("`loop.devices` is 9999; 2 are here", flags) == "--devices is 9999; 2 are here"
     begun = "`network.start` is 'b.ckpt', the run to resume has 'a.ckpt'"
     assert with_flags(begun, flags).startswith("--start is 'b.ckpt'")
     assert with_flags("`data.size` 64 and `loop.batch` 9 take 1 GB", flags) == "data.size 64 and --batch 9 take 1 GB"

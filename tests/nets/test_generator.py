@@ -8,7 +8,7 @@ import pytest
 torch = pytest.importorskip("torch", reason="the networks need torch: pip install 'dlama[train]'")
 
 from dlama.errors import ShapeError  # noqa: E402
-from dlama.nets.architecture import GeneratorSettings, generator_shapes  # noqa: E402
+from dlama.nets.architecture import GeneratorSettings, discriminator_shapes, generator_shapes  # noqa: E402
 from dlama.nets.ffc import FourierUnit  # noqa: E402
 from dlama.nets.generator import Discriminator, DiscriminatorSettings, Generator, generator_from_state  # noqa: E402  # noqa: E402
 
@@ -49,6 +49,13 @@ def test_modules_have_the_published_names(settings):
     """Oracle: the architecture's list, which is held to the published one elsewhere."""
     shapes = {name: tuple(tensor.shape) for name, tensor in Generator(settings).state_dict().items()}
     assert shapes == generator_shapes(settings)
+
+
+def test_discriminator_modules_have_the_published_names():
+    """Oracle: the architecture's list."""
+    settings = DiscriminatorSettings(width=8)
+    shapes = {name: tuple(tensor.shape) for name, tensor in Discriminator(settings).state_dict().items()}
+    assert shapes == discriminator_shapes(settings)
 
 
 @pytest.mark.slow

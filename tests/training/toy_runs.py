@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -74,3 +76,23 @@ class Exploit:
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Path.touch, (self.marker,)
+
+
+def keep_statistics(train: Callable[..., Any]) -> Callable[..., Any]:
+    """A module's method `train` with batch norms in eval mode after it: two processes have no other means than one."""
+
+    def train_but_norms(self: Any, mode: bool = True) -> Any:
+        train(self, mode)
+        for part in self.modules():
+            if hasattr(part, "running_mean"):
+                part.eval()
+        return self
+
+    return train_but_norms
+
+
+def no_tensorboard() -> None:
+    """Some of its imports warn of Python's own changes; that is nobody's fault here."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        import torch.utils.tensorboard  # noqa: F401

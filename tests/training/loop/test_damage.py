@@ -11,14 +11,17 @@ from pathlib import Path
 import pytest
 
 torch = pytest.importorskip("torch", reason="training needs torch: pip install 'dlama[train]'")
+pytest.importorskip("pytorch_lightning", reason="the loop needs Lightning: pip install 'dlama[train]'")
 
-from toy_runs import toy  # noqa: E402
+from toy_runs import no_tensorboard, toy  # noqa: E402
 
 from dlama.errors import FileError, OutputError  # noqa: E402
-from dlama.training.loop import reporting  # noqa: E402
+from dlama.training.loop import callbacks  # noqa: E402
 from dlama.training.loop.checkpointing import read_checkpoint, write_checkpoint  # noqa: E402
 from dlama.training.loop.run_files import LAST, METRICS, SETTINGS, MetricsTable, lock_run, read_metrics  # noqa: E402
 from dlama.training.loop.train import train  # noqa: E402
+
+no_tensorboard()
 
 
 class Killed(BaseException):
@@ -33,7 +36,7 @@ def killed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         raise Killed
 
     with monkeypatch.context() as broken:
-        broken.setattr(reporting.Reporter, "after_step", kill)
+        broken.setattr(callbacks.RunCallback, "on_train_batch_end", kill)
         with pytest.raises(Killed):
             train(toy(steps=2), tmp_path / "run")
     assert (tmp_path / "run" / SETTINGS).is_file() and not (tmp_path / "run" / LAST).exists()
@@ -71,7 +74,7 @@ def test_every_flipped_bit_of_the_weights_is_seen(tmp_path: Path) -> None:
             read_checkpoint(path)
 
 
-@pytest.mark.parametrize("missing", ["state_dict", "step", "random_state", "optimizer_states", "restored"])
+@pytest.mark.parametrize("missing", ["state_dict", "step", "random_states", "optimizer_states", "restored"])
 def test_a_checkpoint_that_lacks_a_part_is_refused(tmp_path: Path, missing: str) -> None:
     run = train(toy(steps=1), tmp_path / "run").run
     found = read_checkpoint(run / LAST)
@@ -139,7 +142,7 @@ def test_a_full_disk_does_not_end_a_run(
         self.path, self.columns = Path("/dev/full"), ["step", "samples", "seconds", *columns]
 
     monkeypatch.setattr(MetricsTable, "__init__", full_table)
-    monkeypatch.setattr(reporting, "write_sheet", full)
+    monkeypatch.setattr(callbacks, "write_sheet", full)
     monkeypatch.setattr(logging.FileHandler, "_open", lambda self: Path("/dev/full").open("w"))  # noqa: SIM115
     assert train(toy(steps=2, sheet_every=1), tmp_path / "run").step == 2
     assert sum("No space left" in line and "the run continues" in line for line in caplog.messages) == 4

@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 
 torch = pytest.importorskip("torch", reason="training needs torch: pip install 'dlama[train]'")
+pytest.importorskip("pytorch_lightning", reason="the loop needs Lightning: pip install 'dlama[train]'")
 
 from PIL import Image  # noqa: E402
-from toy_runs import Four, Spoiled, toy  # noqa: E402
+from toy_runs import Four, Spoiled, no_tensorboard, toy  # noqa: E402
 
 from dlama.apps.cli import main  # noqa: E402
 from dlama.errors import DlamaError, InputError, OutputError  # noqa: E402
@@ -32,14 +33,16 @@ from dlama.training import settings  # noqa: E402
 from dlama.training.data import loader  # noqa: E402
 from dlama.training.data.samples.toy_scenes import ToyScenes  # noqa: E402
 from dlama.training.kinds import PLANES  # noqa: E402
-from dlama.training.loop import checkpointing, step  # noqa: E402
+from dlama.training.loop import checkpointing, module  # noqa: E402
 from dlama.training.loop.checkpointing import LAST, read_checkpoint  # noqa: E402
+from dlama.training.loop.module import initial_generator, moving_average, update_average  # noqa: E402
 from dlama.training.loop.run_files import read_metrics  # noqa: E402
-from dlama.training.loop.step import initial_generator, moving_average, update_average  # noqa: E402
 from dlama.training.loop.train import TrainingResult, train  # noqa: E402
 from dlama.training.loop.validation import hole_metrics, telea  # noqa: E402
 from dlama.training.presets import PRESETS  # noqa: E402
 from worlds import Box, Plane, World  # noqa: E402
+
+no_tensorboard()
 
 
 @pytest.fixture(scope="module")
@@ -63,6 +66,7 @@ def test_tiny_leaves_everything_a_user_needs(tiny_run):
         "README.md",
     } <= names
     assert {"sheets/step-0000020.png", "sheets/step-0000040.png"} <= names
+    assert any(name.startswith("tensorboard/events") for name in names)
     card = (tiny_run.run / "README.md").read_text()
     assert "Perceptual trunk random" in card and "40 steps, 160 samples" in card and "| Telea |" in card
     assert "perceptual trunk random" in (tiny_run.run / "log.txt").read_text()
@@ -176,14 +180,14 @@ def test_a_bad_batch_does_not_kill_the_run(tmp_path):
     chosen = toy(steps=5)
     seen = {}
 
-    class Watched(step.Training):
-        def train_step(self, batch):
-            super().train_step(batch)
+    class Watched(module.TrainingModule):
+        def training_step(self, batch, index):
+            super().training_step(batch, index)
             seen[self.step] = {key: value.clone() for key, value in self.generator.state_dict().items()}
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("dlama.training.loop.train.Training", Watched)
-        patch.setattr(step, "GUARD_EVERY", 2)
+        patch.setattr("dlama.training.loop.train.TrainingModule", Watched)
+        patch.setattr(module, "GUARD_EVERY", 2)
         # the first call is the check before the run; calls 7 and 8 are the fourth batch
         done = train(
             chosen, tmp_path / "run", source=Spoiled(chosen, {7, 8}), held_out=ToyScenes(chosen.network, 32, "held_out")
@@ -237,7 +241,7 @@ def test_the_run_goes_on_when_a_checkpoint_fails_but_not_without_the_last(tmp_pa
         real(path, checkpoint)
 
     real = checkpointing.write_checkpoint
-    monkeypatch.setattr("dlama.training.loop.reporting.write_checkpoint", write)
+    monkeypatch.setattr("dlama.training.loop.callbacks.write_checkpoint", write)
     run = train(toy(steps=2, checkpoint_every=1), tmp_path / "run").run
     assert "step 1: the disk is full; the run continues" in (run / "log.txt").read_text()
     failing.add(3)
@@ -311,8 +315,8 @@ def test_learning_rates():
     """Oracle: closed forms; a straight rise, then half a cosine down to a hundredth."""
     chosen = toy(steps=100)
     chosen = replace(chosen, optimiser=replace(chosen.optimiser, warm_up=4, decay="cosine"))
-    rates = [step.rate_factor(chosen, number) for number in range(101)]
+    rates = [module.rate_factor(chosen, step) for step in range(101)]
     assert rates[0] == pytest.approx(0.2, rel=1e-2) and rates[100] == pytest.approx(0.01)
     assert rates[50] == pytest.approx(0.505) and max(rates) == rates[4]
     flat = replace(chosen, optimiser=replace(chosen.optimiser, decay="none"))
-    assert [step.rate_factor(flat, number) for number in (0, 1, 4, 99)] == [0.2, 0.4, 1, 1]
+    assert [module.rate_factor(flat, step) for step in (0, 1, 4, 99)] == [0.2, 0.4, 1, 1]

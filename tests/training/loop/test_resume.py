@@ -9,26 +9,29 @@ from dataclasses import replace
 import pytest
 
 torch = pytest.importorskip("torch", reason="training needs torch: pip install 'dlama[train]'")
+pytest.importorskip("pytorch_lightning", reason="the loop needs Lightning: pip install 'dlama[train]'")
 
-from toy_runs import Exploit, toy  # noqa: E402
+from toy_runs import Exploit, no_tensorboard, toy  # noqa: E402
 
 from dlama.errors import FileError, InputError, OutputError  # noqa: E402
 from dlama.training.data.loader import BatchNumbers, NumberedSamples, batch_loader  # noqa: E402
 from dlama.training.data.samples.toy_scenes import ToyScenes  # noqa: E402
-from dlama.training.loop import reporting  # noqa: E402
+from dlama.training.loop import callbacks  # noqa: E402
 from dlama.training.loop.checkpointing import LAST, read_checkpoint  # noqa: E402
+from dlama.training.loop.module import TrainingModule  # noqa: E402
 from dlama.training.loop.random_state import random_state, set_random_state  # noqa: E402
 from dlama.training.loop.run_files import read_metrics  # noqa: E402
-from dlama.training.loop.step import Training  # noqa: E402
 from dlama.training.loop.train import train  # noqa: E402
 
+no_tensorboard()
 
-class Restless(Training):
+
+class Restless(TrainingModule):
     """Draws from torch's random numbers in every step, to see whether those are restored."""
 
-    def train_step(self, batch):
+    def training_step(self, batch, batch_index):
         noise = torch.rand(batch["target"].shape)
-        super().train_step(batch | {"target": (batch["target"] + 0.01 * noise).clamp(0, 1)})
+        super().training_step(batch | {"target": (batch["target"] + 0.01 * noise).clamp(0, 1)}, batch_index)
 
 
 def everything(run):
@@ -69,18 +72,17 @@ def test_resumed_is_bit_exact(planes, tmp_path, monkeypatch):
     settings = toy(planes, steps=7)
     settings = replace(settings, optimiser=replace(settings.optimiser, warm_up=3, decay="cosine"))
     settings = replace(settings, loss=replace(settings.loss, penalty_every=3))
-    monkeypatch.setattr("dlama.training.loop.train.Training", Restless)
+    monkeypatch.setattr("dlama.training.loop.train.TrainingModule", Restless)
     whole = train(settings, tmp_path / "whole")
 
-    class Stop(reporting.StopRequest):
-        def is_requested(self):
-            self.looks = getattr(self, "looks", 0) + 1
-            if self.looks == 3:
+    class Stop(callbacks.StopRequest):
+        def is_requested(self, trainer):
+            if trainer.lightning_module.step == 3:
                 os.kill(os.getpid(), signal.SIGTERM)
-            return super().is_requested()
+            return super().is_requested(trainer)
 
     with monkeypatch.context() as patch:
-        patch.setattr("dlama.training.loop.train.StopRequest", Stop)
+        patch.setattr("dlama.training.loop.callbacks.StopRequest", Stop)
         part = train(settings, tmp_path / "parts")
     assert (part.ended, part.step, part.network) == ("SIGTERM", 3, None)
     torch.rand(7)  # whatever happens in between
@@ -154,10 +156,11 @@ def test_random_numbers_come_back():
 
 
 def test_batches_are_a_function_of_the_position():
-    """Oracle: law; every number once and in order, also from the middle on."""
-    whole = list(BatchNumbers(0, 6, 4))
-    assert [number for batch in whole for number in batch] == list(range(24)) and len(BatchNumbers(0, 6, 4)) == 6
-    assert list(BatchNumbers(8, 4, 4)) == whole[2:]
+    """Oracle: law; two processes together case what one cases with the doubled batch, also from the middle on."""
+    whole = [number for batch in BatchNumbers(0, 6, 4) for number in batch]
+    assert whole == list(range(24)) and len(BatchNumbers(0, 6, 4)) == 6
+    halves = [list(BatchNumbers(8, 4, 2, rank, 2)) for rank in (0, 1)]
+    assert [a + b for a, b in zip(*halves)] == list(BatchNumbers(8, 4, 4))
 
 
 @pytest.mark.parametrize("group_size", [1, 2])

@@ -1,4 +1,4 @@
-"""A training in -> one checkpoint file, written whole or not at all, out; and back.
+"""A training module in -> one checkpoint file, written whole or not at all, out; and back.
 
 The file is torch's, read with `weights_only=True`. Its `state_dict` has the published names under `generator.`, so every
 reader of LaMa checkpoints finds the network in it; `average.` is the one that is exported.
@@ -12,38 +12,38 @@ from typing import Any
 
 import torch
 
-from dlama.errors import FileError, OutputError, first_line
+from dlama.errors import FileError, InputError, OutputError, first_line
 from dlama.files.atomic_write import new_file
-from dlama.training.loop.random_state import random_state
+from dlama.training.loop.module import TrainingModule
 from dlama.training.loop.run_files import LAST
-from dlama.training.loop.step import Training
 from dlama.training.presets import to_json
 
 VERSION = 1
 
 
-def checkpoint_of(training: Training, seconds: float) -> dict[str, Any]:
-    """Everything that a run is resumed from, random numbers too.
+def checkpoint_of(module: TrainingModule, seconds: float, random_states: list[dict[str, Any]]) -> dict[str, Any]:
+    """Everything that a run is resumed from.
 
     Args:
-        training: after a whole step.
+        module: after a whole step.
         seconds: trained so far, over all parts of the run.
+        random_states: of every process, by rank (`random_state`).
     """
     named = {
         f"{name}.{key}": value
-        for name, network in training.networks.items()
+        for name, network in module.networks.items()
         for key, value in network.state_dict().items()
     }
     return {
         "version": VERSION,
-        "settings": to_json(training.settings),
-        "step": training.step,
-        "samples": training.samples,
-        "restored": training.restored,
+        "settings": to_json(module.settings),
+        "step": module.step,
+        "samples": module.samples,
+        "restored": module.restored,
         "seconds": seconds,
         "state_dict": named,
-        "optimizer_states": [optimiser.state_dict() for optimiser in training.optimisers],
-        "random_state": random_state(),
+        "optimizer_states": [optimiser.state_dict() for optimiser in module.raw_optimisers],
+        "random_states": random_states,
     }
 
 
@@ -74,17 +74,25 @@ def read_checkpoint(path: Path) -> dict[str, Any]:
     return found
 
 
-def restore(training: Training, checkpoint: dict[str, Any]) -> None:
-    """Put a checkpoint into a new training; random numbers are not set. FileError: it is of another network, or lacks a part."""
+def restore(module: TrainingModule, checkpoint: dict[str, Any], processes: int) -> None:
+    """Put a checkpoint into a new module: networks and counters now, optimisers once they are made; random numbers are not set.
+
+    Raises:
+        InputError: the run had another number of processes, so its samples would not be the same ones.
+        FileError: the checkpoint is of another network, or a part of it is missing.
+    """
     try:
-        for name, network in training.networks.items():
+        before = len(checkpoint["random_states"])
+        for name, network in module.networks.items():
             prefix = f"{name}."
             state = {k.removeprefix(prefix): v for k, v in checkpoint["state_dict"].items() if k.startswith(prefix)}
             network.load_state_dict(state, strict=True)
-        training.step, training.samples = checkpoint["step"], checkpoint["samples"]
-        training.restored = checkpoint["restored"]
-        states = checkpoint["optimizer_states"], checkpoint["random_state"]
-        for optimiser, state in zip(training.optimisers, states[0], strict=True):
-            optimiser.load_state_dict(state)
+        module.step, module.samples = checkpoint["step"], checkpoint["samples"]
+        module.restored = checkpoint["restored"]
+        module.saved_optimisers = checkpoint["optimizer_states"]
     except Exception as error:  # a part that is missing, or of another shape
         raise FileError(f"{LAST}: does not fit the run's settings, or is damaged ({first_line(error)})") from error
+    if before != processes:
+        raise InputError(
+            f"the run has {before} processes (`loop.devices` times loop.nodes), not {processes}; keep them to resume"
+        )

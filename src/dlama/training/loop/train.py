@@ -6,27 +6,40 @@ import logging
 import math
 import multiprocessing
 import time
+import warnings
 from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
+import pytorch_lightning as pl
 import torch
+from pytorch_lightning.utilities.rank_zero import rank_zero_only
 
 from dlama.errors import InputError, OutputError, system_errors
 from dlama.files.atomic_write import new_file
-from dlama.training.data.batches import Batch, check_sample
+from dlama.training.data.batches import check_sample
 from dlama.training.data.loader import BatchNumbers, NumberedSamples, batch_loader, held_out_batch
 from dlama.training.data.sources import SampleSource, source_for
+from dlama.training.limits import check_machine
+from dlama.training.loop.callbacks import ALL_STEPS, TIME_IS_UP, RunCallback
 from dlama.training.loop.checkpointing import read_checkpoint, restore
 from dlama.training.loop.export import TrainingRecord, export, model_card
-from dlama.training.loop.random_state import set_random_state
-from dlama.training.loop.reporting import ALL_STEPS, TIME_IS_UP, Reporter, StopRequest
+from dlama.training.loop.module import TrainingModule
 from dlama.training.loop.run_files import LAST, holds_run, lock_run, log_to_file, prepare, write_settings
-from dlama.training.loop.step import Training
-from dlama.training.loop.validation import hole_metrics, telea
-from dlama.training.settings import LoopSettings, TrainSettings
+from dlama.training.loop.validation import hole_metrics, scores_of, telea
+from dlama.training.settings import TrainSettings
 
 LOG = logging.getLogger("dlama")
+EXPECTED_WARNINGS = (
+    ".*does not have many workers.*",
+    ".*module\\(s\\) in eval mode.*",
+    ".*GPU available but not used.*",
+    ".*find_unused_parameters=True was specified.*",
+    ".*`isinstance\\(treespec, LeafSpec\\)` is deprecated.*",
+)
+"""Warnings of Lightning and torch that are no news: the number of workers, for one, is a setting."""
 
 
 @dataclass(frozen=True)
@@ -41,6 +54,8 @@ class TrainingResult:
     """`all steps done`, `time is up`, `SIGTERM` or `SIGINT`."""
     network: Path | None
     """The ONNX file; None after a signal, which leaves time for a checkpoint only."""
+    first: bool = True
+    """Whether this is the first process of the run; the others write nothing."""
 
 
 @system_errors(OutputError)
@@ -68,25 +83,59 @@ def train(
         InputError, FileError, OutputError: before the first step, naming the setting or file.
         DlamaError: too many batches in a row gave no finite gradient.
     """
-    stop = StopRequest(math.inf if max_minutes is None else time.monotonic() + 60 * max_minutes)
+    began = time.monotonic()
     _refuse_worker()
-    device = choose_device(settings.loop)
-    prepare(run, settings, resume)
-    with lock_run(run), log_to_file(run):
-        source = source or source_for(settings, data, "train")
-        check_sample(NumberedSamples(source, settings.loop.seed)[0], settings.network, settings.data.size)
-        validation = held_out_batch(held_out or source_for(settings, data, "held_out"), settings)
-        training = Training(settings, device)
-        write_settings(run, settings)  # only now: what was refused leaves no settings, by which a run would be known
-        before = _resume(training, run) if resume else 0.0
-        reporter = Reporter(run, training, validation, before)
-        with stop.listening():
-            _fit(training, reporter, stop, source)
-            finished = stop.reason in (ALL_STEPS, TIME_IS_UP)
-            reporter.end(finished)
-        about = ", ".join(map(str, data)) or "procedural"
-        network = _finish(reporter, stop.reason, about) if finished else None
-    return TrainingResult(run, training.step, stop.reason, network)
+    first = getattr(rank_zero_only, "rank", 0) == 0
+    if first:
+        check_machine(settings)
+        prepare(run, settings, resume)
+    deadline = math.inf if max_minutes is None else began + 60 * max_minutes
+    with ExitStack() as stack:
+        if first:
+            stack.enter_context(lock_run(run))
+            stack.enter_context(log_to_file(run))
+        return _train(settings, run, data, deadline, resume, first, source, held_out)
+
+
+def _train(
+    settings: TrainSettings,
+    run: Path,
+    data: Sequence[Path],
+    deadline: float,
+    resume: bool,
+    first: bool,
+    source: SampleSource | None,
+    held_out: SampleSource | None,
+) -> TrainingResult:
+    """As `train`, in a directory that is there; `deadline` on the clock of `time.monotonic`."""
+    source = source or source_for(settings, data, "train")
+    check_sample(NumberedSamples(source, settings.loop.seed)[0], settings.network, settings.data.size)
+    validation = held_out_batch(held_out or source_for(settings, data, "held_out"), settings) if first else None
+    module, processes = TrainingModule(settings), settings.loop.devices * settings.loop.nodes
+    if first:
+        write_settings(
+            run, settings
+        )  # only now: a run that was refused above leaves no settings, by which it would be known
+    checkpoint: dict[str, Any] = {}
+    if resume and ((run / LAST).exists() or holds_run(run)):
+        checkpoint = read_checkpoint(run / LAST)
+    elif resume:
+        LOG.info("the run was ended before its first checkpoint, so it begins anew")
+    if checkpoint:
+        restore(module, checkpoint, processes)
+    before = checkpoint.get("seconds", 0.0)
+    callback = RunCallback(settings, run, deadline, validation, checkpoint.get("random_states"), before)
+    try:
+        _fit(module, callback, source, settings)
+        if not first:
+            return TrainingResult(run, module.step, callback.stop.reason, None, first=False)
+        about = "procedural" if not data else ", ".join(str(path) for path in data)
+        network = (
+            None if callback.stop.reason not in (ALL_STEPS, TIME_IS_UP) else _finish(module, callback, settings, about)
+        )
+    finally:
+        callback.close()
+    return TrainingResult(run, module.step, callback.stop.reason, network)
 
 
 def _refuse_worker() -> None:
@@ -97,72 +146,68 @@ def _refuse_worker() -> None:
         )
 
 
-def choose_device(loop: LoopSettings) -> torch.device:
-    """The GPU or the CPU, as the settings say; sets how exactly a GPU computes. InputError: there is no GPU."""
-    if not torch.cuda.is_available():
-        if loop.accelerator == "gpu":
-            raise InputError("`loop.accelerator` is 'gpu'; torch finds no GPU on this computer")
-        return torch.device("cpu")
-    if loop.accelerator == "cpu":
-        return torch.device("cpu")
-    torch.set_float32_matmul_precision("highest" if loop.exact else "high")
-    torch.backends.cudnn.benchmark = not loop.exact
-    torch.use_deterministic_algorithms(loop.exact, warn_only=True)
-    return torch.device("cuda")
+def trainer_of(settings: TrainSettings, callback: RunCallback) -> pl.Trainer:
+    """Lightning's trainer for devices, processes and precision; checkpoints, logs and validation are the callback's."""
+    loop = settings.loop
+    several = loop.devices * loop.nodes > 1
+    return pl.Trainer(
+        accelerator=loop.accelerator,
+        devices=loop.devices,
+        num_nodes=loop.nodes,
+        strategy="ddp_find_unused_parameters_true" if several else "auto",
+        sync_batchnorm=several and loop.accelerator != "cpu" and torch.cuda.is_available(),
+        deterministic="warn" if loop.exact else None,
+        benchmark=not loop.exact and torch.cuda.is_available(),
+        precision="bf16-mixed" if loop.precision == "bf16" else "32-true",
+        max_epochs=1,
+        callbacks=[callback],
+        logger=False,
+        enable_checkpointing=False,
+        enable_progress_bar=False,
+        enable_model_summary=False,
+        use_distributed_sampler=False,
+        num_sanity_val_steps=0,
+    )
 
 
-def _resume(training: Training, run: Path) -> float:
-    """Put the run's checkpoint into a new training; seconds trained before."""
-    if not holds_run(run):
-        LOG.info("the run was ended before its first checkpoint, so it begins anew")
-        return 0.0
-    checkpoint = read_checkpoint(run / LAST)
-    restore(training, checkpoint)
-    set_random_state(checkpoint["random_state"])
-    return float(checkpoint["seconds"])
-
-
-def _fit(training: Training, reporter: Reporter, stop: StopRequest, source: SampleSource) -> None:
+def _fit(module: TrainingModule, callback: RunCallback, source: SampleSource, settings: TrainSettings) -> None:
     """Train the steps that are left; none may be."""
-    settings, clock = training.settings, reporter.stopwatch
-    left = settings.loop.steps - training.step
+    left = settings.loop.steps - module.step
     if left <= 0:
         LOG.info("all %d steps were done before", settings.loop.steps)
         return
-    batches = batch_loader(source, settings, BatchNumbers(training.samples, left, settings.loop.batch))
-    for batch in batches:
-        clock.end_wait()
-        training.train_step(to_device(batch, training.device))
-        reporter.after_step()
-        if stop.is_requested():
-            break
-        clock.begin_wait()
+    logging.getLogger("pytorch_lightning").setLevel(logging.WARNING)
+    with warnings.catch_warnings():
+        for text in EXPECTED_WARNINGS:
+            warnings.filterwarnings("ignore", text)
+        if torch.cuda.is_available():
+            torch.set_float32_matmul_precision("highest" if settings.loop.exact else "high")
+        trainer = trainer_of(settings, callback)
+        numbers = BatchNumbers(module.samples, left, settings.loop.batch, trainer.global_rank, trainer.world_size)
+        trainer.fit(module, batch_loader(source, settings, numbers))
 
 
-def to_device(batch: Batch, device: torch.device) -> Batch:
-    """The batch on a device."""
-    return {name: tensor.to(device, non_blocking=True) for name, tensor in batch.items()}  # type: ignore[return-value,attr-defined]
-
-
-def _finish(reporter: Reporter, ended: str, data: str) -> Path:
+def _finish(module: TrainingModule, callback: RunCallback, settings: TrainSettings, data: str) -> Path:
     """Export the network, and write its model card; the ONNX file."""
-    training, settings = reporter.training, reporter.settings
-    scores = reporter.scores()
-    reference = hole_metrics(telea(reporter.held_out), reporter.held_out, settings.network)
+    network = export(module.average, callback.run, settings.name, settings.licence)[1]  # type: ignore[arg-type]
+    assert callback.held_out is not None
+    average = module.average.to(callback.device)  # Lightning has put everything back on the CPU
+    scores = scores_of(average, callback.held_out, settings, callback.device)
+    reference = hole_metrics(telea(callback.held_out), callback.held_out, settings.network)
+    trunk = module.perceptual.note if module.perceptual else "no perceptual term"
     record = TrainingRecord(
-        step=training.step,
-        samples=training.samples,
-        seconds=reporter.stopwatch.seconds,
-        ended=ended,
-        trunk=training.perceptual.note if training.perceptual else "no perceptual term",
+        step=module.step,
+        samples=module.samples,
+        seconds=callback.stopwatch.seconds,
+        ended=callback.stop.reason,
+        trunk=trunk,
         data=data,
-        device=device_name(training.device),
-        restored=training.restored,
+        device=device_name(callback.device),
+        restored=module.restored,
     )
-    network = export(training.average, reporter.run, settings.name, settings.licence)[1]  # type: ignore[arg-type]
-    with new_file(reporter.run / "README.md") as draft:
+    with new_file(callback.run / "README.md") as draft:
         draft.write_text(model_card(settings, record, scores, reference), "utf-8")
-    LOG.info("%s: %s after %d steps", network, ended, training.step)
+    LOG.info("%s: %s after %d steps", network, callback.stop.reason, module.step)
     return network
 
 

@@ -234,10 +234,12 @@ def test_worlds_take_their_share(folder: Path, caplog: pytest.LogCaptureFixture)
 
 def test_a_run_says_what_it_learns_from(folder: Path, tmp_path: Path) -> None:
     """Oracle: law; a run on removals alone trains, and its log begins with what was found."""
-    from toy_runs import toy
+    pytest.importorskip("pytorch_lightning", reason="the loop needs Lightning: pip install 'dlama[train]'")
+    from toy_runs import no_tensorboard, toy
 
     from dlama.training.loop.train import train
 
+    no_tensorboard()
     chosen = toy(steps=2)
     chosen = replace(chosen, data=replace(chosen.data, mixture={"removal": 1.0}, cases=1.0))
     done = train(chosen, tmp_path / "run", data=[folder])

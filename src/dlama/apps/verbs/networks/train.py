@@ -53,6 +53,7 @@ def train(
     steps: Number = None,
     batch: Number = None,
     precision: Annotated[Literal["bf16", "fp32"] | None, option("bf16|fp32", "the settings'")] = None,
+    devices: Number = None,
 ) -> None:
     """Train a network that fills colour and depth, or both pictures of a stereo pair, together.
 
@@ -66,8 +67,9 @@ def train(
         start: A LaMa checkpoint to start from; planes it lacks are added.
         trunk: Weights of the perceptual trunk, the dilated ResNet-50 of ADE20K (.safetensors, .pth).
         steps: Batches until the end.
-        batch: Samples of a batch.
+        batch: Samples of a batch, on each device.
         precision: bf16 is faster on GPUs, and on CPUs that have it (lscpu says avx512_bf16 or amx_bf16).
+        devices: GPUs, or processes on a CPU.
     """
     if settings == LIST:
         print("\n".join(preset_lines()))
@@ -87,14 +89,16 @@ def train(
         steps=steps,
         batch=batch,
         precision=precision,
+        devices=devices,
     )
     require_training()
     from dlama.training.loop import train as loop
 
     with report_result("train", report) as result, log_to_terminal(report):
         done = loop.train(chosen, output, data=data, max_minutes=max_minutes, resume=resume)
-        line, values = summary(done)
-        result.add(line, **values)
+        if done.first:
+            line, values = summary(done)
+            result.add(line, **values)
 
 
 def pack(
@@ -173,9 +177,9 @@ def preset_lines() -> list[str]:
 
 def require_training() -> None:
     """MissingExtraError naming the first package that training lacks."""
-    for package in ("torch", "onnx"):
+    for package, name in (("torch", "torch"), ("pytorch_lightning", "pytorch-lightning"), ("onnx", "onnx")):
         if importlib.util.find_spec(package) is None:
-            raise MissingExtraError("training a network", package, "train")
+            raise MissingExtraError("training a network", name, "train")
 
 
 def log_to_terminal(report: Report) -> AbstractContextManager[None]:

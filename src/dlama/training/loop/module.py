@@ -1,4 +1,4 @@
-"""Batches in -> generator and discriminator trained by one step each per batch, out."""
+"""Batches in -> generator and discriminator trained by one step each per batch, out: the Lightning module."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import math
 from dataclasses import replace
 from typing import Any
 
+import pytorch_lightning as pl
 import torch
 from torch import Tensor, nn
 
@@ -17,7 +18,7 @@ from dlama.nets.generator import Discriminator, Generator, generator_from_state
 from dlama.nets.judge import GuessMixer
 from dlama.nets.surgery import widen
 from dlama.training.data.batches import Batch, network_input
-from dlama.training.losses.perceptual import perceptual_loss
+from dlama.training.losses.perceptual import LpipsLoss, PerceptualLoss, perceptual_loss
 from dlama.training.losses.pixels import widen_half
 from dlama.training.losses.terms import LossInputs, Terms, discriminator_terms, generator_terms
 from dlama.training.settings import NetworkSettings, TrainSettings
@@ -28,26 +29,28 @@ MOST_RESTORED = 20
 """Batches in a row without a finite gradient, after which the run gives up."""
 
 
-class Training:
+class TrainingModule(pl.LightningModule):
     """The generator, its moving average, the discriminator, the losses, and the guard against gradients that are not finite.
 
-    Counts steps (`step`) and samples (`samples`); `latest` has the terms of the last step.
+    Counts steps (`step`) and samples of all processes (`samples`) by itself; `latest` has the terms of the last step.
     """
 
-    def __init__(self, settings: TrainSettings, device: str | torch.device = "cpu") -> None:
-        self.settings, self.device = settings, torch.device(device)
+    def __init__(self, settings: TrainSettings) -> None:
+        super().__init__()
+        self.automatic_optimization = False
+        self.settings = settings
         torch.manual_seed(settings.loop.seed)
-        self.generator = initial_generator(settings.network).to(device)
-        self.discriminator = None
-        if settings.loss.uses_discriminator:
-            self.discriminator = Discriminator(settings.network.discriminator).to(device)
+        self.generator: Generator | GuessMixer = initial_generator(settings.network)
+        self.discriminator = Discriminator(settings.network.discriminator) if settings.loss.uses_discriminator else None
         self.average = moving_average(self.generator)
-        self.perceptual = perceptual_loss(settings.loss).to(device) if settings.loss.perceptual else None
-        self.optimisers = self._optimisers()
+        self.perceptual: PerceptualLoss | LpipsLoss | None = (
+            perceptual_loss(settings.loss) if settings.loss.perceptual else None
+        )
         self.step, self.samples, self.restored, self.bad_in_a_row = 0, 0, 0, 0
         self.latest: dict[str, Tensor] = {}
+        self.saved_optimisers: list[dict[str, Any]] | None = None
         self.guard = Guard()
-        self._network: Any = torch.compile(self.generator) if settings.loop.compiled else self.generator
+        self._compiled: list[Any] = [torch.compile(self.generator)] if settings.loop.compiled else []
 
     @property
     def networks(self) -> dict[str, nn.Module]:
@@ -55,35 +58,60 @@ class Training:
         kept: dict[str, nn.Module] = {"generator": self.generator, "average": self.average}
         return kept | ({} if self.discriminator is None else {"discriminator": self.discriminator})
 
-    def train_step(self, batch: Batch) -> None:
-        """One step of the generator, then one of the discriminator on the same output; undone where gradients are not finite."""
-        if self.guard.is_empty:
-            self.guard.keep(self)
-        half = self.settings.loop.precision == "bf16"
-        # without the cache: weights change within a step, and what is cached under no_grad has no gradient
-        with torch.autocast(self.device.type, torch.bfloat16, enabled=half, cache_enabled=False):
-            good = self._descend_both(batch)
-        self._count(batch, good)
+    @property
+    def raw_optimisers(self) -> list[torch.optim.Optimizer]:
+        """Torch's optimisers: the generator's, then the discriminator's."""
+        found = self.optimizers(use_pl_optimizer=False)
+        return list(found) if isinstance(found, list) else [found]
 
-    def _descend_both(self, batch: Batch) -> bool:
-        """Whether all gradients were finite."""
-        self._set_rates()
-        output = self._network(network_input(batch))
+    def configure_optimizers(self) -> list[torch.optim.Optimizer]:
+        """Adam for each network; in a resumed run with the state of the checkpoint."""
+        s = self.settings.optimiser
+        made: list[torch.optim.Optimizer] = [
+            torch.optim.Adam(network.parameters(), lr=rate, betas=(s.beta1, s.beta2))
+            for network, rate in ((self.generator, s.generator_rate), (self.discriminator, s.discriminator_rate))
+            if network is not None
+        ]
+        for optimiser, state in zip(made, self.saved_optimisers or []):
+            optimiser.load_state_dict(state)
+        self.saved_optimisers = None
+        return made
+
+    def on_train_start(self) -> None:
+        """Train mode, and the first state of the guard."""
+        self.train()
+        self.guard.keep(self)
+
+    def train(self, mode: bool = True) -> TrainingModule:
+        """The average stays in eval mode, as the trunk does."""
+        super().train(mode)
+        self.average.eval()
+        return self
+
+    def forward(self, planes: Tensor) -> Tensor:
+        """B x C x H x W -> B x P x H x W, through the generator (not its average)."""
+        return self._compiled[0](planes) if self._compiled else self.generator(planes)
+
+    def training_step(self, batch: Batch, batch_index: int) -> None:
+        """One step of the generator, then one of the discriminator on the same output; undone where gradients are not finite."""
+        optimisers = self.raw_optimisers
+        self._set_rates(optimisers)
+        output = self(network_input(batch))
         terms = self._generator_terms(output, batch)
-        norms = {"gradient_norm": self._gradients(0, self.generator, terms)}
+        norms = {"gradient_norm": self._descend(optimisers[0], self.generator, terms)}
         good = bool(norms["gradient_norm"].isfinite())
         if good:
-            self.optimisers[0].step()
+            self._take_step(0)
             update_average(self.average, self.generator, self.settings.optimiser.average, self.step)
         if good and self.discriminator is not None:
-            own = discriminator_terms(self.discriminator, output, batch, self.settings.loss, self.penalty)
-            norms["discriminator_norm"] = self._gradients(1, self.discriminator, own)
+            own = discriminator_terms(self.discriminator, output, batch, self.settings.loss, self._penalty())
+            norms["discriminator_norm"] = self._descend(optimisers[1], self.discriminator, own)
             good = bool(norms["discriminator_norm"].isfinite())
             if good:
-                self.optimisers[1].step()
+                self._take_step(1)
             terms |= own
         self.latest = {name: value.detach() for name, value in (terms | norms).items()}
-        return good
+        self._count(batch, good)
 
     def _generator_terms(self, output: Tensor, batch: Batch) -> Terms:
         """The generator's weighted terms; the discriminator gets no gradients from them."""
@@ -96,30 +124,25 @@ class Training:
         self.discriminator.requires_grad_(True)
         return terms
 
-    def _gradients(self, which: int, network: nn.Module, terms: Terms) -> Tensor:
-        """Compute the gradients of the sum of terms and clip them; their norm before clipping."""
-        self.optimisers[which].zero_grad(set_to_none=True)
-        torch.stack([widen_half(term) for term in terms.values()]).sum().backward()
+    def _descend(self, optimiser: torch.optim.Optimizer, network: nn.Module, terms: Terms) -> Tensor:
+        """Compute the gradients of the sum of terms and clip them; their norm before clipping, the same on all devices."""
+        optimiser.zero_grad(set_to_none=True)
+        self.manual_backward(torch.stack([widen_half(term) for term in terms.values()]).sum())
         return nn.utils.clip_grad_norm_(network.parameters(), self.settings.optimiser.clip or math.inf)
 
-    def _optimisers(self) -> list[torch.optim.Optimizer]:
-        """Adam for the generator, then for the discriminator where there is one."""
-        s = self.settings.optimiser
-        return [
-            torch.optim.Adam(network.parameters(), lr=rate, betas=(s.beta1, s.beta2))
-            for network, rate in ((self.generator, s.generator_rate), (self.discriminator, s.discriminator_rate))
-            if network is not None
-        ]
+    def _take_step(self, which: int) -> None:
+        """Step of the generator's (0) or the discriminator's (1) optimiser, by Lightning, for its precision plugin."""
+        found = self.optimizers()
+        (found if isinstance(found, list) else [found])[which].step()
 
-    def _set_rates(self) -> None:
+    def _set_rates(self, optimisers: list[torch.optim.Optimizer]) -> None:
         """Learning rates of the coming step."""
         s = self.settings.optimiser
         factor = rate_factor(self.settings, self.step)
-        for optimiser, rate in zip(self.optimisers, (s.generator_rate, s.discriminator_rate)):
+        for optimiser, rate in zip(optimisers, (s.generator_rate, s.discriminator_rate)):
             optimiser.param_groups[0]["lr"] = rate * factor
 
-    @property
-    def penalty(self) -> float:
+    def _penalty(self) -> float:
         """Weight of R1 in this step."""
         every = self.settings.loss.penalty_every
         return self.settings.loss.gradient_penalty * every if self.step % every == 0 else 0.0
@@ -127,7 +150,7 @@ class Training:
     def _count(self, batch: Batch, good: bool) -> None:
         """Count the step; where it was not good, restore the state that the guard kept last."""
         self.step += 1
-        self.samples += len(batch["input"])
+        self.samples += len(batch["input"]) * self.trainer.world_size
         self.bad_in_a_row = 0 if good else self.bad_in_a_row + 1
         if not good:
             self.guard.restore(self)
@@ -195,19 +218,14 @@ class Guard:
         self._networks: dict[str, Any] = {}
         self._optimisers: list[Any] = []
 
-    @property
-    def is_empty(self) -> bool:
-        """Whether nothing was kept yet."""
-        return not self._networks
+    def keep(self, module: TrainingModule) -> None:
+        """Copy the module's present state, on the device where it lies."""
+        self._networks = {name: copy.deepcopy(network.state_dict()) for name, network in module.networks.items()}
+        self._optimisers = [copy.deepcopy(optimiser.state_dict()) for optimiser in module.raw_optimisers]
 
-    def keep(self, training: Training) -> None:
-        """Copy the present state, on the device where it lies."""
-        self._networks = {name: copy.deepcopy(network.state_dict()) for name, network in training.networks.items()}
-        self._optimisers = [copy.deepcopy(optimiser.state_dict()) for optimiser in training.optimisers]
-
-    def restore(self, training: Training) -> None:
-        """Put the state that was kept last back."""
-        for name, network in training.networks.items():
+    def restore(self, module: TrainingModule) -> None:
+        """Put the state that was kept last back; `on_train_start` keeps the first."""
+        for name, network in module.networks.items():
             network.load_state_dict(self._networks[name])
-        for optimiser, state in zip(training.optimisers, self._optimisers):
+        for optimiser, state in zip(module.raw_optimisers, self._optimisers):
             optimiser.load_state_dict(copy.deepcopy(state))  # Adam would keep writing into the kept tensors

@@ -8,25 +8,26 @@ from types import SimpleNamespace
 import pytest
 
 torch = pytest.importorskip("torch", reason="training needs torch: pip install 'dlama[train]'")
+pytest.importorskip("pytorch_lightning", reason="the loop needs Lightning: pip install 'dlama[train]'")
 
 from toy_runs import toy  # noqa: E402
 
-from dlama.training.loop.step import Guard, Training  # noqa: E402
+from dlama.training.loop.module import Guard, TrainingModule  # noqa: E402
 
 
 def test_r1_every_fourth_step_is_four_times_as_strong():
     """Closed form: over a round of steps its weights add up to those of every step."""
     chosen = toy()
-    training = Training(replace(chosen, loss=replace(chosen.loss, gradient_penalty=0.25, penalty_every=4)))
+    module = TrainingModule(replace(chosen, loss=replace(chosen.loss, gradient_penalty=0.25, penalty_every=4)))
     weights = []
-    for training.step in range(8):
-        weights.append(training.penalty)
+    for module.step in range(8):
+        weights.append(module._penalty())
     assert weights == [1.0, 0, 0, 0, 1.0, 0, 0, 0]
 
 
 def learn(module, steps):
     """Some steps of Adam towards other numbers."""
-    (optimiser,) = module.optimisers
+    (optimiser,) = module.raw_optimisers
     for _ in range(steps):
         optimiser.zero_grad()
         sum((weight - 3).square().sum() for weight in module.networks["one"].parameters()).backward()
@@ -36,7 +37,7 @@ def learn(module, steps):
 
 def numbers(module):
     """All weights, and Adam's running means."""
-    (optimiser,) = module.optimisers
+    (optimiser,) = module.raw_optimisers
     means = [value.clone() for state in optimiser.state_dict()["state"].values() for value in state.values()]
     return [value.clone() for value in module.networks["one"].state_dict().values()] + means
 
@@ -50,7 +51,7 @@ def test_the_guard_gives_back_what_it_kept_as_often_as_it_is_asked():
     """Law: learning on, before or after it was given back, leaves what was kept as it was; the last state kept counts."""
     network = torch.nn.Linear(2, 2)
     module = SimpleNamespace(
-        networks={"one": network}, optimisers=[torch.optim.Adam(network.parameters(), lr=0.1)], step=0
+        networks={"one": network}, raw_optimisers=[torch.optim.Adam(network.parameters(), lr=0.1)], step=0
     )
     guard = Guard()
     learn(module, 2)
