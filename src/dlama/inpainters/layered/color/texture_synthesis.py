@@ -8,7 +8,7 @@ the known texture under that translation, its least-squares gain (see `patch_off
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import cv2
 import numpy as np
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from dlama.errors import ShapeError
 from dlama.geometry.camera import Camera
-from dlama.geometry.kernels.jit import begin_job
+from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.sky import Sky
 from dlama.inpainters.layered.color.patch_offsets import Bases, CopiedDetail, copy_detail
@@ -76,26 +76,38 @@ def synthesize(
         out[open_air] = SKY_COLOR
     else:
         out[open_air] = enlarge_colors(under, grid)[open_air]
-    rng = np.random.default_rng(seed)
-    regions = [region for region in hole_regions(grid) if region.sources.any()]
-    for region, bases in zip(regions, bases_ahead(grid, regions, under)):
-        unit = grid.at_unit_depth(region.label)
-        copied = copy_detail(unit, region, bases, rng) if detail else CopiedDetail.none(bases[0].shape[:2])
-        paint(
-            out,
-            grid.color,
-            region.pixels,
-            unit.inverse_depth,
-            region.trusted(grid),
-            region.label,
-            copied.axes,
-            bases,
-            grid.base_cell_size,
-            copied.choice,
-            copied.gains,
-            copied.offsets,
-        )
+    regions = sorted(hole_regions(grid), key=lambda region: -len(region.pixels))
+
+    def paint_regions(first: int, last: int) -> None:
+        for region in regions[first:last]:
+            paint_region(out, grid, region, under, np.random.default_rng([seed, 1 + region.label]) if detail else None)
+
+    in_bands(paint_regions, len(regions), band=1)
     return out
+
+
+def paint_region(
+    out: UInt8Array, grid: TextureGrid, region: HoleRegion, sky: Float32Array | None, rng: np.random.Generator | None
+) -> None:
+    """Paint one region into `out` (H x W x 3). sky: see `base_colors`; rng: None leaves the base colours alone."""
+    if not region.sources.any():
+        return
+    bases, unit = base_colors(grid, region, sky), grid.at_unit_depth(region.label)
+    copied = CopiedDetail.none(bases[0].shape[:2]) if rng is None else copy_detail(unit, region, bases, rng)
+    paint(
+        out,
+        grid.color,
+        region.pixels,
+        unit.inverse_depth,
+        region.trusted(grid),
+        region.label,
+        copied.axes,
+        bases,
+        grid.base_cell_size,
+        copied.choice,
+        copied.gains,
+        copied.offsets,
+    )
 
 
 def _check(color: UInt8Array, hole: BoolArray, inverse_depth: Float32Array, label: Int32Array, camera: Camera) -> None:
@@ -144,16 +156,6 @@ def enlarge_colors(colors: Float32Array, grid: TextureGrid) -> UInt8Array:
     (rows, cols), size, (height, width) = colors.shape[:2], grid.base_cell_size, grid.hole.shape
     large = cv2.resize(colors, (cols * size, rows * size), interpolation=cv2.INTER_LINEAR)
     return np.round(large[:height, :width]).astype(np.uint8)
-
-
-def bases_ahead(grid: TextureGrid, regions: list[HoleRegion], sky: Float32Array | None) -> Iterator[Bases]:
-    """The `base_colors` of each region; those of the next one are begun before they are used."""
-    begun: list[Callable[[], Bases]] = []
-    for here, following in zip(regions, [*regions[1:], None]):
-        bases = begun.pop()() if begun else base_colors(grid, here, sky)
-        if following is not None:
-            begun.append(begin_job(base_colors, grid, following, sky))
-        yield bases
 
 
 def base_colors(grid: TextureGrid, region: HoleRegion, sky: Float32Array | None = None) -> Bases:

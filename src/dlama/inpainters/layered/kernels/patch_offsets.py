@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.camera import Float64Array
-from dlama.geometry.kernels.jit import Flag, Real, Whole, in_bands, kernel, piece
+from dlama.geometry.kernels.jit import BAND, Flag, Real, Whole, in_bands, kernel, piece
 from dlama.geometry.rgbd import Float32Array, UInt8Array
 from dlama.inpainters.layered.kernels.cells import NEARER, bilinear_neighbours, blend, sample
 
@@ -45,28 +45,43 @@ def correlate_rows(
     first: Whole,
     last: Whole,
     shifts: Float64Array,
-    points: Float64Array,
+    points: Float32Array,
     here: Float64Array,
     detail: Float32Array,
-    factor: Whole,
     depths: Float32Array,
     sources: NDArray[np.int32],
     kind: Whole,
     axes: Float64Array,
     need: Whole,
+    room: Float32Array,
     out: Float32Array,
 ) -> None:
-    """Shifts first..last of `correlate`. here: N x 3, the detail at the points."""
-    rows, cols = detail.shape[0], detail.shape[1]
+    """Shifts first..last of `correlate`. points: 3 x N, u, v in cells and inverse depth; here: N x 3, the detail there; axes:
+    in cells; room: bands x 3 x N, to work in."""
+    rows, cols = sources.shape
+    one, least, slack, band = np.float32(1), np.float32(1e-3), np.float32(1e-6), first // BAND
     for i in range(first, last):
+        du = np.float32(shifts[i, 0] * axes[0, 0] + shifts[i, 1] * axes[1, 0])
+        dv = np.float32(shifts[i, 0] * axes[0, 1] + shifts[i, 1] * axes[1, 1])
+        dz = np.float32(shifts[i, 0] * axes[0, 2] + shifts[i, 1] * axes[1, 2])
+        for p in range(points.shape[1]):  # all of them, in vector instructions: most are no sources
+            w = points[2, p]
+            z = one + w * dz
+            near = one / z if z > least else -one
+            room[band, 0, p] = (points[0, p] + w * du) * near
+            room[band, 1, p] = (points[1, p] + w * dv) * near
+            room[band, 2, p] = w * near
         ab, aa, bb, n = 0.0, 1e-3, 1e-3, 0
-        for p in range(len(points)):
-            w = points[p, 2]
-            x, y, z = displace(points[p, 0], points[p, 1], w, shifts[i, 0], shifts[i, 1], axes)
-            if z <= 1e-3 or not is_source(x, y, w / z, factor, depths, sources, kind):
+        for p in range(points.shape[1]):
+            x, y, expected = room[band, 0, p], room[band, 1, p], room[band, 2, p]
+            if x < 0 or y < 0 or x >= cols or y >= rows or sources[np.int64(y), np.int64(x)] != kind:
+                continue
+            w = depths[np.int64(y), np.int64(x)]
+            if w < FARTHER * expected - slack or w > NEARER * expected + slack:
                 continue
             n += 1
-            across, along = bilinear_neighbours(x / factor, cols), bilinear_neighbours(y / factor, rows)
+            across = bilinear_neighbours(np.float64(x), cols)
+            along = bilinear_neighbours(np.float64(y), rows)
             for k in range(3):
                 a, b = here[p, k], blend(detail, across, along, k)
                 ab += a * b
@@ -91,23 +106,12 @@ def correlate(
 
     points: N x 3 (u, v, inverse depth), full-resolution pixels. Shrunk towards 0 for few samples.
     """
-    out = np.zeros(len(shifts), np.float32)
+    out, in_cells = np.zeros(len(shifts), np.float32), np.array([1 / factor, 1 / factor, 1])
+    room = np.empty((-(-len(shifts) // BAND), 3, len(points)), np.float32)
     here = sample(detail, points[:, 0] / factor, points[:, 1] / factor)
-    in_bands(
-        correlate_rows,
-        len(shifts),
-        shifts,
-        points,
-        here,
-        detail,
-        factor,
-        depths,
-        sources,
-        kind,
-        axes,
-        need,
-        out,
-    )
+    places = np.ascontiguousarray((points * in_cells).T, np.float32)
+    given = shifts, places, here, detail, depths, sources, kind, axes * in_cells, need
+    in_bands(correlate_rows, len(shifts), *given, room, out)
     return out
 
 
