@@ -34,8 +34,8 @@ FINE, BROAD = 0.005, 0.02
 TYPES = (HoleType.DISOCCLUDED, HoleType.OUT_OF_VIEW, HoleType.SENSOR, HoleType.OBJECT)
 """Hole types that the network distinguishes; the rest are cracks and flying pixels."""
 FEATURES, OUTPUTS = 28, 4
-JUDGED = 640
-"""Longer side of the picture from twice of which on not every pixel is judged, in pixels."""
+JUDGED = 320
+"""Longer side, in pixels, of a picture every pixel of which is judged; of a larger one so many at most."""
 REACH = 3.0
 """Features are clipped at so many standard deviations of the training data."""
 PIECE = 1 << 10
@@ -138,7 +138,7 @@ def features_of_known(view: View) -> KnownFeatures:
 
     No feature depends on the picture's size in pixels or on the scene's scale. Of a large view some pixels are judged.
     """
-    step = max(1, max(view.hole.shape) // JUDGED)
+    step = -(-max(view.hole.shape) // JUDGED)
     if not view.hole[places(view, step)].any():
         step = 1
     view = every_pixel(view, step)

@@ -67,7 +67,7 @@ def step_by_noise(w: Float32Array, ratio: float) -> float:
 
 def find_flying_pixels(view: View) -> BoolArray:
     """H x W, True at flying pixels: depth strictly between two adjacent surfaces, joined to neither."""
-    return remove_flying_pixels(view)[1]
+    return MESHES[view][0] if view in MESHES else remove_flying_pixels(view)[1]
 
 
 def remove_flying_pixels(layer: View, step: float = 0.0) -> tuple[Float32Array, BoolArray, Float32Array]:

@@ -57,7 +57,7 @@ def blend_with_low_frequency(
     guess: of `begin_guess`, where that was begun before.
     """
     out_of_view = hole & (view.hole_type == HoleType.OUT_OF_VIEW)
-    known = w[~view.hole]
+    known = w[~view.hole][::16]
     if not out_of_view.any() or not known.size:
         return color
     distance = cv2.distanceTransform(view.hole.astype(np.uint8), cv2.DIST_L2, 5)[out_of_view]
