@@ -60,14 +60,29 @@ def test_an_angle_in_radians_is_named_and_no_unit_is_guessed(tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize("orientation", [3, 6])
-def test_a_tag_that_one_of_the_two_has_is_a_note(tmp_path: Path, orientation: int) -> None:
+def test_a_tag_that_one_of_the_two_has(tmp_path: Path, orientation: int) -> None:
+    """A fault where the pixels fit as they are stored, and nothing is called turned then; a note where the tag is right."""
     image, depth = write(tmp_path)
     tags = Image.Exif()
     tags[0x0112] = orientation
     Image.open(image).save(image, exif=tags)
     found = dlama.diagnose(image, depth, fov=75)
-    assert checks(found)[0] == "orientation" and "exiftool" in found[0].mend
-    assert ("mirrored-depth" in checks(found)) == (orientation == 3)
+    assert (
+        checks(found) == ["orientation", "understood"] and found[0].severity == "fault" and "exiftool" in found[0].mend
+    )
+    Image.fromarray(np.rot90(scene()[0], {3: 2, 6: 1}[orientation])).save(image, exif=tags)
+    found = dlama.diagnose(image, depth, fov=75)
+    assert checks(found) == ["orientation", "understood"] and found[0].severity == "note"
+
+
+def test_a_camera_that_exif_contradicts(tmp_path: Path) -> None:
+    """Oracle: 80 mm of 35 mm film see 21.7 degrees of a square picture."""
+    _, depth = write(tmp_path)
+    tags = Image.Exif()
+    tags.get_ifd(0x8769)[0xA405] = 80
+    Image.fromarray(scene()[0]).save(tmp_path / "image.jpg", exif=tags, quality=95)
+    found = dlama.diagnose(tmp_path / "image.jpg", depth, fov=75)
+    assert checks(found) == ["field-of-view", "understood"] and "EXIF data say 21.7" in found[0].what
 
 
 def test_masks(tmp_path: Path) -> None:

@@ -24,10 +24,11 @@ from dlama.datasets.posed.scene_file import is_scene_file
 from dlama.datasets.posed.view_pairs import NoPairsError
 from dlama.errors import FileError, InputError, ShapeError, format_count, system_errors
 from dlama.files.atomic_write import PathLike
-from dlama.files.cameras import read_stereo_calib
+from dlama.files.cameras import camera_for, read_stereo_calib
 from dlama.files.photos.depth import read_photo_depth
 from dlama.files.rasters.depth import MILLIMETRES
-from dlama.files.rasters.images import SUFFIXES, read_stored
+from dlama.files.rasters.images import SUFFIXES, orientation_of, read_stored
+from dlama.files.rasters.orientation import apply_orientation
 from dlama.files.rasters.pictures import read_color, read_mask
 from dlama.files.rasters.turned_pairs import check_mask_fits, orientation_difference
 from dlama.files.rgbd import read_rgbd
@@ -36,15 +37,19 @@ from dlama.geometry.rgbd import RGBD, describe_depth_range, percent
 from dlama.perception.depth_scale import describe_depth_source
 from dlama.perception.diagnosis.finding import Finding, Observed
 from dlama.perception.diagnosis.landing import shrink
-from dlama.perception.diagnosis.lens import check_lens
+from dlama.perception.diagnosis.lens import check_exif, check_lens
 from dlama.perception.diagnosis.odd_frames import find_odd_frames
 from dlama.perception.diagnosis.poses import check_poses
+from dlama.perception.diagnosis.registration import correlate_edges
 from dlama.perception.diagnosis.rgbd_checks import run_checks
 from dlama.perception.diagnosis.stereo_pair import check_pair
 from dlama.workers.progress import log_messages
 
 DEFAULTS = {"pixel_center": 0.5, "mask_polarity": "fill", "soft_mask": False}
 """Of options of `diagnose` that are not None."""
+CLEAR_TAG = "clear the tag (exiftool -Orientation= FILE)"
+UNTURNED = (0, 1, 2, 3, 4, 5, 8, 7, 6)
+"""EXIF orientation -> the one that undoes it."""
 SCENES, FRAMES, CASES = 3, 6, 3
 """At most so many scenes, frames in a row of each, and stereo or removal cases are looked at."""
 COMPARED = 100
@@ -140,9 +145,10 @@ def _examine_picture(
         removed = None if mask is None else read_mask(mask, **masking)
         if mask is not None and removed is not None:
             check_mask_fits(removed, mask, image)
-    turned = [orientation_difference(image, one) for one in (depth, mask) if one is not None]
-    mend = "clear the tag (exiftool -Orientation= FILE)"
-    found = [Finding("orientation", "note", 0.5, each, mend) for each in turned if each]
+    found, rgbd = check_orientation(rgbd, image, depth)
+    if mask is not None and (differs := orientation_difference(image, mask)):
+        found.append(Finding("orientation", "note", 0.5, differs, CLEAR_TAG))
+    found += _compare_with_exif(rgbd.camera, image)
     whole = depth.suffix.lower() in SUFFIXES
     units = None if reading["depth_range"] else reading["depth_scale"] or (MILLIMETRES if whole else 1.0)
     names = image.name, depth.name, "mask" if mask is None else Path(mask).name
@@ -150,6 +156,29 @@ def _examine_picture(
     parts = [*describe_frame(rgbd), f"{percent(rgbd.depth == 0)} missing", f"{percent(rgbd.far)} far"]
     parts += [] if removed is None else [f"mask {percent(removed)}"]
     return found, ", ".join(names[: 2 if mask is None else 3]), parts
+
+
+def check_orientation(rgbd: RGBD, image: Path, depth: Path) -> tuple[list[Finding], RGBD]:
+    """Where only one of the two files is turned by its tag: a fault, and the frame as it is stored, if their edges fit so."""
+    turns = [orientation_of(image), orientation_of(depth)]
+    if turns[0] == turns[1]:
+        return [], rgbd
+    color, metres = (
+        apply_orientation(rgbd.color, UNTURNED[turns[0]]),
+        apply_orientation(rgbd.depth, UNTURNED[turns[1]]),
+    )
+    same_size = color.shape[:2] == metres.shape == rgbd.depth.shape
+    if same_size and correlate_edges(color, metres) > correlate_edges(rgbd.color, rgbd.depth):
+        what = f"{orientation_difference(image, depth)}; picture and depth fit as their pixels are stored"
+        return [Finding("orientation", "fault", 0.95, what, CLEAR_TAG)], RGBD(color, metres, rgbd.camera)
+    return [Finding("orientation", "note", 0.5, orientation_difference(image, depth), CLEAR_TAG)], rgbd
+
+
+def _compare_with_exif(camera: Camera, image: Path) -> list[Finding]:
+    """The camera that was given, compared with the one that the picture's file tells of."""
+    if image.suffix.lower() not in SUFFIXES or read_stored(image).focal_35mm is None or check_lens(camera):
+        return []
+    return check_exif(camera, camera_for((camera.height, camera.width), image=image)[0])
 
 
 def describe_frame(rgbd: RGBD) -> list[str]:

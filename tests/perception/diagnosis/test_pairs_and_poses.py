@@ -58,6 +58,12 @@ def test_rows_that_are_off_are_counted() -> None:
     assert finding.mend.startswith("move the right picture up by 5.0 px")
 
 
+def test_exposure_of_a_pair_is_a_note() -> None:
+    left, right = pair(3)
+    (finding,) = check_pair(left, (right * 0.6).astype(np.uint8))
+    assert (finding.check, finding.severity) == ("exposure", "note") and " 0.6" in finding.what
+
+
 @cache
 def hand_held(seed: int) -> tuple[dlama.RGBD, ...]:
     """A camera that moves and turns about all axes: on a level orbit some conventions do not differ."""
@@ -94,6 +100,14 @@ def test_quaternions_in_another_order() -> None:
     turned = reorder_quaternion(pose, (2, 0, 1, 3))
     assert np.allclose(turned[:3, :3], [[1, 0, 0], [0, 0, -1], [0, 1, 0]])
     assert np.allclose(reorder_quaternion(pose, (0, 1, 2, 3)), pose)
+
+
+def test_exposure_between_frames_is_a_note() -> None:
+    frames = [
+        dlama.RGBD((each.color * (1.0, 0.6)[number % 2]).astype(np.uint8), each.depth, each.camera)
+        for number, each in enumerate(hand_held(3))
+    ]
+    assert [(each.check, each.severity) for each in poses_of(frames)] == [("exposure", "note")]
 
 
 def test_one_frame_says_nothing() -> None:

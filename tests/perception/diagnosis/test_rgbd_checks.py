@@ -17,8 +17,8 @@ from dlama.geometry.camera import Camera
 from dlama.perception.diagnosis.depth_code import check_depth_code
 from dlama.perception.diagnosis.depth_scale import measure_extent
 from dlama.perception.diagnosis.finding import Finding, Observed, certainty, describe_probability
-from dlama.perception.diagnosis.lens import check_lens
-from dlama.perception.diagnosis.masks import looks_inverted
+from dlama.perception.diagnosis.lens import check_exif, check_lens
+from dlama.perception.diagnosis.masks import check_mask_coverage, looks_inverted
 from dlama.perception.diagnosis.registration import check_mask_registration
 from dlama.perception.diagnosis.rgbd_checks import run_checks
 from dlama.worlds.layouts.random_scene import build
@@ -127,6 +127,8 @@ def test_masks_of_half_the_picture() -> None:
         (Camera(640, 480, 1052, 1052, 640, 480), "intrinsics-size"),
         (Camera(640, 480, 526, 526, 240, 320), "principal-point"),
         (Camera(640, 480, 526, 526, 450, 240), "principal-point"),
+        (Camera(640, 480, 526, 526, 240, 320), "principal-point"),
+        (Camera(640, 480, 0.8, 0.8, 320, 240), "focal-length"),
         (Camera(640, 480, 526, 400, 320, 240), "pixel-shape"),
         (Camera(640, 480, 100, 100, 320, 240), "field-of-view"),
         (Camera.from_fov(640, 480, 1.57), "fov-radians"),
@@ -144,6 +146,30 @@ def test_usual_cameras_pass() -> None:
         Camera.from_fov(512, 512, 90),
     ):
         assert check_lens(camera) == []
+
+
+def test_what_was_meant_is_given() -> None:
+    """Oracles: .8 widths of 640 px are 512 px; cx and cy exchanged."""
+    assert [each.mend for each in check_lens(Camera(640, 480, 0.8, 0.8, 320, 240))] == ["give `fx=512`"]
+    assert [each.mend for each in check_lens(Camera(640, 480, 526, 526, 240, 320))] == ["give `cx=320` `cy=240`"]
+
+
+def test_a_camera_is_compared_with_exif() -> None:
+    camera = Camera.from_fov(640, 480, 65)
+    (finding,) = check_exif(camera, Camera.from_fov(640, 480, 28))
+    assert finding.check == "field-of-view" and "say 28" in finding.what
+    assert check_exif(camera, Camera.from_fov(640, 480, 66)) == []
+
+
+def test_a_mask_of_a_few_pixels_is_a_note() -> None:
+    seen = world(3)
+    few = np.zeros(seen.depth.shape, np.bool_)
+    few[100:102, 100:103] = True
+    assert [(each.check, each.severity) for each in check_mask_coverage(replace(seen, mask=few))] == [
+        ("tiny-mask", "note")
+    ]
+    few[102:104, 100:103] = True
+    assert check_mask_coverage(replace(seen, mask=few)) == []
 
 
 def test_how_sure_in_words() -> None:

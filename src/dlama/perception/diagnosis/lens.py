@@ -13,6 +13,10 @@ NARROWEST, WIDEST = 8.0, 125.0
 """Degrees; few cameras see less or more."""
 OFF_CENTRE = 0.12
 """Share of the size by which the principal point may lie off the middle."""
+SAME_ANGLE = 1.25
+"""Largest ratio of the widths of view (tangents) of a camera and of its picture's EXIF data."""
+SHARE = 5.0
+"""A focal length up to so many px is meant as a share of the picture's width."""
 SQUARE = 1.1
 """Ratio of fx and fy beyond which pixels are not square."""
 OTHER_SIZES = (0.25, 1 / 3, 0.5, 2 / 3, 1.5, 2.0, 3.0, 4.0)
@@ -25,20 +29,52 @@ def looks_like_radians(fov: float) -> bool:
 
 
 def check_lens(camera: Camera) -> list[Finding]:
-    """Findings on field of view, principal point and pixel shape."""
+    """Findings on focal length, field of view, principal point and pixel shape."""
     for times in OTHER_SIZES:
         if all(abs(c / (times * n / 2) - 1) < 0.08 for c, n in ((camera.cx, camera.width), (camera.cy, camera.height))):
             fx, fy, cx, cy = (value / times for value in (camera.fx, camera.fy, camera.cx, camera.cy))
             what = f"`cx` and `cy`, {camera.cx:.5g} and {camera.cy:.5g}, are the middle of a picture {times:.3g} times as large"
             mend = f"give `fx={fx:.6g}` `fy={fy:.6g}` `cx={cx:.6g}` `cy={cy:.6g}`"
             return [Finding("intrinsics-size", "fault", 0.95, what, mend)]
-    found, wide = [], camera.fov_deg
+    wide, high = camera.wh
+    if camera.fx <= SHARE < 0.1 * wide:
+        what = f"`fx` is {camera.fx:.3g} px, wider than any lens; it looks like a share of the picture's width"
+        return [Finding("focal-length", "fault", 0.95, what, f"give `fx={camera.fx * wide:.5g}`")]
+    swapped = abs(camera.cx - high / 2) < 0.05 * high and abs(camera.cy - wide / 2) < 0.05 * wide
+    if swapped and abs(wide / high - 1) >= 0.15:
+        what = f"`cx` is {camera.cx:.5g} and `cy` {camera.cy:.5g} in a {wide}x{high} picture: they look swapped"
+        return [Finding("principal-point", "fault", 0.95, what, f"give `cx={camera.cy:.6g}` `cy={camera.cx:.6g}`")]
+    return [*_check_width(camera), *_check_shape(camera)]
+
+
+def check_exif(camera: Camera, exif: Camera) -> list[Finding]:
+    """Reports a camera that sees much more or less than the EXIF data of its picture say."""
+    if 1 / SAME_ANGLE < exif.fx / camera.fx < SAME_ANGLE:
+        return []
+    what = (
+        f"the camera sees {_width_of_view(camera):.3g} degrees, the picture's EXIF data say {_width_of_view(exif):.3g}"
+    )
+    return [Finding("field-of-view", "fault", 0.75, what, "leave `fov` away, or keep it if the picture is a crop")]
+
+
+def _width_of_view(camera: Camera) -> float:
+    """Degrees, wherever the principal point lies."""
+    return 2 * math.degrees(math.atan(0.5 * camera.width / camera.fx))
+
+
+def _check_width(camera: Camera) -> list[Finding]:
+    wide = _width_of_view(camera)
     if looks_like_radians(wide):
         what = f"the camera sees {wide:.3g} degrees, as narrow as a telescope; that looks like radians"
-        found.append(Finding("fov-radians", "fault", 0.97, what, f"give `fov={math.degrees(wide):.4g}`"))
-    elif not NARROWEST <= wide <= WIDEST:
+        return [Finding("fov-radians", "fault", 0.97, what, f"give `fov={math.degrees(wide):.4g}`")]
+    if not NARROWEST <= wide <= WIDEST:
         what = f"the camera sees {wide:.3g} degrees, which few do (phones 65, Kinect 57 to 63, EasySynth 90)"
-        found.append(Finding("field-of-view", "fault", 0.8, what, "check `fov`, or `fx` and the size it is for"))
+        return [Finding("field-of-view", "fault", 0.8, what, "check `fov`, or `fx` and the size it is for")]
+    return []
+
+
+def _check_shape(camera: Camera) -> list[Finding]:
+    found = []
     off = max(abs(camera.cx / camera.width - 0.5), abs(camera.cy / camera.height - 0.5))
     if off > OFF_CENTRE:
         what = f"the principal point ({camera.cx:.5g}, {camera.cy:.5g}) lies {off:.0%} of the size off the middle"

@@ -1,4 +1,4 @@
-"""Frames of one scene with poses in; the convention of their poses out, by reprojection from frame to frame.
+"""Frames of one scene with poses in; the convention of their poses, and changes of exposure, out, by reprojection.
 
 Points of one frame, reprojected to the next, must agree with its depth and colours. That is tested for the poses as read and
 for each usual mistake undone.
@@ -15,6 +15,7 @@ import numpy as np
 from dlama.errors import CameraError
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.poses import invert_pose, quaternion_from_rotation, rotation_from_quaternion
+from dlama.perception.diagnosis.exposure import check_exposure_of_frames
 from dlama.perception.diagnosis.finding import Finding, certainty
 from dlama.perception.diagnosis.landing import SmallFrame, find_landing_points
 
@@ -92,17 +93,19 @@ def check_poses(frames: Sequence[SmallFrame], name: str) -> list[Finding]:
     """Findings on frames in a row (each overlapping the next), called `name` in messages."""
     if len(frames) < 2:
         return []
-    fit = mean_fit(frames, lambda pose: pose)
+    as_read = [find_landing_points(*pair) for pair in pairwise(frames)]
+    fit = float(np.mean([each.fit for each in as_read]))
     fits = [mean_fit(frames, way.undo) for way in CONVENTIONS]
     best, way = max(fits), CONVENTIONS[int(np.argmax(fits))]
     lead = best / max(fit, 1e-3)
     if lead > LEAST_LEAD and best > LEAST_FIT:
         what = f"{name}: poses {way.what}; so {best:.0%} of a frame's points fit the next one, {fit:.0%} as read"
         return [Finding(way.check, "fault", certainty(lead - 1, 0.5), what, way.mend)]
+    found = check_exposure_of_frames([each for each in as_read if each.fit > LEAST_FIT], name)
     if fit >= LEAST_FIT:
-        return []
+        return found
     what = f"{name}: frames in a row hardly fit each other ({fit:.0%} of the points); no usual convention mends it"
-    return [Finding("poses", "note", 0.6, what, "check that poses, depth and camera belong to these frames")]
+    return [Finding("poses", "note", 0.6, what, "check that poses, depth and camera belong to these frames"), *found]
 
 
 def mean_fit(frames: Sequence[SmallFrame], undo: Undo) -> float:

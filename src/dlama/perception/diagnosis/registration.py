@@ -58,9 +58,15 @@ def check_mask_registration(seen: Observed) -> list[Finding]:
     return _compare_edges(seen, mask_edges(seen.mask), f"{seen.names[2]}: the mask", "mask", "draw it anew")
 
 
+def correlate_edges(color: UInt8Array, depth: NDArray[np.floating]) -> float:
+    """How well the edges of picture and depth fit, of one size: standard deviations of the correlation over shifts."""
+    step = _step(depth)
+    return find_peak(picture_edges(color, step), _shrink_edges(depth_edges(depth), step)).here
+
+
 def _compare_edges(seen: Observed, edges: list[Floats], what: str, kind: str, mend: str) -> list[Finding]:
-    step = max(1, round(max(seen.depth.shape) / WIDTH))
-    image, other = picture_edges(seen.color, step), np.stack([_shrink(_clear_border(each), step) for each in edges])
+    step = _step(seen.depth)
+    image, other = picture_edges(seen.color, step), _shrink_edges(edges, step)
     peaks = {name: find_peak(image, flip(other)) for name, flip in FLIPS.items()}
     plain, best = peaks["as it is"], max(peaks, key=lambda name: peaks[name].here)
     lead = peaks[best].here / max(plain.z, 1.0)
@@ -118,7 +124,7 @@ def picture_edges(color: UInt8Array, step: int) -> Floats:
     return np.stack([np.minimum(change / around, 1) for change in along]).astype(np.float32)
 
 
-def depth_edges(depth: NDArray[np.float64]) -> list[Floats]:
+def depth_edges(depth: NDArray[np.floating]) -> list[Floats]:
     """Two H x W: bends and jumps of inverse depth between known neighbours along rows and columns, 0..1; far is known."""
     known, found = depth > 0, []
     w = np.where(known, 1 / np.where(known, depth, 1), 0).astype(np.float32)
@@ -134,6 +140,15 @@ def mask_edges(mask: BoolArray) -> list[Floats]:
     """Two H x W: the outline of a mask along rows and columns."""
     small = cv2.GaussianBlur(mask.astype(np.float32), (0, 0), 0.8)
     return [np.abs(cv2.Sobel(small, cv2.CV_32F, *by)) for by in ((1, 0), (0, 1))]
+
+
+def _step(depth: NDArray[np.floating]) -> int:
+    return max(1, round(max(depth.shape) / WIDTH))
+
+
+def _shrink_edges(edges: list[Floats], step: int) -> Floats:
+    """2 x H x W, without the picture's border."""
+    return np.stack([_shrink(_clear_border(each), step) for each in edges])
 
 
 def _clear_border(edges: Floats) -> Floats:

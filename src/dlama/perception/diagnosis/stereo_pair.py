@@ -1,10 +1,12 @@
-"""Two pictures of a supposed rectified pair in; whether they are swapped, identical, unrectified or unrelated out."""
+"""Two pictures of a supposed rectified pair in; whether they are swapped, identical, unrectified or unrelated, and their
+exposure, out."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from dlama.geometry.rgbd import UInt8Array
+from dlama.perception.diagnosis.exposure import check_exposure_of_pair
 from dlama.perception.diagnosis.finding import Finding
 from dlama.perception.stereo.checks import SAME_ROW, Corners, diagnose_corners, match_corners
 
@@ -25,7 +27,7 @@ def check_pair(left: UInt8Array, right: UInt8Array, doffs: float = 0.0) -> list[
     corners = match_corners(left, right)
     doubt = diagnose_corners(corners, left.shape[0], doffs)
     if doubt is None:
-        return []
+        return check_exposure_of_pair(left, right)
     kind, what = doubt
     mend = describe_shift(corners, left.shape[0]) if kind == "unrectified" else MENDS[kind]
     return [Finding(f"{kind}-pair", "fault", 0.92, what, mend)]
