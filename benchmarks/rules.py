@@ -45,6 +45,19 @@ def _foliage() -> None:
         "copy_leaves",
         lambda view, w, things, seed=0: np.full(w.shape, -1, np.int32),
     )
+    _no_cut_crowns()
+
+
+def _no_cut_crowns() -> None:
+    from dlama.inpainters.layered.depth import cut_objects as room
+
+    def plain(w: Any, label: Any, hole: Any, beside: Any) -> Any:
+        loose = ~hole & (label == room.SMOOTH)
+        beyond = room.distance_to_unlabelled(loose)
+        nothing = np.zeros(loose.shape, np.int32)
+        return room.CutObjects(beyond, nothing, np.zeros(1, np.float32), np.zeros((1, 3), np.float32))
+
+    _replace("inpainters.layered.depth.surface_labels", "find_cut_objects", plain)
 
 
 def _low_frequency() -> None:
@@ -73,6 +86,10 @@ def _of_coarse(method: str, value: Callable[[Any], Any]) -> Callable[[], None]:
         _set(CoarseView, method, value)
 
     return switch
+
+
+def _ending_cost() -> None:
+    _replace("inpainters.layered.depth.surface_labels", "ending_cost", lambda *rest: np.float32(0))
 
 
 def _seams() -> None:
@@ -210,6 +227,7 @@ RULES: dict[str, Callable[[], None]] = {
     "order": _of_coarse("out_of_order", lambda self: np.zeros((len(self.candidates) - 1, *self.hole.shape), np.bool_)),
     "relief": _of_coarse("with_relief", lambda self: self.label),
     "chords": _chords,
+    "ending-cost": _ending_cost,
     "seams": _seams,
     "whole-occluders": _whole_occluders,
     "occluders": _occluders,

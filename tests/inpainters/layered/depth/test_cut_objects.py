@@ -36,6 +36,7 @@ def test_a_disc_goes_on_as_the_circle_that_it_is(inside: int) -> None:
     assert (beyond & truth).sum() > 0.65 * (beyond | truth).sum()
     assert found.inverse_depth[1:] == pytest.approx([THING])
     assert (found.number[disc & ~GAPS & (COLUMNS >= BORDER - 5) & ~UNSEEN] == 1).all()
+    assert np.isinf(found.beyond[UNSEEN]).all()
     np.testing.assert_allclose(found.circle[1], (60, BORDER - inside, 20), atol=3)
 
 
@@ -68,10 +69,12 @@ def test_things_at_different_depths_are_two() -> None:
 
 
 def test_nothing_goes_on_where_nothing_is_cut() -> None:
-    """Law: a disc inside the picture has no number."""
+    """Closed form: a disc inside the picture has no number; `beyond` is the distance from it, less 0.3 of its root area."""
     disc = np.hypot(ROWS - 60, COLUMNS - 40) <= 10
     found = cut(disc)
     assert not found.number.any() and found.inverse_depth.tolist() == [0]
+    assert found.beyond[60, 70] == pytest.approx(20 - 0.3 * np.sqrt(disc.sum()), abs=0.5)
+    assert (cut(np.zeros(HW, bool)).beyond == 1e3).all()
 
 
 def test_foliage_has_steps_everywhere() -> None:

@@ -53,7 +53,7 @@ def test_a_bush_goes_on_with_its_own_leaves_whoever_paints(filler: Inpainter) ->
 def things_of(number: np.ndarray, circle: tuple[float, float, float], w: float = 0.33) -> CutObjects:
     """One object, whose cells are pixels."""
     two = np.array([0, w], np.float32), np.array([(0, 0, 0), circle], np.float32)
-    return CutObjects(number.astype(np.int32), *two)
+    return CutObjects(np.zeros(number.shape, np.float32), number.astype(np.int32), *two)
 
 
 def test_leaves_are_copied_from_leaves() -> None:

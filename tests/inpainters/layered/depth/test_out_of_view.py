@@ -15,10 +15,13 @@ from dlama.geometry.visibility import Law
 from dlama.inpainters.filling import inpaint
 from dlama.inpainters.layered.depth.out_of_view import (
     CONTINUED_COST,
+    CROWN_COST,
+    ENDING_COST,
     MOST_HIDDEN,
     PAST,
     PlaneLines,
     above_horizon,
+    ending_cost,
     follow_lines,
     has_ended,
     vanishing_points,
@@ -152,3 +155,22 @@ def test_nothing_is_said_in_view() -> None:
         lines = PlaneLines.of(Camera.from_fov(30, 20, 60), candidates, hole, known[2])
         for part in follow_lines(lines, candidates, hole, *known, np.ones(count - 2, bool)):
             assert part.shape == candidates.shape and not part.any()
+
+
+def test_what_ends_within_the_picture_does_not_go_on_outside_it() -> None:
+    """Closed form: of planes that are not followed the one that the border cuts costs nothing, one that ends before it
+    ENDING_COST; what has no plane nothing where it continues, twice a jump of what lies beyond, ENDING_COST at most."""
+    hole, label = np.zeros((60, 100), bool), np.full((60, 100), 1, np.int32)
+    hole[:, 60:] = True
+    label[20:40, 10:30] = 2
+    beyond = np.tile(np.maximum(np.arange(100, dtype=np.float32) - 65, 0), (60, 1))
+    not_followed, jump = np.zeros(2, bool), 12.8
+    assert not ending_cost(hole, np.zeros_like(hole), label, not_followed, beyond, jump).any()
+    assert not ending_cost(hole, hole, label, ~not_followed, beyond, jump)[1:].any()
+    loose, sky, cut, ended = ending_cost(hole, hole, label, not_followed, beyond, jump)
+    assert not sky.any() and not cut.any()
+    np.testing.assert_array_equal(ended, ENDING_COST * hole.astype(np.float32))
+    np.testing.assert_allclose(loose, np.clip(2 * beyond / jump, 0, ENDING_COST) * hole, atol=1e-5)
+    assert not loose[:, :66].any() and loose[30, 99] == ENDING_COST
+    crown = ending_cost(hole, hole, label, not_followed, np.full_like(beyond, np.inf), jump)[0]
+    np.testing.assert_array_equal(crown, CROWN_COST * hole.astype(np.float32))

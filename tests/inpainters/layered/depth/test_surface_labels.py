@@ -66,7 +66,7 @@ def grid(inverse_depth: np.ndarray, hole: np.ndarray, label: np.ndarray, planes:
     camera = Camera.from_fov(hole.shape[1], hole.shape[0], 60)
     known = inverse_depth.astype(np.float32), label.astype(np.int32), values
     none = np.zeros(1, np.float32), np.zeros((1, 3), np.float32)
-    nothing = CutObjects(np.zeros(hole.shape, np.int32), *none)
+    nothing = CutObjects(np.zeros(hole.shape, np.float32), np.zeros(hole.shape, np.int32), *none)
     return CoarseView(camera, hole, hole, *known, np.zeros((*hole.shape, 3), np.float32), np.zeros_like(hole), nothing)
 
 

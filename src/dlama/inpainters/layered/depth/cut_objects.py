@@ -18,6 +18,8 @@ from dlama.geometry.holes import dilate_mask, nearest_known
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.perception.planes import SMOOTH
 
+REACHES = 0.3
+"""Extent out of view of an object without a plane, in square roots of its visible area."""
 STEP, AROUND, DENSE = 1.03, 15, 0.08
 """Foliage has depth steps of this ratio at a share DENSE of the neighbour pairs in a window of AROUND cells. A window across
 one straight outline has 0.03."""
@@ -41,6 +43,8 @@ SHARES = (ANGLES - np.sin(ANGLES) * np.cos(ANGLES)) / (4 * np.sin(ANGLES) ** 2)
 class CutObjects(NamedTuple):
     """Where objects extend out of view, on a grid of cells."""
 
+    beyond: Float32Array
+    """h x w cells to the possible extent of the nearest object without a plane; inf where that is cut foliage."""
     number: NDArray[np.int32]
     """h x w: 1..N on the known cells of a cut object and where it extends, 0 elsewhere."""
     inverse_depth: Float32Array
@@ -86,10 +90,11 @@ def find_cut_objects(w: Float32Array, label: NDArray[np.int32], hole: BoolArray,
     """
     loose = ~hole & (label == SMOOTH)
     number, depths, circles = np.zeros(loose.shape, np.int32), [0.0], [(0.0, 0.0, 0.0)]
+    beyond = distance_to_unlabelled(loose)
     leaves = loose & foliage(w, ~hole & (w > 0)) if (loose & adjacent).any() else np.zeros_like(loose)
     cut = leaves & adjacent
     if not cut.any():
-        return CutObjects(number, np.zeros(1, np.float32), np.zeros((1, 3), np.float32))
+        return CutObjects(beyond, number, np.zeros(1, np.float32), np.zeros((1, 3), np.float32))
     rows, columns = np.indices(loose.shape, np.float32)
     for here, chord in cut_parts(w, leaves, cut):
         circle = chord.circle(here)
@@ -100,7 +105,18 @@ def find_cut_objects(w: Float32Array, label: NDArray[np.int32], hole: BoolArray,
         depths.append(float(np.median(w[here & cut])))
         circles.append((row, column, radius))
         number[here | (inside & ~loose & (depths[-1] > np.array(depths)[number]))] = len(depths) - 1
-    return CutObjects(number, np.array(depths, np.float32), np.array(circles, np.float32))
+    beyond[hole & (number.ravel()[nearest_known(loose)[1]] > 0)] = np.inf
+    return CutObjects(beyond, number, np.array(depths, np.float32), np.array(circles, np.float32))
+
+
+def distance_to_unlabelled(loose: BoolArray) -> Float32Array:
+    """h x w cells to the nearest of `loose` (h x w), less the extent of each object (REACHES); 1000 if there is none."""
+    if not loose.any():
+        return np.full(loose.shape, 1e3, np.float32)
+    seen, area = cv2.connectedComponentsWithStats(loose.astype(np.uint8), connectivity=8)[1:3]
+    distance, nearest = nearest_known(loose)
+    reach = REACHES * np.sqrt(area[seen.ravel()[nearest], cv2.CC_STAT_AREA])
+    return np.maximum(distance - reach, 0).astype(np.float32)
 
 
 def foliage(w: Float32Array, known: BoolArray) -> BoolArray:

@@ -41,6 +41,10 @@ FLOATING = 41
 """Cells up to which the ends of a plane above and below are connected: no plane hangs in the air."""
 IN_FRONT = 1.05
 """Relative inverse depth from which a plane hides another surface."""
+ENDING_COST = 1.0
+"""Largest cost of a surface out of view that should have ended; it grows twice as fast as the cost of distance."""
+CROWN_COST = 3.0
+"""Cost of no plane next to foliage that the border cuts: foliage extends as its circle."""
 NEAR_CELLS, CUT_CELLS = 2, 3
 """A plane with so many known cells (second) within so many cells of the hole out of view (first) is cut by the border."""
 LEAST_LENGTH = 1e-12
@@ -110,6 +114,25 @@ def follow_lines(
         for out, values in ((on, a), (cost, b)):
             out[number] = interpolate_strided(values, few[1], hole.shape) * unseen
     return on, cost
+
+
+def ending_cost(
+    hole: BoolArray, unseen: BoolArray, label: NDArray[np.int32], followed: BoolArray, beyond: Float32Array, jump: float
+) -> Float32Array:
+    """L x h x w cost in `unseen` cells of surfaces that should have ended: planes that are not followed (K) and end within the
+    picture, and no plane (a tree that the border cuts) `beyond` its extent.
+
+    hole, unseen: h x w; label: h x w; beyond: h x w cells, see `CutObjects`; jump: cells of distance that cost 1.
+    """
+    out = np.zeros((2 + len(followed), *hole.shape), np.float32)
+    if not unseen.any():
+        return out
+    adjacent = cells_near(unseen)
+    for number in 2 + np.flatnonzero(~followed):
+        if (adjacent & ~hole & (label == number - 1)).sum() < CUT_CELLS:
+            out[number] = ENDING_COST * unseen
+    out[0] = np.where(np.isinf(beyond), CROWN_COST, np.minimum(2 * beyond / jump, ENDING_COST)) * unseen
+    return out
 
 
 def cells_near(unseen: BoolArray) -> BoolArray:

@@ -32,6 +32,7 @@ from dlama.inpainters.layered.depth.out_of_view import (
     above_horizon,
     cells_near,
     cells_of_planes,
+    ending_cost,
     follow_lines,
 )
 from dlama.inpainters.layered.depth.plane_edges import align_lines_to_edges
@@ -126,6 +127,7 @@ class CoarseView:
         lines = align_lines_to_edges(lines, self.camera, self.candidates, *known)
         followed |= lines.by_edges
         on, penalty = follow_lines(lines, self.candidates, *known, followed)
+        penalty += ending_cost(self.hole, unseen, self.label, followed, self.cut.beyond, REACH * GRID)
         penalty[0] += SMOOTH_PENALTY
         penalty[1:] += ORDER_COST * self.out_of_order()
         distance = distances()
