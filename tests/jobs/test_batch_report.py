@@ -48,13 +48,15 @@ def test_failures_of_one_cause_are_one_group() -> None:
     assert without_names(line) == "FILE is NxN and FILE NxN; both must"
 
 
-def test_the_largest_holes() -> None:
+def test_the_worst_are_the_worst() -> None:
     """Oracle: sorting all of them."""
     rows = made_up(100)
     done = [row for row in rows if row.status == "done"]
     found = summarise(rows)
     by_holes = sorted(done, key=lambda row: (row.hole_share, row.id), reverse=True)
     assert found.largest_holes == by_holes[:SHOWN]
+    by_moves = sorted(done, key=lambda row: (row.law_moves, row.id), reverse=True)
+    assert found.most_moves == by_moves[:SHOWN]
     assert found.law_moves == sum(row.law_moves for row in done)
 
 

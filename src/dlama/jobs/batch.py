@@ -37,6 +37,7 @@ def batch(
     verb: str | None = None,
     workers: int | None = None,
     threads: int | None = None,
+    ordered: bool = False,
     resume: bool = True,
     stop_after_failures: int | None = None,
     pack: int | None = None,
@@ -57,6 +58,7 @@ def batch(
         verb: of rows without one.
         workers: processes; default: the cores of this computer, as far as memory allows.
         threads: of each process; default: the cores shared between them.
+        ordered: results come in the order of the list; default: as they end.
         resume: False: every job is run again.
         stop_after_failures: no new job is begun after so many failures of this run.
         pack: results go into tar shards of so many, as webdataset reads them, below OUT/shards.
@@ -78,7 +80,7 @@ def batch(
     check_number(gpus_per_worker, "gpus_per_worker", "a share of a GPU, 0 or more,")
     check_name(out)
     output = Output(str(out) if is_address(str(out)) else str(Path(local_path(str(out))).absolute()))
-    settings = Settings(output, resume, stop_after_failures, pack, progress or (lambda *_: None))
+    settings = Settings(output, ordered, resume, stop_after_failures, pack, progress or (lambda *_: None))
     return run_jobs(source, source.can_be_read_twice, settings, worker_starter(workers, threads, ray, gpus_per_worker))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import heapq
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
@@ -21,6 +22,8 @@ from dlama.workers.pool import TRIES, TaskEnd
 
 Progress = Callable[[JobResult | None, int, int | None], object]
 """Called with what has just ended (None: at the start), and how many of how many are done; None: it is not known."""
+WINDOW = 8
+"""Jobs a worker that may be begun before the result of the first of them is handed out, where results come in order."""
 AT_ONCE = 64
 """Rows that are looked at before results are handed out."""
 UNWRITTEN = 4
@@ -51,6 +54,7 @@ class Settings:
     """How a run goes."""
 
     output: Output
+    ordered: bool = False
     resume: bool = True
     stop_after_failures: int | None = None
     pack: int | None = None
@@ -109,8 +113,8 @@ class _Run:
     again: deque[Task] = field(default_factory=deque)
     """Tasks whose process died."""
     packer: Packer | None = None
-    ready: deque[JobResult] = field(default_factory=deque)
-    """Results not yet handed out."""
+    ready: list[tuple[int, JobResult]] = field(default_factory=list)
+    """Results not yet handed out, a heap by number where they are expected in order."""
 
     def results(self) -> Iterator[JobResult]:
         """All of them."""
@@ -120,17 +124,17 @@ class _Run:
         jobs = iter(self.source)
         more = True
         while more or self.under_way or self.again:
-            while self.workers.free and len(self.ready) < AT_ONCE:
+            while self.workers.free and (self.settings.ordered or len(self.ready) < AT_ONCE):
                 task = self.again.popleft() if self.again else None
-                if task is None and more:
+                if task is None and more and not self.is_full():
                     task, more = self.next_task(jobs)
                 if task is None:
                     break
                 self.workers.submit(task)
                 self.under_way += 1
             yield from self.ready_results()
-            can_begin = self.again or more
-            if (can_begin or self.under_way) and not (can_begin and self.workers.free):
+            can_begin = self.again or (more and not self.is_full())
+            if (more or self.again or self.under_way) and not (can_begin and self.workers.free):
                 for ended in self.workers.wait():
                     self.under_way -= 1
                     self.end(ended)
@@ -138,6 +142,10 @@ class _Run:
         if self.packer is not None:
             self.packer.pack()
         yield from self.ready_results()
+
+    def is_full(self) -> bool:
+        """Whether no job is begun until an earlier one has ended, so that few results wait for it."""
+        return self.settings.ordered and self.begun - self.handed_out >= WINDOW * self.workers.count
 
     def next_task(self, jobs: Iterator[Job]) -> tuple[Task | None, bool]:
         """The next job that is to be run, None: none of the next few is; and whether the list may have more."""
@@ -153,26 +161,28 @@ class _Run:
                 self.manifest.plan(number, job.id, job.where)
             kept = self.manifest.find_done(job) if self.settings.resume and not job.error else None
             if kept is not None:
-                self.add(kept)
+                self.add(number, kept)
             elif job.error:
-                self.add(work(Task(job, self.settings.output)))
+                self.add(number, work(Task(job, self.settings.output)))
             else:
-                return Task(job, self.settings.output, STAGED if self.packer else ""), True
+                return Task(job, self.settings.output, STAGED if self.packer else "", number=number), True
+            if self.is_full():
+                break
         return None, True
 
     def end(self, ended: TaskEnd) -> None:
         """A task has ended, or its process has."""
         task: Task = ended.task
         if ended.died is None:
-            self.add(ended.answer)
+            self.add(task.number, ended.answer)
         elif ended.blameless:
             self.again.append(task)
         elif task.attempt < TRIES:
             self.again.append(replace(task, attempt=task.attempt + 1))
         else:
-            self.add(died_row(task.job, ended.died, task.attempt))
+            self.add(task.number, died_row(task.job, ended.died, task.attempt))
 
-    def add(self, row: JobResult) -> None:
+    def add(self, number: int, row: JobResult) -> None:
         """Enter a result; OutputError where nothing can be written any more."""
         if not row.kept:
             before = self.manifest.find(row.id)
@@ -185,7 +195,7 @@ class _Run:
             self.packer.add(row)
         self.failures += row.status == "failed"
         self.unwritten = self.unwritten + 1 if row.error_kind == "OutputError" else 0
-        self.ready.append(row)
+        heapq.heappush(self.ready, (number, row)) if self.settings.ordered else self.ready.append((number, row))
         if self.unwritten >= UNWRITTEN:
             raise OutputError(
                 f"the last {UNWRITTEN} results could not be written ({row.error}); what is done is kept, and the same command "
@@ -194,8 +204,8 @@ class _Run:
 
     def ready_results(self) -> Iterator[JobResult]:
         """The results that can be handed out now."""
-        while self.ready:
-            row = self.ready.popleft()
+        while self.ready and (not self.settings.ordered or self.ready[0][0] == self.handed_out):
+            _, row = heapq.heappop(self.ready) if self.settings.ordered else self.ready.pop(0)
             self.handed_out += 1
             self.settings.progress(row, self.handed_out, self.total)
             yield row

@@ -22,6 +22,10 @@ PLACE = re.compile(r"(?:\w+://|[A-Za-z]:)?[^\s:;,']*[/\\][^\s:;,']*")
 NUMBER = re.compile(r"\d+(?:\.\d+)?")
 
 
+Ranked = tuple[float, str, JobResult]
+"""A result, and by what it is ranked: a value, then its id."""
+
+
 @dataclass
 class Group:
     """Failures that say the same, but for names and numbers."""
@@ -45,8 +49,10 @@ class Summary(Totals):
     """Second -> results that ended in it."""
     at_random: list[JobResult] = field(default_factory=list)
     """SHOWN results, each as likely as any other."""
-    holes: list[tuple[float, str, JobResult]] = field(default_factory=list)
+    holes: list[Ranked] = field(default_factory=list)
     """A heap of (share, id, result): the SHOWN largest holes."""
+    moves: list[Ranked] = field(default_factory=list)
+    """A heap of (pixels, id, result): the SHOWN with most filled pixels that were moved behind what was measured."""
 
     def groups_by_size(self) -> list[Group]:
         """The largest first."""
@@ -55,7 +61,12 @@ class Summary(Totals):
     @property
     def largest_holes(self) -> list[JobResult]:
         """The results with the largest holes, the largest first."""
-        return [row for share, _, row in sorted(self.holes, key=lambda one: one[:2], reverse=True) if share > 0]
+        return _worst_first(self.holes)
+
+    @property
+    def most_moves(self) -> list[JobResult]:
+        """The results with the most moves of the visibility law, the most first."""
+        return _worst_first(self.moves)
 
 
 def summarise(rows: Iterable[JobResult], seed: int = 0) -> Summary:
@@ -74,10 +85,15 @@ def summarise(rows: Iterable[JobResult], seed: int = 0) -> Summary:
             found.at_random.append(row)
         elif (place := draw.randrange(found.done)) < SHOWN:
             found.at_random[place] = row
-        heapq.heappush(found.holes, (row.hole_share or 0.0, row.id, row))
-        if len(found.holes) > SHOWN:
-            heapq.heappop(found.holes)
+        for kept, value in ((found.holes, row.hole_share), (found.moves, row.law_moves)):
+            heapq.heappush(kept, (value or 0.0, row.id, row))
+            if len(kept) > SHOWN:
+                heapq.heappop(kept)
     return found
+
+
+def _worst_first(kept: list[Ranked]) -> list[JobResult]:
+    return [row for value, _, row in sorted(kept, key=lambda one: one[:2], reverse=True) if value > 0]
 
 
 def without_names(message: str) -> str:

@@ -81,6 +81,7 @@ def values(found: Summary, output: Output) -> dict[str, Any]:
     sheets = [
         ("At random", "drawn from all results", _sheet(found.at_random, output)),
         ("Largest holes", "the largest share of the picture was unknown", _sheet(found.largest_holes, output)),
+        ("Most law moves", "most filled pixels had to be moved", _sheet(found.most_moves, output)),
     ]
     return {
         "title": f"Batch {Path(local_path(output.place)).name or output.place}",
