@@ -23,6 +23,8 @@ from dlama.errors import InputError, InputTypeError, marked_name
 
 ROWS = (Sequence, tuple, list)
 """Annotations that a list, a tuple or a set fits: what has a length and can be gone through."""
+TO_LOOK_AT = (*ROWS, Iterable, Any)
+"""Annotations that no value fits by its class alone; to some versions of Python `Any` is a class."""
 UNCHECKED = (np.ndarray, object, Any)
 """Types of what the functions check themselves."""
 WORDS: dict[Any, str] = {
@@ -65,9 +67,18 @@ def _annotations(function: Callable[..., Any]) -> dict[str, Any]:
 
 def check(value: object, annotation: Any, name: str) -> None:
     """Raise InputTypeError, which calls the value `name`, where it is not of the annotated type."""
+    if isinstance(value, _classes(annotation)):
+        return
     complaint = _complaint(value, annotation, marked_name(name))
     if complaint:
         raise InputTypeError(complaint)
+
+
+@functools.lru_cache(None)
+def _classes(annotation: Any) -> tuple[type, ...]:
+    """The annotation, or the members of a union, that a value fits by its class alone: without elements to look at."""
+    members = get_args(annotation) if get_origin(annotation) in (Union, types.UnionType) else (annotation,)
+    return tuple(one for one in members if get_origin(one) is None and isinstance(one, type) and one not in TO_LOOK_AT)
 
 
 def as_array(value: object, name: str, expected: str = "an array") -> np.ndarray:

@@ -49,13 +49,14 @@ def paint_over_depth(inpainter: Inpainter) -> Inpainter:
         return inpainter
 
     def fill(view: View, law: Law, seed: int) -> Fill:
-        guess = begin_guess(view)
         surfaces, depth, moved = continue_lawfully(view, law, seed)
         notes = inpainter.notes() | {"depth_as": "surfaces continued", "planes": len(surfaces.planes)}
         if not view.color_hole.any():
             return Fill(view.color, depth, moved, notes)
         shadow = find_remaining_shadow(view, surfaces.label, law)
-        color = inpainter.paint(view.color, view.color_hole | shadow | find_occluders(view, surfaces, depth, law), seed)
+        hidden = view.color_hole | shadow | find_occluders(view, surfaces, depth, law)
+        guess = begin_guess(view)
+        color = inpainter.paint(view.color, hidden, seed)
         w = inverse_depth(np.where(view.hole, depth, view.depth))
         color = blend_with_low_frequency(view, color, view.color_hole, w, guess=guess)
         return Fill(paint_leaves(color, view, surfaces), depth, moved, notes)

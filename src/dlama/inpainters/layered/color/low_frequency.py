@@ -131,7 +131,7 @@ def unseen_colors(view: View) -> BoolArray:
 
 
 def begin_guess(view: View) -> Callable[[], Float32Array]:
-    """Begin `smooth_guess` in another thread, before the search for surfaces, which it does not need."""
+    """Begin `smooth_guess` in another thread, next to work that does not need it."""
     return begin_job(smooth_guess, view)
 
 

@@ -47,9 +47,10 @@ def angle_to_far(camera: Camera, law: Law) -> Float32Array:
     directions /= np.linalg.norm(directions, axis=2, keepdims=True)
     nearest = np.full(camera.hw, -1.0)
     for source, measured in law.measured:
-        rows, columns = np.nonzero(np.isposinf(measured))
-        some = slice(None, None, max(1, len(rows) // FAR_SAMPLES))
-        far = rays(source)[rows[some], columns[some]] @ source.world_from_cam[:3, :3].T
+        places = np.flatnonzero(np.isposinf(measured))
+        rows, columns = np.divmod(places[:: max(1, len(places) // FAR_SAMPLES)], source.width)
+        x, y = (columns + 0.5 - source.cx) / source.fx, (rows + 0.5 - source.cy) / source.fy
+        far = np.stack([x, y, np.ones(len(x))], 1) @ source.world_from_cam[:3, :3].T
         far /= np.linalg.norm(far, axis=1, keepdims=True)
         for block in range(0, len(far), 32):
             np.maximum(nearest, (directions @ far[block : block + 32].T).max(2), out=nearest)

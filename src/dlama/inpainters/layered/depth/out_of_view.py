@@ -110,9 +110,11 @@ def follow_lines(
         few_cost[k] += nothing * np.where(others[1] > 0, across_it, PAST * (others[0] < 0))
         hides = there * np.minimum(np.log1p(1 / farther), MOST_HIDDEN)
         np.maximum(hidden, hides * (IN_FRONT * few[0] < value), out=hidden)
-    for number, (a, b) in enumerate(zip(few_on, few_cost + hidden)):
-        for out, values in ((on, a), (cost, b)):
-            out[number] = interpolate_strided(values, few[1], hole.shape) * unseen
+    weight = few[1].astype(np.float32)
+    total = np.maximum(enlarge_strided(weight, hole.shape), 1e-6)
+    for out, values in ((on, few_on), (cost, few_cost + hidden)):
+        for number in np.flatnonzero(values.any((1, 2))):
+            out[number] = enlarge_strided(values[number] * weight, hole.shape) / total * unseen
     return on, cost
 
 
@@ -158,12 +160,10 @@ def has_ended(first: Float32Array, length: Float32Array, floating: bool = False)
     return np.asarray(past | (closed & (length > 0)))
 
 
-def interpolate_strided(values: Float32Array, where: BoolArray, hw: tuple[int, int]) -> Float32Array:
-    """Values of every STRIDE-th cell (h' x w'), known in `where`, interpolated to h x w cells."""
+def enlarge_strided(values: Float32Array, hw: tuple[int, ...]) -> Float32Array:
+    """Values of every STRIDE-th cell (h' x w'), interpolated to h x w cells."""
     height, width = (STRIDE * size for size in values.shape)
-    weight = where.astype(np.float32)
-    sums, total = (cv2.resize(a, (width, height), interpolation=cv2.INTER_LINEAR) for a in (values * weight, weight))
-    return np.asarray((sums / np.maximum(total, 1e-6))[: hw[0], : hw[1]], np.float32)
+    return np.asarray(cv2.resize(values, (width, height), interpolation=cv2.INTER_LINEAR)[: hw[0], : hw[1]], np.float32)
 
 
 def enlarge_like(values: Float32Array, other: np.ndarray) -> Float32Array:

@@ -129,7 +129,7 @@ class CoarseView:
         on, penalty = follow_lines(lines, self.candidates, *known, followed)
         penalty += ending_cost(self.hole, unseen, self.label, followed, self.cut.beyond, REACH * GRID)
         penalty[0] += SMOOTH_PENALTY
-        penalty[1:] += ORDER_COST * self.out_of_order()
+        penalty[1:] += np.float32(ORDER_COST) * self.out_of_order()
         distance = distances()
         distance += on * (distance.min(0) - distance)  # what is seen on its line is as near as anything
         unary = surface_kernels.unary_costs(
@@ -148,9 +148,9 @@ class CoarseView:
     def allowed(self, law: Law) -> BoolArray:
         """L x h x w, False where a label is impossible: behind the camera, never seen, or against the law by over 3 %."""
         out = np.ones(self.candidates.shape, np.bool_)
-        known = ~self.hole
+        shown = np.unique(self.label[~self.hole])
         for number, value in enumerate(self.candidates):
-            seen = number == 0 or (self.label[known] == number - 1).any() or (number == 1 and law.has_far)
+            seen = number == 0 or number - 1 in shown or (number == 1 and law.has_far)
             possible = value > LEAST_INVERSE_DEPTH if number > 1 else value >= 0
             if number == 0:
                 possible = value > 0
