@@ -169,8 +169,9 @@ def preset_lines() -> list[str]:
         s = preset.settings
         lines += [f"{name}: {preset.purpose}"]
         lines += [
-            f"    {s.network.parameters / 1e6:.2f} M parameters",
+            f"    {s.network.parameters / 1e6:.2f} M parameters, {preset.gflop:g} GFLOP for a picture of 512 x 512 pixels",
             f"    {s.loop.steps} steps of {s.loop.batch} samples of {s.data.size} x {s.data.size} pixels, {s.loop.precision}",
+            f"    samples/s: {preset.samples_per_second}",
         ]
     return lines
 
