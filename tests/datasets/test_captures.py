@@ -215,18 +215,21 @@ def test_other_versions_of_the_layouts(tmp_path: Path) -> None:
     check_frames(open_dataset(scannetpp(tmp_path / "scannetpp", video=True)), range_m=5)
 
 
-@pytest.mark.parametrize("packing", ["lz4", "zlib"])
+@pytest.mark.parametrize("packing", ["lz4", "zlib", "whole"])
 def test_packed_depth_of_scannetpp(tmp_path: Path, packing: str) -> None:
-    """Both ways in which prepare_iphone_data.py unpacks the blocks of depth.bin."""
+    """All three ways in which prepare_iphone_data.py unpacks depth.bin."""
     root = scannetpp(tmp_path / "set")
     depths = [np.full((192, 256), 1 + 0.25 * number, np.float32) for number in range(4)]
-    if packing == "lz4":
-        block = pytest.importorskip("lz4.block", reason="lz4 is not installed (extra captures)")
-        packed = [block.compress((1000 * one).astype(np.uint16).tobytes(), store_size=False) for one in depths]
-    else:
-        packed = [deflate(one.tobytes()) for one in depths]
+    match packing:
+        case "lz4":
+            block = pytest.importorskip("lz4.block", reason="lz4 is not installed (extra captures)")
+            packed = [block.compress((1000 * one).astype(np.uint16).tobytes(), store_size=False) for one in depths]
+        case "zlib":
+            packed = [deflate(one.tobytes()) for one in depths]
+        case _:
+            packed = []
     data = b"".join(len(one).to_bytes(4, "little") + one for one in packed)
-    (root / "iphone" / "depth.bin").write_bytes(data)
+    (root / "iphone" / "depth.bin").write_bytes(data or deflate(np.stack(depths).tobytes()))
     for path in (root / "iphone" / "depth").iterdir():
         path.unlink()
     (root / "iphone" / "depth").rmdir()

@@ -2,8 +2,9 @@
 
 The JSON has for each picture of the video, frame_000000 and on, `intrinsic` (3x3) and `aligned_pose` (4x4, camera to world,
 OpenCV axes, metres). depth.bin: 192 x 256, for each picture its size in bytes (4, little endian) and a block: 16-bit
-millimetres by LZ4, or float32 metres by zlib. depth/frame_000000.png are 16-bit millimetres. No confidence is released.
-Format: github.com/scannetpp/scannetpp, iphone/prepare_iphone_data.py and iphone/arkit_pcl.py.
+millimetres by LZ4, or float32 metres by zlib; in old releases one zlib stream of all. depth/frame_000000.png are 16-bit
+millimetres. No confidence is released. Format: github.com/scannetpp/scannetpp, iphone/prepare_iphone_data.py and
+iphone/arkit_pcl.py.
 """
 
 from __future__ import annotations
@@ -31,6 +32,8 @@ POSES, FOLDER = "pose_intrinsic_imu.json", "iphone"
 VIDEOS = ("rgb.mkv", "rgb.mp4")
 HW = (192, 256)
 """Of the depth in depth.bin."""
+LONGEST = 4 << 30
+"""Bytes that a depth.bin of one stream may unpack to: 21,800 pictures."""
 
 
 def looks_like(root: Path) -> bool:
@@ -99,6 +102,8 @@ def _depth_file(path: Path) -> Callable[[], Float32Array] | None:
 def depth_of_bin(path: Path, number: int) -> Float32Array:
     """The depth of one frame, 192 x 256 metres. FileError, MissingExtraError."""
     place, size = _blocks(path, path.stat().st_mtime_ns)[number]
+    if size < 0:  # one stream of all
+        return _whole(path, path.stat().st_mtime_ns)[number]
     with path.open("rb") as stream:
         stream.seek(place)
         block = stream.read(size)
@@ -116,7 +121,7 @@ def depth_of_bin(path: Path, number: int) -> Float32Array:
 
 @functools.lru_cache(maxsize=4)
 def _blocks(path: Path, changed: int) -> list[tuple[int, int]]:
-    """Place and size of each frame's block. FileError."""
+    """Place and size of each frame's block; sizes of -1 where all frames are one stream."""
     total, at, found = path.stat().st_size, 0, list[tuple[int, int]]()
     with path.open("rb") as stream:
         while at + 4 <= total:
@@ -124,9 +129,19 @@ def _blocks(path: Path, changed: int) -> list[tuple[int, int]]:
             size = int.from_bytes(stream.read(4), "little")
             found.append((at + 4, size))
             at += 4 + size
-    if at != total:
-        raise FileError(f"{path}: is no row of packed depth pictures, each with its size before it")
-    return found
+    return found if at == total else [(0, -1)] * len(_whole(path, changed))
+
+
+@functools.lru_cache(maxsize=1)
+def _whole(path: Path, changed: int) -> Float32Array:
+    stream = zlib.decompressobj(wbits=-zlib.MAX_WBITS)
+    try:
+        data = stream.decompress(path.read_bytes(), LONGEST)
+    except zlib.error as error:
+        raise FileError(f"{path}: is neither a row of packed depth pictures nor one packed stream ({error})") from error
+    if stream.unconsumed_tail or not stream.eof:
+        raise FileError(f"{path}: {'unpacks to more than 4 GB' if stream.unconsumed_tail else 'is cut short'}")
+    return _array(path, data, np.float32)
 
 
 def _array(path: Path, data: bytes, kind: type[np.generic]) -> np.ndarray:
