@@ -2,7 +2,7 @@
 
     python benchmarks/clicks.py ../shared --split tune
     python benchmarks/clicks.py ../shared --split validate --domains world stand -o clicks.json --worst FOLDER
-    python benchmarks/clicks.py ../shared --rules stands saliency
+    python benchmarks/clicks.py ../shared --rules stands click-network
 
 Domains: procedural worlds by sensor (`world`), the same with objects on islands, plinths and tables (`stand`), streets with exact
 and with estimated depth, real pictures with a depth camera's and with estimated depth. The click is the innermost pixel of what

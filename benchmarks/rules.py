@@ -188,16 +188,15 @@ def _mask(name: str, value: Any, place: str = "rgbd") -> Callable[[], None]:
     return lambda: _replace(f"perception.masks.{place}", name, value)
 
 
-def _saliency() -> None:
-    from dlama.perception.masks.saliency_correction import CorrectedMask
-
-    _mask("correct_by_saliency", lambda rgbd, found, pieces, target, prompt: CorrectedMask(target, None))()
-
-
 def _salient_photo() -> None:
     from dlama.perception.masks.photo import PhotoMasker
 
     _set(PhotoMasker, "readings", lambda self, pixel: [])
+
+
+def _no_own_mask() -> None:
+    for name in ("AGREES", "AGREES_CAMERA", "AGREES_ESTIMATED"):
+        _mask(name, 0.0)()
 
 
 MASK_RULES: dict[str, Callable[[], None]] = {
@@ -206,11 +205,8 @@ MASK_RULES: dict[str, Callable[[], None]] = {
     "larger-pieces": _mask("LARGER", np.inf, "pieces"),
     "facades": _mask("MOST_BEHIND", 0.1, "supports"),
     "border-colors": _mask("snap_to_picture_edges", lambda rgbd, target, *rest: target),
-    "saliency": _saliency,
-    "salient-surfaces": _mask(
-        "select_surfaces", lambda rgbd, found, pieces, target, shown: (target, 0.0), "saliency_correction"
-    ),
-    "salient-click": _mask("find_salient_at_click", lambda color, prompt: None, "saliency_correction"),
+    "click-network": _mask("choose_mask", lambda rgbd, prompt, find, agrees: find(prompt)),
+    "networks-own-mask": _no_own_mask,
     "noisy-depth": _mask("is_noisy", lambda rgbd: False),
     "salient-photo": _salient_photo,
     "second-window": _mask("WINDOWS", (0.75,), "photo"),

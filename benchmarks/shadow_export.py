@@ -44,8 +44,8 @@ class _Writer:
         one = self.block("down1", planes, stride=2)
         two = self.block("block2", self.block("down2", one, stride=2))
         three = self.block("block3", self.block("down3", two, stride=2))
-        four = self.block("down4", three, stride=2)
-        five = self.block("down5", four, stride=2)
+        four = self.optional("block4", self.block("down4", three, stride=2))
+        five = self.optional("block5", self.block("down5", four, stride=2))
         most = g.add("ReduceMax", five, axes=[2, 3], keepdims=1)
         both = g.add("Add", self.conv("own", five), self.conv("whole", most))
         h = g.add("Relu", both)
@@ -64,6 +64,10 @@ class _Writer:
         )
         scale = gain / np.sqrt(variance + EPSILON)
         return str(self.g.add("Relu", self.layer(x, weight * scale[:, None, None, None], shift - mean * scale, stride)))
+
+    def optional(self, name: str, x: str) -> str:
+        """A block, where the network has it."""
+        return self.block(name, x) if f"{name}.0.weight" in self.state else x
 
     def conv(self, name: str, x: str) -> str:
         """A convolution as it is."""

@@ -29,15 +29,19 @@ class Block(nn.Sequential):
 
 
 class ShadowNet(nn.Module):
-    """B x planes x H x W -> B x H x W logits; H and W multiples of SHADOW_MULTIPLE, or ShapeError."""
+    """B x planes x H x W -> B x H x W logits; H and W multiples of SHADOW_MULTIPLE, or ShapeError.
 
-    def __init__(self, planes: int) -> None:
+    deeper: two more convolutions at the coarsest sizes, and a wider first one.
+    """
+
+    def __init__(self, planes: int, widths: tuple[int, ...] = WIDTHS, deeper: bool = False) -> None:
         super().__init__()
-        one, two, three, four, five = WIDTHS
-        self.down1 = Block(planes, one, stride=2)
+        one, two, three, four, five = widths
+        self.down1 = Block(planes, one, 5 if deeper else 3, stride=2)
         self.down2, self.block2 = Block(one, two, stride=2), Block(two, two)
         self.down3, self.block3 = Block(two, three, stride=2), Block(three, three)
         self.down4, self.down5 = Block(three, four, stride=2), Block(four, five, stride=2)
+        self.block4, self.block5 = (Block(four, four), Block(five, five)) if deeper else (nn.Identity(), nn.Identity())
         self.whole = nn.Conv2d(five, five, 1)
         self.own = nn.Conv2d(five, five, 1, bias=False)
         self.join4, self.up4 = Block(five + four, four, 1), Block(four, four)
@@ -56,8 +60,8 @@ class ShadowNet(nn.Module):
         one = self.down1(planes)
         two = self.block2(self.down2(one))
         three = self.block3(self.down3(two))
-        four = self.down4(three)
-        five = self.down5(four)
+        four = self.block4(self.down4(three))
+        five = self.block5(self.down5(four))
         h = (self.own(five) + self.whole(five.amax((2, 3), keepdim=True))).relu()
         for join, up, seen in (
             (self.join4, self.up4, four),

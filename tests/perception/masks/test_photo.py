@@ -112,7 +112,8 @@ def test_a_thing_that_the_windows_cut_off_is_found_whole(monkeypatch: pytest.Mon
     monkeypatch.setattr(photo, "saliency", lambda color: (color[..., 0] > 200).astype(np.float32))
     color, rgbd = np.full((SIDE, SIDE, 3), 90, np.uint8), without_the_thing()
     color[80:120, 8:184] = (220, 30, 30)
-    found = find_mask(RGBD(color, rgbd.depth, rgbd.camera, rgbd.estimate), clicks=[(96, 100)]).mask
+    masker = photo.PhotoMasker(RGBD(color, rgbd.depth, rgbd.camera, rgbd.estimate))
+    found = masker.candidates(Prompt((SIDE, SIDE), ((96, 100),)))["object"]
     assert (found == (color[..., 0] > 200)).all()
 
 

@@ -30,7 +30,6 @@ from dlama.perception.masks.rough import (
     run_grabcut,
 )
 from dlama.perception.masks.rough import mark_clicks as with_seeds
-from dlama.perception.masks.saliency_correction import rim_share
 from dlama.perception.masks.salient import SIDE, saliency
 
 WINDOWS = (0.75, 0.5)
@@ -189,6 +188,18 @@ def window_around(pixel: Pixel, side: int, hw: tuple[int, ...]) -> Window:
     lengths = [min(side, length) for length in hw]
     starts = [int(np.clip(at - n / 2, 0, length - n)) for at, n, length in zip(pixel, lengths, hw)]
     return slice(starts[0], starts[0] + lengths[0]), slice(starts[1], starts[1] + lengths[1])
+
+
+def rim_share(mask: BoolArray, window: tuple[slice, slice]) -> float:
+    """Border pixels of the window, inside the picture, that a mask crosses, over the window's longer side."""
+    part, (rows, columns) = mask[window], window
+    sides = (
+        (rows.start > 0, part[0]),
+        (rows.stop < mask.shape[0], part[-1]),
+        (columns.start > 0, part[:, 0]),
+        (columns.stop < mask.shape[1], part[:, -1]),
+    )
+    return sum(int(line.sum()) for inner, line in sides if inner) / max(part.shape)
 
 
 def fill_enclosed(box: Window, mask: BoolArray) -> float:

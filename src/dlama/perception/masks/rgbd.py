@@ -1,8 +1,8 @@
 """A picture with depth and clicks or a box in; the mask of the object meant out.
 
 Supporting surfaces are removed, the tops of objects that the object stands on among them; the connected region around the
-click stays. Where depth edges are misaligned with the picture, as a depth camera's are, a salient-object network corrects the
-mask (`correct_by_saliency`), and colours decide in a band along its border (`borders`).
+click stays. Where depth edges are misaligned with the picture, as a depth camera's are, colours decide in a band along its
+border (`borders`). Of these masks a network chooses, or gives its own (`click_network`).
 """
 
 from __future__ import annotations
@@ -14,16 +14,22 @@ import numpy as np
 
 from dlama.errors import MaskError
 from dlama.geometry.drawing.picture_edges import CLEARLY, edge_misalignment
-from dlama.geometry.holes import dilate_mask, morphological_open, nearest_known, regions_touching, square
+from dlama.geometry.holes import dilate_mask, erode_mask, morphological_open, nearest_known, regions_touching, square
 from dlama.geometry.projection import inverse_depth
-from dlama.geometry.rgbd import RGBD, BoolArray
+from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
 from dlama.perception.kernels.regions import join_regions
-from dlama.perception.masks.borders import at_same_depth, correct_at_click, snap_to_picture_edges
-from dlama.perception.masks.photo import PhotoMasker
+from dlama.perception.masks.borders import (
+    HOLE_PX,
+    at_same_depth,
+    correct_at_click,
+    decide_by_color,
+    snap_to_picture_edges,
+)
+from dlama.perception.masks.click_network import object_probability
+from dlama.perception.masks.photo import PhotoMasker, name_masks
 from dlama.perception.masks.pieces import GROUP_GAP, OBJECT_GAP, TOUCHING_PX, Pieces, merge_pieces
 from dlama.perception.masks.prompt import Pixel, Prompt
 from dlama.perception.masks.rough import rough_candidates, rough_depth
-from dlama.perception.masks.saliency_correction import SalientObject, correct_by_saliency, find_unknown_pixels
 from dlama.perception.masks.supports import (
     Planes,
     find_planes_of_picture,
@@ -58,21 +64,60 @@ STANDS_GAP = 0.03
 """largest relative difference in depth where an object touches it,"""
 WIDER = 1.3
 """and least width of what is seen of it, in widths of the object: the seat of a chair is as wide as its back."""
+AGREES, AGREES_CAMERA, AGREES_ESTIMATED = 0.4, 0.8, 0.2
+"""Agreement of a mask with the network, over that of the network's own mask, from which it is taken: masks of depth that fits the
+picture, of a depth camera's, and of the photo alone, which the salient-object network knows better."""
 IN_BOX = 0.7
 """Least share of a piece inside the box for it to belong to the object."""
 
 
 def rgbd_masker(rgbd: RGBD, model: None) -> Callable[[Prompt], tuple[dict[str, BoolArray], tuple[str, ...]]]:
     """The masker of one picture; its planes are found once. With estimated or noisy depth the picture leads."""
+    agrees, notes = AGREES_CAMERA, tuple[str, ...]()
+    find: Callable[[Prompt], dict[str, BoolArray]]
     if rgbd.estimate is not None:
-        photo = PhotoMasker(rgbd)
-        return lambda prompt: (photo.candidates(prompt), (ROUGH,))
-    if is_noisy(rgbd):
+        find, agrees, notes = PhotoMasker(rgbd).candidates, AGREES_ESTIMATED, (ROUGH,)
+    elif is_noisy(rgbd):
         rough = rough_depth(rgbd)
-        return lambda prompt: (rough_candidates(rough, prompt), (NOISY,))
-    found = find_planes_of_picture(rgbd)
-    edge_offset = edge_misalignment(rgbd.color, rgbd.depth, rgbd.valid, rgbd.far)
-    return lambda prompt: rgbd_candidates(rgbd, found, prompt, edge_offset if edge_offset >= CLEARLY else 0)
+        find, notes = (lambda prompt: rough_candidates(rough, prompt)), (NOISY,)
+    else:
+        found = find_planes_of_picture(rgbd)
+        misaligned = edge_misalignment(rgbd.color, rgbd.depth, rgbd.valid, rgbd.far)
+        edge_offset = misaligned if misaligned >= CLEARLY else 0
+        agrees = AGREES_CAMERA if edge_offset else AGREES
+        find = lambda prompt: rgbd_candidates(rgbd, found, prompt, edge_offset)  # noqa: E731
+    return lambda prompt: (choose_mask(rgbd, prompt, find, agrees) if prompt.clicks else find(prompt), notes)
+
+
+def choose_mask(
+    rgbd: RGBD, prompt: Prompt, find: Callable[[Prompt], dict[str, BoolArray]], agrees: float
+) -> dict[str, BoolArray]:
+    """The mask of `find` that the network agrees with most, as `object`, and the others.
+
+    The network's own where it agrees with none (`agrees`, as AGREES), or where depth is missing at the clicks. MaskError: as
+    `find`.
+    """
+    clicks = Prompt.pixels(prompt.clicks)
+    found = [object_probability(rgbd, pixel) for pixel in clicks]
+    probability = np.where(prompt.inside, np.maximum.reduce([each for each, _ in found]), np.float32(0))
+    own, reach = probability > 0.5, 1 + max(px for _, px in found)
+    try:
+        masks = list(find(prompt).values())
+    except MaskError:
+        if not own.any() or not all(rgbd.missing[pixel] for pixel in clicks):
+            raise
+        masks = []
+    masks.sort(key=lambda mask: -expected_iou(probability, mask))
+    if masks and expected_iou(probability, masks[0]) >= agrees * expected_iou(probability, own):
+        return name_masks(masks[0], masks[1:])
+    band = dilate_mask(own, reach) & ~erode_mask(own, reach) & prompt.inside
+    return name_masks(correct_at_clicks(rgbd, decide_by_color(rgbd, own, band), prompt, clicks), masks)
+
+
+def expected_iou(probability: Float32Array, mask: BoolArray) -> float:
+    """Intersection over union of a mask (H x W) and an object of which each pixel's probability is known."""
+    both = float(probability[mask].sum())
+    return both / max(float(probability.sum()) + float(mask.sum()) - both, 1e-6)
 
 
 def is_noisy(rgbd: RGBD) -> bool:
@@ -83,16 +128,14 @@ def is_noisy(rgbd: RGBD) -> bool:
     return noise_level(w, rgbd.valid) > MOST_NOISE * float(np.median(w[rgbd.valid]))
 
 
-def rgbd_candidates(
-    rgbd: RGBD, found: Planes, prompt: Prompt, edge_offset: int = 0
-) -> tuple[dict[str, BoolArray], tuple[str, ...]]:
-    """H x W masks by name (part, object, group; those that differ), and notes.
+def rgbd_candidates(rgbd: RGBD, found: Planes, prompt: Prompt, edge_offset: int = 0) -> dict[str, BoolArray]:
+    """H x W masks by name (part, object, group; those that differ).
 
     edge_offset: misalignment of depth edges with the picture, px; 0: aligned. Raises MaskError where no object is found: on
     sky, ground, missing depth.
     """
     if not prompt.clicks:
-        return segment_box(rgbd, found, prompt, edge_offset), ()
+        return segment_box(rgbd, found, prompt, edge_offset)
     seeds, flat, support = split_clicks(rgbd, found, prompt)
     with_stand = pieces = find_pieces(rgbd, support, found.noise)
     seeds = [snap_to_piece(pieces, seed) for seed in seeds]
@@ -108,18 +151,10 @@ def rgbd_candidates(
         "part": own,
         "group": merge_pieces(with_stand, with_stand.at_any(seeds), GROUP_GAP, set() if stands.any() else barred),
     }
-    raw = {name: mask & prompt.inside for name, mask in whole.items()}
-    clicked = seeds + flat
-    if not edge_offset:
-        return drop_duplicates({name: finish_mask(rgbd, raw[name], prompt, clicked) for name in raw}), ()
-    raw = drop_duplicates(raw)
-    corrected = correct_by_saliency(rgbd, found, pieces, raw["object"], prompt)
-    masks = {
-        "object": finish_mask(rgbd, corrected.target & prompt.inside, prompt, clicked, edge_offset, corrected.shown)
-    }
-    for name in [each for each in raw if each != "object"]:
-        masks[name] = finish_mask(rgbd, raw[name], prompt, clicked, edge_offset)
-    return drop_duplicates(masks), ()
+    raw = drop_duplicates({name: mask & prompt.inside for name, mask in whole.items()})
+    return drop_duplicates(
+        {name: finish_mask(rgbd, mask, prompt, seeds + flat, edge_offset) for name, mask in raw.items()}
+    )
 
 
 def split_clicks(rgbd: RGBD, found: Planes, prompt: Prompt) -> tuple[list[Pixel], list[Pixel], BoolArray]:
@@ -210,20 +245,18 @@ def snap_to_piece(pieces: Pieces, seed: Pixel) -> Pixel:
     return row, column
 
 
-def finish_mask(
-    rgbd: RGBD,
-    mask: BoolArray,
-    prompt: Prompt,
-    clicks: list[Pixel],
-    edge_offset: int = 0,
-    shown: SalientObject | None = None,
-) -> BoolArray:
+def finish_mask(rgbd: RGBD, mask: BoolArray, prompt: Prompt, clicks: list[Pixel], edge_offset: int = 0) -> BoolArray:
     """The mask with its border on the picture's edges, without the regions of negative clicks.
 
-    edge_offset: misalignment of depth edges with the picture, px. shown: the same object as a salient region.
+    edge_offset: misalignment of depth edges with the picture, px.
     """
-    reach = edge_offset + MORE_PX if edge_offset else 0
-    mask = snap_to_picture_edges(rgbd, mask, reach, find_unknown_pixels(rgbd, mask, shown))
+    unknown = rgbd.missing & dilate_mask(mask, HOLE_PX)
+    mask = snap_to_picture_edges(rgbd, mask, edge_offset + MORE_PX if edge_offset else 0, unknown)
+    return correct_at_clicks(rgbd, mask, prompt, clicks)
+
+
+def correct_at_clicks(rgbd: RGBD, mask: BoolArray, prompt: Prompt, clicks: list[Pixel]) -> BoolArray:
+    """The mask with the regions of `clicks`, without those of negative clicks."""
     for pixel in Prompt.pixels(prompt.not_clicks):
         mask = correct_at_click(rgbd, mask, pixel, belongs=False) if mask[pixel] else mask
     for pixel in clicks:

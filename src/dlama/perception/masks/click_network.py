@@ -1,0 +1,114 @@
+"""A picture with depth and a click in; the probability of each pixel belonging to the object clicked on out, by a small U-Net.
+
+The network sees a square about the click: first most of the picture, then about the object that it found there. It learnt on
+objects of procedural worlds, in exact, measured, matched and estimated depth (`benchmarks/click_network.py`).
+"""
+
+from __future__ import annotations
+
+import functools
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from dlama.geometry.projection import inverse_depth
+from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
+from dlama.models.network_file import NetworkFile
+from dlama.perception.masks.prompt import Pixel
+
+NETWORK = Path(__file__).parents[2] / "assets" / "click" / "click.onnx"
+SIDE = 128
+"""Height and width of the network's planes."""
+PLANES = ("red", "green", "blue", "distance", "known", "inside", "right", "down", "click", "estimated")
+KNOWN = 0.2
+"""Least share of known depth for a pixel of the planes to have one."""
+LOG_RANGE = (-2.0, 1.0)
+"""Of inverse depth over the click's, logarithm; sky is at the lower end."""
+SLOPE, SLOPE_RANGE = 20.0, 2.0
+"""Scale and range of relative slopes of inverse depth."""
+CLICK_PX = 4
+"""Standard deviation of the click in its plane, and the distance from it at which a region is the clicked one."""
+FIRST_WINDOW, LARGEST_WINDOW, SMALLEST_WINDOW = 0.75, 1.4, 40
+"""Side of the first square and of the largest, over the picture's longer side, and the least in px."""
+WINDOW, MARGIN_PX = 3.0, 8
+"""Side of the next square over the distance that the object reaches from the click, and px more."""
+ROUNDS, SAME_WINDOW = 2, 1.25
+"""Squares after the first, and the ratio of two from which another one is worth its time."""
+
+
+@functools.cache
+def network() -> NetworkFile:
+    """The network that ships, opened once a process."""
+    return NetworkFile(NETWORK)
+
+
+def click_planes(rgbd: RGBD, pixel: Pixel, radius: int) -> Float32Array:
+    """len(PLANES) x SIDE x SIDE: a square of 2 radius + 1 px about (row, column); zeros beyond the picture."""
+    span = tuple(slice(max(at - radius, 0), at + radius + 1) for at in pixel)
+    beyond = [(max(radius - at, 0), max(at + radius + 1 - n, 0)) for at, n in zip(pixel, rgbd.depth.shape)]
+    how = cv2.INTER_AREA if 2 * radius + 1 > SIDE else cv2.INTER_LINEAR
+
+    def resized(values: np.ndarray) -> Float32Array:
+        padded = np.pad(values, beyond + [(0, 0)] * (values.ndim - 2))
+        return np.asarray(cv2.resize(padded, (SIDE, SIDE), interpolation=how), np.float32)
+
+    depth = rgbd.depth[span]
+    valid, far = (resized(where.astype(np.float32)) for where in ((depth > 0) & (depth < np.inf), depth == np.inf))
+    inside = resized(np.ones(depth.shape, np.float32))
+    w = np.where(valid > KNOWN, resized(inverse_depth(depth)) / np.maximum(valid, KNOWN), np.float32(0))
+    known, middle = w > 0, SIDE // 2
+    squares = (w[middle - k : middle + k, middle - k : middle + k] for k in (2, 4, 8, 16, SIDE // 2))
+    here = next((float(np.median(each[each > 0])) for each in squares if (each > 0).any()), 1.0)
+    logs = np.clip(np.log(np.maximum(w, 1e-6) / here), *LOG_RANGE)
+    out = np.zeros((len(PLANES), SIDE, SIDE), np.float32)
+    out[:3] = (resized(rgbd.color[span]) / 127.5 - 1).transpose(2, 0, 1) * inside
+    out[3:6] = np.where(known, logs, np.where(far > 0.5, LOG_RANGE[0], 0)), known, inside
+    for number, (right, down) in ((6, (1, 0)), (7, (0, 1))):
+        slope = SLOPE * cv2.Sobel(w, cv2.CV_32F, right, down, ksize=3) / 8 / np.maximum(w, 1e-6)
+        out[number] = np.where(known, np.clip(slope, -SLOPE_RANGE, SLOPE_RANGE), 0)
+    apart = np.arange(SIDE, dtype=np.float32) - (SIDE - 1) / 2
+    out[8] = np.exp(-(apart[:, None] ** 2 + apart**2) / (2 * CLICK_PX**2))
+    out[9] = rgbd.estimate is not None
+    return out
+
+
+def probability_in_window(planes: Float32Array, file: NetworkFile | None = None) -> Float32Array:
+    """SIDE x SIDE; the mean over the planes and their mirror image."""
+    mirrored = planes[:, :, ::-1].copy()
+    mirrored[PLANES.index("right")] *= -1
+    logits = (file or network()).run({"planes": np.stack([planes, mirrored])})
+    found = 1 / (1 + np.exp(-logits))
+    return np.asarray((found[0] + found[1][:, ::-1]) / 2, np.float32)
+
+
+def object_probability(rgbd: RGBD, pixel: Pixel, file: NetworkFile | None = None) -> tuple[Float32Array, int]:
+    """H x W probability of belonging to the object at (row, column), and px of the picture for each of the network."""
+    longer = max(rgbd.depth.shape)
+    radius = int(FIRST_WINDOW * longer / 2)
+    found = probability_in_window(click_planes(rgbd, pixel, radius), file)
+    for number in range(ROUNDS):
+        side, part = 2 * radius + 1, region_at_click(found)
+        reach = np.abs(np.argwhere(part) - (SIDE - 1) / 2).max() * side / SIDE if part.any() else side / 4
+        wanted = WINDOW * reach + MARGIN_PX if part.any() else side / 2
+        wanted = float(np.clip(wanted, SMALLEST_WINDOW, LARGEST_WINDOW * longer))
+        if number and 1 / SAME_WINDOW < wanted / side < SAME_WINDOW:
+            break
+        radius = int(wanted / 2)
+        found = probability_in_window(click_planes(rgbd, pixel, radius), file)
+    side = 2 * radius + 1
+    large = cv2.resize(found, (side, side), interpolation=cv2.INTER_LINEAR if side >= SIDE else cv2.INTER_AREA)
+    out = np.zeros(rgbd.depth.shape, np.float32)
+    span = tuple(slice(max(at - radius, 0), at + radius + 1) for at in pixel)
+    rows, columns = (slice(max(radius - at, 0), max(radius - at, 0) + n) for at, n in zip(pixel, out[span].shape))
+    out[span] = large[rows, columns]
+    return out, -(-side // SIDE)
+
+
+def region_at_click(found: Float32Array) -> BoolArray:
+    """SIDE x SIDE, True on the connected region above one half at the middle; all False where there is none."""
+    _, labels = cv2.connectedComponents((found > 0.5).astype(np.uint8), connectivity=8)
+    near = slice(SIDE // 2 - CLICK_PX, SIDE // 2 + CLICK_PX + 1)
+    counts = np.bincount(labels[near, near].ravel())
+    counts[0] = 0
+    return np.asarray(labels == int(counts.argmax())) & bool(counts.any())

@@ -1,0 +1,98 @@
+"""What the network of clicks sees and what becomes of its answers: closed forms, and networks that answer by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from dlama import RGBD, Camera, MaskError
+from dlama.geometry.rgbd import Float32Array
+from dlama.perception.masks import rgbd as room
+from dlama.perception.masks.click_network import PLANES, SIDE, click_planes, object_probability, region_at_click
+from dlama.perception.masks.prompt import Prompt
+
+HW = (90, 120)
+CAMERA = Camera.from_fov(120, 90, 60)
+
+
+def step_scene() -> RGBD:
+    """A square at 1 m before a wall at 2 m; sky above, a stripe without depth."""
+    depth = np.full(HW, 2.0, np.float32)
+    depth[40:70, 50:80] = 1.0
+    depth[:20], depth[80:85] = np.inf, 0.0
+    color = np.full((*HW, 3), 255, np.uint8)
+    color[depth == 1] = (255, 0, 0)
+    return RGBD(color, depth, CAMERA)
+
+
+class Answer:
+    """A network that finds all that is as near as the click."""
+
+    def run(self, feed: dict[str, Float32Array]) -> Float32Array:
+        planes = feed["planes"]
+        near = (np.abs(planes[:, PLANES.index("distance")]) < 0.3) & (planes[:, PLANES.index("known")] > 0.5)
+        return np.where(near, np.float32(9), np.float32(-9))
+
+
+def test_planes_of_a_square() -> None:
+    """Closed form: the logarithm of inverse depth over the click's, the lower end on sky, 0 where depth is missing or outside."""
+    radius, pixel = 64, (55, 65)
+    planes = dict(zip(PLANES, click_planes(step_scene(), pixel, radius)))
+    place = {
+        name: tuple((at - centre + radius) * SIDE // (2 * radius + 1) for at, centre in zip(where, pixel))
+        for name, where in (("object", (60, 70)), ("wall", (30, 20)), ("sky", (10, 60)), ("missing", (82, 60)))
+    }
+    expected = {"object": 0.0, "wall": -np.log(2), "sky": -2.0, "missing": 0.0}
+    for name, value in expected.items():
+        assert planes["distance"][place[name]] == pytest.approx(value, abs=1e-5)
+        assert planes["known"][place[name]] == (name in ("object", "wall"))
+    assert planes["inside"][0, 0] == 0 and planes["red"][0, 0] == 0 and planes["red"][place["wall"]] == 1
+    assert planes["click"].max() == planes["click"][SIDE // 2, SIDE // 2]
+
+
+def test_slopes_of_a_plane() -> None:
+    """Inverse depth that doubles over 50 rows rises down, not to the right; in a mirrored picture the slope turns its sign."""
+    w = np.repeat(np.linspace(0.5, 1.4, HW[0], dtype=np.float32)[:, None], HW[1], 1)
+    ground = RGBD(np.zeros((*HW, 3), np.uint8), 1 / w, CAMERA)
+    planes = dict(zip(PLANES, click_planes(ground, (45, 60), 40)))
+    inner = slice(SIDE // 4, 3 * SIDE // 4)
+    assert (planes["down"][inner, inner] > 0.1).all() and np.abs(planes["right"][inner, inner]).max() < 1e-3
+
+
+def test_the_square_closes_in_on_the_object() -> None:
+    """What the network marks comes back at its place, to a pixel of the last square."""
+    probability, px = object_probability(step_scene(), (55, 65), Answer())  # type: ignore[arg-type]
+    true = step_scene().depth == 1.0
+    assert ((probability > 0.5) ^ true).sum() <= 4 * 30 and px == 1
+
+
+def test_no_region_at_the_click() -> None:
+    found = np.zeros((SIDE, SIDE), np.float32)
+    found[:10, :10] = 1
+    assert not region_at_click(found).any()
+
+
+@pytest.mark.parametrize("agreed", [True, False])
+def test_the_mask_that_the_network_agrees_with(monkeypatch: pytest.MonkeyPatch, agreed: bool) -> None:
+    """Of several masks the one that is most like the network's; its own where none is."""
+    scene = step_scene()
+    object_, wrong = scene.depth == 1.0, scene.depth == 2.0
+    monkeypatch.setattr(room, "object_probability", lambda rgbd, pixel: (object_.astype(np.float32), 1))
+    masks = {"object": wrong, "part": object_} if agreed else {"object": wrong}
+    found = room.choose_mask(scene, Prompt(HW, ((65, 55),)), lambda prompt: masks, 0.4)
+    np.testing.assert_array_equal(found["object"], object_)
+    np.testing.assert_array_equal(found["group"], wrong)
+
+
+def test_a_click_where_depth_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The network's mask where depth says nothing; elsewhere the error of the masker stays."""
+
+    def refuse(prompt: Prompt) -> dict[str, np.ndarray]:
+        raise MaskError("nothing there")
+
+    scene = step_scene()
+    hole = scene.depth == 0
+    monkeypatch.setattr(room, "object_probability", lambda rgbd, pixel: (hole.astype(np.float32), 1))
+    assert room.choose_mask(scene, Prompt(HW, ((60, 82),)), refuse, 0.4)["object"][82, 60]
+    with pytest.raises(MaskError, match="nothing there"):
+        room.choose_mask(scene, Prompt(HW, ((65, 55),)), refuse, 0.4)
