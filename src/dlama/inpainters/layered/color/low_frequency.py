@@ -35,9 +35,9 @@ Lower heights look clearer and err more. Squared error of street, +-10 to +-40, 
 a weight of .2 at all heights, LPIPS .1 % less."""
 WIDE = 0.1
 """Sigma of the blur within one surface, over the picture's longer side."""
-GUESSED, PULLED = 256, 640
-"""Longer side of the picture in which Telea guesses, and pull-push; only low frequencies are used."""
-GRID = 128
+GUESSED = 256
+"""Longer side of the picture in which both estimates are made; only low frequencies are used."""
+GRID = 64
 """Longer side of the grid for that blur."""
 
 
@@ -60,19 +60,21 @@ def blend_with_low_frequency(
     known = w[~view.hole][::16]
     if not out_of_view.any() or not known.size:
         return color
-    distance = cv2.distanceTransform(view.hole.astype(np.uint8), cv2.DIST_L2, 5)[out_of_view]
+    places = np.flatnonzero(out_of_view)
+    distance = cv2.distanceTransform(view.hole.view(np.uint8), cv2.DIST_L2, 5).ravel()[places]
     middle = max(float(np.median(known)), 1e-6)
     largest = LARGEST_SHARE if label is None else blend_shares(view, out_of_view, label, sky)
     unsure = 1 - np.exp(-distance / (REACH * max(w.shape)))
-    share = largest * unsure * np.clip(2 * (1 - w[out_of_view] / middle), 0, 1)
+    share = largest * unsure * np.clip(2 * (1 - w.ravel()[places] / middle), 0, 1)
     out = color.copy()
+    painted = out.reshape(-1, 3)[places]
     smooth = (guess or begin_guess(view))()[hole[unseen_colors(view)]]
     if label is None:
         step = smooth - blur_among(color, out_of_view)
     else:
-        step = blur_per_label(smooth - color[out_of_view], out_of_view, label)
-    blend = color[out_of_view] + share[:, None] * step
-    out[out_of_view] = np.clip(np.round(blend), 0, 255)
+        step = blur_per_label(smooth - painted, places, label)
+    blend = painted + share[:, None] * step
+    out.reshape(-1, 3)[places] = np.clip(np.rint(blend, out=blend), 0, 255, out=blend)
     return out
 
 
@@ -95,18 +97,18 @@ def blur_among(color: UInt8Array, where: BoolArray) -> Float32Array:
     return np.asarray(sums[where] / weight[where, None], np.float32)
 
 
-def blur_per_label(values: Float32Array, where: BoolArray, label: NDArray[np.int32]) -> Float32Array:
-    """N x 3: values of the N pixels of `where` (H x W), blurred among those of one label (H x W) over WIDE, on a coarse grid."""
-    step = max(1.0, max(where.shape) / GRID)
-    height, width = (int(np.ceil(size / step)) for size in where.shape)
-    rows, columns = np.nonzero(where)
+def blur_per_label(values: Float32Array, places: NDArray[np.intp], label: NDArray[np.int32]) -> Float32Array:
+    """N x 3: values at the N flat `places`, blurred among those of one label (H x W) over WIDE, on a coarse grid."""
+    step = max(1.0, max(label.shape) / GRID)
+    height, width = (int(np.ceil(size / step)) for size in label.shape)
+    rows, columns = np.divmod(places, label.shape[1])
     x, y = ((columns + 0.5) / step - 0.5).astype(np.float32), ((rows + 0.5) / step - 0.5).astype(np.float32)
     cell = (rows / step).astype(np.int64) * width + (columns / step).astype(np.int64)
-    number, out = label[rows, columns], np.empty_like(values)
+    number, out = label.ravel()[places], np.empty_like(values)
     for surface in np.unique(number):
-        own = number == surface
-        weights = (np.ones(int(own.sum())), *values[own].T)
-        sums = [np.bincount(cell[own], part, height * width).reshape(height, width) for part in weights]
+        own = np.flatnonzero(number == surface)
+        there, weights = cell[own], (None, *values[own].T)
+        sums = [np.bincount(there, part, height * width).reshape(height, width) for part in weights]
         wide = cv2.GaussianBlur(np.stack(sums, 2).astype(np.float32), (0, 0), WIDE * max(height, width))
         mean = wide[..., 1:] / np.maximum(wide[..., :1], np.float32(1e-6))
         out[own] = sample_bilinear(np.asarray(mean, np.float32), x[own][:, None], y[own][:, None])
@@ -117,11 +119,11 @@ def sample_bilinear(picture: Float32Array, x: Float32Array, y: Float32Array) -> 
     """N x 3: a small picture read bilinearly at N x 1 columns and rows (first cell: 0)."""
     height, width = picture.shape[:2]
     x, y = np.clip(x, 0, width - 1), np.clip(y, 0, height - 1)
-    x0, y0 = (np.minimum(a.astype(np.int64), size - 1) for a, size in ((x, width), (y, height)))
-    x1, y1 = np.minimum(x0 + 1, width - 1), np.minimum(y0 + 1, height - 1)
-    along, across, flat = y - y0, x - x0, picture.reshape(-1, 3)
-    top = flat.take((y0 * width + x0)[:, 0], 0) * (1 - across) + flat.take((y0 * width + x1)[:, 0], 0) * across
-    low = flat.take((y1 * width + x0)[:, 0], 0) * (1 - across) + flat.take((y1 * width + x1)[:, 0], 0) * across
+    left, upper = np.minimum(np.floor(x), max(width - 2, 0)), np.minimum(np.floor(y), max(height - 2, 0))
+    across, along, flat = x - left, y - upper, picture.reshape(-1, 3)
+    first = (upper * width + left).astype(np.int64)[:, 0]
+    right, lower = min(width - 1, 1), width * min(height - 1, 1)
+    top, low = (flat.take(row, 0) * (1 - across) + flat.take(row + right, 0) * across for row in (first, first + lower))
     return np.asarray(top * (1 - along) + low * along, np.float32)
 
 
@@ -144,5 +146,9 @@ def smooth_guess(view: View) -> Float32Array:
     where = unseen_colors(view)
     if not where.any():
         return np.zeros((0, 3), np.float32)
-    pulled = spread_small(view.color.astype(np.float32), ~view.hole, pull_push, PULLED)[where]
-    return np.asarray((pulled + spread_small(view.color, ~view.hole, telea_spread, GUESSED)[where]) / 2, np.float32)
+    return spread_small(view.color.astype(np.float32), ~view.hole, spread_by_two, GUESSED)[where]
+
+
+def spread_by_two(values: np.ndarray, known: BoolArray) -> Float32Array:
+    """As `Spread`: the mean of pull-push and Telea."""
+    return np.asarray((pull_push(values, known) + telea_spread(values, known)) / 2, np.float32)

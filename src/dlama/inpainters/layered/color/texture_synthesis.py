@@ -75,7 +75,7 @@ def synthesize(
     if under is None:
         out[open_air] = SKY_COLOR
     else:
-        out[open_air] = enlarge_colors(under, grid)[open_air]
+        out[open_air] = np.rint(enlarge_colors(under, grid)[open_air])
     regions = sorted(hole_regions(grid), key=lambda region: -len(region.pixels))
 
     def paint_regions(first: int, last: int) -> None:
@@ -151,11 +151,11 @@ def beyond_gap(grid: TextureGrid, pixels: NDArray[np.int64], sources: BoolArray)
     return away if (sources & ~away).sum() >= LEAST_CELLS else np.zeros_like(away)
 
 
-def enlarge_colors(colors: Float32Array, grid: TextureGrid) -> UInt8Array:
+def enlarge_colors(colors: Float32Array, grid: TextureGrid) -> Float32Array:
     """H x W x 3: colours of the base grid, interpolated."""
     (rows, cols), size, (height, width) = colors.shape[:2], grid.base_cell_size, grid.hole.shape
     large = cv2.resize(colors, (cols * size, rows * size), interpolation=cv2.INTER_LINEAR)
-    return np.round(large[:height, :width]).astype(np.uint8)
+    return np.asarray(large[:height, :width], np.float32)
 
 
 def base_colors(grid: TextureGrid, region: HoleRegion, sky: Float32Array | None = None) -> Bases:
