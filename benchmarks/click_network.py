@@ -1,7 +1,7 @@
 """The network that finds the object of a click: crops of procedural worlds in, the file that ships out.
 
-    python benchmarks/click_network.py crops FOLDER --worlds 400 --photos ../shared/photos
-    python benchmarks/click_network.py train FOLDER [-o src/dlama/assets/click/click.onnx] [--steps 3000]
+    python benchmarks/click_network.py crops FOLDER --worlds 490 --photos ../shared/photos
+    python benchmarks/click_network.py train FOLDER [-o src/dlama/assets/click/click.onnx] [--steps 5000]
 
 A crop is a square about a click on an object, as `click_network.click_planes` cuts it: one of most of the picture, one about the
 object. Half of the worlds have objects on islands, plinths and tables; two sensors of `world_cases.SENSORS` see each picture.
@@ -179,9 +179,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("what", choices=("crops", "train"))
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--worlds", type=int, default=400)
+    parser.add_argument("--worlds", type=int, default=490)
     parser.add_argument("--photos", type=Path, help="a folder of folders of photos: textures")
-    parser.add_argument("--steps", type=int, default=3000)
+    parser.add_argument("--steps", type=int, default=5000)
     parser.add_argument("-o", "--output", type=Path, default=Path("click.onnx"))
     given = parser.parse_args()
     torch.set_num_threads(1)
