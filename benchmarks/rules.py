@@ -202,8 +202,6 @@ def _no_own_mask() -> None:
 MASK_RULES: dict[str, Callable[[], None]] = {
     "stands": _mask("find_stands", lambda rgbd, *rest: np.zeros(rgbd.depth.shape, np.bool_)),
     "several-pieces": _mask("OBJECT_GAP", 0.0),
-    "larger-pieces": _mask("LARGER", np.inf, "pieces"),
-    "facades": _mask("MOST_BEHIND", 0.1, "supports"),
     "border-colors": _mask("snap_to_picture_edges", lambda rgbd, target, *rest: target),
     "click-network": _mask("choose_mask", lambda rgbd, prompt, find, agrees: find(prompt)),
     "networks-own-mask": _no_own_mask,

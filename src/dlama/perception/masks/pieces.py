@@ -16,9 +16,6 @@ OBJECT_GAP = 0.15
 GROUP_GAP = 0.3
 """The same for a group of objects."""
 TOUCHING_PX = 3
-LARGER = 3.0
-"""A piece so many times larger than the clicked one, which also covers LARGE_SHARE, is another object."""
-LARGE_SHARE = 0.05
 MOSTLY = 0.95
 """Share of the common border with similar depths that joins two pieces. A stool before a bed touches it at its ground contact
 alone, a vase what lies behind the edge of its plinth."""
@@ -51,10 +48,8 @@ def merge_pieces(pieces: Pieces, start: BoolArray, gap: float, barred: set[int])
     gap: largest relative depth difference of touching pieces. barred: numbers of pieces to leave out.
     """
     target = start.copy()
-    sizes = np.bincount(pieces.label[pieces.free], minlength=target.size)
     while gap:
-        most = max(LARGER * target.sum(), LARGE_SHARE * target.size)
-        chosen = [n for n in find_touching(pieces, target, gap) if n not in barred and sizes[n] <= most]
+        chosen = [n for n in find_touching(pieces, target, gap) if n not in barred]
         if not chosen:
             break
         target |= pieces.free & np.isin(pieces.label, chosen)

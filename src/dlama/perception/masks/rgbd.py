@@ -102,13 +102,14 @@ def choose_mask(
     probability = np.where(prompt.inside, np.maximum.reduce([each for each, _ in found]), np.float32(0))
     own, reach = probability > 0.5, 1 + max(px for _, px in found)
     try:
-        masks = list(find(prompt).values())
+        rated = [(expected_iou(probability, mask), mask) for mask in find(prompt).values()]
     except MaskError:
         if not own.any() or not all(rgbd.missing[pixel] for pixel in clicks):
             raise
-        masks = []
-    masks.sort(key=lambda mask: -expected_iou(probability, mask))
-    if masks and expected_iou(probability, masks[0]) >= agrees * expected_iou(probability, own):
+        rated = []
+    rated.sort(key=lambda each: -each[0])
+    masks = [mask for _, mask in rated]
+    if rated and rated[0][0] >= agrees * expected_iou(probability, own):
         return name_masks(masks[0], masks[1:])
     band = dilate_mask(own, reach) & ~erode_mask(own, reach) & prompt.inside
     return name_masks(correct_at_clicks(rgbd, decide_by_color(rgbd, own, band), prompt, clicks), masks)

@@ -16,9 +16,8 @@ from dlama.perception.planes import find_planes, label_known, noise_level
 SMALLEST_SUPPORT = 0.03
 """Least share of the picture of a supporting plane."""
 LITTLE_BEHIND = 0.1
-"""Largest share of a plane's border with something behind it, for it to be a support: the ground, a ceiling, a wall."""
-MOST_BEHIND = 0.3
-"""The same if the object stands before the plane: a facade against the sky. Above it the plane is the face of an object."""
+"""Largest share of a plane's border with something behind it, for it to be a support: the ground, a ceiling, a wall. Above it
+the plane is the face of an object."""
 INSIDE_BOX = 0.6
 """Share of a plane's pixels in the user's box from which it belongs to the object."""
 BEFORE = 1.01
@@ -89,7 +88,7 @@ def find_supports(found: Planes, seeds: list[tuple[int, int]], box: BoolArray | 
     chosen = [
         found.share(n) >= SMALLEST_SUPPORT
         and not any(found.label[seed] == n + 1 for seed in seeds)
-        and (found.behind[n] <= LITTLE_BEHIND or (found.behind[n] <= MOST_BEHIND and is_in_front(found, n, seeds)))
+        and found.behind[n] <= LITTLE_BEHIND
         and (box is None or found.share(n, box) <= INSIDE_BOX)
         for n in range(len(found.planes))
     ]
