@@ -177,12 +177,10 @@ class Law:
         A ray that never becomes lawful at a finite depth ends in the far layer (+inf), which is always lawful.
         """
         out = np.array(depth, np.float32)
-        moved = np.zeros(depth.shape, np.bool_)
+        broken = moved = self.violations(camera, out, where)
         for number in range(MAX_ROUNDS):
-            broken = self.violations(camera, out, where)
             if not broken.any():
                 return out, moved
-            moved |= broken
             if number:  # rounding to float32, or another source's law, brought it back over a border
                 out[broken] *= np.float32(1 + 1e-5 * 4**number)
             places, values = np.flatnonzero(broken).astype(np.int32), out[broken]
@@ -192,7 +190,8 @@ class Law:
                     kernels.push_back, len(places), places, values, out.shape[1], *from_camera, measured, band=BAND
                 )
             out[broken] = values
-        out[self.violations(camera, out, where)] = np.inf
+            broken = self.violations(camera, out, broken)  # all others are lawful as they were
+        out[broken] = np.inf
         return out, moved
 
 

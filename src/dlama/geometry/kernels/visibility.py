@@ -28,6 +28,13 @@ def ray(matrix: Float64Array, row: Whole, column: Whole) -> tuple[Real, Real, Re
 
 
 @piece
+def pixel_at(place: Whole, width: Whole) -> tuple[Whole, Whole]:
+    """Row and column of a flat number. Divided in 32 bits without a sign: an int64 takes four times as long."""
+    row = np.int64(np.uint32(place) // np.uint32(width))
+    return row, place - row * width
+
+
+@piece
 def breaks_law(ax: Real, ay: Real, az: Real, offset: Float64Array, depth: Real, measured: Float32Array) -> Flag:
     """True if the point at `depth` on the ray is, seen from the source, in front of what was measured there.
 
@@ -36,10 +43,11 @@ def breaks_law(ax: Real, ay: Real, az: Real, offset: Float64Array, depth: Real, 
     if not depth < np.inf:
         return False
     z = depth * az + offset[2]
-    if z <= 0:
-        return False
-    x, y = (depth * ax + offset[0]) / z, (depth * ay + offset[1]) / z
-    if not (0 <= x < measured.shape[1] and 0 <= y < measured.shape[0]):
+    across, along = depth * ax + offset[0], depth * ay + offset[1]
+    if z <= 0 or across < 0 or along < 0 or across > z * (measured.shape[1] + 1) or along > z * (measured.shape[0] + 1):
+        return False  # most are clearly outside: no division for them
+    x, y = across / z, along / z
+    if not (x < measured.shape[1] and y < measured.shape[0]):
         return False
     limit = measured[np.int64(y), np.int64(x)]
     if limit <= 0:
@@ -64,9 +72,9 @@ def violations(
     places: N, flat numbers of the pixels in a picture of that width; depth: N, > 0; matrix, offset: source px from target px.
     """
     for n in range(first, last):
-        ax, ay, az = ray(matrix, places[n] // width, places[n] % width)
-        if breaks_law(ax, ay, az, offset, np.float64(depth[n]), measured):
-            out[n] = True
+        if not out[n]:
+            ax, ay, az = ray(matrix, *pixel_at(places[n], width))
+            out[n] = breaks_law(ax, ay, az, offset, np.float64(depth[n]), measured)
 
 
 @piece
@@ -126,5 +134,5 @@ def push_back(
 ) -> None:
     """Move the pixels first..last (`depth`, in place) outwards until they keep the law of one source. Arguments: `violations`."""
     for n in range(first, last):
-        ax, ay, az = ray(matrix, places[n] // width, places[n] % width)
+        ax, ay, az = ray(matrix, *pixel_at(places[n], width))
         depth[n] = lawful_depth(ax, ay, az, offset, np.float64(depth[n]), measured)
