@@ -27,6 +27,7 @@ from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.choice.guesses import GUESSES, make_guesses
 from dlama.inpainters.choice.planes import context_planes, depth_scale, nearness
+from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill
 from dlama.inpainters.layered.filler import layered
 from dlama.perception.monocular import estimate_depth
@@ -52,7 +53,7 @@ class FillTask:
     """What a filler was asked to fill, and the truth."""
 
     view: View
-    law: Law
+    context: FillContext
     truth: RGBD
     depth_true: bool = True
     """Whether the truth's depth is one (that of photos is only estimated)."""
@@ -125,10 +126,10 @@ def pipeline_tasks(source: RGBD, camera: Camera, mask: BoolArray | None, truths:
     """The views that `complete` has filled, those whose truth is given."""
     found: list[FillTask] = []
 
-    def look(view: View, law: Law, seed: int) -> Fill:
-        found.extend(FillTask(view, law, truth) for truth in truths if truth.camera.same_view_as(view.camera))
+    def look(view: View, context: FillContext, seed: int) -> Fill:
+        found.extend(FillTask(view, context, truth) for truth in truths if truth.camera.same_view_as(view.camera))
         if view.camera.same_view_as(source.camera):
-            return layered(view, law, seed)  # the camera may move from here
+            return layered(view, context, seed)  # the camera may move from here
         return Fill(view.color, np.ones(view.hole.shape, np.float32))
 
     complete(source, [camera], mask=mask, filler=look)
@@ -148,7 +149,7 @@ def photo_tasks(photo: Photo, size: int, rng: np.random.Generator) -> list[FillT
     back = render(seen, frame.camera)
     color = np.where(back.hole[..., None], np.uint8(0), picture)
     view = dataclasses.replace(back, color=color)
-    return [FillTask(view, Law(()), RGBD(picture, frame.depth, frame.camera), depth_true=False)]
+    return [FillTask(view, FillContext(Law(())), RGBD(picture, frame.depth, frame.camera), depth_true=False)]
 
 
 def crops_of(asked: FillTask, rng: np.random.Generator) -> Iterator[GuessCrop]:
@@ -183,7 +184,7 @@ def _place(hole: BoolArray, rng: np.random.Generator) -> tuple[int, int] | None:
 def planes_of(asked: FillTask) -> GuessCrop:
     """The whole view as one crop."""
     view, truth = asked.view, asked.truth
-    guesses = make_guesses(view, asked.law, 0, tuple(GUESSES.values()))
+    guesses = make_guesses(view, asked.context, 0, tuple(GUESSES.values()))
     scale = depth_scale(view)
     context = context_planes(view, scale)
     depths = [context[3], *(nearness(one.inverse_depth, scale) for one in guesses)]

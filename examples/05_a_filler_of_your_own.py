@@ -11,7 +11,7 @@ demo = dlama.example()
 out = Path(sys.argv[1] if len(sys.argv) > 1 else "out/05_a_filler_of_your_own")
 
 
-def flat(view, law, seed):
+def flat(view, context, seed):
     """One colour, at the median depth; whatever lies in front of something measured is moved behind it afterwards."""
     color = np.full_like(view.color, np.median(view.color[~view.hole], axis=0).astype(np.uint8))
     return dlama.Fill(color, np.full_like(view.depth, np.median(view.depth[view.valid])))

@@ -32,7 +32,7 @@ VIEW = dlama.render(RGBD, dlama.orbit(CAMERA, 10))
 EXAMPLE = dlama.example()
 
 
-def fill_with_grey(view: dlama.View, law: dlama.Law, seed: int) -> dlama.Fill:
+def fill_with_grey(view: dlama.View, context: dlama.FillContext, seed: int) -> dlama.Fill:
     """The least of a filler."""
     return dlama.Fill(np.full_like(view.color, 128), np.full_like(view.depth, 3))
 
@@ -45,7 +45,7 @@ GOOD: dict[str, dict[str, Any]] = {
     "estimate_depth": {"color": COLOR[:8, :8], "depth_model": lambda color: None},
     "find_mask": {"picture": RGBD, "clicks": [(1, 1)]},
     "fuse": {"scene": SCENE, "view": VIEW},
-    "inpaint": {"view": VIEW, "inpainter": fill_with_grey, "law": dlama.Law.of(SCENE)},
+    "inpaint": {"view": VIEW, "inpainter": fill_with_grey, "context": dlama.FillContext.of(SCENE)},
     "lift": {"source": RGBD},
     "orbit": {"camera": CAMERA, "yaw": 3},
     "photo3d": {"rgbd": RGBD, "filler": fill_with_grey, "angle": 1.0, "distance": 0.0},
@@ -69,6 +69,7 @@ GOOD: dict[str, dict[str, Any]] = {
     "Camera.from_K": {"K": CAMERA.K, "width": W, "height": H},
     "Camera.from_fov": {"width": W, "height": H, "fov_deg": 60},
     "Law.of": {"scene": SCENE},
+    "FillContext.of": {"scene": SCENE},
     "MaskSession": {"picture": RGBD},
     "Mesh": {
         "vertices": np.zeros((3, 3)),
@@ -200,7 +201,7 @@ def test_numbers_and_counts() -> None:
 def test_a_filler_that_returns_no_fill_is_told_so() -> None:
     """Law: the message is about the filler; before, a bare AttributeError came from inside."""
     with pytest.raises(InputError, match="what the filler returned is None; a Fill is expected"):
-        dlama.view(RGBD, yaw=10, filler=lambda view, law, seed: None)  # type: ignore[arg-type, return-value]
+        dlama.view(RGBD, yaw=10, filler=lambda view, context, seed: None)  # type: ignore[arg-type, return-value]
     small = dlama.Fill(COLOR[:3, :3], DEPTH[:3, :3])
     with pytest.raises(InputError, match=r"the filler's color has shape \(3, 3, 3\); \(24, 32, 3\) is expected"):
-        dlama.inpaint(VIEW, lambda view, law, seed: small, dlama.Law(()))
+        dlama.inpaint(VIEW, lambda view, context, seed: small, dlama.FillContext(dlama.Law(())))

@@ -19,8 +19,8 @@ from dlama.completion.options import option_types
 
 NAMES = {
     "JobResult", "batch",
-    "Camera", "Completion", "DepthEstimate", "DepthPrediction", "Fill", "FillReport", "Finding", "HeadBox", "HoleType",
-    "Inpainter", "Law",
+    "Camera", "Completion", "DepthEstimate", "DepthPrediction", "Fill", "FillContext", "FillReport", "Finding",
+    "HeadBox", "HoleType", "Inpainter", "Law",
     "MaskSession", "Mesh", "ObjectMask", "Options", "Origin", "Photo3D", "PointCloud", "RGBD", "Recipe", "Scene", "Sky",
     "StereoCompletion",
     "StereoConsistency", "StereoRig", "View",

@@ -62,6 +62,7 @@ if TYPE_CHECKING:  # what type checkers and editors read; a test holds it equal 
     from dlama.geometry.view import Origin as Origin
     from dlama.geometry.view import View as View
     from dlama.geometry.visibility import Law as Law
+    from dlama.inpainters.context import FillContext as FillContext
     from dlama.inpainters.filling import Fill as Fill
     from dlama.inpainters.filling import FillReport as FillReport
     from dlama.inpainters.filling import Inpainter as Inpainter
@@ -89,6 +90,7 @@ MODULES = {
     "DlamaError": "errors",
     "FileError": "errors",
     "Fill": "inpainters.filling",
+    "FillContext": "inpainters.context",
     "FillReport": "inpainters.filling",
     "Finding": "perception.diagnosis.finding",
     "HeadBox": "geometry.layers.head_box",

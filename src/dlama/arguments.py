@@ -44,6 +44,7 @@ WHERE_FROM = {
     "View": " (`render()` gives one)",
     "Completion": " (`view()`, `remove()`, `stereo()` and `complete()` give one)",
     "Law": " (`Law.of(scene)` gives one)",
+    "FillContext": " (`FillContext.of(scene)` gives one)",
 }
 """Name of a type -> where a user gets one from."""
 

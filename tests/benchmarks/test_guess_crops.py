@@ -10,7 +10,7 @@ from dlama.geometry.rendering import render
 from dlama.geometry.scene import Scene
 from dlama.geometry.trajectories import orbit
 from dlama.geometry.view import View
-from dlama.geometry.visibility import Law
+from dlama.inpainters.context import FillContext
 from dlama.training.data.samples.guesses import SIDE
 from guess_crops import FillTask, crops_of
 from sensors import add_photo_noise, stereo_matcher, structured_light
@@ -24,7 +24,7 @@ def test_a_crop_of_a_view_has_its_guesses_and_the_truth():
     camera = Camera.from_fov(SIDE, SIDE, 70)
     frame, target = WORLD.rgbd(camera), WORLD.rgbd(orbit(camera, 12))
     view = render(frame, target.camera)
-    asked = FillTask(view, Law.of(Scene((View.from_rgbd(frame),))), target)
+    asked = FillTask(view, FillContext.of(Scene((View.from_rgbd(frame),))), target)
     crop = next(crops_of(asked, np.random.default_rng(0)))
     known = crop.context[-2] == 0
     for color in (*crop.color, crop.true_color):

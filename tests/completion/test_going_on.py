@@ -18,8 +18,8 @@ from dlama.geometry.camera import StereoRig
 from dlama.geometry.holes import dilate_view_holes
 from dlama.geometry.trajectories import orbit
 from dlama.geometry.view import HoleType, Origin, View
-from dlama.geometry.visibility import Law
 from dlama.inpainters import find_filler
+from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill, Inpainter
 from worlds import moved
 
@@ -28,13 +28,13 @@ ASIDE = orbit(CAMERA, 14)
 FRAME = street(sensor_holes=False)
 
 
-def recording() -> tuple[Inpainter, list[tuple[View, Law]]]:
+def recording() -> tuple[Inpainter, list[tuple[View, FillContext]]]:
     """A filler that notes what it is given."""
-    telea, seen = find_filler("telea"), list[tuple[View, Law]]()
+    telea, seen = find_filler("telea"), list[tuple[View, FillContext]]()
 
-    def fill(view: View, law: Law, seed: int) -> Fill:
-        seen.append((view, law))
-        return telea(view, law, seed)
+    def fill(view: View, context: FillContext, seed: int) -> Fill:
+        seen.append((view, context))
+        return telea(view, context, seed)
 
     return fill, seen
 
@@ -59,8 +59,8 @@ def test_a_removed_object_still_hides_what_is_behind_it() -> None:
     filler, seen = recording()
     dlama.complete(done.scene, [ASIDE], filler=filler)
     assert seen
-    for _, law in seen:
-        np.testing.assert_array_equal(law.measured[0][1][MASK], FRAME.depth[MASK])
+    for _, context in seen:
+        np.testing.assert_array_equal(context.law.measured[0][1][MASK], FRAME.depth[MASK])
 
 
 def test_a_scene_read_back_goes_on_alike(tmp_path: Path) -> None:
@@ -151,5 +151,5 @@ def test_a_path_is_filled_beside_the_edges_of_its_pictures() -> None:
     filler, seen = recording()
     for _ in dlama.render_path(dlama.scene([rgbd]), [cameras[0], orbit(rgbd.camera, -12.0), cameras[2]], filler=filler):
         pass
-    away = [law.misplaced_edges for view, law in seen if not view.camera.same_view_as(rgbd.camera)]
+    away = [context.misplaced_edges for view, context in seen if not view.camera.same_view_as(rgbd.camera)]
     assert len(away) >= 3 and all(away)

@@ -23,6 +23,7 @@ from dlama.geometry.trajectories import dolly, orbit
 from dlama.geometry.view import HoleType, Origin, View
 from dlama.geometry.visibility import Law, violations
 from dlama.inpainters import FILLERS
+from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill
 from reference import law as twin
 from worlds import moved, pixels_of, points_of
@@ -235,10 +236,10 @@ def test_settings_change_what_they_say() -> None:
 
 
 def test_a_filler_of_ones_own() -> None:
-    """Law: any callable (view, law, seed) -> Fill; it gets the seed, its notes are in the meta, and its name."""
+    """Law: any callable (view, context, seed) -> Fill; it gets the seed, its notes are in the meta, and its name."""
     seeds = []
 
-    def seven(view: View, law: Law, seed: int) -> Fill:
+    def seven(view: View, context: FillContext, seed: int) -> Fill:
         seeds.append(seed)
         return Fill(np.full_like(view.color, 7), np.full_like(view.depth, 50), notes={"sevens": 7})
 

@@ -12,8 +12,8 @@ import pytest
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import View
-from dlama.geometry.visibility import Law
 from dlama.inpainters import FILLERS, FillerRecord
+from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill
 
 SIZE, SHIFT_M = 64, 0.5
@@ -49,7 +49,7 @@ def frame(camera: Camera, square: np.ndarray | None) -> RGBD:
     return RGBD(np.repeat(color, 3, 2), np.where(where, SQUARE_M, WALL_M).astype(np.float32), camera)
 
 
-def constant(view: View, law: Law, seed: int) -> Fill:
+def constant(view: View, context: FillContext, seed: int) -> Fill:
     """A filler that always writes one colour and one depth."""
     return Fill(np.full_like(view.color, FILLED), np.full(view.depth.shape, FILLED_M, np.float32))
 

@@ -20,6 +20,7 @@ from dlama.geometry.scene import Scene, contribution
 from dlama.geometry.view import HoleType, Origin, View
 from dlama.geometry.visibility import Law
 from dlama.inpainters import find_filler
+from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import inpaint
 from worlds import Box, Plane, Sphere, World, moved, pixels_of, points_of
 
@@ -39,7 +40,7 @@ def half_filled() -> tuple[Scene, View]:
     taken = np.zeros(CAMERA.hw, bool)
     taken[:, 24:] = True
     scene = Scene((source.without(taken, HoleType.OBJECT),))
-    return scene, inpaint(scene.layers[0], find_filler("layered"), Law(()))[0]
+    return scene, inpaint(scene.layers[0], find_filler("layered"), FillContext(Law(())))[0]
 
 
 def test_a_view_with_nothing_filled_changes_nothing() -> None:
@@ -82,7 +83,7 @@ def ball_removed() -> tuple[Scene, RGBD, np.ndarray]:
     taken = World((WALL, Sphere((0, 0, 2), 0.4))).trace(CAMERA.at(np.eye(4)))[1] == 1
     thing = source.without(~taken, HoleType.NONE)
     scene = Scene((source.without(taken, HoleType.OBJECT),), (thing,))
-    filled, _ = inpaint(scene.layers[0], find_filler("layered"), Law.of(scene))
+    filled, _ = inpaint(scene.layers[0], find_filler("layered"), FillContext.of(scene))
     background = filled.without(filled.filled, HoleType.OBJECT)
     return fuse(dataclasses.replace(scene, frames=(background,)), filled), frame, taken
 

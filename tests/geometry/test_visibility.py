@@ -17,6 +17,7 @@ from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin, View
 from dlama.geometry.visibility import Law, violations
 from dlama.inpainters import FILLERS, find_filler
+from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import inpaint
 from reference import law as twin
 from worlds import moved, pixels_of, points_of, rotation
@@ -225,24 +226,10 @@ def test_a_scene_lays_down_what_was_measured_and_what_was_taken_out() -> None:
     source = View.from_rgbd(frame)
     taken = np.array([[True, False, False, False]])
     background, thing = source.without(taken, HoleType.OBJECT), source.without(~taken, HoleType.NONE)
-    filled, _ = inpaint(background, find_filler("telea"), Law(()))
+    filled, _ = inpaint(background, find_filler("telea"), FillContext(Law(())))
     law = Law.of(Scene((background,), (thing,), (filled.without(~filled.filled, HoleType.NONE),)))
     assert len(law.measured) == 1
     np.testing.assert_array_equal(law.measured[0][1], frame.depth)
-
-
-def test_the_law_remembers_the_sky_that_was_measured() -> None:
-    """Closed form: the mean colour of the measured far pixels; a filled sky is none, and without sky there is no colour."""
-    color = np.array([[(10, 20, 30), (20, 40, 50), (200, 0, 0)]], np.uint8)
-    camera = Camera.from_fov(3, 1, 60)
-    source = View.from_rgbd(RGBD(color, np.array([[np.inf, np.inf, 2]], np.float32), camera))
-    law = Law.of(Scene((source,)))
-    assert law.has_far and law.sky is not None
-    np.testing.assert_array_equal(law.sky.mean, (15, 30, 40))
-    below = source.without(np.array([[True, True, False]]), HoleType.OBJECT)
-    filled, _ = inpaint(below, find_filler("telea"), law)
-    for scene in (Scene((below,)), Scene((below,), fills=(filled,))):
-        assert not Law.of(scene).has_far
 
 
 @settings(max_examples=40, deadline=None)
@@ -259,7 +246,7 @@ def test_every_filler_keeps_the_law_on_random_scenes(seed: int, name: str, remov
         scene = Scene((source.without(taken, HoleType.OBJECT),), (source.without(~taken, HoleType.NONE),))
     law = Law.of(scene)
     view = render(scene, beside(rng, frame.camera))
-    filled, report = inpaint(view, find_filler(name), law, seed % 5)
+    filled, report = inpaint(view, find_filler(name), FillContext.of(scene), seed % 5)
     np.testing.assert_array_equal(filled.color[~view.hole], view.color[~view.hole])
     np.testing.assert_array_equal(filled.depth[~view.hole], view.depth[~view.hole])
     assert report.law_violations == 0

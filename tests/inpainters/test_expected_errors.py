@@ -29,6 +29,7 @@ from dlama.inpainters.confidence import (
     OUTPUTS,
     ConfidenceNetwork,
 )
+from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill, inpaint
 from dlama.training.data.augment import add_depth_noise, add_flying_pixels, quantise_depth
 from dlama.worlds.dataset import world
@@ -135,10 +136,10 @@ def test_what_a_filler_says_itself_goes_first() -> None:
     where[5:12, 8:20] = True
     holed = view.without(where, HoleType.DISOCCLUDED)
 
-    def sure(view: View, law: Law, seed: int) -> Fill:
+    def sure(view: View, context: FillContext, seed: int) -> Fill:
         return Fill(color, np.full((20, 30), 3, np.float32), errors=np.full((20, 30, 2), (0.125, 7), np.float32))
 
-    done, _ = inpaint(holed, sure, Law(()))
+    done, _ = inpaint(holed, sure, FillContext(Law(())))
     assert (done.depth_error[where] == 0.125).all() and (done.color_error[where] == 7).all()
     assert not done.errors[~where].any()  # type: ignore[index]
 

@@ -19,12 +19,13 @@ from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin, View
 from dlama.geometry.visibility import Law, violations
 from dlama.inpainters import FILLERS, find_filler
+from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill, inpaint
 from worlds import Box, Plane, Sphere, World, moved
 
 PLAIN = [name for name, record in FILLERS.items() if not record.needs_model]
 fillers = pytest.mark.parametrize("name", PLAIN)
-NOTHING = Law(())
+NOTHING = FillContext(Law(()))
 
 
 def random_view(seed: int, height: int, width: int) -> View:
@@ -40,14 +41,14 @@ def random_view(seed: int, height: int, width: int) -> View:
     return view.without(taken, HoleType.OBJECT)
 
 
-def moved_view() -> tuple[View, Law]:
+def moved_view() -> tuple[View, FillContext]:
     """A street-like world (floor, wall, sky, ball; a sensor hole) seen from 60 cm aside: every kind of hole."""
     world = World((Plane((0, 1, 0), (0, 1, 0)), Box((-9, -0.5, 6), (9, 1, 7)), Sphere((0, 0.3, 3), 0.4)))
     frame = world.rgbd(Camera.from_fov(96, 72, 70))
     depth = frame.depth.copy()
     depth[60:66, 20:30] = 0
     source = View.from_rgbd(RGBD(frame.color, depth, frame.camera))
-    return render(source, moved(frame.camera, (0, -8, 0), (0.6, 0, 0))), Law.of(Scene((source,)))
+    return render(source, moved(frame.camera, (0, -8, 0), (0.6, 0, 0))), FillContext.of(Scene((source,)))
 
 
 def same_bits(one: View, other: View) -> None:
@@ -59,9 +60,9 @@ def same_bits(one: View, other: View) -> None:
 @fillers
 def test_known_pixels_stay_and_holes_are_filled(name: str) -> None:
     """Law on a rendered view with every hole type: outside the hole all fields bit for bit, inside all filled and lawful."""
-    view, law = moved_view()
+    view, context = moved_view()
     assert {HoleType.DISOCCLUDED, HoleType.OUT_OF_VIEW, HoleType.SENSOR} <= set(np.unique(view.hole_type).tolist())
-    filled, report = inpaint(view, find_filler(name), law)
+    filled, report = inpaint(view, find_filler(name), context)
     known = ~view.hole
     for field in ("color", "depth", "origin", "confidence", "hole_type"):
         np.testing.assert_array_equal(getattr(filled, field)[known], getattr(view, field)[known], err_msg=field)
@@ -69,7 +70,7 @@ def test_known_pixels_stay_and_holes_are_filled(name: str) -> None:
     assert not filled.hole.any() and (filled.depth > 0).all()
     np.testing.assert_array_equal(filled.origin[view.hole], Origin.FILLED)
     assert report.hole_pixels == view.hole.sum() and report.law_violations == 0
-    assert not violations(filled, law).any()
+    assert not violations(filled, context.law).any()
     assert filled.camera is view.camera
 
 
@@ -115,7 +116,7 @@ def test_sensor_holes_get_depth_only(name: str) -> None:
     depth = frame.depth.copy()
     depth[10:20, 30:45] = 0
     view = View.from_rgbd(RGBD(frame.color, depth, frame.camera))
-    filled, _ = inpaint(view, find_filler(name), Law.of(Scene((view,))))
+    filled, _ = inpaint(view, find_filler(name), FillContext.of(Scene((view,))))
     np.testing.assert_array_equal(filled.color, frame.color)
     np.testing.assert_array_equal(filled.origin, np.where(view.hole, Origin.DEPTH_FILLED, Origin.MEASURED))
     np.testing.assert_array_equal(filled.hole_type, np.where(view.hole, HoleType.SENSOR, HoleType.NONE))
@@ -127,11 +128,11 @@ def test_sensor_holes_get_depth_only(name: str) -> None:
 @fillers
 def test_the_same_seed_gives_the_same_bits(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Law: twice with one seed, and with one thread and two."""
-    view, law = moved_view()
-    first, _ = inpaint(view, find_filler(name), law, seed=5)
+    view, context = moved_view()
+    first, _ = inpaint(view, find_filler(name), context, seed=5)
     for threads in (1, 2):
         monkeypatch.setattr(jit, "_most_threads", [threads])
-        same_bits(inpaint(view, find_filler(name), law, seed=5)[0], first)
+        same_bits(inpaint(view, find_filler(name), context, seed=5)[0], first)
 
 
 @fillers
@@ -141,7 +142,7 @@ def test_only_the_sky_is_known(name: str) -> None:
     view = View.from_rgbd(RGBD(color, np.full((12, 16), np.inf, np.float32), Camera.from_fov(16, 12, 60)))
     taken = np.zeros((12, 16), bool)
     taken[3:8, 4:12] = True
-    filled, _ = inpaint(view.without(taken, HoleType.OBJECT), find_filler(name), Law.of(Scene((view,))))
+    filled, _ = inpaint(view.without(taken, HoleType.OBJECT), find_filler(name), FillContext.of(Scene((view,))))
     assert filled.far.all()
     assert abs(filled.color.astype(int) - color).max() <= 2
 
@@ -153,7 +154,7 @@ def test_a_view_without_holes_comes_back_itself() -> None:
     assert filled is view and report.hole_pixels == 0 and report.notes == {}
 
 
-def never(view: View, law: Law, seed: int) -> Fill:
+def never(view: View, context: FillContext, seed: int) -> Fill:
     """A filler that must not be called."""
     raise AssertionError("called though there is nothing to fill, or nothing to fill from")
 
@@ -165,19 +166,19 @@ def test_a_view_of_nothing_says_so() -> None:
     assert filled is view and report.notes == {"nothing_visible": True}
 
 
-def careless(view: View, law: Law, seed: int) -> Fill:
+def careless(view: View, context: FillContext, seed: int) -> Fill:
     """A filler that writes everywhere, and 1 m before everything."""
     return Fill(np.full_like(view.color, 7), np.ones_like(view.depth), law_moves=3, notes={"careless": True})
 
 
 def test_a_careless_filler_is_held_to_the_promises() -> None:
     """Guard: it overwrites known pixels and breaks the law everywhere; neither gets through, and the moves are counted."""
-    view, law = moved_view()
-    filled, report = inpaint(view, careless, law)
+    view, context = moved_view()
+    filled, report = inpaint(view, careless, context)
     np.testing.assert_array_equal(filled.color[~view.hole], view.color[~view.hole])
     np.testing.assert_array_equal(filled.depth[~view.hole], view.depth[~view.hole])
     assert (filled.color[view.hole] == 7).all() and (filled.depth[view.hole] >= 1).all()
-    broken = law.violations(view.camera, np.ones_like(view.depth), view.hole)
+    broken = context.law.violations(view.camera, np.ones_like(view.depth), view.hole)
     assert broken.sum() > 100
     assert report.law_moves == 3 + broken.sum() and report.law_violations == 0
     assert report.notes == {"careless": True}
@@ -209,7 +210,7 @@ def test_network_fillers_want_their_file_and_the_others_none() -> None:
 def test_a_function_is_a_filler_already() -> None:
     """Law: it comes back as it is; a model next to it has no use."""
 
-    def own(view: View, law: Law, seed: int) -> Fill:
+    def own(view: View, context: FillContext, seed: int) -> Fill:
         return Fill(view.color, view.depth)
 
     assert find_filler(own) is own
@@ -224,7 +225,7 @@ def test_the_list_of_names_is_light() -> None:
     assert done.stdout.strip() == "set()"
 
 
-def large_view_with_small_hole() -> tuple[View, Law]:
+def large_view_with_small_hole() -> tuple[View, FillContext]:
     """1200 x 900 px of a floor, a wall and the sky, of which a ball was removed; what was measured is its law."""
     world = World((Plane((0, 1, 0), (0, 1, 0)), Box((-9, -0.5, 6), (9, 1, 7)), Sphere((0.6, 0.6, 3), 0.2)))
     frame = world.rgbd(Camera.from_fov(1200, 900, 70))
@@ -232,26 +233,26 @@ def large_view_with_small_hole() -> tuple[View, Law]:
     removed = frame.depth < 3.1
     removed[:, : removed.shape[1] // 2] = False
     removed[650:] = False
-    return source.without(removed, HoleType.OBJECT), Law.of(Scene((source,)))
+    return source.without(removed, HoleType.OBJECT), FillContext.of(Scene((source,)))
 
 
 def test_a_filler_sees_no_more_of_a_large_view_than_its_hole_needs() -> None:
     """Law: known pixels keep every bit, the hole is filled as in the part alone, and no law is broken. Closed form: the part is
     the hole's box and 256 px round it."""
-    view, law = large_view_with_small_hole()
+    view, context = large_view_with_small_hole()
     seen: list[View] = []
 
-    def filler(part: View, its_law: Law, seed: int) -> Fill:
+    def filler(part: View, its_context: FillContext, seed: int) -> Fill:
         seen.append(part)
-        return find_filler("telea")(part, its_law, seed)
+        return find_filler("telea")(part, its_context, seed)
 
-    filled, report = inpaint(view, filler, law)
+    filled, report = inpaint(view, filler, context)
     rows, columns = (np.flatnonzero(view.hole.any(axis)) for axis in (1, 0))
     top, left = rows[0] - 256, columns[0] - 256
     part = seen[0]
     assert part.camera.hw == (min(900, rows[-1] + 257) - top, min(1200, columns[-1] + 257) - left)
     assert part.hole.size < 0.6 * view.hole.size and report.law_violations == 0
-    assert not violations(filled, law).any() and report.hole_pixels == view.hole.sum()
+    assert not violations(filled, context.law).any() and report.hole_pixels == view.hole.sum()
     known = ~view.hole
     for name in ("color", "depth", "origin", "confidence", "hole_type"):
         np.testing.assert_array_equal(getattr(filled, name)[known], getattr(view, name)[known], err_msg=name)
@@ -263,9 +264,9 @@ def test_a_filler_sees_no_more_of_a_large_view_than_its_hole_needs() -> None:
 
 def test_the_law_of_a_part_is_that_of_the_whole() -> None:
     """Law: a depth breaks it in the part where it breaks it in the whole picture, seen from the source and from aside."""
-    view, law = large_view_with_small_hole()
+    view, context = large_view_with_small_hole()
     aside = (moved(view.camera, (0, 5, 0), (0.3, 0, 0)), np.full((900, 1200), 2.5, np.float32))
-    law = Law((*law.measured, aside), law.sky)
+    law = Law((*context.law.measured, aside))
     depth = np.broadcast_to(np.linspace(0.5, 7, 1200, dtype=np.float32), view.hole.shape).copy()
     rows, columns = slice(300, 700), slice(500, 1100)
     inside = law.cropped(view, rows, columns)

@@ -9,11 +9,12 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
+from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill, Painter
 from dlama.inpainters.grey_depth import channel_spread, with_grey_depth
 from dlama.inpainters.opencv import telea
 
-NOTHING = Law(())
+NOTHING = FillContext(Law(()))
 
 
 def slope(hole: np.ndarray) -> View:
@@ -36,7 +37,7 @@ def test_eight_bit_depth_of_other_fillers_has_the_papers_steps() -> None:
     proposed = np.array([[1e-4, 0.03, 0.06, 1.37, 9.99, 12, np.inf]], np.float32)
     view = slope(np.zeros((1, 7), bool))
 
-    def inner(view: View, law: Law, seed: int) -> Fill:
+    def inner(view: View, context: FillContext, seed: int) -> Fill:
         return Fill(view.color, proposed, seed, {"who": "inner"})
 
     fill = with_grey_depth(inner, 10.0)(view, NOTHING, 4)
@@ -67,7 +68,7 @@ def test_a_painter_gets_both_pictures_apart_and_its_channels_are_averaged() -> N
         shown.append(picture.copy())
         return np.where(hole[..., None], np.array([30, 60, 90], np.uint8), picture)
 
-    def unused(view: View, law: Law, seed: int) -> Fill:
+    def unused(view: View, context: FillContext, seed: int) -> Fill:
         raise AssertionError("its own way with a view is not asked")
 
     hole = block()

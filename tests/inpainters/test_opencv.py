@@ -10,11 +10,12 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
+from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import inpaint
 from dlama.inpainters.opencv import RADIUS, depth_of_levels, paint, telea
 from worlds import Plane, World
 
-NOTHING = Law(())
+NOTHING = FillContext(Law(()))
 
 
 def with_hole(depth: np.ndarray, hole: np.ndarray, color: np.ndarray | None = None) -> View:

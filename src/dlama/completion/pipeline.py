@@ -17,7 +17,7 @@ from dlama.completion.options import OptionKeywords, Options, Unpack, options_of
 from dlama.completion.plausible import warn_of_scale, warn_of_unknown
 from dlama.completion.report import Clock, Record, about_depth, expected_errors, meta_data
 from dlama.completion.start import choose_filler, plan_for, scene_of
-from dlama.completion.steps import CompletedView, Step, complete_step, fill, frame_steps, with_edge_law
+from dlama.completion.steps import CompletedView, Step, complete_step, fill, frame_steps, with_aligned_edges
 from dlama.errors import InputError
 from dlama.geometry.camera import Camera
 from dlama.geometry.frames.gathering import FrameSource
@@ -144,7 +144,7 @@ def _views(scene: Scene, cameras: list[Camera], filler: Inpainter, of_slivers: I
         open_view = render(whole, camera)
         share = float(open_view.hole.mean())
         chosen = replace(plan, inpainter=of_slivers) if share <= SLIVERS else plan
-        view, _ = fill(with_edge_law(chosen, whole, camera), open_view)
+        view, _ = fill(with_aligned_edges(chosen, whole, camera), open_view)
         if share > KEPT:
             whole = fuse(whole, view, known=~open_view.hole)
         yield view

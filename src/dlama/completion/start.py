@@ -26,6 +26,7 @@ from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
 from dlama.inpainters import AUTO, auto_filler, find_filler
+from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Inpainter
 from dlama.inpainters.grey_depth import with_grey_depth
 from dlama.inpainters.layered.depth_first import paint_over_depth
@@ -42,8 +43,8 @@ class Plan:
     seed: int
     given: Scene
     """The scene as measured, without removed objects; nothing is filled."""
-    law: Law
-    """What the measurements forbid filled depth to hide."""
+    context: FillContext
+    """What fillers know besides a view."""
     filler: str
     """The filler's name, for meta.json."""
     decisions: Mapping[str, Mapping[str, Any]]
@@ -137,17 +138,17 @@ def filler_of_recipe(filler: Inpainter, recipe: Recipe) -> Inpainter:
     return with_grey_depth(filler, recipe.clip) if recipe.eight_bit_depth and recipe.clip is not None else filler
 
 
-def law_of(given: Scene, recipe: Recipe, object_depth: Float32Array | None = None) -> Law:
-    """What the measurements of a scene forbid; nothing, where the recipe knows no law.
+def context_of(given: Scene, recipe: Recipe, object_depth: Float32Array | None = None) -> FillContext:
+    """What fillers know of a scene besides a view; nothing, where the recipe knows no law.
 
     object_depth: H x W metres that count as measured at the removed object's pixels; None: its own.
     """
     if not recipe.law:
-        return Law(())
+        return FillContext(Law(()))
     if object_depth is None:
-        return Law.of(given)
+        return FillContext.of(given)
     removals = tuple(replace(one, depth=np.where(one.hole, one.depth, object_depth)) for one in given.removals)
-    return Law.of(replace(given, removals=removals))
+    return FillContext.of(replace(given, removals=removals))
 
 
 def describe_padding(given: Scene) -> dict[str, dict[str, Any]]:
@@ -178,5 +179,5 @@ def plan_for(
     given = start.unfilled
     decisions = decisions | describe_padding(given)
     filler_with_depth = filler_of_recipe(inpainter, recipe)
-    plan = Plan(recipe, filler_with_depth, options.seed, given, law_of(given, recipe), choice.name, decisions)
+    plan = Plan(recipe, filler_with_depth, options.seed, given, context_of(given, recipe), choice.name, decisions)
     return plan, start, dilation

@@ -56,7 +56,7 @@ class CompletedView(NamedTuple):
 
 def fill(plan: Plan, view: View) -> tuple[View, FillReport]:
     """The view with all its holes filled under the plan's law, and what that did."""
-    return inpaint(view, plan.inpainter, plan.law, plan.seed)
+    return inpaint(view, plan.inpainter, plan.context, plan.seed)
 
 
 def frame_steps(plan: Plan, scene: Scene, cameras: Sequence[Camera]) -> list[Step]:
@@ -108,15 +108,16 @@ def show_earlier_fill(plan: Plan, scene: Scene, before: View) -> tuple[View, Fil
     home = any(before.camera.same_view_as(one.camera) for one in plan.given.frames)
     if not (scene.fills or home or plan.recipe.dilate_holes or plan.recipe.footprint):
         return before, NOTHING_FILLED  # `before` was drawn of the same frames
+    law = plan.context.near(before.camera).law
     if len(scene.frames) > 1 or not all(layer.camera.same_view_as(before.camera) for layer in scene.layers):
         again = home or bool(plan.recipe.dilate_holes or plan.recipe.footprint)  # else `before` shows the same frames
         earlier = render_fills(scene, before.camera, plan.recipe.mode, before.hole, frames=again)
-        return close_holes(plan.law, before, earlier)
+        return close_holes(law, before, earlier)
     rows, columns = box_around(before.hole, 0)  # nothing moves: all else would be drawn in vain
     part = before.cropped(rows, columns)
     frames, fills = (tuple(one.read().cropped(rows, columns) for one in of) for of in (scene.frames, scene.fills))
     earlier = render(Scene(frames, fills=fills), part.camera, plan.recipe.mode, types=False, close=False)
-    closed, report = close_holes(plan.law.cropped(before, rows, columns), part, earlier)
+    closed, report = close_holes(law.cropped(before, rows, columns), part, earlier)
     return paste_part(before, closed, rows, columns), report
 
 
@@ -184,12 +185,12 @@ def complete_view(
         before, grown_hole = warp(plan, scene, camera)
         known, taken_over = show_earlier_fill(plan, scene, before)
     with clock("fill"):
-        view, filled = fill(with_edge_law(plan, scene, camera), known)
+        view, filled = fill(with_aligned_edges(plan, scene, camera), known)
     with clock("fuse"):
         larger = fuse_new(scene, before, known, view)
     return CompletedView(before, view, grown_hole, (taken_over, filled)), larger
 
 
-def with_edge_law(plan: Plan, scene: Scene, camera: Camera) -> Plan:
-    """The plan with the law for a camera that holds edges where the pictures have them (`Law.with_placed_edges`)."""
-    return dataclasses.replace(plan, law=plan.law.near(camera).with_aligned_edges(scene))
+def with_aligned_edges(plan: Plan, scene: Scene, camera: Camera) -> Plan:
+    """The plan with the context for a camera, depth edges where the pictures have them (`FillContext.with_aligned_edges`)."""
+    return dataclasses.replace(plan, context=plan.context.near(camera).with_aligned_edges(scene))

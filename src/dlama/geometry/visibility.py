@@ -2,57 +2,23 @@
 
 Seen from a source camera, filled depth is never in front of what was measured there (tolerance: the larger of 1 mm and 0.1 %),
 and covers no far pixel. A removed object's own depth counts as measured: its background lies behind it.
-
-Of many frames, depth is kept in blocks of pixels, small enough for a thousand.
 """
 
 from __future__ import annotations
 
-import dataclasses
-from dataclasses import dataclass, replace
-from weakref import WeakKeyDictionary
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
 from dlama.arguments import check
 from dlama.geometry.camera import Camera
-from dlama.geometry.drawing.picture_edges import align_edges
-from dlama.geometry.frames.choosing import MOST_FRAMES, choose_frames
 from dlama.geometry.kernels import visibility as kernels
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.projection import px_from_px
 from dlama.geometry.rgbd import BoolArray, Float32Array, paste
 from dlama.geometry.scene import Scene
-from dlama.geometry.sky import Sky
 from dlama.geometry.view import View, from_source
-
-BLOCK = 8
-"""px."""
-_depths: WeakKeyDictionary[View, Float32Array] = WeakKeyDictionary()
-
-
-def coarse_depth(view: View) -> Float32Array:
-    """The nearest depth measured in each block of pixels, ceil(H / BLOCK) x ceil(W / BLOCK) metres; computed once.
-
-    0 where a pixel of the block has none, inf = far.
-    """
-    if view not in _depths:
-        whole = view.read()
-        depth = np.where(from_source(whole.origin) & ~whole.hole, whole.depth, np.float32(0))
-        rows, columns = (-size % BLOCK for size in depth.shape)
-        padded = np.pad(depth, ((0, rows), (0, columns)))
-        blocks = padded.reshape(padded.shape[0] // BLOCK, BLOCK, padded.shape[1] // BLOCK, BLOCK)
-        _depths[view] = np.asarray(blocks.min((1, 3)), np.float32)
-    return _depths[view]
-
-
-def coarse_camera(camera: Camera) -> Camera:
-    """The camera whose pixels are those blocks."""
-    width, height = (-(-size // BLOCK) for size in camera.wh)
-    lens = {name: getattr(camera, name) / BLOCK for name in ("fx", "fy", "cx", "cy")}
-    return dataclasses.replace(camera, width=width, height=height, **lens)
-
 
 BAND = 8192
 """Pixels per task."""
@@ -60,14 +26,6 @@ MAX_ROUNDS = 8
 """Passes over all source cameras, after which remaining violations are put at infinity."""
 SIGMAS, EXACT, EDGES_PX = 3.0, 1e-3, 2
 """Slack of the law for many frames in standard deviations of depth; relative noise that counts as none; error of edges in px."""
-HELD_BYTES = 256_000_000
-"""Most memory for the depth of all frames; beyond it, depth is computed for each camera."""
-MOST_COARSE = 24
-"""Further frames, besides those drawn for a camera, whose coarse depth counts for its law."""
-
-
-_aligned: WeakKeyDictionary[Law, tuple[tuple[View, ...], Law]] = WeakKeyDictionary()
-"""A law, the frames that its edges were last aligned by, and what came of it: cameras of one scene ask for the same."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,39 +33,11 @@ class Law:
     """Measurements of the source cameras: for each, H x W depth in metres, 0 = none, +inf = far."""
 
     measured: tuple[tuple[Camera, Float32Array], ...]
-    sky: Sky | None = None
-    """Colours of the measured far pixels, for views that show few of them; None: there were none."""
-    misplaced_edges: bool = False
-    """True where measured depth edges are misaligned with the picture (`with_aligned_edges`), as a sensor's are."""
-    scene: Scene | None = None
-    """The scene, for too many frames to hold their depth; `near` then gives the law for a camera."""
 
     @classmethod
     def of(cls, scene: Scene) -> Law:
-        """The law of a scene's measured layers and removed objects; of many frames, within their measured noise."""
+        """The law of a scene's measured layers and removed objects, held in memory; of many frames, within their noise."""
         check(scene, Scene, "scene")
-        if len(scene.frames) > 1 and sum(4 * one.camera.width * one.camera.height for one in scene.frames) > HELD_BYTES:
-            return cls((), scene=scene)
-        return cls._of(scene)
-
-    def near(self, camera: Camera) -> Law:
-        """The law for a camera: itself; of very many frames, that of the frames drawn for it, and of some more their coarse
-        depth, the nearest of blocks of pixels."""
-        if self.scene is None:
-            return self
-        whole = self.scene
-        places = choose_frames(whole.frames, camera, MOST_FRAMES + MOST_COARSE)
-        frames = [whole.frames[place] for place in places[:MOST_FRAMES]]
-        taken = [one for one in whole.removals if any(one.camera.same_view_as(each.camera) for each in frames)]
-        one = Law._of(Scene(tuple(frames), tuple(taken), noise=whole.noise))
-        coarse = [
-            (coarse_camera(each.camera), subtract_noise(coarse_depth(each), whole.noise))
-            for each in (whole.frames[place] for place in places[MOST_FRAMES:])
-        ]
-        return Law((*one.measured, *coarse), one.sky)
-
-    @classmethod
-    def _of(cls, scene: Scene) -> Law:
         measured: list[tuple[Camera, Float32Array]] = []
         for layer in (*scene.layers, *scene.removals):
             if not layer.shows_source:
@@ -122,28 +52,7 @@ class Law:
                 measured.append((layer.camera, depth))
         if any(scene.noise):
             measured = [(camera, subtract_noise(depth, scene.noise)) for camera, depth in measured]
-        frames = ((layer.camera, layer.color, layer.far & from_source(layer.origin)) for layer in scene.layers)
-        return cls(tuple(measured), Sky.of(frames))
-
-    def with_aligned_edges(self, scene: Scene) -> Law:
-        """The law with the scene's frames as they are drawn (`align_edges`). Near misaligned edges filled depth counts as
-        measured, and edges lie where the picture has them, if that forbids more. Of very many frames: of the law `near`."""
-        frames, aligned = _aligned.get(self, ((), self))
-        if frames is not scene.frames:
-            aligned = self._with_aligned_edges(scene)
-            _aligned[self] = scene.frames, aligned
-        return aligned
-
-    def _with_aligned_edges(self, scene: Scene) -> Law:
-        measured, misplaced = list(self.measured), self.misplaced_edges
-        for layer in scene.frames:
-            for number, (camera, known) in enumerate(measured):
-                if camera.same_view_as(layer.camera):
-                    placed = align_edges(layer.read())
-                    if placed.misaligned.any():
-                        measured[number] = camera, np.where(placed.misaligned, np.maximum(known, placed.depth), known)
-                        misplaced = True
-        return replace(self, measured=tuple(measured), misplaced_edges=misplaced)
+        return cls(tuple(measured))
 
     def cropped(self, view: View, rows: slice, columns: slice) -> Law:
         """The law for a part of a view (`View.cropped`): measurements of the view's own camera are cropped as well."""
@@ -152,12 +61,7 @@ class Law:
             (part, np.ascontiguousarray(known[rows, columns])) if camera.same_view_as(view.camera) else (camera, known)
             for camera, known in self.measured
         )
-        return replace(self, measured=measured)
-
-    @property
-    def has_far(self) -> bool:
-        """True if a source camera measured far pixels (sky)."""
-        return self.sky is not None
+        return Law(measured)
 
     def violations(self, camera: Camera, depth: Float32Array, where: BoolArray) -> BoolArray:
         """H x W bool, True at pixels of `where` (H x W bool) whose `depth` (H x W metres, seen from `camera`) breaks the law."""
@@ -219,10 +123,10 @@ def project_depth(view: View, depth: Float32Array, where: BoolArray, law: Law) -
     Returns:
         H x W metres, and how many pixels moved.
     """
-    lawful, moved = law.near(view.camera).project(view.camera, depth, where)
+    lawful, moved = law.project(view.camera, depth, where)
     return lawful, int(moved.sum())
 
 
 def violations(view: View, law: Law) -> BoolArray:
     """H x W, True at the filled pixels of a view that break the law."""
-    return law.near(view.camera).violations(view.camera, view.depth, view.filled)
+    return law.violations(view.camera, view.depth, view.filled)

@@ -20,8 +20,9 @@ from dlama.geometry.holes import box_around, larger_box, sides_of
 from dlama.geometry.kernels.jit import begin_job
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import Origin, View
-from dlama.geometry.visibility import Law, project_depth
+from dlama.geometry.visibility import project_depth
 from dlama.inpainters.confidence import features_of_known, judge_fill
+from dlama.inpainters.context import FillContext
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,8 +50,8 @@ longer side, and at least so many pixels."""
 WORTH_CROPPING = 0.6
 """Largest share of the view for which only that part is filled."""
 
-Inpainter = Callable[[View, Law, int], Fill]
-"""A filler: (view with holes, visibility law, seed) -> Fill. Deterministic for one seed."""
+Inpainter = Callable[[View, FillContext, int], Fill]
+"""A filler: (view with holes, its context, seed) -> Fill. Deterministic for one seed."""
 Paint = Callable[[UInt8Array, BoolArray, int], UInt8Array]
 """(H x W x 3 picture, H x W hole, seed) -> H x W x 3 picture with the hole filled. Deterministic for one seed."""
 
@@ -66,8 +67,8 @@ class Painter:
     notes: Callable[[], dict[str, Any]] = field(default=dict)
     """What ran, for meta.json."""
 
-    def __call__(self, view: View, law: Law, seed: int) -> Fill:
-        return self.fill(view, law, seed)
+    def __call__(self, view: View, context: FillContext, seed: int) -> Fill:
+        return self.fill(view, context, seed)
 
 
 @dataclass(frozen=True)
@@ -98,7 +99,7 @@ def check_fill(fill: Fill, view: View) -> Fill:
     return fill
 
 
-def inpaint(view: View, inpainter: Inpainter, law: Law, seed: int = 0) -> tuple[View, FillReport]:
+def inpaint(view: View, inpainter: Inpainter, context: FillContext, seed: int = 0) -> tuple[View, FillReport]:
     """Fill all holes of a view; the view comes back without holes, with a report.
 
     Holes with measured colour (origin DEPTH_FILLED: sensor holes of a source view) get depth only. A view without any
@@ -112,11 +113,11 @@ def inpaint(view: View, inpainter: Inpainter, law: Law, seed: int = 0) -> tuple[
         return view, FillReport(0, 0, 0, {})
     if not (view.valid | view.far).any():
         return view, FillReport(0, 0, 0, {"nothing_visible": True})
-    law = law.near(view.camera)
+    context = context.near(view.camera)
     rows, columns = box = box_with_context(hole)
     if np.prod(sides_of(box)) > WORTH_CROPPING * hole.size:
-        return _fill_whole(view, inpainter, law, seed)
-    part, report = _fill_whole(view.cropped(rows, columns), inpainter, law.cropped(view, rows, columns), seed)
+        return _fill_whole(view, inpainter, context, seed)
+    part, report = _fill_whole(view.cropped(rows, columns), inpainter, context.cropped(view, rows, columns), seed)
     choice = report.choice
     if choice is not None:
         whole = np.zeros(hole.shape, np.uint8)
@@ -145,11 +146,11 @@ def paste_part(view: View, part: View, rows: slice, columns: slice) -> View:
     return view.with_planes(**planes)
 
 
-def _fill_whole(view: View, inpainter: Inpainter, law: Law, seed: int) -> tuple[View, FillReport]:
+def _fill_whole(view: View, inpainter: Inpainter, context: FillContext, seed: int) -> tuple[View, FillReport]:
     """`inpaint` with the filler seeing the whole view."""
     hole, known = view.hole, begin_job(features_of_known, view)
-    fill = check_fill(inpainter(view, law, seed), view)
-    depth, moved = project_depth(view, fill.depth, hole, law)
+    fill = check_fill(inpainter(view, context, seed), view)
+    depth, moved = project_depth(view, fill.depth, hole, context.law)
     color = np.where(view.color_hole[..., None], fill.color, view.color)
     filled_origin = np.where(view.color_hole, np.uint8(Origin.FILLED), np.uint8(Origin.DEPTH_FILLED))
     confidence, errors = judge_fill(view, color, depth, known())
@@ -163,5 +164,5 @@ def _fill_whole(view: View, inpainter: Inpainter, law: Law, seed: int) -> tuple[
         confidence=confidence,
         errors=errors,
     )
-    left = int(law.violations(view.camera, filled.depth, hole).sum())
+    left = int(context.law.violations(view.camera, filled.depth, hole).sum())
     return filled, FillReport(int(hole.sum()), fill.law_moves + moved, left, fill.notes, fill.choice)

@@ -6,7 +6,7 @@ import numpy as np
 
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import View
-from dlama.geometry.visibility import Law
+from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill, Inpainter, Painter
 
 WHITE = 255
@@ -20,9 +20,9 @@ def with_grey_depth(inpainter: Inpainter, clip: float) -> Inpainter:
     is no Painter fills depth in its own way, and the result is rounded to the same steps.
     """
 
-    def fill(view: View, law: Law, seed: int) -> Fill:
+    def fill(view: View, context: FillContext, seed: int) -> Fill:
         if not isinstance(inpainter, Painter):
-            own = inpainter(view, law, seed)
+            own = inpainter(view, context, seed)
             notes = own.notes | {"depth_as": "the filler's own, rounded to 8 bits"}
             return Fill(own.color, metres_from_grey(grey_from_metres(own.depth, clip), clip), own.law_moves, notes)
         known = np.where(view.hole, np.float32(0), view.depth)

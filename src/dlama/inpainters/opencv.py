@@ -14,14 +14,14 @@ from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array, paste
 from dlama.geometry.view import View
-from dlama.geometry.visibility import Law
+from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill, Painter
 
 RADIUS = 3
 """Neighbourhood of cv2.inpaint in pixels."""
 
 
-def diffuse(view: View, law: Law, seed: int) -> Fill:
+def diffuse(view: View, context: FillContext, seed: int) -> Fill:
     """Fill colour (8 bit) and inverse depth (16 bit, full scale = the nearest pixel) by cv2.inpaint."""
     w = inverse_depth(np.where(view.hole, np.float32(0), view.depth))
     scale = float(w.max()) / 65535 or 1.0

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 import dlama
-from dlama.geometry import visibility
 from dlama.geometry.camera import Camera
 from dlama.geometry.drawing.map_grid import MapGrid
 from dlama.geometry.drawing.picture_edges import align_edges, edge_uncertainty, find_other_surfaces
@@ -20,7 +19,8 @@ from dlama.geometry.frames.stored import PixelCache
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
-from dlama.geometry.visibility import Law
+from dlama.inpainters import context as filling_context
+from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill
 
 WIDTH, HEIGHT, EDGE = 160, 144, 80
@@ -120,33 +120,33 @@ def test_depth_filled_beside_a_misplaced_edge_counts_for_the_law() -> None:
     depth[:, EDGE : EDGE + 4] = 0
     measured = Scene((View.from_rgbd(RGBD(source.color, depth, CAMERA)),))
     filled = dlama.complete(RGBD(source.color, depth, CAMERA), [CAMERA]).scene
-    law = Law.of(measured)
+    context = FillContext.of(measured)
     where = np.zeros(depth.shape, np.bool_)
     where[:, EDGE + 1 : EDGE + 3] = True
     table = np.full(depth.shape, 1.1, np.float32)
-    assert not law.violations(CAMERA, table, where).any()
-    assert law.with_aligned_edges(filled).violations(CAMERA, table, where)[where].mean() > 0.9
+    assert not context.law.violations(CAMERA, table, where).any()
+    assert context.with_aligned_edges(filled).law.violations(CAMERA, table, where)[where].mean() > 0.9
 
 
 def test_the_law_knows_whether_edges_are_misplaced() -> None:
     """A frame whose depth edge lies 3 px off the picture's, and one whose edges coincide."""
     for source, misplaced in ((frame(torn()), True), (frame(EDGE), False)):
         scene = Scene((View.from_rgbd(source),))
-        assert Law.of(scene).with_aligned_edges(scene).misplaced_edges is misplaced
+        assert FillContext.of(scene).with_aligned_edges(scene).misplaced_edges is misplaced
 
 
 @pytest.mark.parametrize("read_anew", [False, True], ids=["in memory", "read anew"])
-@pytest.mark.parametrize("held", [visibility.HELD_BYTES, 1000], ids=["held", "made for each camera"])
+@pytest.mark.parametrize("held", [filling_context.HELD_BYTES, 1000], ids=["held", "made for each camera"])
 def test_fillers_know_of_misplaced_edges_however_frames_are_kept(
     held: int, read_anew: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Law: whether the law of all frames is held or made for each camera, and whether frames are read again, edges are placed."""
-    monkeypatch.setattr(visibility, "HELD_BYTES", held)
+    monkeypatch.setattr(filling_context, "HELD_BYTES", held)
     monkeypatch.setattr(gathering, "PixelCache", lambda: PixelCache(0))
-    laws: list[Law] = []
+    contexts: list[FillContext] = []
 
-    def recording(view: View, law: Law, seed: int) -> Fill:
-        laws.append(law)
+    def recording(view: View, context: FillContext, seed: int) -> Fill:
+        contexts.append(context)
         return Fill(view.color, np.full(view.hole.shape, np.inf, np.float32))
 
     def source(off: float) -> RGBD:
@@ -158,7 +158,7 @@ def test_fillers_know_of_misplaced_edges_however_frames_are_kept(
     side = np.eye(4)
     side[0, 3] = 0.1
     dlama.complete(frames, [dataclasses.replace(CAMERA, world_from_cam=side)], filler=recording)
-    assert laws and laws[-1].misplaced_edges
+    assert contexts and contexts[-1].misplaced_edges
 
 
 def enlarged(source: RGBD, width: int, height: int) -> RGBD:

@@ -13,17 +13,19 @@ import numpy as np
 import pytest
 
 import dlama
-from dlama.geometry import visibility
 from dlama.geometry.camera import Camera
 from dlama.geometry.frames import gathering
 from dlama.geometry.frames.choosing import MOST_FRAMES
+from dlama.geometry.frames.coarse_depth import BLOCK, coarse_camera, coarse_depth
 from dlama.geometry.frames.extent import may_show
 from dlama.geometry.frames.stored import PixelCache, StoredView, count_bytes
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, View
-from dlama.geometry.visibility import BLOCK, Law, coarse_camera, coarse_depth
+from dlama.geometry.visibility import Law
+from dlama.inpainters import context
+from dlama.inpainters.context import FillContext
 from worlds import Box, Plane, World, moved
 
 LENS = Camera.from_fov(48, 36, 70)
@@ -106,8 +108,8 @@ def test_the_law_of_very_many_frames_is_made_for_each_camera(monkeypatch: pytest
     """What it forbids is a part of what the law of all forbids (oracle: that), and it forbids most of it."""
     eager = dlama.scene([Reader()(camera) for camera in CAMERAS])
     whole = Law.of(eager)
-    monkeypatch.setattr(visibility, "HELD_BYTES", 1000)
-    near = Law.of(eager).near(TARGET)
+    monkeypatch.setattr(context, "HELD_BYTES", 1000)
+    near = FillContext.of(eager).near(TARGET).law
     assert MOST_FRAMES <= len(near.measured) < 60
     depth = render(eager, TARGET).depth * np.float32(0.7)
     every = np.ones(depth.shape, bool)

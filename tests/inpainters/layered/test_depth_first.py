@@ -14,13 +14,14 @@ from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin, View
 from dlama.geometry.visibility import Law
+from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill, Painter
 from dlama.inpainters.layered.color.low_frequency import blend_with_low_frequency
 from dlama.inpainters.layered.depth.surfaces import Surfaces
 from dlama.inpainters.layered.depth_first import BAND, MIXED_PX, NEARER, find_occluders, paint_over_depth, seams
 from dlama.inpainters.layered.filler import continue_lawfully, layered
 
-NOTHING = Law(())
+NOTHING = FillContext(Law(()))
 
 
 def flat(view: View, metres: float) -> tuple[Surfaces, np.ndarray]:
@@ -46,7 +47,7 @@ def recording(shown: list[np.ndarray]) -> Painter:
         shown.append(hole)
         return np.full_like(picture, 99)
 
-    def unused(view: View, law: Law, seed: int) -> Fill:
+    def unused(view: View, context: FillContext, seed: int) -> Fill:
         raise AssertionError("its own way with a view is not asked")
 
     return Painter(unused, paint, lambda: {"model": "m"})
@@ -63,9 +64,9 @@ def test_depth_is_the_continued_surfaces_and_colour_the_painters() -> None:
     camera = dataclasses.replace(
         home, world_from_cam=np.array([[1, 0, 0, 0.1], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1.0]])
     )
-    view, law = render(scene, camera), Law.of(scene)
-    fill = paint_over_depth(recording(shown))(view, law, 0)
-    np.testing.assert_array_equal(fill.depth[view.hole], layered(view, law, 0).depth[view.hole])
+    view, context = render(scene, camera), FillContext.of(scene)
+    fill = paint_over_depth(recording(shown))(view, context, 0)
+    np.testing.assert_array_equal(fill.depth[view.hole], layered(view, context, 0).depth[view.hole])
     hidden = view.hole & (view.hole_type == HoleType.DISOCCLUDED)
     assert hidden.sum() > 100 and (abs(fill.depth[hidden] - 3) < 0.01).mean() > 0.95
     assert (fill.color[view.hole] == 99).all() and fill.notes["model"] == "m" and "surfaces" in fill.notes["depth_as"]
@@ -76,14 +77,14 @@ def test_depth_is_the_continued_surfaces_and_colour_the_painters() -> None:
 def test_occluders_beside_a_disocclusion_are_known_by_their_depth() -> None:
     """Closed form: the columns of the occluder that lie within BAND of the hole, and nothing of the wall."""
     view = step()
-    columns = np.flatnonzero(find_occluders(view, *flat(view, 3), NOTHING).all(0))
+    columns = np.flatnonzero(find_occluders(view, *flat(view, 3), NOTHING.law).all(0))
     np.testing.assert_array_equal(columns, np.arange(36 - BAND, 36))
 
 
 def test_what_lies_beyond_the_picture_is_hidden_by_nothing() -> None:
     """Law: next to a hole that is out of view no known pixel is taken from the painter."""
     view = step(HoleType.OUT_OF_VIEW)
-    assert not find_occluders(view, *flat(view, 3), NOTHING).any()
+    assert not find_occluders(view, *flat(view, 3), NOTHING.law).any()
 
 
 def test_ground_that_comes_towards_the_camera_hides_nothing() -> None:
@@ -101,7 +102,7 @@ def test_ground_that_comes_towards_the_camera_hides_nothing() -> None:
     assert (surfaces.label[hole] > 0).all() and ground[85 + BAND - 1] < NEARER * ground[84]
     box = np.zeros_like(hole)
     box[85:95, 100:110] = True
-    found = find_occluders(view, surfaces, filled, NOTHING)
+    found = find_occluders(view, surfaces, filled, NOTHING.law)
     assert found[box].all() and not found[~dilate_mask(box, MIXED_PX)].any()
 
 
@@ -114,7 +115,7 @@ def test_a_thing_that_stands_before_the_hole_is_an_occluder_as_a_whole() -> None
     frame = RGBD(np.zeros((160, 320, 3), np.uint8), depth, Camera.from_fov(320, 160, 90))
     view = View.from_rgbd(frame).without(hole, HoleType.DISOCCLUDED)
     surfaces, filled = flat(view, 3)
-    found = find_occluders(view, surfaces, filled, NOTHING)
+    found = find_occluders(view, surfaces, filled, NOTHING.law)
     assert found[box].all() and not found[~dilate_mask(box, MIXED_PX)].any()
     one_plane = Surfaces(
         surfaces.inverse_depth,
@@ -123,7 +124,7 @@ def test_a_thing_that_stands_before_the_hole_is_an_occluder_as_a_whole() -> None
         surfaces.leaves,
     )
     np.testing.assert_array_equal(
-        np.flatnonzero(find_occluders(view, one_plane, filled, NOTHING).any(0)), np.arange(200 - BAND, 200)
+        np.flatnonzero(find_occluders(view, one_plane, filled, NOTHING.law).any(0)), np.arange(200 - BAND, 200)
     )
 
 
@@ -137,8 +138,8 @@ def test_estimated_depth_says_less_of_occluders() -> None:
     guessed = dataclasses.replace(frame, estimate={"estimator": "mine"})
     for kind, reach in ((HoleType.DISOCCLUDED, BAND), (HoleType.OBJECT, 0)):
         measured, estimated = (View.from_rgbd(one).without(hole, kind) for one in (frame, guessed))
-        assert find_occluders(measured, *flat(measured, 3), NOTHING)[:, 62:98].all()
-        found = np.flatnonzero(find_occluders(estimated, *flat(estimated, 3), NOTHING).any(0))
+        assert find_occluders(measured, *flat(measured, 3), NOTHING.law)[:, 62:98].all()
+        found = np.flatnonzero(find_occluders(estimated, *flat(estimated, 3), NOTHING.law).any(0))
         np.testing.assert_array_equal(found, np.arange(100 - reach, 100))
 
 
@@ -157,7 +158,7 @@ def test_a_seam_along_an_occluder_hides_it_from_nobody() -> None:
         w = np.where(goes_on, 1, 1 / 3).astype(np.float32)
         surfaces = Surfaces(w, label, np.array([[0, 0, 1.0]]), np.full(w.shape, -1, np.int32))
         assert seams(label, hole).any() == hidden
-        assert find_occluders(view, surfaces, 1 / w, NOTHING)[60:100, 150:198].all() == hidden
+        assert find_occluders(view, surfaces, 1 / w, NOTHING.law)[60:100, 150:198].all() == hidden
 
 
 def test_what_lies_behind_a_removed_object_is_its_background() -> None:
@@ -171,7 +172,7 @@ def test_what_lies_behind_a_removed_object_is_its_background() -> None:
     hole[27:93, 77:123] = True
     view = frame.without(hole, HoleType.OBJECT)
     law = Law.of(Scene((view,), (frame.without(~hole, HoleType.NONE),)))
-    known, unknown = (find_occluders(view, *flat(view, 5), one) for one in (law, NOTHING))
+    known, unknown = (find_occluders(view, *flat(view, 5), one) for one in (law, NOTHING.law))
     assert not known[60:90, 50:76].any() and known[60:90, 126:148].all()
     assert unknown[60:90, 54:74].all() and unknown[60:90, 126:148].all()
 
@@ -180,7 +181,7 @@ def test_beside_a_hole_that_lacks_depth_alone_nothing_is_hidden() -> None:
     """Law: what is painted are colours; a sensor hole has its own, so nothing near it is an occluder."""
     view = step(HoleType.SENSOR)
     view = dataclasses.replace(view, origin=np.where(view.hole, np.uint8(Origin.MEASURED), view.origin))
-    assert not find_occluders(view, *flat(view, 3), NOTHING).any()
+    assert not find_occluders(view, *flat(view, 3), NOTHING.law).any()
 
 
 def test_a_sensor_hole_keeps_its_colour() -> None:
@@ -196,7 +197,7 @@ def test_other_fillers_go_their_own_way() -> None:
     """Law: one that fills no pictures is called as it is."""
     view = step()
     own = Fill(view.color, np.ones_like(view.depth), 7, {"who": "own"})
-    assert paint_over_depth(lambda view, law, seed: own)(view, NOTHING, 0) is own
+    assert paint_over_depth(lambda view, context, seed: own)(view, NOTHING, 0) is own
 
 
 def test_unsure_colours_out_of_view_are_hedged() -> None:

@@ -12,6 +12,7 @@ from dlama.geometry.scene import Scene
 from dlama.geometry.sky import Sky
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
+from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import inpaint
 from dlama.inpainters.layered.filler import layered
 from worlds import Box, Plane, Shape, Sphere, World, moved, shape_shown
@@ -25,7 +26,7 @@ def seen_from(world: World, source: Camera, target: Camera) -> tuple[View, View]
     """The world's frame at `source`, rendered into `target`; before and after filling."""
     scene = Scene((View.from_rgbd(world.rgbd(source)),))
     before = render(scene, target)
-    return before, inpaint(before, layered, Law.of(scene))[0]
+    return before, inpaint(before, layered, FillContext.of(scene))[0]
 
 
 def taken_out(background: tuple[Shape, ...], thing: Shape, camera: Camera = CAMERA) -> tuple[View, View, np.ndarray]:
@@ -34,8 +35,8 @@ def taken_out(background: tuple[Shape, ...], thing: Shape, camera: Camera = CAME
     source = View.from_rgbd(world.rgbd(camera))
     taken = world.trace(camera)[1] == len(background)
     before = source.without(taken, HoleType.OBJECT)
-    law = Law.of(Scene((before,), (source.without(~taken, HoleType.NONE),)))
-    return before, inpaint(before, layered, law)[0], World(background).trace(camera)[0]
+    context = FillContext.of(Scene((before,), (source.without(~taken, HoleType.NONE),)))
+    return before, inpaint(before, layered, context)[0], World(background).trace(camera)[0]
 
 
 def relative_error(view: View, truth: np.ndarray) -> np.ndarray:
@@ -140,7 +141,9 @@ def test_sky_that_only_the_source_saw_has_its_colour() -> None:
     measured = ((CAMERA, np.where(upper, np.float32(np.inf), wall.depth)),)
     skies = np.array([[10, 200, 30], [190, 20, 210]], np.uint8)
     same = np.ones((*CAMERA.hw, 1), np.uint8)
-    one, other = (inpaint(view, layered, Law(measured, Sky.of([(CAMERA, same * sky, upper)])))[0] for sky in skies)
+    one, other = (
+        inpaint(view, layered, FillContext(Law(measured), Sky.of([(CAMERA, same * sky, upper)])))[0] for sky in skies
+    )
     np.testing.assert_array_equal(one.far, upper)
     seen = (one.color.astype(float) - other.color) / (skies[0].astype(float) - skies[1])
     assert seen[:40].min() > 1 / 4 and not seen[60:].any()
@@ -176,4 +179,4 @@ def test_a_removed_things_depth_never_enters(seed: int) -> None:
 def test_planes_are_noted() -> None:
     """Closed form: two planes are in the notes of a corner."""
     before, _, _ = taken_out((FLOOR, WALL), Box((-0.4, 0.2, 2.5), (0.4, 1, 3)))
-    assert layered(before, Law(())).notes == {"planes": 2}
+    assert layered(before, FillContext(Law(()))).notes == {"planes": 2}

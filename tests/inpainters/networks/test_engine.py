@@ -13,6 +13,7 @@ from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
 from dlama.inpainters import find_filler
+from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import inpaint
 from dlama.inpainters.networks.engine import Engine, OpenEngines, open_engine
 from dlama.inpainters.networks.lama import lama_filler
@@ -26,7 +27,7 @@ from dlama.models.network_file import PROVIDERS
 from tiny_networks import constant, contract, contract_of_planes, echo_mask, written
 
 pytest.importorskip("onnxruntime")
-NOTHING = Law(())
+NOTHING = FillContext(Law(()))
 
 
 def holed(hw: tuple[int, int] = (50, 61), far: bool = False) -> View:

@@ -16,6 +16,7 @@ from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
 from dlama.inpainters import AUTO, FILLER_NAMES, FILLERS, find_filler
+from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Painter, inpaint
 from dlama.inpainters.patchmatch.completion import QUICK, complete_picture, nearest_source
 from dlama.inpainters.patchmatch.pyramid import build_pyramid, describe_pixels, halve
@@ -145,7 +146,7 @@ def test_as_a_filler_it_continues_surfaces_and_says_what_ran() -> None:
     assert isinstance(filler, Painter)
     wall, camera = brick_wall(), Camera.from_fov(128, 96, 60)
     view = View.from_rgbd(RGBD(wall, np.full((96, 128), 3, np.float32), camera)).without(HOLE, HoleType.OBJECT)
-    done, report = inpaint(view, filler, Law(()))
+    done, report = inpaint(view, filler, FillContext(Law(())))
     np.testing.assert_allclose(done.depth, 3, rtol=1e-3)
     assert "migan" in str(report.notes["guess"])
 
@@ -179,8 +180,8 @@ def test_over_layers_depth_is_that_of_layered_and_colours_are_the_pictures() -> 
     view = View.from_rgbd(rgbd)
     view = view.without(hole, HoleType.OBJECT).without(crack, HoleType.CRACK)
     scene = Scene((view,))
-    law = Law.of(scene).with_aligned_edges(scene)
-    fills = [find_filler(name)(view, law, 3) for name in ("layered", "layered-patches")]
+    context = FillContext.of(scene).with_aligned_edges(scene)
+    fills = [find_filler(name)(view, context, 3) for name in ("layered", "layered-patches")]
     np.testing.assert_array_equal(fills[0].depth, fills[1].depth)
     np.testing.assert_array_equal(fills[0].color[crack], fills[1].color[crack])
     assert (np.abs(fills[1].color[hole].astype(int) - rgbd.color[hole]).max(-1) <= 12).mean() > 0.8

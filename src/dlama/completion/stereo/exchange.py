@@ -21,6 +21,7 @@ from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin, View
 from dlama.geometry.visibility import Law, project_depth
 from dlama.inpainters.confidence import judge_fill
+from dlama.inpainters.context import FillContext
 from dlama.inpainters.layered.depth.surfaces import continue_surfaces
 from dlama.perception.stereo.matching import nearest_columns
 
@@ -61,7 +62,7 @@ def apply_gain(view: View, gain: Float64Array) -> View:
     return dataclasses.replace(view, color=color)
 
 
-def continue_depth(view: View, law: Law, seed: int) -> View:
+def continue_depth(view: View, context: FillContext, seed: int) -> View:
     """The view with depth where only depth was unknown: of the surface that continues there. Other holes stay open.
 
     The depth of known pixels on planes is freed of noise.
@@ -69,9 +70,9 @@ def continue_depth(view: View, law: Law, seed: int) -> View:
     depth_only = view.depth_hole
     if not view.valid.any():
         return view
-    proposed = depth_from_inverse(continue_surfaces(view, law, seed).inverse_depth)
+    proposed = depth_from_inverse(continue_surfaces(view, context, seed).inverse_depth)
     view = dataclasses.replace(view, depth=np.where(view.valid, proposed, view.depth))
-    depth, _ = project_depth(view, np.where(depth_only, proposed, view.depth), depth_only, law)
+    depth, _ = project_depth(view, np.where(depth_only, proposed, view.depth), depth_only, context.law)
     confidence, errors = judge_fill(view, view.color, depth)
     return dataclasses.replace(
         view,

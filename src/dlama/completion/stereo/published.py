@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 
 from dlama.completion.report import Clock, Record
-from dlama.completion.start import Plan, filler_of_recipe, law_of
+from dlama.completion.start import Plan, context_of, filler_of_recipe
 from dlama.completion.steps import fill
 from dlama.completion.stereo.pair import CompletedPair, MatchedPair, without_object
 from dlama.geometry.holes import dilate_mask
@@ -29,7 +29,7 @@ def complete_pair_one_by_one(pair: MatchedPair, draft: Plan, clock: Clock) -> Co
     fills: list[FillReport] = []
     for source, mask in zip(map(View.from_rgbd, flat), pair.masks):
         alone = Scene((source,))
-        plans.append(dataclasses.replace(draft, inpainter=inpainter, given=alone, law=law_of(alone, recipe)))
+        plans.append(dataclasses.replace(draft, inpainter=inpainter, given=alone, context=context_of(alone, recipe)))
         before.append(source.without(dilate_mask(mask, recipe.dilate or 0), HoleType.OBJECT))
         with clock("fill"):
             view, report = fill(plans[-1], before[-1])

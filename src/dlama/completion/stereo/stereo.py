@@ -26,8 +26,8 @@ from dlama.completion.report import Clock, Record
 from dlama.completion.start import (
     Plan,
     choose_filler,
+    context_of,
     filler_of_recipe,
-    law_of,
     refuse_model_of_auto,
     scene_of,
 )
@@ -62,6 +62,7 @@ from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin, View
 from dlama.geometry.visibility import Law
 from dlama.inpainters import AUTO, find_filler
+from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import FillReport, Inpainter
 from dlama.inpainters.networks.pair import PairFiller
 from dlama.perception.stereo.matching import Matcher
@@ -141,7 +142,8 @@ def stereo(
     if masks is not None:
         growth = mask_growth(start, chosen.dilate)
         chosen, decisions = dataclasses.replace(chosen, dilate=growth.px), decisions | {"mask_growth": growth._asdict()}
-    draft = Plan(chosen, inpainter or find_filler(choice.filler), given.seed, start, Law(()), choice.name, decisions)
+    filler = inpainter or find_filler(choice.filler)
+    draft = Plan(chosen, filler, given.seed, start, FillContext(Law(())), choice.name, decisions)
     complete_pair = complete_pair_together
     if choose_right_view(right_view, chosen, masks is not None) == "synthesised":
         complete_pair = synthesise_right
@@ -182,16 +184,16 @@ def complete_pair_together(pair: MatchedPair, draft: Plan, clock: Clock) -> Comp
     recipe, filler = draft.recipe, draft.inpainter
     given, grown_mask = without_object(clean, recipe)
     right_before = right_as_given(clean, recipe)
-    law = law_of(given, recipe, object_depth)
-    plan = dataclasses.replace(draft, inpainter=left_filler(filler, pair, recipe), given=given, law=law)
+    context = context_of(given, recipe, object_depth)
+    plan = dataclasses.replace(draft, inpainter=left_filler(filler, pair, recipe), given=given, context=context)
     both = dataclasses.replace(given, fills=(right_before,))  # what the right picture measured counts for the law too
-    law = law_of(both, recipe, object_depth)
+    context = context_of(both, recipe, object_depth)
 
     with clock("exchange"):
-        other = right_before if pair.masks is None else continue_depth(right_before, law, plan.seed)
+        other = right_before if pair.masks is None else continue_depth(right_before, context, plan.seed)
         other = apply_gain(other, gain)
         open_left = given.frames[0]
-        known_left = transfer_hidden(open_left, other, plan.law, recipe.mode)
+        known_left = transfer_hidden(open_left, other, plan.context.law, recipe.mode)
     with clock("fill"):
         left, left_fill = fill(plan, known_left)
     with clock("fuse"):
@@ -199,18 +201,18 @@ def complete_pair_together(pair: MatchedPair, draft: Plan, clock: Clock) -> Comp
         measured = left.without(guessed_or_transferred, HoleType.OBJECT)
         scene = dataclasses.replace(given, frames=(measured,))
         if pair.masks is not None:
-            scene = add_seen_alone(scene, other, law, recipe.mode)
+            scene = add_seen_alone(scene, other, context.law, recipe.mode)
         scene = fuse(scene, left)
 
     with clock("render"):
         shown = apply_gain(render(scene, pair.rig.right, recipe.mode, types=False, close=False), 1 / gain)
-    plan = dataclasses.replace(plan, law=law, inpainter=right_filler(filler, left, recipe))
-    known, taken_over = close_holes(law, right_before, shown, measured=True)
+    plan = dataclasses.replace(plan, context=context, inpainter=right_filler(filler, left, recipe))
+    known, taken_over = close_holes(context.law, right_before, shown, measured=True)
     with clock("fill"):
         right, right_fill = fill(plan, known)
     with clock("fuse"):
         if pair.masks is None:
-            scene = add_seen_alone(scene, apply_gain(right, gain), law, recipe.mode)
+            scene = add_seen_alone(scene, apply_gain(right, gain), context.law, recipe.mode)
         own_depth = right.origin == Origin.DEPTH_FILLED  # added above where the left picture does not have it
         scene = fuse_new(scene, right_before, known, apply_gain(right, gain).without(own_depth, HoleType.NONE))
     left_before = left_before_filling(clean.left, scene)
@@ -228,7 +230,7 @@ def synthesise_right(pair: MatchedPair, draft: Plan, clock: Clock) -> CompletedP
     source, recipe, filler = pair.left, draft.recipe, draft.inpainter
     scene = given = scene_of(source, recipe.clip)
     plan = dataclasses.replace(
-        draft, inpainter=left_filler(filler, pair, recipe), given=given, law=law_of(given, recipe)
+        draft, inpainter=left_filler(filler, pair, recipe), given=given, context=context_of(given, recipe)
     )
     fills: list[FillReport] = []
     for step in frame_steps(plan, given, ()):

@@ -17,7 +17,7 @@ from dlama.completion.recipes import Recipe, check_seed, find_recipe
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import View
-from dlama.geometry.visibility import Law
+from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill
 
 NO_FILL = "none"
@@ -178,6 +178,6 @@ def run_method(
     return MethodRun(method, done, time.perf_counter() - started)
 
 
-def no_fill(view: View, law: Law, seed: int) -> Fill:
+def no_fill(view: View, context: FillContext, seed: int) -> Fill:
     """The baseline's filler, whose fill nobody reads: black, and far."""
     return Fill(np.zeros_like(view.color), np.full(view.depth.shape, np.inf, np.float32))

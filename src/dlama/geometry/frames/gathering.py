@@ -24,6 +24,7 @@ from dlama.geometry.frames.agreement import (
     make_comparable,
     measure_overlaps,
 )
+from dlama.geometry.frames.coarse_depth import coarse_depth
 from dlama.geometry.frames.removal import find_removed, mask_growth, part_under_mask, world_points
 from dlama.geometry.frames.stored import PixelCache, StoredView
 from dlama.geometry.holes import dilate_mask
@@ -31,7 +32,6 @@ from dlama.geometry.projection import project_to_pixels
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.geometry.scene import Scene, contribution
 from dlama.geometry.view import HoleType, Origin, View
-from dlama.geometry.visibility import coarse_depth
 
 SAME_GAIN = 0.01
 """Gains that all lie nearer to 1 than this are none."""

@@ -20,6 +20,7 @@ from dlama.inpainters.choice.judge import Verdict, is_judge, open_judge, run_jud
 from dlama.inpainters.choice.mixing import choose_depth, crop_and_resize, enlarge_maps, mix_colors, softmax
 from dlama.inpainters.choice.planes import JudgePlanes
 from dlama.inpainters.choice.priors import with_priors
+from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill, Inpainter
 from dlama.inpainters.layered.color.low_frequency import blend_with_low_frequency
 from dlama.inpainters.networks.contract import from_metadata
@@ -60,9 +61,9 @@ def make_choice_filler(
     """The filler of a judge, with guesses by name and more guesses. InputError: an unknown guess."""
     makers = [*makers_of(guesses), *(more or {}).values()]
 
-    def choice(view: View, law: Law, seed: int) -> Fill:
-        made = make_guesses(view, law, seed, makers)
-        return fill_by_choice(view, law, made, judge)
+    def choice(view: View, context: FillContext, seed: int) -> Fill:
+        made = make_guesses(view, context, seed, makers)
+        return fill_by_choice(view, context.law, made, judge)
 
     return choice
 

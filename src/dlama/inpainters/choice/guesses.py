@@ -15,7 +15,8 @@ from dlama.errors import InputError
 from dlama.geometry.projection import depth_from_inverse, inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import View
-from dlama.geometry.visibility import Law, project_depth
+from dlama.geometry.visibility import project_depth
+from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Inpainter, Painter
 from dlama.inpainters.layered.depth.surfaces import Surfaces
 from dlama.inpainters.layered.depth_first import find_occluders
@@ -41,7 +42,7 @@ class PreparedView:
     """A view with its surfaces continued once, for all guesses."""
 
     view: View
-    law: Law
+    context: FillContext
     seed: int
     surfaces: Surfaces
     depth: Float32Array
@@ -50,15 +51,16 @@ class PreparedView:
     """H x W, known pixels hidden from the painters."""
 
     @classmethod
-    def of(cls, view: View, law: Law, seed: int) -> PreparedView:
-        surfaces, depth, _ = continue_lawfully(view, law, seed)
-        return cls(view, law, seed, surfaces, depth, find_occluders(view, surfaces, depth, law))
+    def of(cls, view: View, context: FillContext, seed: int) -> PreparedView:
+        surfaces, depth, _ = continue_lawfully(view, context, seed)
+        occluders = find_occluders(view, surfaces, depth, context.law)
+        return cls(view, context, seed, surfaces, depth, occluders)
 
     def guess(self, name: str, color: UInt8Array, depth: Float32Array) -> Guess:
         """A guess from colours (H x W x 3) and metres (H x W), of which the holes are used."""
         view = self.view
         if depth is not self.depth:
-            depth, _ = project_depth(view, depth, view.hole, self.law)
+            depth, _ = project_depth(view, depth, view.hole, self.context.law)
         w = inverse_depth(np.where(view.hole, depth, view.depth))
         return Guess(name, np.where(view.color_hole[..., None], color, view.color), w)
 
@@ -67,15 +69,15 @@ GuessMaker = Callable[[PreparedView], Guess]
 """Makes one guess at a view."""
 
 
-def make_guesses(view: View, law: Law, seed: int, makers: Sequence[GuessMaker]) -> tuple[Guess, ...]:
+def make_guesses(view: View, context: FillContext, seed: int, makers: Sequence[GuessMaker]) -> tuple[Guess, ...]:
     """The guess of each maker, in their order."""
-    prepared = PreparedView.of(view, law, seed)
+    prepared = PreparedView.of(view, context, seed)
     return tuple(make(prepared) for make in makers)
 
 
 def layered_guess(prepared: PreparedView) -> Guess:
     """Surfaces painted with their own texture."""
-    color = paint_surfaces(prepared.view, prepared.surfaces, prepared.depth, prepared.law, prepared.seed)
+    color = paint_surfaces(prepared.view, prepared.surfaces, prepared.depth, prepared.context, prepared.seed)
     return prepared.guess("layered", color, prepared.depth)
 
 
@@ -114,7 +116,7 @@ def guess_of_filler(name: str, filler: Inpainter) -> GuessMaker:
         return painter_guess(name, filler)
 
     def make(prepared: PreparedView) -> Guess:
-        fill = filler(prepared.view, prepared.law, prepared.seed)
+        fill = filler(prepared.view, prepared.context, prepared.seed)
         return prepared.guess(name, fill.color, fill.depth)
 
     return make

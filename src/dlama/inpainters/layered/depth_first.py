@@ -11,6 +11,7 @@ from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import HoleType, Origin, View
 from dlama.geometry.visibility import Law
+from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill, Inpainter, Painter
 from dlama.inpainters.layered.color.low_frequency import begin_guess, blend_with_low_frequency
 from dlama.inpainters.layered.depth.surfaces import Surfaces
@@ -48,13 +49,13 @@ def paint_over_depth(inpainter: Inpainter) -> Inpainter:
     if not isinstance(inpainter, Painter):
         return inpainter
 
-    def fill(view: View, law: Law, seed: int) -> Fill:
-        surfaces, depth, moved = continue_lawfully(view, law, seed)
+    def fill(view: View, context: FillContext, seed: int) -> Fill:
+        surfaces, depth, moved = continue_lawfully(view, context, seed)
         notes = inpainter.notes() | {"depth_as": "surfaces continued", "planes": len(surfaces.planes)}
         if not view.color_hole.any():
             return Fill(view.color, depth, moved, notes)
-        shadow = find_remaining_shadow(view, surfaces.label, law)
-        hidden = view.color_hole | shadow | find_occluders(view, surfaces, depth, law)
+        shadow = find_remaining_shadow(view, surfaces.label, context.law)
+        hidden = view.color_hole | shadow | find_occluders(view, surfaces, depth, context.law)
         guess = begin_guess(view)
         color = inpainter.paint(view.color, hidden, seed)
         w = inverse_depth(np.where(view.hole, depth, view.depth))

@@ -8,8 +8,10 @@ import numpy as np
 
 from dlama.geometry.projection import depth_from_inverse, inverse_depth
 from dlama.geometry.rgbd import Float32Array, UInt8Array
+from dlama.geometry.sky import Sky
 from dlama.geometry.view import HoleType, View
-from dlama.geometry.visibility import Law, project_depth
+from dlama.geometry.visibility import project_depth
+from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill
 from dlama.inpainters.layered.color.low_frequency import begin_guess, blend_with_low_frequency
 from dlama.inpainters.layered.color.rims import blend_at_rim
@@ -22,27 +24,31 @@ NOT_BLENDED = (HoleType.OUT_OF_VIEW, HoleType.OBJECT)
 """Types of holes that are not blended at the rim: next to a removed object lie remains of it and of its shadow."""
 
 
-def layered(view: View, law: Law, seed: int = 0) -> Fill:
+def layered(view: View, context: FillContext, seed: int = 0) -> Fill:
     """Continue planes, sky and smooth surfaces into the holes, project them onto the visibility law, then paint them."""
     guess = begin_guess(view)
-    surfaces, depth, moved = continue_lawfully(view, law, seed)
-    color = blend_out_of_view(view, surfaces, depth, paint_surfaces(view, surfaces, depth, law, seed), law, guess)
+    surfaces, depth, moved = continue_lawfully(view, context, seed)
+    color = paint_surfaces(view, surfaces, depth, context, seed)
+    color = blend_out_of_view(view, surfaces, depth, color, context.sky, guess)
     return Fill(color, depth, moved, {"planes": len(surfaces.planes)})
 
 
 def blend_out_of_view(
-    view: View, surfaces: Surfaces, depth: Float32Array, color: UInt8Array, law: Law, guess: Callable[[], Float32Array]
+    view: View,
+    surfaces: Surfaces,
+    depth: Float32Array,
+    color: UInt8Array,
+    sky: Sky | None,
+    guess: Callable[[], Float32Array],
 ) -> UInt8Array:
     """H x W x 3: painted colours (H x W x 3), each surface out of view blended with a low-frequency estimate; depth: H x W m,
     filled; guess: of `begin_guess`."""
     w = np.where(view.hole, inverse_depth(depth), surfaces.inverse_depth)
-    return blend_with_low_frequency(
-        view, color, view.color_hole & (surfaces.leaves < 0), w, surfaces.label, law.sky, guess
-    )
+    return blend_with_low_frequency(view, color, view.color_hole & (surfaces.leaves < 0), w, surfaces.label, sky, guess)
 
 
 def paint_surfaces(
-    view: View, surfaces: Surfaces, depth: Float32Array, law: Law, seed: int, detail: bool = True
+    view: View, surfaces: Surfaces, depth: Float32Array, context: FillContext, seed: int, detail: bool = True
 ) -> UInt8Array:
     """H x W x 3: the view's colours, with each surface in its colour holes painted with its own texture; depth: H x W m, filled;
     detail: False paints smooth colours alone."""
@@ -51,10 +57,10 @@ def paint_surfaces(
     w = np.where(view.hole, inverse_depth(depth), surfaces.inverse_depth)
     label = np.where(np.abs(w - surfaces.inverse_depth) > 0.05 * w, np.int32(SMOOTH), surfaces.label)
     label = np.where(view.hole & (w == 0), np.int32(SKY), label).astype(np.int32)
-    shadow = find_remaining_shadow(view, label, law)
+    shadow = find_remaining_shadow(view, label, context.law)
     leafy = paint_leaves(view.color, view, surfaces)
     open_ = view.color_hole & (surfaces.leaves < 0)
-    color = synthesize(leafy, open_, w, label, view.camera, seed=seed, sky=law.sky, spoiled=shadow, detail=detail)
+    color = synthesize(leafy, open_, w, label, view.camera, seed=seed, sky=context.sky, spoiled=shadow, detail=detail)
     return blend_at_rim(color, view.color_hole, open_ & ~np.isin(view.hole_type, NOT_BLENDED), w, label, shadow)
 
 
@@ -68,8 +74,8 @@ def paint_leaves(color: UInt8Array, view: View, surfaces: Surfaces) -> UInt8Arra
     return out
 
 
-def continue_lawfully(view: View, law: Law, seed: int) -> tuple[Surfaces, Float32Array, int]:
+def continue_lawfully(view: View, context: FillContext, seed: int) -> tuple[Surfaces, Float32Array, int]:
     """The surfaces continued into the holes, their depth projected onto the visibility law, and how many pixels that moved."""
-    surfaces = continue_surfaces(view, law, seed)
-    depth, moved = project_depth(view, depth_from_inverse(surfaces.inverse_depth), view.hole, law)
+    surfaces = continue_surfaces(view, context, seed)
+    depth, moved = project_depth(view, depth_from_inverse(surfaces.inverse_depth), view.hole, context.law)
     return surfaces, depth, moved

@@ -11,7 +11,7 @@ import numpy as np
 
 from dlama.geometry.rgbd import BoolArray, UInt8Array
 from dlama.geometry.view import View
-from dlama.geometry.visibility import Law
+from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill, Inpainter, Painter
 from dlama.inpainters.grey_depth import channel_spread
 from dlama.inpainters.networks.contract import Contract, require_planes
@@ -34,7 +34,7 @@ def lama_filler(model: str | Path | Engine, contract: Contract | None = None) ->
         require_planes(network.contract, 3, str(network.path), "lama")
         return network
 
-    def lama(view: View, law: Law, seed: int) -> Fill:
+    def lama(view: View, context: FillContext, seed: int) -> Fill:
         return fill_color_and_depth(view, checked())
 
     def paint(picture: UInt8Array, hole: BoolArray, seed: int) -> UInt8Array:
@@ -67,7 +67,7 @@ def joint_filler(model: str | Path | Engine) -> Inpainter:
     """
     network = open_engine(model)
 
-    def joint(view: View, law: Law, seed: int) -> Fill:
+    def joint(view: View, context: FillContext, seed: int) -> Fill:
         require_planes(network.contract, 4, str(network.path), "joint")
         depth = DepthPlane.of(view, robust_scale)
         filled = network.fill(np.concatenate([color_planes(view.color), depth.values[None]])[None], view.hole)[0]

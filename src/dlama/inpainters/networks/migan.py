@@ -16,7 +16,7 @@ from dlama.errors import FileError
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import View
-from dlama.geometry.visibility import Law
+from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill, Painter
 from dlama.inpainters.networks.engine import Engine, open_engine
 from dlama.inpainters.networks.view_tensors import DepthPlane, color_from_planes, color_planes
@@ -42,9 +42,9 @@ def migan_filler(model: str | Path | Engine) -> Painter:
                 f"{network.path}: is a network {network.contract.network!r} by its contract; MI-GAN is expected"
             )
 
-    def migan(view: View, law: Law, seed: int) -> Fill:
+    def migan(view: View, context: FillContext, seed: int) -> Fill:
         require_migan()
-        diffused = telea(view, law, seed)
+        diffused = telea(view, context, seed)
         color = fill_picture(view.color, diffused.color, view.color_hole, network)
         return Fill(color, fill_depth(view, diffused.depth, network), notes=network.notes)
 

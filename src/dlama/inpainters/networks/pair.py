@@ -15,7 +15,7 @@ import numpy as np
 from dlama.errors import InputError
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import View
-from dlama.geometry.visibility import Law
+from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill, Painter
 from dlama.inpainters.networks.contract import Contract, require_planes
 from dlama.inpainters.networks.engine import Engine, open_engine
@@ -32,7 +32,7 @@ class PairFiller:
 
     network: Engine
 
-    def __call__(self, view: View, law: Law, seed: int) -> Fill:
+    def __call__(self, view: View, context: FillContext, seed: int) -> Fill:
         """Not for one view alone: InputError."""
         raise InputError(
             "filler 'pair' paints both pictures of a stereo pair with `depth_by=surfaces`: `dlama stereo` runs it"

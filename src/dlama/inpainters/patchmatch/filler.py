@@ -14,7 +14,7 @@ import numpy as np
 from dlama.geometry.holes import box_around, shrink_known
 from dlama.geometry.rgbd import BoolArray, UInt8Array
 from dlama.geometry.view import View
-from dlama.geometry.visibility import Law
+from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill, Paint, Painter
 from dlama.inpainters.networks.migan import migan_filler
 from dlama.inpainters.opencv import telea
@@ -66,8 +66,8 @@ def patchmatch_filler(model: str | Path) -> Painter:
     """The filler with its network: MI-GAN's generator, or the published pipeline. FileError where the file is neither."""
     network = migan_filler(model)
 
-    def fill(view: View, law: Law, seed: int) -> Fill:
-        return Fill(paint(view.color, view.color_hole, seed), telea(view, law, seed).depth, notes=notes())
+    def fill(view: View, context: FillContext, seed: int) -> Fill:
+        return Fill(paint(view.color, view.color_hole, seed), telea(view, context, seed).depth, notes=notes())
 
     def paint(picture: UInt8Array, hole: BoolArray, seed: int) -> UInt8Array:
         if not hole.any():

@@ -20,6 +20,7 @@ from dlama.geometry.holes import nearest_known
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
+from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill, Inpainter
 from dlama.inpainters.layered.color.low_frequency import begin_guess
 from dlama.inpainters.layered.depth.surfaces import Surfaces
@@ -38,16 +39,16 @@ def layered_patches_filler(model: str | Path) -> Inpainter:
     """The filler with its network: MI-GAN's generator, or the published pipeline. FileError where the file is neither."""
     network = migan_filler(model)
 
-    def fill(view: View, law: Law, seed: int) -> Fill:
+    def fill(view: View, context: FillContext, seed: int) -> Fill:
         smooth = begin_guess(view)
-        surfaces, depth, moved = continue_lawfully(view, law, seed)
-        hole = view.color_hole & np.isin(view.hole_type, REPAINTED if law.misplaced_edges else (HoleType.OBJECT,))
+        surfaces, depth, moved = continue_lawfully(view, context, seed)
+        hole = view.color_hole & np.isin(view.hole_type, REPAINTED if context.misplaced_edges else (HoleType.OBJECT,))
         removed = hole & (view.hole_type == HoleType.OBJECT)
         color, notes = view.color, dict[str, Any](planes=len(surfaces.planes))
         if (view.color_hole & ~removed).any():
-            color = paint_surfaces(view, surfaces, depth, law, seed, detail=not law.misplaced_edges)
+            color = paint_surfaces(view, surfaces, depth, context, seed, detail=not context.misplaced_edges)
         if hole.any():
-            label, hidden = exclude_from_patches(view, surfaces, depth, law, hole)
+            label, hidden = exclude_from_patches(view, surfaces, depth, context.law, hole)
             guess = color
             if removed.any():
                 guess = guess_coarsely(network.paint, color, removed | hidden, seed)
@@ -55,7 +56,7 @@ def layered_patches_filler(model: str | Path) -> Inpainter:
             done = complete_picture(color, hole | hidden, guess, seed, label=label, effort=QUICK)
             done = blend_with_guess(done, guess, hole)
             color = np.where(hidden[..., None], color, done)
-        color = blend_out_of_view(view, surfaces, depth, color, law, smooth)
+        color = blend_out_of_view(view, surfaces, depth, color, context.sky, smooth)
         return Fill(color, depth, moved, notes)
 
     return fill

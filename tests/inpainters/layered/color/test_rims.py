@@ -10,6 +10,7 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
+from dlama.inpainters.context import FillContext
 from dlama.inpainters.layered import filler
 from dlama.inpainters.layered.color.rims import blend_at_rim
 from dlama.inpainters.layered.kernels.rims import mean_known_nearby
@@ -86,5 +87,5 @@ def test_beside_a_removed_thing_nothing_is_led_in(kind: HoleType, monkeypatch: p
     )
     asked = []
     monkeypatch.setattr(filler, "blend_at_rim", lambda color, hole, where, *_: asked.append(where) or color)
-    filler.layered(view, Law(()))
+    filler.layered(view, FillContext(Law(())))
     np.testing.assert_array_equal(asked[0], hole & (kind == HoleType.DISOCCLUDED))

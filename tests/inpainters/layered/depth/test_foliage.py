@@ -10,6 +10,7 @@ from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
 from dlama.inpainters import find_filler
+from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Inpainter, inpaint
 from dlama.inpainters.layered.depth.cut_objects import CutObjects
 from dlama.inpainters.layered.depth.foliage import copy_leaves, leafy, solid
@@ -39,7 +40,7 @@ def bush_before_a_wall(seed: int = 0) -> tuple[View, np.ndarray]:
 def test_a_bush_goes_on_with_its_own_leaves_whoever_paints(filler: Inpainter) -> None:
     """Truth: out of view the bush is as green, uneven and dense, at the depths of its leaves; next to it the wall continues."""
     view, bush = bush_before_a_wall()
-    done, _ = inpaint(view, filler, Law(()))
+    done, _ = inpaint(view, filler, FillContext(Law(())))
     unseen = COLUMNS >= BORDER
     inner, outer = (np.hypot(ROWS - 80, COLUMNS - BORDER) <= radius for radius in (35, 70))
     leaf = done.depth < 5

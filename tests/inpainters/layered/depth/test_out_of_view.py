@@ -11,7 +11,7 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.rendering import render
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
-from dlama.geometry.visibility import Law
+from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import inpaint
 from dlama.inpainters.layered.depth.out_of_view import (
     CONTINUED_COST,
@@ -43,7 +43,7 @@ def turned(shapes: tuple[Shape, ...], yaw: float) -> tuple[View, View, np.ndarra
     world, target = World(shapes), moved(CAMERA, turn=(0, yaw, 0))
     scene = Scene((View.from_rgbd(world.rgbd(CAMERA)),))
     before = render(scene, target)
-    return before, inpaint(before, layered, Law.of(scene))[0], *world.trace(target)
+    return before, inpaint(before, layered, FillContext.of(scene))[0], *world.trace(target)
 
 
 @pytest.mark.parametrize("yaw", [25, -25])

@@ -9,8 +9,11 @@ import pytest
 
 from dlama.geometry.camera import Camera
 from dlama.geometry.projection import inverse_depth
+from dlama.geometry.rgbd import RGBD
+from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
+from dlama.inpainters.context import FillContext
 from dlama.inpainters.layered.depth.cut_objects import CutObjects
 from dlama.inpainters.layered.depth.distances import distance_from, mean_chords
 from dlama.inpainters.layered.depth.surface_labels import (
@@ -81,9 +84,9 @@ def test_surfaces_out_of_order_cost_a_jump_of_three(monkeypatch: pytest.MonkeyPa
     """Closed form: of the costs before belief propagation, those of a surface behind one that it is nowhere seen behind."""
     coarse, _ = floor_and_wall(HoleType.OBJECT)
     monkeypatch.setattr(surface_kernels, "beliefs", lambda unary, *_: unary.copy())
-    costs, order = coarse.label_costs(Law(())), coarse.out_of_order()
+    costs, order = coarse.label_costs(FillContext(Law(()))), coarse.out_of_order()
     monkeypatch.setattr(CoarseView, "out_of_order", lambda _: np.zeros_like(order))
-    without = coarse.label_costs(Law(()))
+    without = coarse.label_costs(FillContext(Law(())))
     possible = np.isfinite(without[..., 1:]) & (without[..., 1:] < 1e3)
     more = (costs - without)[..., 1:]
     np.testing.assert_allclose(more[possible], 3 * np.moveaxis(order, 0, 2)[possible], atol=1e-4)
@@ -95,9 +98,10 @@ def test_sky_that_only_the_source_saw_goes_on_here() -> None:
     source looks 90 degrees to the right with 60 degrees in view, so from the middle of this view it is 60 degrees to its sky."""
     coarse = wall_with_hole()
     aside = moved(coarse.camera, turn=(0, 90, 0))
-    sky = Law(((aside, np.full(aside.hw, np.inf, np.float32)),), np.zeros(3, np.uint8))
-    assert not coarse.allowed(Law(()))[1].any() and coarse.allowed(sky)[1].all()
-    assert coarse.distance_to_known(Law(()))[1].min() == 1000
+    grey = np.full((*aside.hw, 3), 128, np.uint8)
+    sky = FillContext.of(Scene((View.from_rgbd(RGBD(grey, np.full(aside.hw, np.inf, np.float32), aside)),)))
+    assert not coarse.allowed(FillContext(Law(())))[1].any() and coarse.allowed(sky)[1].all()
+    assert coarse.distance_to_known(FillContext(Law(())))[1].min() == 1000
     middle = coarse.distance_to_known(sky)[1][5:7, 7:9].mean()
     assert middle == pytest.approx(coarse.camera.fx * np.radians(60), rel=0.1)
 

@@ -11,6 +11,7 @@ from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
+from dlama.inpainters.context import FillContext
 from dlama.inpainters.layered.depth.distances import angle_to_far
 from dlama.inpainters.layered.depth.surface_labels import POTTS, RIM, cells_with_holes, with_larger_pixels
 from dlama.inpainters.layered.depth.surfaces import continue_surfaces
@@ -200,7 +201,7 @@ def test_angle_to_the_nearest_sky_that_was_seen() -> None:
     measured = np.full((3, 3), 2, np.float32)
     measured[1, 1] = np.inf
     target = moved(Camera(41, 31, 60, 60, 20.5, 15.5), turn=(0, 30, 0), shift=(5, 1, -2))
-    angle = angle_to_far(target, Law(((source, measured),), np.zeros(3, np.uint8)))
+    angle = angle_to_far(target, Law(((source, measured),)))
     x = np.degrees(np.arctan((np.arange(41) + 0.5 - 20.5) / 60))
     np.testing.assert_allclose(np.degrees(angle[15]), 30 + x, atol=1e-3)
 
@@ -214,8 +215,8 @@ def test_labels_and_depths_behind_a_removed_box() -> None:
     source = View.from_rgbd(frame)
     taken = world.trace(camera)[1] == 1
     view = source.without(taken, HoleType.OBJECT)
-    law = Law.of(Scene((view,), (source.without(~taken, HoleType.NONE),)))
-    surfaces = continue_surfaces(view, law)
+    context = FillContext.of(Scene((view,), (source.without(~taken, HoleType.NONE),)))
+    surfaces = continue_surfaces(view, context)
     assert len(surfaces.planes) == 1
     np.testing.assert_array_equal(surfaces.label[view.far], SKY)
     sky = np.isposinf(truth)
@@ -228,7 +229,7 @@ def test_a_plane_seen_nowhere_else_and_pixels_alone() -> None:
     depth = np.array([[1, 4, 4, 4, 4, 4, 4]], np.float32)
     frame = RGBD(np.zeros((1, 7, 3), np.uint8), depth, Camera.from_fov(7, 1, 60))
     taken = np.array([[0, 1, 1, 1, 1, 0, 0]], np.bool_)
-    surfaces = continue_surfaces(View.from_rgbd(frame).without(taken, HoleType.OBJECT), Law(()))
+    surfaces = continue_surfaces(View.from_rgbd(frame).without(taken, HoleType.OBJECT), FillContext(Law(())))
     np.testing.assert_allclose(surfaces.inverse_depth[0, 3:], 0.25, rtol=1e-5)
     assert (surfaces.inverse_depth[0, 1:5] <= 1).all()
     assert Plane((0, 0, 4), (0, 0, 1)).distance(np.array([0, 0, 1 / surfaces.inverse_depth[0, 3]])) < 1e-3

@@ -17,6 +17,7 @@ from dlama.geometry.rendering import render
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
+from dlama.inpainters.context import FillContext
 from dlama.inpainters.networks.view_tensors import DepthPlane, robust_scale
 from dlama.training.data.batches import check_sample
 from dlama.training.data.samples import views as view_samples
@@ -87,7 +88,7 @@ def test_input_is_what_joint_would_feed(monkeypatch: pytest.MonkeyPatch, clean: 
         world_samples.sensor_hole_example(frame, np.random.default_rng(0)),
         removals.example(1, np.random.default_rng(1)),
     ):
-        fill(example.view, example.law, 0)
+        fill(example.view, FillContext(example.law), 0)
         assert np.array_equal(view_sample(example, RGBD_NET)["input"], fed[-1])
 
 

@@ -17,7 +17,7 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.kernels.jit import begin_job
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import HoleType, View
-from dlama.geometry.visibility import Law
+from dlama.inpainters.context import FillContext
 from dlama.inpainters.layered.depth.cut_objects import CutObjects, find_cut_objects
 from dlama.inpainters.layered.depth.distances import (
     CHORD,
@@ -117,9 +117,9 @@ class CoarseView:
         candidates = np.concatenate([smooth[None], np.zeros_like(smooth)[None], plane_values(planes, camera.hw, step)])
         return cls(camera, hole, in_view, w, label, candidates, cut(), followed_from, solid)
 
-    def label_costs(self, law: Law) -> Float32Array:
+    def label_costs(self, context: FillContext) -> Float32Array:
         """h x w x L cost of each label after belief propagation (lower is better)."""
-        distances = begin_job(self.distance_to_known, law)
+        distances = begin_job(self.distance_to_known, context)
         unseen = self.hole & ~self.hole_in_view
         followed = self.followed_planes()
         known = self.hole, unseen, self.inverse_depth, self.label
@@ -134,7 +134,7 @@ class CoarseView:
         distance += on * (distance.min(0) - distance)  # what is seen on its line is as near as anything
         unary = surface_kernels.unary_costs(
             self.candidates,
-            self.allowed(law),
+            self.allowed(context),
             distance,
             self.hole,
             self.inverse_depth,
@@ -145,19 +145,19 @@ class CoarseView:
         )
         return surface_kernels.beliefs(unary, self.candidates, self.hole, POTTS, ROUNDS)
 
-    def allowed(self, law: Law) -> BoolArray:
+    def allowed(self, context: FillContext) -> BoolArray:
         """L x h x w, False where a label is impossible: behind the camera, never seen, or against the law by over 3 %."""
         out = np.ones(self.candidates.shape, np.bool_)
         shown = np.unique(self.label[~self.hole])
         for number, value in enumerate(self.candidates):
-            seen = number == 0 or number - 1 in shown or (number == 1 and law.has_far)
+            seen = number == 0 or number - 1 in shown or (number == 1 and context.sky is not None)
             possible = value > LEAST_INVERSE_DEPTH if number > 1 else value >= 0
             if number == 0:
                 possible = value > 0
             out[number] = possible & seen
             if number != 1:
                 depth = np.where(possible, LEEWAY / np.maximum(value, 1e-6), np.inf).astype(np.float32)
-                out[number] &= ~law.violations(self.camera, depth, self.hole & possible)
+                out[number] &= ~context.law.violations(self.camera, depth, self.hole & possible)
         return out
 
     def out_of_order(self) -> BoolArray:
@@ -186,7 +186,7 @@ class CoarseView:
             out[k] = along * across >= CHORD**2
         return out
 
-    def distance_to_known(self, law: Law) -> Float32Array:
+    def distance_to_known(self, context: FillContext) -> Float32Array:
         """L x h x w, cells to the nearest known cell of each label (a large number if there is none).
 
         In view, cells count more in directions in which a surface never continues: a pillar next to the hole ends there. For
@@ -202,8 +202,9 @@ class CoarseView:
                 there = ~self.hole & (surrounded == number - 1)
                 within = distance_from(there, mean_chords(there)) if there.any() else np.float32(1e3)
                 out[number] = np.where(self.hole_in_view, within, plain)
-        if law.has_far:
-            angle = angle_to_far(with_larger_pixels(self.camera, 4), law)  # smooth: a quarter of the cells is enough
+        if context.sky is not None:
+            coarser = with_larger_pixels(self.camera, 4)  # smooth: a quarter of the cells is enough
+            angle = angle_to_far(coarser, context.law)
             out[1] = np.minimum(out[1], self.camera.fx * enlarge(angle, self.camera.wh))
             cells = cells_of_planes(self.label, self.hole, len(self.candidates) - 2)
             open_air = self.hole & ~self.hole_in_view & above_horizon(self.camera, self.candidates[2:], cells)

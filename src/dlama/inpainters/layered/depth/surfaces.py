@@ -19,7 +19,7 @@ from dlama.geometry.kernels.jit import begin_job
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import Float32Array
 from dlama.geometry.view import View
-from dlama.geometry.visibility import Law
+from dlama.inpainters.context import FillContext
 from dlama.inpainters.layered.depth.distances import enlarge
 from dlama.inpainters.layered.depth.foliage import copy_leaves
 from dlama.inpainters.layered.depth.out_of_view import FOLLOWED
@@ -43,7 +43,7 @@ class Surfaces:
     """H x W; flat index of the known leaf pixel that a hole pixel is copied from, where foliage extends; negative elsewhere."""
 
 
-def continue_surfaces(view: View, law: Law, seed: int = 0) -> Surfaces:
+def continue_surfaces(view: View, context: FillContext, seed: int = 0) -> Surfaces:
     """The known surfaces of a view, continued into its holes; the same seed finds the same planes."""
     w = inverse_depth(np.where(view.hole, np.float32(0), view.depth))
     noise = noise_level(w, view.valid)
@@ -58,9 +58,9 @@ def continue_surfaces(view: View, law: Law, seed: int = 0) -> Surfaces:
         return Surfaces(by_color.inverse_depth, by_color.label, planes, np.full(w.shape, GAP, np.int32))
     step = max(1.0, max(w.shape) / GRID)
     followed_from = np.inf if noise else FOLLOWED
-    coarse = CoarseView.of(view, w, label, planes, step, followed_from, law.misplaced_edges)
+    coarse = CoarseView.of(view, w, label, planes, step, followed_from, context.misplaced_edges)
     leaves = begin_job(copy_leaves, view, w, coarse.cut, seed)
-    found = upsample_labels(view, w, label, planes, coarse, coarse.label_costs(law), leaves)
+    found = upsample_labels(view, w, label, planes, coarse, coarse.label_costs(context), leaves)
     return found if by_color is None else set_missing_depth(found, by_color)
 
 

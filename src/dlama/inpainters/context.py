@@ -1,0 +1,93 @@
+"""What a filler knows besides its view: the visibility law of the scene, the colours of its sky, whether its edges are exact."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from dlama.arguments import check
+from dlama.geometry.camera import Camera
+from dlama.geometry.drawing.picture_edges import align_edges
+from dlama.geometry.frames.choosing import MOST_FRAMES, choose_frames
+from dlama.geometry.frames.coarse_depth import coarse_camera, coarse_depth
+from dlama.geometry.scene import Scene
+from dlama.geometry.sky import Sky
+from dlama.geometry.view import View, from_source
+from dlama.geometry.visibility import Law, subtract_noise
+
+HELD_BYTES = 256_000_000
+"""Most memory for the depth of all frames; beyond it, depth is computed for each camera."""
+MOST_COARSE = 24
+"""Further frames, besides those drawn for a camera, whose coarse depth counts for its law."""
+
+_aligned: WeakKeyDictionary[FillContext, tuple[tuple[View, ...], FillContext]] = WeakKeyDictionary()
+"""A context, the frames that its edges were last aligned by, and what came of it: cameras of one scene ask for the same."""
+
+
+@dataclass(frozen=True, eq=False)
+class FillContext:
+    """The depth constraints, the sky and the depth edges of the scene that a view shows."""
+
+    law: Law
+    """The visibility law; without measurements where `scene` is set."""
+    sky: Sky | None = None
+    """Colours of the measured far pixels, for views that show few of them; None: there were none."""
+    misplaced_edges: bool = False
+    """True where measured depth edges are misaligned with the picture (`with_aligned_edges`), as a sensor's are."""
+    scene: Scene | None = None
+    """The scene, for too many frames to hold their depth; `near` then gives the context for a camera."""
+
+    @classmethod
+    def of(cls, scene: Scene) -> FillContext:
+        """The context of a scene, for all cameras."""
+        check(scene, Scene, "scene")
+        if len(scene.frames) > 1 and sum(4 * one.camera.width * one.camera.height for one in scene.frames) > HELD_BYTES:
+            return cls(Law(()), scene=scene)
+        return cls(Law.of(scene), sky_of(scene))
+
+    def near(self, camera: Camera) -> FillContext:
+        """The context for a camera: itself; of very many frames, that of the frames drawn for it, and of some more their coarse
+        depth, the nearest of blocks of pixels."""
+        if self.scene is None:
+            return self
+        whole = self.scene
+        places = choose_frames(whole.frames, camera, MOST_FRAMES + MOST_COARSE)
+        frames = [whole.frames[place] for place in places[:MOST_FRAMES]]
+        removed = [one for one in whole.removals if any(one.camera.same_view_as(each.camera) for each in frames)]
+        drawn = Scene(tuple(frames), tuple(removed), noise=whole.noise)
+        coarse = [
+            (coarse_camera(each.camera), subtract_noise(coarse_depth(each), whole.noise))
+            for each in (whole.frames[place] for place in places[MOST_FRAMES:])
+        ]
+        return FillContext(Law((*Law.of(drawn).measured, *coarse)), sky_of(drawn))
+
+    def with_aligned_edges(self, scene: Scene) -> FillContext:
+        """The context with the scene's frames as they are drawn (`align_edges`). Near misaligned edges filled depth counts as
+        measured, and edges lie where the picture has them, if that forbids more. Of very many frames: of the context `near`."""
+        frames, aligned = _aligned.get(self, ((), self))
+        if frames is not scene.frames:
+            aligned = self._with_aligned_edges(scene)
+            _aligned[self] = scene.frames, aligned
+        return aligned
+
+    def _with_aligned_edges(self, scene: Scene) -> FillContext:
+        measured, misplaced = list(self.law.measured), self.misplaced_edges
+        for layer in scene.frames:
+            for number, (camera, known) in enumerate(measured):
+                if camera.same_view_as(layer.camera):
+                    placed = align_edges(layer.read())
+                    if placed.misaligned.any():
+                        measured[number] = camera, np.where(placed.misaligned, np.maximum(known, placed.depth), known)
+                        misplaced = True
+        return replace(self, law=Law(tuple(measured)), misplaced_edges=misplaced)
+
+    def cropped(self, view: View, rows: slice, columns: slice) -> FillContext:
+        """The context for a part of a view (`View.cropped`)."""
+        return replace(self, law=self.law.cropped(view, rows, columns))
+
+
+def sky_of(scene: Scene) -> Sky | None:
+    """The sky of a scene's measured far pixels; None: there are none."""
+    return Sky.of((layer.camera, layer.color, layer.far & from_source(layer.origin)) for layer in scene.layers)

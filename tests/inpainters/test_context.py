@@ -1,0 +1,38 @@
+"""What fillers know besides the view (oracles: closed forms)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dlama.geometry.camera import Camera
+from dlama.geometry.rgbd import RGBD
+from dlama.geometry.scene import Scene
+from dlama.geometry.view import HoleType, View
+from dlama.inpainters import find_filler
+from dlama.inpainters.context import FillContext
+from dlama.inpainters.filling import inpaint
+
+
+def test_the_sky_that_was_measured_is_known() -> None:
+    """Closed form: the mean colour of the measured far pixels; a filled sky is none, and without sky there is no colour."""
+    color = np.array([[(10, 20, 30), (20, 40, 50), (200, 0, 0)]], np.uint8)
+    camera = Camera.from_fov(3, 1, 60)
+    source = View.from_rgbd(RGBD(color, np.array([[np.inf, np.inf, 2]], np.float32), camera))
+    context = FillContext.of(Scene((source,)))
+    assert context.sky is not None
+    np.testing.assert_array_equal(context.sky.mean, (15, 30, 40))
+    below = source.without(np.array([[True, True, False]]), HoleType.OBJECT)
+    filled, _ = inpaint(below, find_filler("telea"), context)
+    for scene in (Scene((below,)), Scene((below,), fills=(filled,))):
+        assert FillContext.of(scene).sky is None
+
+
+def test_the_context_of_a_part_keeps_sky_and_edges() -> None:
+    """Closed form: the law is cropped as the view is, all else stays."""
+    depth = np.arange(1, 7, dtype=np.float32).reshape(2, 3)
+    depth[0, 0] = np.inf
+    view = View.from_rgbd(RGBD(np.zeros((2, 3, 3), np.uint8), depth, Camera.from_fov(3, 2, 60)))
+    whole = FillContext(FillContext.of(Scene((view,))).law, FillContext.of(Scene((view,))).sky, misplaced_edges=True)
+    part = whole.cropped(view, slice(1, 2), slice(0, 2))
+    np.testing.assert_array_equal(part.law.measured[0][1], depth[1:2, :2])
+    assert part.sky is whole.sky and part.misplaced_edges
