@@ -23,12 +23,13 @@ from dlama.geometry.drawing.layers import (
     ALL,
     NEAR,
     Grid,
+    box_room,
     count_wanted,
     draw,
     draw_apart,
     draw_far,
-    quad_row_spans,
     transform_depth,
+    vertex_row_spans,
 )
 from dlama.geometry.drawing.layers import MODES as MODES
 from dlama.geometry.drawing.layers import Mode as Mode
@@ -43,11 +44,16 @@ from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, UInt1
 from dlama.geometry.scene import Scene, contribution
 from dlama.geometry.view import HoleType, Origin, View
 
-TYPE_OF_RANK = np.array(
-    [HoleType.OUT_OF_VIEW, HoleType.DISOCCLUDED, HoleType.SENSOR, HoleType.FLYING, HoleType.OBJECT, HoleType.CRACK],
-    np.uint8,
+TYPE_OF_RANK = np.zeros(256, np.uint8)
+"""Hole types in rising precedence where several apply (ranks of `dlama.geometry.kernels.hole_types`), for cv2.LUT."""
+TYPE_OF_RANK[:6] = (
+    HoleType.OUT_OF_VIEW,
+    HoleType.DISOCCLUDED,
+    HoleType.SENSOR,
+    HoleType.FLYING,
+    HoleType.OBJECT,
+    HoleType.CRACK,
 )
-"""Hole types in rising precedence where several apply (ranks of `dlama.geometry.kernels.hole_types`)."""
 MOST_AT_ONCE = 2
 """Fills that are drawn at once, each onto a canvas of its own: a canvas takes 21 bytes a pixel."""
 RANK_OF_TYPE = np.array([0, 5, 1, 3, 0, 2, 4], np.uint8)
@@ -205,10 +211,10 @@ def hole_types(grids: list[Grid], removals: tuple[View, ...], hole: BoolArray) -
             depth, grid_rank = (close_frame if len(grids) > 1 else close_grid)(layer, removals)
             x, y, w = transform_depth(depth, grid.matrix, grid.offset)
             crack_rank = hole_kernels.CRACK_RANK if grid.joined is None else hole_kernels.DISOCCLUDED_RANK
-            marks = grid_rank, crack_rank, hole, count, ranks
-            in_bands(hole_kernels.mark_closed_mesh, len(hole), x, y, w, quad_row_spans(y, w), grid.mesh, *marks)
+            marks = grid_rank, crack_rank, hole, count, box_room(len(hole)), ranks
+            in_bands(hole_kernels.mark_closed_mesh, len(hole), x, y, w, vertex_row_spans(y, w), grid.mesh, *marks)
             hole_kernels.mark_points(x, y, w, grid.flying, hole_kernels.FLYING_RANK, hole, ranks)
-    return np.asarray(TYPE_OF_RANK.take(ranks) * hole, np.uint8)
+    return np.asarray(cv2.LUT(ranks, TYPE_OF_RANK) * hole, np.uint8)
 
 
 def close_grid(layer: View, removals: tuple[View, ...]) -> tuple[Float32Array, UInt8Array]:

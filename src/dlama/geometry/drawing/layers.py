@@ -259,7 +259,7 @@ def rasterize_surface(
     `draw`."""
     x, y, w = transform_depth(depth, matrix, offset)
     wbuf, where = np.zeros(hw, np.float32), np.empty((*hw, 2), np.float32)
-    in_bands(raster.draw_surface, hw[0], x, y, w, joined, quad_row_spans(y, w), count, wbuf, where)
+    in_bands(raster.draw_surface, hw[0], x, y, w, joined, vertex_row_spans(y, w), count, box_room(hw[0]), wbuf, where)
     draw_rim(x, y, w, joined, rim(joined, depth), depth, zoom, wbuf.copy(), wbuf, where)
     return wbuf, where
 
@@ -302,8 +302,13 @@ def transform_depth(depth: Float32Array, matrix: Float64Array, offset: Float64Ar
     return x, y, w
 
 
-def quad_row_spans(y: Float32Array, w: Float32Array) -> Float32Array:
-    """H x N x 2: smallest and largest target row of each row of quads, N chunks of columns (see `raster.quad_spans`)."""
+def vertex_row_spans(y: Float32Array, w: Float32Array) -> Float32Array:
+    """H x N x 2: smallest and largest target row of each row of vertices, N chunks of columns (see `raster.row_spans`)."""
     out = np.empty((*y.shape[:1], -(-y.shape[1] // raster.CHUNK), 2), np.float32)
-    in_bands(raster.quad_spans, len(y), y, w, out)
+    in_bands(raster.row_spans, len(y), y, w, out)
     return out
+
+
+def box_room(rows: int) -> NDArray[np.int32]:
+    """Room to work for `raster.draw_surface`."""
+    return np.empty((rows, 4, raster.CHUNK), np.int32)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.kernels.jit import Flag, Real, Whole, kernel, piece
-from dlama.geometry.kernels.rasterize import CHUNK, Box, chunk_meets, marked_within, quad_box, quad_sides
+from dlama.geometry.kernels.rasterize import CHUNK, Box, chunk_boxes, chunk_meets, marked_within, quad_sides, quad_span
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 
 DISOCCLUDED_RANK = 1
@@ -44,11 +44,12 @@ def mark_closed_mesh(
     crack_rank: Whole,
     hole: BoolArray,
     count: NDArray[np.integer],
+    boxes: NDArray[np.int32],
     ranks: UInt8Array,
 ) -> None:
     """Draw the whole closed grid over the empty pixels of target rows [first, last).
 
-    x, y, w: target pixels and inverse depth of every source pixel (closed: no gaps); spans: as of `rasterize.quad_spans`;
+    x, y, w: target pixels and inverse depth of every source pixel (closed: no gaps); spans: as of `rasterize.row_spans`;
     grid_rank: uint8, SENSOR / OBJECT ranks of source pixels that are not there, else 0; crack_rank: what an unbroken quad over
     an empty pixel means; count: summed-area table of `hole`.
     """
@@ -56,12 +57,15 @@ def mark_closed_mesh(
     columns = hole.shape[1]
     for row in range(height - 1):
         for chunk in range(spans.shape[1]):
-            if not chunk_meets(x, w, row, chunk, spans[row, chunk, 0], spans[row, chunk, 1], first, last, count):
+            low, high = quad_span(spans, row, chunk)
+            if not chunk_meets(x, w, row, chunk, low, high, first, last, count):
                 continue
-            for column in range(chunk * CHUNK, min(width - 1, (chunk + 1) * CHUNK)):
-                box = quad_box(x, y, w, row, column, first, last, columns)
+            begin, end, room = chunk * CHUNK, min(width - 1, (chunk + 1) * CHUNK), boxes[first]
+            chunk_boxes(x, y, w, row, begin, end, first, last, columns, room)
+            for n in range(end - begin):
+                box = np.int64(room[0, n]), np.int64(room[1, n]), np.int64(room[2, n]), np.int64(room[3, n])
                 if box[0] <= box[1] and box[2] <= box[3] and marked_within(count, box[0], box[1], box[2], box[3]) > 0:
-                    mark_quad(x, y, w, joined, grid_rank, row, column, crack_rank, box, hole, ranks)
+                    mark_quad(x, y, w, joined, grid_rank, row, begin + n, crack_rank, box, hole, ranks)
 
 
 @piece

@@ -7,8 +7,6 @@ which makes the result independent of the number of threads.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -109,55 +107,63 @@ def draw_points(
 
 
 @kernel
-def quad_spans(first: Whole, last: Whole, y: Float32Array, w: Float32Array, spans: Float32Array) -> None:
-    """Smallest and largest target y of each row of quads, CHUNK quads at a time (empty: inf, -inf). spans: H x N x 2."""
-    height, width = y.shape
+def row_spans(first: Whole, last: Whole, y: Float32Array, w: Float32Array, spans: Float32Array) -> None:
+    """Smallest and largest target y of each row of vertices, those of CHUNK quads at a time (empty: inf, -inf).
+
+    spans: H x N x 2.
+    """
+    width = y.shape[1]
     for row in range(first, last):
         for chunk in range(spans.shape[1]):
             low, high = np.float32(np.inf), np.float32(-np.inf)
-            for r in range(row, min(height, row + 2)):
-                for column in range(chunk * CHUNK, min(width, (chunk + 1) * CHUNK + 1)):
-                    if w[r, column] > 0:
-                        low = min(low, y[r, column])
-                        high = max(high, y[r, column])
+            for column in range(chunk * CHUNK, min(width, (chunk + 1) * CHUNK + 1)):
+                if w[row, column] > 0:
+                    low = min(low, y[row, column])
+                    high = max(high, y[row, column])
             spans[row, chunk, 0], spans[row, chunk, 1] = low, high
 
 
 @piece
-def quad_box(
+def quad_span(spans: Float32Array, row: Whole, chunk: Whole) -> tuple[Real, Real]:
+    """Smallest and largest target y of a row of CHUNK quads; spans: as of `row_spans`."""
+    low, high = min(spans[row, chunk, 0], spans[row + 1, chunk, 0]), max(spans[row, chunk, 1], spans[row + 1, chunk, 1])
+    return low, high
+
+
+@piece
+def chunk_boxes(
     x: Float32Array,
     y: Float32Array,
     w: Float32Array,
     row: Whole,
-    column: Whole,
+    begin: Whole,
+    end: Whole,
     top: Whole,
     bottom: Whole,
     columns: Whole,
-) -> Box:
-    """Target pixels whose centres a quad may cover, cut to rows [top, bottom): left, right, upper, lower, inclusive.
+    boxes: NDArray[np.int32],
+) -> None:
+    """Target pixels whose centres the quads begin..end of a row may cover, cut to rows [top, bottom), into `boxes` (4 x CHUNK):
+    left, right, upper, lower, inclusive.
 
-    Vertices that are not there (w = 0) have no position and do not count.
+    Vertices that are not there (w = 0) have no position and do not count. Without branches: several quads at a time.
     """
-    wa, wb, wc, wd = w[row, column], w[row, column + 1], w[row + 1, column], w[row + 1, column + 1]
-    xa, xb, xc, xd = x[row, column], x[row, column + 1], x[row + 1, column], x[row + 1, column + 1]
-    ya, yb, yc, yd = y[row, column], y[row, column + 1], y[row + 1, column], y[row + 1, column + 1]
-    if (wa > 0) & (wb > 0) & (wc > 0) & (wd > 0):
-        low_x, high_x = min(min(xa, xb), min(xc, xd)), max(max(xa, xb), max(xc, xd))
-        low_y, high_y = min(min(ya, yb), min(yc, yd)), max(max(ya, yb), max(yc, yd))
-    else:
-        low_x, low_y, high_x, high_y = NOWHERE, NOWHERE, -NOWHERE, -NOWHERE
+    low_x: Real
+    low_y: Real
+    high_x: Real
+    high_y: Real
+    for column in range(begin, end):
+        low_x, high_x, low_y, high_y = NOWHERE, -NOWHERE, NOWHERE, -NOWHERE
         for corner in range(4):
             r, c = row + (corner >> 1), column + (corner & 1)
-            if w[r, c] > 0:
-                low_x, high_x = min(low_x, x[r, c]), max(high_x, x[r, c])
-                low_y, high_y = min(low_y, y[r, c]), max(high_y, y[r, c])
-        if not low_x <= high_x:
-            return 0, -1, 0, -1
-    left = math.ceil(max(0.5, low_x) - 0.5001)
-    right = math.floor(min(columns - 0.5, high_x) - 0.4999)
-    upper = math.ceil(max(top + 0.5, low_y) - 0.5001)
-    lower = math.floor(min(bottom - 0.5, high_y) - 0.4999)
-    return left, right, upper, lower
+            there, px, py = w[r, c] > 0, x[r, c], y[r, c]
+            low_x, high_x = min(low_x, px if there else NOWHERE), max(high_x, px if there else -NOWHERE)
+            low_y, high_y = min(low_y, py if there else NOWHERE), max(high_y, py if there else -NOWHERE)
+        n = column - begin
+        boxes[0, n] = np.int32(np.ceil(min(max(0.5, low_x), columns + 1.0) - 0.5001))
+        boxes[1, n] = np.int32(np.floor(max(min(columns - 0.5, high_x), -1.0) - 0.4999))
+        boxes[2, n] = np.int32(np.ceil(min(max(top + 0.5, low_y), bottom + 1.0) - 0.5001))
+        boxes[3, n] = np.int32(np.floor(max(min(bottom - 0.5, high_y), top - 1.0) - 0.4999))
 
 
 @piece
@@ -217,6 +223,7 @@ def draw_surface(
     joined: UInt8Array,
     spans: Float32Array,
     count: NDArray[np.integer],
+    boxes: NDArray[np.int32],
     wbuf: Float32Array,
     where: Float32Array,
 ) -> None:
@@ -229,22 +236,22 @@ def draw_surface(
     columns, some = wbuf.shape[1], len(count) > 0
     for row in range(height - 1):
         for chunk in range(spans.shape[1]):
-            low, high = spans[row, chunk, 0], spans[row, chunk, 1]
+            low, high = quad_span(spans, row, chunk)
             if (
                 high < first
                 or low > last
                 or (some and not chunk_meets(x, w, row, chunk, low, high, first, last, count))
             ):
                 continue
-            for column in range(chunk * CHUNK, min(width - 1, (chunk + 1) * CHUNK)):
-                sides = quad_sides(joined, row, column)
-                if sides == 0:
+            begin, end, room = chunk * CHUNK, min(width - 1, (chunk + 1) * CHUNK), boxes[first]
+            chunk_boxes(x, y, w, row, begin, end, first, last, columns, room)
+            for n in range(end - begin):
+                sides = quad_sides(joined, row, begin + n)
+                if sides == 0 or room[0, n] > room[1, n] or room[2, n] > room[3, n]:
                     continue
-                box = quad_box(x, y, w, row, column, first, last, columns)
-                if box[0] > box[1] or box[2] > box[3]:
-                    continue
+                box = np.int64(room[0, n]), np.int64(room[1, n]), np.int64(room[2, n]), np.int64(room[3, n])
                 if not some or marked_within(count, box[0], box[1], box[2], box[3]) > 0:
-                    draw_quad(x, y, w, row, column, sides, box, wbuf, where)
+                    draw_quad(x, y, w, row, begin + n, sides, box, wbuf, where)
 
 
 @inlined
