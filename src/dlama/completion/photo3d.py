@@ -22,6 +22,7 @@ from dlama.geometry.drawing.layers import mesh_grid, rasterize_surface
 from dlama.geometry.frames.choosing import choose_frames
 from dlama.geometry.fusion import add_layer
 from dlama.geometry.holes import box_around, larger_box, morphological_open, square
+from dlama.geometry.kernels.footprints import rim
 from dlama.geometry.layers.edge_layers import continue_under_edges
 from dlama.geometry.layers.head_box import HeadBox
 from dlama.geometry.layers.soft_edges import separate_colors
@@ -219,7 +220,9 @@ def find_far(layer: View, camera: Camera) -> BoolArray:
 def find_covered(layer: View, depth: Float32Array, joined: UInt8Array, camera: Camera) -> BoolArray:
     """H x W: where a camera's picture shows the layer, of which `depth` and `joined` are the mesh (`mesh_grid`)."""
     to_target = px_from_px(camera, layer.camera)
-    covered = rasterize_surface(depth, joined, *to_target, camera.fx / layer.camera.fx, camera.hw)[0] > 0
+    covered = (
+        rasterize_surface(depth, joined, rim(joined, depth), *to_target, camera.fx / layer.camera.fx, camera.hw)[0] > 0
+    )
     return covered | find_far(layer, camera)
 
 

@@ -35,7 +35,7 @@ from dlama.geometry.drawing.layers import MODES as MODES
 from dlama.geometry.drawing.layers import Mode as Mode
 from dlama.geometry.drawing.layers import find_flying_pixels as find_flying_pixels
 from dlama.geometry.frames.extent import may_show
-from dlama.geometry.frames.merging import keep_latest, merge_frames
+from dlama.geometry.frames.merging import keep_latest, merge_frames, surface_of
 from dlama.geometry.holes import box_around, fill_with_nearest
 from dlama.geometry.kernels import hole_types as hole_kernels
 from dlama.geometry.kernels.jit import in_bands, threads
@@ -54,6 +54,8 @@ TYPE_OF_RANK[:6] = (
     HoleType.OBJECT,
     HoleType.CRACK,
 )
+SEVERAL = 3
+"""Layers from which a scene is one that is drawn into many cameras: what drawing finds of a layer is kept."""
 MOST_AT_ONCE = 2
 """Fills that are drawn at once, each onto a canvas of its own: a canvas takes 21 bytes a pixel."""
 RANK_OF_TYPE = np.array([0, 5, 1, 3, 0, 2, 4], np.uint8)
@@ -139,14 +141,15 @@ def draw_scene(
     fills = scene.fills if mode == "surface" else drop_overlap(scene.fills)
     if len(scene.frames) > 1:
         fills = tuple(layer for layer in fills if may_show(layer, camera))
-    grids = [Grid.of(layer, camera, mode, fine) for layer in fills]
+    keep = mode == "surface" and len(scene.layers) >= SEVERAL
+    grids = [Grid.of(layer, camera, mode, fine, surface_of(layer) if keep else None) for layer in fills]
     with_errors = any(layer.has_errors for layer in scene.layers)
     canvas = Canvas.empty(camera, with_errors) if merged is None else merged.canvas
     if with_errors and canvas.errors is None:
         canvas.errors = np.zeros((*camera.hw, 2), np.float32)
     first = None
     if merged is None and frames:
-        first = Grid.of(scene.frames[0], camera, mode, fine)
+        first = Grid.of(scene.frames[0], camera, mode, fine, surface_of(scene.frames[0]) if keep else None)
         draw(first, camera, canvas)
         if first.own_camera:
             draw_far(first, camera, canvas)

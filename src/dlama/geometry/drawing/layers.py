@@ -110,6 +110,11 @@ class Surface:
         return spline(self.layer.color)
 
     @cached_property
+    def rim(self) -> NDArray[np.int64]:
+        """As `footprints.rim`."""
+        return rim(self.mesh[2], self.mesh[0])
+
+    @cached_property
     def smooth(self) -> UInt8Array:
         """Where colours are read by splines (`sampling.smooth_quads`)."""
         return smooth_quads(self.mesh[2])
@@ -235,7 +240,7 @@ def draw_as_surface(
     """The layer's mesh, and footprints at its rim."""
     layer, rows = grid.layer, camera.height
     to_target = grid.matrix, grid.offset, camera.fx / layer.camera.fx
-    wbuf, where = rasterize_surface(grid.depth, joined, *to_target, camera.hw, count)
+    wbuf, where = rasterize_surface(grid.depth, joined, grid.surface.rim, *to_target, camera.hw, count)
     smooth = grid.surface.smooth if grid.fine else np.zeros_like(joined)
     found = wbuf, where, joined, smooth, layer.color, grid.knots
     errors, out_errors = canvas.pair_errors(layer)
@@ -248,6 +253,7 @@ def draw_as_surface(
 def rasterize_surface(
     depth: Float32Array,
     joined: UInt8Array,
+    vertices: NDArray[np.int64],
     matrix: Float64Array,
     offset: Float64Array,
     zoom: float,
@@ -255,12 +261,12 @@ def rasterize_surface(
     count: NDArray[np.int32] = ALL,
 ) -> tuple[Float32Array, Float32Array]:
     """What each of H x W target pixels shows of the mesh of a layer's depth (`mesh_grid`) and the footprints at its rim: inverse
-    z (1/m, 0 = nothing), and the layer's pixel (H x W x 2, x and y). zoom: target's over layer's focal length; count: as of
-    `draw`."""
+    z (1/m, 0 = nothing), and the layer's pixel (H x W x 2, x and y). vertices: `footprints.rim`; zoom: target's over layer's
+    focal length; count: as of `draw`."""
     x, y, w = transform_depth(depth, matrix, offset)
     wbuf, where = np.zeros(hw, np.float32), np.empty((*hw, 2), np.float32)
     in_bands(raster.draw_surface, hw[0], x, y, w, joined, vertex_row_spans(y, w), count, box_room(hw[0]), wbuf, where)
-    draw_rim(x, y, w, joined, rim(joined, depth), depth, zoom, wbuf.copy(), wbuf, where)
+    draw_rim(x, y, w, joined, vertices, depth, zoom, wbuf.copy(), wbuf, where)
     return wbuf, where
 
 

@@ -30,8 +30,8 @@ from dlama.geometry.view import Origin, View, from_source
 
 LOOKED_THROUGH_PX = 2
 """A frame sees through a point only if it has no near depth within so many px: poses drift."""
-KEPT, KEPT_PIXELS = 3 * MOST_FRAMES, 1_000_000
-"""Frames of which is kept what drawing needs of them, some 30 bytes a pixel, and pixels that they have at most."""
+KEPT, KEPT_PIXELS = 4 * MOST_FRAMES, 1_000_000
+"""Layers of which is kept what drawing needs of them, some 30 bytes a pixel, and pixels that they have at most."""
 Found = TypeVar("Found")
 NARROWEST = 3
 """px; strips from other frames behind a removed object that are narrower are left to be filled."""
@@ -106,9 +106,9 @@ def keep_latest(function: Callable[..., Found]) -> Callable[..., Found]:
 
 
 @keep_latest
-def surface_of(frame: View) -> Surface:
-    """What drawing needs of a frame."""
-    return Surface(frame)
+def surface_of(layer: View) -> Surface:
+    """What drawing needs of a layer."""
+    return Surface(layer.read())
 
 
 @keep_latest
