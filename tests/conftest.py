@@ -5,7 +5,9 @@ This folder is on the import path, so `worlds` and `reference.*` import from any
 
 from __future__ import annotations
 
+import gc
 import os
+from collections.abc import Generator
 from pathlib import Path
 
 import pytest
@@ -22,6 +24,17 @@ def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
     whole = all(Path(named).resolve() in (TESTS, TESTS.parent) for named in config.args)
     option = config.option
     return min(2, os.cpu_count() or 1) if whole and not option.keyword and option.capture != "no" else 0
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Generator[None, object, object]:
+    """Modules and tests that are loaded stay to the end, and each garbage collection would look at all of them."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 @pytest.fixture(scope="session")

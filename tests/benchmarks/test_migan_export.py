@@ -68,6 +68,7 @@ def truth(migan_pipeline: Path, example: tuple[np.ndarray, np.ndarray]) -> np.nd
     return np.clip(run(published_generator(migan_pipeline), fed)[0] / 2 + 0.5, 0, 1)
 
 
+@pytest.mark.slow
 def test_the_file_that_ships(
     migan_pipeline: Path, example: tuple[np.ndarray, np.ndarray], truth: np.ndarray, tmp_path: Path
 ) -> None:

@@ -54,22 +54,24 @@ def png(width: int, height: int) -> bytes:
 
 
 BIG = 40_000
-FILES: dict[str, tuple[bytes, Callable[[Path], object]]] = {
-    "claims.npy": (npy((BIG, BIG)), lambda path: read_array(path, "depth")),
-    "negative.npy": (npy((-1, 5)), lambda path: read_array(path, "depth")),
-    "objects.npy": (npy((4, 4), "|O"), lambda path: read_array(path, "depth")),
-    "claims.npz": (npz(depth=npy((BIG, BIG))), lambda path: read_array(path, "depth")),
-    "bomb.npz": (npz(depth=npy((20_000, 16_000), numbers=bytes(320_000_000))), lambda path: read_array(path, "depth")),
-    "scene.npz": (npz(rgb=npy((9999, 9999, 3), "|u1", bytes(300_000_000))), read_npz),
-    "claims.pfm": (b"Pf\n40000 40000\n-1\n" + bytes(64), read_pfm),
-    "digits.pfm": (b"Pf\n" + b"9" * 5000 + b" 4\n-1\n" + bytes(64), read_pfm),
-    "scale.pfm": (b"Pf\n2 2\n1.2.3\n" + bytes(16), read_pfm),
-    "claims.png": (png(BIG, BIG), read_color),
-    "mask.png": (png(BIG, BIG), read_mask),
-    "header.png": (png(BIG, BIG), picture_hw),
-    "depth.png": (png(BIG, BIG), read_depth),
+MUCH = b"\0" * 80_000_000
+"""More than MOST, in a few KB of a compressed file."""
+FILES: dict[str, tuple[Callable[[], bytes], Callable[[Path], object]]] = {
+    "claims.npy": (lambda: npy((BIG, BIG)), lambda path: read_array(path, "depth")),
+    "negative.npy": (lambda: npy((-1, 5)), lambda path: read_array(path, "depth")),
+    "objects.npy": (lambda: npy((4, 4), "|O"), lambda path: read_array(path, "depth")),
+    "claims.npz": (lambda: npz(depth=npy((BIG, BIG))), lambda path: read_array(path, "depth")),
+    "bomb.npz": (lambda: npz(depth=npy((20_000, 16_000), numbers=MUCH)), lambda path: read_array(path, "depth")),
+    "scene.npz": (lambda: npz(rgb=npy((9999, 9999, 3), "|u1", MUCH)), read_npz),
+    "claims.pfm": (lambda: b"Pf\n40000 40000\n-1\n" + bytes(64), read_pfm),
+    "digits.pfm": (lambda: b"Pf\n" + b"9" * 5000 + b" 4\n-1\n" + bytes(64), read_pfm),
+    "scale.pfm": (lambda: b"Pf\n2 2\n1.2.3\n" + bytes(16), read_pfm),
+    "claims.png": (lambda: png(BIG, BIG), read_color),
+    "mask.png": (lambda: png(BIG, BIG), read_mask),
+    "header.png": (lambda: png(BIG, BIG), picture_hw),
+    "depth.png": (lambda: png(BIG, BIG), read_depth),
     "claims.ply": (
-        b"ply\nformat ascii 1.0\nelement vertex 99999999999\nproperty float x\nproperty float y\nproperty float z\n"
+        lambda: b"ply\nformat ascii 1.0\nelement vertex 99999999999\nproperty float x\nproperty float y\nproperty float z\n"
         b"end_header\n0 0 0\n",
         read_ply,
     ),
@@ -78,9 +80,9 @@ FILES: dict[str, tuple[bytes, Callable[[Path], object]]] = {
 
 @pytest.mark.parametrize("name", FILES)
 def test_claims_are_refused_before_memory_is_taken(tmp_path: Path, name: str) -> None:
-    data, read = FILES[name]
+    made, read = FILES[name]
     path = tmp_path / name
-    path.write_bytes(data)
+    path.write_bytes(made())
     tracemalloc.start()
     try:
         with pytest.raises(FileError, match=name):

@@ -37,17 +37,18 @@ def ranks(
     A quad wholly before the near plane counts with the highest rank of its pixels; without one, as a crack where all its
     sides are joined and as a dis-occlusion (1) else.
     """
+    quads = []
+    for r in range(x.shape[0] - 1):
+        for c in range(x.shape[1] - 1):
+            quad = np.s_[r : r + 2, c : c + 2]
+            if z[quad].min() > near:
+                a, b, lower, d = zip(x[quad].ravel().tolist(), y[quad].ravel().tolist())
+                of_surface = crack_rank if all(sides_of(right, down, r, c)) else 1
+                quads.append(([a, b, lower], [b, d, lower], own[quad].max() or of_surface))
     out = np.zeros(hole.shape, np.uint8)
     for row, column in zip(*np.nonzero(hole)):
-        for r in range(x.shape[0] - 1):
-            for c in range(x.shape[1] - 1):
-                quad = np.s_[r : r + 2, c : c + 2]
-                if z[quad].min() <= near:
-                    continue
-                a, b, lower, d = zip(x[quad].ravel().tolist(), y[quad].ravel().tolist())
-                point = column + 0.5, row + 0.5
-                if not (covers([a, b, lower], *point, grow) or covers([b, d, lower], *point, grow)):
-                    continue
-                of_surface = crack_rank if all(sides_of(right, down, r, c)) else 1
-                out[row, column] = max(out[row, column], own[quad].max() or of_surface)
+        point = column + 0.5, row + 0.5
+        for upper_left, lower_right, rank in quads:
+            if covers(upper_left, *point, grow) or covers(lower_right, *point, grow):
+                out[row, column] = max(out[row, column], rank)
     return out

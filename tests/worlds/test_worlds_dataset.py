@@ -171,7 +171,7 @@ def test_a_folder_of_textures_may_be_a_text(tmp_path: Path) -> None:
         worlds(1, textures=str(tmp_path / "none"))
 
 
-@pytest.mark.parametrize("seed", [97, *range(1_000_000_000, 1_000_000_030)])
+@pytest.mark.parametrize("seed", [97, *range(1_000_000_000, 1_000_000_012)])
 def test_every_seed_is_a_scene(seed: int) -> None:
     """Law: streets and rooms can be built of any seed; 97 is a street hardly wide enough for its markings."""
     plain = [np.full((8, 8, 3), 100, np.uint8)] * 3

@@ -161,7 +161,7 @@ def test_bad_packs(photos: Path, tmp_path: Path) -> None:
     with pytest.raises(FileError, match=r"photos/000000.webp says it has 16383x16383 pixels"):
         read_pack(tmp_path / "large.pack")[0][0].load()
     with zipfile.ZipFile(tmp_path / "bomb.pack", "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr("index.json", " " * 300_000_000)
+        archive.writestr("index.json", " " * 20_000_000)
     with pytest.raises(FileError, match=r"bomb\.pack: is no pack.*compressed"):
         read_pack(tmp_path / "bomb.pack")
     for index, told in (
