@@ -181,9 +181,10 @@ def gaussian_mean(values: Float32Array, weight: Float32Array, sigma: float, leas
 
 def shrink_known(values: np.ndarray, known: BoolArray, wh: tuple[int, int]) -> tuple[Float32Array, Float32Array]:
     """(h x w x C means of the known values, h x w share that is known) of H x W x C values in a smaller size (width, height)."""
-    share = np.asarray(cv2.resize(known.astype(np.float32), wh, interpolation=cv2.INTER_AREA), np.float32)
-    sums = cv2.resize(values * np.float32(known[..., None]), wh, interpolation=cv2.INTER_AREA)
-    sums = sums.reshape(*share.shape, -1)
+    weight = known.astype(np.float32)
+    share = np.asarray(cv2.resize(weight, wh, interpolation=cv2.INTER_AREA), np.float32)
+    planes = np.moveaxis(values.reshape(*known.shape, -1), 2, 0)  # one at a time: weighted they are floats
+    sums = np.stack([cv2.resize(plane * weight, wh, interpolation=cv2.INTER_AREA) for plane in planes], 2)
     return np.asarray(sums / np.maximum(share, np.float32(1e-6))[..., None], np.float32), share
 
 

@@ -18,17 +18,23 @@ Spread = Callable[[np.ndarray, BoolArray], Float32Array]
 """(H x W x C values, H x W known) -> H x W x C, extrapolated to all pixels."""
 
 
-def spread_small(values: np.ndarray, known: BoolArray, spread: Spread, largest: int = LARGEST) -> Float32Array:
-    """As `spread`, computed with `largest` pixels at most and enlarged; uint8 values are rounded to levels before that."""
+def spread_small(
+    values: np.ndarray, known: BoolArray, spread: Spread, largest: int = LARGEST, where: BoolArray | None = None
+) -> Float32Array:
+    """As `spread`, computed with `largest` pixels at most and enlarged; where: H x W, the N pixels that are needed: N x C."""
     height, width = known.shape
     by = largest / max(height, width)
     if by >= 1:
-        return np.asarray(spread(values, known).astype(values.dtype), np.float32)
+        found = spread(values.astype(np.float32), known)
+        return found if where is None else found[where]
     size = max(1, round(width * by)), max(1, round(height * by))
     small, share = shrink_known(values, known, size)
     filled = spread(small, share >= 0.5)
-    back = cv2.resize(filled.astype(values.dtype), (width, height), interpolation=cv2.INTER_LINEAR)
-    return np.asarray(back, np.float32).reshape(height, width, -1)
+    out = np.empty((*known.shape, filled.shape[2]) if where is None else (where.sum(), filled.shape[2]), np.float32)
+    for channel in range(filled.shape[2]):  # one at a time: at full size they are floats
+        large = cv2.resize(filled[..., channel], (width, height), interpolation=cv2.INTER_LINEAR)
+        out[..., channel] = large if where is None else large[where]
+    return out
 
 
 def telea_spread(values: np.ndarray, known: BoolArray) -> Float32Array:

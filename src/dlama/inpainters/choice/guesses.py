@@ -126,7 +126,7 @@ def _smooth(prepared: PreparedView, spread: Spread) -> tuple[UInt8Array, Float32
     """Colours and metres of a view continued by `spread`, at `spreading.LARGEST` pixels at most."""
     view = prepared.view
     w = inverse_depth(np.where(view.hole, np.float32(0), view.depth))
-    colors = spread_small(view.color.astype(np.float32), ~(view.color_hole | prepared.occluders), spread)
+    colors = spread_small(view.color, ~(view.color_hole | prepared.occluders), spread)
     depths = spread_small(w[..., None], ~(view.hole | prepared.occluders), spread)
     spread_w = np.maximum(depths[..., 0], 0)
     if view.valid.any():  # what is spread from sky alone is sky, not some kilometres off

@@ -43,7 +43,7 @@ def blend_out_of_view(
 ) -> UInt8Array:
     """H x W x 3: painted colours (H x W x 3), each surface out of view blended with a low-frequency estimate; depth: H x W m,
     filled; guess: of `begin_guess`."""
-    w = np.where(view.hole, inverse_depth(depth), surfaces.inverse_depth)
+    w = inverse_of_filled(view, surfaces, depth)
     return blend_with_low_frequency(view, color, view.color_hole & (surfaces.leaves < 0), w, surfaces.label, sky, guess)
 
 
@@ -54,14 +54,21 @@ def paint_surfaces(
     detail: False paints smooth colours alone."""
     if not view.color_hole.any():
         return view.color
-    w = np.where(view.hole, inverse_depth(depth), surfaces.inverse_depth)
+    w = inverse_of_filled(view, surfaces, depth)
     label = np.where(np.abs(w - surfaces.inverse_depth) > 0.05 * w, np.int32(SMOOTH), surfaces.label)
-    label = np.where(view.hole & (w == 0), np.int32(SKY), label).astype(np.int32)
+    label[view.hole & (w == 0)] = SKY
     shadow = find_remaining_shadow(view, label, context.law)
     leafy = paint_leaves(view.color, view, surfaces)
     open_ = view.color_hole & (surfaces.leaves < 0)
     color = synthesize(leafy, open_, w, label, view.camera, seed=seed, sky=context.sky, spoiled=shadow, detail=detail)
     return blend_at_rim(color, view.color_hole, open_ & ~np.isin(view.hole_type, NOT_BLENDED), w, label, shadow)
+
+
+def inverse_of_filled(view: View, surfaces: Surfaces, depth: Float32Array) -> Float32Array:
+    """H x W inverse depth (1/m): of the holes that of the filled depth (H x W m), elsewhere that of the surfaces."""
+    w = surfaces.inverse_depth.copy()
+    w[view.hole] = inverse_depth(depth[view.hole])
+    return w
 
 
 def paint_leaves(color: UInt8Array, view: View, surfaces: Surfaces) -> UInt8Array:

@@ -39,6 +39,8 @@ GUESSED = 256
 """Longer side of the picture in which both estimates are made; only low frequencies are used."""
 GRID = 64
 """Longer side of the grid for that blur."""
+PIECE = 1 << 17
+"""Pixels that are read from it at a time: what that takes on the way has ten times their size."""
 
 
 def blend_with_low_frequency(
@@ -72,7 +74,7 @@ def blend_with_low_frequency(
     if label is None:
         step = smooth - blur_among(color, out_of_view)
     else:
-        step = blur_per_label(smooth - painted, places, label)
+        step = blur_per_label(np.subtract(smooth, painted, out=smooth), places, label)
     blend = painted + share[:, None] * step
     out.reshape(-1, 3)[places] = np.clip(np.rint(blend, out=blend), 0, 255, out=blend)
     return out
@@ -103,7 +105,8 @@ def blur_per_label(values: Float32Array, places: NDArray[np.intp], label: NDArra
     height, width = (int(np.ceil(size / step)) for size in label.shape)
     rows, columns = np.divmod(places, label.shape[1])
     x, y = ((columns + 0.5) / step - 0.5).astype(np.float32), ((rows + 0.5) / step - 0.5).astype(np.float32)
-    cell = (rows / step).astype(np.int64) * width + (columns / step).astype(np.int64)
+    cell = (rows / step).astype(np.int32) * width + (columns / step).astype(np.int32)
+    del rows, columns
     number, out = label.ravel()[places], np.empty_like(values)
     for surface in np.unique(number):
         own = np.flatnonzero(number == surface)
@@ -111,7 +114,9 @@ def blur_per_label(values: Float32Array, places: NDArray[np.intp], label: NDArra
         sums = [np.bincount(there, part, height * width).reshape(height, width) for part in weights]
         wide = cv2.GaussianBlur(np.stack(sums, 2).astype(np.float32), (0, 0), WIDE * max(height, width))
         mean = wide[..., 1:] / np.maximum(wide[..., :1], np.float32(1e-6))
-        out[own] = sample_bilinear(np.asarray(mean, np.float32), x[own][:, None], y[own][:, None])
+        for first in range(0, len(own), PIECE):
+            some = own[first : first + PIECE]
+            out[some] = sample_bilinear(np.asarray(mean, np.float32), x[some][:, None], y[some][:, None])
     return out
 
 
@@ -146,7 +151,7 @@ def smooth_guess(view: View) -> Float32Array:
     where = unseen_colors(view)
     if not where.any():
         return np.zeros((0, 3), np.float32)
-    return spread_small(view.color.astype(np.float32), ~view.hole, spread_by_two, GUESSED)[where]
+    return spread_small(view.color, ~view.hole, spread_by_two, GUESSED, where)
 
 
 def spread_by_two(values: np.ndarray, known: BoolArray) -> Float32Array:

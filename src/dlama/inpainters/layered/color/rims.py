@@ -36,16 +36,16 @@ def blend_at_rim(
     color: H x W x 3, painted; hole: H x W, painted pixels; where: H x W, pixels that change; w, label: H x W inverse depth
     (1/m) and surface of all pixels; spoiled: H x W, known pixels whose colours do not continue.
     """
-    distance = np.asarray(cv2.distanceTransform(hole.astype(np.uint8), cv2.DIST_L2, 5), np.float32)
-    share = np.exp(-np.square(distance / FADES))
-    at_rim = where & (share > LEAST)
-    if not at_rim.any():
+    places = np.flatnonzero(where).astype(np.int32)
+    distance = cv2.distanceTransform(hole.view(np.uint8), cv2.DIST_L2, 5).ravel()[places]
+    share = np.exp(-np.square(distance / np.float32(FADES)))
+    places, share = places[share > LEAST], share[share > LEAST]
+    if not len(places):
         return color
     own = trusted_sources(hole, w, label, 1) & ~spoiled
-    known = np.where(own, label, np.int32(UNTRUSTED)).astype(np.int32)
-    depth = np.where(label == SKY, np.float32(1), w).astype(np.float32)
-    near, found = mean_known_nearby(np.ascontiguousarray(color), at_rim, known, label, depth, REACH, APART)
-    out = color.copy()
-    step = share[found, None] * (near[found] - color[found])
-    out[found] = np.clip(np.round(color[found] + step), 0, 255)
+    known, depth = np.where(own, label, np.int32(UNTRUSTED)), np.where(label == SKY, np.float32(1), w)
+    near, found = mean_known_nearby(np.ascontiguousarray(color), places, known, label, depth, REACH, APART)
+    out, places = color.copy(), places[found]
+    painted = color.reshape(-1, 3)[places]
+    out.reshape(-1, 3)[places] = np.clip(np.round(painted + share[found, None] * (near[found] - painted)), 0, 255)
     return out

@@ -75,7 +75,8 @@ def synthesize(
     if under is None:
         out[open_air] = SKY_COLOR
     else:
-        out[open_air] = np.rint(enlarge_colors(under, grid)[open_air])
+        for channel in range(3):  # one at a time: at full size they are floats
+            out[open_air, channel] = np.rint(enlarge(under[..., channel], grid)[open_air])
     regions = sorted(hole_regions(grid), key=lambda region: -len(region.pixels))
 
     def paint_regions(first: int, last: int) -> None:
@@ -151,10 +152,10 @@ def beyond_gap(grid: TextureGrid, pixels: NDArray[np.int64], sources: BoolArray)
     return away if (sources & ~away).sum() >= LEAST_CELLS else np.zeros_like(away)
 
 
-def enlarge_colors(colors: Float32Array, grid: TextureGrid) -> Float32Array:
-    """H x W x 3: colours of the base grid, interpolated."""
-    (rows, cols), size, (height, width) = colors.shape[:2], grid.base_cell_size, grid.hole.shape
-    large = cv2.resize(colors, (cols * size, rows * size), interpolation=cv2.INTER_LINEAR)
+def enlarge(values: Float32Array, grid: TextureGrid) -> Float32Array:
+    """H x W: values of the base grid, interpolated."""
+    (rows, cols), size, (height, width) = values.shape, grid.base_cell_size, grid.hole.shape
+    large = cv2.resize(values, (cols * size, rows * size), interpolation=cv2.INTER_LINEAR)
     return np.asarray(large[:height, :width], np.float32)
 
 

@@ -8,13 +8,16 @@ from numpy.typing import NDArray
 from dlama.geometry.kernels.jit import Real, Whole, in_bands, kernel
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 
+BAND = 2048
+"""Pixels per task."""
+
 
 @kernel
-def mean_known_rows(
+def mean_known(
     first: Whole,
     last: Whole,
     color: UInt8Array,
-    where: BoolArray,
+    places: NDArray[np.int32],
     known: NDArray[np.int32],
     label: NDArray[np.int32],
     w: Float32Array,
@@ -23,45 +26,43 @@ def mean_known_rows(
     out: Float32Array,
     found: BoolArray,
 ) -> None:
-    """Rows of `mean_known_nearby`."""
-    height, width = where.shape
-    for y in range(first, last):
-        for x in range(width):
-            if not where[y, x]:
-                continue
-            total, red, green, blue = 0.0, 0.0, 0.0, 0.0
-            for j in range(max(0, y - reach), min(height, y + reach + 1)):
-                for i in range(max(0, x - reach), min(width, x + reach + 1)):
-                    square = (j - y) * (j - y) + (i - x) * (i - x)
-                    if square > reach * reach or known[j, i] != label[y, x]:
-                        continue
-                    if abs(w[j, i] - w[y, x]) > apart * w[y, x]:
-                        continue
-                    share = 1.0 / (square * square)
-                    total += share
-                    red += share * color[j, i, 0]
-                    green += share * color[j, i, 1]
-                    blue += share * color[j, i, 2]
-            if total > 0:
-                out[y, x, 0], out[y, x, 1], out[y, x, 2] = red / total, green / total, blue / total
-                found[y, x] = True
+    """Pixels first..last of `mean_known_nearby`."""
+    height, width = w.shape
+    for n in range(first, last):
+        y, x = places[n] // width, places[n] % width
+        total, red, green, blue = 0.0, 0.0, 0.0, 0.0
+        for j in range(max(0, y - reach), min(height, y + reach + 1)):
+            for i in range(max(0, x - reach), min(width, x + reach + 1)):
+                square = (j - y) * (j - y) + (i - x) * (i - x)
+                if square > reach * reach or known[j, i] != label[y, x]:
+                    continue
+                if abs(w[j, i] - w[y, x]) > apart * w[y, x]:
+                    continue
+                share = 1.0 / (square * square)
+                total += share
+                red += share * color[j, i, 0]
+                green += share * color[j, i, 1]
+                blue += share * color[j, i, 2]
+        found[n] = total > 0
+        if total > 0:
+            out[n, 0], out[n, 1], out[n, 2] = red / total, green / total, blue / total
 
 
 def mean_known_nearby(
     color: UInt8Array,
-    where: BoolArray,
+    places: NDArray[np.int32],
     known: NDArray[np.int32],
     label: NDArray[np.int32],
     w: Float32Array,
     reach: int,
     apart: float,
 ) -> tuple[Float32Array, BoolArray]:
-    """H x W x 3 mean of the known pixels of the same surface within `reach` px, by the inverse fourth power of distance, at the
-    pixels of `where` (H x W); and H x W, True where there are any.
+    """N x 3 mean of the known pixels of the same surface within `reach` px, by the inverse fourth power of distance, at N flat
+    `places`; and N, True where there are any.
 
-    color: H x W x 3; known: H x W label of pixels that count, any other number elsewhere (and in `where`); label, w: H x W
+    color: H x W x 3; known: H x W label of pixels that count, any other number elsewhere (and at `places`); label, w: H x W
     label and inverse depth of all; apart: largest relative difference of inverse depth within one surface.
     """
-    out, found = np.zeros(color.shape, np.float32), np.zeros(where.shape, np.bool_)
-    in_bands(mean_known_rows, len(where), color, where, known, label, w, reach, float(apart), out, found)
+    out, found = np.zeros((len(places), 3), np.float32), np.empty(len(places), np.bool_)
+    in_bands(mean_known, len(places), color, places, known, label, w, reach, float(apart), out, found, band=BAND)
     return out, found
