@@ -150,8 +150,10 @@ def write_grey(path: PathLike, values: Float32Array) -> None:
     """Write float H x W in 0..1 as 8-bit grey (1 = 255, rounded, clipped; NaN = 0). Raises OutputError."""
     if values.ndim != 2:
         raise ShapeError(f"{path}: values have shape {values.shape}; H x W is expected")
-    levels = np.rint(np.clip(np.nan_to_num(values), 0, 1) * 255).astype(np.uint8)
-    save_picture(path, Image.fromarray(levels))
+    levels = np.nan_to_num(values)
+    np.clip(levels, 0, 1, out=levels)
+    levels *= 255
+    save_picture(path, Image.fromarray(np.rint(levels, out=levels).astype(np.uint8)))
 
 
 def save_picture(path: PathLike, picture: Image.Image, **options: Any) -> None:
