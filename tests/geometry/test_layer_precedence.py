@@ -9,7 +9,7 @@ import pytest
 
 from dlama.geometry.camera import Camera
 from dlama.geometry.fusion import fuse, layer_mesh
-from dlama.geometry.kernels.sampling import spline
+from dlama.geometry.kernels.drawing.sampling import spline
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene

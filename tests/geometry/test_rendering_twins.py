@@ -8,14 +8,10 @@ import numpy as np
 import pytest
 
 from dlama.geometry.camera import Camera
-from dlama.geometry.drawing import layers
-from dlama.geometry.drawing.layers import (
-    NEAR,
-    edge_ratio,
-    find_flying_pixels,
-    mesh_grid,
-    transform_depth,
-)
+from dlama.geometry.drawing import grid_mesh
+from dlama.geometry.drawing.grid_mesh import find_flying_pixels, mesh_grid
+from dlama.geometry.drawing.layers import NEAR, transform_depth
+from dlama.geometry.drawing.picture_edges import edge_ratio
 from dlama.geometry.projection import inverse_depth, px_from_px
 from dlama.geometry.rendering import close_grid, render
 from dlama.geometry.rgbd import RGBD
@@ -89,7 +85,7 @@ def mesh_of(frame: RGBD, least: float = 0.0) -> tuple[np.ndarray, np.ndarray, np
 @pytest.mark.parametrize("seed", SEEDS)
 def test_joints_and_flying_pixels(seed: int, least: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """Twin: every joint and every flying pixel of the grid, whatever noise there is."""
-    monkeypatch.setattr(layers, "step_by_noise", lambda *_: least)
+    monkeypatch.setattr(grid_mesh, "step_by_noise", lambda *_: least)
     frame, _, _ = pair(seed)
     view = View.from_rgbd(frame)
     w = inverse_depth(frame.depth)

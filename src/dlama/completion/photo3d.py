@@ -18,11 +18,12 @@ from dlama.completion.report import Clock, Record, about_depth, meta_data
 from dlama.completion.start import Plan, plan_for, scene_of
 from dlama.completion.steps import CompletedView, Step, complete_step, frame_steps
 from dlama.geometry.camera import Camera
-from dlama.geometry.drawing.layers import mesh_grid, rasterize_surface
+from dlama.geometry.drawing.grid_mesh import mesh_grid
+from dlama.geometry.drawing.layers import rasterize_surface
 from dlama.geometry.frames.choosing import choose_frames
 from dlama.geometry.fusion import add_layer
 from dlama.geometry.holes import box_around, larger_box, morphological_open, square
-from dlama.geometry.kernels.footprints import rim
+from dlama.geometry.kernels.drawing.footprints import rim
 from dlama.geometry.layers.edge_layers import continue_under_edges
 from dlama.geometry.layers.head_box import HeadBox
 from dlama.geometry.layers.soft_edges import separate_colors

@@ -10,7 +10,7 @@ import numpy as np
 from dlama.arguments import check_arguments
 from dlama.errors import ShapeError
 from dlama.geometry.cloud import PointCloud, concatenate
-from dlama.geometry.drawing.layers import mesh_grid
+from dlama.geometry.drawing.grid_mesh import mesh_grid
 from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
 from dlama.geometry.kernels.jit import BAND
 from dlama.geometry.mesh import Mesh, join_meshes

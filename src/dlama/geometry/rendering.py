@@ -19,6 +19,7 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.cloud import PointCloud
 from dlama.geometry.drawing.canvas import Canvas
 from dlama.geometry.drawing.gaps import can_close_gaps, close_gaps
+from dlama.geometry.drawing.grid_mesh import find_flying_pixels as find_flying_pixels
 from dlama.geometry.drawing.layers import (
     ALL,
     NEAR,
@@ -33,11 +34,10 @@ from dlama.geometry.drawing.layers import (
 )
 from dlama.geometry.drawing.layers import MODES as MODES
 from dlama.geometry.drawing.layers import Mode as Mode
-from dlama.geometry.drawing.layers import find_flying_pixels as find_flying_pixels
 from dlama.geometry.frames.extent import may_show
 from dlama.geometry.frames.merging import keep_latest, merge_frames, surface_of
 from dlama.geometry.holes import box_around, fill_with_nearest
-from dlama.geometry.kernels import hole_types as hole_kernels
+from dlama.geometry.kernels.drawing import hole_types as hole_kernels
 from dlama.geometry.kernels.jit import in_bands, threads
 from dlama.geometry.projection import project
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, UInt16Array, freeze
@@ -45,7 +45,7 @@ from dlama.geometry.scene import Scene, contribution
 from dlama.geometry.view import HoleType, Origin, View
 
 TYPE_OF_RANK = np.zeros(256, np.uint8)
-"""Hole types in rising precedence where several apply (ranks of `dlama.geometry.kernels.hole_types`), for cv2.LUT."""
+"""Hole types in rising precedence where several apply (ranks of `dlama.geometry.kernels.drawing.hole_types`), for cv2.LUT."""
 TYPE_OF_RANK[:6] = (
     HoleType.OUT_OF_VIEW,
     HoleType.DISOCCLUDED,

@@ -40,7 +40,10 @@ def test_a_view_calls_listed_kernels_only() -> None:
     dlama.view(dlama.read_rgbd(folder / "street.jpg", folder / "depth.png", fov=90), yaw=20, pivot=12.0)
     listed = {(words[1], tuple(map(ahead.numba_type, words[2:]))) for words in ahead.listed_kernels("view")}
     names = {name for name, _ in listed}
-    for name in ("dlama.geometry.kernels.rasterize:draw_surface", "dlama.inpainters.layered.kernels.surfaces:sweep"):
+    for name in (
+        "dlama.geometry.kernels.drawing.rasterize:draw_surface",
+        "dlama.inpainters.layered.kernels.surfaces:sweep",
+    ):
         called = {(name, types) for types in pkgutil.resolve_name(name).signatures}
         assert name in names and called & listed
 

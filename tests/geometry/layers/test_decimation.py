@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from dlama.geometry.camera import Camera
-from dlama.geometry.drawing.layers import mesh_grid
+from dlama.geometry.drawing.grid_mesh import mesh_grid
 from dlama.geometry.fusion import layer_mesh
 from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
 from dlama.geometry.layers.decimation import DecimatedMesh, decimate

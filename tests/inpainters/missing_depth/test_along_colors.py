@@ -11,10 +11,9 @@ import pytest
 import dlama
 from dlama.geometry.camera import Camera
 from dlama.geometry.kernels.along_colors import nearest_by_color
-from dlama.geometry.kernels.relaxing import relax
 from dlama.geometry.rgbd import RGBD
 from dlama.inpainters.missing_depth.along_colors import fill_along_colors
-from dlama.inpainters.missing_depth.kernels import conductances
+from dlama.inpainters.missing_depth.kernels import conductances, relax
 from dlama.perception.planes import SKY, SMOOTH
 
 WIDTH, HEIGHT = 192, 144

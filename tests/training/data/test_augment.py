@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from dlama.geometry.camera import Camera
-from dlama.geometry.drawing.layers import find_flying_pixels as flying_pixels
+from dlama.geometry.drawing.grid_mesh import find_flying_pixels as flying_pixels
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import View
 from dlama.training.data import augment

@@ -14,7 +14,7 @@ from plyfile import PlyData, PlyElement
 
 from dlama.files.atomic_write import PathLike, new_file
 from dlama.geometry.camera import Camera, Float64Array
-from dlama.geometry.drawing.layers import mesh_grid
+from dlama.geometry.drawing.grid_mesh import mesh_grid
 from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
 from dlama.geometry.layers.head_box import HeadBox
 from dlama.geometry.layers.layered_mesh import fill_own_holes, sky_distance

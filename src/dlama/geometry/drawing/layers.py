@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
-from weakref import WeakKeyDictionary
 
 import cv2
 import numpy as np
@@ -14,14 +13,12 @@ from numpy.typing import NDArray
 
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.drawing.canvas import Canvas
-from dlama.geometry.drawing.picture_edges import align_edges
-from dlama.geometry.drawing.picture_edges import edge_ratio as edge_ratio
-from dlama.geometry.kernels import depth_edges as edges
-from dlama.geometry.kernels import rasterize as raster
-from dlama.geometry.kernels import shading
-from dlama.geometry.kernels.footprints import draw_rim, rim
+from dlama.geometry.drawing.grid_mesh import prepare_mesh
+from dlama.geometry.kernels.drawing import chunks, shading
+from dlama.geometry.kernels.drawing import rasterize as raster
+from dlama.geometry.kernels.drawing.footprints import draw_rim, rim
+from dlama.geometry.kernels.drawing.sampling import far_blocks, smooth_quads, spline
 from dlama.geometry.kernels.jit import in_bands, threads
-from dlama.geometry.kernels.sampling import far_blocks, smooth_quads, spline
 from dlama.geometry.projection import px_from_px
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, paste
 from dlama.geometry.view import View
@@ -29,68 +26,12 @@ from dlama.geometry.view import View
 Mode = Literal["surface", "points"]
 MODES: tuple[Mode, ...] = ("surface", "points")
 
-NOISE_REACH, NOISE_LINES, NOISE_STEPS, NOISY = 4, 32, 4.0, 2.5
-"""Distance in px of the differences that measure noise; rows and columns used; standard deviations within one surface; and from
-which surfaces tear."""
-NOISE_SAMPLES = 1000
-"""Least number of samples that distinguish noise from edges."""
 NEAR = 1e-3
 """Near plane in metres."""
 MAX_PARTS = 4
 """Most threads that draw points at once, each into its own z-buffer."""
 ALL = np.zeros((0, 0), np.int32)
 """Instead of a table of the pixels that count (`count_wanted`): all do."""
-MESHES: WeakKeyDictionary[View, tuple[BoolArray, UInt8Array]] = WeakKeyDictionary()
-"""Cache by view, 2 bytes a pixel: its flying pixels and which neighbours are joined. Each is drawn into many cameras."""
-
-
-def step_by_noise(w: Float32Array, ratio: float) -> float:
-    """Step in inverse depth (1/m) between neighbouring pixels caused by noise alone; 0 where `ratio` covers it at the median.
-
-    w: with a margin, see `depth_edges`. Matched depth is off by a fraction of a pixel of disparity everywhere: far walls must
-    not be torn by it. Measured as the median second difference over NOISE_REACH px (0 on straight lines) of some NOISE_LINES
-    rows and columns.
-    """
-    k, bends, levels = NOISE_REACH, [], []
-    for lines in (w, w.T):
-        some = lines[edges.PAD : -edges.PAD : max(1, len(lines) // NOISE_LINES), edges.PAD : -edges.PAD]
-        before, here, after = some[:, : -2 * k], some[:, k:-k], some[:, 2 * k :]
-        known = (before > 0) & (here > 0) & (after > 0)
-        bends.append(np.abs(here - (before + after) / 2)[known])
-        levels.append(here[known])
-    bend, level = np.concatenate(bends), np.concatenate(levels)
-    if bend.size < NOISE_SAMPLES:
-        return 0.0
-    noise = float(np.median(bend)) / (0.6745 * np.sqrt(1.5))
-    return NOISE_STEPS * noise if NOISY * noise > ratio * float(np.median(level)) else 0.0
-
-
-def find_flying_pixels(view: View) -> BoolArray:
-    """H x W, True at flying pixels: depth strictly between two adjacent surfaces, joined to neither."""
-    return MESHES[view][0] if view in MESHES else remove_flying_pixels(view)[1]
-
-
-def remove_flying_pixels(layer: View, step: float = 0.0) -> tuple[Float32Array, BoolArray, Float32Array]:
-    """Depth without holes and flying pixels (0), its edges aligned with the picture; the flying pixels; and inverse depth with
-    a margin, for `depth_edges`. step: in inverse depth (1/m), up to which neighbours are one surface at least."""
-    placed, mixed, _ = align_edges(layer)
-    unknown = layer.hole | mixed
-    w = edges.inverse_with_margin(placed, unknown)
-    depth, fly = np.empty_like(placed), np.empty_like(layer.hole)
-    ratio = edge_ratio(layer.camera)
-    least = max(step, step_by_noise(w, ratio))
-    in_bands(edges.reject_flying, len(depth), w, placed, unknown, ratio, least, depth, fly)
-    fly |= mixed
-    w[edges.PAD : -edges.PAD, edges.PAD : -edges.PAD][fly] = 0
-    return depth, fly, w
-
-
-def join_neighbours(w: Float32Array, camera: Camera, step: float = 0.0) -> UInt8Array:
-    """H x W bits RIGHT (1), DOWN (2): is a pixel joined to its right, its lower one? w, step: as of `remove_flying_pixels`."""
-    joined = np.empty(camera.hw, np.uint8)
-    ratio = edge_ratio(camera)
-    in_bands(edges.join, len(joined), w, ratio, max(step, step_by_noise(w, ratio)), joined)
-    return joined
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,24 +108,6 @@ class Grid:
     def knots(self) -> Float32Array:
         """Of the colours' splines; none where not fine."""
         return self.surface.knots if self.fine else np.empty(0, np.float32)
-
-
-def mesh_grid(layer: View, step: float = 0.0) -> tuple[Float32Array, UInt8Array]:
-    """Depth without flying pixels, and which neighbours are joined into one surface (`step`: as of `remove_flying_pixels`)."""
-    if step == 0:
-        return prepare_mesh(layer.read())[::2]
-    depth, _, w = remove_flying_pixels(layer, step)
-    return depth, join_neighbours(w, layer.camera, step)
-
-
-def prepare_mesh(layer: View) -> tuple[Float32Array, BoolArray, UInt8Array]:
-    """Depth without flying pixels (0), the flying pixels, and which neighbours are joined; found once for a layer."""
-    if layer in MESHES:
-        flying, joined = MESHES[layer]
-        return np.where(flying | layer.hole, np.float32(0), align_edges(layer).depth), flying, joined
-    depth, flying, w = remove_flying_pixels(layer)
-    MESHES[layer] = flying, join_neighbours(w, layer.camera)
-    return depth, *MESHES[layer]
 
 
 def count_wanted(wanted: BoolArray) -> NDArray[np.int32]:
@@ -309,12 +232,12 @@ def transform_depth(depth: Float32Array, matrix: Float64Array, offset: Float64Ar
 
 
 def vertex_row_spans(y: Float32Array, w: Float32Array) -> Float32Array:
-    """H x N x 2: smallest and largest target row of each row of vertices, N chunks of columns (see `raster.row_spans`)."""
-    out = np.empty((*y.shape[:1], -(-y.shape[1] // raster.CHUNK), 2), np.float32)
-    in_bands(raster.row_spans, len(y), y, w, out)
+    """H x N x 2: smallest and largest target row of each row of vertices, N chunks of columns (see `chunks.row_spans`)."""
+    out = np.empty((*y.shape[:1], -(-y.shape[1] // chunks.CHUNK), 2), np.float32)
+    in_bands(chunks.row_spans, len(y), y, w, out)
     return out
 
 
 def box_room(rows: int) -> NDArray[np.int32]:
     """Room to work for `raster.draw_surface`."""
-    return np.empty((rows, 4, raster.CHUNK), np.int32)
+    return np.empty((rows, 4, chunks.CHUNK), np.int32)

@@ -20,8 +20,8 @@ from dlama.geometry.drawing.canvas import Canvas
 from dlama.geometry.drawing.layers import ALL, Grid, Mode, Surface, count_wanted, draw_apart
 from dlama.geometry.frames.choosing import MOST_FRAMES, choose_frames
 from dlama.geometry.holes import morphological_open, square
-from dlama.geometry.kernels import merging as kernels
 from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
+from dlama.geometry.kernels.drawing import merging as kernels
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.projection import px_from_px
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, UInt16Array

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.camera import Float64Array
-from dlama.geometry.drawing.layers import mesh_grid
+from dlama.geometry.drawing.grid_mesh import mesh_grid
 from dlama.geometry.fusion import HALVES, cell_halves
 from dlama.geometry.holes import box_around
 from dlama.geometry.kernels import decimating as kernels

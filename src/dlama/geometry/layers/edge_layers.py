@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.drawing.layers import mesh_grid
+from dlama.geometry.drawing.grid_mesh import mesh_grid
 from dlama.geometry.holes import nearest_known
 from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
 from dlama.geometry.projection import depth_from_inverse, inverse_depth

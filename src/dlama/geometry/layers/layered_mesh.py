@@ -14,7 +14,7 @@ from functools import cache
 import numpy as np
 
 from dlama.geometry.camera import Camera
-from dlama.geometry.drawing.layers import mesh_grid
+from dlama.geometry.drawing.grid_mesh import mesh_grid
 from dlama.geometry.layers.decimation import decimate
 from dlama.geometry.layers.head_box import HeadBox
 from dlama.geometry.layers.soft_edges import join_depth

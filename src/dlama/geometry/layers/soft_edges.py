@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dlama.geometry.camera import Camera
-from dlama.geometry.drawing.layers import join_neighbours, mesh_grid
+from dlama.geometry.drawing.grid_mesh import join_neighbours, mesh_grid
 from dlama.geometry.holes import fill_with_nearest, nearest_known
 from dlama.geometry.kernels.depth_edges import DOWN, RIGHT, inverse_with_margin
 from dlama.geometry.kernels.jit import in_bands

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
+from dlama.geometry.kernels.drawing.sampling import whole_quads
 from dlama.geometry.kernels.jit import Real, Whole, kernel, piece
-from dlama.geometry.kernels.sampling import whole_quads
 from dlama.geometry.rgbd import Float32Array, UInt8Array
 
 

@@ -12,14 +12,12 @@ from numpy.typing import NDArray
 
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
-from dlama.geometry.kernels.jit import Flag, Real, Whole, inlined, kernel, piece
+from dlama.geometry.kernels.drawing.chunks import CHUNK, chunk_boxes, chunk_meets, marked_within, quad_span
+from dlama.geometry.kernels.jit import Real, Whole, inlined, kernel, piece
 from dlama.geometry.rgbd import Float32Array, UInt8Array
 
 Box = tuple[Whole, Whole, Whole, Whole]
 """Target pixels, inclusive: left, right, upper, lower."""
-NOWHERE = np.float32(np.inf)
-CHUNK = 64
-"""Source columns that are skipped together where they do not touch a band."""
 
 
 @piece
@@ -106,66 +104,6 @@ def draw_points(
                         index[part, to_row, to_column] = row * width + column
 
 
-@kernel
-def row_spans(first: Whole, last: Whole, y: Float32Array, w: Float32Array, spans: Float32Array) -> None:
-    """Smallest and largest target y of each row of vertices, those of CHUNK quads at a time (empty: inf, -inf).
-
-    spans: H x N x 2.
-    """
-    width = y.shape[1]
-    for row in range(first, last):
-        for chunk in range(spans.shape[1]):
-            low, high = np.float32(np.inf), np.float32(-np.inf)
-            for column in range(chunk * CHUNK, min(width, (chunk + 1) * CHUNK + 1)):
-                if w[row, column] > 0:
-                    low = min(low, y[row, column])
-                    high = max(high, y[row, column])
-            spans[row, chunk, 0], spans[row, chunk, 1] = low, high
-
-
-@piece
-def quad_span(spans: Float32Array, row: Whole, chunk: Whole) -> tuple[Real, Real]:
-    """Smallest and largest target y of a row of CHUNK quads; spans: as of `row_spans`."""
-    low, high = min(spans[row, chunk, 0], spans[row + 1, chunk, 0]), max(spans[row, chunk, 1], spans[row + 1, chunk, 1])
-    return low, high
-
-
-@piece
-def chunk_boxes(
-    x: Float32Array,
-    y: Float32Array,
-    w: Float32Array,
-    row: Whole,
-    begin: Whole,
-    end: Whole,
-    top: Whole,
-    bottom: Whole,
-    columns: Whole,
-    boxes: NDArray[np.int32],
-) -> None:
-    """Target pixels whose centres the quads begin..end of a row may cover, cut to rows [top, bottom), into `boxes` (4 x CHUNK):
-    left, right, upper, lower, inclusive.
-
-    Vertices that are not there (w = 0) have no position and do not count. Without branches: several quads at a time.
-    """
-    low_x: Real
-    low_y: Real
-    high_x: Real
-    high_y: Real
-    for column in range(begin, end):
-        low_x, high_x, low_y, high_y = NOWHERE, -NOWHERE, NOWHERE, -NOWHERE
-        for corner in range(4):
-            r, c = row + (corner >> 1), column + (corner & 1)
-            there, px, py = w[r, c] > 0, x[r, c], y[r, c]
-            low_x, high_x = min(low_x, px if there else NOWHERE), max(high_x, px if there else -NOWHERE)
-            low_y, high_y = min(low_y, py if there else NOWHERE), max(high_y, py if there else -NOWHERE)
-        n = column - begin
-        boxes[0, n] = np.int32(np.ceil(min(max(0.5, low_x), columns + 1.0) - 0.5001))
-        boxes[1, n] = np.int32(np.floor(max(min(columns - 0.5, high_x), -1.0) - 0.4999))
-        boxes[2, n] = np.int32(np.ceil(min(max(top + 0.5, low_y), bottom + 1.0) - 0.5001))
-        boxes[3, n] = np.int32(np.floor(max(min(bottom - 0.5, high_y), top - 1.0) - 0.4999))
-
-
 @piece
 def quad_sides(joined: UInt8Array, row: Whole, column: Whole) -> Whole:
     """The four sides of the quad at (row, column), as bits: 1 top, 2 left, 4 right, 8 bottom."""
@@ -174,43 +112,6 @@ def quad_sides(joined: UInt8Array, row: Whole, column: Whole) -> Whole:
     sides |= (joined[row, column + 1] & DOWN) << 1
     sides |= (joined[row + 1, column] & RIGHT) << 3
     return sides
-
-
-@piece
-def marked_within(count: NDArray[np.integer], left: Whole, right: Whole, upper: Whole, lower: Whole) -> Whole:
-    """How many marked pixels a box (inclusive) holds; count: their summed-area table, (H + 1) x (W + 1)."""
-    return count[lower + 1, right + 1] - count[upper, right + 1] - count[lower + 1, left] + count[upper, left]
-
-
-@piece
-def chunk_meets(
-    x: Float32Array,
-    w: Float32Array,
-    row: Whole,
-    chunk: Whole,
-    low: Real,
-    high: Real,
-    first: Whole,
-    last: Whole,
-    count: NDArray[np.integer],
-) -> Flag:
-    """True if the box round a row of quads (target rows low..high, cut to [first, last)) may hold a marked pixel."""
-    if not (low <= last and high >= first):
-        return False
-    columns = count.shape[1] - 1
-    left, right = np.float32(columns), np.float32(0)
-    for r in range(row, row + 2):
-        for column in range(chunk * CHUNK, min(x.shape[1], (chunk + 1) * CHUNK + 1)):
-            if w[r, column] > 0:
-                left, right = min(left, x[r, column]), max(right, x[r, column])
-    if left > right:
-        return False
-    near, far = np.int64(max(left, np.float32(1))) - 1, min(columns - 1, np.int64(min(right, np.float32(columns))) + 1)
-    upper, lower = (
-        max(first, np.int64(max(low, np.float32(first))) - 1),
-        min(last - 1, np.int64(min(high, np.float32(last))) + 1),
-    )
-    return near <= far and upper <= lower and marked_within(count, near, far, upper, lower) > 0
 
 
 @kernel

@@ -11,8 +11,8 @@ import math
 import cv2
 import numpy as np
 
+from dlama.geometry.kernels.drawing.rasterize import quad_sides
 from dlama.geometry.kernels.jit import Real, Whole, inlined, piece
-from dlama.geometry.kernels.rasterize import quad_sides
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 
 Four = tuple[Real, Real, Real, Real]

@@ -9,8 +9,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from dlama.geometry.kernels.drawing.chunks import CHUNK, chunk_boxes, chunk_meets, marked_within, quad_span
+from dlama.geometry.kernels.drawing.rasterize import Box, quad_sides
 from dlama.geometry.kernels.jit import Flag, Real, Whole, kernel, piece
-from dlama.geometry.kernels.rasterize import CHUNK, Box, chunk_boxes, chunk_meets, marked_within, quad_sides, quad_span
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 
 DISOCCLUDED_RANK = 1
@@ -49,7 +50,7 @@ def mark_closed_mesh(
 ) -> None:
     """Draw the whole closed grid over the empty pixels of target rows [first, last).
 
-    x, y, w: target pixels and inverse depth of every source pixel (closed: no gaps); spans: as of `rasterize.row_spans`;
+    x, y, w: target pixels and inverse depth of every source pixel (closed: no gaps); spans: as of `chunks.row_spans`;
     grid_rank: uint8, SENSOR / OBJECT ranks of source pixels that are not there, else 0; crack_rank: what an unbroken quad over
     an empty pixel means; count: summed-area table of `hole`.
     """

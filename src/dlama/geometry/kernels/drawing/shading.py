@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.camera import Float64Array
+from dlama.geometry.kernels.drawing.rasterize import quad_sides
+from dlama.geometry.kernels.drawing.sampling import HALF, ONE, ZERO, bilinear, level, smooth_color, surface_color
 from dlama.geometry.kernels.jit import Real, Whole, inlined, kernel, piece
-from dlama.geometry.kernels.rasterize import quad_sides
-from dlama.geometry.kernels.sampling import HALF, ONE, ZERO, bilinear, level, smooth_color, surface_color
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 
 REPROJECTED = 2

@@ -1,0 +1,89 @@
+"""A layer in; its depth without flying pixels, and which of its neighbouring pixels are one surface, out."""
+
+from __future__ import annotations
+
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from dlama.geometry.camera import Camera
+from dlama.geometry.drawing.picture_edges import align_edges, edge_ratio
+from dlama.geometry.kernels import depth_edges as edges
+from dlama.geometry.kernels.jit import in_bands
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+from dlama.geometry.view import View
+
+NOISE_REACH, NOISE_LINES, NOISE_STEPS, NOISY = 4, 32, 4.0, 2.5
+"""Distance in px of the differences that measure noise; rows and columns used; standard deviations within one surface; and from
+which surfaces tear."""
+NOISE_SAMPLES = 1000
+"""Least number of samples that distinguish noise from edges."""
+MESHES: WeakKeyDictionary[View, tuple[BoolArray, UInt8Array]] = WeakKeyDictionary()
+"""Cache by view, 2 bytes a pixel: its flying pixels and which neighbours are joined. Each is drawn into many cameras."""
+
+
+def step_by_noise(w: Float32Array, ratio: float) -> float:
+    """Step in inverse depth (1/m) between neighbouring pixels caused by noise alone; 0 where `ratio` covers it at the median.
+
+    w: with a margin, see `depth_edges`. Matched depth is off by a fraction of a pixel of disparity everywhere: far walls must
+    not be torn by it. Measured as the median second difference over NOISE_REACH px (0 on straight lines) of some NOISE_LINES
+    rows and columns.
+    """
+    k, bends, levels = NOISE_REACH, [], []
+    for lines in (w, w.T):
+        some = lines[edges.PAD : -edges.PAD : max(1, len(lines) // NOISE_LINES), edges.PAD : -edges.PAD]
+        before, here, after = some[:, : -2 * k], some[:, k:-k], some[:, 2 * k :]
+        known = (before > 0) & (here > 0) & (after > 0)
+        bends.append(np.abs(here - (before + after) / 2)[known])
+        levels.append(here[known])
+    bend, level = np.concatenate(bends), np.concatenate(levels)
+    if bend.size < NOISE_SAMPLES:
+        return 0.0
+    noise = float(np.median(bend)) / (0.6745 * np.sqrt(1.5))
+    return NOISE_STEPS * noise if NOISY * noise > ratio * float(np.median(level)) else 0.0
+
+
+def find_flying_pixels(view: View) -> BoolArray:
+    """H x W, True at flying pixels: depth strictly between two adjacent surfaces, joined to neither."""
+    return MESHES[view][0] if view in MESHES else remove_flying_pixels(view)[1]
+
+
+def remove_flying_pixels(layer: View, step: float = 0.0) -> tuple[Float32Array, BoolArray, Float32Array]:
+    """Depth without holes and flying pixels (0), its edges aligned with the picture; the flying pixels; and inverse depth with
+    a margin, for `depth_edges`. step: in inverse depth (1/m), up to which neighbours are one surface at least."""
+    placed, mixed, _ = align_edges(layer)
+    unknown = layer.hole | mixed
+    w = edges.inverse_with_margin(placed, unknown)
+    depth, fly = np.empty_like(placed), np.empty_like(layer.hole)
+    ratio = edge_ratio(layer.camera)
+    least = max(step, step_by_noise(w, ratio))
+    in_bands(edges.reject_flying, len(depth), w, placed, unknown, ratio, least, depth, fly)
+    fly |= mixed
+    w[edges.PAD : -edges.PAD, edges.PAD : -edges.PAD][fly] = 0
+    return depth, fly, w
+
+
+def join_neighbours(w: Float32Array, camera: Camera, step: float = 0.0) -> UInt8Array:
+    """H x W bits RIGHT (1), DOWN (2): is a pixel joined to its right, its lower one? w, step: as of `remove_flying_pixels`."""
+    joined = np.empty(camera.hw, np.uint8)
+    ratio = edge_ratio(camera)
+    in_bands(edges.join, len(joined), w, ratio, max(step, step_by_noise(w, ratio)), joined)
+    return joined
+
+
+def mesh_grid(layer: View, step: float = 0.0) -> tuple[Float32Array, UInt8Array]:
+    """Depth without flying pixels, and which neighbours are joined into one surface (`step`: as of `remove_flying_pixels`)."""
+    if step == 0:
+        return prepare_mesh(layer.read())[::2]
+    depth, _, w = remove_flying_pixels(layer, step)
+    return depth, join_neighbours(w, layer.camera, step)
+
+
+def prepare_mesh(layer: View) -> tuple[Float32Array, BoolArray, UInt8Array]:
+    """Depth without flying pixels (0), the flying pixels, and which neighbours are joined; found once for a layer."""
+    if layer in MESHES:
+        flying, joined = MESHES[layer]
+        return np.where(flying | layer.hole, np.float32(0), align_edges(layer).depth), flying, joined
+    depth, flying, w = remove_flying_pixels(layer)
+    MESHES[layer] = flying, join_neighbours(w, layer.camera)
+    return depth, *MESHES[layer]

@@ -1,0 +1,263 @@
+"""The known texture of a region's surface in; translations along it at which it repeats, and which each cell takes, out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from dlama.geometry.rgbd import Float32Array
+from dlama.inpainters.layered.color.texture_grid import HoleRegion, TextureGrid
+from dlama.inpainters.layered.kernels import patch_offsets as kernels
+
+Array = NDArray[np.float64]
+Bases = tuple[Float32Array, Float32Array]
+"""Two smooth colour fields on the base grid (rows x cols x 3): one true to the rim, one much smoother."""
+
+SEARCHED = 0.003
+"""Least share of the picture of a region whose plane is searched for repeating texture."""
+SAMPLES = 320
+"""Number of known points at which an offset is scored."""
+COARSE = 2
+"""Of the known points every second one is enough to find where the texture may repeat; all refine and choose."""
+MOST_OFFSETS = 28
+"""Most offsets of a region."""
+GRAIN = 9.0
+"""Grey levels (standard deviation) of uncorrelated fine detail that are kept: as smooth as looks natural, and no smoother."""
+OUTLIER = 4.0
+"""Standard deviations (robust) at which detail is clipped before it is compared."""
+MEASURED = 2000
+"""Known cells, at least, that a median is taken of: every so-many-th."""
+SEAM_COST = 0.01
+"""Cost of a seam per grey level of difference."""
+
+
+@dataclass(frozen=True)
+class CopiedDetail:
+    """The sources of each cell of a region."""
+
+    axes: Array
+    """2 x 3: homogeneous pixel displacement per unit of offset along two directions of the plane."""
+    offsets: Array
+    """N x 2."""
+    choice: NDArray[np.int32]
+    """Base grid: index of the offset, -1 = none."""
+    gains: Float32Array
+    """Base grid x 3: weight 0..1 of the fine band, of the middle band and of the copied colour as it stands."""
+
+    @classmethod
+    def none(cls, shape: tuple[int, ...]) -> CopiedDetail:
+        """No detail on a base grid of that shape: the base colour alone."""
+        nowhere, weightless = np.full(shape, -1, np.int32), np.zeros((*shape, 3), np.float32)
+        return cls(np.zeros((2, 3)), np.zeros((1, 2)), nowhere, weightless)
+
+
+class OffsetSearch:
+    """The known texture of one region's surface, prepared for autocorrelation."""
+
+    def __init__(
+        self, grid: TextureGrid, region: HoleRegion, bases: Bases, axes: Array, rng: np.random.Generator
+    ) -> None:
+        self.grid, self.region, self.axes = grid, region, axes
+        self.base_shape = bases[0].shape[:2]
+        own, color = region.sources, grid.cell_color
+        self.own = region.cell_label(grid)
+        self.some = np.flatnonzero(own)[:: max(1, int(own.sum()) // MEASURED)]
+        self.bands = [self._detail_above(bases[1]), self._detail_above(bases[0])]
+        self.bands.append(self.bands[0] - self.bands[1])
+        self.bands.append(((color - color[own].mean(0)) * own[..., None]).astype(np.float32))
+        self.compared = [np.clip(band, -limit, limit) for band in self.bands for limit in [self._outlier(band)]]
+        self.known = self._known_cells()
+        self.cells, self.centres = self._hole_cells()
+        self.points = self._sample_points(rng)
+        self.step = self._unit_step()
+
+    def _outlier(self, band: Float32Array) -> np.float32:
+        """Grey levels at which detail is clipped: a few bright spots would dominate the correlation."""
+        return np.float32(OUTLIER * 1.4826 * np.median(np.abs(band.reshape(-1, 3)[self.some])) + 1)
+
+    def contrast(self) -> float:
+        """Median over the known cells of the size of fine detail, in grey levels."""
+        return float(np.median(np.sqrt(channel_squares(self.bands[1]).ravel()[self.some] / 3)))
+
+    def _detail_above(self, base: Float32Array) -> Float32Array:
+        """Known colour minus a base, rows x cols x 3 cells; 0 where unknown."""
+        own = self.region.sources
+        rows, cols = own.shape
+        fine = cv2.resize(base, (2 * base.shape[1], 2 * base.shape[0]), interpolation=cv2.INTER_LINEAR)[:rows, :cols]
+        return np.ascontiguousarray((self.grid.cell_color - fine.reshape(rows, cols, 3)) * own[..., None], np.float32)
+
+    def _known_cells(self) -> Array:
+        """N x 3: u, v, inverse depth of the known cells' centres."""
+        y, x = np.nonzero(self.region.sources)
+        factor = self.grid.cell_size
+        return np.stack([(x + 0.5) * factor, (y + 0.5) * factor, self.grid.cell_inverse_depth[y, x]], 1).astype(
+            np.float64
+        )
+
+    def _hole_cells(self) -> tuple[NDArray[np.int64], Array]:
+        """Flat indices of the hole's cells, and N x 3: u, v, inverse depth of their hole pixels' centre of mass."""
+        y, x = np.divmod(self.region.pixels, self.grid.hole.shape[1])
+        flat = (y // self.grid.base_cell_size) * self.base_shape[1] + x // self.grid.base_cell_size
+        count = np.bincount(flat)
+        cells = np.flatnonzero(count)
+        w = self.grid.inverse_depth.ravel()[self.region.pixels]
+        sums = [np.bincount(flat, value)[cells] for value in (x + 0.5, y + 0.5, w)]
+        return cells, np.stack(sums, 1) / count[cells][:, None]
+
+    def _sample_points(self, rng: np.random.Generator) -> Array:
+        """Known points: half of them from the quarter nearest to the hole, half from anywhere."""
+        away = np.ones(self.base_shape, np.uint8)
+        away.ravel()[self.cells] = 0
+        distance = cv2.distanceTransform(away, cv2.DIST_L2, 3)
+        cell = self.grid.base_cell_size
+        there = distance[(self.known[:, 1] // cell).astype(int), (self.known[:, 0] // cell).astype(int)]
+        near = np.argsort(there, kind="stable")[: max(24, len(there) // 4)]
+        half = min(len(there), SAMPLES) // 2
+        pick = np.concatenate([near[rng.integers(0, len(near), half)], rng.integers(0, len(there), half)])
+        return self.known[pick]
+
+    def _unit_step(self) -> Array:
+        """Offset along each axis that moves a typical known place by one work cell."""
+        u, v, w = self.points.T
+        moves = [np.quantile(w * np.hypot(a[0] - u * a[2], a[1] - v * a[2]), 0.6) for a in self.axes]
+        return self.grid.cell_size / np.maximum(moves, 1e-9)
+
+    def score(self, offsets: Array, band: int = 0, every: int = 1) -> Float32Array:
+        """Correlation of the known texture with itself under each offset, at every so-many-th of the known points.
+
+        band: 0 all detail, 1 fine, 2 middle, 3 colour.
+        """
+        points = np.ascontiguousarray(self.points[::every])
+        least = max(12, len(points) // 12)
+        offsets = np.ascontiguousarray(offsets, np.float64)
+        return kernels.correlate(offsets, points, self.compared[band], *self._sources(), least)
+
+    def _sources(self) -> tuple[int, Float32Array, NDArray[np.int32], int, Array]:
+        """Description of the sources for the kernels: cell size, inverse depth and label of the cells, the region's label and
+        axes."""
+        grid = self.grid
+        return grid.cell_size, grid.cell_inverse_depth, self.own, self.region.label, self.axes
+
+    def choose_offsets(self, rng: np.random.Generator) -> Array:
+        """The few offsets that together bring every hole cell a good source (greedy cover)."""
+        found = self._find_repeating() if self._is_worth_searching() else np.zeros((0, 2))
+        offsets = np.ascontiguousarray(np.concatenate([found, self._sample_to_known(rng)]))
+        some = np.ascontiguousarray(self.centres[rng.permutation(len(self.centres))[:600]])
+        scale = kernels.change_of_scale(offsets, some, *self._sources())
+        worth = np.maximum(0.3 + self.score(offsets)[:, None] - 0.25 * scale, 0.01) * (scale >= 0)
+        best, chosen = np.zeros(len(some)), []
+        for _ in range(MOST_OFFSETS):
+            gain = np.maximum(worth - best, 0).sum(1)
+            i = int(gain.argmax())
+            if gain[i] <= 0.001 * len(some):
+                break
+            chosen.append(i)
+            best = np.maximum(best, worth[i])
+        return np.ascontiguousarray(offsets[chosen])
+
+    def _is_worth_searching(self) -> bool:
+        return len(self.region.pixels) >= SEARCHED * self.grid.hole.size
+
+    def _find_repeating(self) -> Array:
+        """Offsets under which the known texture repeats: a fine search near, a coarse one far, multiples; then refined."""
+        short, far = self._peaks(20, 1, 3, 24), self._peaks(36, 5, 2, 60)
+        lattice = [short[:4] * m for m in (2, 3, 4, 6, 8)]
+        offsets = np.concatenate([short, far, *lattice])
+        around = np.stack(np.meshgrid([-1, 0, 1], [-1, 0, 1]), -1).reshape(-1, 2)
+        for size in (2.0, 1.0, 0.5, 0.25):
+            tried = offsets[:, None] + size * self.step * around
+            best = self.score(tried.reshape(-1, 2)).reshape(-1, 9).argmax(1)
+            offsets = tried[np.arange(len(best)), best]
+        return offsets
+
+    def _peaks(self, reach: int, spacing: int, radius: int, many: int) -> Array:
+        """Best local maxima of the score on a (2 reach + 1)^2 grid, best first; the centre (no offset) is left out."""
+        ticks = np.arange(-reach, reach + 1)
+        grid = np.stack(np.meshgrid(ticks, ticks), -1)
+        offsets = grid * (spacing * self.step)
+        score = self.score(offsets.reshape(-1, 2), every=COARSE).reshape(grid.shape[:2])
+        score[np.abs(grid).max(-1) * spacing < 3] = 0
+        window = np.ones((2 * radius + 1, 2 * radius + 1), np.uint8)
+        top = (score > 0) & (score >= cv2.dilate(score, window))
+        order = np.argsort(-score[top], kind="stable")[:many]
+        return offsets[top][order]
+
+    def _sample_to_known(self, rng: np.random.Generator, many: int = 64) -> Array:
+        """Offsets from random hole cells to random known cells, so that every cell can be reached."""
+        start = self.centres[rng.integers(0, len(self.centres), many)]
+        end = self.known[rng.integers(0, len(self.known), many)]
+        w = np.maximum(start[:, 2], 1e-9)
+        z = w / np.maximum(end[:, 2], 1e-9)
+        one = np.ones(many)
+        move = z[:, None] * np.stack([end[:, 0], end[:, 1], one], 1) - np.stack([start[:, 0], start[:, 1], one], 1)
+        return (move / w[:, None]) @ np.linalg.pinv(self.axes)
+
+    def assign_offsets(self, offsets: Array) -> CopiedDetail:
+        """One offset per hole cell: good correlation, little change of scale, typical texture, cheap seams."""
+        whole, fine, middle, color = (np.maximum(self.score(offsets, band), 0) for band in range(4))
+        scale = kernels.change_of_scale(offsets, self.centres, *self._sources())
+        copied = self._copy_color(offsets)
+        squares = channel_squares(self.bands[0])
+        typical = float(np.sqrt(squares[squares > 0].mean())) + 1e-3
+        odd = np.clip(np.linalg.norm(copied, axis=-1) / typical - 1.5, 0, 3) * (1 - whole)
+        cost = np.where(scale.T >= 0, (1 - whole) + 0.25 * scale.T + 0.3 * odd, 1e6).astype(np.float32)
+        index = np.full(self.base_shape, -1, np.int32)
+        index.ravel()[self.cells] = np.arange(len(self.cells))
+        distance = self._distance_to_rim(index)
+        order = self.cells[np.argsort(distance, kind="stable")]
+        chosen = kernels.assign(index, np.ascontiguousarray(cost), copied, order, SEAM_COST, 5)
+        choice = np.full(self.base_shape, -1, np.int32)
+        choice.ravel()[self.cells] = chosen
+        grain = self._grain(offsets, chosen)
+        gains = np.zeros((self.base_shape[0] * self.base_shape[1], 3), np.float32)
+        gains[self.cells, 0] = fine[chosen] + grain * (1 - fine[chosen])
+        gains[self.cells, 1] = np.clip((middle[chosen] - 0.2) / 0.6, 0, 1)
+        gains[self.cells, 2] = np.clip((color[chosen] - 0.85) / 0.08, 0, 1)
+        return CopiedDetail(self.axes, offsets, choice, gains.reshape(*self.base_shape, 3))
+
+    def _distance_to_rim(self, index: NDArray[np.int32]) -> Float32Array:
+        """Distance of every hole cell from the region's rim, in cells."""
+        distance = cv2.distanceTransform((index >= 0).astype(np.uint8), cv2.DIST_L2, 3)
+        return np.ascontiguousarray(distance.ravel()[self.cells], np.float32)
+
+    def _grain(self, offsets: Array, chosen: NDArray[np.int32]) -> Float32Array:
+        """Weights 0..1 of the uncorrelated fine detail that each hole cell copies.
+
+        They leave GRAIN levels, and less of unusual detail: a handle or a picture on a wall is copied where the texture
+        repeats, never as grain.
+        """
+        own = self.region.sources
+        seen = np.maximum(cv2.blur(own.astype(np.float32), (3, 3)), 1e-6)
+        square = np.asarray(cv2.blur(channel_squares(self.bands[1]) / 3, (3, 3)) / seen, np.float32)
+        usual = float(np.median(square.ravel()[self.some]))
+        x, y = self._sources_of(self.centres, offsets[chosen] @ self.axes)
+        copied = cv2.remap(square, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE).ravel()
+        ordinary = np.minimum(1, (usual + 1) / (copied + 1))
+        return np.asarray(ordinary * np.minimum(1, GRAIN / np.sqrt(copied + 1e-3)), np.float32)
+
+    def _sources_of(self, places: Array, move: Array) -> tuple[Float32Array, Float32Array]:
+        """Columns and rows on the grid of cells to which homogeneous displacements `move` take places (u, v, w)."""
+        u, v, w = places.T
+        z = 1 + w * move[:, 2]
+        z = np.where(z > 1e-3, z, 1) * self.grid.cell_size
+        return ((u + w * move[:, 0]) / z - 0.5).astype(np.float32), ((v + w * move[:, 1]) / z - 0.5).astype(np.float32)
+
+    def _copy_color(self, offsets: Array) -> Float32Array:
+        """Cells x offsets x 3: the detail that each offset would copy to each hole cell."""
+        w = self.centres[:, 2:]
+        move = offsets @ self.axes
+        z = 1 + w * move[:, 2]
+        z = np.where(z > 1e-3, z, 1) * self.grid.cell_size
+        x = ((self.centres[:, :1] + w * move[:, 0]) / z - 0.5).astype(np.float32)
+        y = ((self.centres[:, 1:2] + w * move[:, 1]) / z - 0.5).astype(np.float32)
+        picture = cv2.remap(self.bands[0], x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        return np.ascontiguousarray(picture, np.float32)
+
+
+def channel_squares(band: Float32Array) -> Float32Array:
+    """H x W: the sum of squares of three channels (H x W x 3); numpy's own sum over so few takes six times as long."""
+    red, green, blue = np.moveaxis(band**2, 2, 0)
+    return red + green + blue
