@@ -28,9 +28,9 @@ from typing import Any
 
 import dlama
 from dlama.jobs import batch as room
-from dlama.jobs.manifest import Manifest
 from dlama.jobs.perform import Task
-from dlama.jobs.result import JobResult
+from dlama.jobs.results.manifest import Manifest
+from dlama.jobs.results.result import JobResult
 from dlama.jobs.run import Settings, run_jobs
 from dlama.jobs.storage import Output, file_stamp
 from dlama.workers.pool import Pool

@@ -24,9 +24,9 @@ from dlama.datasets.layouts import open_dataset
 from dlama.geometry.camera import Camera
 from dlama.geometry.projection import depth_from_disparity
 from dlama.perception.diagnosis.finding import Observed
-from dlama.perception.diagnosis.landing import SmallFrame, shrink
-from dlama.perception.diagnosis.odd_frames import find_odd_frames
-from dlama.perception.diagnosis.poses import check_poses
+from dlama.perception.diagnosis.frames.landing import SmallFrame, shrink
+from dlama.perception.diagnosis.frames.odd_frames import find_odd_frames
+from dlama.perception.diagnosis.frames.poses import check_poses
 from dlama.perception.diagnosis.rgbd_checks import run_checks
 from dlama.perception.diagnosis.stereo_pair import check_pair
 from dlama.worlds.layouts.random_scene import build

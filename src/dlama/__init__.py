@@ -56,7 +56,6 @@ if TYPE_CHECKING:  # what type checkers and editors read; a test holds it equal 
     from dlama.geometry.rendering import render as render
     from dlama.geometry.rgbd import RGBD as RGBD
     from dlama.geometry.scene import Scene as Scene
-    from dlama.geometry.sky import Sky as Sky
     from dlama.geometry.trajectories import orbit as orbit
     from dlama.geometry.view import HoleType as HoleType
     from dlama.geometry.view import Origin as Origin
@@ -67,8 +66,9 @@ if TYPE_CHECKING:  # what type checkers and editors read; a test holds it equal 
     from dlama.inpainters.filling import FillReport as FillReport
     from dlama.inpainters.filling import Inpainter as Inpainter
     from dlama.inpainters.filling import inpaint as inpaint
+    from dlama.inpainters.sky import Sky as Sky
     from dlama.jobs.batch import batch as batch
-    from dlama.jobs.result import JobResult as JobResult
+    from dlama.jobs.results.result import JobResult as JobResult
     from dlama.perception.depth_networks import DepthPrediction as DepthPrediction
     from dlama.perception.diagnosis.finding import Finding as Finding
     from dlama.perception.monocular import DepthEstimate as DepthEstimate
@@ -98,7 +98,7 @@ MODULES = {
     "Inpainter": "inpainters.filling",
     "InputError": "errors",
     "InputTypeError": "errors",
-    "JobResult": "jobs.result",
+    "JobResult": "jobs.results.result",
     "Law": "geometry.visibility",
     "MaskError": "errors",
     "MaskSession": "perception.object_masks",
@@ -113,7 +113,7 @@ MODULES = {
     "RGBD": "geometry.rgbd",
     "Recipe": "completion.recipes",
     "Scene": "geometry.scene",
-    "Sky": "geometry.sky",
+    "Sky": "inpainters.sky",
     "ShapeError": "errors",
     "StereoCompletion": "completion.completion",
     "StereoConsistency": "perception.stereo.agreement",

@@ -15,7 +15,7 @@ import dlama
 from dlama.apps.cli import main
 from dlama.apps.terminal import progress as terminal_progress
 from dlama.apps.terminal.streams import Stopped
-from dlama.jobs.result import JobResult
+from dlama.jobs.results.result import JobResult
 
 LIST = """id,verb,image,depth,yaw,_note
 a/1,view,image.png,depth.png,5,hello

@@ -17,7 +17,7 @@ from dlama.completion.recipes import RECIPES
 from dlama.errors import InputError, InputTypeError
 from dlama.geometry.rendering import MODES
 from dlama.jobs.parameters import METHOD
-from dlama.web.completion_request import PAGE_OPTIONS
+from dlama.web.completions.request import PAGE_OPTIONS
 
 NAMES = [one.name for one in fields(Options)]
 

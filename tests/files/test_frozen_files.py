@@ -21,8 +21,8 @@ from dlama.errors import FileError
 from dlama.files.scenes.scene_npz import read_npz, write_npz
 from dlama.files.schema import SCHEMA
 from dlama.geometry.view import HoleType
-from dlama.jobs.manifest import Manifest
-from dlama.jobs.result import CSV_COLUMNS
+from dlama.jobs.results.manifest import Manifest
+from dlama.jobs.results.result import CSV_COLUMNS
 from dlama.jobs.storage import Output
 
 FROZEN = Path(__file__).parents[1] / "data" / "version_0_1"

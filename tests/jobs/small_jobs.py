@@ -12,7 +12,7 @@ from typing import Any
 
 from dlama.jobs import perform
 from dlama.jobs.perform import Task
-from dlama.jobs.result import JobResult
+from dlama.jobs.results.result import JobResult
 
 FAST: dict[str, Any] = {"fov": 60, "filler": "telea", "only": "image,depth"}
 FLAG = "DLAMA_TEST_FLAG"

@@ -19,9 +19,9 @@ from dlama.errors import InputError, OutputError
 from dlama.jobs import batch as room
 from dlama.jobs.batch import batch
 from dlama.jobs.job import Job
-from dlama.jobs.manifest import Manifest
 from dlama.jobs.perform import Task
-from dlama.jobs.result import JobResult
+from dlama.jobs.results.manifest import Manifest
+from dlama.jobs.results.result import JobResult
 from dlama.jobs.run import WINDOW, Settings, run_jobs
 from dlama.jobs.storage import Output
 from dlama.workers.pool import TaskEnd
@@ -320,7 +320,7 @@ def test_the_last_row_counts_also_where_the_clock_has_gone_back(
 ) -> None:
     """Law: of two rows of a job the later one counts, whatever the clock said (oracle: the order in which they were entered)."""
     clock = iter((2_000, 1_000))
-    monkeypatch.setattr("dlama.jobs.manifest.time.time_ns", lambda: next(clock))
+    monkeypatch.setattr("dlama.jobs.results.manifest.time.time_ns", lambda: next(clock))
     for status in ("failed", "done"):
         with Manifest(Output(str(tmp_path))) as manifest:
             manifest.add(dlama.JobResult("a", status))  # type: ignore[arg-type]

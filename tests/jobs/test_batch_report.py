@@ -21,7 +21,7 @@ from dlama.errors import FileError
 from dlama.jobs.batch import batch
 from dlama.jobs.report.summary import BARS, SHOWN, summarise, throughput, without_names
 from dlama.jobs.report.write import write_report
-from dlama.jobs.result import JobResult
+from dlama.jobs.results.result import JobResult
 
 
 def made_up(count: int) -> list[JobResult]:

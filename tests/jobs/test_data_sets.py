@@ -13,8 +13,8 @@ import dlama
 from dlama.datasets.layouts import open_dataset
 from dlama.errors import InputError
 from dlama.jobs.lists.data_sets import DatasetJobs
-from dlama.jobs.manifest import Manifest
 from dlama.jobs.perform import Task, work
+from dlama.jobs.results.manifest import Manifest
 from dlama.jobs.storage import Output
 from dlama.worlds.writer import write_worlds
 

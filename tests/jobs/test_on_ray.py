@@ -22,7 +22,7 @@ from dlama.jobs import batch as room
 from dlama.jobs import on_ray
 from dlama.jobs.batch import batch
 from dlama.jobs.on_ray import _connect
-from dlama.jobs.result import JobResult
+from dlama.jobs.results.result import JobResult
 
 with_ray = pytest.mark.skipif(importlib.util.find_spec("ray") is None, reason="ray is not installed: extra `batch`")
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from dlama.web import api, results
+from dlama.web import api
 from dlama.web.answers import Limits
+from dlama.web.completions import results
 from dlama.web.visits import Result, Visit
 
 LIMITS = Limits()

@@ -12,9 +12,10 @@ from handing_in import completed, open_frame
 
 import dlama
 from dlama.errors import MaskError
-from dlama.web import api, pictures, results
+from dlama.web import api, pictures
 from dlama.web.answers import Blob, PageError
-from dlama.web.completion_request import read_request
+from dlama.web.completions import results
+from dlama.web.completions.request import read_request
 from dlama.web.marks import Marks, Stroke, mask_of, read_marks
 from dlama.web.visits import Visit
 

@@ -36,10 +36,10 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD, describe_depth_range, percent
 from dlama.perception.depth_scale import describe_depth_source
 from dlama.perception.diagnosis.finding import Finding, Observed
-from dlama.perception.diagnosis.landing import shrink
+from dlama.perception.diagnosis.frames.landing import shrink
+from dlama.perception.diagnosis.frames.odd_frames import find_odd_frames
+from dlama.perception.diagnosis.frames.poses import check_poses
 from dlama.perception.diagnosis.lens import check_exif, check_lens
-from dlama.perception.diagnosis.odd_frames import find_odd_frames
-from dlama.perception.diagnosis.poses import check_poses
 from dlama.perception.diagnosis.registration import correlate_edges
 from dlama.perception.diagnosis.rgbd_checks import run_checks
 from dlama.perception.diagnosis.stereo_pair import check_pair

@@ -13,9 +13,9 @@ from dlama.geometry.drawing.picture_edges import align_edges
 from dlama.geometry.frames.choosing import MOST_FRAMES, choose_frames
 from dlama.geometry.frames.coarse_depth import coarse_camera, coarse_depth
 from dlama.geometry.scene import Scene
-from dlama.geometry.sky import Sky
 from dlama.geometry.view import View, from_source
 from dlama.geometry.visibility import Law, subtract_noise
+from dlama.inpainters.sky import Sky
 
 HELD_BYTES = 256_000_000
 """Most memory for the depth of all frames; beyond it, depth is computed for each camera."""

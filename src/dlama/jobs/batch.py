@@ -20,7 +20,7 @@ from dlama.jobs.job import Job, job_of, resolve_path
 from dlama.jobs.lists.tables import rows as rows_of
 from dlama.jobs.parameters import FILES, KNOWN, NETWORKS, VERBS
 from dlama.jobs.perform import work
-from dlama.jobs.result import JobResult
+from dlama.jobs.results.result import JobResult
 from dlama.jobs.run import Progress, Settings, Workers, run_jobs
 from dlama.jobs.storage import Output, folder_of, is_address, local_path
 from dlama.models.network_file import processor_count

@@ -32,7 +32,7 @@ from dlama.jobs.parameters import (
     READING,
     RESULTS,
 )
-from dlama.jobs.result import JobResult
+from dlama.jobs.results.result import JobResult
 from dlama.jobs.storage import MARKER, Output, fetch, file_stamp, is_address
 from dlama.models.verify import sha256_of
 from dlama.workers.memory import peak_mib, reset_peak

@@ -13,11 +13,11 @@ from typing import Protocol
 from dlama.errors import OutputError
 from dlama.files.drafts import remove_abandoned
 from dlama.jobs.job import Job
-from dlama.jobs.manifest import Manifest
 from dlama.jobs.perform import Task, died_row, work
-from dlama.jobs.result import JobResult
+from dlama.jobs.results.manifest import Manifest
+from dlama.jobs.results.result import JobResult
+from dlama.jobs.results.tar_shards import STAGED, Packer
 from dlama.jobs.storage import Output, local_path
-from dlama.jobs.tar_shards import STAGED, Packer
 from dlama.workers.pool import TRIES, TaskEnd
 
 Progress = Callable[[JobResult | None, int, int | None], object]

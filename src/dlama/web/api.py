@@ -13,12 +13,13 @@ from typing import Any
 import dlama
 from dlama.completion.options import RECIPE_NAMES
 from dlama.errors import DlamaError
-from dlama.web import pictures, results
+from dlama.web import pictures
 from dlama.web.answers import Blob, Fields, Limits, PageError, hide_paths, use_page_words
-from dlama.web.completion_request import PAGE_FILLERS, read_request
+from dlama.web.completions import results
+from dlama.web.completions.request import PAGE_FILLERS, read_request
+from dlama.web.completions.runs import warnings_of_thread
 from dlama.web.inputs import ROLES, Upload, check_size, file_name, pixel_of, read_source
 from dlama.web.marks import find, mask_of, others, pointing, read_marks
-from dlama.web.runs import warnings_of_thread
 from dlama.web.visits import Visit
 
 EXAMPLES: dict[str, tuple[str, dict[str, str], dict[str, Any]]] = {

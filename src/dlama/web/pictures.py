@@ -24,7 +24,7 @@ from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin, View
 from dlama.web.answers import PageError
-from dlama.web.completion_request import CompletionRequest
+from dlama.web.completions.request import CompletionRequest
 from dlama.web.inputs import shrink
 
 PREVIEW_PX = 256

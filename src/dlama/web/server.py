@@ -18,8 +18,8 @@ from typing import Any
 
 from dlama.errors import InputError
 from dlama.web.answers import Limits
+from dlama.web.completions.runs import warnings_by_thread
 from dlama.web.handler import LOOPBACK, TYPES, Handler
-from dlama.web.runs import warnings_by_thread
 from dlama.web.visits import Visits, open_visits
 
 ASSETS = Path(__file__).parents[1] / "assets" / "web"

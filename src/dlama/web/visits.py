@@ -20,10 +20,10 @@ from dlama.files.results.photo3d import MOST_TRIANGLES
 from dlama.geometry.layers.layered_mesh import MeshPart, mesh_layers
 from dlama.geometry.rgbd import BoolArray
 from dlama.web.answers import PageError
-from dlama.web.completion_request import CompletionRequest
+from dlama.web.completions.request import CompletionRequest
+from dlama.web.completions.runs import Run
 from dlama.web.inputs import Source, Upload
 from dlama.web.marks import Marks
-from dlama.web.runs import Run
 
 IDLE_SECONDS = 600.0
 """A visit that sends nothing for so long is forgotten (the page sends a sign of life every minute)."""

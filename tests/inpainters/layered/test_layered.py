@@ -9,12 +9,12 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.holes import dilate_mask
 from dlama.geometry.rendering import render
 from dlama.geometry.scene import Scene
-from dlama.geometry.sky import Sky
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import inpaint
 from dlama.inpainters.layered.filler import layered
+from dlama.inpainters.sky import Sky
 from worlds import Box, Plane, Shape, Sphere, World, moved, shape_shown
 
 CAMERA = Camera.from_fov(160, 120, 60)

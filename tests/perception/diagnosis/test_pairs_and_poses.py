@@ -15,8 +15,8 @@ import dlama
 from corruptions import POSES, moved
 from dlama.datasets.layouts import open_dataset
 from dlama.perception.diagnosis.finding import Finding
-from dlama.perception.diagnosis.landing import shrink
-from dlama.perception.diagnosis.poses import check_poses, mean_fit, reorder_quaternion
+from dlama.perception.diagnosis.frames.landing import shrink
+from dlama.perception.diagnosis.frames.poses import check_poses, mean_fit, reorder_quaternion
 from dlama.perception.diagnosis.stereo_pair import check_pair
 from dlama.worlds.layouts.random_scene import build
 from dlama.worlds.world import World

@@ -22,13 +22,13 @@ from dlama.errors import InputError, format_count
 from dlama.jobs import options as groups
 from dlama.jobs.lists.data_sets import DatasetJobs
 from dlama.jobs.lists.folders import Pictures
-from dlama.jobs.result import Totals
+from dlama.jobs.results.result import Totals
 from dlama.workers.progress import progress_line
 
 if TYPE_CHECKING:
     from dlama.jobs.batch import Progress
     from dlama.jobs.job import Job
-    from dlama.jobs.result import JobResult
+    from dlama.jobs.results.result import JobResult
 
 FAILED = 1
 """Exit code where some jobs could not be run."""

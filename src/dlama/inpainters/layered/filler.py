@@ -8,7 +8,6 @@ import numpy as np
 
 from dlama.geometry.projection import depth_from_inverse, inverse_depth
 from dlama.geometry.rgbd import Float32Array, UInt8Array
-from dlama.geometry.sky import Sky
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import project_depth
 from dlama.inpainters.context import FillContext
@@ -18,6 +17,7 @@ from dlama.inpainters.layered.color.rims import blend_at_rim
 from dlama.inpainters.layered.color.texture_synthesis import synthesize
 from dlama.inpainters.layered.depth.surfaces import Surfaces, continue_surfaces
 from dlama.inpainters.layered.remaining_shadows import find_remaining_shadow
+from dlama.inpainters.sky import Sky
 from dlama.perception.planes import SKY, SMOOTH
 
 NOT_BLENDED = (HoleType.OUT_OF_VIEW, HoleType.OBJECT)

@@ -8,7 +8,7 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from dlama.jobs.result import JobResult, Totals
+from dlama.jobs.results.result import JobResult, Totals
 
 SHOWN = 12
 """Pictures of one contact sheet."""

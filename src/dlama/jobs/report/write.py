@@ -16,11 +16,11 @@ from PIL import Image
 from dlama.errors import FileError
 from dlama.evaluation.report.templates import template
 from dlama.files.atomic_write import PathLike
-from dlama.jobs.manifest import FOLDER, Manifest
 from dlama.jobs.report.summary import Summary, summarise, throughput
-from dlama.jobs.result import JobResult
+from dlama.jobs.results.manifest import FOLDER, Manifest
+from dlama.jobs.results.result import JobResult
+from dlama.jobs.results.tar_shards import key_of
 from dlama.jobs.storage import Output, is_address, local_path, open_to_read
-from dlama.jobs.tar_shards import key_of
 from dlama.workers.progress import duration
 
 THUMBNAIL = 420

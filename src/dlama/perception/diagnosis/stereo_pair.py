@@ -6,8 +6,8 @@ from __future__ import annotations
 import numpy as np
 
 from dlama.geometry.rgbd import UInt8Array
-from dlama.perception.diagnosis.exposure import check_exposure_of_pair
 from dlama.perception.diagnosis.finding import Finding
+from dlama.perception.diagnosis.frames.exposure import check_exposure_of_pair
 from dlama.perception.stereo.checks import SAME_ROW, Corners, diagnose_corners, match_corners
 
 SAME_LEVELS = 1.0

@@ -8,7 +8,6 @@ import pytest
 
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
-from dlama.geometry.sky import Sky
 from dlama.geometry.view import HoleType, View
 from dlama.inpainters.layered.color.low_frequency import (
     CLEAR,
@@ -19,6 +18,7 @@ from dlama.inpainters.layered.color.low_frequency import (
     blend_with_low_frequency,
     smooth_guess,
 )
+from dlama.inpainters.sky import Sky
 
 HW = (40, 60)
 DRIFT = 4

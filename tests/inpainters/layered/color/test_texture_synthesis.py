@@ -7,9 +7,9 @@ import pytest
 
 from dlama.errors import ShapeError
 from dlama.geometry.camera import Camera
-from dlama.geometry.sky import Sky
 from dlama.inpainters.layered.color.texture_grid import UNTRUSTED, TextureGrid, trusted_labels
 from dlama.inpainters.layered.color.texture_synthesis import GREY, SKY_COLOR, hole_regions, synthesize
+from dlama.inpainters.sky import Sky
 
 
 def slanted_plane(size: int, tilt_deg: float):

@@ -18,12 +18,12 @@ from dlama.errors import ShapeError
 from dlama.geometry.camera import Camera
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
-from dlama.geometry.sky import Sky
 from dlama.inpainters.layered.color.offset_search import Bases, CopiedDetail
 from dlama.inpainters.layered.color.patch_offsets import copy_detail
 from dlama.inpainters.layered.color.texture_grid import UNTRUSTED, HoleRegion, Int32Array, TextureGrid, labels_in
 from dlama.inpainters.layered.kernels import base_color as base_kernels
 from dlama.inpainters.layered.kernels.patch_offsets import paint
+from dlama.inpainters.sky import Sky
 
 GREY = 128
 """Colour in a view without any known pixel."""

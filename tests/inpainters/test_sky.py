@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dlama.geometry.camera import Camera
-from dlama.geometry.sky import OUTERMOST, RIDGE, Sky, directions
+from dlama.inpainters.sky import OUTERMOST, RIDGE, Sky, directions
 from worlds import moved
 
 CAMERA = Camera.from_fov(64, 48, 60)

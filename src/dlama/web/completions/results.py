@@ -7,12 +7,13 @@ from typing import Any
 
 import dlama
 from dlama.files.scenes.photo3d_page import LARGEST_GLB, describe_box, glb_within
-from dlama.web import pictures, take_home
+from dlama.web import pictures
 from dlama.web.answers import Blob, Fields, PageError, hide_paths, use_page_words
-from dlama.web.completion_request import read_request
+from dlama.web.completions import take_home
+from dlama.web.completions.request import read_request
+from dlama.web.completions.runs import Run
 from dlama.web.inputs import pixel_of
 from dlama.web.marks import pointing
-from dlama.web.runs import Run
 from dlama.web.visits import Result, Visit
 
 EXPECTED_STAGES = {"view": 4, "remove": 4, "stereo": 6, "photo3d": 30}

@@ -13,7 +13,7 @@ import numpy as np
 
 from dlama.geometry.camera import Float64Array
 from dlama.perception.diagnosis.finding import Finding, certainty
-from dlama.perception.diagnosis.landing import FEWEST, Landed, SmallFrame, find_landing_points, reproject
+from dlama.perception.diagnosis.frames.landing import FEWEST, Landed, SmallFrame, find_landing_points, reproject
 
 NEIGHBOURS = 4
 """Frames that each one is compared with; most of them must agree."""

@@ -12,18 +12,18 @@ from urllib.parse import unquote
 
 import pytest
 
-sys.path.append(str(Path(__file__).parent))  # worker processes look for `small_jobs` where this process does
+sys.path.append(str(Path(__file__).parents[1]))  # worker processes look for `small_jobs` where this process does
 from small_jobs import FAST, contents, table, view_rows, write_csv
 
 import dlama
 from box_frame import small_frame
 from dlama.errors import InputError, OutputError
 from dlama.jobs.batch import batch
-from dlama.jobs.manifest import Manifest
 from dlama.jobs.report.write import write_report
-from dlama.jobs.result import JobResult
+from dlama.jobs.results.manifest import Manifest
+from dlama.jobs.results.result import JobResult
+from dlama.jobs.results.tar_shards import Packer, key_of
 from dlama.jobs.storage import Output
-from dlama.jobs.tar_shards import Packer, key_of
 
 
 def run(folder: Path, rows: list[dict[str, Any]], out: str = "out", **options: Any) -> list[dlama.JobResult]:

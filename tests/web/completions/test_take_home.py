@@ -15,7 +15,8 @@ from handing_in import completed, hand_in, open_frame
 import dlama
 from dlama.apps.cli import main
 from dlama.errors import InputError
-from dlama.web import api, take_home
+from dlama.web import api
+from dlama.web.completions import take_home
 from dlama.web.visits import Result, Visit
 
 CLICK = {"kind": "click", "at": [30, 24]}

@@ -15,9 +15,9 @@ import numpy as np
 from dlama.errors import CameraError
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.poses import invert_pose, quaternion_from_rotation, rotation_from_quaternion
-from dlama.perception.diagnosis.exposure import check_exposure_of_frames
 from dlama.perception.diagnosis.finding import Finding, certainty
-from dlama.perception.diagnosis.landing import SmallFrame, find_landing_points
+from dlama.perception.diagnosis.frames.exposure import check_exposure_of_frames
+from dlama.perception.diagnosis.frames.landing import SmallFrame, find_landing_points
 
 LEAST_LEAD = 1.3
 """Least gain of another convention,"""

@@ -14,9 +14,10 @@ from handing_in import completed, open_frame
 
 from dlama.errors import InputError
 from dlama.progress import begin_stage
-from dlama.web import api, results
+from dlama.web import api
 from dlama.web.answers import PageError
-from dlama.web.runs import Run, warnings_by_thread, warnings_of_thread
+from dlama.web.completions import results
+from dlama.web.completions.runs import Run, warnings_by_thread, warnings_of_thread
 from dlama.web.visits import Visit, Visits
 
 

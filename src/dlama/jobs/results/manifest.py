@@ -19,7 +19,7 @@ from typing import IO, Any
 
 from dlama.errors import InputError, OutputError, system_errors
 from dlama.jobs.job import Job, folders_above
-from dlama.jobs.result import JobResult, csv_writer
+from dlama.jobs.results.result import JobResult, csv_writer
 from dlama.jobs.storage import Output, file_stamp, file_system, is_address
 from dlama.models.verify import sha256_of
 

@@ -15,8 +15,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from dlama.errors import OutputError, first_line, system_errors
-from dlama.jobs.manifest import Manifest
-from dlama.jobs.result import JobResult
+from dlama.jobs.results.manifest import Manifest
+from dlama.jobs.results.result import JobResult
 from dlama.jobs.storage import Output, file_system, open_to_read
 
 FOLDER, STAGED = "shards", "staged/"

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from dlama.geometry.rgbd import UInt8Array
 from dlama.perception.diagnosis.finding import Finding
-from dlama.perception.diagnosis.landing import Landed
+from dlama.perception.diagnosis.frames.landing import Landed
 
 PAIR, FRAMES = 1.3, 1.25
 """Least ratios of brightness that are reported: of all pixels of a pair's pictures; of points that two frames show."""

@@ -17,7 +17,7 @@ from dlama.files.results.completion import RESULTS, file_names
 from dlama.files.results.meta_json import as_json
 from dlama.files.scenes.photo3d_page import photo3d_page
 from dlama.web.answers import PageError, hide_paths
-from dlama.web.completion_request import CompletionRequest
+from dlama.web.completions.request import CompletionRequest
 from dlama.web.inputs import Source
 from dlama.web.marks import Marks, pointing
 from dlama.web.visits import Result

@@ -18,8 +18,8 @@ from dlama.datasets.layouts import open_dataset
 from dlama.datasets.posed.nerfstudio_writer import write_transforms
 from dlama.files.rasters.depth import write_depth_png
 from dlama.perception.diagnosis.finding import Finding
-from dlama.perception.diagnosis.landing import shrink
-from dlama.perception.diagnosis.odd_frames import find_odd_frames, rescale_frame
+from dlama.perception.diagnosis.frames.landing import shrink
+from dlama.perception.diagnosis.frames.odd_frames import find_odd_frames, rescale_frame
 from dlama.worlds.layouts.random_scene import build
 
 needs_data = pytest.mark.skipif("DLAMA_DATA" not in os.environ, reason="needs DLAMA_DATA")
