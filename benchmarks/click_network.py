@@ -1,11 +1,11 @@
 """The network that finds the object of a click: crops of procedural worlds in, the file that ships out.
 
-    python benchmarks/click_network.py crops FOLDER --worlds 490 --photos ../shared/photos
-    python benchmarks/click_network.py train FOLDER [-o src/dlama/assets/click/click.onnx] [--steps 5000]
+    python benchmarks/click_network.py crops FOLDER --worlds 880 --photos ../shared/photos
+    python benchmarks/click_network.py train FOLDER [-o src/dlama/assets/click/click.onnx] [--steps 9500]
 
 A crop is a square about a click on an object, as `click_network.click_planes` cuts it: one of most of the picture, one about the
-object. Half of the worlds have objects on islands, plinths and tables; two sensors of `world_cases.SENSORS` see each picture.
-Photos are textures of six worlds in ten. An hour and a half for both on one core.
+object. Half of the worlds have objects on islands, plinths and tables, half are crowded (`click_clutter`); two sensors of
+`world_cases.SENSORS` see each picture. Photos are textures of six worlds in ten.
 """
 
 from __future__ import annotations
@@ -31,11 +31,13 @@ from shadow_export import export_shadow
 from shadow_net import ShadowNet
 from world_cases import SENSORS, as_seen
 
-FIRST_WORLD, PICTURE_PX, VIEWS, MOST_OBJECTS = 1_007_000_000, 448, 2, 5
-SENSOR_SHARES = (0.15, 0.3, 0.25, 0.3)
+FIRST_WORLD, PICTURE_PX, VIEWS, MOST_OBJECTS = 1_007_000_000, 448, 2, 6
+STANDS, CROWDED, NEAR = 0.5, 0.5, 0.35
+"""Share of worlds with islands and plinths, of crowded ones, and of views from near."""
+SENSOR_SHARES = (0.12, 0.28, 0.2, 0.4)
 SHARES, FARTHEST_M, ONE_PIECE = (0.002, 0.25), 9.0, 0.7
 """Of objects: share of the picture, median depth, least share that hangs together."""
-TEXTURED, TEXTURES, TEXTURE_PX = 0.6, 6, 256
+TEXTURED, TEXTURES, TEXTURE_PX = 0.6, 8, 256
 CUT_OFF, ANYWHERE = 0.3, 0.4
 """Share of views with objects that the rim cuts, and of clicks anywhere on an object, not amid it."""
 FAR_SCALES, NEAR_SCALES, LEAST_REACH = (0.8, 1.2), (1.15, 2.2), 6
@@ -58,9 +60,11 @@ def crops_of_world(number: int, photos: Sequence[Path]) -> Iterator[tuple[Float3
         for file in rng.choice(np.array(photos, object), TEXTURES):
             picture = cv2.imread(str(file))[..., ::-1]
             textures.append(square_crop(np.ascontiguousarray(picture), TEXTURE_PX, rng))
-    made = ClickWorld(FIRST_WORLD + number, tuple(textures), stands=bool(rng.random() < 0.5))
+    stands, crowded = (bool(rng.random() < share) for share in (STANDS, CROWDED))
+    made = ClickWorld(FIRST_WORLD + number, tuple(textures), stands=stands, crowded=crowded)
     for _ in range(VIEWS):
         scene = made.scene(made.world.camera(float(rng.uniform(-60, 60)), PICTURE_PX, float(rng.uniform(55, 95))))
+        scene = made.near_scene(scene, rng) if rng.random() < NEAR else scene
         seen = rng.permutation(objects_in_sight(scene, *SHARES, cut_off=rng.random() < CUT_OFF)).tolist()
         objects = [each for each in seen if np.median(scene.frame.depth[scene.mask(each)]) < FARTHEST_M][:MOST_OBJECTS]
         for sensor in rng.choice(SENSORS, 2, replace=False, p=SENSOR_SHARES) if objects else ():
@@ -91,16 +95,16 @@ def share_in_square(where: BoolArray, pixel: Pixel, radius: int) -> Float32Array
 
 
 def write_crops(folder: Path, worlds: int, photos: Sequence[Path]) -> None:
-    """Files of WORLDS_PER_FILE worlds; those that are there stay."""
+    """Two files for WORLDS_PER_FILE worlds; those that are there stay. Not compressed: training reads single crops of them."""
     folder.mkdir(parents=True, exist_ok=True)
     for first in range(0, worlds, WORLDS_PER_FILE):
-        file = folder / f"{first:05d}.npz"
+        file = folder / f"{first:05d}.truth.npy"
         if not file.exists():
             numbers = range(first, min(first + WORLDS_PER_FILE, worlds))
-            planes, targets, counts = zip(*(crop for number in numbers for crop in crops_of_world(number, photos)))
-            halves = np.stack([each.astype(np.float16) for each in planes])
-            np.savez(file, planes=halves, targets=np.stack(targets), counts=np.stack(counts))
-            print(f"{file.name}: {len(planes)} crops", flush=True)
+            planes, *truth = zip(*(crop for number in numbers for crop in crops_of_world(number, photos)))
+            np.save(file.with_name(f"{first:05d}.planes.npy"), np.stack([each.astype(np.float16) for each in planes]))
+            np.save(file, np.stack([np.stack(each) for each in truth], 1))
+            print(f"{first:05d}: {len(planes)} crops", flush=True)
 
 
 def varied(planes: Float32Array, arrays: np.ndarray, rng: np.random.Generator) -> tuple[Float32Array, np.ndarray]:
@@ -140,8 +144,9 @@ def train(folder: Path, steps: int, seed: int = 0) -> ShadowNet:
     """The mean of the network's weights over the last steps, by AdamW, its layers computed in bfloat16."""
     torch.manual_seed(seed)
     rng = np.random.default_rng(seed)
-    files = [dict(np.load(file)) for file in sorted(folder.glob("*.npz"))]
-    numbers = [(part, number) for part, file in enumerate(files) for number in range(len(file["targets"]))]
+    names = [file.name.split(".")[0] for file in sorted(folder.glob("*.truth.npy"))]
+    files = [[np.load(folder / f"{name}.{what}.npy", mmap_mode="r") for what in ("planes", "truth")] for name in names]
+    numbers = [(part, number) for part, (_, truth) in enumerate(files) for number in range(len(truth))]
     network = ShadowNet(len(PLANES), WIDTHS, deeper=True).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     mean = {name: value.clone() for name, value in network.state_dict().items()}
     optimiser = torch.optim.AdamW(network.parameters(), RATE, weight_decay=DECAY)
@@ -154,9 +159,8 @@ def train(folder: Path, steps: int, seed: int = 0) -> ShadowNet:
             group["lr"] = RATE * min(1, (step + 1) / WARM) * 0.5 * (1 + np.cos(np.pi * step / steps))
         crops = []
         for part, number in (numbers[each] for each in drawn):
-            one = {name: values[number] for name, values in files[part].items()}
-            further = np.stack([one["targets"] / np.float32(255), one["counts"]]).astype(np.float32)
-            crops.append(varied(one["planes"].astype(np.float32), further, rng))
+            planes, truth = (np.asarray(values[number], np.float32) for values in files[part])
+            crops.append(varied(planes, truth / np.float32([[[255]], [[1]]]), rng))
         planes, arrays = (torch.from_numpy(np.stack(each).astype(np.float32)) for each in zip(*crops))
         with torch.autocast("cpu", torch.bfloat16):
             logits = network(planes.contiguous(memory_format=torch.channels_last))
@@ -179,14 +183,16 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("what", choices=("crops", "train"))
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--worlds", type=int, default=490)
+    parser.add_argument("--worlds", type=int, default=880)
     parser.add_argument("--photos", type=Path, help="a folder of folders of photos: textures")
-    parser.add_argument("--steps", type=int, default=5000)
+    parser.add_argument("--steps", type=int, default=9500)
     parser.add_argument("-o", "--output", type=Path, default=Path("click.onnx"))
     given = parser.parse_args()
     torch.set_num_threads(1)
     if given.what == "crops":
         photos = sorted(given.photos.glob("*/*.jpg")) if given.photos else []
+        if given.photos and not photos:
+            parser.error(f"{given.photos}: no folders with photos (*.jpg)")
         write_crops(given.folder, given.worlds, photos)
         return
     state = {name: value.numpy() for name, value in train(given.folder, given.steps).state_dict().items()}

@@ -195,7 +195,7 @@ def _salient_photo() -> None:
 
 
 def _no_own_mask() -> None:
-    for name in ("AGREES", "AGREES_CAMERA", "AGREES_ESTIMATED"):
+    for name in ("AGREES", "AGREES_CAMERA"):
         _mask(name, 0.0)()
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from click_worlds import ClickWorld, objects_in_sight
+from click_worlds import NEAR_M, ClickWorld, near_camera, objects_in_sight
 from dlama.worlds.dataset import world
 
 
@@ -30,3 +30,22 @@ def test_stands_carry_objects() -> None:
         both = scene.with_stand(number)
         assert both[scene.mask(number)].all() and both[scene.mask(scene.stands_on[number])].all()
         assert not (scene.mask(number) & scene.mask(scene.stands_on[number])).any()
+
+
+def test_crowded_worlds_have_more_objects() -> None:
+    """Laws: there are more of them, and those on tables are noted."""
+    plain, made = ClickWorld(78), ClickWorld(78, crowded=True)
+    assert len(made.stands_on) > len(plain.stands_on)
+    assert set(made.stands_on) <= set(made.groups.tolist())
+    assert len(made.casts) > len(plain.casts)
+
+
+def test_a_near_camera_looks_at_an_object() -> None:
+    """Laws: it is upright, and along its axis nothing is seen beyond the largest distance from the object."""
+    made = ClickWorld(78, stands=True)
+    scene = made.scene(made.world.camera(10, 128, 75))
+    for seed in range(8):
+        camera = near_camera(scene, np.random.default_rng(seed))
+        assert camera is not None and camera.world_from_cam[1, 0] == 0 and camera.world_from_cam[1, 1] > 0
+        middle = made.scene(camera).frame.depth[62:67, 62:67]
+        assert middle.min() < NEAR_M[1]

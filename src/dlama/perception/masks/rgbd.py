@@ -64,9 +64,9 @@ STANDS_GAP = 0.03
 """largest relative difference in depth where an object touches it,"""
 WIDER = 1.3
 """and least width of what is seen of it, in widths of the object: the seat of a chair is as wide as its back."""
-AGREES, AGREES_CAMERA, AGREES_ESTIMATED = 0.4, 0.8, 0.2
+AGREES, AGREES_CAMERA = 0.4, 0.8
 """Agreement of a mask with the network, over that of the network's own mask, from which it is taken: masks of depth that fits the
-picture, of a depth camera's, and of the photo alone, which the salient-object network knows better."""
+picture or of the photo alone, and of a depth camera's."""
 IN_BOX = 0.7
 """Least share of a piece inside the box for it to belong to the object."""
 
@@ -76,7 +76,7 @@ def rgbd_masker(rgbd: RGBD, model: None) -> Callable[[Prompt], tuple[dict[str, B
     agrees, notes = AGREES_CAMERA, tuple[str, ...]()
     find: Callable[[Prompt], dict[str, BoolArray]]
     if rgbd.estimate is not None:
-        find, agrees, notes = PhotoMasker(rgbd).candidates, AGREES_ESTIMATED, (ROUGH,)
+        find, agrees, notes = PhotoMasker(rgbd).candidates, AGREES, (ROUGH,)
     elif is_noisy(rgbd):
         rough = rough_depth(rgbd)
         find, notes = (lambda prompt: rough_candidates(rough, prompt)), (NOISY,)
