@@ -41,9 +41,11 @@ class Ends(NamedTuple):
     @classmethod
     def of(cls, known: BoolArray, flat: NDArray[np.intp]) -> Ends:
         """Along the rows of `known` (H x W); flat: H x W, each pixel's flat index."""
-        width, column = known.shape[1], np.arange(known.shape[1])
-        left = np.maximum.accumulate(np.where(known, column, -1), axis=1)[~known]
-        right = np.minimum.accumulate(np.where(known, column, width)[:, ::-1], axis=1)[:, ::-1][~known]
+        gaps = ~known.all(1)
+        known, flat = known[gaps], flat[gaps]
+        width, column = known.shape[1], np.arange(known.shape[1], dtype=np.int32)
+        left = np.maximum.accumulate(np.where(known, column, np.int32(-1)), axis=1)[~known]
+        right = np.minimum.accumulate(np.where(known, column, np.int32(width))[:, ::-1], axis=1)[:, ::-1][~known]
         row, at = np.nonzero(~known)
         before = np.where(left >= 0, flat[row, left], -1)
         after = np.where(right < width, flat[row, np.minimum(right, width - 1)], -1)
