@@ -130,7 +130,7 @@ def photo3d(
         seen.append(camera)
         with clock("look"):
             for layer in added:
-                small = add_layer(small, found.view, layer.hole_type != HoleType.NONE, OVERLAP)
+                small = add_layer(small, found.view, layer.hole_type != HoleType.NONE.value, OVERLAP)
             unknown.look(added)
         begin_stage(f"filled for camera {len(seen)}, {unknown.share:.2%} still unknown")
     with clock("edges"):

@@ -154,7 +154,7 @@ def context_of(given: Scene, recipe: Recipe, object_depth: Float32Array | None =
 def describe_padding(given: Scene) -> dict[str, dict[str, Any]]:
     """For meta.json: how many pixels of the frames in memory are padding round the picture (`RGBD.padding`); {} = none."""
     measured = (one for one in given.frames if not isinstance(one, StoredView))
-    pixels = sum(int(np.count_nonzero(one.hole_type == HoleType.OUT_OF_VIEW)) for one in measured)
+    pixels = sum(int(np.count_nonzero(one.hole_type == HoleType.OUT_OF_VIEW.value)) for one in measured)
     reason = "a white or black frame without depth runs round the picture: it is filled, as all that is out of view"
     return {"padding": {"pixels": pixels, "reason": reason}} if pixels else {}
 

@@ -22,7 +22,7 @@ from dlama.geometry.fusion import fuse
 from dlama.geometry.holes import box_around, dilate_view_holes
 from dlama.geometry.rendering import render, render_fills
 from dlama.geometry.scene import Scene
-from dlama.geometry.view import HoleType, Origin, View
+from dlama.geometry.view import HoleType, Origin, View, has_code
 from dlama.geometry.visibility import Law, project_depth
 from dlama.inpainters.confidence import LARGEST_CONFIDENCE
 from dlama.inpainters.filling import FillReport, inpaint, paste_part
@@ -76,7 +76,7 @@ def frame_steps(plan: Plan, scene: Scene, cameras: Sequence[Camera]) -> list[Ste
 def count_unseen_behind(plan: Plan, camera: Camera) -> int:
     """Pixels of a frame behind a removed object that no other frame shows."""
     view = measured_view(plan, plan.given, camera)
-    return int((view.hole & (view.hole_type == HoleType.OBJECT)).sum())
+    return int((view.hole & (view.hole_type == HoleType.OBJECT.value)).sum())
 
 
 def measured_view(plan: Plan, scene: Scene, camera: Camera) -> View:
@@ -130,7 +130,7 @@ def close_holes(law: Law, view: View, earlier: View, *, measured: bool = False) 
     closed = view.hole & ~earlier.hole
     depth, moved = project_depth(view, np.where(closed, earlier.depth, view.depth), closed, law)
     of_color = closed & view.color_hole
-    again = np.isin(earlier.origin, SEEN_AGAIN) & (not measured)
+    again = has_code(earlier.origin, *SEEN_AGAIN) & (not measured)
     origin = np.where(of_color, np.where(again, np.uint8(Origin.FILLED), earlier.origin), np.uint8(Origin.DEPTH_FILLED))
     known = view.with_planes(
         color=np.where(of_color[..., None], earlier.color, view.color),

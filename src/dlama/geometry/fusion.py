@@ -17,7 +17,7 @@ from dlama.geometry.mesh import Mesh, join_meshes
 from dlama.geometry.projection import inverse_depth, lift, rays
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.scene import FILLED_BEFORE, Scene, contribution
-from dlama.geometry.view import HoleType, Origin, View
+from dlama.geometry.view import HoleType, Origin, View, has_code
 
 OVERLAP = 2
 """Overlap in px of a filled layer with the scene: its mesh joins the surfaces that it continues, and no seam opens between two
@@ -37,11 +37,11 @@ def fuse(scene: Scene, view: View, known: BoolArray | None = None) -> Scene:
     if known is not None and (np.shape(known) != view.camera.hw or np.asarray(known).dtype != np.bool_):
         given = np.asarray(known)
         raise ShapeError(f"known is {given.dtype} {given.shape}; bool {view.camera.hw}, as the view is, is expected")
-    depth_only = (view.origin == Origin.DEPTH_FILLED) & (view.hole_type == HoleType.SENSOR)
+    depth_only = (view.origin == Origin.DEPTH_FILLED.value) & (view.hole_type == HoleType.SENSOR.value)
     for layer in scene.layers:
         if layer.camera.same_view_as(view.camera):
             depth_only = depth_only & ~layer.valid & ~layer.far
-    added = (view.filled & (view.hole_type != HoleType.NONE)) | depth_only
+    added = (view.filled & (view.hole_type != HoleType.NONE.value)) | depth_only
     return add_layer(scene, view, added if known is None else added & ~known)
 
 
@@ -53,7 +53,7 @@ def add_layer(scene: Scene, view: View, added: BoolArray, overlap: int = OVERLAP
     side = 2 * overlap + 1
     ring = cv2.dilate(added.astype(np.uint8), np.ones((side, side), np.uint8)) > 0
     layer = view.without(~ring, HoleType.NONE)
-    filled = np.isin(layer.origin, FILLED_BEFORE)
+    filled = has_code(layer.origin, *FILLED_BEFORE)
     origin = np.where(added | layer.hole | filled, layer.origin, np.uint8(Origin.REPROJECTED))
     types = np.where(added, layer.hole_type, np.uint8(HoleType.NONE))
     return dataclasses.replace(scene, fills=(*scene.fills, layer.with_planes(origin=origin, hole_type=types)))

@@ -126,7 +126,7 @@ class Drawn(NamedTuple):
         """As a view, whose holes have these types (H x W)."""
         canvas, frame = self.canvas, self.frame
         color, depth, origin, confidence = (freeze(plane) for plane in canvas.buffers())
-        frame = None if frame is None else freeze(frame * np.uint16(origin != Origin.FILLED))
+        frame = None if frame is None else freeze(frame * np.uint16(origin != Origin.FILLED.value))
         errors = None if canvas.errors is None else freeze(canvas.errors)
         hole = freeze(depth == 0)
         return View(camera, color, depth, hole, freeze(hole_type), origin, confidence, frame, errors)
@@ -227,8 +227,8 @@ def close_grid(layer: View, removals: tuple[View, ...]) -> tuple[Float32Array, U
     """
     depth = np.where(layer.hole, np.float32(0), layer.depth)
     rank = np.zeros(depth.shape, np.uint8)
-    rank[layer.hole & (layer.hole_type == HoleType.SENSOR)] = hole_kernels.SENSOR_RANK
-    rank[layer.hole & (layer.hole_type == HoleType.OBJECT)] = hole_kernels.OBJECT_RANK
+    rank[layer.hole & (layer.hole_type == HoleType.SENSOR.value)] = hole_kernels.SENSOR_RANK
+    rank[layer.hole & (layer.hole_type == HoleType.OBJECT.value)] = hole_kernels.OBJECT_RANK
     for removed in removals:
         if removed.camera.same_view_as(layer.camera):
             depth = np.where((depth == 0) & removed.valid, removed.depth, depth)
@@ -255,7 +255,7 @@ def render_cloud(cloud: PointCloud, camera: Camera, mode: Mode) -> View:
     canvas.color[row, column] = cloud.color[chosen]
     canvas.depth[row, column] = z[chosen]
     origin = cloud.origin[chosen]
-    canvas.origin[row, column] = np.where(origin == Origin.MEASURED, np.uint8(Origin.REPROJECTED), origin)
+    canvas.origin[row, column] = np.where(origin == Origin.MEASURED.value, np.uint8(Origin.REPROJECTED), origin)
     canvas.confidence[row, column] = cloud.confidence[chosen]
     hole = canvas.depth == 0
     return View(

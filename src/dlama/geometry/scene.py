@@ -9,15 +9,13 @@ from functools import cached_property
 from importlib import import_module
 from typing import Any
 
-import numpy as np
-
 from dlama.arguments import check
 from dlama.errors import InputError, ShapeError, format_count
 from dlama.geometry.cloud import concatenate
 from dlama.geometry.figures.points import point_viewer
 from dlama.geometry.projection import lift
 from dlama.geometry.rgbd import RGBD, BoolArray
-from dlama.geometry.view import HoleType, Origin, View
+from dlama.geometry.view import HoleType, Origin, View, has_code
 
 FILLED_BEFORE = (Origin.FILLED, Origin.DEPTH_FILLED)
 """Origins that the overlap of a layer with earlier filled ones keeps."""
@@ -78,7 +76,7 @@ class Scene:
         """A frame or fill with its removed objects put back."""
         for removed in self.removals:
             if removed.camera.same_view_as(layer.camera):
-                layer = layer.read().with_pixels(removed.read(), removed.origin != Origin.UNKNOWN)
+                layer = layer.read().with_pixels(removed.read(), removed.origin != Origin.UNKNOWN.value)
         return layer
 
     def without(self, mask: BoolArray | Mapping[int, BoolArray], dilate: int | None = None) -> Scene:
@@ -140,5 +138,5 @@ def contribution(layer: View) -> BoolArray:
 
     What was measured and is seen again has the origin REPROJECTED; what was filled before and is, no hole type.
     """
-    filled_before = np.isin(layer.origin, FILLED_BEFORE) & (layer.hole_type == HoleType.NONE)
-    return layer.valid & (layer.origin != Origin.REPROJECTED) & ~filled_before
+    filled_before = has_code(layer.origin, *FILLED_BEFORE) & (layer.hole_type == HoleType.NONE.value)
+    return layer.valid & (layer.origin != Origin.REPROJECTED.value) & ~filled_before

@@ -153,7 +153,7 @@ def features_of_known(view: View) -> KnownFeatures:
     del distance
     kinds = view.hole_type[hole]
     for row, kind in enumerate(TYPES, start=2):
-        rows[row] = kinds == kind
+        rows[row] = kinds == int(kind)
     w = inverse_depth(np.where(hole, np.float32(0), view.depth))
     typical = float(np.median(w[w > 0])) if (w > 0).any() else 1.0
     rows[10] = w.ravel()[rim] == 0
@@ -174,8 +174,8 @@ def features_of_known(view: View) -> KnownFeatures:
     rows[24] = estimate_noise(grey, ~hole)
     rows[22] = blur((~hole).astype(np.float32), BROAD * diagonal)[hole]
     rows[16] = np.log(hole.mean())
-    rows[26] = (view.hole_type == HoleType.SENSOR).mean()
-    rows[27] = (view.origin == Origin.ESTIMATED).any()
+    rows[26] = (view.hole_type == HoleType.SENSOR.value).mean()
+    rows[27] = (view.origin == Origin.ESTIMATED.value).any()
     return KnownFeatures(view, step, rows, rim, typical, mean)
 
 

@@ -89,7 +89,7 @@ def transfer_hidden(view: View, other: View, law: Law, mode: Mode) -> View:
 
     Left out is what would break the law: depth in front of what was measured is a wrong match.
     """
-    hidden = view.hole & (view.hole_type == HoleType.OBJECT)
+    hidden = view.hole & (view.hole_type == HoleType.OBJECT.value)
     if not hidden.any():
         return view
     shown = render(other, view.camera, mode, types=False)
@@ -100,7 +100,7 @@ def transfer_hidden(view: View, other: View, law: Law, mode: Mode) -> View:
 
 def add_seen_alone(scene: Scene, view: View, law: Law, mode: Mode) -> Scene:
     """The scene with what only this view saw of it as one more layer: surfaces that the scene already has are not doubled."""
-    seen = ~view.hole & ((view.origin == Origin.MEASURED) | (view.origin == Origin.DEPTH_FILLED))
+    seen = ~view.hole & ((view.origin == Origin.MEASURED.value) | (view.origin == Origin.DEPTH_FILLED.value))
     alone = seen & render(scene, view.camera, mode, types=False, close=False).hole
     alone &= ~law.violations(view.camera, view.depth, alone)
     return add_layer(scene, view, morphological_open(alone, square(NARROWEST)))
@@ -109,5 +109,5 @@ def add_seen_alone(scene: Scene, view: View, law: Law, mode: Mode) -> Scene:
 def transferred_share(view: View, before: View) -> float:
     """Share of the colour hole of `before` (0..1) that the other camera measured in the completed `view`; 0 without a hole."""
     hole = before.color_hole
-    transferred = (view.origin == Origin.REPROJECTED) | (view.origin == Origin.DEPTH_FILLED)
+    transferred = (view.origin == Origin.REPROJECTED.value) | (view.origin == Origin.DEPTH_FILLED.value)
     return round(float(transferred[hole].mean()), 6) if hole.any() else 0.0

@@ -213,7 +213,7 @@ def complete_pair_together(pair: MatchedPair, draft: Plan, clock: Clock) -> Comp
     with clock("fuse"):
         if pair.masks is None:
             scene = add_seen_alone(scene, apply_gain(right, gain), context.law, recipe.mode)
-        own_depth = right.origin == Origin.DEPTH_FILLED  # added above where the left picture does not have it
+        own_depth = right.origin == Origin.DEPTH_FILLED.value  # added above where the left picture does not have it
         scene = fuse_new(scene, right_before, known, apply_gain(right, gain).without(own_depth, HoleType.NONE))
     left_before = left_before_filling(clean.left, scene)
     record = Record([left_fill, taken_over, right_fill], clock.seconds, grown_mask)
@@ -257,7 +257,7 @@ def synthesise_right(pair: MatchedPair, draft: Plan, clock: Clock) -> CompletedP
 def left_before_filling(source: RGBD, scene: Scene) -> View:
     """The left view with its sensor holes open, and the object where `scene` has one removed."""
     before, base = View.from_rgbd(source), scene.frames[0]
-    removed = base.hole & (base.hole_type == HoleType.OBJECT)
+    removed = base.hole & (base.hole_type == HoleType.OBJECT.value)
     return before.without(removed, HoleType.OBJECT) if removed.any() else before
 
 

@@ -224,7 +224,7 @@ def complete_steps(
         done.scene, done.reused = added.to(done.scene, step), done.reused + earlier
         if shown:
             done.filled[name] = share(added.view.filled)
-            done.depth_filled[name] = share(added.view.origin == Origin.DEPTH_FILLED)
+            done.depth_filled[name] = share(added.view.origin == Origin.DEPTH_FILLED.value)
         if progress is not None:
             progress(number + 1, len(steps), name if shown else f"{name} (on the way)", earlier)
     return done

@@ -132,7 +132,7 @@ def cloud_measures(run: MethodRun, without: RGBD, inside: BoolArray) -> list[Mea
 
 def filled_points(cloud: PointCloud, frame: RGBD, inside: BoolArray) -> Float64Array:
     """The filled points of a cloud that fall into a region of a frame: N x 3, metres in the world."""
-    filled = (cloud.origin == Origin.FILLED) | (cloud.origin == Origin.DEPTH_FILLED)
+    filled = (cloud.origin == Origin.FILLED.value) | (cloud.origin == Origin.DEPTH_FILLED.value)
     points = np.asarray(cloud.points[filled])
     row, column, _, lands = project_to_pixels(points, frame.camera)
     return points[lands & inside[row, column]]

@@ -197,7 +197,7 @@ def _view(prefix: str, arrays: Mapping[str, np.ndarray]) -> View:
         arrays[prefix + name] for name in ("depth", "hole", "hole_type", "origin", "confidence")
     )
     if (
-        early := hole & (origin == Origin.DEPTH_FILLED)
+        early := hole & (origin == Origin.DEPTH_FILLED.value)
     ).any():  # as files of the first days mark a known colour in a hole
         origin = np.where(early, np.uint8(Origin.MEASURED), origin)
     planes = [arrays[prefix + name] for name in ERRORS if prefix + name in arrays]

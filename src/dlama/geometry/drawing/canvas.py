@@ -52,7 +52,7 @@ class Canvas:
         if not over_measured:
             wins &= ~from_source(self.origin) | (self.depth == 0)
             if at_home:
-                wins &= (self.origin != Origin.DEPTH_FILLED) | (self.depth == 0)
+                wins &= (self.origin != Origin.DEPTH_FILLED.value) | (self.depth == 0)
         self.copy_where(other, wins)
 
     def copy_where(self, other: Canvas | View, where: BoolArray) -> None:

@@ -74,7 +74,7 @@ def close_gaps(canvas: Canvas) -> None:
     along, down = Ends.of(known, flat), Ends.of(known.T, flat.T).select(np.argsort(flat.T[~known.T]))
     inverse = inverse_depth(canvas.depth).ravel()
     steps = [seam_step(ends, inverse) for ends in (along, down)]
-    nothing = canvas.origin.ravel()[empty] == Origin.UNKNOWN  # a measured colour without depth stays
+    nothing = canvas.origin.ravel()[empty] == Origin.UNKNOWN.value  # a measured colour without depth stays
     in_row = nothing & (steps[0] <= steps[1]) & np.isfinite(steps[0])
     in_column = nothing & (steps[0] > steps[1])
     far = np.append(np.isposinf(canvas.depth.ravel()), False)  # -1: there is none

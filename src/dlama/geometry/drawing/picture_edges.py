@@ -191,7 +191,7 @@ def jumps(w: Float32Array) -> BoolArray:
 
 def edge_uncertainty(view: View) -> int:
     """Misalignment in px of measured depth edges with the picture's, the REACHED quantile; 0 where half of them are aligned."""
-    measured = view.valid & (view.origin == Origin.MEASURED)
+    measured = view.valid & (view.origin == Origin.MEASURED.value)
     return edge_misalignment(view.color, view.depth, measured, view.far)
 
 

@@ -31,7 +31,7 @@ from dlama.geometry.holes import dilate_mask
 from dlama.geometry.projection import project_to_pixels
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.geometry.scene import Scene, contribution
-from dlama.geometry.view import HoleType, Origin, View
+from dlama.geometry.view import HoleType, Origin, View, has_code
 
 SAME_GAIN = 0.01
 """Gains that all lie nearer to 1 than this are none."""
@@ -212,7 +212,7 @@ def add_frame(scene: Scene, frame: FrameSource) -> Scene:
 
 def drop_seen_fill(fill: View, frame: View) -> View:
     """A fill without the pixels that the frame measured."""
-    seen = is_seen_by(frame, fill) & np.isin(fill.origin, (Origin.FILLED, Origin.DEPTH_FILLED))
+    seen = is_seen_by(frame, fill) & has_code(fill.origin, Origin.FILLED, Origin.DEPTH_FILLED)
     return fill.without(seen, HoleType.NONE) if seen.any() else fill
 
 
@@ -220,7 +220,7 @@ def drop_seen_depth(one: View, frame: View) -> View:
     """A frame with its filled sensor holes open again where another frame measured their depth."""
     if not one.has_filled_depth:
         return one
-    seen = is_seen_by(frame, one) & (one.origin == Origin.DEPTH_FILLED)
+    seen = is_seen_by(frame, one) & (one.origin == Origin.DEPTH_FILLED.value)
     return one.reopen(seen) if seen.any() else one
 
 

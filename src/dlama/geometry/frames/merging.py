@@ -139,7 +139,7 @@ def _keep_own(canvas: Canvas, best: UInt16Array, own: View) -> None:
     others = ~known & (canvas.depth > 0) & (best > 0)
     _drop(canvas, best, find_slivers(others & ~colored))
     others &= best > 0
-    canvas.origin[others & (canvas.origin != Origin.DEPTH_FILLED)] = Origin.ELSEWHERE
+    canvas.origin[others & (canvas.origin != Origin.DEPTH_FILLED.value)] = Origin.ELSEWHERE
     _copy(canvas.color, own.color, known | colored)
     np.copyto(canvas.origin, own.origin, where=known | (colored & (canvas.depth == 0)))
     np.copyto(canvas.depth, own.depth, where=known)

@@ -83,7 +83,7 @@ def remove_object(scene: Scene, mask: BoolArray | Mapping[int, BoolArray], dilat
     count = len(scene.frames)
     for place, (layer, one) in enumerate(zip(measured.layers, carry_masks(measured, masks))):
         larger = dilate_mask(one, growth.px)
-        if (larger | (layer.hole_type == HoleType.OBJECT)).all():
+        if (larger | (layer.hole_type == HoleType.OBJECT.value)).all():
             raise MaskError(
                 f"`dilate` is {growth.px} px: the mask grown by that is full and leaves nothing to fill from"
             )
@@ -159,7 +159,7 @@ def find_removed(scene: Scene, frame: View) -> BoolArray:
     masks = {}
     for place in choose_frames(scene.layers, frame.camera):
         camera = scene.layers[place].camera
-        of_layer = [one.hole_type == HoleType.OBJECT for one in scene.removals if one.camera.same_view_as(camera)]
+        of_layer = [one.hole_type == HoleType.OBJECT.value for one in scene.removals if one.camera.same_view_as(camera)]
         if of_layer:
             masks[place] = np.logical_or.reduce(of_layer)
     frames = {place: scene.original(scene.layers[place]) for place in masks}

@@ -75,10 +75,10 @@ def find_occluders(view: View, surfaces: Surfaces, depth: Float32Array, law: Law
     distance, nearest = nearest_known(view.color_hole & ~seams(surfaces.label, view.color_hole))
     near = (distance <= BAND) & view.valid
     adjacent = is_in_front(view, surfaces, depth, near, nearest)
-    background = (view.hole_type.ravel()[nearest] == HoleType.OBJECT) & find_background(view, law)
+    background = (view.hole_type.ravel()[nearest] == HoleType.OBJECT.value) & find_background(view, law)
     adjacent &= ~background
-    hidden = view.color_hole & (view.hole_type != HoleType.OUT_OF_VIEW)
-    guessed = (view.origin == Origin.ESTIMATED).any()  # estimated depth has no reliable edges
+    hidden = view.color_hole & (view.hole_type != HoleType.OUT_OF_VIEW.value)
+    guessed = (view.origin == Origin.ESTIMATED.value).any()  # estimated depth has no reliable edges
     if guessed or not adjacent.any() or not hidden.any():
         return adjacent
     filled, there, before = (
@@ -133,8 +133,8 @@ def is_in_front(
     continued = plane_values_at(surfaces.planes, labels, rows, columns)
     before = NEARER / view.depth[rows, columns] > np.maximum(continued, filled)
     why = view.hole_type.ravel()[hole_pixel]
-    before &= why != HoleType.OUT_OF_VIEW
-    before &= (why != HoleType.OBJECT) | (view.origin[rows, columns] != Origin.ESTIMATED)
+    before &= why != HoleType.OUT_OF_VIEW.value
+    before &= (why != HoleType.OBJECT.value) | (view.origin[rows, columns] != Origin.ESTIMATED.value)
     out = np.zeros(view.hole.shape, np.bool_)
     out[rows, columns] = before
     return out

@@ -8,7 +8,7 @@ import numpy as np
 
 from dlama.geometry.projection import depth_from_inverse, inverse_depth
 from dlama.geometry.rgbd import Float32Array, UInt8Array
-from dlama.geometry.view import HoleType, View
+from dlama.geometry.view import HoleType, View, has_code
 from dlama.geometry.visibility import project_depth
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill
@@ -61,7 +61,7 @@ def paint_surfaces(
     leafy = paint_leaves(view.color, view, surfaces)
     open_ = view.color_hole & (surfaces.leaves < 0)
     color = synthesize(leafy, open_, w, label, view.camera, seed=seed, sky=context.sky, spoiled=shadow, detail=detail)
-    return blend_at_rim(color, view.color_hole, open_ & ~np.isin(view.hole_type, NOT_BLENDED), w, label, shadow)
+    return blend_at_rim(color, view.color_hole, open_ & ~has_code(view.hole_type, *NOT_BLENDED), w, label, shadow)
 
 
 def inverse_of_filled(view: View, surfaces: Surfaces, depth: Float32Array) -> Float32Array:

@@ -41,8 +41,8 @@ def find_remaining_shadow(view: View, label: NDArray[np.int32], law: Law) -> Boo
     label: H x W, the surface of each pixel. What lies far behind the object, a dark window, is no shadow of it; estimated depth
     is too inexact to see any.
     """
-    own = view.hole & (view.hole_type == HoleType.OBJECT)
-    if not own.any() or view.hole.all() or (view.origin == Origin.ESTIMATED).any():
+    own = view.hole & (view.hole_type == HoleType.OBJECT.value)
+    if not own.any() or view.hole.all() or (view.origin == Origin.ESTIMATED.value).any():
         return np.zeros_like(own)
     height, width = own.shape
     step = max(1.0, max(height, width) / GRID)
@@ -75,7 +75,9 @@ def depth_of_removed(view: View, law: Law) -> Float32Array | None:
     removed = np.zeros(view.depth.shape, np.float32)
     for camera, measured in law.measured:
         if camera.same_view_as(view.camera):
-            removed = np.where((view.hole_type == HoleType.OBJECT) & np.isfinite(measured), measured, np.float32(0))
+            removed = np.where(
+                (view.hole_type == HoleType.OBJECT.value) & np.isfinite(measured), measured, np.float32(0)
+            )
     if not removed.any():
         return None
     inner = next(inner for px in INNER_PX if (inner := erode_mask(removed > 0, px)).any())

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from dlama.geometry.holes import nearest_known
 from dlama.geometry.rgbd import BoolArray, Float32Array
-from dlama.geometry.view import HoleType, View
+from dlama.geometry.view import HoleType, View, has_code
 from dlama.geometry.visibility import Law
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill, Inpainter
@@ -42,8 +42,10 @@ def layered_patches_filler(model: str | Path) -> Inpainter:
     def fill(view: View, context: FillContext, seed: int) -> Fill:
         smooth = begin_guess(view)
         surfaces, depth, moved = continue_lawfully(view, context, seed)
-        hole = view.color_hole & np.isin(view.hole_type, REPAINTED if context.misplaced_edges else (HoleType.OBJECT,))
-        removed = hole & (view.hole_type == HoleType.OBJECT)
+        hole = view.color_hole & has_code(
+            view.hole_type, *(REPAINTED if context.misplaced_edges else (HoleType.OBJECT,))
+        )
+        removed = hole & (view.hole_type == HoleType.OBJECT.value)
         color, notes = view.color, dict[str, Any](planes=len(surfaces.planes))
         if (view.color_hole & ~removed).any():
             color = paint_surfaces(view, surfaces, depth, context, seed, detail=not context.misplaced_edges)
@@ -69,7 +71,7 @@ def exclude_from_patches(
 
     surfaces: as continued; depth: H x W metres, filled; hole: H x W, what patches paint.
     """
-    removed = hole & (view.hole_type == HoleType.OBJECT)
+    removed = hole & (view.hole_type == HoleType.OBJECT.value)
     if not removed.any():
         return surfaces.label, np.zeros_like(hole)
     before = find_occluders(view, surfaces, depth, law) & removed.ravel()[nearest_known(hole)[1]]

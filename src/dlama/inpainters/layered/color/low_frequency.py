@@ -58,7 +58,7 @@ def blend_with_low_frequency(
     label: H x W, surfaces that are blended one by one, over WIDE instead of DETAIL_PX; sky: of the source pictures, defines up;
     guess: of `begin_guess`, where that was begun before.
     """
-    out_of_view = hole & (view.hole_type == HoleType.OUT_OF_VIEW)
+    out_of_view = hole & (view.hole_type == HoleType.OUT_OF_VIEW.value)
     known = w[~view.hole][::16]
     if not out_of_view.any() or not known.size:
         return color
@@ -134,7 +134,7 @@ def sample_bilinear(picture: Float32Array, x: Float32Array, y: Float32Array) -> 
 
 def unseen_colors(view: View) -> BoolArray:
     """H x W, True in colour holes out of view."""
-    return view.color_hole & (view.hole_type == HoleType.OUT_OF_VIEW)
+    return view.color_hole & (view.hole_type == HoleType.OUT_OF_VIEW.value)
 
 
 def begin_guess(view: View) -> Callable[[], Float32Array]:

@@ -111,7 +111,7 @@ class CoarseView:
         )
         pick = np.ix_(rows, columns)
         hole, w, label = cells_with_holes(view.hole, camera.wh), w[pick], label[pick]
-        in_view = hole & cells_with_holes(view.hole & (view.hole_type != HoleType.OUT_OF_VIEW), camera.wh)
+        in_view = hole & cells_with_holes(view.hole & (view.hole_type != HoleType.OUT_OF_VIEW.value), camera.wh)
         cut = begin_job(find_cut_objects, w, label, hole, cells_near(hole & ~in_view))
         smooth = surface_kernels.far_side(w, hole)
         candidates = np.concatenate([smooth[None], np.zeros_like(smooth)[None], plane_values(planes, camera.hw, step)])
