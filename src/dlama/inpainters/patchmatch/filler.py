@@ -26,7 +26,7 @@ GUESS_SIDE = 768
 DIFFERS = 20.0
 """Levels by which patches differ from their guess where the mean of both is taken."""
 BLEND_PX = 3
-"""Sigma in pixels over which that difference is averaged: texture of one kind is no difference, and stays as painted."""
+"""Sigma in pixels over which that difference is averaged: texture of one kind is no difference."""
 
 
 def guess_coarsely(paint: Paint, picture: UInt8Array, hole: BoolArray, seed: int) -> UInt8Array:
@@ -44,17 +44,17 @@ def guess_coarsely(paint: Paint, picture: UInt8Array, hole: BoolArray, seed: int
 
 
 def blend_with_guess(painted: UInt8Array, guess: UInt8Array, hole: BoolArray) -> UInt8Array:
-    """H x W x 3: the painted hole, its low frequencies the mean with the guess where the two differ: each errs elsewhere.
+    """H x W x 3: the painted hole, and its mean with the guess where the two differ: each errs elsewhere.
 
-    painted, guess: H x W x 3; hole: H x W. Detail finer than BLEND_PX, or than GUESS_SIDE pixels of a picture, stays as painted.
+    painted, guess: H x W x 3; hole: H x W. Detail finer than GUESS_SIDE pixels stays that of the painted picture.
     """
     box = box_around(hole, 3 * BLEND_PX)
     height, width = hole[box].shape
     by = min(1.0, GUESS_SIDE / max(hole.shape))
     size = max(1, round(width * by)), max(1, round(height * by))
     step = cv2.resize(guess[box].astype(np.float32) - painted[box], size, interpolation=cv2.INTER_AREA)
-    step = cv2.GaussianBlur(step, (0, 0), BLEND_PX)
-    step *= 0.5 * np.minimum(np.abs(step).mean(2, keepdims=True) / DIFFERS, 1)
+    differs = np.abs(cv2.GaussianBlur(step, (0, 0), BLEND_PX)).mean(2, keepdims=True)
+    step *= 0.5 * np.minimum(differs / DIFFERS, 1)
     out = painted.copy()
     there = hole[box]
     blended = painted[box] + cv2.resize(step, (width, height), interpolation=cv2.INTER_LINEAR)
