@@ -281,7 +281,8 @@ def compare(asked: argparse.Namespace) -> None:
     domains |= more
     base, mine = before[asked.against or asked.method], now[asked.method]
     shared = [case for case in mine if case in base and asked.only in case]
-    print(f"{len(shared)} cases; change in % of the mean, by domain, and the mean over domains with a 95 % interval")
+    print(f"{asked.now.name} against {asked.before.name}, {len(shared)} cases; below zero: {asked.now.name} is lower")
+    print("change in % of the mean, by domain, and the mean over domains with a 95 % interval")
     for name in SHOWN:
         pairs = paired(base, mine, name, shared, domains)
         if pairs:
