@@ -18,6 +18,7 @@ from dlama.errors import InputError
 from dlama.geometry.camera import Camera, StereoRig
 from dlama.geometry.rendering import render
 from dlama.geometry.view import HoleType, Origin
+from dlama.inpainters.confidence import LARGEST_CONFIDENCE
 from worlds import Box, Plane, World, moved
 
 CAMERA = Camera.from_fov(160, 120, 60)
@@ -180,6 +181,9 @@ def test_the_paper_removes_the_object_and_obeys_the_range() -> None:
     nearest = done.completed.points[:, 2].min()
     assert abs(nearest - 2) < 0.05 and done.background.points[:, 2].min() > 3.5
     np.testing.assert_array_equal(done.source.color, pictures()[0])
+    for view in done.views:
+        filled = view.origin == Origin.FILLED
+        assert filled.any() and view.confidence[filled].max() <= LARGEST_CONFIDENCE < 1
     seen: list[float | None] = []
     with pytest.MonkeyPatch.context() as patch:
 

@@ -48,9 +48,10 @@ def complete_pair_one_by_one(pair: MatchedPair, draft: Plan, clock: Clock) -> Co
 
 
 def with_origin_of(matched: View, filled: View) -> View:
-    """A view with matched depth, and with the origin and hole types of its filled colours."""
+    """A view with matched depth, and with the origin, the hole types and at most the confidence of its filled colours."""
     return dataclasses.replace(
         matched,
         origin=np.where(filled.filled, np.uint8(Origin.FILLED), matched.origin),
+        confidence=np.where(filled.filled, np.minimum(filled.confidence, matched.confidence), matched.confidence),
         hole_type=np.where(filled.hole_type > 0, filled.hole_type, matched.hole_type),
     )
