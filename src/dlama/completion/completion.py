@@ -16,7 +16,7 @@ from dlama.geometry.fusion import scene_cloud, scene_mesh
 from dlama.geometry.mesh import Mesh
 from dlama.geometry.rgbd import Float32Array, UInt8Array
 from dlama.geometry.scene import Scene
-from dlama.geometry.view import Origin, View, has_code
+from dlama.geometry.view import View, from_filler
 from dlama.perception.stereo.agreement import StereoConsistency
 
 C = TypeVar("C", bound="Completion")
@@ -132,5 +132,5 @@ class StereoCompletion(Completion):
 
 def above_confidence(view: View, min_confidence: float) -> View:
     """The view with filled pixels below that confidence left open."""
-    filled = has_code(view.origin, Origin.FILLED, Origin.DEPTH_FILLED) & ~view.hole
+    filled = from_filler(view.origin) & ~view.hole
     return view.reopen(filled & (view.confidence < min_confidence))

@@ -17,7 +17,7 @@ from dlama.geometry.holes import hole_shares
 from dlama.geometry.rendering import find_flying_pixels
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
-from dlama.geometry.view import Origin, View, has_code
+from dlama.geometry.view import View, from_filler
 from dlama.inpainters.filling import FillReport
 from dlama.progress import begin_stage
 
@@ -107,7 +107,7 @@ def expected_errors(views: Sequence[View]) -> dict[str, Any]:
     colour in levels; None where nothing was."""
     depths, colors = [], []
     for view in views:
-        painted, filled = view.filled, has_code(view.origin, Origin.FILLED, Origin.DEPTH_FILLED) & ~view.hole
+        painted, filled = view.filled, from_filler(view.origin) & ~view.hole
         metres = view.depth_error[filled & np.isfinite(view.depth_error)]
         depths.append(round(float(metres.mean(dtype=np.float64)), 5) if metres.size else None)
         colors.append(round(float(view.color_error[painted].mean(dtype=np.float64)), 3) if painted.any() else None)

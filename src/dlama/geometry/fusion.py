@@ -16,8 +16,8 @@ from dlama.geometry.kernels.jit import BAND
 from dlama.geometry.mesh import Mesh, join_meshes
 from dlama.geometry.projection import inverse_depth, lift, rays
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
-from dlama.geometry.scene import FILLED_BEFORE, Scene, contribution
-from dlama.geometry.view import HoleType, Origin, View, has_code
+from dlama.geometry.scene import Scene, contribution
+from dlama.geometry.view import HoleType, Origin, View, from_filler
 
 OVERLAP = 2
 """Overlap in px of a filled layer with the scene: its mesh joins the surfaces that it continues, and no seam opens between two
@@ -53,7 +53,7 @@ def add_layer(scene: Scene, view: View, added: BoolArray, overlap: int = OVERLAP
     side = 2 * overlap + 1
     ring = cv2.dilate(added.astype(np.uint8), np.ones((side, side), np.uint8)) > 0
     layer = view.without(~ring, HoleType.NONE)
-    filled = has_code(layer.origin, *FILLED_BEFORE)
+    filled = from_filler(layer.origin)
     origin = np.where(added | layer.hole | filled, layer.origin, np.uint8(Origin.REPROJECTED))
     types = np.where(added, layer.hole_type, np.uint8(HoleType.NONE))
     return dataclasses.replace(scene, fills=(*scene.fills, layer.with_planes(origin=origin, hole_type=types)))

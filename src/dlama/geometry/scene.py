@@ -15,10 +15,7 @@ from dlama.geometry.cloud import concatenate
 from dlama.geometry.figures.points import point_viewer
 from dlama.geometry.projection import lift
 from dlama.geometry.rgbd import RGBD, BoolArray
-from dlama.geometry.view import HoleType, Origin, View, has_code
-
-FILLED_BEFORE = (Origin.FILLED, Origin.DEPTH_FILLED)
-"""Origins that the overlap of a layer with earlier filled ones keeps."""
+from dlama.geometry.view import HoleType, Origin, View, from_filler
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,5 +135,5 @@ def contribution(layer: View) -> BoolArray:
 
     What was measured and is seen again has the origin REPROJECTED; what was filled before and is, no hole type.
     """
-    filled_before = has_code(layer.origin, *FILLED_BEFORE) & (layer.hole_type == HoleType.NONE.value)
+    filled_before = from_filler(layer.origin) & (layer.hole_type == HoleType.NONE.value)
     return layer.valid & (layer.origin != Origin.REPROJECTED.value) & ~filled_before

@@ -69,6 +69,11 @@ def from_source(origin: UInt8Array) -> BoolArray:
     return has_code(origin, Origin.MEASURED, Origin.ESTIMATED)
 
 
+def from_filler(origin: UInt8Array) -> BoolArray:
+    """True where a filler wrote depth: with a colour of its own, or to a measured one."""
+    return has_code(origin, Origin.FILLED, Origin.DEPTH_FILLED)
+
+
 class HoleType(IntEnum):
     """Why a pixel was not covered."""
 

@@ -28,7 +28,7 @@ from dlama.geometry.cloud import PointCloud
 from dlama.geometry.holes import dilate_mask, erode_mask
 from dlama.geometry.projection import lift, project_to_pixels
 from dlama.geometry.rgbd import RGBD, BoolArray
-from dlama.geometry.view import HoleType, Origin, View
+from dlama.geometry.view import HoleType, View, from_filler
 
 
 def score(truth: Truth, method: Method, settings: ProtocolSettings) -> list[Scored]:
@@ -132,7 +132,6 @@ def cloud_measures(run: MethodRun, without: RGBD, inside: BoolArray) -> list[Mea
 
 def filled_points(cloud: PointCloud, frame: RGBD, inside: BoolArray) -> Float64Array:
     """The filled points of a cloud that fall into a region of a frame: N x 3, metres in the world."""
-    filled = (cloud.origin == Origin.FILLED.value) | (cloud.origin == Origin.DEPTH_FILLED.value)
-    points = np.asarray(cloud.points[filled])
+    points = np.asarray(cloud.points[from_filler(cloud.origin)])
     row, column, _, lands = project_to_pixels(points, frame.camera)
     return points[lands & inside[row, column]]

@@ -31,7 +31,7 @@ from dlama.geometry.holes import dilate_mask
 from dlama.geometry.projection import project_to_pixels
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.geometry.scene import Scene, contribution
-from dlama.geometry.view import HoleType, Origin, View, has_code
+from dlama.geometry.view import HoleType, Origin, View, from_filler
 
 SAME_GAIN = 0.01
 """Gains that all lie nearer to 1 than this are none."""
@@ -212,7 +212,7 @@ def add_frame(scene: Scene, frame: FrameSource) -> Scene:
 
 def drop_seen_fill(fill: View, frame: View) -> View:
     """A fill without the pixels that the frame measured."""
-    seen = is_seen_by(frame, fill) & has_code(fill.origin, Origin.FILLED, Origin.DEPTH_FILLED)
+    seen = is_seen_by(frame, fill) & from_filler(fill.origin)
     return fill.without(seen, HoleType.NONE) if seen.any() else fill
 
 

@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from dlama.geometry.kernels.jit import Flag, Real, Whole, kernel, piece
 from dlama.geometry.rgbd import Float32Array
 
+Box = tuple[Whole, Whole, Whole, Whole]
+"""Target pixels, inclusive: left, right, upper, lower."""
 NOWHERE = np.float32(np.inf)
 CHUNK = 64
 """Source columns that are skipped together where they do not touch a band."""
@@ -74,6 +76,12 @@ def chunk_boxes(
         boxes[1, n] = np.int32(np.floor(max(min(columns - 0.5, high_x), -1.0) - 0.4999))
         boxes[2, n] = np.int32(np.ceil(min(max(top + 0.5, low_y), bottom + 1.0) - 0.5001))
         boxes[3, n] = np.int32(np.floor(max(min(bottom - 0.5, high_y), top - 1.0) - 0.4999))
+
+
+@piece
+def box_at(boxes: NDArray[np.int32], n: Whole) -> Box:
+    """The box of quad n of a chunk; boxes: as of `chunk_boxes`."""
+    return np.int64(boxes[0, n]), np.int64(boxes[1, n]), np.int64(boxes[2, n]), np.int64(boxes[3, n])
 
 
 @piece

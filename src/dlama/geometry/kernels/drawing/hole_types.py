@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.kernels.drawing.chunks import CHUNK, chunk_boxes, chunk_meets, marked_within, quad_span
-from dlama.geometry.kernels.drawing.rasterize import Box, quad_sides
+from dlama.geometry.kernels.drawing.chunks import CHUNK, Box, box_at, chunk_boxes, chunk_meets, marked_within, quad_span
+from dlama.geometry.kernels.drawing.rasterize import quad_sides
 from dlama.geometry.kernels.jit import Flag, Real, Whole, kernel, piece
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 
@@ -64,7 +64,7 @@ def mark_closed_mesh(
             begin, end, room = chunk * CHUNK, min(width - 1, (chunk + 1) * CHUNK), boxes[first]
             chunk_boxes(x, y, w, row, begin, end, first, last, columns, room)
             for n in range(end - begin):
-                box = np.int64(room[0, n]), np.int64(room[1, n]), np.int64(room[2, n]), np.int64(room[3, n])
+                box = box_at(room, n)
                 if box[0] <= box[1] and box[2] <= box[3] and marked_within(count, box[0], box[1], box[2], box[3]) > 0:
                     mark_quad(x, y, w, joined, grid_rank, row, begin + n, crack_rank, box, hole, ranks)
 

@@ -12,12 +12,9 @@ from numpy.typing import NDArray
 
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
-from dlama.geometry.kernels.drawing.chunks import CHUNK, chunk_boxes, chunk_meets, marked_within, quad_span
+from dlama.geometry.kernels.drawing.chunks import CHUNK, Box, box_at, chunk_boxes, chunk_meets, marked_within, quad_span
 from dlama.geometry.kernels.jit import Real, Whole, inlined, kernel, piece
 from dlama.geometry.rgbd import Float32Array, UInt8Array
-
-Box = tuple[Whole, Whole, Whole, Whole]
-"""Target pixels, inclusive: left, right, upper, lower."""
 
 
 @piece
@@ -150,7 +147,7 @@ def draw_surface(
                 sides = quad_sides(joined, row, begin + n)
                 if sides == 0 or room[0, n] > room[1, n] or room[2, n] > room[3, n]:
                     continue
-                box = np.int64(room[0, n]), np.int64(room[1, n]), np.int64(room[2, n]), np.int64(room[3, n])
+                box = box_at(room, n)
                 if not some or marked_within(count, box[0], box[1], box[2], box[3]) > 0:
                     draw_quad(x, y, w, row, begin + n, sides, box, wbuf, where)
 
