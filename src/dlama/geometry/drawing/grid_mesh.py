@@ -10,7 +10,7 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.drawing.picture_edges import align_edges, edge_ratio
 from dlama.geometry.kernels import depth_edges as edges
 from dlama.geometry.kernels.jit import in_bands
-from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, paste
 from dlama.geometry.view import View
 
 NOISE_REACH, NOISE_LINES, NOISE_STEPS, NOISY = 4, 32, 4.0, 2.5
@@ -83,7 +83,9 @@ def prepare_mesh(layer: View) -> tuple[Float32Array, BoolArray, UInt8Array]:
     """Depth without flying pixels (0), the flying pixels, and which neighbours are joined; found once for a layer."""
     if layer in MESHES:
         flying, joined = MESHES[layer]
-        return np.where(flying | layer.hole, np.float32(0), align_edges(layer).depth), flying, joined
+        depth = np.zeros(flying.shape, np.float32)
+        paste(align_edges(layer).depth, ~(flying | layer.hole), depth)
+        return depth, flying, joined
     depth, flying, w = remove_flying_pixels(layer)
     MESHES[layer] = flying, join_neighbours(w, layer.camera)
     return depth, *MESHES[layer]

@@ -18,7 +18,7 @@ from dlama.geometry.kernels.drawing import chunks, shading
 from dlama.geometry.kernels.drawing import rasterize as raster
 from dlama.geometry.kernels.drawing.footprints import draw_rim, rim
 from dlama.geometry.kernels.drawing.sampling import far_blocks, smooth_quads, spline
-from dlama.geometry.kernels.jit import in_bands, threads
+from dlama.geometry.kernels.jit import in_bands, light_band
 from dlama.geometry.projection import px_from_px
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, paste
 from dlama.geometry.view import View
@@ -28,8 +28,6 @@ MODES: tuple[Mode, ...] = ("surface", "points")
 
 NEAR = 1e-3
 """Near plane in metres."""
-MAX_PARTS = 4
-"""Most threads that draw points at once, each into its own z-buffer."""
 ALL = np.zeros((0, 0), np.int32)
 """Instead of a table of the pixels that count (`count_wanted`): all do."""
 
@@ -145,16 +143,17 @@ def draw_apart(
 
 def draw_as_points(grid: Grid, canvas: Canvas) -> None:
     """Each pixel of the layer onto the target pixel it falls on."""
-    layer, hw = grid.layer, canvas.depth.shape
-    parts = min(threads(), MAX_PARTS)
-    wbuf, index = np.empty((parts, *hw), np.float32), np.empty((parts, *hw), np.uint32)
-    room = np.empty((3, parts, layer.camera.width), np.float32)
-    in_bands(raster.draw_points, parts, grid.depth, grid.matrix, grid.offset, NEAR, *room, wbuf, index, band=1)
+    layer, (rows, columns) = grid.layer, canvas.depth.shape
+    width = layer.camera.width
+    x, y, w = (np.empty((1, width), np.float32) for _ in range(3))
+    nearest, place = np.empty(rows * columns, np.uint64), np.empty(width, np.int32)
+    raster.draw_points(grid.depth, grid.matrix, grid.offset, NEAR, x, y, w, place, nearest, columns)
     pixels = layer.color.reshape(-1, 3), layer.origin.ravel(), layer.confidence.ravel()
-    in_bands(shading.shade_points, hw[0], wbuf, index, *pixels, *canvas.buffers())
+    nearest = nearest.reshape(rows, columns)
+    in_bands(shading.shade_points, rows, nearest, *pixels, *canvas.buffers(), band=light_band(columns))
     if canvas.shares_errors(layer):
-        drawn = wbuf[0] > 0
-        canvas.put_errors(layer, drawn, *np.divmod(index[0][drawn], layer.camera.width))
+        drawn = nearest > 0
+        canvas.put_errors(layer, drawn, *np.divmod(raster.LARGEST - (nearest[drawn] & raster.LARGEST), width))
 
 
 def draw_as_surface(
@@ -212,11 +211,12 @@ def draw_far(grid: Grid, camera: Camera, canvas: Canvas) -> None:
     matrix, _ = px_from_px(layer.camera, camera)
     pixels = layer.color, grid.knots, layer.origin, layer.confidence
     columns = np.flatnonzero(far[rows[0] : rows[-1] + 1].any(0))
-    box = np.array([columns[0], columns[-1], rows[0], rows[-1]])
-    sky = far, box, far_blocks(far, grid.fine)
-    empty = canvas.depth == 0
-    in_bands(shading.shade_far, camera.height, matrix, *sky, *pixels, *canvas.buffers())
-    if canvas.shares_errors(layer):
+    spans = far_spans(matrix, (columns[0], columns[-1]), (rows[0], rows[-1]), camera.hw)
+    empty = canvas.depth == 0 if canvas.shares_errors(layer) else None
+    sky = far, spans, far_blocks(far, grid.fine)
+    band = light_band(camera.width)
+    in_bands(shading.shade_far, camera.height, matrix, *sky, *pixels, *canvas.buffers(), band=band)
+    if empty is not None:
         drawn = empty & np.isposinf(canvas.depth)
         row, column = np.nonzero(drawn)
         x, y, ahead = matrix @ np.stack([column + 0.5, row + 0.5, np.ones(len(row))])
@@ -224,17 +224,41 @@ def draw_far(grid: Grid, camera: Camera, canvas: Canvas) -> None:
         canvas.put_errors(layer, drawn, rows, columns)
 
 
+def far_spans(
+    matrix: Float64Array, columns: tuple[int, int], rows: tuple[int, int], hw: tuple[int, int]
+) -> NDArray[np.int64]:
+    """H x 2: first and last column (exclusive) of each target row that may lie in a box of the layer (columns, rows: its first
+    and last ones). matrix: as of `shading.shade_far`."""
+    across, along, ahead = matrix
+    sides = np.array(  # each > 0 in the box, a pixel round it and in front: a span ends where one of them is 0
+        [
+            across - (columns[0] - 1) * ahead,
+            (columns[1] + 2) * ahead - across,
+            along - (rows[0] - 1) * ahead,
+            (rows[1] + 2) * ahead - along,
+            ahead,
+        ]
+    )
+    slope, rest = sides[:, :1], sides[:, 1:2] * (np.arange(hw[0]) + 0.5) + sides[:, 2:]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        zero = -rest / slope
+    first = np.where(slope > 0, zero, -np.inf).max(0)
+    last = np.where(slope < 0, zero, np.inf).min(0)
+    spans = np.stack([np.floor(first), np.ceil(last)], 1)
+    return np.clip(spans, 0, hw[1]).astype(np.int64)
+
+
 def transform_depth(depth: Float32Array, matrix: Float64Array, offset: Float64Array) -> tuple[Float32Array, ...]:
     """Target x, y (pixels) and inverse z (1/m, 0 = not in front) of every source pixel, float32 H x W each."""
     x, y, w = (np.empty_like(depth) for _ in range(3))
-    in_bands(raster.transform, len(depth), depth, matrix, offset, NEAR, x, y, w)
+    in_bands(raster.transform, len(depth), depth, matrix, offset, NEAR, x, y, w, band=light_band(depth.shape[1]))
     return x, y, w
 
 
 def vertex_row_spans(y: Float32Array, w: Float32Array) -> Float32Array:
     """H x N x 2: smallest and largest target row of each row of vertices, N chunks of columns (see `chunks.row_spans`)."""
     out = np.empty((*y.shape[:1], -(-y.shape[1] // chunks.CHUNK), 2), np.float32)
-    in_bands(chunks.row_spans, len(y), y, w, out)
+    in_bands(chunks.row_spans, len(y), y, w, out, band=light_band(y.shape[1]))
     return out
 
 

@@ -168,7 +168,8 @@ _thread = threading.local()
 _LOADING = threading.RLock()
 BAND = 32
 """Rows per task: enough of them that threads finish together, not so many that handing them out costs."""
-
+PIXELS = 2**18
+"""Pixels per task of a job that takes about a nanosecond for each: fewer are done before a second thread has woken up."""
 
 _most_threads: list[int] = []
 
@@ -217,6 +218,11 @@ def in_bands(job: Callable[..., None], rows: int, *arguments: Any, band: int = B
         for other in others:
             if not other.cancel():  # not begun, for a job of `begin_job` has the thread: nothing is left for it
                 other.result()
+
+
+def light_band(columns: int) -> int:
+    """Rows per task (`in_bands`) of a job that takes about a nanosecond a pixel, on rows of so many pixels."""
+    return max(BAND, PIXELS // max(1, columns))
 
 
 def begin_job(job: Callable[..., Made], *arguments: Any) -> Callable[[], Made]:

@@ -16,6 +16,9 @@ from dlama.geometry.kernels.drawing.chunks import CHUNK, Box, box_at, chunk_boxe
 from dlama.geometry.kernels.jit import Real, Whole, inlined, kernel, piece
 from dlama.geometry.rgbd import Float32Array, UInt8Array
 
+HALF_WORD, LARGEST = np.uint64(32), np.uint64(2**32 - 1)
+"""Bits of each half of a point (`as_point`), and the largest number that fits."""
+
 
 @piece
 def transform_row(
@@ -67,8 +70,6 @@ def transform(
 
 @kernel
 def draw_points(
-    first: Whole,
-    last: Whole,
     depth: Float32Array,
     matrix: Float64Array,
     offset: Float64Array,
@@ -76,29 +77,46 @@ def draw_points(
     x: Float32Array,
     y: Float32Array,
     w: Float32Array,
-    wbuf: Float32Array,
-    index: NDArray[np.uint32],
+    place: NDArray[np.int32],
+    nearest: NDArray[np.uint64],
+    columns: Whole,
 ) -> None:
-    """Nearest-pixel projection with a z-buffer (the paper's P', eq. 2): inverse depth and source index of what is nearest.
+    """Nearest-pixel projection with a z-buffer (the paper's P', eq. 2): what is nearest in each target pixel, as `as_point`.
 
-    wbuf, index: N x H x W; the source rows are cut into N parts, and part n is drawn into its own buffer n (any content
-    before; empty: wbuf 0), so that parts do not get in each other's way. x, y, w: N x width, room for a row each.
+    nearest: H W, any content before; columns: W. x, y, w: 1 x width, place: width: room for a row of source pixels. One thread:
+    the z-buffers of several take longer to allocate than points to draw.
     """
-    height, width = depth.shape
-    parts, rows, columns = wbuf.shape
-    for part in range(first, last):
-        for ty in range(rows):
-            for tx in range(columns):
-                wbuf[part, ty, tx] = 0
-        for row in range(part * height // parts, (part + 1) * height // parts):
-            transform_row(depth, matrix, offset, near, row, part, x, y, w)
-            for column in range(width):
-                inverse, px, py = w[part, column], x[part, column], y[part, column]
-                if inverse > 0 and px >= 0 and py >= 0 and px < columns and py < rows:
-                    to_row, to_column = np.int64(py), np.int64(px)
-                    if inverse > wbuf[part, to_row, to_column]:
-                        wbuf[part, to_row, to_column] = inverse
-                        index[part, to_row, to_column] = row * width + column
+    rows = len(nearest) // columns
+    for number in range(len(nearest)):
+        nearest[number] = 0
+    for row in range(depth.shape[0]):
+        transform_row(depth, matrix, offset, near, row, 0, x, y, w)
+        for column in range(depth.shape[1]):
+            px, py = x[0, column], y[0, column]
+            inside = (w[0, column] > 0) & (px >= 0) & (py >= 0) & (px < columns) & (py < rows)
+            place[column] = np.int32(py) * np.int32(columns) + np.int32(px) if inside else np.int32(-1)
+        for column in range(depth.shape[1]):
+            if place[column] >= 0:
+                at = np.uint64(place[column])
+                nearest[at] = max(nearest[at], as_point(w[0, column], row * depth.shape[1] + column))
+
+
+@piece
+def as_point(inverse: Real, index: Whole) -> np.uint64:
+    """Inverse depth (float32, > 0) and source index as one number: larger where nearer, or as near and earlier."""
+    return (np.uint64(np.float32(inverse).view(np.uint32)) << HALF_WORD) | (LARGEST - np.uint64(index))
+
+
+@piece
+def inverse_of(point: np.uint64) -> np.float32:
+    """Inverse depth of a point (`as_point`); 0 where there is none."""
+    return np.uint32(point >> HALF_WORD).view(np.float32)
+
+
+@piece
+def index_of(point: np.uint64) -> np.uint64:
+    """Source index of a point (`as_point`)."""
+    return LARGEST - (point & LARGEST)
 
 
 @piece

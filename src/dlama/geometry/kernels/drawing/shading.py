@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.camera import Float64Array
-from dlama.geometry.kernels.drawing.rasterize import quad_sides
+from dlama.geometry.kernels.drawing.rasterize import index_of, inverse_of, quad_sides
 from dlama.geometry.kernels.drawing.sampling import HALF, ONE, ZERO, bilinear, level, smooth_color, surface_color
 from dlama.geometry.kernels.jit import Real, Whole, inlined, kernel, piece
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
@@ -145,8 +145,7 @@ def stride(wbuf: Float32Array, where: Float32Array, ty: Whole, tx: Whole, y: Who
 def shade_points(
     first: Whole,
     last: Whole,
-    wbuf: Float32Array,
-    index: NDArray[np.uint32],
+    nearest: NDArray[np.uint64],
     color: UInt8Array,
     origin: UInt8Array,
     confidence: Float32Array,
@@ -157,22 +156,15 @@ def shade_points(
 ) -> None:
     """Colours of a points drawing: each pixel shows its nearest point as it is.
 
-    wbuf, index: N x H x W, parts of one drawing, which are merged into the first; of two equally near the earlier part's is
-    seen. index: uint32. color: pixels x 3, origin, confidence: pixels, as `index` counts them.
+    nearest: H x W points (`rasterize.as_point`); color: pixels x 3, origin, confidence: pixels, as their indices count them.
     """
-    parts, _, columns = wbuf.shape
     for ty in range(first, last):
-        for part in range(1, parts):
-            for tx in range(columns):
-                nearer = wbuf[part, ty, tx] > wbuf[0, ty, tx]
-                index[0, ty, tx] = index[part, ty, tx] if nearer else index[0, ty, tx]
-                wbuf[0, ty, tx] = wbuf[part, ty, tx] if nearer else wbuf[0, ty, tx]
-        for tx in range(columns):
-            w = wbuf[0, ty, tx]
+        for tx in range(nearest.shape[1]):
+            w = inverse_of(nearest[ty, tx])
             out_depth[ty, tx] = np.float32(1) / w if w > 0 else np.float32(0)
-        for tx in range(columns):
-            if wbuf[0, ty, tx] > 0:
-                source = index[0, ty, tx]
+        for tx in range(nearest.shape[1]):
+            if nearest[ty, tx] > 0:
+                source = index_of(nearest[ty, tx])
                 out_color[ty, tx, 0] = color[source, 0]
                 out_color[ty, tx, 1] = color[source, 1]
                 out_color[ty, tx, 2] = color[source, 2]
@@ -186,7 +178,7 @@ def shade_far(
     last: Whole,
     matrix: Float64Array,
     far: BoolArray,
-    box: NDArray[np.int64],
+    spans: NDArray[np.int64],
     blocks: UInt8Array,
     color: UInt8Array,
     knots: Float32Array,
@@ -200,15 +192,14 @@ def shade_far(
     """The far layer behind everything: empty target pixels (depth 0) whose direction is far in the source.
 
     matrix: 3x3, K_source R K_target^-1 (rotation alone: what is far does not shift when the camera moves).
-    far: H x W bool; box: left, right, upper, lower (inclusive) of its True pixels, to tell most others without a division.
+    far: H x W bool; spans: first and last column (exclusive) of each target row that may show it (`layers.far_spans`).
     blocks: H x W, 0, 1 where the four pixels from here on are far, 2 where those round them are too (`sampling.far_blocks`):
     the nearest pixel, bilinear or `sampling.smooth_color`.
     """
     height, width = far.shape
-    left_end, right_end, upper_end, lower_end = box[0] - 1.0, box[1] + 2.0, box[2] - 1.0, box[3] + 2.0
     for ty in range(first, last):
         y = ty + 0.5
-        for tx in range(out_depth.shape[1]):
+        for tx in range(spans[ty, 0], spans[ty, 1]):
             if out_depth[ty, tx] != 0:
                 continue
             x = tx + 0.5
@@ -217,8 +208,6 @@ def shade_far(
                 continue
             across = matrix[0, 0] * x + matrix[0, 1] * y + matrix[0, 2]
             along = matrix[1, 0] * x + matrix[1, 1] * y + matrix[1, 2]
-            if not (left_end * ahead < across < right_end * ahead and upper_end * ahead < along < lower_end * ahead):
-                continue
             su, sv = across / ahead, along / ahead
             if not (0 <= su < width and 0 <= sv < height):
                 continue
