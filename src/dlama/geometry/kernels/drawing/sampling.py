@@ -12,11 +12,10 @@ import cv2
 import numpy as np
 
 from dlama.geometry.kernels.drawing.rasterize import quad_sides
+from dlama.geometry.kernels.drawing.vectors import Four, four_by_four
 from dlama.geometry.kernels.jit import Real, Whole, inlined, piece
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 
-Four = tuple[Real, Real, Real, Real]
-"""Weights of four pixels."""
 POLE = math.sqrt(3) - 2
 """Of the cubic B-spline's inverse filter (Unser, Aldroubi, Eden 1993)."""
 REACH = 6
@@ -26,8 +25,6 @@ WINDOW = 8
 say in their coefficients at most."""
 ZERO, SIXTH, HALF, TWO_THIRDS, ONE = (np.float32(number) for number in (0, 1 / 6, 1 / 2, 2 / 3, 1))
 RED = np.int64(0)
-GREEN, BLUE, ONE_ON, TWO_ON, THREE_ON = (np.uintp(number) for number in (1, 2, 3, 6, 9))
-"""Flat steps to the next two channels and to the next three pixels; unsigned, so that no index is checked for being negative."""
 
 
 def spline(color: UInt8Array) -> Float32Array:
@@ -78,25 +75,6 @@ def cubic(t: Real) -> Four:
 
 
 @inlined
-def across(knots: Float32Array, at: np.uintp, weights: Four) -> Real:
-    """One channel of four neighbours in a row of coefficients, the first of them at a flat place, weighted."""
-    return (
-        weights[0] * knots[at]
-        + weights[1] * knots[at + ONE_ON]
-        + weights[2] * knots[at + TWO_ON]
-        + weights[3] * knots[at + THREE_ON]
-    )
-
-
-@inlined
-def smooth_channel(knots: Float32Array, first: np.uintp, row: np.uintp, along: Four, down: Four) -> Real:
-    """One channel from 4 x 4 coefficients, the first of them at a flat place; row: flat step to the next row."""
-    second, third, last = first + row, first + row + row, first + row + row + row
-    upper = down[0] * across(knots, first, along) + down[1] * across(knots, second, along)
-    return upper + (down[2] * across(knots, third, along) + down[3] * across(knots, last, along))
-
-
-@inlined
 def smooth_color(
     knots: Float32Array, width: Whole, upper: Whole, left: Whole, fu: Real, fv: Real
 ) -> tuple[Real, Real, Real]:
@@ -104,11 +82,8 @@ def smooth_color(
 
     knots: `spline`, flat; width: pixels of its rows.
     """
-    along, down = cubic(fu), cubic(fv)
     row, first = np.uintp(3 * width), np.uintp(3 * ((upper - 1) * width + left - 1))
-    red = smooth_channel(knots, first, row, along, down)
-    green = smooth_channel(knots, first + GREEN, row, along, down)
-    return red, green, smooth_channel(knots, first + BLUE, row, along, down)
+    return four_by_four(knots, first, row, cubic(fu), cubic(fv))
 
 
 @inlined

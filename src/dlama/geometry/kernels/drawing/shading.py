@@ -127,7 +127,7 @@ def average_shrunk(
 @piece
 def places(length_2: Real) -> Real:
     """How many places, 1 .. MOST, one target pixel needs where the next is so far on in the source, squared (a float32)."""
-    return ONE if length_2 <= SHRUNK_2 else min(np.float32(math.ceil(math.sqrt(length_2))), MOST)
+    return ONE if length_2 <= SHRUNK_2 else min(np.ceil(np.sqrt(length_2)), MOST)
 
 
 @inlined
