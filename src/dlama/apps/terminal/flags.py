@@ -6,12 +6,13 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import inspect
 import itertools
 import re
 import types
 import typing
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from tyro.conf import Positional
@@ -80,21 +81,21 @@ def _fits(value: str, kind: Any) -> bool:
     return True
 
 
-def _flags(taker: Callable[..., Any]) -> Iterator[tuple[str, str, Any]]:
+@functools.cache
+def _flags(taker: Callable[..., Any]) -> list[tuple[str, str, Any]]:
     """Name, flag and type of each option."""
-    hints = typing.get_type_hints(taker, include_extras=True)
+    hints, found = typing.get_type_hints(taker, include_extras=True), []
     for name, parameter in inspect.signature(taker).parameters.items():
         hint = hints[name]
+        notes = getattr(hint, "__metadata__", ())
         inner: list[Any] = [kind for kind in _classes(hint) if dataclasses.is_dataclass(kind)]
         if inner:
-            for kind in inner:
-                yield from _flags(kind)
-        elif Positional not in getattr(hint, "__metadata__", ()):
-            named = next((note.name for note in getattr(hint, "__metadata__", ()) if getattr(note, "name", None)), None)
-            if named is not None:
-                yield name, f"--{named}", hint
-                continue
-            yield name, f"--{'no-' if parameter.default is True else ''}{name.replace('_', '-')}", hint
+            found += [one for kind in inner for one in _flags(kind)]
+        elif Positional not in notes:
+            flag = f"{'no-' if parameter.default is True else ''}{name.replace('_', '-')}"
+            named = next((note.name for note in notes if getattr(note, "name", None)), flag)
+            found.append((name, f"--{named}", hint))
+    return found
 
 
 def _classes(hint: Any) -> list[Any]:
