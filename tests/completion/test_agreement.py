@@ -17,8 +17,9 @@ from dlama.geometry.scene import Scene
 from dlama.geometry.trajectories import dolly, orbit
 from dlama.geometry.view import Origin, View
 from dlama.geometry.visibility import Law
+from marks import first_quick
 
-fillers = pytest.mark.parametrize("filler", ["layered", "telea"])
+fillers = pytest.mark.parametrize("filler", first_quick(["telea", "layered"]))
 """Agreement is the scene's doing, not the filler's: two are enough."""
 
 

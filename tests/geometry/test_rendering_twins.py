@@ -17,10 +17,11 @@ from dlama.geometry.rendering import close_grid, render
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin, View
+from marks import first_quick
 from reference import edges, far, points, rasteriser, sheet
 from worlds import moved, pixels_of, points_of, rotation
 
-SEEDS = range(12)
+SEEDS = first_quick(range(12), 4)
 RIGHT, DOWN = 1, 2
 
 

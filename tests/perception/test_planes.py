@@ -26,10 +26,11 @@ from dlama.perception.planes import (
     plane_values_at,
     tolerance,
 )
+from marks import first_quick
 from reference import planes as twin
 from worlds import Box, Plane, World
 
-SEEDS = range(8)
+SEEDS = first_quick(range(8), 4)
 FLOOR, WALL = Plane((0, 1.2, 0), (0, 1, 0)), Plane((0, 0, 5), (0.3, 0, -1))
 
 

@@ -18,6 +18,7 @@ from dlama.geometry.projection import project
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import HoleType, Origin, View
 from dlama.worlds.dataset import world as generated
+from marks import first_quick
 from worlds import Box, Plane, Sphere, World, moved
 
 AWAY = moved(Camera.from_fov(1, 1, 60), (5, 20, -3), (10, -20, 3)).world_from_cam
@@ -129,7 +130,7 @@ def test_the_check_can_fail() -> None:
             check(view, wrong)
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", first_quick(range(5), 2))
 def test_rough_ground(seed: int) -> None:
     """The same of random depth; sizes at random."""
     rng = np.random.default_rng(seed)

@@ -20,6 +20,7 @@ from dlama.perception.diagnosis.frames.poses import check_poses, mean_fit, reord
 from dlama.perception.diagnosis.stereo_pair import check_pair
 from dlama.worlds.layouts.random_scene import build
 from dlama.worlds.world import World
+from marks import first_quick
 
 needs_data = pytest.mark.skipif("DLAMA_DATA" not in os.environ, reason="needs DLAMA_DATA")
 
@@ -39,7 +40,7 @@ def checks(left: np.ndarray, right: np.ndarray, doffs: float = 0.0) -> list[str]
     return [each.check for each in check_pair(left, right, doffs) if each.severity == "fault"]
 
 
-@pytest.mark.parametrize("seed", [3, 12, 31])
+@pytest.mark.parametrize("seed", first_quick([3, 12, 31]))
 def test_pairs(seed: int) -> None:
     left, right = pair(seed)
     turn = cv2.getRotationMatrix2D((160, 160), 1.5, 1)
@@ -81,12 +82,12 @@ def poses_of(frames: Sequence[dlama.RGBD]) -> list[Finding]:
     return check_poses([shrink(frame) for frame in frames], "scene")
 
 
-@pytest.mark.parametrize("seed", [3, 12])
+@pytest.mark.parametrize("seed", first_quick([3, 12]))
 def test_good_poses(seed: int) -> None:
     assert poses_of(hand_held(seed)) == []
 
 
-@pytest.mark.parametrize("seed", [3, 12])
+@pytest.mark.parametrize("seed", first_quick([3, 12]))
 @pytest.mark.parametrize("name", POSES)
 def test_conventions(name: str, seed: int) -> None:
     spoil, wanted = POSES[name]

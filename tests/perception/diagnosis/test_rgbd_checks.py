@@ -22,6 +22,7 @@ from dlama.perception.diagnosis.masks import check_mask_coverage, looks_inverted
 from dlama.perception.diagnosis.registration import check_mask_registration
 from dlama.perception.diagnosis.rgbd_checks import run_checks
 from dlama.worlds.layouts.random_scene import build
+from marks import first_quick
 
 SEEDS = (5, 14)
 EYE = 1.2, 1.6
@@ -193,7 +194,7 @@ def test_the_bend_of_a_kinects_depth_is_told_though_its_noise_is_as_large() -> N
 
 
 @pytest.mark.skipif("DLAMA_DATA" not in os.environ, reason="needs DLAMA_DATA")
-@pytest.mark.parametrize("name", [None, *SPOILT])
+@pytest.mark.parametrize("name", first_quick([None, *SPOILT]))
 def test_real_and_rendered_pictures(name: str | None) -> None:
     """A Kinect's frame and a rendered street, good and spoilt."""
     data = Path(os.environ["DLAMA_DATA"])

@@ -41,9 +41,15 @@ def without_the_thing() -> RGBD:
     return RGBD(striped_post()[0], depth, Camera.from_fov(SIDE, SIDE, 60), {"estimator": "none"})
 
 
-def test_a_click_on_a_band_finds_the_whole_thing_that_depth_does_not_show() -> None:
+@pytest.fixture(scope="module")
+def session() -> MaskSession:
+    """Of that picture; the network runs once for each window that several tests ask for."""
+    return MaskSession(without_the_thing())
+
+
+def test_a_click_on_a_band_finds_the_whole_thing_that_depth_does_not_show(session: MaskSession) -> None:
     """The true pixels of the post; what stands out is one object, whatever its colours."""
-    found = find_mask(without_the_thing(), clicks=[BAND])
+    found = session.find(clicks=[BAND])
     assert iou(found.mask, striped_post()[1]) > 0.9
     assert "found in estimated depth" in found.notes[0]
 
@@ -83,16 +89,21 @@ def test_how_much_of_a_box_is_filled() -> None:
     assert photo.fill_enclosed(box, mask) == pytest.approx(8 * 3 / 60)
 
 
-def test_clicks_beside_the_thing_are_none_of_it() -> None:
+def test_clicks_beside_the_thing_are_none_of_it(session: MaskSession) -> None:
     """The corrected mask holds the click, and not what a click next to it takes away."""
-    mask = find_mask(without_the_thing(), clicks=[BAND], not_clicks=[(96, 78)]).mask
+    mask = session.find(clicks=[BAND], not_clicks=[(96, 78)]).mask
     assert mask[132, 96] and not mask[78, 96] and (mask & ~striped_post()[1]).sum() < 0.1 * mask.sum()
 
 
 def test_the_network_runs_once_for_each_window_of_a_click(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two windows for a click; the same click with another next to it asks for none."""
-    runs, real = [], photo.saliency
-    monkeypatch.setattr(photo, "saliency", lambda color: runs.append(color.shape[:2]) or real(color))
+    runs: list[tuple[int, ...]] = []
+
+    def orange_or_white(color: UInt8Array) -> np.ndarray:
+        runs.append(color.shape[:2])
+        return ((color[..., 2] < 60) | (color.min(-1) > 225)).astype(np.float32)
+
+    monkeypatch.setattr(photo, "saliency", orange_or_white)
     session = MaskSession(without_the_thing())
     session.find(clicks=[BAND])
     session.find(clicks=[BAND], not_clicks=[(10, 10)])

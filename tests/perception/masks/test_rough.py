@@ -104,6 +104,7 @@ def test_a_strip_of_a_few_rows_is_one_line_or_a_mask(height: int) -> None:
         find_mask(rgbd, clicks=[(50, 1)])
 
 
+@pytest.mark.slow
 def test_the_ground_itself_is_refused_in_rough_depth() -> None:
     """A plain floor that runs along the lower rim is no object."""
     color, depth, _ = scene()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dlama import MaskError, find_mask
+from dlama import MaskError, MaskSession, find_mask
 from dlama.evaluation.metrics.masks import iou
 
 
@@ -32,10 +32,11 @@ def two_balls() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def test_clicks_choose_among_what_stands_out() -> None:
     """The clicked ball alone; without the ball that a pixel next to the object lies on; on the lawn nothing stands out."""
     color, red, yellow = two_balls()
-    assert iou(find_mask(color, masker="salient", clicks=[(80, 110)]).mask, red) > 0.85
-    assert iou(find_mask(color, masker="salient", not_clicks=[(80, 110)]).mask, yellow) > 0.85
+    session = MaskSession(color, masker="salient")
+    assert iou(session.find(clicks=[(80, 110)]).mask, red) > 0.85
+    assert iou(session.find(not_clicks=[(80, 110)]).mask, yellow) > 0.85
     with pytest.raises(MaskError, match="clicks holds 150,20, where there is no salient object"):
-        find_mask(color, masker="salient", clicks=[(150, 20)])
+        session.find(clicks=[(150, 20)])
 
 
 def test_a_picture_of_one_colour_is_refused() -> None:

@@ -11,6 +11,7 @@ from dlama.geometry.holes import erode_mask
 from dlama.geometry.projection import rays
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.perception.shadows.find import find_shadow
+from marks import first_quick
 from worlds import Box, Plane, World
 
 CAMERA = Camera.from_fov(240, 180, 70)
@@ -31,7 +32,7 @@ def lit_and_shadow(darker: float) -> tuple[RGBD, BoolArray, BoolArray]:
     return RGBD(color, rgbd.depth, CAMERA), shown == 2, shadow
 
 
-@pytest.mark.parametrize("darker", [0.45, 0.7])
+@pytest.mark.parametrize("darker", first_quick([0.45, 0.7]))
 def test_a_cast_shadow_is_found(darker: float) -> None:
     rgbd, mask, shadow = lit_and_shadow(darker)
     found = find_shadow(rgbd, mask)
@@ -64,7 +65,7 @@ def test_a_pattern_is_no_shadow() -> None:
     assert not find_shadow(RGBD(color, rgbd.depth, CAMERA), mask).any()
 
 
-@pytest.mark.parametrize(("tone", "right"), [(0.65, (-1.6, 0.0)), (0.75, (-0.2, 2.0))])
+@pytest.mark.parametrize(("tone", "right"), first_quick([(0.65, (-1.6, 0.0)), (0.75, (-0.2, 2.0))]))
 def test_a_rug_that_the_shadow_touches_is_no_part_of_it(tone: float, right: tuple[float, float]) -> None:
     """A rug as dark as the shadow begins next to the box or under it: of what is there the shadow alone is found."""
     rgbd, mask, shadow = lit_and_shadow(0.5)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import logging
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -26,6 +27,18 @@ no_tensorboard()
 
 class Killed(BaseException):
     """Stands for SIGKILL."""
+
+
+@pytest.fixture(scope="module")
+def one_step(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run of one step, for the fixture `run` to copy."""
+    return train(toy(steps=1), tmp_path_factory.mktemp("whole") / "run").run
+
+
+@pytest.fixture
+def run(one_step: Path, tmp_path: Path) -> Path:
+    """A run of one step, to be damaged."""
+    return shutil.copytree(one_step, tmp_path / "run")
 
 
 @pytest.fixture
@@ -75,8 +88,7 @@ def test_every_flipped_bit_of_the_weights_is_seen(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("missing", ["state_dict", "step", "random_states", "optimizer_states", "restored"])
-def test_a_checkpoint_that_lacks_a_part_is_refused(tmp_path: Path, missing: str) -> None:
-    run = train(toy(steps=1), tmp_path / "run").run
+def test_a_checkpoint_that_lacks_a_part_is_refused(run: Path, missing: str) -> None:
     found = read_checkpoint(run / LAST)
     del found[missing]
     write_checkpoint(run / LAST, found)
@@ -93,9 +105,8 @@ def test_broken_settings_are_named(killed: Path, content: bytes) -> None:
 
 
 @pytest.mark.parametrize("content", [b"", b"\xff\xfe\x00\x01", b"a,b\n1,2\n", b"step,samples\n1,2,3,4\n\n,\n"])
-def test_broken_metrics_do_not_stop_a_run(tmp_path: Path, content: bytes) -> None:
+def test_broken_metrics_do_not_stop_a_run(run: Path, content: bytes) -> None:
     """A new table begins where the old one says nothing, and the old one is kept; one line too long is no matter."""
-    run = train(toy(steps=1), tmp_path / "run").run
     (run / METRICS).write_bytes(content)
     assert train(toy(steps=2), run, resume=True).step == 2
     assert read_metrics(run)[-1]["step"] == 2

@@ -22,6 +22,7 @@ from dlama.training.loop.module import TrainingModule  # noqa: E402
 from dlama.training.loop.random_state import random_state, set_random_state  # noqa: E402
 from dlama.training.loop.run_files import read_metrics  # noqa: E402
 from dlama.training.loop.train import train  # noqa: E402
+from marks import first_quick  # noqa: E402
 
 no_tensorboard()
 
@@ -62,7 +63,7 @@ def assert_same(a, b):
         assert same, name
 
 
-@pytest.mark.parametrize("planes", ["rgbd", "stereo"])
+@pytest.mark.parametrize("planes", first_quick(["rgbd", "stereo"]))
 def test_resumed_is_bit_exact(planes, tmp_path, monkeypatch):
     """Oracle: the run that was never stopped: networks, average, optimisers, random numbers and position.
 

@@ -21,6 +21,7 @@ from dlama.perception.diagnosis.finding import Finding
 from dlama.perception.diagnosis.frames.landing import shrink
 from dlama.perception.diagnosis.frames.odd_frames import find_odd_frames, rescale_frame
 from dlama.worlds.layouts.random_scene import build
+from marks import first_quick
 
 needs_data = pytest.mark.skipif("DLAMA_DATA" not in os.environ, reason="needs DLAMA_DATA")
 
@@ -40,12 +41,12 @@ def odd(frames: Sequence[dlama.RGBD]) -> list[Finding]:
     return find_odd_frames([shrink(frame) for frame in frames], [str(number) for number in range(len(frames))])
 
 
-@pytest.mark.parametrize("seed", (3, 6, 8))
+@pytest.mark.parametrize("seed", first_quick((3, 6, 8)))
 def test_good_frames_are_silent(seed: int) -> None:
     assert odd(orbit(seed)) == []
 
 
-@pytest.mark.parametrize(("seed", "number"), [(3, 0), (12, 3)])
+@pytest.mark.parametrize(("seed", "number"), first_quick([(3, 0), (12, 3)]))
 @pytest.mark.parametrize("name", FRAMES)
 def test_the_odd_frame_is_named_with_what_mends_it(name: str, seed: int, number: int) -> None:
     (finding,) = odd(spoilt(orbit(seed), number, name))
@@ -120,7 +121,7 @@ def write_frames(folder: Path, frames: Sequence[dlama.RGBD]) -> None:
     write_transforms(folder, {str(number): frame.camera for number, frame in enumerate(frames)}, [], {})
 
 
-@pytest.mark.parametrize("name", FRAMES)
+@pytest.mark.parametrize("name", first_quick(FRAMES))
 def test_one_line_names_the_frame_of_a_data_set(name: str, tmp_path: Path) -> None:
     """Oracle: the fault; the first frame in a row is also looked at on its own, which adds no second line."""
     write_frames(tmp_path, spoilt(orbit(12), 0, name))
@@ -134,7 +135,7 @@ def test_a_good_data_set_is_silent(tmp_path: Path) -> None:
     assert [each.check for each in dlama.diagnose(tmp_path)] == ["understood"]
 
 
-@pytest.mark.parametrize("factor", [5.0, 0.2])
+@pytest.mark.parametrize("factor", first_quick([5.0, 0.2]))
 def test_a_scale_wrong_in_all_of_a_data_set(factor: float, tmp_path: Path) -> None:
     """Oracle: the listing's unit was multiplied."""
     write_frames(tmp_path, orbit(12))
