@@ -160,10 +160,11 @@ def fill_with_nearest(values: np.ndarray, known: BoolArray) -> np.ndarray:
     rim = known[box] & (cv2.dilate(missing.view(np.uint8), square(3)) > 0)  # the nearest known pixels lie on it
     labels = _nearest_labels(rim)[1]
     rows, columns = np.nonzero(rim)
-    of_label = np.zeros((2, len(rows) + 1), np.intp)
-    of_label[:, labels[rows, columns]] = rows, columns
+    of_label = np.zeros(len(rows) + 1, np.intp)
+    of_label[labels[rows, columns]] = (rows + box[0].start) * known.shape[1] + columns + box[1].start
     out = values.copy()
-    out[box][missing] = values[box][tuple(of_label[:, labels[missing]])]
+    pixels = out.reshape(known.size, *values.shape[2:])
+    pixels[~known.ravel()] = pixels.take(of_label[labels[missing]], axis=0)
     return out
 
 
