@@ -26,8 +26,8 @@ from dlama.datasets.frames import RemovalTruth
 from dlama.datasets.layouts import open_dataset
 from dlama.evaluation.metrics.lpips import Lpips
 from dlama.files.rasters.pictures import read_color
+from dlama.geometry.codes import Origin
 from dlama.geometry.rgbd import BoolArray, UInt8Array
-from dlama.geometry.view import Origin
 
 FILLERS = ("telea", "layered", "migan", "choice", "patchmatch")
 SHARES = (0.04, 0.35)

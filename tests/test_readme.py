@@ -132,7 +132,7 @@ def test_figure_names_files_that_exist() -> None:
 
 def test_codes_in_conventions_are_those_of_the_code() -> None:
     """The tables of hole types and origins (oracle: the enums)."""
-    from dlama.geometry.view import HoleType, Origin
+    from dlama.geometry.codes import HoleType, Origin
 
     text = (ROOT / "docs" / "concepts" / "conventions.md").read_text("utf-8")
     rows = re.findall(r"^\| (\d) \| (\w+) \|", text, re.MULTILINE)

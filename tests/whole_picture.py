@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from dlama.completion.completion import Completion
+from dlama.geometry.codes import Origin
 from dlama.geometry.rgbd import RGBD
-from dlama.geometry.view import Origin
 
 
 def check_same(done: Completion, frame: RGBD) -> None:

@@ -47,6 +47,8 @@ if TYPE_CHECKING:  # what type checkers and editors read; a test holds it equal 
     from dlama.geometry.camera import Camera as Camera
     from dlama.geometry.camera import StereoRig as StereoRig
     from dlama.geometry.cloud import PointCloud as PointCloud
+    from dlama.geometry.codes import HoleType as HoleType
+    from dlama.geometry.codes import Origin as Origin
     from dlama.geometry.frames.alignment import align_frames as align_frames
     from dlama.geometry.frames.gathering import scene as scene
     from dlama.geometry.fusion import fuse as fuse
@@ -57,8 +59,6 @@ if TYPE_CHECKING:  # what type checkers and editors read; a test holds it equal 
     from dlama.geometry.rgbd import RGBD as RGBD
     from dlama.geometry.scene import Scene as Scene
     from dlama.geometry.trajectories import orbit as orbit
-    from dlama.geometry.view import HoleType as HoleType
-    from dlama.geometry.view import Origin as Origin
     from dlama.geometry.view import View as View
     from dlama.geometry.visibility import Law as Law
     from dlama.inpainters.context import FillContext as FillContext
@@ -94,7 +94,7 @@ MODULES = {
     "FillReport": "inpainters.filling",
     "Finding": "perception.diagnosis.finding",
     "HeadBox": "geometry.layers.head_box",
-    "HoleType": "geometry.view",
+    "HoleType": "geometry.codes",
     "Inpainter": "inpainters.filling",
     "InputError": "errors",
     "InputTypeError": "errors",
@@ -106,7 +106,7 @@ MODULES = {
     "MissingExtraError": "errors",
     "ObjectMask": "perception.object_masks",
     "Options": "completion.options",
-    "Origin": "geometry.view",
+    "Origin": "geometry.codes",
     "OutputError": "errors",
     "Photo3D": "completion.photo3d",
     "PointCloud": "geometry.cloud",

@@ -12,7 +12,7 @@ from running import FAST, pixels, refused, run
 
 import dlama
 from dlama.files.scenes.clouds import read_ply
-from dlama.geometry.view import Origin
+from dlama.geometry.codes import Origin
 
 pytestmark = pytest.mark.filterwarnings("ignore:the (field of view|scale)")
 

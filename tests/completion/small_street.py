@@ -11,8 +11,8 @@ from dlama.completion.completion import Completion
 from dlama.completion.recipes import RECIPES
 from dlama.completion.verbs import remove, view
 from dlama.geometry.camera import Camera
+from dlama.geometry.codes import Origin
 from dlama.geometry.rgbd import RGBD
-from dlama.geometry.view import Origin
 from dlama.inpainters import FILLERS
 from worlds import Box, Plane, Sphere, World
 

@@ -10,11 +10,11 @@ import pytest
 from dlama.completion.completion import Completion
 from dlama.completion.pipeline import complete
 from dlama.geometry.camera import Camera
+from dlama.geometry.codes import Origin
 from dlama.geometry.fusion import scene_cloud
 from dlama.geometry.rendering import render
 from dlama.geometry.scene import contribution
 from dlama.geometry.trajectories import orbit
-from dlama.geometry.view import Origin
 from worlds import Box, Plane, World
 
 CAMERA = Camera.from_fov(160, 120, 70)

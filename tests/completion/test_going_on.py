@@ -15,9 +15,10 @@ from dlama.completion.verbs import remove
 from dlama.errors import InputError
 from dlama.files.scenes.scene_npz import write_npz
 from dlama.geometry.camera import StereoRig
+from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.holes import dilate_view_holes
 from dlama.geometry.trajectories import orbit
-from dlama.geometry.view import HoleType, Origin, View
+from dlama.geometry.view import View
 from dlama.inpainters import find_filler
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill, Inpainter

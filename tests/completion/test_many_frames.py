@@ -12,12 +12,13 @@ import dlama
 from dlama.completion.completion import Completion
 from dlama.completion.start import scene_of
 from dlama.errors import InputError
+from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.frames.gathering import drop_seen_depth
 from dlama.geometry.frames.removal import carry_masks
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import clip_depth
 from dlama.geometry.trajectories import orbit
-from dlama.geometry.view import HoleType, Origin, View
+from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
 from worlds import World
 

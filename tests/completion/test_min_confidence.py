@@ -7,7 +7,7 @@ import pytest
 
 import dlama
 from dlama.errors import InputError
-from dlama.geometry.view import Origin
+from dlama.geometry.codes import Origin
 
 LEAST = 0.6
 

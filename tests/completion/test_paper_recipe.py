@@ -9,11 +9,11 @@ from small_street import CAMERA, MASK, completed, fillers, street
 
 from dlama.completion.recipes import RECIPES
 from dlama.completion.verbs import remove, target_camera
+from dlama.geometry.codes import HoleType
 from dlama.geometry.holes import dilate_mask
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
-from dlama.geometry.view import HoleType
 from dlama.geometry.visibility import Law
 
 

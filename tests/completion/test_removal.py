@@ -10,10 +10,10 @@ from dlama.completion.pipeline import complete
 from dlama.completion.recipes import RECIPES
 from dlama.completion.verbs import remove
 from dlama.errors import MaskError
+from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.holes import dilate_mask
 from dlama.geometry.projection import lift
 from dlama.geometry.scene import Scene
-from dlama.geometry.view import HoleType, Origin
 from dlama.geometry.visibility import Law, violations
 from reference import law as twin
 

@@ -15,12 +15,13 @@ from dlama.completion.recipes import RECIPES
 from dlama.completion.verbs import remove, target_camera, view
 from dlama.errors import InputError, MaskError
 from dlama.geometry.camera import Camera
+from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.holes import dilate_mask
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
 from dlama.geometry.trajectories import dolly, orbit
-from dlama.geometry.view import HoleType, Origin, View
+from dlama.geometry.view import View
 from dlama.geometry.visibility import Law, violations
 from dlama.inpainters import FILLERS
 from dlama.inpainters.context import FillContext

@@ -21,8 +21,9 @@ from dlama.datasets.sequences.scene_frames import open_frames, slice_frames
 from dlama.errors import FileError, InputError
 from dlama.files.cameras import camera_as_json
 from dlama.geometry.camera import Camera
+from dlama.geometry.codes import Origin
 from dlama.geometry.rgbd import RGBD
-from dlama.geometry.view import Origin, View
+from dlama.geometry.view import View
 from worlds import Box, Plane, Sphere, World, moved
 
 LENS = Camera.from_fov(64, 48, 60)

@@ -20,7 +20,7 @@ from box_frame import CAMERA, WORLD, small_frame
 from dlama.errors import FileError
 from dlama.files.scenes.scene_npz import read_npz, write_npz
 from dlama.files.schema import SCHEMA
-from dlama.geometry.view import HoleType
+from dlama.geometry.codes import HoleType
 from dlama.jobs.results.manifest import Manifest
 from dlama.jobs.results.result import CSV_COLUMNS
 from dlama.jobs.storage import Output

@@ -21,9 +21,9 @@ from dlama.files.results.preview import source_panel
 from dlama.files.scenes import textured_mesh
 from dlama.files.scenes.scene_npz import read_npz
 from dlama.geometry.camera import Camera
+from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.trajectories import orbit
-from dlama.geometry.view import HoleType, Origin
 from worlds import Box, Plane, World
 
 CAMERA = Camera.from_fov(56, 40, 60)

@@ -12,8 +12,9 @@ from dlama.errors import FileError
 from dlama.files.rasters.depth import read_depth
 from dlama.files.scenes.scene_npz import _arrays, depth_differences, depth_of_differences, read_npz, write_npz
 from dlama.geometry.camera import Camera
+from dlama.geometry.codes import HoleType
 from dlama.geometry.scene import Scene
-from dlama.geometry.view import HoleType, View
+from dlama.geometry.view import View
 
 
 def view_of(seed: int, hw: tuple[int, int] = (5, 7)) -> View:

@@ -8,9 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dlama.geometry.camera import Camera
+from dlama.geometry.codes import HoleType
 from dlama.geometry.rendering import MODES, Mode, find_flying_pixels, render
 from dlama.geometry.rgbd import RGBD
-from dlama.geometry.view import HoleType, View
+from dlama.geometry.view import View
 from worlds import Box, Plane, Sphere, World, moved, pixels_of, points_of
 
 SOURCE = Camera.from_fov(80, 60, 60)

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from dlama.errors import InputError, InputTypeError, MaskError
 from dlama.geometry.camera import Camera
+from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.holes import (
     box_mean,
     check_mask,
@@ -28,7 +29,7 @@ from dlama.geometry.holes import (
     square,
 )
 from dlama.geometry.rgbd import RGBD
-from dlama.geometry.view import HoleType, Origin, View
+from dlama.geometry.view import View
 
 
 def random_mask(seed: int, height: int = 14, width: int = 17) -> np.ndarray:

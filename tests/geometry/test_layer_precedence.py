@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 from dlama.geometry.camera import Camera
+from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.fusion import fuse, layer_mesh
 from dlama.geometry.kernels.drawing.sampling import spline
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
-from dlama.geometry.view import HoleType, Origin, View
+from dlama.geometry.view import View
 from worlds import moved
 
 CAMERA = Camera.from_fov(24, 16, 60)

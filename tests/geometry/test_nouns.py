@@ -11,10 +11,11 @@ import pytest
 from dlama.errors import DepthError, InputError, ShapeError
 from dlama.geometry.camera import Camera
 from dlama.geometry.cloud import PointCloud, concatenate
+from dlama.geometry.codes import HoleType, Origin, from_source
 from dlama.geometry.mesh import Mesh
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
-from dlama.geometry.view import HoleType, Origin, View, from_source
+from dlama.geometry.view import View
 
 CAMERA = Camera(3, 2, 2.0, 2.0, 1.5, 1.0)
 COLOR = np.arange(18, dtype=np.uint8).reshape(2, 3, 3) + 1

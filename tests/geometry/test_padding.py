@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 import dlama
+from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.rgbd import RGBD, BoolArray
-from dlama.geometry.view import HoleType, Origin, View
+from dlama.geometry.view import View
 
 HW, NO_DEPTH = (192, 256), 20
 TOP, BOTTOM, LEFT, RIGHT = 3, 2, 4, 3

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from dlama.errors import CameraError, DepthError, ShapeError
 from dlama.geometry.camera import Camera
+from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.projection import (
     SMALLEST_DISPARITY,
     depth_from_disparity,
@@ -22,7 +23,7 @@ from dlama.geometry.projection import (
     round_depth,
 )
 from dlama.geometry.rgbd import RGBD
-from dlama.geometry.view import HoleType, Origin, View
+from dlama.geometry.view import View
 
 
 def pose_from(axis_angle: np.ndarray, translation: np.ndarray) -> np.ndarray:

@@ -12,12 +12,13 @@ from hypothesis import strategies as st
 from dlama.errors import InputError
 from dlama.geometry.camera import Camera
 from dlama.geometry.cloud import PointCloud
+from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.kernels import jit
 from dlama.geometry.projection import lift
 from dlama.geometry.rendering import MODES, Mode, find_flying_pixels, render
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
-from dlama.geometry.view import HoleType, Origin, View
+from dlama.geometry.view import View
 from worlds import Plane, Sphere, World, moved, pixels_of, points_of, rotation
 
 modes = pytest.mark.parametrize("mode", MODES)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from dlama.geometry.camera import Camera
+from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.drawing import grid_mesh
 from dlama.geometry.drawing.grid_mesh import find_flying_pixels, mesh_grid
 from dlama.geometry.drawing.layers import NEAR, transform_depth
@@ -16,7 +17,7 @@ from dlama.geometry.projection import inverse_depth, px_from_px
 from dlama.geometry.rendering import close_grid, render
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
-from dlama.geometry.view import HoleType, Origin, View
+from dlama.geometry.view import View
 from marks import first_quick
 from reference import edges, far, points, rasteriser, sheet
 from worlds import moved, pixels_of, points_of, rotation

@@ -9,12 +9,13 @@ from hypothesis import strategies as st
 
 from dlama.geometry import visibility
 from dlama.geometry.camera import Camera
+from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.kernels import visibility as kernels
 from dlama.geometry.projection import px_from_px
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
-from dlama.geometry.view import HoleType, Origin, View
+from dlama.geometry.view import View
 from dlama.geometry.visibility import Law, violations
 from dlama.inpainters import FILLERS, find_filler
 from dlama.inpainters.context import FillContext

@@ -11,8 +11,9 @@ import pytest
 from dlama.completion.pipeline import complete
 from dlama.errors import FileError
 from dlama.geometry.camera import Camera
+from dlama.geometry.codes import HoleType
 from dlama.geometry.rgbd import RGBD
-from dlama.geometry.view import HoleType, View
+from dlama.geometry.view import View
 from dlama.inpainters import confidence as room
 from dlama.inpainters.confidence import (
     FEATURES,

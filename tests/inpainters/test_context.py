@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from dlama.geometry.camera import Camera
+from dlama.geometry.codes import HoleType
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
-from dlama.geometry.view import HoleType, View
+from dlama.geometry.view import View
 from dlama.inpainters import find_filler
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import inpaint

@@ -6,8 +6,9 @@ import cv2
 import numpy as np
 
 from dlama.geometry.camera import Camera
+from dlama.geometry.codes import HoleType
 from dlama.geometry.rgbd import RGBD
-from dlama.geometry.view import HoleType, View
+from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill, Painter

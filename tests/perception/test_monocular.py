@@ -14,8 +14,8 @@ import pytest
 import dlama
 from dlama.errors import DepthError, FileError, InputError, ShapeError
 from dlama.geometry.camera import Camera
+from dlama.geometry.codes import Origin
 from dlama.geometry.rgbd import RGBD, UInt8Array
-from dlama.geometry.view import Origin
 from dlama.models.records import CATALOGUE
 from dlama.perception.depth_networks import DepthPrediction
 from dlama.perception.monocular import (

@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 from dlama.completion.recipes import check_confidence
 from dlama.errors import InputError
 from dlama.geometry.cloud import PointCloud
+from dlama.geometry.codes import from_filler
 from dlama.geometry.figures.false_color import depth_limits, depth_picture, hole_picture
 from dlama.geometry.figures.html import Panel, figure, strip
 from dlama.geometry.figures.show import show_html
@@ -16,7 +17,7 @@ from dlama.geometry.fusion import scene_cloud, scene_mesh
 from dlama.geometry.mesh import Mesh
 from dlama.geometry.rgbd import Float32Array, UInt8Array
 from dlama.geometry.scene import Scene
-from dlama.geometry.view import View, from_filler
+from dlama.geometry.view import View
 from dlama.perception.stereo.agreement import StereoConsistency
 
 C = TypeVar("C", bound="Completion")

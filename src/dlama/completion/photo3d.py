@@ -18,6 +18,7 @@ from dlama.completion.report import Clock, Record, about_depth, meta_data
 from dlama.completion.start import Plan, plan_for, scene_of
 from dlama.completion.steps import CompletedView, Step, complete_step, frame_steps
 from dlama.geometry.camera import Camera
+from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.drawing.grid_mesh import mesh_grid
 from dlama.geometry.drawing.layers import rasterize_surface
 from dlama.geometry.frames.choosing import choose_frames
@@ -32,7 +33,7 @@ from dlama.geometry.projection import px_from_px
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.geometry.scene import Scene
-from dlama.geometry.view import HoleType, Origin, View
+from dlama.geometry.view import View
 from dlama.inpainters import AUTO
 from dlama.inpainters.filling import Inpainter
 from dlama.progress import Progress, begin_stage, take_progress

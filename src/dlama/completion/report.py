@@ -12,12 +12,13 @@ from typing import Any
 import numpy as np
 
 from dlama.completion.start import NO_DILATION, Dilation, Plan
+from dlama.geometry.codes import from_filler
 from dlama.geometry.drawing.picture_edges import DepthProfile
 from dlama.geometry.holes import hole_shares
 from dlama.geometry.rendering import find_flying_pixels
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
-from dlama.geometry.view import View, from_filler
+from dlama.geometry.view import View
 from dlama.inpainters.filling import FillReport
 from dlama.progress import begin_stage
 

@@ -17,13 +17,14 @@ from dlama.completion.options import Options
 from dlama.completion.plausible import warn_of_mask
 from dlama.completion.recipes import Recipe
 from dlama.errors import InputError
+from dlama.geometry.codes import HoleType
 from dlama.geometry.drawing.picture_edges import DepthProfile
 from dlama.geometry.frames.gathering import FrameSource, scene
 from dlama.geometry.frames.removal import remove_object
 from dlama.geometry.frames.stored import StoredView
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, clip_depth
 from dlama.geometry.scene import Scene
-from dlama.geometry.view import HoleType, View
+from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
 from dlama.inpainters import AUTO, auto_filler, find_filler
 from dlama.inpainters.context import FillContext

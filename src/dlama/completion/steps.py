@@ -17,12 +17,13 @@ import numpy as np
 
 from dlama.completion.start import NO_DILATION, Dilation, Plan
 from dlama.geometry.camera import Camera
+from dlama.geometry.codes import HoleType, Origin, has_code
 from dlama.geometry.frames.choosing import choose_frames
 from dlama.geometry.fusion import fuse
 from dlama.geometry.holes import box_around, dilate_view_holes
 from dlama.geometry.rendering import render, render_fills
 from dlama.geometry.scene import Scene
-from dlama.geometry.view import HoleType, Origin, View, has_code
+from dlama.geometry.view import View
 from dlama.geometry.visibility import Law, project_depth
 from dlama.inpainters.confidence import LARGEST_CONFIDENCE
 from dlama.inpainters.filling import FillReport, inpaint, paste_part

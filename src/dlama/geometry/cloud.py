@@ -22,7 +22,7 @@ class PointCloud:
     color: UInt8Array
     """N x 3, RGB."""
     origin: UInt8Array
-    """N, Origin codes (`dlama.geometry.view.Origin`)."""
+    """N, Origin codes (`dlama.geometry.codes.Origin`)."""
     confidence: Float32Array
     """N, in 0..1."""
 

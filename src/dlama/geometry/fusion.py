@@ -10,6 +10,7 @@ import numpy as np
 from dlama.arguments import check_arguments
 from dlama.errors import ShapeError
 from dlama.geometry.cloud import PointCloud, concatenate
+from dlama.geometry.codes import HoleType, Origin, from_filler
 from dlama.geometry.drawing.grid_mesh import mesh_grid
 from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
 from dlama.geometry.kernels.jit import BAND
@@ -17,7 +18,7 @@ from dlama.geometry.mesh import Mesh, join_meshes
 from dlama.geometry.projection import inverse_depth, lift, rays
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.scene import Scene, contribution
-from dlama.geometry.view import HoleType, Origin, View, from_filler
+from dlama.geometry.view import View
 
 OVERLAP = 2
 """Overlap in px of a filled layer with the scene: its mesh joins the surfaces that it continues, and no seam opens between two

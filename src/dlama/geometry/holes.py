@@ -10,9 +10,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from dlama.arguments import as_array
 from dlama.errors import InputError, MaskError
+from dlama.geometry.codes import HoleType
 from dlama.geometry.kernels.along_colors import nearest_by_color
 from dlama.geometry.rgbd import BoolArray, Float32Array
-from dlama.geometry.view import HoleType, View
+from dlama.geometry.view import View
 
 LARGE = 24
 """Radius in px from which a mask is dilated by a distance transform, whose time does not depend on the radius."""

@@ -17,6 +17,7 @@ from dlama.arguments import check_arguments
 from dlama.errors import InputError
 from dlama.geometry.camera import Camera
 from dlama.geometry.cloud import PointCloud
+from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.drawing.canvas import Canvas
 from dlama.geometry.drawing.gaps import can_close_gaps, close_gaps
 from dlama.geometry.drawing.grid_mesh import find_flying_pixels as find_flying_pixels
@@ -42,7 +43,7 @@ from dlama.geometry.kernels.jit import in_bands, threads
 from dlama.geometry.projection import project
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, UInt16Array, freeze
 from dlama.geometry.scene import Scene, contribution
-from dlama.geometry.view import HoleType, Origin, View
+from dlama.geometry.view import View
 
 TYPE_OF_RANK = np.zeros(256, np.uint8)
 """Hole types in rising precedence where several apply (ranks of `dlama.geometry.kernels.drawing.hole_types`), for cv2.LUT."""

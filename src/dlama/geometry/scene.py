@@ -12,10 +12,11 @@ from typing import Any
 from dlama.arguments import check
 from dlama.errors import InputError, ShapeError, format_count
 from dlama.geometry.cloud import concatenate
+from dlama.geometry.codes import HoleType, Origin, from_filler
 from dlama.geometry.figures.points import point_viewer
 from dlama.geometry.projection import lift
 from dlama.geometry.rgbd import RGBD, BoolArray
-from dlama.geometry.view import HoleType, Origin, View, from_filler
+from dlama.geometry.view import View
 
 
 @dataclass(frozen=True, eq=False)

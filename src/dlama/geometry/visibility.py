@@ -13,12 +13,13 @@ import numpy as np
 
 from dlama.arguments import check
 from dlama.geometry.camera import Camera
+from dlama.geometry.codes import from_source
 from dlama.geometry.kernels import visibility as kernels
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.projection import px_from_px
 from dlama.geometry.rgbd import BoolArray, Float32Array, paste
 from dlama.geometry.scene import Scene
-from dlama.geometry.view import View, from_source
+from dlama.geometry.view import View
 
 BAND = 8192
 """Pixels per task."""

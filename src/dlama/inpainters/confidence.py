@@ -18,11 +18,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.holes import fill_with_nearest, nearest_known
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, freeze
-from dlama.geometry.view import HoleType, Origin, View
+from dlama.geometry.view import View
 from dlama.models.perceptron import Perceptron, read_arrays
 
 DEPTH_WITHIN = 0.05

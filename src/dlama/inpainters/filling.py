@@ -16,10 +16,11 @@ import numpy as np
 
 from dlama.arguments import check, check_arguments
 from dlama.errors import ShapeError
+from dlama.geometry.codes import Origin
 from dlama.geometry.holes import box_around, larger_box, sides_of
 from dlama.geometry.kernels.jit import begin_job
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
-from dlama.geometry.view import Origin, View
+from dlama.geometry.view import View
 from dlama.geometry.visibility import project_depth
 from dlama.inpainters.confidence import features_of_known, judge_fill
 from dlama.inpainters.context import FillContext

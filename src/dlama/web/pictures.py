@@ -9,6 +9,7 @@ import numpy as np
 
 import dlama
 from dlama.files.results.completion import views_by_folder
+from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.figures.false_color import (
     HOLE_PALETTE,
     ORIGIN_PALETTE,
@@ -22,7 +23,7 @@ from dlama.geometry.projection import lift
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
 from dlama.geometry.scene import Scene
-from dlama.geometry.view import HoleType, Origin, View
+from dlama.geometry.view import View
 from dlama.web.answers import PageError
 from dlama.web.completions.request import CompletionRequest
 from dlama.web.inputs import shrink

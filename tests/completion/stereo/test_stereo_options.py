@@ -13,9 +13,9 @@ from dlama.completion.stereo.pair import MatchedPair, default_far, depth_in_metr
 from dlama.completion.stereo.stereo import stereo
 from dlama.errors import DepthError, InputError
 from dlama.geometry.camera import Camera, StereoRig
+from dlama.geometry.codes import HoleType
 from dlama.geometry.holes import dilate_mask
 from dlama.geometry.rgbd import RGBD
-from dlama.geometry.view import HoleType
 from worlds import moved
 
 CAMERA = Camera(60, 40, 100, 100, 30, 20)

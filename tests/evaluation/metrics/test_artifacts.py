@@ -11,8 +11,9 @@ from square_world import OUT_OF_VIEW, SIZE, SOURCE, SQUARE_IN_SOURCE, TARGET, co
 from dlama.evaluation.metrics.artifacts import FARTHEST_EDGE, depth_edges, edge_offset, law_broken, leak_share
 from dlama.evaluation.protocols.methods import Method, MethodRun, run_method
 from dlama.evaluation.protocols.scores import artifact_measures, leak_measures
+from dlama.geometry.codes import Origin
 from dlama.geometry.rgbd import RGBD
-from dlama.geometry.view import Origin, View
+from dlama.geometry.view import View
 
 __all__ = ["constant_filler"]
 EVERYWHERE = np.ones((SIZE, SIZE), bool)

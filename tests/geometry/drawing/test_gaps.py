@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from dlama.geometry.camera import Camera
+from dlama.geometry.codes import Origin
 from dlama.geometry.drawing.canvas import Canvas
 from dlama.geometry.drawing.gaps import SEAM_CONFIDENCE, SKY, SKY_CONFIDENCE, WIDEST, close_gaps
-from dlama.geometry.view import Origin
 
 WIDTH, HEIGHT = 50, 9
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from dlama.files.results.preview import hole_legend, percent
+from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.figures.false_color import (
     HATCH,
     HOLE_PALETTE,
@@ -15,7 +16,6 @@ from dlama.geometry.figures.false_color import (
     depth_picture,
     hole_picture,
 )
-from dlama.geometry.view import HoleType, Origin
 
 
 def test_palettes_have_a_colour_for_every_code() -> None:

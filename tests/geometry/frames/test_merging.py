@@ -9,6 +9,7 @@ import pytest
 
 from dlama.geometry import rendering
 from dlama.geometry.camera import Camera
+from dlama.geometry.codes import Origin
 from dlama.geometry.drawing import layers
 from dlama.geometry.frames import merging
 from dlama.geometry.frames.choosing import MOST_FRAMES, choose_frames
@@ -17,7 +18,7 @@ from dlama.geometry.frames.merging import merge_frames, nearest_depth_around
 from dlama.geometry.rendering import render, render_fills
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
-from dlama.geometry.view import Origin, View
+from dlama.geometry.view import View
 from reference.merging import merged_depth
 from worlds import Box, Plane, Sphere, World, moved
 

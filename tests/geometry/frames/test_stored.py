@@ -14,6 +14,7 @@ import pytest
 
 import dlama
 from dlama.geometry.camera import Camera
+from dlama.geometry.codes import HoleType
 from dlama.geometry.frames import gathering
 from dlama.geometry.frames.choosing import MOST_FRAMES
 from dlama.geometry.frames.coarse_depth import BLOCK, coarse_camera, coarse_depth
@@ -22,7 +23,7 @@ from dlama.geometry.frames.stored import PixelCache, StoredView, count_bytes
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
-from dlama.geometry.view import HoleType, View
+from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
 from dlama.inpainters import context
 from dlama.inpainters.context import FillContext

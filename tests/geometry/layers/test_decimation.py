@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from dlama.geometry.camera import Camera
+from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.drawing.grid_mesh import mesh_grid
 from dlama.geometry.fusion import layer_mesh
 from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
@@ -16,7 +17,7 @@ from dlama.geometry.layers.decimation import DecimatedMesh, decimate
 from dlama.geometry.mesh import Mesh
 from dlama.geometry.projection import project
 from dlama.geometry.rgbd import RGBD
-from dlama.geometry.view import HoleType, Origin, View
+from dlama.geometry.view import View
 from dlama.worlds.dataset import world as generated
 from marks import first_quick
 from worlds import Box, Plane, Sphere, World, moved

@@ -8,13 +8,14 @@ import pytest
 from dlama.completion.photo3d import Photo3D, photo3d
 from dlama.completion.verbs import remove
 from dlama.geometry.camera import Camera
+from dlama.geometry.codes import Origin
 from dlama.geometry.layers.head_box import HeadBox
 from dlama.geometry.layers.layered_mesh import MeshPart, depth_of_sphere, fill_own_holes, mesh_layers, sky_distance
 from dlama.geometry.projection import project, rays
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import contribution
 from dlama.geometry.trajectories import orbit
-from dlama.geometry.view import Origin, View
+from dlama.geometry.view import View
 from worlds import Box, Plane, World
 
 CAMERA = Camera.from_fov(96, 72, 65)

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from dlama.geometry.camera import Camera
+from dlama.geometry.codes import HoleType
 from dlama.geometry.layers.subsampling import step_for, subsample, subsample_scene
 from dlama.geometry.projection import lift
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
-from dlama.geometry.view import HoleType, View
+from dlama.geometry.view import View
 
 
 def frame() -> View:

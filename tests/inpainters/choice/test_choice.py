@@ -9,10 +9,11 @@ from dlama.completion.recipes import RECIPES
 from dlama.completion.start import filler_of_recipe
 from dlama.errors import InputError
 from dlama.geometry.camera import Camera
+from dlama.geometry.codes import HoleType
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
-from dlama.geometry.view import HoleType, View
+from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
 from dlama.inpainters import find_filler
 from dlama.inpainters.choice.filler import JUDGE, fill_by_choice, make_choice_filler

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from dlama.geometry.camera import Camera
+from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.holes import dilate_mask
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
-from dlama.geometry.view import HoleType, Origin, View
+from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.layered.remaining_shadows import find_remaining_shadow
 from worlds import Plane, World

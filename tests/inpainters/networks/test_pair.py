@@ -9,7 +9,7 @@ import pytest
 
 import dlama
 from dlama.errors import FileError, InputError
-from dlama.geometry.view import HoleType, Origin
+from dlama.geometry.codes import HoleType, Origin
 from dlama.inpainters import find_filler
 from dlama.inpainters.networks.engine import Engine, open_engine
 from dlama.inpainters.networks.pair import PairFiller, fill_pair, pair_filler

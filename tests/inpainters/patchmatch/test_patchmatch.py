@@ -10,10 +10,11 @@ import pytest
 import dlama
 from dlama.errors import InputError
 from dlama.geometry.camera import Camera
+from dlama.geometry.codes import HoleType
 from dlama.geometry.kernels import jit
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
-from dlama.geometry.view import HoleType, View
+from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
 from dlama.inpainters import AUTO, FILLER_NAMES, FILLERS, find_filler
 from dlama.inpainters.context import FillContext

@@ -21,8 +21,9 @@ from dlama.errors import DlamaError, InputError, OutputError  # noqa: E402
 from dlama.files.rasters.depth import read_depth, write_depth_png  # noqa: E402
 from dlama.files.rasters.pictures import write_color  # noqa: E402
 from dlama.geometry.camera import Camera  # noqa: E402
+from dlama.geometry.codes import HoleType, Origin  # noqa: E402
 from dlama.geometry.rgbd import RGBD  # noqa: E402
-from dlama.geometry.view import HoleType, Origin, View  # noqa: E402
+from dlama.geometry.view import View  # noqa: E402
 from dlama.inpainters.networks.contract import require_planes  # noqa: E402
 from dlama.inpainters.networks.engine import Engine  # noqa: E402
 from dlama.inpainters.networks.view_tensors import DepthPlane, color_planes, robust_scale  # noqa: E402

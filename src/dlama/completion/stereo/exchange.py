@@ -12,13 +12,14 @@ import numpy as np
 
 from dlama.completion.stereo.pair import MatchedPair
 from dlama.geometry.camera import Float64Array
+from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.fusion import add_layer
 from dlama.geometry.holes import morphological_open, square
 from dlama.geometry.projection import depth_from_inverse
 from dlama.geometry.rendering import Mode, render
 from dlama.geometry.rgbd import UInt8Array
 from dlama.geometry.scene import Scene
-from dlama.geometry.view import HoleType, Origin, View
+from dlama.geometry.view import View
 from dlama.geometry.visibility import Law, project_depth
 from dlama.inpainters.confidence import judge_fill
 from dlama.inpainters.context import FillContext

@@ -10,10 +10,11 @@ from dlama.completion.report import Clock, Record
 from dlama.completion.start import Plan, context_of, filler_of_recipe
 from dlama.completion.steps import fill
 from dlama.completion.stereo.pair import CompletedPair, MatchedPair, without_object
+from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.holes import dilate_mask
 from dlama.geometry.rgbd import RGBD, clip_depth
 from dlama.geometry.scene import Scene
-from dlama.geometry.view import HoleType, Origin, View
+from dlama.geometry.view import View
 from dlama.inpainters.filling import FillReport
 
 

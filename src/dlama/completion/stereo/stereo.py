@@ -53,13 +53,14 @@ from dlama.completion.stereo.pair import (
 from dlama.completion.stereo.published import complete_pair_one_by_one
 from dlama.errors import InputError
 from dlama.geometry.camera import StereoRig
+from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.frames.removal import mask_growth
 from dlama.geometry.fusion import fuse
 from dlama.geometry.holes import dilate_mask
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, clip_depth, mark_far
 from dlama.geometry.scene import Scene
-from dlama.geometry.view import HoleType, Origin, View
+from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
 from dlama.inpainters import AUTO, find_filler
 from dlama.inpainters.context import FillContext

@@ -17,8 +17,8 @@ from dlama.datasets.posed.view_pairs import posed_dataset
 from dlama.errors import InputError
 from dlama.files.scenes.scene_npz import read_layer, read_scene
 from dlama.geometry.camera import Camera
+from dlama.geometry.codes import Origin, from_source
 from dlama.geometry.rgbd import RGBD, Float32Array
-from dlama.geometry.view import Origin, from_source
 
 LAYOUT = "scene"
 """What the layout of such a file is called."""

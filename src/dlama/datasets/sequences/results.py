@@ -25,6 +25,7 @@ from dlama.files.scenes.scene_npz import write_npz
 from dlama.files.scenes.textured_mesh import write_textured_glb
 from dlama.geometry.camera import Camera
 from dlama.geometry.cloud import PointCloud, concatenate
+from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.frames.choosing import choose_frames
 from dlama.geometry.frames.merging import nearest_depth_around
 from dlama.geometry.frames.stored import StoredView, unpack_bits
@@ -32,7 +33,7 @@ from dlama.geometry.holes import morphological_open, square
 from dlama.geometry.projection import lift, project, rays
 from dlama.geometry.rgbd import BoolArray, UInt8Array
 from dlama.geometry.scene import Scene, contribution
-from dlama.geometry.view import HoleType, Origin, View
+from dlama.geometry.view import View
 from dlama.progress import begin_stage
 
 MOST_COMPARED = 6

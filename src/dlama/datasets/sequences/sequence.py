@@ -25,11 +25,11 @@ from dlama.errors import OutputError, system_errors
 from dlama.files.atomic_write import PathLike, new_file
 from dlama.files.results.meta_json import as_json
 from dlama.geometry.camera import Camera
+from dlama.geometry.codes import Origin
 from dlama.geometry.drawing.picture_edges import DepthProfile
 from dlama.geometry.frames.choosing import MOST_FRAMES
 from dlama.geometry.rgbd import BoolArray
 from dlama.geometry.scene import Scene
-from dlama.geometry.view import Origin
 from dlama.inpainters import AUTO
 
 Progress = Callable[[int, int, str, bool], None]

@@ -17,9 +17,10 @@ from dlama.completion.steps import Step
 from dlama.errors import FileError
 from dlama.files.atomic_write import new_file
 from dlama.files.scenes.scene_npz import read_layer, read_npz, write_npz
+from dlama.geometry.codes import HoleType
 from dlama.geometry.frames.stored import PixelCache, StoredView
 from dlama.geometry.scene import Scene
-from dlama.geometry.view import HoleType, View
+from dlama.geometry.view import View
 
 FOLDER = ".dlama-sequence"
 """In the output, while the run lasts."""

@@ -25,10 +25,11 @@ from dlama.evaluation.protocols.reliability import reliability_measures
 from dlama.evaluation.protocols.scores import Gain, Reference, artifact_measures, picture_panel
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.cloud import PointCloud
+from dlama.geometry.codes import HoleType, from_filler
 from dlama.geometry.holes import dilate_mask, erode_mask
 from dlama.geometry.projection import lift, project_to_pixels
 from dlama.geometry.rgbd import RGBD, BoolArray
-from dlama.geometry.view import HoleType, View, from_filler
+from dlama.geometry.view import View
 
 
 def score(truth: Truth, method: Method, settings: ProtocolSettings) -> list[Scored]:

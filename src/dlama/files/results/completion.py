@@ -19,10 +19,11 @@ from dlama.files.results.meta_json import as_json, describe_completion, hash_inp
 from dlama.files.results.preview import write_preview
 from dlama.files.scenes import clouds, textured_mesh
 from dlama.files.scenes import scene_npz as scenes
+from dlama.geometry.codes import Origin
 from dlama.geometry.figures.false_color import CHOICE_PALETTE, HOLE_PALETTE, ORIGIN_PALETTE
 from dlama.geometry.projection import round_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
-from dlama.geometry.view import Origin, View
+from dlama.geometry.view import View
 from dlama.models.network_file import make_room
 from dlama.progress import Progress, begin_stage, take_progress
 

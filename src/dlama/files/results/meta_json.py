@@ -18,8 +18,8 @@ from dlama.files.atomic_write import PathLike
 from dlama.files.cameras import camera_as_json
 from dlama.files.schema import SCHEMA
 from dlama.geometry.camera import Camera
+from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.figures.false_color import HOLE_PALETTE, ORIGIN_PALETTE
-from dlama.geometry.view import HoleType, Origin
 from dlama.models.verify import sha256_of
 
 

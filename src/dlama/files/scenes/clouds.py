@@ -11,7 +11,7 @@ from dlama.errors import FileError
 from dlama.files.atomic_write import PathLike, new_file
 from dlama.files.rasters.images import existing_file
 from dlama.geometry.cloud import PointCloud
-from dlama.geometry.view import Origin
+from dlama.geometry.codes import Origin
 
 FLOAT32_REACH = 1e4
 """Metres; beyond, float32 is coarser than 1 mm and coordinates are written as double."""

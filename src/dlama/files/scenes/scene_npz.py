@@ -27,10 +27,11 @@ from dlama.files.rasters.float_files import read_npy
 from dlama.files.rasters.images import existing_file, printable_name
 from dlama.files.schema import SCHEMA, check_schema
 from dlama.geometry.camera import Camera
+from dlama.geometry.codes import Origin
 from dlama.geometry.frames.stored import CACHE_BYTES, PixelCache, StoredView
 from dlama.geometry.rgbd import Float32Array, UInt8Array
 from dlama.geometry.scene import Scene
-from dlama.geometry.view import Origin, View
+from dlama.geometry.view import View
 
 OF_LAYER = re.compile(r"(layer|object)\d+_")
 """How the name of a layer's array begins."""

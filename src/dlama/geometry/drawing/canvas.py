@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from dlama.geometry.camera import Camera
+from dlama.geometry.codes import Origin, from_source
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, freeze, paste
-from dlama.geometry.view import Origin, View, from_source
+from dlama.geometry.view import View
 
 
 @dataclass

@@ -11,11 +11,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from dlama.geometry.codes import Origin
 from dlama.geometry.drawing.canvas import Canvas
 from dlama.geometry.projection import depth_from_inverse, inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.scene import Scene
-from dlama.geometry.view import Origin
 
 WIDEST = 2
 """Largest width of a seam, px along a row or a column."""

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.camera import Camera
+from dlama.geometry.codes import Origin
 from dlama.geometry.drawing.map_grid import MapGrid
 from dlama.geometry.holes import fill_with_nearest, nearest_along_colors
 from dlama.geometry.kernels.jit import in_bands
@@ -21,7 +22,7 @@ from dlama.geometry.kernels.picture_edges import ROOM, find_mixed, fit_planes
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.scene import Scene
-from dlama.geometry.view import Origin, View
+from dlama.geometry.view import View
 
 JUMP = 0.06
 """Relative step of inverse depth between neighbours that is an edge."""

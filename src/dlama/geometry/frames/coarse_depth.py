@@ -8,8 +8,9 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from dlama.geometry.camera import Camera
+from dlama.geometry.codes import from_source
 from dlama.geometry.rgbd import Float32Array
-from dlama.geometry.view import View, from_source
+from dlama.geometry.view import View
 
 BLOCK = 8
 """px."""

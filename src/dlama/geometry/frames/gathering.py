@@ -15,6 +15,7 @@ import numpy as np
 from dlama.arguments import check_arguments
 from dlama.errors import InputError, InputTypeError, ShapeError
 from dlama.geometry.camera import Float64Array
+from dlama.geometry.codes import HoleType, Origin, from_filler
 from dlama.geometry.frames.agreement import (
     AGREES,
     ENOUGH,
@@ -31,7 +32,7 @@ from dlama.geometry.holes import dilate_mask
 from dlama.geometry.projection import project_to_pixels
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.geometry.scene import Scene, contribution
-from dlama.geometry.view import HoleType, Origin, View, from_filler
+from dlama.geometry.view import View
 
 SAME_GAIN = 0.01
 """Gains that all lie nearer to 1 than this are none."""

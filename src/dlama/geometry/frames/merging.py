@@ -16,6 +16,7 @@ import cv2
 import numpy as np
 
 from dlama.geometry.camera import Camera, Float64Array
+from dlama.geometry.codes import Origin, from_source
 from dlama.geometry.drawing.canvas import Canvas
 from dlama.geometry.drawing.layers import ALL, Grid, Mode, Surface, count_wanted, draw_apart
 from dlama.geometry.frames.choosing import MOST_FRAMES, choose_frames
@@ -26,7 +27,7 @@ from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.projection import px_from_px
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, UInt16Array
 from dlama.geometry.scene import Scene
-from dlama.geometry.view import Origin, View, from_source
+from dlama.geometry.view import View
 
 LOOKED_THROUGH_PX = 2
 """A frame sees through a point only if it has no near depth within so many px: poses drift."""

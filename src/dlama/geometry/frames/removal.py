@@ -16,6 +16,7 @@ import cv2
 import numpy as np
 
 from dlama.errors import InputError, MaskError
+from dlama.geometry.codes import HoleType
 from dlama.geometry.frames.agreement import AGREES
 from dlama.geometry.frames.choosing import choose_frames
 from dlama.geometry.frames.foreground import find_foreground, grow_region
@@ -24,7 +25,7 @@ from dlama.geometry.projection import project_to_pixels, rays
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import BoolArray
 from dlama.geometry.scene import Scene
-from dlama.geometry.view import HoleType, View
+from dlama.geometry.view import View
 
 GROWTH_PX = 3
 """Growth of a mask in px in a picture of up to GROWTH_WIDTH px, as compression and blur spread an object's colours. In larger

@@ -16,8 +16,9 @@ from typing import Any
 import numpy as np
 
 from dlama.geometry.camera import Camera
+from dlama.geometry.codes import HoleType
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, UInt16Array
-from dlama.geometry.view import HoleType, View
+from dlama.geometry.view import View
 
 CACHE_BYTES = 256_000_000
 """Memory for the pixels of a scene's frames: 60 frames of 640x480."""

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.camera import Float64Array
+from dlama.geometry.codes import Origin
 from dlama.geometry.drawing.grid_mesh import mesh_grid
 from dlama.geometry.fusion import HALVES, cell_halves
 from dlama.geometry.holes import box_around
@@ -16,7 +17,7 @@ from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.mesh import Mesh
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
-from dlama.geometry.view import Origin, View
+from dlama.geometry.view import View
 
 LARGEST = 64
 """px of the largest triangles' legs, a power of 2: larger ones would save little."""

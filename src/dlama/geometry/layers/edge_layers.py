@@ -9,12 +9,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.drawing.grid_mesh import mesh_grid
 from dlama.geometry.holes import nearest_known
 from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
 from dlama.geometry.projection import depth_from_inverse, inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array
-from dlama.geometry.view import HoleType, Origin, View
+from dlama.geometry.view import View
 
 BEHIND = np.float32(0.98)
 """Of its inverse depth, by which the layer lies behind what it continues: it shows where nothing else does."""

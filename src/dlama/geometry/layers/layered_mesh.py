@@ -14,6 +14,7 @@ from functools import cache
 import numpy as np
 
 from dlama.geometry.camera import Camera
+from dlama.geometry.codes import HoleType
 from dlama.geometry.drawing.grid_mesh import mesh_grid
 from dlama.geometry.layers.decimation import decimate
 from dlama.geometry.layers.head_box import HeadBox
@@ -31,7 +32,7 @@ from dlama.geometry.layers.subsampling import step_for, subsample
 from dlama.geometry.projection import project_to_pixels
 from dlama.geometry.rgbd import Float32Array
 from dlama.geometry.scene import Scene, contribution
-from dlama.geometry.view import HoleType, View
+from dlama.geometry.view import View
 
 TOLERANCES, LEAST_SHARE, LARGEST_SHARE = (0.1, 0.25, 0.5, 1.0), 0.002, 0.05
 """px of the grid by which depth that is off may move a pixel to the side of the box, from which the first is taken that gives few

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from dlama.geometry.codes import HoleType
 from dlama.geometry.holes import nearest_known
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
-from dlama.geometry.view import HoleType, View
+from dlama.geometry.view import View
 
 CONTEXT = ("red", "green", "blue", "depth", "disoccluded", "out of view", "object", "distance", "colour hole", "hole")
 """Planes that all guesses share: known pixels (0 in the hole), hole types, distance to known pixels."""

@@ -6,9 +6,10 @@ from collections.abc import Callable
 
 import numpy as np
 
+from dlama.geometry.codes import HoleType, has_code
 from dlama.geometry.projection import depth_from_inverse, inverse_depth
 from dlama.geometry.rgbd import Float32Array, UInt8Array
-from dlama.geometry.view import HoleType, View, has_code
+from dlama.geometry.view import View
 from dlama.geometry.visibility import project_depth
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill

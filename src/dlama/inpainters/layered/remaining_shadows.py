@@ -9,9 +9,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.holes import erode_mask, morphological_open, nearest_known, square
 from dlama.geometry.rgbd import BoolArray, Float32Array
-from dlama.geometry.view import HoleType, Origin, View
+from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
 from dlama.perception.shadows.lit_surface import quadratic, robust_fit
 

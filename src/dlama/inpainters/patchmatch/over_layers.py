@@ -16,9 +16,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dlama.geometry.codes import HoleType, has_code
 from dlama.geometry.holes import nearest_known
 from dlama.geometry.rgbd import BoolArray, Float32Array
-from dlama.geometry.view import HoleType, View, has_code
+from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill, Inpainter

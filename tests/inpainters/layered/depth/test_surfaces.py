@@ -7,9 +7,10 @@ import pytest
 from numba import njit
 
 from dlama.geometry.camera import Camera
+from dlama.geometry.codes import HoleType
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
-from dlama.geometry.view import HoleType, View
+from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.layered.depth.distances import angle_to_far

@@ -14,9 +14,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from dlama.geometry.codes import HoleType
 from dlama.geometry.kernels.jit import begin_job
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
-from dlama.geometry.view import HoleType, View
+from dlama.geometry.view import View
 from dlama.inpainters.sky import Sky
 from dlama.inpainters.spreading import pull_push, spread_small, telea_spread
 from dlama.perception.planes import SKY

@@ -12,9 +12,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from dlama.geometry.codes import HoleType
 from dlama.geometry.holes import erode_mask, morphological_close, morphological_open, nearest_known, square
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
-from dlama.geometry.view import HoleType, View
+from dlama.geometry.view import View
 from dlama.inpainters.layered.depth.cut_objects import GAPS, CutObjects, at_same_depth
 from dlama.inpainters.layered.kernels.quilt import GAP, OUTSIDE, UNDECIDED, quilt
 

@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.camera import Camera
+from dlama.geometry.codes import HoleType
 from dlama.geometry.kernels.jit import begin_job
 from dlama.geometry.rgbd import BoolArray, Float32Array
-from dlama.geometry.view import HoleType, View
+from dlama.geometry.view import View
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.layered.depth.cut_objects import CutObjects, find_cut_objects
 from dlama.inpainters.layered.depth.distances import (

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from dlama.geometry.codes import HoleType
 from dlama.geometry.holes import box_around, dilate_mask, sides_of
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.geometry.scene import Scene
-from dlama.geometry.view import HoleType, View
+from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
 from dlama.training.data.augment import add_depth_faults, change_light, mirror_at_random
 from dlama.training.data.masks import random_mask
