@@ -11,8 +11,8 @@ from typing import Any
 from dlama.arguments import check_arguments
 from dlama.errors import InputError, MaskError
 from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array, check_color, make_read_only
+from dlama.perception.masks.choice import rgbd_masker
 from dlama.perception.masks.prompt import Box, Point, Prompt
-from dlama.perception.masks.rgbd import rgbd_masker
 from dlama.perception.masks.salient import salient_masker
 from dlama.perception.masks.segment_anything import segment_anything_masker
 from dlama.perception.shadows.find import find_shadow

@@ -7,7 +7,7 @@ import pytest
 
 from dlama import RGBD, Camera, MaskError
 from dlama.geometry.rgbd import Float32Array
-from dlama.perception.masks import rgbd as room
+from dlama.perception.masks import choice as room
 from dlama.perception.masks.click_network import PLANES, SIDE, click_planes, object_probability, region_at_click
 from dlama.perception.masks.prompt import Prompt
 

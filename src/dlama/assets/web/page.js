@@ -1,7 +1,8 @@
 // The page: from the picture over marks and camera to the result. What the server says is shown next to the field it is about.
 import { rolesOf } from "/files.js";
 import { Marker } from "/marker.js";
-import { $, TABS, all, chosen, clearErrors, enable, failed, legend, offer, onOpen, openTab, percent, ramp, warnings } from "/messages.js";
+import { $, TABS, all, chosen, clearErrors, enable, failed, offer, onOpen, openTab, percent, ramp, warnings } from "/messages.js";
+import { UNITS, request, showMove, showPreview } from "/move.js";
 import { noResult, repaint, showResult } from "/result.js";
 import * as server from "/server.js";
 
@@ -199,42 +200,8 @@ $("undo").addEventListener("click", () => marker.undo());
 $("clear").addEventListener("click", () => marker.clear());
 
 // ---- 3 camera
-const UNITS = { yaw: "°", pitch: "°", dolly: " m", pivot: " m" };
-let asking = false, again = false;
-
-function request() {
-  return {
-    yaw: Number($("yaw").value), pitch: Number($("pitch").value), dolly: Number($("dolly").value),
-    pivot: $("auto-pivot").checked ? "auto" : Number($("pivot").value),
-    filler: $("filler").value, recipe: $("recipe").value, dilate: $("dilate").value, seed: $("seed").value, min_confidence: $("min_confidence").value,
-  };
-}
-
-function showMove() {
-  for (const [name, unit] of Object.entries(UNITS)) $(name).nextElementSibling.textContent = `${$(name).value}${unit}`;
-  $("pivot").disabled = $("auto-pivot").checked;
-}
-
-// One preview at a time: while one is under way only the newest request waits.
-async function askPreview(quiet = false) {
-  if (!source || source.pair || (quiet && $("pane-preview").hidden)) return;
-  if (asking) { again = true; return; }
-  asking = true;
-  try {
-    do {
-      again = false;
-      const { blob, headers } = await server.fetched("preview", request());
-      await server.showIn($("preview"), blob);
-      showPreviewLegend(headers.get("X-Holes") ?? "");
-      clearErrors("move");
-    } while (again);
-  } catch (error) { failed(error, "move"); } finally { asking = false; }
-}
-
-function showPreviewLegend(text) {
-  const colors = { crack: [245, 245, 245], disoccluded: [213, 94, 0], flying: [240, 228, 66], out_of_view: [0, 114, 178], sensor: [204, 121, 167], object: [0, 158, 115] };
-  const rows = text.split(", ").filter(Boolean).map((row) => { const [name, share] = row.split("="); return { name: name.replaceAll("_", " "), color: colors[name], share: Number(share) }; });
-  if (rows.length) legend("preview-legend", rows); else $("preview-legend").textContent = "Nothing is unknown from here.";
+function askPreview(quiet = false) {
+  if (source && !source.pair && !(quiet && $("pane-preview").hidden)) showPreview();
 }
 
 for (const name of Object.keys(UNITS)) $(name).addEventListener("input", () => { showMove(); openTab("preview"); askPreview(); });
