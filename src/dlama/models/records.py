@@ -50,6 +50,14 @@ _EFFICIENT_SAM = "https://github.com/labelmeai/efficient-sam/releases/download/o
 _AS_PUBLISHED = "Size and sha256 are as projects that load it publish them."
 _BIG_LAMA = "LaMa with 18 blocks, trained on Places: fills holes of any size in colour"
 
+
+def _segment_anything(name: str, what: str, url: str, sha256: str, size: int) -> Record:
+    """The encoder or decoder of a network of the Segment Anything family, in ONNX; its file was not examined."""
+    return Record(
+        name, what, (url,), sha256, size, "Apache-2.0", "mask-network", f"{name}.onnx", seen=False, note=_AS_PUBLISHED
+    )
+
+
 CATALOGUE: dict[str, Record] = {
     record.name: record
     for record in (
@@ -140,77 +148,47 @@ CATALOGUE: dict[str, Record] = {
             file="u2netp.onnx",
             note="The bytes that ship under assets/u2netp.",
         ),
-        Record(
-            name="sam-vit-b-encoder",
-            what="Segment Anything ViT-B, 8-bit weights: the encoder, for --masker segment-anything",
-            urls=(f"{_SAM}/sam_vit_b_01ec64.quantized.encoder.onnx",),
-            sha256="3346b9cc551c9902fbf3b203935e933592b22e042365f58321c17fc12641fd6a",
-            bytes=99827688,
-            licence="Apache-2.0",
-            contract="mask-network",
-            file="sam-vit-b-encoder.onnx",
-            seen=False,
-            note=_AS_PUBLISHED,
+        _segment_anything(
+            "sam-vit-b-encoder",
+            "Segment Anything ViT-B, 8-bit weights: the encoder, for --masker segment-anything",
+            f"{_SAM}/sam_vit_b_01ec64.quantized.encoder.onnx",
+            "3346b9cc551c9902fbf3b203935e933592b22e042365f58321c17fc12641fd6a",
+            99827688,
         ),
-        Record(
-            name="sam-vit-b-decoder",
-            what="Segment Anything ViT-B, 8-bit weights: the decoder",
-            urls=(f"{_SAM}/sam_vit_b_01ec64.quantized.decoder.onnx",),
-            sha256="edbcf1a0afaa55621fb0abe6b3db1516818b609ea9368f309746a3afc68f7613",
-            bytes=8743656,
-            licence="Apache-2.0",
-            contract="mask-network",
-            file="sam-vit-b-decoder.onnx",
-            seen=False,
-            note=_AS_PUBLISHED,
+        _segment_anything(
+            "sam-vit-b-decoder",
+            "Segment Anything ViT-B, 8-bit weights: the decoder",
+            f"{_SAM}/sam_vit_b_01ec64.quantized.decoder.onnx",
+            "edbcf1a0afaa55621fb0abe6b3db1516818b609ea9368f309746a3afc68f7613",
+            8743656,
         ),
-        Record(
-            name="mobile-sam-encoder",
-            what="MobileSAM (TinyViT): the encoder, for --masker segment-anything",
-            urls=(f"{_MOBILE_SAM}/mobile_sam_image_encoder.onnx",),
-            sha256="580f5fb648ea1062c0aabc26217aed56921985f03f0cbbd852bba81d760cc749",
-            bytes=28157093,
-            licence="Apache-2.0",
-            contract="mask-network",
-            file="mobile-sam-encoder.onnx",
-            seen=False,
-            note=_AS_PUBLISHED,
+        _segment_anything(
+            "mobile-sam-encoder",
+            "MobileSAM (TinyViT): the encoder, for --masker segment-anything",
+            f"{_MOBILE_SAM}/mobile_sam_image_encoder.onnx",
+            "580f5fb648ea1062c0aabc26217aed56921985f03f0cbbd852bba81d760cc749",
+            28157093,
         ),
-        Record(
-            name="mobile-sam-decoder",
-            what="MobileSAM: the decoder, four masks",
-            urls=(f"{_MOBILE_SAM}/sam_mask_decoder_multi.onnx",),
-            sha256="8976b90a87ba50a6a72217a5ff994f7d25ce16f2229fcc1ed259e1294c622ffe",
-            bytes=16496559,
-            licence="Apache-2.0",
-            contract="mask-network",
-            file="mobile-sam-decoder.onnx",
-            seen=False,
-            note=_AS_PUBLISHED,
+        _segment_anything(
+            "mobile-sam-decoder",
+            "MobileSAM: the decoder, four masks",
+            f"{_MOBILE_SAM}/sam_mask_decoder_multi.onnx",
+            "8976b90a87ba50a6a72217a5ff994f7d25ce16f2229fcc1ed259e1294c622ffe",
+            16496559,
         ),
-        Record(
-            name="efficient-sam-encoder",
-            what="EfficientSAM-Ti: the encoder, for --masker segment-anything",
-            urls=(f"{_EFFICIENT_SAM}/efficient_sam_vitt_encoder.onnx",),
-            sha256="7a73ee65aa2c37237c89b4b18e73082f757ffb173899609c5d97a2bbd4ebb02d",
-            bytes=24799761,
-            licence="Apache-2.0",
-            contract="mask-network",
-            file="efficient-sam-encoder.onnx",
-            seen=False,
-            note=_AS_PUBLISHED,
+        _segment_anything(
+            "efficient-sam-encoder",
+            "EfficientSAM-Ti: the encoder, for --masker segment-anything",
+            f"{_EFFICIENT_SAM}/efficient_sam_vitt_encoder.onnx",
+            "7a73ee65aa2c37237c89b4b18e73082f757ffb173899609c5d97a2bbd4ebb02d",
+            24799761,
         ),
-        Record(
-            name="efficient-sam-decoder",
-            what="EfficientSAM-Ti: the decoder",
-            urls=(f"{_EFFICIENT_SAM}/efficient_sam_vitt_decoder.onnx",),
-            sha256="e1afe46232c3bfa3470a6a81c7d3181836a94ea89528aff4e0f2d2c611989efd",
-            bytes=16565728,
-            licence="Apache-2.0",
-            contract="mask-network",
-            file="efficient-sam-decoder.onnx",
-            seen=False,
-            note=_AS_PUBLISHED,
+        _segment_anything(
+            "efficient-sam-decoder",
+            "EfficientSAM-Ti: the decoder",
+            f"{_EFFICIENT_SAM}/efficient_sam_vitt_decoder.onnx",
+            "e1afe46232c3bfa3470a6a81c7d3181836a94ea89528aff4e0f2d2c611989efd",
+            16565728,
         ),
     )
 }

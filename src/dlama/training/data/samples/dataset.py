@@ -38,14 +38,18 @@ DEPTH_AGREES = 0.03
 """Relative difference of inverse depth up to which two frames show the same."""
 
 
-class DatasetViews:
-    """Kind `frame`, see `sources.SampleSource`: the target frame, known where the source frame of a posed pair shows it."""
+class _Cases:
+    """Samples of so many pixels a side, one of each case."""
 
     def __init__(self, cases: tuple[TrainingCase, ...], network: NetworkSettings, size: int) -> None:
         self.cases, self.network, self.size = cases, network, size
 
     def __len__(self) -> int:
         return len(self.cases)
+
+
+class DatasetViews(_Cases):
+    """Kind `frame`, see `sources.SampleSource`: the target frame, known where the source frame of a posed pair shows it."""
 
     def sample(self, index: int, rng: np.random.Generator) -> dict[str, np.ndarray]:
         """One sample: a random crop of the target frame, in either direction of the pair."""
@@ -64,14 +68,8 @@ class DatasetViews:
         return mask_example(target, random_mask(rng, target.camera.hw))
 
 
-class DatasetRemovals:
+class DatasetRemovals(_Cases):
     """Kind `removal`, see `sources.SampleSource`: cases whose `load` gives a RemovalTruth."""
-
-    def __init__(self, cases: tuple[TrainingCase, ...], network: NetworkSettings, size: int) -> None:
-        self.cases, self.network, self.size = cases, network, size
-
-    def __len__(self) -> int:
-        return len(self.cases)
 
     def sample(self, index: int, rng: np.random.Generator) -> dict[str, np.ndarray]:
         """One sample: a random crop that shows the object."""
@@ -92,14 +90,8 @@ class DatasetRemovals:
         return mask_example(source, random_mask(rng, source.camera.hw))
 
 
-class DatasetPairs:
+class DatasetPairs(_Cases):
     """Kind `stereo`, see `sources.SampleSource`: cases whose `load` gives a StereoPair."""
-
-    def __init__(self, cases: tuple[TrainingCase, ...], network: NetworkSettings, size: int) -> None:
-        self.cases, self.network, self.size = cases, network, size
-
-    def __len__(self) -> int:
-        return len(self.cases)
 
     def sample(self, index: int, rng: np.random.Generator) -> dict[str, np.ndarray]:
         """One pair: the same random crop of both pictures."""

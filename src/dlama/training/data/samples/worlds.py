@@ -30,8 +30,8 @@ OBJECT_SHARE = (0.005, 0.25)
 """Least and largest share of the picture that a removed object covers."""
 
 
-class WorldSamples:
-    """Kind `world`, see `sources.SampleSource`: the view of another camera, known where the source frame shows it."""
+class _Worlds:
+    """One sample of each view of some worlds."""
 
     def __init__(self, worlds: WorldSet, network: NetworkSettings) -> None:
         self.worlds, self.network = worlds, network
@@ -39,6 +39,10 @@ class WorldSamples:
 
     def __len__(self) -> int:
         return len(self.worlds)
+
+
+class WorldSamples(_Worlds):
+    """Kind `world`, see `sources.SampleSource`: the view of another camera, known where the source frame shows it."""
 
     def sample(self, index: int, rng: np.random.Generator) -> dict[str, np.ndarray]:
         """One sample; sensor faults, light and mirroring are drawn from `rng`."""
@@ -73,15 +77,8 @@ class WorldRemovals(WorldSamples):
         return mask_example(add_depth_faults(frame, rng), hole, truth)
 
 
-class WorldPairs:
+class WorldPairs(_Worlds):
     """Kind `stereo`: both pictures of a pair with one object's masks as their holes."""
-
-    def __init__(self, worlds: WorldSet, network: NetworkSettings) -> None:
-        self.worlds, self.network = worlds, network
-        self.group_size = worlds.group_size
-
-    def __len__(self) -> int:
-        return len(self.worlds)
 
     def sample(self, index: int, rng: np.random.Generator) -> dict[str, np.ndarray]:
         """One pair; see `batches.Batch`."""
