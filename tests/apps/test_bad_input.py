@@ -8,21 +8,58 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from running import FAST, refused
+from running import FAST, refused, run
 
 from dlama.apps.cli import main
+from dlama.completion import memory
+from dlama.errors import InputError
+from dlama.geometry.camera import Camera
+
+HUGE = 10**400
+PICTURE = ("image.png", "depth.png")
+REMOVE = ("remove", *PICTURE, "mask.png", "--fov", 60)
+CAMERA = {"width": 64, "height": 48, "fx": 55.4, "fy": 55.4, "cx": 32.0, "cy": 24.0}
 
 
-def test_nothing_says_where_to_go(frame: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """`view` without a move teaches --yaw; with two, both are named."""
-    words = ("view", "image.png", "depth.png", "--fov", 60)
-    assert "--yaw" in refused(capsys, frame, *words)
-    assert "--to" in refused(capsys, frame, *words, "--yaw", 3, "--to", "target.json")
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ("--fov 60", "--yaw"),
+        ("--fov 60 --yaw 3 --to target.json", "--to"),
+        ("--yaw 5", "--fov"),  # a PNG has no EXIF focal length
+        ("--yaw 5 --fx -3", "-3 > 0"),
+        ("--yaw 5 --fov 190", "190"),
+        ("--yaw 5 --fov 60 --fx 3", "--fov --fx"),
+        ("--yaw 5 --fov 60 --filler magic", "magic layered telea"),
+        ("--yaw 5 --fov 60 --recipe soup", "soup dlama paper"),
+        ("--yaw 5 --fov 60 --dilate -1", "dilate -1"),
+        ("--yaw 5 --fov 60 --far 0.5", "--far"),
+        ("--yaw 5 --fov 60 --pivot -2", "-2"),
+        ("--yaw 5 --fov 60 --seed -1", "--seed -1 0"),
+        ("--yaw 5 --fov 60 --seed 99999999999", "--seed 99999999999"),
+        ("--yaw 5 --fx 1e-200", "fx 1e-200"),
+        ("--yaw 5 --fx 1e300", "fx 1e+300"),
+        ("--yaw 5 --fx 50 --cx 1e300", "cx 1e+300"),
+        ("--yaw 5 --fov 1e-12", "fx"),
+        ("--yaw 5 --fov 60 --dolly 1e300", "--dolly 1e+300"),
+        ("--yaw 5 --fov 60 --pivot 1e300", "--pivot 1e+300"),
+    ],
+)
+def test_bad_options_of_a_view(frame: Path, capsys: pytest.CaptureFixture[str], options: str, words: str) -> None:
+    """The line names what came and what is expected."""
+    line = refused(capsys, frame, "view", *PICTURE, *options.split(), *(() if "--filler" in options else FAST))
+    assert [word for word in words.split() if word not in line] == [], line
 
 
-def test_no_intrinsics_teaches_fov(frame: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A PNG has no EXIF focal length."""
-    assert "--fov" in refused(capsys, frame, "view", "image.png", "depth.png", "--yaw", 5)
+@pytest.mark.parametrize(
+    ("option", "words"),
+    [(f"--dilate={radius}", f"--dilate {radius}") for radius in (5000, 100_000, 10**12)]
+    + [(f"--mask-class={color}", "--mask-class 255") for color in ("256,0,0", "-1,0,0", "0,0,99999999999999999999")],
+)
+def test_bad_options_of_a_removal(frame: Path, capsys: pytest.CaptureFixture[str], option: str, words: str) -> None:
+    """A dilation over the whole picture used to take minutes or gigabytes; colours of classes are bytes."""
+    line = refused(capsys, frame, *REMOVE, option, *FAST)
+    assert [word for word in words.split() if word not in line] == [], line
 
 
 def spoiled(frame: Path, what: str) -> None:
@@ -62,38 +99,25 @@ def spoiled(frame: Path, what: str) -> None:
     ],
 )
 def test_bad_files(frame: Path, capsys: pytest.CaptureFixture[str], what: str, words: list[str]) -> None:
-    """Each gets exit code 2 and one line with these words, and leaves nothing behind."""
     spoiled(frame, what)
-    line = refused(capsys, frame, "remove", frame / "image.png", "depth.png", "mask.png", "--fov", 60, *FAST)
+    line = refused(capsys, frame, "remove", frame / "image.png", *REMOVE[2:], *FAST)
     assert [word for word in words if word not in line] == [], line
+
+
+NO_ROTATION = np.diag([2.0, 1, 1, 1]).tolist()
+NUMBERS = [HUGE, -HUGE, 1e300, [HUGE], {"a": HUGE}, True, None]
 
 
 @pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        (["--fx", "-3"], ["-3", "> 0"]),
-        (["--fov", "190"], ["190"]),
-        (["--fov", "60", "--fx", "3"], ["--fov", "--fx"]),
-        (["--fov", "60", "--filler", "magic"], ["magic", "layered", "telea"]),
-        (["--fov", "60", "--recipe", "soup"], ["soup", "dlama", "paper"]),
-        (["--fov", "60", "--dilate", "-1"], ["dilate", "-1"]),
-        (["--fov", "60", "--far", "0.5"], ["--far"]),
-        (["--fov", "60", "--pivot", "-2"], ["-2"]),
-    ],
+    ("name", "value"),
+    [(name, value) for name in (*CAMERA, "pixel_center", "world_from_cam") for value in NUMBERS]
+    + [("world_from_cam", [[HUGE] * 4] * 4), ("world_from_cam", NO_ROTATION), ("fx", 0.0)],
 )
-def test_bad_options(frame: Path, capsys: pytest.CaptureFixture[str], options: list[str], words: list[str]) -> None:
-    """Each gets exit code 2 and one line that names what came and what is expected."""
-    line = refused(capsys, frame, "view", "image.png", "depth.png", "--yaw", 5, *options)
-    assert [word for word in words if word not in line] == [], line
-
-
-@pytest.mark.parametrize(("name", "value"), [("world_from_cam", np.diag([2.0, 1, 1, 1]).tolist()), ("fx", 0.0)])
-def test_bad_camera_file(frame: Path, capsys: pytest.CaptureFixture[str], name: str, value: object) -> None:
-    """A pose that is no rotation, a K that is singular: the file is named."""
-    fields = {"width": 64, "height": 48, "fx": 55.4, "fy": 55.4, "cx": 32.0, "cy": 24.0, name: value}
-    (frame / "camera.json").write_text(json.dumps(fields))
-    line = refused(capsys, frame, "view", "image.png", "depth.png", "--camera", "camera.json", "--yaw", 5)
-    assert "camera.json" in line
+def test_bad_camera_files(frame: Path, capsys: pytest.CaptureFixture[str], name: str, value: object) -> None:
+    """Numbers that no camera has, a pose that is no rotation, a K that is singular: file and field are named, in a short line."""
+    (frame / "camera.json").write_text(json.dumps({**CAMERA, name: value}))
+    line = refused(capsys, frame, "view", *PICTURE, "--camera", "camera.json", "--yaw", 5, *FAST)
+    assert "camera.json" in line and (name in line or value == NO_ROTATION) and len(line) < 400
 
 
 def test_control_characters_of_a_file_do_not_reach_the_terminal(
@@ -101,12 +125,11 @@ def test_control_characters_of_a_file_do_not_reach_the_terminal(
 ) -> None:
     """A field's name in a camera file, and a folder's name in a warning and in the last line (oracle: no control character)."""
     (frame / "camera.json").write_text('{"\\u001b[31mred\\u0007\\u202e": 1}')
-    line = refused(capsys, frame, "view", "image.png", "depth.png", "--camera", "camera.json", "--yaw", 5)
+    line = refused(capsys, frame, "view", *PICTURE, "--camera", "camera.json", "--yaw", 5)
     assert r"field '\x1b[31mred\x07\u202e' is not known" in line
     odd = frame / "odd\x1b[2J"
-    main(
-        ["view", str(frame / "image.png"), str(frame / "depth.png"), "--fov", "2", "--yaw", "5", *FAST, "-o", str(odd)]
-    )
+    files = [str(frame / name) for name in PICTURE]
+    main(["view", *files, "--fov", "2", "--yaw", "5", *FAST, "-o", str(odd)])
     printed = capsys.readouterr()
     assert r"odd\x1b[2J" in printed.out and "warning" in printed.err
     assert [sign for sign in printed.out + printed.err if not sign.isprintable() and sign != "\n"] == []
@@ -115,6 +138,38 @@ def test_control_characters_of_a_file_do_not_reach_the_terminal(
 def test_output_that_cannot_be_written(frame: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A file is where the directory should be."""
     (frame / "out").write_text("in the way")
-    line = refused(capsys, frame, "view", "image.png", "depth.png", "--fov", 60, "--yaw", 5, *FAST)
-    assert "cannot be written" in line
+    assert "cannot be written" in refused(capsys, frame, "view", *PICTURE, "--fov", 60, "--yaw", 5, *FAST)
     assert (frame / "out").read_text() == "in the way"
+
+
+def test_a_dilation_of_holes_over_the_whole_picture(frame: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Nothing is known any more: it says so and ends at once."""
+    run(frame, "view", *PICTURE, "--fov", 60, "--yaw", 5, *FAST, "--dilate-holes", 1000)
+    assert "nothing" in capsys.readouterr().out
+
+
+def test_a_target_that_memory_cannot_hold(frame: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Estimated first; the message says how much it would take."""
+    for side in (20_000, 100_000):
+        big = {"width": side, "height": side, "fx": 5e4, "fy": 5e4, "cx": side / 2, "cy": side / 2}
+        (frame / "target.json").write_text(json.dumps(big))
+        line = refused(capsys, frame, "view", *PICTURE, "--fov", 60, "--to", frame / "target.json", *FAST)
+        assert f"{side}x{side}" in line
+
+
+def test_memory_is_held_against_what_is_free() -> None:
+    """Closed form: pixels times bytes, either side of the limit; what the system says is a size a machine has."""
+    camera = Camera.from_fov(1000, 1000, 60)
+    needed = 1_000_000 * (memory.BYTES_PER_PIXEL + memory.BYTES_KEPT)
+    memory.check_memory([camera], needed)
+    with pytest.raises(InputError, match=r"1000x1000.*0\.2 GB"):
+        memory.check_memory([camera], needed - 1)
+    assert 10**7 < (memory.available_bytes() or 10**9) < 10**14
+
+
+def test_a_disparity_that_no_pair_has(frame: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    calib = {"left_K": [[55, 0, 32], [0, 55, 24], [0, 0, 1]], "doffs": 0, "baseline_m": 0.1, "width": 64, "height": 48}
+    (frame / "calib.json").write_text(json.dumps(calib))
+    for value in ("1e9", "65", "inf"):
+        words = "stereo", "image.png", "mask.png", "--calib", "calib.json", "--max-disparity", value, *FAST
+        assert "--max-disparity" in refused(capsys, frame, *words)

@@ -20,37 +20,6 @@ RESULT_FILES = {
 }  # fmt: skip
 
 
-def test_help_names_every_option(capsys: pytest.CaptureFixture[str]) -> None:
-    """Oracle: a list, verb by verb."""
-    shared = "--output --filler --recipe --mode --dilate --dilate-holes --clip --seed"
-    source = "--camera --fx --fy --cx --cy --fov --pixel-center --depth-scale --depth-range --resize-depth --far"
-    source += " --depth-model --metres-at --camera-height --no-sharpen"
-    move = "--yaw --pitch --pivot --dolly --to"
-    mask = "--mask-polarity --soft-mask --mask-class"
-    wanted = {
-        "view": f"{shared} {source} {move}",
-        "remove": f"{shared} {source} {move} {mask}",
-        "stereo": f"{shared} {mask} --calib --mask --mask-right --max-disparity --far",
-        "demo": "--output --filler",
-    }
-    for verb, options in wanted.items():
-        with pytest.raises(SystemExit) as stop:
-            main([verb, "--help"])
-        shown = capsys.readouterr().out
-        assert stop.value.code == 0
-        assert [option for option in options.split() if not re.search(rf"{option}\b(?!-)", shown)] == []
-        assert f"$ dlama {verb}" in shown
-
-
-def test_help_says_the_signs(capsys: pytest.CaptureFixture[str]) -> None:
-    """Positive yaw and pitch are told in words."""
-    with pytest.raises(SystemExit):
-        main(["view", "--help"])
-    shown = " ".join(capsys.readouterr().out.replace("│", " ").split())
-    assert "Positive: the camera moves to its right and turns left" in shown
-    assert "Positive: the camera moves up and looks down" in shown
-
-
 def test_view_writes_every_file(frame: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Oracle: a list of files; hole.png is where hole_type.png is not 0; one summary line."""
     out = run(frame, "view", "image.png", "depth.png", "--fov", 60, "--yaw", 12, "--also", "hole", *FAST)

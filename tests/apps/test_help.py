@@ -21,7 +21,7 @@ from tyro.conf import Positional
 
 import dlama
 from dlama.apps import options
-from dlama.apps.cli import VERBS, join_lines, main
+from dlama.apps.cli import EXAMPLES, VERBS, join_lines, main
 from dlama.apps.terminal.flags import flags_of, with_flags
 from dlama.apps.verbs.measuring import evaluate as evaluate_verb
 from dlama.completion.options import field_texts
@@ -70,6 +70,19 @@ def test_every_option_shows_its_default_or_is_required(words: list[str]) -> None
     """Oracle: the rows themselves; `--help` alone has no default."""
     found = [row for row in rows(page_of(*words)) if not row.startswith("-h, --help")]
     assert [row for row in found if not re.search(r"\((default: \S[^()]*|required)\)$", row)] == []
+
+
+@pytest.mark.parametrize("verb", [verb for verb in VERBS if verb != "models"])
+def test_examples_are_shown(verb: str) -> None:
+    """Oracle: the table of examples."""
+    assert all(f"$ {line}"[:60] in page_of(verb) for line in EXAMPLES[verb])
+
+
+def test_help_says_the_signs() -> None:
+    """Positive yaw and pitch are described in words."""
+    shown = " ".join(page_of("view").replace("│", " ").split())
+    assert "Positive: the camera moves to its right and turns left" in shown
+    assert "Positive: the camera moves up and looks down" in shown
 
 
 def fields_of(taker: Callable[..., Any]) -> Iterator[tuple[str, Any, Any]]:
