@@ -23,3 +23,9 @@ def small_frame(folder: Path) -> Path:
     Image.fromarray((rgbd.depth * 1000).round().astype(np.uint16)).save(folder / "depth.png")
     Image.fromarray(((shown == 1) * 255).astype(np.uint8)).save(folder / "mask.png")
     return folder
+
+
+def pixels(path: Path) -> np.ndarray:
+    """A picture's numbers; codes for a palette picture."""
+    with Image.open(path) as picture:
+        return np.array(picture)

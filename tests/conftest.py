@@ -46,3 +46,11 @@ def data_dir() -> Path:
     folder = Path(told)
     assert folder.is_dir(), f"DLAMA_DATA is {told}, which is no folder"
     return folder
+
+
+@pytest.fixture(scope="session")
+def weights_dir(data_dir: Path) -> Path:
+    """The folder of LPIPS' full-precision weights among the real data."""
+    if not (data_dir / "weights" / "lpips_alex_lin.safetensors").is_file():
+        pytest.skip(f"{data_dir} has no weights/lpips_alex_lin.safetensors")
+    return data_dir / "weights"

@@ -1,4 +1,4 @@
-"""The law that a view from where a picture was taken is that picture."""
+"""The law that a view from where a picture was taken is that picture, and views that are the same."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import numpy as np
 from dlama.completion.completion import Completion
 from dlama.geometry.codes import Origin
 from dlama.geometry.rgbd import RGBD
+from dlama.geometry.view import View
 
 
 def check_same(done: Completion, frame: RGBD) -> None:
@@ -17,3 +18,9 @@ def check_same(done: Completion, frame: RGBD) -> None:
     assert (done.view.origin[known] == Origin.MEASURED).all() and (done.view.confidence[known] == 1).all()
     np.testing.assert_array_equal(done.warped[0].hole, frame.missing)
     assert not done.view.hole.any()
+
+
+def assert_same_view(one: View, other: View) -> None:
+    """Every plane, bit for bit."""
+    for name in ("color", "depth", "hole", "hole_type", "origin", "confidence"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)

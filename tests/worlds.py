@@ -188,3 +188,12 @@ def rotation(vector: np.ndarray) -> np.ndarray:
     x, y, z = np.asarray(vector) / angle
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+
+
+def random_camera(rng: np.random.Generator, width: int, height: int) -> Camera:
+    """Any small lens, somewhere in the world."""
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = rotation(rng.normal(size=3)), rng.uniform(-5, 5, 3)
+    focal = rng.uniform(0.6, 1.5) * width
+    fy, (cx, cy) = focal * rng.uniform(0.8, 1.2), rng.uniform(0.3, 0.7, 2) * (width, height)
+    return Camera(width, height, focal, fy, cx, cy, pose)

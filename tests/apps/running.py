@@ -5,19 +5,13 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-import numpy as np
 import pytest
-from PIL import Image
 
+from box_frame import pixels
 from dlama.apps.cli import main
 
+__all__ = ["FAST", "pixels", "refused", "run"]
 FAST = ["--filler", "telea"]
-
-
-def pixels(path: Path) -> np.ndarray:
-    """A picture's numbers; codes for a palette picture."""
-    with Image.open(path) as picture:
-        return np.array(picture)
 
 
 def run(folder: Path, *words: object) -> Path:

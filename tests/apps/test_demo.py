@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from box_frame import pixels
 from dlama.apps.cli import main
 from dlama.apps.verbs.demo import ASSETS
 from dlama.files.rasters.depth import read_depth, read_disparity
@@ -20,12 +21,6 @@ def demo(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("demo") / "out"
     main(["demo", "--also", "hole,disparity,points", "-o", str(folder)])
     return folder
-
-
-def pixels(path: Path) -> np.ndarray:
-    """A picture's numbers."""
-    with Image.open(path) as picture:
-        return np.array(picture)
 
 
 @pytest.mark.slow

@@ -15,14 +15,6 @@ pytest.importorskip("torch")
 from lpips_export import export_lpips  # noqa: E402
 
 
-@pytest.fixture(scope="session")
-def weights_dir(data_dir: Path) -> Path:
-    """The folder of the full-precision weights."""
-    if not (data_dir / "weights" / "lpips_alex_lin.safetensors").is_file():
-        pytest.skip(f"{data_dir} has no weights/lpips_alex_lin.safetensors")
-    return data_dir / "weights"
-
-
 def test_the_shipped_file_is_what_the_export_makes(weights_dir: Path, tmp_path: Path) -> None:
     """Round trip: the same nodes and constants from the weights as they lie in DLAMA_DATA."""
     files = [weights_dir / name for name in ("alexnet_features.safetensors", "lpips_alex_lin.safetensors")]

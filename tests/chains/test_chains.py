@@ -28,6 +28,7 @@ from dlama.geometry.scene import Scene
 from dlama.geometry.trajectories import orbit
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law, violations
+from whole_picture import assert_same_view
 from worlds import Box, Plane, Sphere, World, moved, pixels_of
 
 CAMERA = Camera.from_fov(64, 48, 65)
@@ -163,11 +164,6 @@ def order_matters(chain: list[Step]) -> bool:
             return True
         done |= isinstance(step, (Remove, Complete))
     return len(removed) != len(set(removed))
-
-
-def assert_same_view(one: View, other: View) -> None:
-    for name in ("color", "depth", "hole", "hole_type", "origin", "confidence"):
-        np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
 
 
 def assert_measured_bits_stay(begin: Scene, view: View) -> None:

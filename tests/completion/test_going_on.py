@@ -22,6 +22,7 @@ from dlama.geometry.view import View
 from dlama.inpainters import find_filler
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill, Inpainter
+from whole_picture import assert_same_view
 from worlds import moved
 
 BOX = WORLD.trace(CAMERA)[1] == 2
@@ -38,11 +39,6 @@ def recording() -> tuple[Inpainter, list[tuple[View, FillContext]]]:
         return telea(view, context, seed)
 
     return fill, seen
-
-
-def assert_same_view(one: View, other: View) -> None:
-    for name in ("color", "depth", "hole", "hole_type", "origin", "confidence"):
-        np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
 
 
 def test_a_second_removal_removes() -> None:

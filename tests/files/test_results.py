@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image
 from plyfile import PlyData
 
+from box_frame import pixels
 from dlama.completion.completion import Completion
 from dlama.completion.pipeline import complete
 from dlama.completion.verbs import remove
@@ -30,12 +30,6 @@ CAMERA = Camera.from_fov(56, 40, 60)
 EVERY = tuple(name for name in RESULTS if name not in ("disparity", "choice", "mask"))
 """What a removal by a filler that does not choose has; a mask is written where it is given."""
 WORLD = World((Plane((0, 0, 4), (0, 0, 1)), Box((-0.5, -0.4, 2.0), (0.4, 0.5, 2.4))))
-
-
-def pixels(path: Path) -> np.ndarray:
-    """A picture's numbers; codes for a palette picture."""
-    with Image.open(path) as picture:
-        return np.array(picture)
 
 
 @pytest.fixture(scope="module")

@@ -20,19 +20,10 @@ from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from marks import first_quick
 from reference import edges, far, points, rasteriser, sheet
-from worlds import moved, pixels_of, points_of, rotation
+from worlds import moved, pixels_of, points_of, random_camera
 
 SEEDS = first_quick(range(12), 4)
 RIGHT, DOWN = 1, 2
-
-
-def random_camera(rng: np.random.Generator, width: int, height: int) -> Camera:
-    """Any small lens, somewhere in the world."""
-    pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = rotation(rng.normal(size=3)), rng.uniform(-5, 5, 3)
-    focal = rng.uniform(0.6, 1.5) * width
-    cx, cy = np.array([width, height]) * rng.uniform(0.3, 0.7, 2)
-    return Camera(width, height, focal, focal * rng.uniform(0.8, 1.2), cx, cy, pose)
 
 
 def random_frame(rng: np.random.Generator, height: int = 9, width: int = 11) -> RGBD:

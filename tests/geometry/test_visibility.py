@@ -21,7 +21,7 @@ from dlama.inpainters import FILLERS, find_filler
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import inpaint
 from reference import law as twin
-from worlds import moved, pixels_of, points_of, rotation
+from worlds import moved, pixels_of, points_of, random_camera
 
 SEEDS = range(10)
 WITHOUT_NETWORK = sorted(name for name, record in FILLERS.items() if not record.needs_model)
@@ -29,19 +29,9 @@ FINE = twin.STEP + 1e-6
 """The march stops up to one step, and float32 rounding, after the first lawful depth."""
 
 
-def random_camera(rng: np.random.Generator, height: int, width: int) -> Camera:
-    """Any small lens, anywhere."""
-    pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = rotation(rng.normal(size=3)), rng.uniform(-5, 5, 3)
-    focal = rng.uniform(0.6, 1.5) * width
-    return Camera(
-        width, height, focal, focal * rng.uniform(0.8, 1.2), *rng.uniform(0.3, 0.7, 2) * (width, height), pose
-    )
-
-
 def random_frame(rng: np.random.Generator, height: int = 9, width: int = 12) -> RGBD:
     """Blocks of surfaces from 1 m to 10 m, some sky, some sensor holes."""
-    camera = random_camera(rng, height, width)
+    camera = random_camera(rng, width, height)
     blocks = np.exp(rng.uniform(0, np.log(10), (height // 3 + 1, width // 3 + 1)))
     depth = np.kron(blocks, np.ones((3, 3)))[:height, :width] * rng.uniform(0.98, 1.02, (height, width))
     state = np.kron(rng.random(blocks.shape), np.ones((3, 3)))[:height, :width]
@@ -52,7 +42,7 @@ def random_frame(rng: np.random.Generator, height: int = 9, width: int = 12) -> 
 
 def beside(rng: np.random.Generator, source: Camera, height: int = 10, width: int = 11) -> Camera:
     """Another lens some steps aside, turned so that much of the same is in view."""
-    lens = random_camera(rng, height, width).at(source.world_from_cam)
+    lens = random_camera(rng, width, height).at(source.world_from_cam)
     return moved(lens, tuple(rng.uniform(-15, 15, 3)), tuple(rng.uniform(-1, 1, 3)))
 
 

@@ -1,15 +1,17 @@
-"""A network file, opened to run: tiny networks whose answer is known in closed form."""
+"""Network files, opened to run (oracle: closed forms of tiny networks), and the contracts in them (round trips, messages)."""
 
 from __future__ import annotations
 
 import hashlib
 import os
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from dlama.errors import FileError, InputError
+from dlama.models.contracts import CONTRACT_KEY, contract_metadata, read_contract
 from dlama.models.network_file import LARGE, PROVIDERS, NetworkFile, file_stamp, make_room
 from dlama.models.verify import PIECE
 from tiny_networks import constant
@@ -82,3 +84,39 @@ def test_omp_num_threads_is_obeyed(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     for nonsense in ("", "0", "many"):
         monkeypatch.setenv("OMP_NUM_THREADS", nonsense)
         assert NetworkFile(model).threads == len(os.sched_getaffinity(0))
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """A contract."""
+
+    side: int = 1
+    mean: tuple[float, float] = (0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        if self.side < 1:
+            raise InputError("contract: side of 1 or more is expected")
+
+
+def test_a_contract_comes_back_as_it_was_written() -> None:
+    """Tuples included, which JSON does not have."""
+    written = contract_metadata("sizes", Sizes(7, (0.5, 2.0)))
+    assert read_contract(Sizes, written[CONTRACT_KEY], "sizes", Path("n.onnx"), strict=True) == Sizes(7, (0.5, 2.0))
+
+
+@pytest.mark.parametrize("strict", [False, True])
+@pytest.mark.parametrize(
+    "text", ["{", "[]", '{"network": "sizes", "side": "a"}', '{"network": "sizes", "side": 0}', "[" * 100_000]
+)
+def test_what_is_no_contract_is_an_error_of_the_file(text: str, strict: bool) -> None:
+    """Not JSON, no table, values of another type or out of range, lists nested deeper than Python reads."""
+    with pytest.raises(FileError, match=r"^n\.onnx: "):
+        read_contract(Sizes, text, "sizes", Path("n.onnx"), strict=strict)
+
+
+def test_unknown_fields_are_refused_where_the_text_may_be_written_by_hand() -> None:
+    """Elsewhere they are a later version's, and passed over."""
+    text = '{"network": "sizes", "sides": 2}'
+    assert read_contract(Sizes, text, "sizes", Path("n.onnx")) == Sizes()
+    with pytest.raises(FileError, match=r"n\.onnx: its contract has sides; known are mean, side"):
+        read_contract(Sizes, text, "sizes", Path("n.onnx"), strict=True)

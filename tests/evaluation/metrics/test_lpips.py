@@ -27,14 +27,6 @@ FROZEN = {
 MEASURE = Lpips()
 
 
-@pytest.fixture(scope="session")
-def weights_dir(data_dir: Path) -> Path:
-    """The folder of the full-precision weights."""
-    if not (data_dir / "weights" / "lpips_alex_lin.safetensors").is_file():
-        pytest.skip(f"{data_dir} has no weights/lpips_alex_lin.safetensors")
-    return data_dir / "weights"
-
-
 @pytest.mark.parametrize("name", PICTURES)
 def test_frozen_values(name: str) -> None:
     """Noise, gradients, blur, grey depth, the smallest size, a photo: within 1e-3 of full precision."""

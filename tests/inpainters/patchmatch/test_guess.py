@@ -1,9 +1,9 @@
-"""The rough guess that patches begin with. Oracle: closed forms."""
+"""The rough guess that patches begin with, and its mean with them where they differ. Oracle: closed forms."""
 
 import numpy as np
 
 from dlama.geometry.rgbd import BoolArray, UInt8Array
-from dlama.inpainters.patchmatch.filler import GUESS_SIDE, guess_coarsely
+from dlama.inpainters.patchmatch.filler import DIFFERS, GUESS_SIDE, blend_with_guess, guess_coarsely
 
 
 def test_a_painter_sees_a_large_picture_small_and_without_the_hole() -> None:
@@ -28,3 +28,38 @@ def test_a_small_picture_is_painted_as_it_is() -> None:
     """Closed form."""
     picture, hole = np.zeros((20, 30, 3), np.uint8), np.zeros((20, 30), bool)
     assert guess_coarsely(lambda given, of, seed: given + np.uint8(seed), picture, hole, 7).max() == 7
+
+
+def square_hole(side: int, first: int, last: int) -> np.ndarray:
+    hole = np.zeros((side, side), np.bool_)
+    hole[first:last, first:last] = True
+    return hole
+
+
+def test_the_mean_is_taken_where_they_differ_by_far() -> None:
+    """Closed form: 100 and 160 levels give 130 in the hole; known pixels stay."""
+    hole = square_hole(96, 20, 70)
+    painted = np.full((96, 96, 3), 100, np.uint8)
+    guess = np.where(hole[..., None], np.uint8(160), painted)
+    out = blend_with_guess(painted, guess, hole)
+    assert (out[~hole] == 100).all()
+    assert (out[35:55, 35:55] == 130).all()
+
+
+def test_a_small_difference_counts_in_proportion() -> None:
+    """Closed form: a difference of DIFFERS / 2 moves the colour by a quarter of itself."""
+    hole = square_hole(96, 0, 96)
+    painted = np.full((96, 96, 3), 100, np.uint8)
+    out = blend_with_guess(painted, painted + np.uint8(DIFFERS / 2), hole)
+    assert (out == 100 + round(DIFFERS / 8)).all()
+
+
+def test_detail_finer_than_the_guess_stays() -> None:
+    """Law: in a picture larger than the guess, stripes of one pixel about the guess's own level are kept bit for bit."""
+    side = 2 * 768
+    hole = square_hole(side, 100, 400)
+    painted = np.zeros((side, side, 3), np.uint8)
+    painted[:, ::2] = 200
+    guess = np.where(hole[..., None], np.uint8(100), painted)
+    inner = np.s_[140:360, 140:360]
+    np.testing.assert_array_equal(blend_with_guess(painted, guess, hole)[inner], painted[inner])

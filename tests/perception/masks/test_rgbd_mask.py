@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from dlama import DlamaError, InputError, MaskError, find_mask
+from dlama.evaluation.metrics.masks import iou
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.perception.object_masks import TOO_MUCH
@@ -24,10 +25,6 @@ WORLD = World((GROUND, WALL, BOX, SHADE, POLE, FAR_BOX))
 def scene() -> tuple[RGBD, np.ndarray]:
     """The picture, and which shape each pixel shows."""
     return WORLD.rgbd(CAMERA), WORLD.trace(CAMERA)[1]
-
-
-def iou(one: BoolArray, other: BoolArray) -> float:
-    return float((one & other).sum() / (one | other).sum())
 
 
 def middle(where: BoolArray) -> tuple[int, int]:

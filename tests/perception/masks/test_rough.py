@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from dlama import RGBD, Camera, MaskError, find_mask
+from dlama.evaluation.metrics.masks import iou
 from worlds import Box, Plane, World
 
 CAMERA = Camera.from_fov(160, 120, 70)
@@ -38,10 +39,6 @@ def uneven(depth: np.ndarray) -> np.ndarray:
     """Inverse depth with noise of 4 % of its median."""
     w = 1 / depth
     return (1 / (w + np.random.default_rng(1).normal(0, 0.04 * np.median(w), w.shape))).astype(np.float32)
-
-
-def iou(one: np.ndarray, other: np.ndarray) -> float:
-    return float((one & other).sum() / (one | other).sum())
 
 
 @pytest.mark.parametrize("kind", ["estimated", "noisy"])
