@@ -11,6 +11,7 @@ from typing import Any
 from dlama.arguments import check_arguments
 from dlama.errors import InputError, MaskError
 from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array, check_color, make_read_only
+from dlama.models.network_file import make_room
 from dlama.perception.masks.choice import rgbd_masker
 from dlama.perception.masks.prompt import Box, Point, Prompt
 from dlama.perception.masks.salient import salient_masker
@@ -83,6 +84,8 @@ class MaskSession:
 
     @cached_property
     def _pointed(self) -> Pointed:
+        picture = self.picture.color if isinstance(self.picture, RGBD) else self.picture
+        make_room(picture.shape[0] * picture.shape[1])
         return MASKERS[self.masker].open(self.picture, self.mask_model)
 
     def find(

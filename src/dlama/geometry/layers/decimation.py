@@ -59,8 +59,12 @@ def decimate(
     if share is None:
         share = ESTIMATED_SHARE if Origin.ESTIMATED in layer.origins else DEPTH_SHARE
     depth, joined = np.where(surface[box], depth[box], np.float32(0)), joined[box]
-    corners, covered = cut_into_triangles(depth, joined, layer.origin[box], share)
+    halves = cell_halves(depth, joined)
+    halved = halving_tree(depth, flat_cells(joined, layer.origin[box]), share)
     del depth, joined  # of a large picture they are as large as all that follows
+    corners = np.concatenate(triangles(halved, halves, surface[box].shape))
+    covered = covered_pixels(halves, surface[box].shape)
+    del halves, halved
     lone_rows, lone_columns = np.nonzero(surface[box] & ~covered)
     used = np.zeros(covered.shape, bool)
     used[corners[..., 0], corners[..., 1]] = True
@@ -77,15 +81,6 @@ def decimate(
     planes = (plane[rows, columns] for plane in (layer.color, layer.origin, layer.confidence))
     mesh = Mesh(unproject(layer, places, layer.depth[rows, columns]), numbers, *planes)
     return DecimatedMesh(mesh, pixels, surface)
-
-
-def cut_into_triangles(
-    depth: Float32Array, joined: UInt8Array, origin: UInt8Array, share: float
-) -> tuple[Corners, BoolArray]:
-    """The triangles of a grid, and H x W, True at the pixels that are corners of its smallest ones."""
-    halves = cell_halves(depth, joined)
-    corners = np.concatenate(triangles(depth, flat_cells(joined, origin), halves, share))
-    return corners, covered_pixels(halves, depth.shape)
 
 
 def bounding_box(where: BoolArray) -> tuple[slice, slice]:
@@ -120,15 +115,12 @@ def covered_pixels(halves: tuple[BoolArray, ...], hw: tuple[int, ...]) -> BoolAr
     return found
 
 
-def triangles(
-    depth: Float32Array, flat: BoolArray, halves: tuple[BoolArray, ...], share: float = DEPTH_SHARE
-) -> list[Corners]:
-    """The triangles of a grid of depth, corners clockwise in the picture, in parts; halves: those of the smallest squares; share:
-    of the depth that it may be off."""
-    last = np.array(depth.shape) - 1
+def triangles(halved: UInt8Array, halves: tuple[BoolArray, ...], hw: tuple[int, ...]) -> list[Corners]:
+    """The triangles of a grid of H x W pixels, corners clockwise in the picture, in parts; halved: `halving_tree`; halves: those
+    of the smallest squares."""
+    last = np.array(hw) - 1
     if last.min() < 1:
         return [np.zeros((0, 3, 2), np.int32)]
-    halved = halving_tree(depth, flat, share)
     sizes = [LARGEST >> level for level in range(LARGEST.bit_length() - 1)]
     found = [
         part for size in sizes for part in (*triangles_at_diagonals(halved, size), *triangles_at_sides(halved, size))
@@ -142,9 +134,12 @@ def triangles(
 
 
 def halving_tree(depth: Float32Array, flat: BoolArray, share: float) -> UInt8Array:
-    """Which middles of longest sides halve triangles, on a lattice of whole squares of LARGEST (see `kernels.decimating`)."""
+    """Which middles of longest sides halve triangles, on a lattice of whole squares of LARGEST (see `kernels.decimating`); share:
+    of the depth that a triangle may be off."""
     rows, columns = (-(-(side - 1) // LARGEST) for side in depth.shape)
     halved = np.zeros((rows * LARGEST + 1, columns * LARGEST + 1), np.uint8)
+    if min(depth.shape) < 2:
+        return halved
     cells = flat.view(np.uint8)
     in_bands(kernels.halve_smallest, len(depth), depth, cells, share, halved)
     size = 2
