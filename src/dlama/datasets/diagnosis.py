@@ -125,9 +125,19 @@ def diagnose(
     else:
         examine = partial(_examine_picture, place, Path(second), mask, {**lens, **depth}, masking)
         takes = set(others) - {"layout"}
-    for name, value in others.items():
-        if name not in takes and value is not None and value != DEFAULTS.get(name):
+    _refuse_given(place, {name: value for name, value in others.items() if name not in takes})
+    return _conclude(examine)
+
+
+def _refuse_given(place: Path, options: Mapping[str, Any]) -> None:
+    """Raise InputError for options that do not apply and are given."""
+    for name, value in options.items():
+        if value is not None and value != DEFAULTS.get(name):
             raise InputError(f"{place}: `{name}` is {value}; it does not apply to these inputs")
+
+
+def _conclude(examine: Callable[[], Found]) -> tuple[Finding, ...]:
+    """What an examination finds, and what was understood; inputs that cannot be read are one finding."""
     try:
         found, names, parts = examine()
     except InputError as error:

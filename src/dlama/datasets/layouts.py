@@ -176,15 +176,20 @@ def detect(root: Path) -> str:
             return found[0]
         inside = [place for place in level if place.is_dir()]
         level = [each for folder in inside for each in (*folders_in(folder), *files_in(folder, RECORDINGS))]
+    raise _unknown_layout(root)
+
+
+def _unknown_layout(root: Path) -> InputError:
+    """What a folder lacks that has parts of one layout; else what was looked for."""
     lacks = [name for name, each in LAYOUTS.items() if any((root / part).exists() for part in each.parts)]
     if len(lacks) == 1:
         name = lacks[0]
         there = ", ".join(part for part in LAYOUTS[name].parts if (root / part).exists())
-        raise InputError(
+        return InputError(
             f"{root}: holds {there} as layout {name} does, but not all it needs: {LAYOUTS[name].looked_for}"
         )
     looked_for = "; ".join(f"{name}: {each.looked_for}" for name, each in LAYOUTS.items())
-    raise InputError(f"{root}: is no data set of a known layout, nor are the folders below. Looked for {looked_for}")
+    return InputError(f"{root}: is no data set of a known layout, nor are the folders below. Looked for {looked_for}")
 
 
 def is_capture_file(path: Path) -> bool:

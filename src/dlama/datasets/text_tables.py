@@ -150,23 +150,14 @@ def scene_folders(
     """
     if not holds_frames(root):
         check_folder(root)
-    level, found = [root], []
-    for _ in range(LEVELS):
-        found += [folder for folder in level if holds_frames(folder)]
-        inside = [folder for folder in level if folder not in found and folder.is_dir()]
-        level = [each for folder in inside for each in (*folders_in(folder), *files_in(folder, files))]
+    found = _find_folders(root, holds_frames, files)
     if not found:
         raise FileError(
             f"{root}: holds no such data set, nor do the folders up to two levels below; looked for {looked_for}"
         )
     by_name: dict[str, Path] = {}
     for folder in found:
-        parts = (
-            folder.relative_to(root).with_suffix("" if folder.is_file() else folder.suffix).parts
-            if folder != root
-            else ()
-        )
-        name = "_".join(parts) or (root.stem if root.is_file() else root.resolve().name)
+        name = _scene_name(root, folder)
         if name in by_name:
             raise FileError(
                 f"{folder}: is called {name} as a scene, and so is {by_name[name]}; folders of other names are expected"
@@ -175,6 +166,23 @@ def scene_folders(
     check_scenes(sorted(by_name, key=natural_order), scenes)
     kept = [name for name in by_name if scenes is None or name in scenes]
     return {name: by_name[name] for name in sorted(kept, key=natural_order)}
+
+
+def _find_folders(root: Path, holds_frames: Callable[[Path], bool], files: Iterable[str]) -> list[Path]:
+    """The root, folders and files below it that hold frames; none inside another."""
+    level, found = [root], []
+    for _ in range(LEVELS):
+        found += [folder for folder in level if holds_frames(folder)]
+        inside = [folder for folder in level if folder not in found and folder.is_dir()]
+        level = [each for folder in inside for each in (*folders_in(folder), *files_in(folder, files))]
+    return found
+
+
+def _scene_name(root: Path, folder: Path) -> str:
+    """The names of the folders from the root to a scene, joined; of the root itself its own."""
+    if folder == root:
+        return root.stem if root.is_file() else root.resolve().name
+    return "_".join(folder.relative_to(root).with_suffix("" if folder.is_file() else folder.suffix).parts)
 
 
 def check_folder(root: Path) -> None:

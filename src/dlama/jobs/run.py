@@ -124,14 +124,7 @@ class _Run:
         jobs = iter(self.source)
         more = True
         while more or self.under_way or self.again:
-            while self.workers.free and (self.settings.ordered or len(self.ready) < AT_ONCE):
-                task = self.again.popleft() if self.again else None
-                if task is None and more and not self.is_full():
-                    task, more = self.next_task(jobs)
-                if task is None:
-                    break
-                self.workers.submit(task)
-                self.under_way += 1
+            more = self.hand_in(jobs, more)
             yield from self.ready_results()
             can_begin = self.again or (more and not self.is_full())
             if (more or self.again or self.under_way) and not (can_begin and self.workers.free):
@@ -142,6 +135,18 @@ class _Run:
         if self.packer is not None:
             self.packer.pack()
         yield from self.ready_results()
+
+    def hand_in(self, jobs: Iterator[Job], more: bool) -> bool:
+        """Give free workers their tasks; whether the list may have more jobs."""
+        while self.workers.free and (self.settings.ordered or len(self.ready) < AT_ONCE):
+            task = self.again.popleft() if self.again else None
+            if task is None and more and not self.is_full():
+                task, more = self.next_task(jobs)
+            if task is None:
+                break
+            self.workers.submit(task)
+            self.under_way += 1
+        return more
 
     def is_full(self) -> bool:
         """Whether no job is begun until an earlier one has ended, so that few results wait for it."""

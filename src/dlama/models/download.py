@@ -165,13 +165,18 @@ def _reply(url: str, response: Any, start_at: int, size: int | None) -> _Reply:
     total = int(length) if length.isdecimal() else None
     start = 0
     if response.status == PARTIAL:
-        match = re.fullmatch(r"bytes (\d+)-\d+/(\d+|\*)", headers.get("Content-Range", "").strip())
-        if match is None or int(match[1]) != start_at:
-            raise Unusable(f"asked for the bytes from {start_at} on, it sends {headers.get('Content-Range', 'others')}")
-        start, total = start_at, None if match[2] == "*" else int(match[2])
+        start, total = start_at, _total_of_range(headers.get("Content-Range", ""), start_at)
     if size is not None and total is not None and total != size:
         raise Unusable(f"{'cut short' if total < size else 'too long'}: {total} bytes are announced, expected {size}")
     return _Reply(start, total, validator)
+
+
+def _total_of_range(sent: str, start_at: int) -> int | None:
+    """The size of the whole file in a Content-Range, None: not said. Unusable where other bytes come than were asked for."""
+    match = re.fullmatch(r"bytes (\d+)-\d+/(\d+|\*)", sent.strip())
+    if match is None or int(match[1]) != start_at:
+        raise Unusable(f"asked for the bytes from {start_at} on, it sends {sent or 'others'}")
+    return None if match[2] == "*" else int(match[2])
 
 
 @contextmanager

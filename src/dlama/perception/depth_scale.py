@@ -117,13 +117,7 @@ def check_known(
     if camera_height is not None and not (is_finite(camera_height) and camera_height > 0):
         raise InputError(f"`camera_height` is {format_value(camera_height)} m; a number above 0 is expected")
     for x, y, metres in metres_at:
-        at = f"`metres_at` {x:g},{y:g}={metres:g}"
-        if hw is not None and not (0 <= x < hw[1] and 0 <= y < hw[0]):
-            raise InputError(
-                f"{at}: lies outside the {hw[1]}x{hw[0]} picture; x of 0 to {hw[1] - 1}, y of 0 to {hw[0] - 1} are expected"
-            )
-        if not (metres > 0 and math.isfinite(metres)):
-            raise InputError(f"{at}: {metres:g} m is no distance; a number above 0 is expected")
+        _check_point(x, y, metres, hw)
     depths: dict[tuple[int, int], float] = {}
     for x, y, metres in metres_at:
         before = depths.setdefault((int(x), int(y)), metres)
@@ -131,6 +125,17 @@ def check_known(
             raise InputError(
                 f"`metres_at` {x:g},{y:g}: is {before:g} m and {metres:g} m; one depth of a pixel is expected"
             )
+
+
+def _check_point(x: float, y: float, metres: float, hw: tuple[int, ...] | None) -> None:
+    """One of `metres_at`."""
+    at = f"`metres_at` {x:g},{y:g}={metres:g}"
+    if hw is not None and not (0 <= x < hw[1] and 0 <= y < hw[0]):
+        raise InputError(
+            f"{at}: lies outside the {hw[1]}x{hw[0]} picture; x of 0 to {hw[1] - 1}, y of 0 to {hw[0] - 1} are expected"
+        )
+    if not (metres > 0 and math.isfinite(metres)):
+        raise InputError(f"{at}: {metres:g} m is no distance; a number above 0 is expected")
 
 
 def fit_scale_to_points(

@@ -67,7 +67,8 @@ def read_marks(fields: Mapping[str, Any]) -> Marks:
         raise PageError(f"marks must be a list of at most {MOST_MARKS}", "marks")
     clicks: list[tuple[float, float]] = []
     not_clicks: list[tuple[float, float]] = []
-    strokes, box, points = [], None, 0
+    strokes: list[Stroke] = []
+    box = None
     for mark in listed:
         kind = mark.get("kind") if isinstance(mark, dict) else None
         if kind in ("click", "not"):
@@ -75,12 +76,7 @@ def read_marks(fields: Mapping[str, Any]) -> Marks:
         elif kind == "box":
             box = numbers(mark.get("box"), 4)
         elif kind in ("add", "erase"):
-            line = mark.get("points")
-            points += len(line) if isinstance(line, list) else 0
-            if not isinstance(line, list) or not line or points > MOST_POINTS:
-                raise PageError(f"a stroke must have points, all strokes together at most {MOST_POINTS}", "marks")
-            radius = min(max(number("radius", mark.get("radius"), "marks"), 0.5), 500.0)
-            strokes.append(Stroke(tuple(map(point, line)), radius, kind == "add"))
+            strokes.append(read_stroke(mark, MOST_POINTS - sum(len(stroke.points) for stroke in strokes)))
         else:
             raise PageError("a mark is a click, not, box, add or erase", "marks")
     grow = round(number("grow", fields.get("grow") or 0, "marks"))
@@ -89,6 +85,15 @@ def read_marks(fields: Mapping[str, Any]) -> Marks:
     reading = str(fields.get("candidate") or "object")[:20]
     shadow = fields.get("with_shadow") is True
     return Marks(tuple(clicks), tuple(not_clicks), box, tuple(strokes), shadow, reading, grow)  # type: ignore[arg-type]
+
+
+def read_stroke(mark: Mapping[str, Any], most: int) -> Stroke:
+    """A stroke of at most so many points. PageError."""
+    line = mark.get("points")
+    if not isinstance(line, list) or not 0 < len(line) <= most:
+        raise PageError(f"a stroke must have points, all strokes together at most {MOST_POINTS}", "marks")
+    radius = min(max(number("radius", mark.get("radius"), "marks"), 0.5), 500.0)
+    return Stroke(tuple(map(point, line)), radius, mark["kind"] == "add")
 
 
 def point(value: Any) -> tuple[float, float]:

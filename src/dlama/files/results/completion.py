@@ -100,14 +100,7 @@ def write(
     }
     make_room(main_view(completion).hole.size)
     with new_directory(target) as folder:
-        writers = scene_writers(folder, completion)  # the longest first, so that both threads end together
-        for place, view in views_by_folder(completion).items():
-            writers |= view_writers(folder / place, view, place, choice_of(completion, view))
-        writers["preview.png"] = lambda: write_preview(folder / "preview.png", completion)
-        if mask is not None:
-            writers["mask.png"] = lambda: pictures.write_mask(folder / "mask.png", mask)
-        chosen = {file for name in names for file in RESULTS[name]}
-        writers = {file: writer for file, writer in writers.items() if file.rpartition("/")[2] in chosen}
+        writers = chosen_writers(folder, completion, names, mask)
         for file in writers:
             (folder / file).parent.mkdir(exist_ok=True)
         results = run_writers(writers)
@@ -185,6 +178,20 @@ def choice_of(completion: Completion, view: View) -> UInt8Array | None:
     """Which guess counts most in each pixel of a view of the completion; None where its filler does not choose."""
     found = [choice for one, choice in zip(completion.views, completion.choices) if one is view]
     return found[0] if found else None
+
+
+def chosen_writers(
+    folder: Path, completion: Completion, names: Sequence[str], mask: BoolArray | None
+) -> dict[str, Writer]:
+    """File -> what writes it, of the results in `names`; the longest first, so that both threads end together."""
+    writers = scene_writers(folder, completion)
+    for place, view in views_by_folder(completion).items():
+        writers |= view_writers(folder / place, view, place, choice_of(completion, view))
+    writers["preview.png"] = lambda: write_preview(folder / "preview.png", completion)
+    if mask is not None:
+        writers["mask.png"] = lambda: pictures.write_mask(folder / "mask.png", mask)
+    chosen = {file for name in names for file in RESULTS[name]}
+    return {file: writer for file, writer in writers.items() if file.rpartition("/")[2] in chosen}
 
 
 def view_writers(folder: Path, view: View, place: str, choice: UInt8Array | None) -> dict[str, Writer]:
