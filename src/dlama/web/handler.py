@@ -119,10 +119,7 @@ class Handler(BaseHTTPRequestHandler):
         visit: Visit | None = None
         try:
             if address.path in ("/api/visit", "/api/settings"):
-                self._body(MOST_JSON)
-                begins = address.path == "/api/visit"
-                limits = self.server.limits
-                self._json({"visit": self.server.visits.begin().id} if begins else api.settings(limits))
+                self._welcome(begins=address.path == "/api/visit")
                 return
             visit = self.server.visits.find(number)
             self._act(visit, address.path.removeprefix("/api/"), parse_qs(address.query))
@@ -138,6 +135,11 @@ class Handler(BaseHTTPRequestHandler):
         except Exception as error:
             traceback.print_exc()
             self._refuse(HTTPStatus.INTERNAL_SERVER_ERROR, f"a fault of dlama: {type(error).__name__}: {error}")
+
+    def _welcome(self, begins: bool) -> None:
+        """A new visit, or what the page is set up by."""
+        self._body(MOST_JSON)
+        self._json({"visit": self.server.visits.begin().id} if begins else api.settings(self.server.limits))
 
     def _leave(self) -> None:
         try:

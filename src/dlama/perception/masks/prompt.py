@@ -47,14 +47,18 @@ class Prompt:
             row, column = min(both)
             raise InputError(f"`clicks` and `not_clicks` both hold pixel {column},{row}; one of them is expected")
         if self.box is not None:
-            x, y, wide, high = check_numbers("box", self.box, 4, "(x, y, width, height)")
-            if wide < 1 or high < 1:
-                raise InputError(f"`box` is {wide:g} x {high:g} pixels; a width and a height of 1 or more are expected")
-            if x >= width or y >= height or x + wide <= 0 or y + high <= 0:
-                raise InputError(
-                    f"`box` is {x:g},{y:g},{wide:g},{high:g}, which lies outside the picture of {width}x{height}; "
-                    "x,y,width,height of a part of it are expected"
-                )
+            self._check_box(self.box)
+
+    def _check_box(self, box: tuple[float, float, float, float]) -> None:
+        height, width = self.hw
+        x, y, wide, high = check_numbers("box", box, 4, "(x, y, width, height)")
+        if wide < 1 or high < 1:
+            raise InputError(f"`box` is {wide:g} x {high:g} pixels; a width and a height of 1 or more are expected")
+        if x >= width or y >= height or x + wide <= 0 or y + high <= 0:
+            raise InputError(
+                f"`box` is {x:g},{y:g},{wide:g},{high:g}, which lies outside the picture of {width}x{height}; "
+                "x,y,width,height of a part of it are expected"
+            )
 
     @staticmethod
     def pixels(points: Sequence[Point]) -> list[tuple[int, int]]:

@@ -206,16 +206,7 @@ def find_pair(mask_model: object) -> tuple[NetworkFile, NetworkFile, PairContrac
         raise InputError(
             f"masker 'segment-anything' runs a pair of networks and `mask_model` names none; {expected} is expected"
         )
-    if isinstance(mask_model, tuple):
-        files, contract = [Path(one) for one in mask_model], None
-    else:
-        text = str(mask_model)
-        name, equals, after = text.partition("=")
-        if text in PAIRS:
-            files, contract = [locate(f"{text}-encoder"), locate(f"{text}-decoder")], PAIRS[text]
-        else:
-            contract = PAIRS[name] if equals and name in PAIRS else None
-            files = [Path(one) for one in (after if contract else text).split(",")]
+    files, contract = _files_of(mask_model)
     if len(files) != 2:
         raise InputError(f"`mask_model` is {mask_model!r}; {expected} is expected")
     encoder, decoder = (NetworkFile(user_path(file)) for file in files)
@@ -226,6 +217,18 @@ def find_pair(mask_model: object) -> tuple[NetworkFile, NetworkFile, PairContrac
             f"NAME of {', '.join(PAIRS)}"
         )
     return encoder, decoder, contract
+
+
+def _files_of(mask_model: object) -> tuple[list[Path], PairContract | None]:
+    """The files that a mask_model names, and the contract where it names one of PAIRS."""
+    if isinstance(mask_model, tuple):
+        return [Path(one) for one in mask_model], None
+    text = str(mask_model)
+    if text in PAIRS:
+        return [locate(f"{text}-encoder"), locate(f"{text}-decoder")], PAIRS[text]
+    name, equals, after = text.partition("=")
+    contract = PAIRS[name] if equals and name in PAIRS else None
+    return [Path(one) for one in (after if contract else text).split(",")], contract
 
 
 def read_file_contract(encoder: NetworkFile) -> PairContract | None:

@@ -185,8 +185,8 @@ Places = dict[str, tuple[int, int]]
 """Name of a part -> where its header begins in the file, and its length in bytes."""
 
 
-def read_pack(path: Path) -> tuple[tuple[Photo, ...], tuple[TrainingCase, ...]]:
-    """The photos and cases of a pack; nothing but the index is read. FileError where the file is no pack, or damaged."""
+def _read_index(path: Path) -> tuple[Any, Places]:
+    """The index of a pack, and where each part lies: offset and size. FileError."""
     try:
         size = path.stat().st_size
         with zipfile.ZipFile(path) as archive:
@@ -197,12 +197,18 @@ def read_pack(path: Path) -> tuple[tuple[Photo, ...], tuple[TrainingCase, ...]]:
                 raise FileError(
                     f"{path}: is no pack that `dlama pack` wrote: a part is compressed, or longer than the file"
                 )
-            index = json.loads(archive.read(INDEX))
-            at = {part.filename: (part.header_offset, part.file_size) for part in parts}
+            return json.loads(archive.read(INDEX)), {
+                part.filename: (part.header_offset, part.file_size) for part in parts
+            }
     except FileError:
         raise
     except Exception as error:  # OSError, KeyError, ValueError, BadZipFile, NotImplementedError, RecursionError, ...
         raise FileError(f"{path}: is no pack that `dlama pack` wrote, or is damaged ({error})") from error
+
+
+def read_pack(path: Path) -> tuple[tuple[Photo, ...], tuple[TrainingCase, ...]]:
+    """The photos and cases of a pack; nothing but the index is read. FileError where the file is no pack, or damaged."""
+    index, at = _read_index(path)
     if not isinstance(index, dict) or index.get("format") != FORMAT or index.get("version") != VERSION:
         raise FileError(f"{path}: its {INDEX} does not say '{FORMAT}', version {VERSION}")
     try:
