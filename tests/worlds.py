@@ -174,10 +174,7 @@ Triple = tuple[float, float, float]
 
 def moved(camera: Camera, turn: Triple = (0, 0, 0), shift: Triple = (0, 0, 0)) -> Camera:
     """The camera turned by a rotation vector (degrees, own axes) and shifted (metres, own axes)."""
-    step = np.eye(4)
-    step[:3, :3] = rotation(np.radians(turn))
-    step[:3, 3] = shift
-    return camera.at(camera.world_from_cam @ step)
+    return camera.at(camera.world_from_cam @ pose_of(np.radians(turn), shift))
 
 
 def rotation(vector: np.ndarray) -> np.ndarray:
@@ -190,10 +187,16 @@ def rotation(vector: np.ndarray) -> np.ndarray:
     return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
 
 
+def pose_of(vector: np.ndarray | Triple, shift: np.ndarray | Triple) -> np.ndarray:
+    """4x4 motion from a rotation vector in radians and a translation in metres."""
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = rotation(np.asarray(vector)), shift
+    return pose
+
+
 def random_camera(rng: np.random.Generator, width: int, height: int) -> Camera:
     """Any small lens, somewhere in the world."""
-    pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = rotation(rng.normal(size=3)), rng.uniform(-5, 5, 3)
+    pose = pose_of(rng.normal(size=3), rng.uniform(-5, 5, 3))
     focal = rng.uniform(0.6, 1.5) * width
     fy, (cx, cy) = focal * rng.uniform(0.8, 1.2), rng.uniform(0.3, 0.7, 2) * (width, height)
     return Camera(width, height, focal, fy, cx, cy, pose)

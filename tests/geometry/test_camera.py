@@ -14,15 +14,7 @@ from dlama.errors import CameraError
 from dlama.geometry.camera import Camera, StereoRig
 from dlama.geometry.poses import FARTHEST_M, check_pose, invert_pose
 from dlama.geometry.projection import project, px_from_px
-from worlds import pixels_of, points_of, rotation
-
-
-def pose_of(vector: tuple[float, float, float], shift: tuple[float, float, float]) -> np.ndarray:
-    """4x4 motion from a rotation vector in radians and a translation in metres."""
-    pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = rotation(np.array(vector)), shift
-    return pose
-
+from worlds import pixels_of, points_of, pose_of
 
 numbers = st.floats(-4, 4)
 poses = st.builds(pose_of, st.tuples(numbers, numbers, numbers), st.tuples(*[st.floats(-1000, 1000)] * 3))

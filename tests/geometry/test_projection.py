@@ -24,18 +24,7 @@ from dlama.geometry.projection import (
 )
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import View
-
-
-def pose_from(axis_angle: np.ndarray, translation: np.ndarray) -> np.ndarray:
-    """4x4 rigid motion from a rotation vector (Rodrigues' formula) and a translation."""
-    pose = np.eye(4)
-    angle = float(np.linalg.norm(axis_angle))
-    if angle > 0:
-        x, y, z = axis_angle / angle
-        cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-        pose[:3, :3] = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
-    pose[:3, 3] = translation
-    return pose
+from worlds import pose_of
 
 
 @st.composite
@@ -45,7 +34,7 @@ def frames(draw: st.DrawFn) -> RGBD:
     height, width = draw(st.integers(1, 9)), draw(st.integers(1, 9))
     fx, fy = draw(st.floats(1, 2000)), draw(st.floats(1, 2000))
     cx, cy = draw(st.floats(-20, 20)), draw(st.floats(-20, 20))
-    pose = pose_from(rng.normal(size=3) * draw(st.floats(0, 3)), rng.uniform(-10, 10, 3))
+    pose = pose_of(rng.normal(size=3) * draw(st.floats(0, 3)), rng.uniform(-10, 10, 3))
     depth = np.exp(rng.uniform(np.log(0.1), np.log(500), (height, width))).astype(np.float32)
     state = rng.integers(0, 6, (height, width))
     depth[state == 0], depth[state == 1] = 0, np.inf

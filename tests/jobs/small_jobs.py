@@ -6,13 +6,14 @@ import csv
 import json
 import os
 import signal
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from dlama.jobs import perform
 from dlama.jobs.perform import Task
 from dlama.jobs.results.result import JobResult
+from dlama.workers.pool import TaskEnd
 
 FAST: dict[str, Any] = {"fov": 60, "filler": "telea", "only": "image,depth"}
 FLAG = "DLAMA_TEST_FLAG"
@@ -71,3 +72,26 @@ def deadly_work(task: Task) -> JobResult:
     if name.startswith("memory-"):
         raise MemoryError
     return perform.work(task)
+
+
+class InThisProcess:
+    """Stands for `dlama.workers.pool.Pool`: one task at a time, done when it is waited for."""
+
+    count = 1
+
+    def __init__(self, work: Callable[[Any], Any]) -> None:
+        self.work, self.tasks = work, list[Any]()
+
+    @property
+    def free(self) -> int:
+        return self.count - len(self.tasks)
+
+    def submit(self, task: Any) -> None:
+        self.tasks.append(task)
+
+    def wait(self) -> list[TaskEnd]:
+        task = self.tasks.pop()
+        return [TaskEnd(task, self.work(task))]
+
+    def close(self) -> None:
+        self.tasks = []

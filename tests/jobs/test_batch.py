@@ -9,9 +9,7 @@ import time
 from pathlib import Path
 
 import pytest
-
-sys.path.append(str(Path(__file__).parent))  # worker processes look for `small_jobs` where this process does
-from small_jobs import FAST, FLAG, contents, deadly_work, table, view_rows, write_csv
+from small_jobs import FAST, FLAG, InThisProcess, contents, deadly_work, table, view_rows, write_csv
 
 import dlama
 from box_frame import small_frame
@@ -19,7 +17,7 @@ from dlama.errors import InputError, OutputError
 from dlama.jobs import batch as room
 from dlama.jobs.batch import batch
 from dlama.jobs.job import Job
-from dlama.jobs.perform import Task
+from dlama.jobs.perform import Task, failed_row
 from dlama.jobs.results.manifest import Manifest
 from dlama.jobs.results.result import JobResult
 from dlama.jobs.run import WINDOW, Settings, run_jobs
@@ -269,28 +267,11 @@ def test_a_run_that_can_write_nothing_ends(tmp_path: Path, monkeypatch: pytest.M
     """Results that cannot be written, one after the other, end the run with the reason; later it resumes."""
     small_frame(tmp_path)
 
-    from dlama.jobs.perform import failed_row
-    from dlama.workers.pool import TaskEnd
-
-    def no_space(self: object, task: Task) -> None:
-        self.tasks.append(task)  # type: ignore[attr-defined]
-
-    class Full:
-        count, free = 1, 1
-
-        def __init__(self, *_: object) -> None:
-            self.tasks: list[Task] = []
-
-        submit = no_space
-
-        def wait(self) -> list[TaskEnd]:
-            tasks, self.tasks = self.tasks, []
-            return [TaskEnd(task, failed_row(task.job, OutputError("out: no space left on device"))) for task in tasks]
-
-        def close(self) -> None: ...
+    def full(task: Task) -> JobResult:
+        return failed_row(task.job, OutputError("out: no space left on device"))
 
     with monkeypatch.context() as patched:
-        patched.setattr(room, "worker_starter", lambda *_: Full)
+        patched.setattr(room, "worker_starter", lambda *_: lambda: InThisProcess(full))
         with pytest.raises(OutputError, match=r"no space left on device.*the same command resumes it"):
             run(tmp_path, view_rows(9))
     assert {row.status for row in run(tmp_path, view_rows(9))} == {"done"}

@@ -5,15 +5,12 @@ from __future__ import annotations
 import base64
 import io
 import re
-import sys
 from collections import Counter
 from itertools import pairwise
 from pathlib import Path
 
 import pytest
 from PIL import Image
-
-sys.path.append(str(Path(__file__).parent))
 from small_jobs import FAST, view_rows, write_csv
 
 from box_frame import small_frame

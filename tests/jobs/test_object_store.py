@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import sys
 import uuid
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-
-sys.path.append(str(Path(__file__).parent))  # worker processes look for `small_jobs` where this process does
 from small_jobs import FAST, contents, view_rows, write_csv
 
 from box_frame import small_frame

@@ -11,8 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-
-sys.path.append(str(Path(__file__).parent))  # worker processes look for `small_jobs` where this process does
 from ray_run import NO_CLUSTER
 from small_jobs import FAST, FLAG, contents, table, view_rows, write_csv
 

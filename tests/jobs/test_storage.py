@@ -3,54 +3,22 @@
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
-
-sys.path.append(str(Path(__file__).parent))
 from small_jobs import FAST, contents, view_rows, write_csv
 
 from box_frame import small_frame
 from dlama.errors import FileError
-from dlama.jobs import batch as room
 from dlama.jobs.batch import batch
-from dlama.jobs.perform import work
 from dlama.jobs.storage import Output, fetch, file_stamp, folder_of, is_address, open_to_read
-from dlama.workers.pool import TaskEnd
 
 fsspec = pytest.importorskip("fsspec", reason="fsspec is not installed: extra `batch`")
 
 
-class Here:
-    """Workers that are this process: fsspec's memory is a process's own."""
-
-    count = 1
-
-    def __init__(self, *_: object) -> None:
-        self.tasks: list[Any] = []
-
-    @property
-    def free(self) -> int:
-        """One at a time."""
-        return 1 - len(self.tasks)
-
-    def submit(self, task: Any) -> None:
-        """Kept until `wait`."""
-        self.tasks.append(task)
-
-    def wait(self) -> list[TaskEnd]:
-        """All at once."""
-        tasks, self.tasks = self.tasks, []
-        return [TaskEnd(task, work(task)) for task in tasks]
-
-    def close(self) -> None:
-        """Nothing to close."""
-
-
 @pytest.fixture
-def memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
+def memory(tmp_path: Path, in_this_process: None) -> Any:
     """fsspec's memory with a small frame and a list in memory://in."""
     system = fsspec.filesystem("memory")
     system.store.clear()
@@ -58,7 +26,6 @@ def memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
     write_csv(small_frame(tmp_path) / "jobs.csv", view_rows(3))
     for name in ("image.png", "depth.png", "jobs.csv"):
         system.pipe_file(f"/in/{name}", (tmp_path / name).read_bytes())
-    monkeypatch.setattr(room, "Pool", Here)
     return system
 
 

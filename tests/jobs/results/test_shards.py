@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 import tarfile
 from itertools import chain
 from pathlib import Path
@@ -11,8 +10,6 @@ from typing import Any
 from urllib.parse import unquote
 
 import pytest
-
-sys.path.append(str(Path(__file__).parents[1]))  # worker processes look for `small_jobs` where this process does
 from small_jobs import FAST, contents, table, view_rows, write_csv
 
 import dlama
