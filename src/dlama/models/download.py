@@ -172,7 +172,7 @@ def _reply(url: str, response: Any, start_at: int, size: int | None) -> _Reply:
 
 
 def _total_of_range(sent: str, start_at: int) -> int | None:
-    """The size of the whole file in a Content-Range, None: not said. Unusable where other bytes come than were asked for."""
+    """Bytes of the whole file by a Content-Range, None where it is not stated. Unusable: other bytes come than were asked for."""
     match = re.fullmatch(r"bytes (\d+)-\d+/(\d+|\*)", sent.strip())
     if match is None or int(match[1]) != start_at:
         raise Unusable(f"asked for the bytes from {start_at} on, it sends {sent or 'others'}")
