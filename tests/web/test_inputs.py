@@ -17,6 +17,7 @@ from dlama.web import api
 from dlama.web.answers import PageError, field_of, hide_paths, use_page_words
 from dlama.web.inputs import Upload, file_name, read_options, shrink
 from dlama.web.visits import Visit
+from marks import first_quick
 
 
 @pytest.mark.parametrize(
@@ -147,7 +148,7 @@ def test_a_new_picture_forgets_what_came_of_the_old(visit: Visit, frame: Path) -
     assert visit.files["picture"].name == "other.png"
 
 
-@pytest.mark.parametrize("name", api.EXAMPLES)
+@pytest.mark.parametrize("name", first_quick(api.EXAMPLES, 2))
 def test_examples_open(name: str, visit: Visit) -> None:
     """Each of them; of a pair the left picture has depth to click on."""
     told = api.example(visit, {"name": name})

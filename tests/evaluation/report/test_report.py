@@ -37,9 +37,9 @@ SETTINGS = ProtocolSettings()
 VOID = {"meta", "link", "img", "input", "br", "hr", "path", "use", "rect", "wbr"}
 
 
-def mixed() -> Dataset:
-    """View changes of four scenes, and one removal each."""
-    views, removals = made_up_dataset(4), made_up_dataset(4, [None], "ori")
+def mixed(scenes: int) -> Dataset:
+    """View changes of so many scenes, and one removal each."""
+    views, removals = made_up_dataset(scenes), made_up_dataset(scenes, [None], "ori")
     return dataclasses.replace(views, cases=views.cases + removals.cases)
 
 
@@ -51,7 +51,7 @@ def evaluated(folder: Path, dataset: Dataset, methods: tuple[Method, ...] = METH
 @pytest.fixture(scope="module")
 def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of a finished report."""
-    folder, dataset = tmp_path_factory.mktemp("report"), mixed()
+    folder, dataset = tmp_path_factory.mktemp("report"), mixed(2)
     write_report(folder, dataset, evaluated(folder, dataset), SETTINGS, command="dlama evaluate toy -o out")
     return folder
 
@@ -227,7 +227,7 @@ def test_failures_are_listed(tmp_path: Path) -> None:
 
 def test_curves_are_svg_with_the_methods_and_the_paper() -> None:
     """Oracles: an XML parser; the drawn points of a line, counted."""
-    cases = mixed().cases
+    cases = mixed(4).cases
     rows = [
         dataclasses_row(case, method, value)
         for case in cases

@@ -41,6 +41,7 @@ from dlama.training.loop.run_files import read_metrics  # noqa: E402
 from dlama.training.loop.train import TrainingResult, train  # noqa: E402
 from dlama.training.loop.validation import hole_metrics, telea  # noqa: E402
 from dlama.training.presets import PRESETS  # noqa: E402
+from marks import first_quick  # noqa: E402
 from worlds import Box, Plane, World  # noqa: E402
 
 no_tensorboard()
@@ -163,7 +164,7 @@ def test_a_tiny_network_overfits_four_samples_and_beats_telea(tmp_path):
     assert reached["held_out_color_psnr"] > beaten["color_psnr"] + 1
 
 
-@pytest.mark.parametrize("planes", ["rgb", "stereo", "stereo-two-masks"])
+@pytest.mark.parametrize("planes", first_quick(["stereo", "rgb", "stereo-two-masks"]))
 def test_other_planes_train_and_export(planes, tmp_path):
     """Oracle: the exported file's own planes; no column of depth."""
     done = train(toy(planes, steps=2), tmp_path / "run")

@@ -31,6 +31,7 @@ from dlama.training.losses.terms import (  # noqa: E402
     used_terms,
 )
 from dlama.training.settings import LossSettings, NetworkSettings  # noqa: E402
+from marks import first_quick  # noqa: E402
 
 VECTORS = Path(__file__).parents[2] / "data" / "lama_vectors" / "discriminator_ndf8_n3.safetensors"
 RGB = NetworkSettings("rgb")
@@ -250,7 +251,7 @@ def test_the_discriminator_sees_no_depth_without_truth():
     assert discriminator_input(torch.ones(1, 6, 4, 4), {}).all()
 
 
-@pytest.mark.parametrize("suffix", [".safetensors", ".pth"])
+@pytest.mark.parametrize("suffix", first_quick([".safetensors", ".pth"]))
 def test_a_trunk_is_read_strictly(suffix, tmp_path):
     """Oracle: round trip with random weights of the published structure; half a file is refused by name."""
     from safetensors.torch import save_file
