@@ -102,25 +102,3 @@ def test_inputs_are_named_with_their_hashes(demo: Path) -> None:
         "camera",
         "mask",
     }
-
-
-def test_stereo_refuses_a_bad_calibration(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A field is missing: the line names file and field, and nothing is left."""
-    (tmp_path / "calib.json").write_text('{"left_K": [[256, 0, 256], [0, 256, 256], [0, 0, 1]], "baseline_m": 0.12}')
-    with pytest.raises(SystemExit) as stop:
-        pair = str(ASSETS / "street.jpg"), str(ASSETS / "right.jpg")
-        main(["stereo", *pair, "--calib", str(tmp_path / "calib.json"), "-o", str(tmp_path / "out")])
-    assert stop.value.code == 2
-    line = capsys.readouterr().err
-    assert "calib.json" in line
-    assert line.count("\n") == 1
-    assert not (tmp_path / "out").exists()
-
-
-def test_mask_class_of_a_semantic_picture(tmp_path: Path) -> None:
-    """--mask-class R,G,B takes that class (oracle: its pixel count)."""
-    files = [str(ASSETS / name) for name in ("street.jpg", "depth.png", "semantic.png")]
-    options = ["--fov", "90", "--mask-class", "255,0,0", "--dilate", "0", "--filler", "telea"]
-    main(["remove", *files, *options, "--also", "hole", "-o", str(tmp_path / "out")])
-    barrel = (pixels(ASSETS / "semantic.png") == (255, 0, 0)).all(-1)
-    assert ((pixels(tmp_path / "out" / "hole.png") == 255) == barrel).all()

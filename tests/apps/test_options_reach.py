@@ -1,7 +1,7 @@
 """Every option of every verb reaches what it is for: words in; the keyword that arrives in the library out.
 
 Oracle: `options_table`, written by hand; a verb's signature says which options it must name. What each keyword does to a
-result is the matter of test_options_effects.py and of the tests of the functions that take it.
+result is the matter of the tests of the functions that take it.
 """
 
 from __future__ import annotations

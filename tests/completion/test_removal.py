@@ -10,9 +10,11 @@ from dlama.completion.pipeline import complete
 from dlama.completion.recipes import RECIPES
 from dlama.completion.verbs import remove
 from dlama.errors import MaskError
+from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.holes import dilate_mask
 from dlama.geometry.projection import lift
+from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
 from dlama.geometry.visibility import Law, violations
 from reference import law as twin
@@ -50,6 +52,19 @@ def test_clouds_with_and_without_the_object(recipe: str, filler: str) -> None:
     assert kept == set(map(tuple, of_source.points))
     assert (BALL.distance(plus.points) < 1e-3).sum() >= MASK.sum()
     assert not (BALL.distance(minus.points[minus.origin == Origin.MEASURED]) < 1e-3).any()
+
+
+def test_depth_by_says_what_fills_depth() -> None:
+    """Closed form: behind an object surfaces continue the plane of a slanted wall (1/z is linear), telea diffuses."""
+    wall = (1 / (0.25 - 0.002 * np.arange(64)) + np.zeros((48, 1))).astype(np.float32)
+    mask = np.zeros(wall.shape, np.bool_)
+    mask[13:36, 19:43] = True
+    rgbd = RGBD(np.full((*wall.shape, 3), 90, np.uint8), wall, Camera.from_fov(64, 48, 60))
+    wrong = {
+        word: np.abs(remove(rgbd, mask, filler="telea", depth_by=word, dilate=0).view.depth - wall).max()
+        for word in ("surfaces", "filler")
+    }
+    assert wrong["surfaces"] < 0.02 < 3 * 0.02 < wrong["filler"]
 
 
 def test_the_mesh_is_the_background() -> None:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from dlama.errors import CameraError, ShapeError
 from dlama.files.cameras import write_camera
-from dlama.files.rasters.depth import write_depth_png
+from dlama.files.rasters.depth import read_depth, write_depth_png
+from dlama.files.rasters.float_files import write_exr
 from dlama.files.rasters.pictures import write_color
 from dlama.files.rgbd import read_rgbd
 from dlama.geometry.camera import Camera
@@ -32,6 +34,19 @@ def test_read_rgbd(tmp_path: Path) -> None:
     )
     with pytest.raises(CameraError, match="give fov"):
         read_rgbd(tmp_path / "c.png", tmp_path / "d.png")
+
+
+@pytest.mark.parametrize(
+    "options", [{}, {"depth_scale": 500.0}, {"depth_scale": 500.0, "far": 8.5}, {"channel": "back"}]
+)
+def test_options_of_the_depth_file(tmp_path: Path, options: dict[str, Any]) -> None:
+    """Oracle: the depth that `read_depth` gives with the same options."""
+    color, depth = pair(tmp_path, np.linspace(2, 6, 48).reshape(6, 8))
+    if "channel" in options:
+        metres = read_depth(depth)
+        depth = tmp_path / "both.exr"
+        write_exr(depth, {"Z": metres, "back": metres + 1})
+    np.testing.assert_array_equal(read_rgbd(color, depth, fov=60, **options).depth, read_depth(depth, **options))
 
 
 def test_a_camera_itself_or_its_file(tmp_path: Path) -> None:
