@@ -174,8 +174,10 @@ def a_function(
     ],
 )
 def test_the_message_names_the_parameter_what_came_and_what_is_wanted(given: dict[str, object], message: str) -> None:
-    with pytest.raises(InputError, match=message):
+    """An InputError, and a TypeError as of Python itself where the type is another."""
+    with pytest.raises(InputError, match=message) as raised:
         check_arguments(a_function, {"camera": CAMERA, **given})
+    assert isinstance(raised.value, TypeError)
 
 
 def test_what_fits_passes() -> None:

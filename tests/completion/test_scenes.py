@@ -17,7 +17,6 @@ from dlama.errors import InputError, MaskError
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.holes import dilate_mask
-from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
 from dlama.geometry.trajectories import dolly, orbit
@@ -267,24 +266,6 @@ def test_target_cameras() -> None:
     )  # where nothing is near, any pivot will do
 
 
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
-        ({"yaw": "10"}, "yaw is '10'; a number is expected"),
-        ({"pivot": "far"}, "pivot is 'far'; a number"),
-        ({"pivot": "2"}, "pivot is '2'; a number"),
-        ({"camera": "cam.json"}, "camera is of type str; a Camera is expected"),
-        ({"min_confidence": "1"}, "min_confidence is '1'; a number"),
-        ({"filler": 3}, "filler is of type int; a string or a function is expected"),
-    ],
-)
-def test_parameters_of_another_type_are_refused(given: dict[str, Any], message: str) -> None:
-    """Message: names the parameter, what came and what is expected, as a TypeError that is an InputError, too."""
-    with pytest.raises(TypeError, match=message) as raised:
-        view(street(), **given)
-    assert isinstance(raised.value, InputError)
-
-
 def test_pil_pictures_and_tensors_are_arrays() -> None:
     """Law: what has `__array__` gives the same bits as the array that it gives; what gives none is named."""
 
@@ -311,23 +292,3 @@ def test_pil_pictures_and_tensors_are_arrays() -> None:
         TypeError, match=r"depth is of type Tensor \(of a graphics card\); an array of metres is expected"
     ):
         RGBD(frame.color, Tensor(np.ones(CAMERA.hw)), CAMERA)  # type: ignore[arg-type]
-
-
-def test_cameras_are_cameras() -> None:
-    """Message: the class that is expected, and what gives one."""
-    frame = street()
-    for call in (
-        lambda: render(frame, "cam.json"),
-        lambda: orbit("cam.json", 3.0),
-        lambda: RGBD(frame.color, frame.depth, "c"),
-    ):
-        with pytest.raises(InputError, match="camera is of type str; a Camera is expected"):
-            call()
-    with pytest.raises(
-        InputError, match="source is of type ndarray; an RGBD, a View, a Scene or a PointCloud is expected"
-    ):
-        render(frame.color, CAMERA)  # type: ignore[arg-type]
-    with pytest.raises(InputError, match="cameras is of type Camera; a list of Cameras is expected"):
-        complete(frame, CAMERA)  # type: ignore[arg-type]
-    with pytest.raises(InputError, match=r"cameras\[1\] is of type str; a Camera"):
-        complete(frame, [CAMERA, "cam.json"])  # type: ignore[list-item]

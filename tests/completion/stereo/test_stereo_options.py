@@ -149,23 +149,6 @@ def test_a_mask_may_be_found_in_the_matched_depth(monkeypatch: pytest.MonkeyPatc
     np.testing.assert_allclose(np.median(source.depth[source.valid]), 5.0, rtol=0.05)
 
 
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
-        ({"left": "left.png"}, "left is of type str; a picture is expected"),
-        ({"rig": "calib.txt"}, "rig is of type str; a StereoRig is expected"),
-        ({"far": "10"}, "far is '10'; a number"),
-        ({"max_disparity": "64"}, "max_disparity is '64'; a number"),
-    ],
-)
-def test_options_of_another_type_are_refused(given: dict[str, Any], message: str) -> None:
-    """Message: names the parameter, what came and what is expected; a TypeError."""
-    texture = np.random.default_rng(0).integers(0, 256, (40, 70, 3)).astype(np.uint8)
-    pictures = {"left": texture[:, :60], "right": texture[:, 4:64]}
-    with pytest.raises(TypeError, match=message):
-        stereo(**{**pictures, "rig": rig(), **given})
-
-
 def test_a_pair_without_contrast_is_refused_before_it_is_matched() -> None:
     """Two black pictures, or one (oracle: the message names which); a disparity that is given needs no contrast."""
     black = np.zeros((*CAMERA.hw, 3), np.uint8)
