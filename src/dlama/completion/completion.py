@@ -11,7 +11,7 @@ from dlama.errors import InputError
 from dlama.geometry.cloud import PointCloud
 from dlama.geometry.codes import from_filler
 from dlama.geometry.figures.false_color import depth_limits, depth_picture, hole_picture
-from dlama.geometry.figures.html import Panel, figure, strip
+from dlama.geometry.figures.html import Figured, Panel
 from dlama.geometry.figures.show import show_html
 from dlama.geometry.fusion import scene_cloud, scene_mesh
 from dlama.geometry.mesh import Mesh
@@ -26,7 +26,7 @@ MOST_VIEWS = 3
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Completion:
+class Completion(Figured):
     """What a completion gives back. Views are in the order of the cameras; `view` is the last."""
 
     views: tuple[View, ...]
@@ -50,12 +50,6 @@ class Completion:
         unknown = f", {100 * sum(shares) / len(shares):.1f} % was unknown" if shares else ""
         named = f"filled by {self.meta['filler']!r}, recipe {self.meta['recipe']['name']!r}"
         return f"{type(self).__name__}({' of '.join([count, *sizes])}{unknown}, {named})"
-
-    def _repr_html_(self) -> str:
-        return figure(repr(self), self._panels())
-
-    def _repr_png_(self) -> bytes:
-        return strip(self._panels())
 
     def _panels(self) -> list[Panel]:
         """Source, then before and after of every view (at most MOST_VIEWS) in colour and depth, in the same colours."""

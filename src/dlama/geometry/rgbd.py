@@ -14,7 +14,7 @@ from dlama.arguments import as_array, check
 from dlama.errors import DepthError, ShapeError
 from dlama.geometry.camera import Camera
 from dlama.geometry.figures.false_color import depth_picture
-from dlama.geometry.figures.html import Panel, figure, strip
+from dlama.geometry.figures.html import Figured, Panel
 
 UInt8Array = NDArray[np.uint8]
 UInt16Array = NDArray[np.uint16]
@@ -29,7 +29,7 @@ PLAUSIBLE_M = (0.05, 500.0)
 
 
 @dataclass(frozen=True, eq=False)
-class RGBD:
+class RGBD(Figured):
     """A colour picture with metric depth.
 
     Every depth pixel is in one of three states: *valid* (finite, > 0), *far* (+inf: sky, or beyond the stated limit)
@@ -77,12 +77,6 @@ class RGBD:
         width, height = self.camera.wh
         missing = percent(self.missing)
         return f"RGBD({width}x{height}, {describe_depth_range(self.depth)}, {missing} missing)"
-
-    def _repr_html_(self) -> str:
-        return figure(repr(self), self._panels())
-
-    def _repr_png_(self) -> bytes:
-        return strip(self._panels())
 
     def _panels(self) -> list[Panel]:
         return [("picture", self.color), (f"depth, {describe_depth_range(self.depth)}", depth_picture(self.depth))]

@@ -20,7 +20,7 @@ from dlama.geometry.codes import (
     has_code,
 )
 from dlama.geometry.figures.false_color import depth_picture, hatch_holes, origin_picture
-from dlama.geometry.figures.html import Panel, figure, strip
+from dlama.geometry.figures.html import Figured, Panel
 from dlama.geometry.rgbd import (
     RGBD,
     BoolArray,
@@ -36,7 +36,7 @@ from dlama.geometry.rgbd import (
 
 
 @dataclass(frozen=True, eq=False)
-class View:
+class View(Figured):
     """A picture of the scene from `camera`, with depth, provenance, and the unknown as a bool field.
 
     In a hole depth and confidence are 0, and so are colour and origin unless the colour is known (`depth_hole`): it was measured,
@@ -100,12 +100,6 @@ class View:
         width, height = self.camera.wh
         hole = f"{percent(self.hole)} hole, {percent(self.filled)} filled"
         return f"View({width}x{height}, {describe_depth_range(self.depth)}, {hole})"
-
-    def _repr_html_(self) -> str:
-        return figure(repr(self), self._panels())
-
-    def _repr_png_(self) -> bytes:
-        return strip(self._panels())
 
     def _panels(self) -> list[Panel]:
         return [

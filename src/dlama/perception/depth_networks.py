@@ -6,7 +6,7 @@ How a network expects its picture and what its numbers mean is data, a DepthCont
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -109,22 +109,25 @@ class DepthPrediction:
             raise DepthError(f"the estimated {self.gives} holds values that are not numbers")
 
 
+def outputs_of_contract(
+    network: NetworkFile, contract: DepthContract, outputs: Sequence[np.ndarray]
+) -> list[np.ndarray]:
+    """The outputs that the contract names, in its order. FileError where one is missing."""
+    named = dict(zip(network.outputs, outputs))
+    there = [next((name for name in names.split("|") if name in named), None) for names in contract.outputs]
+    missing = [names for names, name in zip(contract.outputs, there) if name is None]
+    if missing:
+        raise FileError(f"{network.path}: gives {', '.join(named)}; {' and '.join(missing)} is expected")
+    return [named[name] for name in there if name is not None]
+
+
 def predict(network: NetworkFile, contract: DepthContract, color: UInt8Array) -> DepthPrediction:
     """The network's prediction for a picture (H x W x 3, RGB). FileError where the file does not keep its contract."""
-    shown = contract.tensor(color)
-    outputs = network.run_all(make_feed(network, contract, shown))
-    named = dict(zip(network.outputs, outputs))
-    found = [next((named[name] for name in names.split("|") if name in named), None) for names in contract.outputs]
-    if any(one is None for one in found):
-        missing = [names for names, one in zip(contract.outputs, found) if one is None]
-        raise FileError(f"{network.path}: gives {', '.join(named)}; {' and '.join(missing)} is expected")
-    values = squeeze_output(
-        network, contract, found[0] if found and found[0] is not None else outputs[0], contract.gives
-    )
-    far = None
-    if len(found) > 1 and found[1] is not None:
-        far = squeeze_output(network, contract, found[1], "depth") <= 0.5
-    if len(found) > 2 and found[2] is not None:
+    outputs = network.run_all(make_feed(network, contract, contract.tensor(color)))
+    found = outputs_of_contract(network, contract, outputs) or outputs[:1]
+    values = squeeze_output(network, contract, found[0], contract.gives)
+    far = squeeze_output(network, contract, found[1], "depth") <= 0.5 if len(found) > 1 else None
+    if len(found) > 2:
         values = values * np.float32(np.asarray(found[2]).ravel()[0])
     if not np.isfinite(values[~far] if far is not None else values).all():
         raise FileError(f"{network.path}: the network gave values that are not finite")

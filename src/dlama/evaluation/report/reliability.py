@@ -65,7 +65,7 @@ def reliability_tables(summary: Summary, protocol: str, dataset: str, methods: S
             continue
         cells = (Cell(f"{found[name]:.3f}", found[name]) if name in found else EMPTY for name in COLUMNS)
         rows.append((Cell(method), *cells))
-        curve.append((Cell(method), *(_bin(*numbers) for numbers in zip(*bins))))
+        curve.append((Cell(method), *(_bin(*numbers) for numbers in zip(bins.share, bins.right))))
     if not rows:
         return ()
     tenths = (f"{100 * k // BINS} to {100 * (k + 1) // BINS} %" for k in range(BINS))
@@ -76,7 +76,7 @@ def reliability_tables(summary: Summary, protocol: str, dataset: str, methods: S
     )
 
 
-def _bin(share: float, predicted: float, right: float) -> Cell:
+def _bin(share: float, right: float) -> Cell:
     return EMPTY if share <= 0 else Cell(f"{right / share:.2f} ({share:.0%})", right / share)
 
 

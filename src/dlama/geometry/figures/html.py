@@ -19,6 +19,19 @@ GAP = 8
 """Pixels between the pictures of a strip."""
 
 
+class Figured:
+    """What notebooks show as captioned pictures."""
+
+    def _panels(self) -> list[Panel]:
+        raise NotImplementedError
+
+    def _repr_html_(self) -> str:
+        return figure(repr(self), self._panels())
+
+    def _repr_png_(self) -> bytes:
+        return strip(self._panels())
+
+
 def figure(title: str, panels: Sequence[Panel]) -> str:
     """HTML that shows a title and captioned pictures side by side; it loads nothing and suits light and dark pages."""
     cells = "".join(
