@@ -82,23 +82,6 @@ def test_evaluate_end_to_end(small_worlds: Path, tmp_path: Path, capsys: pytest.
     assert (tmp_path / "out" / "results.csv").read_bytes() == first
 
 
-@pytest.mark.slow
-def test_no_fill_is_worse_than_telea(small_worlds: Path, tmp_path: Path) -> None:
-    """Oracle: black holes are further from the truth than their surroundings carried on, under both recipes."""
-    words = ["--yaws", "20", "--protocol", "vpi", "--fillers", "telea", "none", "--no-variants"]
-    rows = evaluated(small_worlds, tmp_path, *words)
-    wanted = ("unseen", "rgb", "mse")
-    mse = {
-        (row["recipe"], row["filler"], row["yaw"]): float(row["value"])
-        for row in rows
-        if (row["region"], row["modality"], row["metric"]) == wanted
-    }
-    assert len(mse) == 8
-    for recipe in ("dlama", "paper"):
-        for yaw in ("20", "-20"):
-            assert mse[recipe, "none", yaw] > mse[recipe, "telea", yaw]
-
-
 def test_a_failure_is_told_and_exits_with_1(
     small_worlds: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -104,16 +104,6 @@ def test_json_of_worlds_and_evaluate(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert (done["verb"], done["failed"]) == ("evaluate", 0) and done["results"] > 0
 
 
-def test_evaluate_takes_the_folder_that_worlds_has_made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """`dlama worlds -o worlds` and then `dlama evaluate worlds`: a folder goes before the name (oracle: the report)."""
-    monkeypatch.chdir(tmp_path)
-    main(["worlds", "-o", "worlds", "--count", "1", "--size", "48", "--kind", "room", "--quiet"])
-    main(["evaluate", "worlds", "-o", "report", "--protocol", "vpi", "--limit", "1", "--fillers", "none", "--quiet"])
-    about = json.loads((tmp_path / "report" / "summary.json").read_text())["dataset"]
-    assert about["layout"] == "easysynth"
-    assert set(about["scenes"]) <= {path.name for path in (tmp_path / "worlds").iterdir()}
-
-
 def test_version_flag(capsys: pytest.CaptureFixture[str]) -> None:
     """One line (oracle: the package's own number)."""
     main(["--version"])

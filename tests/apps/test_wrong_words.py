@@ -67,13 +67,6 @@ def test_one_line_says_what_is_wrong(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_file_is_no_directory_for_results(frame: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Before anything is computed: `dlama depth` had estimated the depth first."""
-    with pytest.raises(SystemExit):
-        main(["depth", str(frame / "image.png"), "-o", str(frame / "depth.png")])
-    assert capsys.readouterr().err.endswith("depth.png: cannot be written: it is a file, a directory is expected\n")
-
-
 def test_a_bad_mask_is_told_before_depth_is_estimated(frame: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """One line, no warning of an estimate before it."""
     assert "the mask not given?" in refused(capsys, frame, "remove", "image.png", "depth.png", "--fov", 60)

@@ -23,30 +23,15 @@ def test_the_two_recipes_are_what_the_docs_say() -> None:
     8-bit depth, adds the footprint; masks grow by 3 px, ours by what the depth
     asks for, and crack-free holes by none."""
     assert list(RECIPES) == ["dlama", "paper"] and all(name == one.name for name, one in RECIPES.items())
-    assert dataclasses.asdict(find_recipe("dlama")) == {
-        "name": "dlama",
-        "mode": "surface",
-        "dilate": None,
-        "dilate_holes": 0,
-        "clip": None,
-        "eight_bit_depth": False,
-        "depth_by": "surfaces",
-        "law": True,
-        "footprint": False,
-        "source_first": True,
-    }
-    assert dataclasses.asdict(find_recipe("paper")) == {
-        "name": "paper",
-        "mode": "points",
-        "dilate": 3,
-        "dilate_holes": 0,
-        "clip": 10.0,
-        "eight_bit_depth": True,
-        "depth_by": "filler",
-        "law": True,
-        "footprint": True,
-        "source_first": False,
-    }
+    ours = Recipe(
+        "dlama", mode="surface", dilate=None, dilate_holes=0, clip=None, eight_bit_depth=False, depth_by="surfaces",
+        law=True, footprint=False, source_first=True,
+    )  # fmt: skip
+    papers = Recipe(
+        "paper", mode="points", dilate=3, dilate_holes=0, clip=10.0, eight_bit_depth=True, depth_by="filler",
+        law=True, footprint=True, source_first=False,
+    )  # fmt: skip
+    assert (find_recipe("dlama"), find_recipe("paper")) == (ours, papers)
 
 
 def test_changes_replace_and_none_does_not() -> None:

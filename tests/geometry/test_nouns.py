@@ -158,24 +158,10 @@ def test_filled_is_what_a_filler_wrote() -> None:
 
 def test_codes_are_fixed() -> None:
     """Frozen vector: these numbers stand in files that are already written."""
-    assert {kind.name: int(kind) for kind in Origin} == {
-        "UNKNOWN": 0,
-        "MEASURED": 1,
-        "REPROJECTED": 2,
-        "DEPTH_FILLED": 3,
-        "FILLED": 4,
-        "ESTIMATED": 5,
-        "ELSEWHERE": 6,
-    }
-    assert {kind.name: int(kind) for kind in HoleType} == {
-        "NONE": 0,
-        "CRACK": 1,
-        "DISOCCLUDED": 2,
-        "FLYING": 3,
-        "OUT_OF_VIEW": 4,
-        "SENSOR": 5,
-        "OBJECT": 6,
-    }
+    origins = ["UNKNOWN", "MEASURED", "REPROJECTED", "DEPTH_FILLED", "FILLED", "ESTIMATED", "ELSEWHERE"]
+    holes = ["NONE", "CRACK", "DISOCCLUDED", "FLYING", "OUT_OF_VIEW", "SENSOR", "OBJECT"]
+    for codes, names in ((Origin, origins), (HoleType, holes)):
+        assert [(kind.name, int(kind)) for kind in codes] == [(name, code) for code, name in enumerate(names)]
 
 
 @pytest.mark.parametrize("name", ["points", "color", "origin", "confidence"])
