@@ -58,20 +58,22 @@ def chunk_boxes(
     """Target pixels whose centres the quads begin..end of a row may cover, cut to rows [top, bottom), into `boxes` (4 x CHUNK):
     left, right, upper, lower, inclusive.
 
-    Vertices that are not there (w = 0) have no position and do not count. Without branches: several quads at a time.
+    Vertices that are not there (w = 0) have no position and do not count. Without branches, and with unsigned places, which are
+    not checked for being negative: several quads at a time, read in one piece.
     """
     low_x: Real
     low_y: Real
     high_x: Real
     high_y: Real
-    for column in range(begin, end):
+    start = np.uintp(begin)
+    for number in range(end - begin):
         low_x, high_x, low_y, high_y = NOWHERE, -NOWHERE, NOWHERE, -NOWHERE
+        n = np.uintp(number)
         for corner in range(4):
-            r, c = row + (corner >> 1), column + (corner & 1)
+            r, c = np.uintp(row + (corner >> 1)), start + n + np.uintp(corner & 1)
             there, px, py = w[r, c] > 0, x[r, c], y[r, c]
             low_x, high_x = min(low_x, px if there else NOWHERE), max(high_x, px if there else -NOWHERE)
             low_y, high_y = min(low_y, py if there else NOWHERE), max(high_y, py if there else -NOWHERE)
-        n = column - begin
         boxes[0, n] = np.int32(np.ceil(min(max(0.5, low_x), columns + 1.0) - 0.5001))
         boxes[1, n] = np.int32(np.floor(max(min(columns - 0.5, high_x), -1.0) - 0.4999))
         boxes[2, n] = np.int32(np.ceil(min(max(top + 0.5, low_y), bottom + 1.0) - 0.5001))

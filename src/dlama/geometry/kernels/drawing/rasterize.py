@@ -162,10 +162,11 @@ def draw_surface(
             begin, end, room = chunk * CHUNK, min(width - 1, (chunk + 1) * CHUNK), boxes[first]
             chunk_boxes(x, y, w, row, begin, end, first, last, columns, room)
             for n in range(end - begin):
-                sides = quad_sides(joined, row, begin + n)
-                if sides == 0 or room[0, n] > room[1, n] or room[2, n] > room[3, n]:
+                if room[0, n] > room[1, n] or room[2, n] > room[3, n]:
                     continue
-                box = box_at(room, n)
+                sides, box = quad_sides(joined, row, begin + n), box_at(room, n)
+                if sides == 0:
+                    continue
                 if not some or marked_within(count, box[0], box[1], box[2], box[3]) > 0:
                     draw_quad(x, y, w, row, begin + n, sides, box, wbuf, where)
 
@@ -186,9 +187,11 @@ def draw_quad(
 
     box: the target pixels to look at (left, right, upper, lower, inclusive).
     """
-    wa, wb, wc, wd = w[row, column], w[row, column + 1], w[row + 1, column], w[row + 1, column + 1]
-    xa, xb, xc, xd = x[row, column], x[row, column + 1], x[row + 1, column], x[row + 1, column + 1]
-    ya, yb, yc, yd = y[row, column], y[row, column + 1], y[row + 1, column], y[row + 1, column + 1]
+    # unsigned places are not checked for being negative
+    upper, lower, left, right = np.uintp(row), np.uintp(row + 1), np.uintp(column), np.uintp(column + 1)
+    wa, wb, wc, wd = w[upper, left], w[upper, right], w[lower, left], w[lower, right]
+    xa, xb, xc, xd = x[upper, left], x[upper, right], x[lower, left], x[lower, right]
+    ya, yb, yc, yd = y[upper, left], y[upper, right], y[lower, left], y[lower, right]
     along_bc = abs(wb - wc) <= abs(wa - wd)
     whole = sides == 15
     begin = 2 if whole and not along_bc else 0
@@ -222,9 +225,10 @@ def draw_quad(
                     continue
                 v0, v1, v2 = b0 * w0, b1 * w1, b2 * w2
                 inverse = v0 + v1 + v2
-                if inverse > wbuf[ty, tx]:
-                    wbuf[ty, tx] = inverse
-                    right = (v0 if from_b else 0.0) + v1 + (v2 if to_d else 0.0)
-                    lower = (v1 if over_d else 0.0) + v2
-                    where[ty, tx, 0] = column + right / inverse
-                    where[ty, tx, 1] = row + lower / inverse
+                at_row, at_column = np.uintp(ty), np.uintp(tx)
+                if inverse > wbuf[at_row, at_column]:
+                    wbuf[at_row, at_column] = inverse
+                    across = (v0 if from_b else 0.0) + v1 + (v2 if to_d else 0.0)
+                    down = (v1 if over_d else 0.0) + v2
+                    where[at_row, at_column, 0] = column + across / inverse
+                    where[at_row, at_column, 1] = row + down / inverse
