@@ -57,12 +57,13 @@ def test_the_directory(monkeypatch: pytest.MonkeyPatch, cache_dir: Path) -> None
 @pytest.mark.parametrize(
     "text", ["[" * 100_000, '{"a": ', "[1]", '{"toy.onnx": 3}'], ids=["deep", "cut", "list", "number"]
 )
-def test_damaged_pins_are_named(cache_dir: Path, text: str) -> None:
-    """One error of the package, which says what to do."""
-    cache_dir.mkdir(exist_ok=True)
-    (cache_dir / "pins.json").write_text(text)
-    with pytest.raises(FileError, match=r"pins\.json: .*remove it to pin every file anew"):
-        read_pins()
+def test_damaged_pins_are_named(toy: Path, text: str) -> None:
+    """One error of the package, which says what to do; never overwritten silently."""
+    toy.write_bytes(b"first")
+    (toy.parent / "pins.json").write_text(text)
+    for read in (read_pins, lambda: verify(dataclasses.replace(TOY, sha256=None, bytes=None))):
+        with pytest.raises(FileError, match=r"pins\.json: .*remove it to pin every file anew"):
+            read()
 
 
 def test_locate(toy: Path) -> None:
@@ -107,16 +108,6 @@ def test_verify_pins_once(toy: Path) -> None:
     toy.write_bytes(b"other")
     assert verify(unknown).state == "wrong"
     assert cache.expected_size(unknown) == 5
-
-
-def test_damaged_pins(toy: Path) -> None:
-    """Said, with the remedy; never overwritten silently."""
-    unknown = dataclasses.replace(TOY, sha256=None, bytes=None)
-    toy.write_bytes(b"first")
-    for text in ("{", "[]", '{"toy.onnx": 1}'):
-        (toy.parent / "pins.json").write_text(text)
-        with pytest.raises(FileError, match=r"pins\.json: .*remove it to pin every file anew"):
-            verify(unknown)
 
 
 @pytest.mark.skipif(os.name != "posix", reason="a directory in the place of the list is another error elsewhere")

@@ -9,7 +9,7 @@ import pytest
 
 from dlama.errors import InputError
 from dlama.geometry.camera import Camera
-from dlama.worlds.dataset import open_dataset_or_worlds, worlds
+from dlama.worlds.dataset import open_dataset_or_worlds
 from dlama.worlds.writer import write_worlds
 
 LENS = Camera.from_fov(64, 48, 70)
@@ -44,9 +44,3 @@ def test_a_folder_goes_before_the_name(tmp_path: Path, monkeypatch: pytest.Monke
     write_worlds(Path("worlds"), count=1, size=32)
     assert open_dataset_or_worlds("worlds").layout == "easysynth"
     assert open_dataset_or_worlds("worlds:1").layout == "worlds"
-
-
-def test_pictures_of_any_size_are_not_drawn() -> None:
-    """Before the first one, which would take hours (oracle: the limit stands in the message)."""
-    with pytest.raises(InputError, match="size is 1000000; a whole number from 1 to 8192 is expected"):
-        worlds(1, size=1_000_000)
