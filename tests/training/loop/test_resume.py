@@ -17,9 +17,8 @@ from dlama.errors import FileError, InputError, OutputError  # noqa: E402
 from dlama.training.data.loader import BatchNumbers, NumberedSamples, batch_loader  # noqa: E402
 from dlama.training.data.samples.toy_scenes import ToyScenes  # noqa: E402
 from dlama.training.loop import callbacks  # noqa: E402
-from dlama.training.loop.checkpointing import LAST, read_checkpoint  # noqa: E402
+from dlama.training.loop.checkpointing import LAST, random_state, read_checkpoint, set_random_state  # noqa: E402  # noqa: E402
 from dlama.training.loop.module import TrainingModule  # noqa: E402
-from dlama.training.loop.random_state import random_state, set_random_state  # noqa: E402
 from dlama.training.loop.run_files import read_metrics  # noqa: E402
 from dlama.training.loop.train import train  # noqa: E402
 from marks import first_quick  # noqa: E402

@@ -14,9 +14,8 @@ import torch
 
 from dlama.errors import DlamaError, OutputError
 from dlama.training.data.batches import Batch
-from dlama.training.loop.checkpointing import checkpoint_of, write_checkpoint
+from dlama.training.loop.checkpointing import checkpoint_of, random_state, set_random_state, write_checkpoint
 from dlama.training.loop.module import TrainingModule, rate_factor
-from dlama.training.loop.random_state import random_state, set_random_state
 from dlama.training.loop.run_files import LAST, SHEETS, Curves, MetricsTable
 from dlama.training.loop.validation import metric_names, outputs_of, scores_of, write_sheet
 from dlama.training.losses.terms import DISCRIMINATOR_TERMS, used_terms
