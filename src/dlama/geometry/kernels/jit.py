@@ -168,7 +168,7 @@ _thread = threading.local()
 _LOADING = threading.RLock()
 BAND = 32
 """Rows per task: enough of them that threads finish together, not so many that handing them out costs."""
-PIXELS = 2**18
+PIXELS = 2**17
 """Pixels per task of a job that takes about a nanosecond for each: fewer are done before a second thread has woken up."""
 
 _most_threads: list[int] = []

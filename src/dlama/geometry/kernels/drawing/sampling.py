@@ -13,7 +13,7 @@ import numpy as np
 
 from dlama.geometry.kernels.drawing.rasterize import quad_sides
 from dlama.geometry.kernels.drawing.vectors import Four, four_by_four
-from dlama.geometry.kernels.jit import Real, Whole, inlined, piece
+from dlama.geometry.kernels.jit import Real, Whole, in_bands, inlined, light_band, piece
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 
 POLE = math.sqrt(3) - 2
@@ -31,8 +31,15 @@ def spline(color: UInt8Array) -> Float32Array:
     """H W 3 coefficients, flat, of the cubic B-spline that passes through every pixel's colour."""
     inverse = math.sqrt(3) * POLE ** np.abs(np.arange(-REACH, REACH + 1))
     inverse = (inverse / inverse.sum()).astype(np.float32)
-    knots = cv2.sepFilter2D(color, cv2.CV_32F, inverse, inverse, borderType=cv2.BORDER_REFLECT_101)
-    return np.asarray(knots, np.float32).ravel()
+    knots = np.empty(color.shape, np.float32)
+
+    def filter_rows(first: int, last: int) -> None:
+        upper, lower = max(first - REACH, 0), last + REACH
+        rows = cv2.sepFilter2D(color[upper:lower], cv2.CV_32F, inverse, inverse, borderType=cv2.BORDER_REFLECT_101)
+        knots[first:last] = rows[first - upper : last - upper]
+
+    in_bands(filter_rows, len(color), band=light_band(color.shape[1]))
+    return knots.ravel()
 
 
 def whole_quads(joined: UInt8Array) -> BoolArray:
