@@ -18,6 +18,7 @@ import logging
 import os
 import threading
 import warnings
+from collections import deque
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, TypeVar, cast
@@ -201,19 +202,25 @@ def in_bands(job: Callable[..., None], rows: int, *arguments: Any, band: int = B
     if count < 2 or nested:
         job(0, rows, *arguments)
         return
-    starts = iter(range(0, rows, band))  # shared: each thread takes the next one
+    starts = deque(range(0, rows, band))
+    # bands from both ends: a core finds in its own cache what the kernel before left there; single tasks, longest first, in order
+    takes = (starts.popleft, starts.pop if band > 1 else starts.popleft)
 
-    def work() -> None:
+    def work(take: Callable[[], int]) -> None:
         _thread.at_work = True
         try:
-            for first in starts:
+            while starts:
+                try:
+                    first = take()
+                except IndexError:  # another thread took the last one
+                    break
                 job(first, min(rows, first + band), *arguments)
         finally:
             _thread.at_work = False
 
-    others = [_pool().submit(work) for _ in range(count - 1)]
+    others = [_pool().submit(work, takes[number % 2]) for number in range(1, count)]
     try:
-        work()
+        work(starts.popleft)
     finally:
         for other in others:
             if not other.cancel():  # not begun, for a job of `begin_job` has the thread: nothing is left for it
