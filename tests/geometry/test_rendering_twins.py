@@ -109,7 +109,7 @@ def test_slopes_are_joined(seed: int) -> None:
 def test_transformed(seed: int) -> None:
     """Twin: lifted to the world and projected in float64; the kernel's float32 keeps 1e-5 of it. w = 1 / z in front, else 0."""
     frame, target, _ = pair(seed)
-    x, y, w = transform_depth(frame.depth, *px_from_px(target, frame.camera))
+    x, y, w, _ = transform_depth(frame.depth, *px_from_px(target, frame.camera))
     told = pixels_of(target, points_of(frame.camera, np.where(frame.valid, frame.depth, 1.0).astype(np.float64)))
     ahead = frame.valid & (told[2] > NEAR)
     np.testing.assert_array_equal(w > 0, ahead)

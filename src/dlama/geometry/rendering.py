@@ -31,7 +31,6 @@ from dlama.geometry.drawing.layers import (
     draw_apart,
     draw_far,
     transform_depth,
-    vertex_row_spans,
 )
 from dlama.geometry.drawing.layers import MODES as MODES
 from dlama.geometry.drawing.layers import Mode as Mode
@@ -213,10 +212,10 @@ def hole_types(grids: list[Grid], removals: tuple[View, ...], hole: BoolArray) -
             np.maximum(ranks, RANK_OF_TYPE[layer.hole_type], out=ranks, where=hole)
         elif layer.shows_source:
             depth, grid_rank = (close_frame if len(grids) > 1 else close_grid)(layer, removals)
-            x, y, w = transform_depth(depth, grid.matrix, grid.offset)
+            x, y, w, spans = transform_depth(depth, grid.matrix, grid.offset)
             crack_rank = hole_kernels.CRACK_RANK if grid.joined is None else hole_kernels.DISOCCLUDED_RANK
             marks = grid_rank, crack_rank, hole, count, box_room(len(hole)), ranks
-            in_bands(hole_kernels.mark_closed_mesh, len(hole), x, y, w, vertex_row_spans(y, w), grid.mesh, *marks)
+            in_bands(hole_kernels.mark_closed_mesh, len(hole), x, y, w, spans, grid.mesh, *marks)
             hole_kernels.mark_points(x, y, w, grid.flying, hole_kernels.FLYING_RANK, hole, ranks)
     return np.asarray(cv2.LUT(ranks, TYPE_OF_RANK) * hole, np.uint8)
 
@@ -233,8 +232,7 @@ def close_grid(layer: View, removals: tuple[View, ...]) -> tuple[Float32Array, U
     for removed in removals:
         if removed.camera.same_view_as(layer.camera):
             depth = np.where((depth == 0) & removed.valid, removed.depth, depth)
-    finite = (depth > 0) & (depth < np.inf)
-    horizon = 100 * float(depth[finite].max()) if finite.any() else 1e4
+    horizon = 100 * float(np.where(depth < np.inf, depth, np.float32(0)).max()) or 1e4
     depth = np.minimum(depth, np.float32(horizon))
     return fill_with_nearest(depth, depth > 0), rank
 

@@ -185,9 +185,9 @@ def rasterize_surface(
     """What each of H x W target pixels shows of the mesh of a layer's depth (`mesh_grid`) and the footprints at its rim: inverse
     z (1/m, 0 = nothing), and the layer's pixel (H x W x 2, x and y). vertices: `footprints.rim`; zoom: target's over layer's
     focal length; count: as of `draw`."""
-    x, y, w = transform_depth(depth, matrix, offset)
+    x, y, w, spans = transform_depth(depth, matrix, offset)
     wbuf, where = np.zeros(hw, np.float32), np.empty((*hw, 2), np.float32)
-    in_bands(raster.draw_surface, hw[0], x, y, w, joined, vertex_row_spans(y, w), count, box_room(hw[0]), wbuf, where)
+    in_bands(raster.draw_surface, hw[0], x, y, w, joined, spans, count, box_room(hw[0]), wbuf, where)
     draw_rim(x, y, w, joined, vertices, depth, zoom, wbuf.copy(), wbuf, where)
     return wbuf, where
 
@@ -249,17 +249,13 @@ def far_spans(
 
 
 def transform_depth(depth: Float32Array, matrix: Float64Array, offset: Float64Array) -> tuple[Float32Array, ...]:
-    """Target x, y (pixels) and inverse z (1/m, 0 = not in front) of every source pixel, float32 H x W each."""
+    """Target x, y (pixels) and inverse z (1/m, 0 = not in front) of every source pixel, float32 H x W each; and the target rows
+    that each row spans in N chunks of columns (`chunks.span_chunks`), H x N x 2."""
+    (height, width), band = depth.shape, light_band(depth.shape[1])
     x, y, w = (np.empty_like(depth) for _ in range(3))
-    in_bands(raster.transform, len(depth), depth, matrix, offset, NEAR, x, y, w, band=light_band(depth.shape[1]))
-    return x, y, w
-
-
-def vertex_row_spans(y: Float32Array, w: Float32Array) -> Float32Array:
-    """H x N x 2: smallest and largest target row of each row of vertices, N chunks of columns (see `chunks.row_spans`)."""
-    out = np.empty((*y.shape[:1], -(-y.shape[1] // chunks.CHUNK), 2), np.float32)
-    in_bands(chunks.row_spans, len(y), y, w, out, band=light_band(y.shape[1]))
-    return out
+    spans = np.empty((height, -(-width // chunks.CHUNK), 2), np.float32)
+    in_bands(raster.transform, height, depth, matrix, offset, NEAR, x, y, w, spans, band=band)
+    return x, y, w, spans
 
 
 def box_room(rows: int) -> NDArray[np.int32]:

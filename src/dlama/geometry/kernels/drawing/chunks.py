@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.kernels.jit import Flag, Real, Whole, kernel, piece
+from dlama.geometry.kernels.jit import Flag, Real, Whole, piece
 from dlama.geometry.rgbd import Float32Array
 
 Box = tuple[Whole, Whole, Whole, Whole]
@@ -18,26 +18,21 @@ CHUNK = 64
 """Source columns that are skipped together where they do not touch a band."""
 
 
-@kernel
-def row_spans(first: Whole, last: Whole, y: Float32Array, w: Float32Array, spans: Float32Array) -> None:
-    """Smallest and largest target y of each row of vertices, those of CHUNK quads at a time (empty: inf, -inf).
-
-    spans: H x N x 2.
-    """
-    width = y.shape[1]
-    for row in range(first, last):
-        for chunk in range(spans.shape[1]):
-            low, high = np.float32(np.inf), np.float32(-np.inf)
-            for column in range(chunk * CHUNK, min(width, (chunk + 1) * CHUNK + 1)):
-                if w[row, column] > 0:
-                    low = min(low, y[row, column])
-                    high = max(high, y[row, column])
-            spans[row, chunk, 0], spans[row, chunk, 1] = low, high
+@piece
+def span_chunks(y: Float32Array, w: Float32Array, row: Whole, spans: Float32Array) -> None:
+    """Smallest and largest target y of a row of vertices, those of CHUNK quads at a time (empty: inf, -inf). spans: H x N x 2."""
+    for chunk in range(spans.shape[1]):
+        low, high = np.float32(np.inf), np.float32(-np.inf)
+        for column in range(chunk * CHUNK, min(y.shape[1], (chunk + 1) * CHUNK + 1)):
+            if w[row, column] > 0:
+                low = min(low, y[row, column])
+                high = max(high, y[row, column])
+        spans[row, chunk, 0], spans[row, chunk, 1] = low, high
 
 
 @piece
 def quad_span(spans: Float32Array, row: Whole, chunk: Whole) -> tuple[Real, Real]:
-    """Smallest and largest target y of a row of CHUNK quads; spans: as of `row_spans`."""
+    """Smallest and largest target y of a row of CHUNK quads; spans: as of `span_chunks`."""
     low, high = min(spans[row, chunk, 0], spans[row + 1, chunk, 0]), max(spans[row, chunk, 1], spans[row + 1, chunk, 1])
     return low, high
 

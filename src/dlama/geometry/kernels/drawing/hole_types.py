@@ -50,7 +50,7 @@ def mark_closed_mesh(
 ) -> None:
     """Draw the whole closed grid over the empty pixels of target rows [first, last).
 
-    x, y, w: target pixels and inverse depth of every source pixel (closed: no gaps); spans: as of `chunks.row_spans`;
+    x, y, w: target pixels and inverse depth of every source pixel (closed: no gaps); spans: as of `chunks.span_chunks`;
     grid_rank: uint8, SENSOR / OBJECT ranks of source pixels that are not there, else 0; crack_rank: what an unbroken quad over
     an empty pixel means; count: summed-area table of `hole`.
     """

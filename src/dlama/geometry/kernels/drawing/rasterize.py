@@ -12,7 +12,16 @@ from numpy.typing import NDArray
 
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
-from dlama.geometry.kernels.drawing.chunks import CHUNK, Box, box_at, chunk_boxes, chunk_meets, marked_within, quad_span
+from dlama.geometry.kernels.drawing.chunks import (
+    CHUNK,
+    Box,
+    box_at,
+    chunk_boxes,
+    chunk_meets,
+    marked_within,
+    quad_span,
+    span_chunks,
+)
 from dlama.geometry.kernels.jit import Real, Whole, inlined, kernel, piece
 from dlama.geometry.rgbd import Float32Array, UInt8Array
 
@@ -59,13 +68,16 @@ def transform(
     out_x: Float32Array,
     out_y: Float32Array,
     out_w: Float32Array,
+    spans: Float32Array,
 ) -> None:
     """Vertices into target pixels and inverse z; w = 0 (and x, y anything) where there is none, or none in front.
 
-    matrix: 3x3, K_target R K_source^-1; offset: K_target t. (eq. 1 of the paper, with both projections folded in)
+    matrix: 3x3, K_target R K_source^-1; offset: K_target t. (eq. 1 of the paper, with both projections folded in) spans: of the
+    rows, as of `chunks.span_chunks`.
     """
     for row in range(first, last):
         transform_row(depth, matrix, offset, near, row, row, out_x, out_y, out_w)
+        span_chunks(out_y, out_w, row, spans)
 
 
 @kernel
