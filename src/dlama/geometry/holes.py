@@ -51,6 +51,11 @@ def erode_mask(mask: BoolArray, radius: int) -> BoolArray:
     return mask.copy() if radius == 0 else cv2.erode(mask.astype(np.uint8), disc(radius)) > 0
 
 
+def iou(one: BoolArray, other: BoolArray) -> float:
+    """Intersection over union of two masks, 0..1; 0 where both are empty."""
+    return float((one & other).sum() / max((one | other).sum(), 1))
+
+
 def square(side: int) -> np.ndarray:
     """Kernel of `morphological_open` and `morphological_close`: side x side pixels, uint8."""
     return np.ones((side, side), np.uint8)

@@ -11,7 +11,10 @@ from dataclasses import asdict, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
+import numpy as np
+
 from dlama.errors import FileError, InputError
+from dlama.geometry.rgbd import Float32Array
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -20,6 +23,25 @@ if TYPE_CHECKING:
 
 CONTRACT_KEY = "dlama.contract"
 """Key of the ONNX metadata under which a file's contract stands, as JSON."""
+
+
+class ColorContract:
+    """Part of a contract that says how a network takes colours; its fields stand in the contract itself."""
+
+    scale: float
+    """A colour c of 0..255 is shown as (c * scale - mean) / std."""
+    mean: tuple[float, float, float]
+    std: tuple[float, float, float]
+
+    def check_colors(self) -> None:
+        """InputError for contradictions."""
+        if len(self.mean) != 3 or len(self.std) != 3 or min(self.std) <= 0 or self.scale <= 0:
+            raise InputError("contract: mean and std of three colours, std and scale above 0 are expected")
+
+    def normalize(self, color: np.ndarray) -> Float32Array:
+        """A picture (H x W x 3, 0..255) as the network takes its colours."""
+        scaled = color.astype(np.float32) * np.float32(self.scale)
+        return ((scaled - np.asarray(self.mean)) / np.asarray(self.std)).astype(np.float32)
 
 
 def contract_metadata(network: str, contract: DataclassInstance) -> dict[str, str]:

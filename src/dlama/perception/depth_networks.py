@@ -15,7 +15,7 @@ import numpy as np
 
 from dlama.errors import DepthError, FileError, InputError
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
-from dlama.models.contracts import CONTRACT_KEY, contract_metadata, read_contract
+from dlama.models.contracts import CONTRACT_KEY, ColorContract, contract_metadata, read_contract
 from dlama.models.network_file import NetworkFile
 
 Gives = Literal["depth", "inverse depth", "points"]
@@ -27,7 +27,7 @@ NETWORK = "monocular depth"
 
 
 @dataclass(frozen=True)
-class DepthContract:
+class DepthContract(ColorContract):
     """What a network of monocular depth takes and gives. InputError for contradictions."""
 
     gives: Gives
@@ -35,7 +35,6 @@ class DepthContract:
     metric: bool = False
     """Whether that is in metres; else it is known up to a factor, relative inverse depth up to a factor and a shift."""
     scale: float = 1 / 255
-    """A colour c of 0..255 is shown as (c * scale - mean) / std."""
     mean: tuple[float, float, float] = (0.0, 0.0, 0.0)
     std: tuple[float, float, float] = (1.0, 1.0, 1.0)
     layout: Literal["CHW", "HWC"] = "CHW"
@@ -57,8 +56,7 @@ class DepthContract:
             raise InputError(f"contract: gives is {self.gives!r}; one of {', '.join(KINDS)} is expected")
         if self.layout not in ("CHW", "HWC"):
             raise InputError(f"contract: layout is {self.layout!r}; CHW or HWC is expected")
-        if len(self.mean) != 3 or len(self.std) != 3 or min(self.std) <= 0 or self.scale <= 0:
-            raise InputError("contract: mean and std of three colours, std and scale above 0 are expected")
+        self.check_colors()
         if min(self.size or (self.side, self.multiple)) < 1:
             raise InputError("contract: size, side and multiple of 1 or more are expected")
 
@@ -75,8 +73,7 @@ class DepthContract:
         height, width = self.input_size(color.shape[:2])
         smaller = height * width < color.shape[0] * color.shape[1]
         how = cv2.INTER_AREA if smaller else cv2.INTER_CUBIC
-        shown = cv2.resize(color, (width, height), interpolation=how).astype(np.float32) * np.float32(self.scale)
-        normal = ((shown - np.asarray(self.mean)) / np.asarray(self.std)).astype(np.float32)
+        normal = self.normalize(cv2.resize(color, (width, height), interpolation=how))
         return np.ascontiguousarray(normal.transpose(2, 0, 1) if self.layout == "CHW" else normal)[None]
 
     def metadata(self) -> dict[str, str]:

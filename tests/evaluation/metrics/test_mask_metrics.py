@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dlama.evaluation.metrics.masks import border_f, box_of, darkened_by_shadow, innermost_pixel, iou, largest_region
+from dlama.evaluation.metrics.masks import border_f, box_of, darkened_by_shadow, innermost_pixel, largest_region
+from dlama.geometry.holes import iou
 
 
 def square(top: int, left: int, side: int = 20) -> np.ndarray:

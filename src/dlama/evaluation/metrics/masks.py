@@ -21,11 +21,6 @@ EDGE_PX = 2
 """Around the object colours are mixes of it and the background."""
 
 
-def iou(found: BoolArray, true: BoolArray) -> float:
-    """Intersection over union, 0..1; 0 where both are empty."""
-    return float((found & true).sum() / max((found | true).sum(), 1))
-
-
 def border_f(found: BoolArray, true: BoolArray) -> float:
     """Harmonic mean of the shares of each border that lie within BORDER_PX of the other (Martin et al. 2004), 0..1."""
     one, other = (mask & ~erode_mask(mask, 1) for mask in (found, true))

@@ -20,13 +20,13 @@ from dlama.evaluation.metrics.masks import (
     SMALLEST_SHADOW_PX,
     border_f,
     darkened_by_shadow,
-    iou,
     outside_contact_band,
 )
 from dlama.evaluation.protocols.methods import Measure, Method, ProtocolSettings, Scored, run_method
 from dlama.evaluation.protocols.ori import reference_of
 from dlama.evaluation.protocols.pointing import CLICKS, find_masks
 from dlama.evaluation.protocols.scores import picture_panel
+from dlama.geometry.holes import iou
 from dlama.geometry.rgbd import BoolArray
 from dlama.perception.shadows.find import find_shadow
 

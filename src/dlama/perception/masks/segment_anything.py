@@ -15,9 +15,10 @@ import cv2
 import numpy as np
 
 from dlama.errors import FileError, InputError, MaskError
+from dlama.geometry.holes import iou
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.models.cache import locate, user_path
-from dlama.models.contracts import CONTRACT_KEY, contract_metadata, read_contract
+from dlama.models.contracts import CONTRACT_KEY, ColorContract, contract_metadata, read_contract
 from dlama.models.network_file import NetworkFile
 from dlama.perception.depth_networks import IMAGENET
 from dlama.perception.masks.prompt import Prompt
@@ -37,7 +38,7 @@ ALIKE = 0.95
 
 
 @dataclass(frozen=True)
-class PairContract:
+class PairContract(ColorContract):
     """How the encoder of a pair expects its picture. InputError for contradictions."""
 
     side: int | None = 1024
@@ -47,15 +48,13 @@ class PairContract:
     layout: Literal["BCHW", "HWC"] = "BCHW"
     """Order of the input's axes; colours are RGB."""
     scale: float = 1 / 255
-    """A colour c of 0..255 is shown as (c * scale - mean) / std."""
     mean: tuple[float, float, float] = (0.0, 0.0, 0.0)
     std: tuple[float, float, float] = (1.0, 1.0, 1.0)
 
     def __post_init__(self) -> None:
         if self.layout not in ("BCHW", "HWC"):
             raise InputError(f"contract: layout is {self.layout!r}; BCHW or HWC is expected")
-        if len(self.mean) != 3 or len(self.std) != 3 or min(self.std) <= 0 or self.scale <= 0:
-            raise InputError("contract: mean and std of three colours, std and scale above 0 are expected")
+        self.check_colors()
         if (self.side is None and self.padded) or (self.side is not None and self.side < 1):
             raise InputError("contract: side of 1 or more, or none and no padding, are expected")
 
@@ -70,8 +69,7 @@ class PairContract:
         """The picture (H x W x 3, RGB) as the encoder takes it."""
         height, width = self.shown_hw(color.shape[:2])
         how = cv2.INTER_AREA if height * width < color.shape[0] * color.shape[1] else cv2.INTER_LINEAR
-        resized = cv2.resize(color, (width, height), interpolation=how).astype(np.float32) * np.float32(self.scale)
-        shown = ((resized - np.asarray(self.mean)) / np.asarray(self.std)).astype(np.float32)
+        shown = self.normalize(cv2.resize(color, (width, height), interpolation=how))
         if self.padded and self.side is not None:
             shown = np.pad(shown, ((0, self.side - height), (0, self.side - width), (0, 0)))
         return np.ascontiguousarray(shown if self.layout == "HWC" else shown.transpose(2, 0, 1)[None])
@@ -179,9 +177,7 @@ def name_candidates(
     if not found[best].any():
         raise MaskError("the network sees nothing there; other clicks, or a box round the object, are expected")
     out = {"object": found[best]}
-    others = sorted(
-        (mask for mask in found if mask.any() and overlap(mask, found[best]) < ALIKE), key=lambda m: m.sum()
-    )
+    others = sorted((mask for mask in found if mask.any() and iou(mask, found[best]) < ALIKE), key=lambda m: m.sum())
     smaller = [mask for mask in others if mask.sum() < found[best].sum()]
     larger = [mask for mask in others if mask.sum() >= found[best].sum()]
     if smaller:
@@ -189,11 +185,6 @@ def name_candidates(
     if larger:
         out["group"] = larger[0]
     return out, (f"score {scores[best]:.2f}",)
-
-
-def overlap(one: BoolArray, other: BoolArray) -> float:
-    """Intersection over union."""
-    return float((one & other).sum() / max((one | other).sum(), 1))
 
 
 def find_pair(mask_model: object) -> tuple[NetworkFile, NetworkFile, PairContract]:

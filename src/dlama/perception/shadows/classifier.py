@@ -14,7 +14,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from dlama.geometry.holes import dilate_mask, regions_touching
+from dlama.geometry.holes import dilate_mask, iou, regions_touching
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.models.network_file import NetworkFile
 from dlama.models.perceptron import Perceptron, read_arrays
@@ -116,9 +116,8 @@ def agreement(marked: Float32Array, region: BoolArray, where: BoolArray) -> Floa
     union; and the share marked in all."""
     ring = dilate_mask(region, 6) & ~dilate_mask(region, 1) & where
     high = marked > SHADOW
-    both = float((high & region).sum()) / max(float((high | region).sum()), 1.0)
     means = [float(marked[each].mean()) if each.any() else 0.0 for each in (region, ring, high)]
-    return np.array([*means, both, np.log1p(float(high.sum()))], np.float32)
+    return np.array([*means, iou(high, region), np.log1p(float(high.sum()))], np.float32)
 
 
 def verdict_features(

@@ -15,7 +15,7 @@ import numpy as np
 
 from dlama.errors import FileError, InputError
 from dlama.geometry.rgbd import Float32Array, UInt8Array
-from dlama.models.contracts import CONTRACT_KEY, contract_metadata, read_contract
+from dlama.models.contracts import CONTRACT_KEY, ColorContract, contract_metadata, read_contract
 from dlama.models.network_file import NetworkFile
 from dlama.perception.stereo.matching import check_pictures, zero_where_inconsistent
 
@@ -24,12 +24,12 @@ NETWORK = "stereo matching"
 
 
 @dataclass(frozen=True)
-class StereoContract:
+class StereoContract(ColorContract):
     """What a network of stereo matching takes (the left, then the right picture, 1 x 3 x H x W) and gives. InputError for
     contradictions."""
 
     scale: float = 1.0
-    """A colour c of 0..255 is shown as (c * scale - mean) / std; RAFT-Stereo takes it as it is."""
+    """RAFT-Stereo takes colours as they are."""
     mean: tuple[float, float, float] = (0.0, 0.0, 0.0)
     std: tuple[float, float, float] = (1.0, 1.0, 1.0)
     multiple: int = 32
@@ -44,8 +44,7 @@ class StereoContract:
     """Name of the output that is used; None: the last, which is the full-size one of RAFT-Stereo."""
 
     def __post_init__(self) -> None:
-        if len(self.mean) != 3 or len(self.std) != 3 or min(self.std) <= 0 or self.scale <= 0:
-            raise InputError("contract: mean and std of three colours, std and scale above 0 are expected")
+        self.check_colors()
         if min(self.size or (self.multiple,)) < 1:
             raise InputError("contract: size and multiple of 1 or more are expected")
         if self.sign not in (1, -1) or not self.output_scale > 0:
@@ -60,8 +59,7 @@ class StereoContract:
         else:
             below, sidecar = (-side % self.multiple for side in color.shape[:2])
             shown = cv2.copyMakeBorder(color, 0, below, 0, sidecar, cv2.BORDER_REPLICATE)
-        normal = (shown.astype(np.float32) * np.float32(self.scale) - np.asarray(self.mean)) / np.asarray(self.std)
-        return np.ascontiguousarray(normal.transpose(2, 0, 1))[None].astype(np.float32)
+        return np.ascontiguousarray(self.normalize(shown).transpose(2, 0, 1))[None]
 
     def disparity(self, out: Float32Array, hw: tuple[int, int]) -> Float32Array:
         """Pixels of a picture of that size from what the network gave (h x w)."""

@@ -68,15 +68,11 @@ class DatasetViews(_Cases):
         return mask_example(target, random_mask(rng, target.camera.hw))
 
 
-class DatasetRemovals(_Cases):
-    """Kind `removal`, see `sources.SampleSource`: cases whose `load` gives a RemovalTruth."""
-
-    def sample(self, index: int, rng: np.random.Generator) -> dict[str, np.ndarray]:
-        """One sample: a random crop that shows the object."""
-        return augment_sample(self.example(index, rng), self.network, rng)
+class DatasetRemovals(DatasetViews):
+    """Kind `removal`: cases whose `load` gives a RemovalTruth; a random crop that shows the object."""
 
     def example(self, index: int, rng: np.random.Generator) -> ViewExample:
-        """The view before it is mirrored or relit. There is no hole where the two frames show different backgrounds."""
+        """As DatasetViews. There is no hole where the two frames show different backgrounds."""
         case: RemovalTruth = self.cases[index].load()
         for _ in range(MOST_DRAWS):
             crop = random_crop(case.source.camera.hw, self.size, rng, case.mask)
