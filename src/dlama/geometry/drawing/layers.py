@@ -144,10 +144,11 @@ def draw_apart(
 def draw_as_points(grid: Grid, canvas: Canvas) -> None:
     """Each pixel of the layer onto the target pixel it falls on."""
     layer, (rows, columns) = grid.layer, canvas.depth.shape
-    width = layer.camera.width
+    height, width = layer.camera.hw
     x, y, w = (np.empty((1, width), np.float32) for _ in range(3))
-    nearest, place = np.empty(rows * columns, np.uint64), np.empty(width, np.int32)
-    raster.draw_points(grid.depth, grid.matrix, grid.offset, NEAR, x, y, w, place, nearest, columns)
+    nearest, place = np.zeros(rows * columns, np.uint64), np.empty(width, np.int32)
+    to_target = grid.depth, grid.matrix, grid.offset, NEAR
+    in_bands(raster.draw_points, height, *to_target, x, y, w, place, nearest, columns, band=height)
     pixels = layer.color.reshape(-1, 3), layer.origin.ravel(), layer.confidence.ravel()
     nearest = nearest.reshape(rows, columns)
     in_bands(shading.shade_points, rows, nearest, *pixels, *canvas.buffers(), band=light_band(columns))

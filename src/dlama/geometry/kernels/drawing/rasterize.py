@@ -82,6 +82,8 @@ def transform(
 
 @kernel
 def draw_points(
+    first: Whole,
+    last: Whole,
     depth: Float32Array,
     matrix: Float64Array,
     offset: Float64Array,
@@ -95,13 +97,11 @@ def draw_points(
 ) -> None:
     """Nearest-pixel projection with a z-buffer (the paper's P', eq. 2): what is nearest in each target pixel, as `as_point`.
 
-    nearest: H W, any content before; columns: W. x, y, w: 1 x width, place: width: room for a row of source pixels. One thread:
-    the z-buffers of several take longer to allocate than points to draw.
+    nearest: H W zeros; columns: W. x, y, w: 1 x width, place: width: room for a row of source pixels. All source rows are one
+    band, for they share a z-buffer: those of several bands take longer to allocate than points to draw.
     """
     rows = len(nearest) // columns
-    for number in range(len(nearest)):
-        nearest[number] = 0
-    for row in range(depth.shape[0]):
+    for row in range(first, last):
         transform_row(depth, matrix, offset, near, row, 0, x, y, w)
         for column in range(depth.shape[1]):
             px, py = x[0, column], y[0, column]
