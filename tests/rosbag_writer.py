@@ -86,11 +86,13 @@ class Writer:
         )  # fmt: skip
         self.put(topic, "sensor_msgs/msg/CameraInfo", 1.0, message)
 
-    def transform(self, topic: str, parent: str, child: str, seconds: float, pose: np.ndarray) -> None:
+    def move(self, pose: np.ndarray) -> Any:
         x, y, z, w = map(float, quaternion_from_rotation(pose[:3, :3]))
         turn = self.make("geometry_msgs/msg/Quaternion", x=x, y=y, z=z, w=w)
         shift = self.make("geometry_msgs/msg/Vector3", **dict(zip("xyz", map(float, pose[:3, 3]))))
-        moved = self.make("geometry_msgs/msg/Transform", translation=shift, rotation=turn)
-        head = self.head(parent, seconds)
+        return self.make("geometry_msgs/msg/Transform", translation=shift, rotation=turn)
+
+    def transform(self, topic: str, parent: str, child: str, seconds: float, pose: np.ndarray) -> None:
+        moved, head = self.move(pose), self.head(parent, seconds)
         each = self.make("geometry_msgs/msg/TransformStamped", header=head, child_frame_id=child, transform=moved)
         self.put(topic, "tf2_msgs/msg/TFMessage", seconds, self.make("tf2_msgs/msg/TFMessage", transforms=[each]))

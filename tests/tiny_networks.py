@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,23 @@ from onnx import TensorProto, helper, numpy_helper
 from dlama.inpainters.networks.contract import MASKS, PLANES, Contract
 
 NAMES = ("red", "green", "blue", "depth")
+
+
+def saved(
+    path: Path,
+    nodes: list,
+    ends: tuple[list, list],
+    constants: Mapping[str, np.ndarray],
+    about: Mapping[str, str] | None = None,
+) -> Path:
+    """An ONNX file of these nodes, inputs and outputs."""
+    values = [numpy_helper.from_array(np.asarray(value), name) for name, value in constants.items()]
+    graph = helper.make_graph(nodes, "tiny", *ends, values)
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
+    if about:
+        helper.set_model_props(model, about)
+    onnx.save(model, str(path))
+    return path
 
 
 def written(
@@ -25,17 +43,9 @@ def written(
         for name, count in (("planes", weight.shape[1]), ("filled", planes))
     ]
     node = helper.make_node("Conv", ["planes", "weight", "bias"], ["filled"])
-    constants = [numpy_helper.from_array(weight, "weight"), numpy_helper.from_array(offset, "bias")]
-    model = helper.make_model(
-        helper.make_graph([node], "tiny", ends[:1], ends[1:], constants),
-        opset_imports=[helper.make_opsetid("", 17)],
-        ir_version=8,
-    )
+    constants = {"weight": weight, "bias": offset}
     said = {**contract(planes), **changes} if about is None else about
-    if said:
-        helper.set_model_props(model, {"dlama.contract": json.dumps(said)})
-    onnx.save(model, str(path))
-    return path
+    return saved(path, [node], (ends[:1], ends[1:]), constants, {"dlama.contract": json.dumps(said)} if said else None)
 
 
 def contract(planes: int) -> dict:

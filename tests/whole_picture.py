@@ -24,3 +24,8 @@ def assert_same_view(one: View, other: View) -> None:
     """Every plane, bit for bit."""
     for name in ("color", "depth", "hole", "hole_type", "origin", "confidence"):
         np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
+
+
+def counts(origin: np.ndarray) -> dict[Origin, int]:
+    """How many of each origin, none left out."""
+    return {kind: int((origin == kind).sum()) for kind in Origin}

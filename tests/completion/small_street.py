@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import functools
 
-import numpy as np
 import pytest
 
 from dlama.completion.completion import Completion
 from dlama.completion.recipes import RECIPES
 from dlama.completion.verbs import remove, view
 from dlama.geometry.camera import Camera
-from dlama.geometry.codes import Origin
 from dlama.geometry.rgbd import RGBD
 from dlama.inpainters import FILLERS
 from worlds import Box, Plane, Sphere, World
@@ -41,8 +39,3 @@ def completed(recipe: str, filler: str, removing: bool, yaw: float) -> Completio
     if removing:
         return remove(street(), MASK, yaw=yaw, filler=filler, recipe=recipe)
     return view(street(), yaw=yaw, filler=filler, recipe=recipe)
-
-
-def counts(origin: np.ndarray) -> dict[Origin, int]:
-    """How many of each origin, none left out."""
-    return {kind: int((origin == kind).sum()) for kind in Origin}

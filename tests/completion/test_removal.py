@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from small_street import BALL, MASK, completed, counts, fillers, recipes, street
+from small_street import BALL, MASK, completed, fillers, recipes, street
 
 from dlama.completion.pipeline import complete
 from dlama.completion.recipes import RECIPES
@@ -18,6 +18,7 @@ from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
 from dlama.geometry.visibility import Law, violations
 from reference import law as twin
+from whole_picture import counts
 
 
 @fillers

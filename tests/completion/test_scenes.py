@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from PIL import Image
-from small_street import CAMERA, MASK, completed, counts, fillers, recipes, street
+from small_street import CAMERA, MASK, completed, fillers, recipes, street
 
 from dlama.completion.pipeline import complete
 from dlama.completion.recipes import RECIPES
@@ -26,6 +26,7 @@ from dlama.inpainters import FILLERS
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill
 from reference import law as twin
+from whole_picture import counts
 from worlds import moved, pixels_of, points_of
 
 

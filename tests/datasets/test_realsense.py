@@ -21,7 +21,7 @@ from dlama.datasets.layouts import detect
 from dlama.datasets.sequences.scene_frames import open_frames
 from dlama.errors import FileError
 from dlama.geometry.camera import Camera
-from dlama.geometry.poses import invert_pose, quaternion_from_rotation
+from dlama.geometry.poses import invert_pose
 from dlama.geometry.rgbd import RGBD
 from posed_folders import LENS, WORLD, cameras, damage, read_or_refuse
 from rosbag_writer import Writer
@@ -73,11 +73,7 @@ class RealSense(Writer):
         self.put(topic, "std_msgs/msg/Float32", 1, self.make("std_msgs/msg/Float32", data=value))
 
     def extrinsics(self, stream: str, pose: np.ndarray) -> None:
-        x, y, z, w = map(float, quaternion_from_rotation(pose[:3, :3]))
-        turn = self.make("geometry_msgs/msg/Quaternion", x=x, y=y, z=z, w=w)
-        shift = self.make("geometry_msgs/msg/Vector3", **dict(zip("xyz", map(float, pose[:3, 3]))))
-        kind = "geometry_msgs/msg/Transform"
-        self.put(f"{stream}/tf/0", kind, 1, self.make(kind, translation=shift, rotation=turn))
+        self.put(f"{stream}/tf/0", "geometry_msgs/msg/Transform", 1, self.move(pose))
 
 
 def truth() -> list[RGBD]:

@@ -15,15 +15,12 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
+from box_frame import CAMERA, WORLD
 from dlama.completion.verbs import remove
 from dlama.files.scenes.textured_mesh import write_textured_glb
-from dlama.geometry.camera import Camera
 from dlama.geometry.layers.decimation import decimate
 from dlama.geometry.mesh import Mesh, join_meshes
-from worlds import Box, Plane, World
 
-CAMERA = Camera.from_fov(64, 48, 60)
-WORLD = World((Plane((0, 0, 4), (0, 0, 1)), Box((-0.5, -0.4, 2.0), (0.4, 0.5, 2.4))))
 SCENE = remove(WORLD.rgbd(CAMERA), WORLD.trace(CAMERA)[1] == 1, yaw=15, filler="telea").scene
 COMPONENTS = {5121: np.uint8, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
 VERTICES = 34962

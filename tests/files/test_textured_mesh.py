@@ -11,6 +11,7 @@ import pytest
 import trimesh
 from pygltflib import GLTF2
 
+from box_frame import CAMERA, WORLD
 from dlama.completion.verbs import remove, view
 from dlama.files.scenes import textured_mesh
 from dlama.files.scenes.textured_mesh import bring_near, pack_textures, write_textured_glb
@@ -21,10 +22,7 @@ from dlama.geometry.mesh import Mesh, join_meshes
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
-from worlds import Box, Plane, World
 
-CAMERA = Camera.from_fov(64, 48, 60)
-WORLD = World((Plane((0, 0, 4), (0, 0, 1)), Box((-0.5, -0.4, 2.0), (0.4, 0.5, 2.4))))
 SCENE = remove(WORLD.rgbd(CAMERA), WORLD.trace(CAMERA)[1] == 1, yaw=15, filler="telea").scene
 
 

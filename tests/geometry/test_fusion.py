@@ -23,6 +23,7 @@ from dlama.geometry.visibility import Law
 from dlama.inpainters import find_filler
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import inpaint
+from whole_picture import counts
 from worlds import Box, Plane, Sphere, World, moved, pixels_of, points_of
 
 CAMERA = Camera.from_fov(48, 36, 60, moved(Camera.from_fov(1, 1, 60), (5, 20, -3), (10, -20, 3)).world_from_cam)
@@ -87,11 +88,6 @@ def ball_removed() -> tuple[Scene, RGBD, np.ndarray]:
     filled, _ = inpaint(scene.layers[0], find_filler("layered"), FillContext.of(scene))
     background = filled.without(filled.filled, HoleType.OBJECT)
     return fuse(dataclasses.replace(scene, frames=(background,)), filled), frame, taken
-
-
-def counts(origin: np.ndarray) -> dict[Origin, int]:
-    """How many of each origin, none left out."""
-    return {kind: int((origin == kind).sum()) for kind in Origin}
 
 
 def test_clouds_hold_each_pixel_once_by_origin() -> None:

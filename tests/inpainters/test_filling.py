@@ -22,6 +22,7 @@ from dlama.geometry.visibility import Law, violations
 from dlama.inpainters import FILLERS, find_filler
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill, inpaint
+from whole_picture import assert_same_view
 from worlds import Box, Plane, Sphere, World, moved
 
 PLAIN = [name for name, record in FILLERS.items() if not record.needs_model]
@@ -50,12 +51,6 @@ def moved_view() -> tuple[View, FillContext]:
     depth[60:66, 20:30] = 0
     source = View.from_rgbd(RGBD(frame.color, depth, frame.camera))
     return render(source, moved(frame.camera, (0, -8, 0), (0.6, 0, 0))), FillContext.of(Scene((source,)))
-
-
-def same_bits(one: View, other: View) -> None:
-    """Every field of two views is equal."""
-    for name in ("color", "depth", "hole", "hole_type", "origin", "confidence"):
-        np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
 
 
 @fillers
@@ -127,13 +122,13 @@ def test_sensor_holes_get_depth_only(name: str) -> None:
 
 
 @fillers
-def test_the_same_seed_gives_the_same_bits(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_same_seed_gives_the_assert_same_view(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Law: twice with one seed, and with one thread and two."""
     view, context = moved_view()
     first, _ = inpaint(view, find_filler(name), context, seed=5)
     for threads in (1, 2):
         monkeypatch.setattr(jit, "_most_threads", [threads])
-        same_bits(inpaint(view, find_filler(name), context, seed=5)[0], first)
+        assert_same_view(inpaint(view, find_filler(name), context, seed=5)[0], first)
 
 
 @fillers

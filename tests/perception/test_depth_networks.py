@@ -2,39 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import onnx
 import pytest
-from onnx import TensorProto, helper, numpy_helper
+from onnx import TensorProto, helper
 
 from dlama.errors import FileError, InputError
 from dlama.geometry.camera import Camera
 from dlama.models.network_file import NetworkFile
 from dlama.perception.depth_networks import DepthContract, predict, read_file_contract
 from dlama.perception.monocular import ESTIMATORS, estimate_depth, find_estimator
-from tiny_networks import constant
+from tiny_networks import constant, saved
 
 pytest.importorskip("onnxruntime")
 WEIGHTS = np.float32([0.2, 0.3, 0.5])
 COLOR = np.random.default_rng(5).integers(0, 256, (48, 64, 3), np.uint8)
-
-
-def saved(
-    path: Path, nodes: list, inputs: list, outputs: list, constants: Mapping[str, np.ndarray], about: dict | None = None
-) -> Path:
-    """An ONNX file of these parts."""
-    graph = helper.make_graph(
-        nodes, "tiny", inputs, outputs, [numpy_helper.from_array(a, n) for n, a in constants.items()]
-    )
-    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
-    if about:
-        helper.set_model_props(model, about)
-    onnx.save(model, str(path))
-    return path
 
 
 def value(name: str, *shape: Any, kind: int = TensorProto.FLOAT) -> Any:
@@ -54,7 +38,7 @@ def weighted_sum(
         else helper.make_node("Squeeze", ["sum", "axis"], ["map"])
     )
     ends = (1, 1, "a", "b") if rank == 4 else (1, "a", "b")
-    return saved(path, nodes, [value("picture", *shape)], [value("map", *ends)], weight, about)
+    return saved(path, nodes, ([value("picture", *shape)], [value("map", *ends)]), weight, about)
 
 
 def shown(color: np.ndarray, mean: np.ndarray, std: np.ndarray, scale: float = 1 / 255) -> np.ndarray:
@@ -101,7 +85,8 @@ def test_both_ranks_and_both_layouts(tmp_path: Path) -> None:
         helper.make_node("Squeeze", ["sum", "axis"], ["map"]),
     ]
     constants = {"weight": WEIGHTS[:, None], "axis": np.array([3], np.int64)}
-    path = saved(tmp_path / "l.onnx", nodes, [value("picture", 1, "h", "w", 3)], [value("map", 1, "a", "b")], constants)
+    ends = [value("picture", 1, "h", "w", 3)], [value("map", 1, "a", "b")]
+    path = saved(tmp_path / "l.onnx", nodes, ends, constants)
     last = predict(NetworkFile(path), DepthContract("inverse depth", size=(48, 64), layout="HWC"), COLOR)
     np.testing.assert_allclose(last.values, four.values, rtol=1e-5)
 
@@ -136,7 +121,7 @@ def point_network(path: Path, points: np.ndarray, mask: np.ndarray, scale: float
     nodes = [helper.make_node("Identity", [key], [name]) for key, name in zip("pms", names)]
     inputs = [value("image", 1, 3, "h", "w"), value("num_tokens", kind=TensorProto.INT64)]
     ends = [value(names[0], 1, *points.shape), value(names[1], 1, *mask.shape), value(names[2], 1)]
-    return saved(path, nodes, inputs, ends, constants)
+    return saved(path, nodes, (inputs, ends), constants)
 
 
 @pytest.mark.parametrize("last", ["metric_scale", "scale"])

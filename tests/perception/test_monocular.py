@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import dlama
+from box_frame import CAMERA, WORLD
 from dlama.errors import DepthError, FileError, InputError, ShapeError
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import Origin
@@ -26,10 +27,7 @@ from dlama.perception.monocular import (
     estimate_depth,
     find_estimator,
 )
-from worlds import Box, Plane, World
 
-CAMERA = Camera.from_fov(64, 48, 60)
-WORLD = World((Plane((0, 0, 4), (0, 0, 1)), Box((-0.5, -0.4, 2.0), (0.4, 0.5, 2.4))))
 RGBD_OF_WORLD = WORLD.rgbd(CAMERA)
 
 

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from servers import answering
 
 from box_frame import small_frame
 from dlama.web.answers import Limits
-from dlama.web.server import Server, open_server
+from dlama.web.server import Server
 from dlama.web.visits import Visit, Visits, open_visits
 
 
@@ -47,9 +47,5 @@ def visit(visits: Visits) -> Visit:
 @pytest.fixture
 def server(temporary: Path) -> Iterator[Server]:
     """A server on a free port, answering."""
-    with open_server("127.0.0.1", 0, None, Limits(1, 1.0, 3)) as opened:
-        thread = threading.Thread(target=opened.serve_forever, kwargs={"poll_interval": 0.02})
-        thread.start()
+    with answering(Limits(1, 1.0, 3)) as opened:
         yield opened
-        opened.shutdown()
-        thread.join()

@@ -6,8 +6,6 @@ Runs where playwright is installed and a Chromium is found; elsewhere it is skip
 from __future__ import annotations
 
 import base64
-import shutil
-import threading
 import zipfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,15 +14,14 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from chromium import BROWSER_MARKS, open_browser, playwright
+from servers import answering
 
 import dlama
 from dlama.web.answers import Limits
-from dlama.web.server import Server, open_server
+from dlama.web.server import Server
 
-playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed (extra test)")
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-pytestmark = [pytest.mark.slow, pytest.mark.skipif(CHROMIUM is None, reason="no chromium is on the path")]
-WITHOUT_GPU = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+pytestmark = BROWSER_MARKS
 PATIENCE = 600_000
 """Milliseconds: kernels may have to be compiled first."""
 playwright.expect.set_options(timeout=60_000)
@@ -33,21 +30,15 @@ playwright.expect.set_options(timeout=60_000)
 @pytest.fixture(scope="module")
 def serve() -> Iterator[Server]:
     """A server for all tests of this file."""
-    with open_server("127.0.0.1", 0, None, Limits(megabytes=8, visits=40)) as opened:
-        thread = threading.Thread(target=opened.serve_forever, kwargs={"poll_interval": 0.05})
-        thread.start()
+    with answering(Limits(megabytes=8, visits=40)) as opened:
         yield opened
-        opened.shutdown()
-        thread.join()
 
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Any]:
     """One browser; each page gets a profile of its own."""
-    with playwright.sync_playwright() as started:
-        opened = started.chromium.launch(executable_path=CHROMIUM, args=WITHOUT_GPU)
+    with open_browser() as opened:
         yield opened
-        opened.close()
 
 
 class Pages:

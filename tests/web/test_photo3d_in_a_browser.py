@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Iterator
 from typing import Any
 
 import cv2
 import numpy as np
 import pytest
+from chromium import BROWSER_MARKS, open_browser
 
 import dlama
 from dlama.completion.photo3d import Photo3D
@@ -16,10 +16,7 @@ from dlama.geometry.layers.subsampling import subsample
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import View
 
-playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed (extra test)")
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-pytestmark = [pytest.mark.slow, pytest.mark.skipif(CHROMIUM is None, reason="no chromium is on the path")]
-WITHOUT_GPU = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+pytestmark = BROWSER_MARKS
 PHONE = {"viewport": {"width": 390, "height": 780}, "has_touch": True, "is_mobile": True, "reduced_motion": "reduce"}
 
 
@@ -38,15 +35,13 @@ def page(photo: Photo3D, tmp_path_factory: pytest.TempPathFactory) -> Iterator[A
     out = dlama.write_photo3d(photo, tmp_path_factory.mktemp("page") / "out", only=("page",))
     asked: list[str] = []
     errors: list[str] = []
-    with playwright.sync_playwright() as started:
-        browser = started.chromium.launch(executable_path=CHROMIUM, args=WITHOUT_GPU)
+    with open_browser() as browser:
         opened = browser.new_context(**PHONE).new_page()
         opened.on("request", lambda request: asked.append(request.url))
         opened.on("pageerror", lambda error: errors.append(str(error)))
         opened.goto(f"file://{out / 'photo3d.html'}")
         opened.wait_for_selector("body[data-ready]")
         yield opened
-        browser.close()
     assert asked == [f"file://{out / 'photo3d.html'}"] and errors == []
 
 

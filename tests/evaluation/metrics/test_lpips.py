@@ -49,7 +49,7 @@ def test_distance_and_map_agree_with_the_twin(name: str, weights_dir: Path) -> N
 
 
 def test_a_region_is_the_mean_of_the_map_with_the_truth_pasted_outside(weights_dir: Path) -> None:
-    """The twin on pictures pasted by hand; and what lies outside has no say."""
+    """The twin on pictures pasted by hand."""
     pytest.importorskip("torch", reason="the twin needs torch: pip install 'dlama[train]'")
     truth, mine = gradient(90, 110), noise((90, 110, 3), 7)
     region = np.zeros((90, 110), np.bool_)
@@ -58,7 +58,6 @@ def test_a_region_is_the_mean_of_the_map_with_the_truth_pasted_outside(weights_d
     pasted[20:60, 30:70] = mine[20:60, 30:70]
     wanted = lpips(weights_of(weights_dir), pasted, truth)[1][20:60, 30:70].mean()
     assert MEASURE.region(mine, truth, region) == pytest.approx(wanted, abs=1e-3)
-    assert MEASURE.region(pasted, truth, region) == MEASURE.region(mine, truth, region)
 
 
 def test_what_lies_outside_a_region_has_no_say() -> None:

@@ -12,29 +12,18 @@ from pathlib import Path
 import numpy as np
 import onnx
 import pytest
-from onnx import TensorProto, helper, numpy_helper
+from onnx import TensorProto, helper
 
 from dlama import FileError, InputError, MaskSession, find_mask
 from dlama.models import records
 from dlama.perception.masks import segment_anything
 from dlama.perception.masks.prompt import Prompt
 from dlama.perception.masks.segment_anything import PAIRS, EmbeddedPicture, PairContract, name_candidates
+from tiny_networks import saved
 
 RADII = (3.0, 6.0, 9.0)
 SCORES = (0.5, 0.9, 0.7)
 HW = (40, 80)
-
-
-def saved(path: Path, nodes: list, ends: tuple[list, list], constants: dict, about: dict | None = None) -> Path:
-    """An ONNX file."""
-    values = [numpy_helper.from_array(np.asarray(value), name) for name, value in constants.items()]
-    model = helper.make_model(
-        helper.make_graph(nodes, "tiny", *ends, values), opset_imports=[helper.make_opsetid("", 17)], ir_version=8
-    )
-    if about:
-        helper.set_model_props(model, about)
-    onnx.save(model, str(path))
-    return path
 
 
 def tiny_encoder(path: Path, contract: PairContract, name: str) -> Path:

@@ -6,13 +6,13 @@ import json
 from pathlib import Path
 
 import numpy as np
-import onnx
 import pytest
-from onnx import TensorProto, helper, numpy_helper
+from onnx import TensorProto, helper
 
 from dlama.errors import FileError, InputError
 from dlama.perception.stereo.matching import transfer_disparity
 from dlama.perception.stereo.networks import NetworkMatcher, StereoContract
+from tiny_networks import saved
 
 SHIFT = 6
 
@@ -29,12 +29,8 @@ def tiny(path: Path, contract: StereoContract | None, factor: float = 1.0) -> Pa
         helper.make_node("Conv", ["right", "weight"], ["coarse"]),
         helper.make_node("Conv", ["left", "weight"], ["flow"]),
     ]
-    graph = helper.make_graph(nodes, "tiny", ends[:2], ends[2:], [numpy_helper.from_array(weight, "weight")])
-    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
-    if contract is not None:
-        helper.set_model_props(model, contract.metadata())
-    onnx.save(model, str(path))
-    return path
+    about = None if contract is None else contract.metadata()
+    return saved(path, nodes, (ends[:2], ends[2:]), {"weight": weight}, about)
 
 
 def pair(hw: tuple[int, int] = (40, 70)) -> tuple[np.ndarray, np.ndarray]:
