@@ -7,15 +7,14 @@ import warnings
 import numpy as np
 import pytest
 
+from box_frame import CAMERA, WORLD
 from dlama.completion.plausible import share_out_of_view
 from dlama.completion.verbs import remove, view
 from dlama.files.cameras import camera_for
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
-from worlds import Box, Plane, World, moved
+from worlds import moved
 
-CAMERA = Camera.from_fov(64, 48, 60)
-WORLD = World((Plane((0, 0, 4), (0, 0, 1)), Box((-0.5, -0.4, 2.0), (0.4, 0.5, 2.4))))
 GOOD = WORLD.rgbd(CAMERA)
 MASK = WORLD.trace(CAMERA)[1] == 1
 

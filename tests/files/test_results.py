@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from plyfile import PlyData
 
-from box_frame import pixels
+from box_frame import WORLD, pixels
 from dlama.completion.completion import Completion
 from dlama.completion.pipeline import complete
 from dlama.completion.verbs import remove
@@ -24,12 +24,10 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.trajectories import orbit
-from worlds import Box, Plane, World
 
 CAMERA = Camera.from_fov(56, 40, 60)
 EVERY = tuple(name for name in RESULTS if name not in ("disparity", "choice", "mask"))
 """What a removal by a filler that does not choose has; a mask is written where it is given."""
-WORLD = World((Plane((0, 0, 4), (0, 0, 1)), Box((-0.5, -0.4, 2.0), (0.4, 0.5, 2.4))))
 
 
 @pytest.fixture(scope="module")

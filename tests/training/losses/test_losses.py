@@ -212,12 +212,16 @@ def test_the_law_is_one_sided_and_counts_the_hole():
     assert number(free) == 0 and output.grad is not None and not output.grad.any()
 
 
+def four_scenes(source):
+    """The first four samples, as one batch."""
+    samples = [source.sample(i, np.random.default_rng(i)) for i in range(4)]
+    return {key: torch.stack([torch.from_numpy(sample[key]) for sample in samples]) for key in samples[0]}
+
+
 def test_terms_of_halves_are_those_of_the_whole():
     """Oracle: law; the mean over two half batches is the mean over the batch, whatever their holes and unknown pixels."""
     network = NetworkSettings("rgbd")
-    source = ToyScenes(network, 32, "train")
-    samples = [source.sample(i, np.random.default_rng(i)) for i in range(4)]
-    batch = {key: torch.stack([torch.from_numpy(sample[key]) for sample in samples]) for key in samples[0]}
+    batch = four_scenes(ToyScenes(network, 32, "train"))
     batch["known_depth"][1, :, :9] = 0
     output = torch.rand(4, 4, 32, 32, generator=torch.Generator().manual_seed(0))
     weights = replace(PIXELS, l1_hole=1.0)
@@ -335,9 +339,7 @@ def test_samples_off_the_contract_are_refused(key, change):
 def test_metrics_of_the_truth_and_of_telea():
     """Oracle: closed form; the truth is perfect, a grey hole has the truth's distance from grey, Telea is in between."""
     network = NetworkSettings("rgbd")
-    source = ToyScenes(network, 64, "held_out")
-    samples = [source.sample(i, np.random.default_rng(i)) for i in range(4)]
-    batch = {key: torch.stack([torch.from_numpy(sample[key]) for sample in samples]) for key in samples[0]}
+    batch = four_scenes(ToyScenes(network, 64, "held_out"))
     perfect = hole_metrics(batch["target"], batch, network)
     assert list(perfect) == metric_names(network)
     assert perfect["color_l1"] == perfect["depth_l1"] == perfect["law_broken"] == 0
