@@ -28,8 +28,8 @@ from click_worlds import ClickScene, ClickWorld, objects_in_sight
 from dlama.datasets.frames import RemovalTruth
 from dlama.datasets.layouts import open_dataset
 from dlama.errors import MaskError
-from dlama.evaluation.metrics.masks import innermost_pixel, iou, largest_region
-from dlama.geometry.holes import dilate_mask
+from dlama.evaluation.metrics.masks import innermost_pixel, largest_region
+from dlama.geometry.holes import dilate_mask, iou
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.perception.object_masks import MaskSession
 from rules import MASK_RULES, without

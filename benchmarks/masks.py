@@ -20,8 +20,9 @@ import cv2
 import numpy as np
 
 from dlama.datasets.frames import RemovalTruth
-from dlama.evaluation.metrics.masks import border_f, innermost_pixel, iou
+from dlama.evaluation.metrics.masks import border_f, innermost_pixel
 from dlama.evaluation.protocols.pointing import find_masks, find_or_empty
+from dlama.geometry.holes import iou
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.perception.object_masks import MaskSession
 from dlama.worlds.dataset import open_dataset_or_worlds

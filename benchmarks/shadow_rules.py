@@ -17,7 +17,8 @@ from pathlib import Path
 import numpy as np
 
 from dlama.datasets.frames import RemovalTruth
-from dlama.evaluation.metrics.masks import SMALLEST_SHADOW_PX, darkened_by_shadow, iou, outside_contact_band
+from dlama.evaluation.metrics.masks import SMALLEST_SHADOW_PX, darkened_by_shadow, outside_contact_band
+from dlama.geometry.holes import iou
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.perception.shadows.find import find_shadow
 from dlama.worlds.dataset import open_dataset_or_worlds

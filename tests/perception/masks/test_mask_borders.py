@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from dlama import find_mask
-from dlama.evaluation.metrics.masks import innermost_pixel, iou
+from dlama.evaluation.metrics.masks import innermost_pixel
 from dlama.geometry.camera import Camera
+from dlama.geometry.holes import iou
 from dlama.geometry.rgbd import RGBD
 from dlama.perception.masks import borders
 from dlama.perception.masks.borders import MOST_PX, correct_at_click, decide_by_color

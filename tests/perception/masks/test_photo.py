@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from dlama import RGBD, Camera, MaskError, MaskSession, find_mask
-from dlama.evaluation.metrics.masks import box_of, iou
+from dlama.evaluation.metrics.masks import box_of
+from dlama.geometry.holes import iou
 from dlama.geometry.rgbd import BoolArray, UInt8Array
 from dlama.perception.masks import photo
 from dlama.perception.masks.photo import name_masks, rim_share, window_around

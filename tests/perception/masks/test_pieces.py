@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from dlama import find_mask
-from dlama.evaluation.metrics.masks import innermost_pixel, iou
+from dlama.evaluation.metrics.masks import innermost_pixel
 from dlama.geometry.camera import Camera
+from dlama.geometry.holes import iou
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.worlds.dataset import world
 from worlds import Box, Plane, World

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from dlama import DlamaError, InputError, MaskError, find_mask
-from dlama.evaluation.metrics.masks import iou
 from dlama.geometry.camera import Camera
+from dlama.geometry.holes import iou
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.perception.object_masks import TOO_MUCH
 from worlds import Box, Plane, World

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from dlama import RGBD, Camera, MaskError, find_mask
-from dlama.evaluation.metrics.masks import iou
+from dlama.geometry.holes import iou
 from worlds import Box, Plane, World
 
 CAMERA = Camera.from_fov(160, 120, 70)

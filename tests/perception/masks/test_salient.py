@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dlama import MaskError, MaskSession, find_mask
-from dlama.evaluation.metrics.masks import iou
+from dlama.geometry.holes import iou
 
 
 def test_a_ball_on_a_lawn_stands_out() -> None:
