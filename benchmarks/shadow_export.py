@@ -16,6 +16,12 @@ from dlama.nets.export.onnx_graph import Graph
 from dlama.nets.whole_file import write_whole
 
 EPSILON = 1e-5  # of torch's batch norms
+PLAIN = ("own", "whole", "head")
+LAYERS = (
+    *("down1", "down2", "block2", "down3", "block3", "down4", "block4", "down5", "block5", "own", "whole"),
+    *("join4", "up4", "join3", "up3", "join2", "up2", "join1", "up1", "head"),
+)
+"""Layers in the order of the file (of the deeper network), and those without a batch norm."""
 
 
 def export_shadow(state: Mapping[str, np.ndarray], path: Path, metadata: Mapping[str, str]) -> Path:
@@ -30,6 +36,27 @@ def export_shadow(state: Mapping[str, np.ndarray], path: Path, metadata: Mapping
         ("planes", ["batch", planes, "height", "width"]), (logits, ["batch", "height", "width"]), metadata
     )
     return write_whole(path, bytes(model.SerializeToString(deterministic=True)))
+
+
+def read_shadow(path: Path) -> dict[str, np.ndarray]:
+    """The state that `export_shadow` wrote, of the deeper network; of its batch norms only what they add is left."""
+    import onnx
+
+    graph, state = onnx.load(str(path)).graph, dict[str, np.ndarray]()
+    stored = {each.name: onnx.numpy_helper.to_array(each).astype(np.float32) for each in graph.initializer}
+    stored |= {node.output[0]: stored[node.input[0]] for node in graph.node if node.op_type == "Cast"}
+    convolutions = [node for node in graph.node if node.op_type == "Conv"]
+    for name, node in zip(LAYERS, convolutions, strict=True):
+        weight, *biases = (stored[each] for each in node.input[1:])
+        if name in PLAIN:
+            state[f"{name}.weight"] = weight
+            state |= {f"{name}.bias": bias for bias in biases}
+        else:
+            state[f"{name}.0.weight"] = weight
+            one, zero = np.ones_like(biases[0]), np.zeros_like(biases[0])
+            parts = {"weight": one, "bias": biases[0], "running_mean": zero, "running_var": one - np.float32(EPSILON)}
+            state |= {f"{name}.1.{part}": value for part, value in parts.items()}
+    return state
 
 
 class _Writer:
