@@ -28,10 +28,12 @@ RED = np.int64(0)
 
 
 def spline(color: UInt8Array) -> Float32Array:
-    """H W 3 coefficients, flat, of the cubic B-spline that passes through every pixel's colour."""
+    """H W 3 coefficients, flat, of the cubic B-spline that passes through every pixel's colour; and a 0, as `vectors` reads one
+    number beyond the last pixel."""
     inverse = math.sqrt(3) * POLE ** np.abs(np.arange(-REACH, REACH + 1))
     inverse = (inverse / inverse.sum()).astype(np.float32)
-    knots = np.empty(color.shape, np.float32)
+    flat = np.zeros(color.size + 1, np.float32)
+    knots = flat[:-1].reshape(color.shape)
 
     def filter_rows(first: int, last: int) -> None:
         upper, lower = max(first - REACH, 0), last + REACH
@@ -39,7 +41,7 @@ def spline(color: UInt8Array) -> Float32Array:
         knots[first:last] = rows[first - upper : last - upper]
 
     in_bands(filter_rows, len(color), band=light_band(color.shape[1]))
-    return knots.ravel()
+    return flat
 
 
 def whole_quads(joined: UInt8Array) -> BoolArray:
@@ -87,7 +89,7 @@ def smooth_color(
 ) -> tuple[Real, Real, Real]:
     """Red, green and blue (float, may overshoot) at (fu, fv) in 0 .. 1 after the pixel (upper, left).
 
-    knots: `spline`, flat; width: pixels of its rows.
+    knots: `spline`; width: pixels of its rows.
     """
     row, first = np.uintp(3 * width), np.uintp(3 * ((upper - 1) * width + left - 1))
     return four_by_four(knots, first, row, cubic(fu), cubic(fv))

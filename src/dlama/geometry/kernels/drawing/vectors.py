@@ -77,6 +77,6 @@ def add_vectors(typing: Any, knots: Any, first: Any, row: Any, along: Any, down:
 four_by_four: Any = add_one_by_one if vars(config)["DISABLE_JIT"] else add_vectors
 """Red, green and blue of 4 x 4 pixels: those of a row weighted and added from left to right, then the rows in pairs.
 
-knots: H W 3, flat; then the flat place of the first of the pixels, the flat step to the next row, and the weights along a row and
-down a column, float32 or float64.
+knots: H W 3, flat, and one number more; then the flat place of the first of the pixels, the flat step to the next row, and the
+weights along a row and down a column, float32 or float64.
 """
