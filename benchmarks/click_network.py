@@ -42,7 +42,8 @@ SHARES, FARTHEST_M, ONE_PIECE = (0.002, 0.25), 9.0, 0.7
 """Of objects: share of the picture, median depth, least share that hangs together."""
 TEXTURED, TEXTURES, TEXTURE_PX = 0.6, 8, 256
 CUT_OFF, ANYWHERE, CLICKS_IN_PHOTO = 0.3, 0.4, 2
-"""Share of views with objects that the rim cuts, and of clicks anywhere on an object, not amid it."""
+"""Share of views with objects that the rim cuts, and of clicks anywhere on an object, not amid it; clicks on
+an object of a photo."""
 FAR_SCALES, NEAR_SCALES, LEAST_REACH = (0.8, 1.2), (1.15, 2.2), 6
 """Sides of the two squares: over FIRST_WINDOW of the picture, and over twice the object's reach from the click (px)."""
 PER_FILE = 20
@@ -113,7 +114,7 @@ def share_in_square(where: BoolArray, pixel: Pixel, radius: int) -> Float32Array
 
 
 def write_crops(folder: Path, kind: str, numbers: range, crops: Callable[[int], Iterator[Crop]]) -> None:
-    """Two files for so many numbers; those that are there stay. Not compressed: training reads single crops of them."""
+    """Two files for PER_FILE worlds or pictures; those that are there stay. Not compressed: training reads single crops."""
     folder.mkdir(parents=True, exist_ok=True)
     for part in (numbers[first : first + PER_FILE] for first in range(0, len(numbers), PER_FILE)):
         file = folder / f"{kind}-{part[0]:05d}.truth.npy"

@@ -11,9 +11,10 @@ from dlama.errors import ShapeError
 from dlama.models.network_file import NetworkFile
 
 torch = pytest.importorskip("torch")
-pytest.importorskip("onnx")
+onnx = pytest.importorskip("onnx")
 
-from shadow_export import export_shadow  # noqa: E402
+from dlama.perception.masks.click_network import NETWORK  # noqa: E402
+from shadow_export import export_shadow, read_shadow  # noqa: E402
 from shadow_net import SHADOW_MULTIPLE, ShadowNet  # noqa: E402
 
 
@@ -43,6 +44,12 @@ def test_the_file_says_what_the_module_says(tmp_path: Path) -> None:
     assert opened.metadata["dlama.what"] == "a test"
     again = export_shadow(state, tmp_path / "again.onnx", {"dlama.what": "a test"})
     assert file.read_bytes() == again.read_bytes()
+
+
+def test_a_file_that_is_read_and_written_again_is_the_same(tmp_path: Path) -> None:
+    """Oracle: the graph and the weights of the click network that ships, from which its training goes on."""
+    again = export_shadow(read_shadow(NETWORK), tmp_path / "again.onnx", {})
+    assert onnx.load(str(again)).graph == onnx.load(str(NETWORK)).graph
 
 
 def test_other_sides_are_refused() -> None:

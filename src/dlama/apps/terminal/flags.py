@@ -82,7 +82,6 @@ def _fits(value: str, kind: Any) -> bool:
 
 
 @functools.cache
-@functools.cache
 def _flags(taker: Callable[..., Any]) -> list[tuple[str, str, Any]]:
     """Name, flag and type of each option."""
     hints, found = typing.get_type_hints(taker, include_extras=True), []
