@@ -1,9 +1,13 @@
 """The rough guess that patches begin with, and its mean with them where they differ. Oracle: closed forms."""
 
 import numpy as np
+import pytest
 
 from dlama.geometry.rgbd import BoolArray, UInt8Array
-from dlama.inpainters.patchmatch.filler import DIFFERS, GUESS_SIDE, blend_with_guess, guess_coarsely
+from dlama.inpainters.patchmatch.filler import DIFFERS, DISTANCE, GUESS_SIDE, blend_with_guess, guess_coarsely
+
+TELEA = 3
+"""Levels by which OpenCV's Telea is off on one colour (5), as half of the smooth estimate."""
 
 
 def test_a_painter_sees_a_large_picture_small_and_without_the_hole() -> None:
@@ -36,6 +40,11 @@ def square_hole(side: int, first: int, last: int) -> np.ndarray:
     return hole
 
 
+def in_hole(level: int, hole: np.ndarray, known: int) -> UInt8Array:
+    """A grey picture with another level in its hole."""
+    return np.repeat(np.where(hole, np.uint8(level), np.uint8(known))[..., None], 3, 2)
+
+
 def test_the_mean_is_taken_where_they_differ_by_far() -> None:
     """Closed form: 100 and 160 levels give 130 in the hole; known pixels stay."""
     hole = square_hole(96, 20, 70)
@@ -63,3 +72,25 @@ def test_detail_finer_than_the_guess_stays() -> None:
     guess = np.where(hole[..., None], np.uint8(100), painted)
     inner = np.s_[140:360, 140:360]
     np.testing.assert_array_equal(blend_with_guess(painted, guess, hole)[inner], painted[inner])
+
+
+@pytest.mark.parametrize(("painted", "guess"), [(100, 220), (220, 100)])
+def test_what_neither_the_picture_nor_the_other_shows_weighs_little(painted: int, guess: int) -> None:
+    """Closed form: all known pixels have 100 levels, so that the one with 220 is 120 off and the other 0: the weights are as
+    DISTANCE + 120 to DISTANCE."""
+    hole = square_hole(96, 20, 70)
+    patches, network = (in_hole(level, hole, 100) for level in (painted, guess))
+    out = blend_with_guess(patches, network, hole, hole)
+    assert (out[~hole] == 100).all()
+    np.testing.assert_allclose(out[35:55, 35:55], 100 + 120 * DISTANCE / (2 * DISTANCE + 120), atol=TELEA)
+
+
+def test_hidden_pixels_are_no_evidence() -> None:
+    """Closed form: of the known pixels those of 100 levels are hidden, so that 220, as all others have, is right."""
+    hole = square_hole(96, 20, 70)
+    patches, network = (in_hole(level, hole, 220) for level in (100, 220))
+    patches[:20], network[:20] = 100, 100
+    hidden = hole.copy()
+    hidden[:20] = True
+    out = blend_with_guess(patches, network, hole, hidden)
+    np.testing.assert_allclose(out[35:55, 35:55], 220 - 120 * DISTANCE / (2 * DISTANCE + 120), atol=TELEA)

@@ -12,21 +12,26 @@ import cv2
 import numpy as np
 
 from dlama.geometry.holes import box_around, shrink_known
-from dlama.geometry.rgbd import BoolArray, UInt8Array
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import View
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill, Paint, Painter
 from dlama.inpainters.networks.migan import migan_filler
 from dlama.inpainters.opencv import telea
 from dlama.inpainters.patchmatch.completion import complete_picture
+from dlama.inpainters.spreading import spread_by_two, spread_small
 from dlama.models.network_file import make_room
 
 GUESS_SIDE = 768
 """Longer side in pixels of the picture that the painter sees: detail comes from patches."""
 DIFFERS = 20.0
 """Levels by which patches differ from their guess where the mean of both is taken."""
+DISTANCE = 10.0
+"""Levels added to the distances from the smooth estimate by which patches and a network's guess are weighed."""
 BLEND_PX = 3
-"""Sigma in pixels over which that difference is averaged: texture of one kind is no difference."""
+"""Sigma in pixels over which differences are averaged: texture of one kind is no difference."""
+SPREAD_SIDE = 256
+"""Longer side in pixels in which the smooth estimate is made."""
 
 
 def guess_coarsely(paint: Paint, picture: UInt8Array, hole: BoolArray, seed: int) -> UInt8Array:
@@ -43,23 +48,44 @@ def guess_coarsely(paint: Paint, picture: UInt8Array, hole: BoolArray, seed: int
     return np.where(hole[..., None], painted, picture)
 
 
-def blend_with_guess(painted: UInt8Array, guess: UInt8Array, hole: BoolArray) -> UInt8Array:
+def blend_with_guess(
+    painted: UInt8Array, guess: UInt8Array, hole: BoolArray, unknown: BoolArray | None = None
+) -> UInt8Array:
     """H x W x 3: the painted hole, and its mean with the guess where the two differ: each errs elsewhere.
 
-    painted, guess: H x W x 3; hole: H x W. Detail finer than GUESS_SIDE pixels stays that of the painted picture.
+    painted, guess: H x W x 3; hole: H x W; unknown: H x W, the pixels that a network has guessed. Given those, the one of the two
+    that is nearer to colours spread from the known pixels weighs more: a network may invent an object. Detail finer than
+    GUESS_SIDE pixels stays that of the painted picture.
     """
     box = box_around(hole, 3 * BLEND_PX)
     height, width = hole[box].shape
     by = min(1.0, GUESS_SIDE / max(hole.shape))
     size = max(1, round(width * by)), max(1, round(height * by))
-    step = cv2.resize(guess[box].astype(np.float32) - painted[box], size, interpolation=cv2.INTER_AREA)
-    differs = np.abs(cv2.GaussianBlur(step, (0, 0), BLEND_PX)).mean(2, keepdims=True)
-    step *= 0.5 * np.minimum(differs / DIFFERS, 1)
+    first, second = (shrink(colors[box], size) for colors in (painted, guess))
+    share = np.minimum(blurred_difference(second, first) / DIFFERS, 1)
+    if unknown is None:
+        share *= 0.5
+    else:
+        known, part = shrink_known(painted[box], ~unknown[box], size)
+        smooth = spread_small(known, part >= 0.5, spread_by_two, SPREAD_SIDE)
+        mine, others = (DISTANCE + blurred_difference(colors, smooth) for colors in (first, second))
+        share *= mine / (mine + others)
+    step = (second - first) * share[..., None]
     out = painted.copy()
     there = hole[box]
     blended = painted[box] + cv2.resize(step, (width, height), interpolation=cv2.INTER_LINEAR)
     out[box][there] = np.clip(np.round(blended[there]), 0, 255)
     return out
+
+
+def shrink(picture: UInt8Array, wh: tuple[int, int]) -> Float32Array:
+    """A picture at a size (width, height) that is no larger than its own."""
+    return np.asarray(cv2.resize(picture.astype(np.float32), wh, interpolation=cv2.INTER_AREA), np.float32)
+
+
+def blurred_difference(first: Float32Array, second: Float32Array) -> Float32Array:
+    """H x W: difference of two pictures (H x W x 3), averaged over BLEND_PX, mean over the channels of its size."""
+    return np.asarray(np.abs(cv2.GaussianBlur(first - second, (0, 0), BLEND_PX)).mean(2), np.float32)
 
 
 def patchmatch_filler(model: str | Path) -> Painter:
@@ -73,7 +99,7 @@ def patchmatch_filler(model: str | Path) -> Painter:
         if not hole.any():
             return picture
         guess = guess_coarsely(network.paint, picture, hole, seed)
-        return blend_with_guess(complete_picture(picture, hole, guess, seed), guess, hole)
+        return blend_with_guess(complete_picture(picture, hole, guess, seed), guess, hole, hole)
 
     def notes() -> dict[str, Any]:
         return {"guess": network.notes()}

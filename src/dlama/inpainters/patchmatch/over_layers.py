@@ -57,7 +57,10 @@ def layered_patches_filler(model: str | Path) -> Inpainter:
                 guess = guess_coarsely(network.paint, color, removed | hidden, seed)
                 notes["guess"] = network.notes()
             done = complete_picture(color, hole | hidden, guess, seed, label=label, effort=QUICK)
-            done = blend_with_guess(done, guess, hole)
+            if removed.any():
+                done = blend_with_guess(done, guess, removed, view.color_hole | hidden)
+            if (hole & ~removed).any():
+                done = blend_with_guess(done, guess, hole & ~removed)
             color = np.where(hidden[..., None], color, done)
         color = blend_out_of_view(view, surfaces, depth, color, context.sky, smooth)
         return Fill(color, depth, moved, notes)

@@ -19,7 +19,7 @@ from dlama.geometry.kernels.jit import begin_job
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import View
 from dlama.inpainters.sky import Sky
-from dlama.inpainters.spreading import pull_push, spread_small, telea_spread
+from dlama.inpainters.spreading import spread_by_two, spread_small
 from dlama.perception.planes import SKY
 
 LARGEST_SHARE = 0.7
@@ -153,8 +153,3 @@ def smooth_guess(view: View) -> Float32Array:
     if not where.any():
         return np.zeros((0, 3), np.float32)
     return spread_small(view.color, ~view.hole, spread_by_two, GUESSED, where)
-
-
-def spread_by_two(values: np.ndarray, known: BoolArray) -> Float32Array:
-    """As `Spread`: the mean of pull-push and Telea."""
-    return np.asarray((pull_push(values, known) + telea_spread(values, known)) / 2, np.float32)
