@@ -384,7 +384,7 @@ TABLE: dict[str, dict[str, Reach]] = {
     },
     "mask": {
         **PICTURE, **LENS, **READING, **ESTIMATING, **pointed("--click 9,9"), **REPORT,
-        "output": Reach("-o found.png", "write_found.output", Path("found.png"), ("-o mask.png",)),
+        "output": Reach("-o found.png", "write_mask.output", Path("found.png"), ("-o mask.png",)),
     },
     "stereo": {**PAIR, **MASKING, **pointed("--mask mask.png"), **method("stereo"), **REPORT, "output": OUTPUT, **FILES_WRITTEN},
     "demo": {

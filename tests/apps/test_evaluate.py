@@ -12,7 +12,9 @@ from running import refused
 
 from dlama.apps.cli import main
 from dlama.apps.verbs.measuring import evaluate as verb
-from dlama.apps.verbs.measuring.evaluate import Cases, Methods, check_extra, command_line
+from dlama.apps.verbs.measuring.evaluate import check_extra
+from dlama.apps.verbs.measuring.evaluating import choose_cases, command_line
+from dlama.apps.verbs.measuring.options import Cases, Methods
 from dlama.errors import InputError, MissingExtraError
 from dlama.evaluation import protocols
 from dlama.evaluation.protocols.methods import Method, ProtocolSettings, Scored
@@ -145,7 +147,7 @@ def test_a_data_set_without_a_protocol_says_so() -> None:
 
     cases = (Case("vpi", "toy", "s", "f", lambda: None, 10.0),)  # type: ignore[arg-type,return-value]
     with pytest.raises(InputError, match="toy has no cases of ori; it has vpi"):
-        Cases(protocol=("ori",)).chosen(Dataset("toy", "made-up", None, (), cases))
+        choose_cases(Dataset("toy", "made-up", None, (), cases), Cases(protocol=("ori",)))
 
 
 def test_the_command_is_repeatable() -> None:

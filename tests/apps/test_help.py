@@ -23,7 +23,7 @@ import dlama
 from dlama.apps import options
 from dlama.apps.cli import EXAMPLES, VERBS, join_lines, main
 from dlama.apps.terminal.flags import flags_of, with_flags
-from dlama.apps.verbs.measuring import evaluate as evaluate_verb
+from dlama.apps.verbs.measuring import options as evaluate_options
 from dlama.completion.options import field_texts
 from dlama.inpainters import FILLERS
 from dlama.jobs.options import Results
@@ -134,8 +134,8 @@ def test_names_in_help_are_those_of_the_library() -> None:
     (only, _) = dataclasses.fields(Results)
     assert f"of {', '.join(RESULTS)} (" in field_texts(Results)["only"]
     assert only.metadata["shown"].default == ",".join(BY_DEFAULT)
-    assert evaluate_verb.NO_FILL == NO_FILL
-    assert get_args(evaluate_verb.Protocol) == get_args(Protocol)
+    assert evaluate_options.NO_FILL == NO_FILL
+    assert get_args(evaluate_options.Protocol) == get_args(Protocol)
     assert inspect.signature(dlama.view).parameters["pivot"].default == options.Move().pivot
 
 

@@ -89,7 +89,7 @@ def calls(loaded: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Call
 
     def spy(place: str, answer: Any = None, through: bool = False) -> None:
         module, _, name = place.rpartition(".")
-        owner = dlama if module == "dlama" else importlib.import_module(module)
+        owner = dlama if module == "dlama" else pkgutil.resolve_name(module)
         original = getattr(owner, name)
         signature = inspect.signature(original)
 
@@ -107,7 +107,7 @@ def calls(loaded: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Call
         monkeypatch.setattr(owner, name, stand_in)
 
     verbs = (
-        *(f"measuring.{verb}" for verb in ("doctor", "evaluate", "worlds")), "networks.train", "networks.model_verbs",
+        *(f"measuring.{verb}" for verb in ("doctor", "evaluating", "worlds")), "networks.train", "networks.model_verbs",
         "sequence", "batch", "show", "video", "serve", "warm_up",
     )  # fmt: skip
     for module in ("command", "cli", *(f"verbs.{verb}" for verb in verbs)):
@@ -123,31 +123,34 @@ def _spy_on_jobs(spy: Callable[..., None]) -> None:
     """view, remove, stereo and demo: reading, the three functions, writing."""
     done = SimpleNamespace(meta={})
     about = {"field_of_view": {"from": "fov"}, "estimator": "a network", "scale": {"rule": "assumed"}}
-    spy("dlama.files.results.estimated_depth.write_depth")
-    spy("dlama.files.rgbd.read_rgbd", SimpleNamespace(estimate=about, depth=np.ones((3, 4))))
-    spy("dlama.files.rasters.images.picture_hw", (300, 400))
-    spy("dlama.files.cameras.camera_for", ("camera", "words"))
-    spy("dlama.files.cameras.read_camera", "target")
-    spy("dlama.files.cameras.read_stereo_calib", "rig")
-    spy("dlama.files.rasters.depth.read_disparity", lambda path, **_: Path(path).name)
-    spy("dlama.files.rasters.pictures.read_mask", lambda path, **_: Path(path).name)
-    spy("dlama.files.rasters.turned_pairs.check_mask_fits")
-    spy("dlama.files.rasters.pictures.read_color", lambda path: SimpleNamespace(shape=(3, 4, 3), name=Path(path).name))
-    spy("dlama.apps.model_files.model_for", lambda model: Path("cache", str(model)))
+    spy("dlama.apps.reading.write_depth")
+    spy("dlama.jobs.inputs.read_rgbd", SimpleNamespace(estimate=about, depth=np.ones((3, 4))))
+    for module in ("early", "inputs"):
+        spy(f"dlama.jobs.{module}.picture_hw", (300, 400))
+    spy("dlama.jobs.inputs.camera_for", ("camera", "words"))
+    spy("dlama.read_camera", "target")
+    spy("dlama.jobs.inputs.read_stereo_calib", "rig")
+    spy("dlama.jobs.inputs.read_disparity", lambda path, **_: Path(path).name)
+    for place in ("dlama.jobs.inputs", "dlama"):
+        spy(f"{place}.read_mask", lambda path, **_: Path(path).name)
+    spy("dlama.jobs.inputs.check_mask_fits")
+    spy("dlama.jobs.inputs.read_color", lambda path: SimpleNamespace(shape=(3, 4, 3), name=Path(path).name))
+    for place in ("options", "verbs.measuring.evaluating"):
+        spy(f"dlama.apps.{place}.model_for", lambda model: Path("cache", str(model)))
     for verb in ("view", "remove"):
         spy(f"dlama.{verb}", done)
     spy("dlama.stereo", lambda mask, **_: (mask("left") if callable(mask) else None, done)[1])
-    spy("dlama.files.results.completion.write")
-    spy("dlama.files.results.completion.file_names", [])
+    spy("dlama.jobs.inputs.write")
+    spy("dlama.jobs.inputs.file_names", [])
     found = SimpleNamespace(mask="mask", masker="rgbd", chosen="object", notes=(), about={})
     spy("dlama.perception.object_masks.find_mask", found)
     spy("dlama.perception.object_masks.complete_mask", found)
-    spy("dlama.files.semantic_classes.semantic_picture", Path("semantic.png"))
-    spy("dlama.apps.verbs.masks.write_found", [])
+    spy("dlama.jobs.inputs.semantic_picture", Path("semantic.png"))
+    spy("dlama.apps.reading.Command.write_mask", [])
     spy("dlama.apps.verbs.masks.found_line", "")
     spy("dlama.apps.verbs.masks.found_values", {})
-    spy("dlama.apps.command.summary_line", "")
-    spy("dlama.apps.command.summary_values", {})
+    spy("dlama.apps.reading.summary_line", "")
+    spy("dlama.apps.reading.summary_values", {})
     spy("dlama.apps.verbs.demo.demo_panels", [])
     spy("dlama.apps.verbs.demo.demo_legend", [])
     spy("dlama.apps.verbs.demo.demo_video")
@@ -156,10 +159,10 @@ def _spy_on_jobs(spy: Callable[..., None]) -> None:
 
 def _spy_on_the_rest(spy: Callable[..., None]) -> None:
     """evaluate, worlds, pack, models; `train` stands for itself, as it needs torch."""
-    spy("dlama.worlds.dataset.open_dataset_or_worlds", Dataset("toy", "made-up", None, (), CASES))
-    spy("dlama.evaluation.runner.run.run", SimpleNamespace(stored=(), reused=0, stale=0, failures=()))
-    spy("dlama.evaluation.report.write.write_report")
-    spy("dlama.evaluation.report.reliability.reliability_lines", [])
+    spy("dlama.apps.verbs.measuring.evaluating.open_dataset_or_worlds", Dataset("toy", "made-up", None, (), CASES))
+    spy("dlama.apps.verbs.measuring.evaluating.run", SimpleNamespace(stored=(), reused=0, stale=0, failures=()))
+    spy("dlama.apps.verbs.measuring.evaluating.write_report")
+    spy("dlama.apps.verbs.measuring.evaluating.reliability_lines", [])
     spy("dlama.worlds.writer.write_worlds", [])
     spy("dlama.diagnose", ())
     spy("dlama.sequence", {})
@@ -178,7 +181,7 @@ def _spy_on_the_rest(spy: Callable[..., None]) -> None:
     spy("dlama.batch", ())
     spy("dlama.apps.verbs.batch.plan_lines", ())
     point = dlama.PointCloud(np.zeros((1, 3)), np.zeros((1, 3), np.uint8), np.ones(1, np.uint8), np.ones(1, np.float32))
-    spy("dlama.apps.verbs.show.points_in", (point, None, ""))
+    spy("dlama.datasets.points.points_in", (point, None, ""))
     spy("dlama.geometry.figures.points.point_viewer", "")
     spy("dlama.apps.verbs.show.show_page", Path("page.html"))
     spy("dlama.geometry.kernels.ahead.start_compiling", [])

@@ -16,7 +16,7 @@ import dlama
 from dlama.apps.cli import main
 from dlama.apps.options import Report
 from dlama.apps.terminal import progress as terminal_progress
-from dlama.apps.verbs.measuring import evaluate
+from dlama.apps.verbs.measuring import evaluating
 from dlama.files.results.completion import RESULTS
 
 VIEW = ("view", "image.png", "depth.png", "--fov", 60, "--yaw", 12, *FAST)
@@ -113,7 +113,7 @@ def test_version_flag(capsys: pytest.CaptureFixture[str]) -> None:
 def test_a_line_a_minute(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     """Without a terminal long runs say how far they are, on standard error alone, and --quiet says nothing."""
     monkeypatch.setattr(terminal_progress, "MINUTE", 0.01)
-    with evaluate.show_progress("street", Report()) as progress:
+    with evaluating.show_progress("street", Report()) as progress:
         progress(None, 2, 20)
         err = ""
         while "2 of 20" not in err:
@@ -121,7 +121,7 @@ def test_a_line_a_minute(capsys: pytest.CaptureFixture[str], monkeypatch: pytest
             err += told.err
             assert told.out == ""
     assert re.search(r"progress: street: 2 of 20 done \(10 %\), running for \d+ s\n", err)
-    with evaluate.show_progress("street", Report(quiet=True)) as progress:
+    with evaluating.show_progress("street", Report(quiet=True)) as progress:
         progress(None, 2, 20)
         time.sleep(0.05)
     assert "2 of 20" not in capsys.readouterr().err

@@ -11,7 +11,7 @@ import pytest
 
 import dlama
 from dlama.apps.cli import main
-from dlama.apps.verbs.show import points_in
+from dlama.datasets.points import points_in
 from dlama.files.scenes.clouds import read_ply
 
 

@@ -6,9 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from dlama.apps.verbs.networks.train import choose_settings
 from dlama.errors import InputError
-from dlama.training.loop.run_files import prepare, write_settings
+from dlama.training.loop.run_files import choose_settings, prepare, write_settings
 
 
 def test_a_resumed_run_knows_what_it_was_started_from(tmp_path: Path) -> None:

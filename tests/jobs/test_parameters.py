@@ -17,7 +17,7 @@ from dlama.errors import InputError
 from dlama.jobs.batch import check_defaults
 from dlama.jobs.job import job_of
 from dlama.jobs.parameters import FILES, KNOWN, NEEDED, NETWORKS, VERBS, check_parameters
-from dlama.jobs.perform import PERFORM
+from dlama.jobs.verbs import PERFORM
 
 
 def options_of(taker: Callable[..., Any]) -> Iterator[str]:

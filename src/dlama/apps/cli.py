@@ -16,7 +16,7 @@ import tyro
 from tyro.conf import FlagCreatePairsOff, OmitArgPrefixes, Positional
 
 import dlama
-from dlama.apps.command import STAGES, Command, command
+from dlama.apps.command import STAGES, command
 from dlama.apps.examples import EXAMPLES
 from dlama.apps.options import (
     Depth,
@@ -159,7 +159,6 @@ def demo(method: Method, results: Results, report: Report, output: DEMO_FOLDER =
     from dlama.apps.verbs.demo import demo
 
     with report_result("demo", report) as result, stages_bar("demo", 4 * STAGES, report):
-        Command().check(output, results, {}, None, method.settings())
         demo(output, method, result, results)
 
 

@@ -13,15 +13,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, get_type_hin
 
 from tyro.conf import arg
 
+import dlama
+from dlama.apps.model_files import model_for
 from dlama.completion.options import field_texts, typed_options
 from dlama.errors import InputError
 from dlama.jobs import options as groups
-from dlama.jobs.inputs import mask_and_pointing
 from dlama.jobs.options import Shown
-from dlama.jobs.parameters import check_move, check_one_target, known_depths
-
-if TYPE_CHECKING:
-    from dlama.geometry.camera import Camera
+from dlama.jobs.parameters import check_move, check_one_target, known_depths, mask_and_pointing
 
 
 def option(metavar: str, default: str | None = "none", **others: Any) -> Any:
@@ -107,11 +105,9 @@ class Move(groups.Move):
             "dolly": self.dolly or 0.0,
         }
 
-    def target(self) -> Camera | None:
+    def target(self) -> dlama.Camera | None:
         """The camera of --to."""
-        from dlama.files.cameras import read_camera
-
-        return None if self.to is None else read_camera(self.to)
+        return None if self.to is None else dlama.read_camera(self.to)
 
 
 @as_flags
@@ -181,8 +177,6 @@ class LibraryOptions:
 
     def network(self) -> Path | None:
         """The ONNX file of --model; a checkpoint is converted once, into the cache."""
-        from dlama.apps.model_files import model_for
-
         return None if self.model is None else model_for(self.model)
 
 

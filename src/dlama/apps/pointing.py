@@ -1,19 +1,14 @@
-"""What is pointed at in a picture (options of `mask`, `remove` and `stereo`) in; the mask of the object out."""
+"""What is pointed at in a picture (options of `mask`, `remove` and `stereo`) in; keyword arguments of find_mask out."""
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterable
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from dlama.apps.options import as_flags
 from dlama.jobs import options as groups
-from dlama.jobs.inputs import find_pointed, is_pointed, mask_settings
-
-if TYPE_CHECKING:
-    import dlama
-    from dlama.geometry.rgbd import UInt8Array
+from dlama.jobs.parameters import is_pointed, mask_settings
 
 
 @as_flags
@@ -37,10 +32,6 @@ class Pointing(groups.Pointing):
         options = super().settings()
         del options["object_class"]
         return mask_settings(**options)
-
-    def find(self, picture: dlama.RGBD | UInt8Array, image: Path) -> dlama.ObjectMask:
-        """The object in a picture, read from `image`. InputError and its kin."""
-        return find_pointed(picture, image, self.settings(), self.object_class)
 
 
 def mask_notes(chosen: str, candidates: Iterable[str], notes: Iterable[str]) -> str:

@@ -1,6 +1,6 @@
 """The options of one job in; InputError, which names all that are wrong, before a picture is read or anything computed, out.
 
-The command line's options are read by this file too: what computes is imported where it is used.
+What points at an object and what scales estimated depth is imported where it is given: most jobs give neither.
 """
 
 from __future__ import annotations
@@ -11,6 +11,11 @@ from typing import Any
 
 from dlama.completion.options import options_of, raise_all
 from dlama.errors import FileError, InputError
+from dlama.files.rasters.depth import check_depth_options
+from dlama.files.rasters.images import picture_hw
+from dlama.files.results.completion import check_results
+from dlama.geometry.camera import Camera
+from dlama.geometry.trajectories import PIVOT_M, dolly, orbit
 from dlama.inpainters import AUTO, model_file
 from dlama.jobs.parameters import METHOD
 
@@ -21,9 +26,6 @@ def check_options(given: Mapping[str, Any], image: Path | None = None, removes: 
     given: by name, as `jobs.parameters` has them; points as `mask_settings` gives them. image: the picture that is pointed at.
     removes: whether the job removes an object, whose mask can be written.
     """
-    from dlama.files.rasters.depth import check_depth_options
-    from dlama.files.results.completion import check_results
-    from dlama.geometry.camera import Camera
 
     def one(name: str, default: Any = None) -> Any:
         return given[name] if given.get(name) is not None else default
@@ -50,9 +52,6 @@ def _check_results(names: tuple[str, ...], removes: bool) -> None:
 
 def _check_move(given: Mapping[str, Any]) -> None:
     """An orbit and a dolly that no camera can make."""
-    from dlama.geometry.camera import Camera
-    from dlama.geometry.trajectories import PIVOT_M, dolly, orbit
-
     pivot = given.get("pivot", "auto")
     yaw, pitch, ahead = (given.get(name) or 0.0 for name in ("yaw", "pitch", "dolly"))
     dolly(orbit(Camera.from_fov(2, 2, 60), yaw, pitch, PIVOT_M if pivot == "auto" else pivot), ahead)
@@ -83,8 +82,6 @@ def _check_scale(given: Mapping[str, Any], image: Path | None) -> None:
 
 def _size(image: Path | None) -> tuple[int, int] | None:
     """(height, width) of the picture; None where there is none that can be read, which its reader says."""
-    from dlama.files.rasters.images import picture_hw
-
     try:
         return None if image is None else picture_hw(image)
     except FileError:

@@ -1,8 +1,4 @@
-"""The files of one job in, or what points at an object in them; what was read from them, timed, and the result written with
-their hashes, out.
-
-The command line's options are read by this file too: what computes is imported where it is used, so that `--help` is quick.
-"""
+"""The files of one job in, or what points at an object in them; what was read from them, timed, and written with hashes, out."""
 
 from __future__ import annotations
 
@@ -13,59 +9,29 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from dlama.completion.completion import Completion
 from dlama.errors import InputError
-from dlama.jobs.parameters import box as checked_box
-from dlama.jobs.parameters import points
+from dlama.files.cameras import camera_for, read_stereo_calib
+from dlama.files.rasters.depth import read_disparity
+from dlama.files.rasters.images import picture_hw
+from dlama.files.rasters.pictures import read_color, read_mask
+from dlama.files.rasters.turned_pairs import check_mask_fits
+from dlama.files.results.completion import file_names, write
+from dlama.files.rgbd import read_rgbd
+from dlama.files.semantic_classes import semantic_picture
+from dlama.geometry.camera import StereoRig
+from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
+from dlama.models.network_file import close_networks
 from dlama.progress import begin_stage
 
 if TYPE_CHECKING:
-    from dlama.completion.completion import Completion
-    from dlama.geometry.camera import StereoRig
-    from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
     from dlama.perception.object_masks import ObjectMask
-
-
-def is_pointed(given: Mapping[str, Any]) -> bool:
-    """Whether these options say which object is meant."""
-    words = ("click", "not_click", "box", "salient", "object_class")
-    return any(given.get(name) for name in words) or given.get("masker") == "salient"
-
-
-def mask_and_pointing(mask: object) -> InputError:
-    """The error where a mask file was given with clicks or a box."""
-    return InputError(f"a mask file ({mask}) and clicks or a box were both given; one of them is expected")
-
-
-def mask_settings(
-    *,
-    click: Sequence[Any] = (),
-    not_click: Sequence[Any] = (),
-    box: Any = None,
-    salient: bool = False,
-    masker: str | None = None,
-    mask_model: str | None = None,
-    candidate: str = "object",
-    with_shadow: bool = False,
-) -> dict[str, Any]:
-    """The options as keyword arguments of find_mask; raises InputError."""
-    if salient and masker not in (None, "salient"):
-        raise InputError(f"`salient=True` and `masker={masker}` contradict each other; give one of them")
-    return {
-        "clicks": points("click", click),
-        "not_clicks": points("not_click", not_click),
-        "box": None if box is None else checked_box("box", box),
-        "masker": "salient" if salient else masker,
-        "mask_model": mask_model,
-        "candidate": candidate,
-        "with_shadow": with_shadow,
-    }
 
 
 def find_pointed(
     picture: RGBD | UInt8Array, image: Path, settings: Mapping[str, Any], object_class: str | None = None
 ) -> ObjectMask:
     """The object in a picture, read from `image`: by `settings` of find_mask, or of a semantic class. InputError and its kin."""
-    from dlama.models.network_file import close_networks
     from dlama.perception import object_masks
 
     if object_class is None:
@@ -75,9 +41,6 @@ def find_pointed(
         return found
     if settings["clicks"] or settings["not_clicks"] or settings["box"] or settings["masker"]:
         raise InputError("`object_class` and other ways to point at an object contradict each other; give one of them")
-    from dlama.files.rasters.pictures import read_mask
-    from dlama.files.semantic_classes import semantic_picture
-
     mask = read_mask(semantic_picture(image), mask_class=object_class)
     with_shadow = settings["with_shadow"]
     return object_masks.complete_mask(picture, {"object": mask}, "object", f"class {object_class}", with_shadow)
@@ -120,10 +83,6 @@ class JobInputs:
         self, image: Path, depth: Path | None, lens: Mapping[str, Any], options: Mapping[str, Any]
     ) -> RGBD:
         """A picture, its depth (estimated, where there is no file) and its camera; lens and options as of `read_rgbd`."""
-        from dlama.files.cameras import camera_for
-        from dlama.files.rasters.images import picture_hw
-        from dlama.files.rgbd import read_rgbd
-
         camera_file = lens.get("camera")
         self.inputs |= {"image": image} | ({"camera": Path(camera_file)} if camera_file else {})
         if depth is None:
@@ -140,9 +99,6 @@ class JobInputs:
         self, path: Path, options: Mapping[str, Any], picture: Path | None, role: str = "mask"
     ) -> BoolArray:
         """A mask of a picture, True = remove; options as of `read_mask`."""
-        from dlama.files.rasters.pictures import read_mask
-        from dlama.files.rasters.turned_pairs import check_mask_fits
-
         self.inputs[role] = path
         with self.reading(path):
             mask = read_mask(path, **options)
@@ -161,8 +117,6 @@ class JobInputs:
 
     def optional_disparity(self, path: Path | None, scale: float | None) -> Float32Array | None:
         """A disparity, where one is given."""
-        from dlama.files.rasters.depth import read_disparity
-
         if path is None:
             if scale is not None:
                 raise InputError(
@@ -175,9 +129,6 @@ class JobInputs:
 
     def pair(self, left: Path, right: Path, calib: Path) -> tuple[UInt8Array, UInt8Array, StereoRig]:
         """The pictures of a rectified pair and the cameras that took them."""
-        from dlama.files.cameras import read_stereo_calib
-        from dlama.files.rasters.pictures import read_color
-
         self.inputs |= {"left": left, "right": right, "calib": calib}
         self.intrinsics_from = f"calib {calib.name}"
         with self.reading(left, right, calib):
@@ -188,8 +139,6 @@ class JobInputs:
         self, done: Completion, output: Path, only: Sequence[str] | None = None, also: Sequence[str] = ()
     ) -> list[str]:
         """What `only` and `also` name of the result to its directory; the names of its files."""
-        from dlama.files.results.completion import file_names, write
-
         if self.object_mask:
             done.meta["object_mask"] = self.object_mask
         seconds = {"read": self.read_seconds}

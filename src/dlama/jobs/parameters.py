@@ -230,3 +230,39 @@ def check_one_target(to: Any, **orbit: Any) -> None:
     given = [name for name, value in orbit.items() if value is not None]
     if to is not None and given:
         raise InputError(f"`to=TARGET.json` and `{given[0]}` contradict each other; give one of them")
+
+
+def is_pointed(given: Mapping[str, Any]) -> bool:
+    """Whether these options say which object is meant."""
+    words = ("click", "not_click", "box", "salient", "object_class")
+    return any(given.get(name) for name in words) or given.get("masker") == "salient"
+
+
+def mask_and_pointing(mask: object) -> InputError:
+    """The error where a mask file was given with clicks or a box."""
+    return InputError(f"a mask file ({mask}) and clicks or a box were both given; one of them is expected")
+
+
+def mask_settings(
+    *,
+    click: Sequence[Any] = (),
+    not_click: Sequence[Any] = (),
+    box: Any = None,
+    salient: bool = False,
+    masker: str | None = None,
+    mask_model: str | None = None,
+    candidate: str = "object",
+    with_shadow: bool = False,
+) -> dict[str, Any]:
+    """The options as keyword arguments of find_mask; raises InputError."""
+    if salient and masker not in (None, "salient"):
+        raise InputError(f"`salient=True` and `masker={masker}` contradict each other; give one of them")
+    return {
+        "clicks": points("click", click),
+        "not_clicks": points("not_click", not_click),
+        "box": None if box is None else POINTING["box"]("box", box),
+        "masker": "salient" if salient else masker,
+        "mask_model": mask_model,
+        "candidate": candidate,
+        "with_shadow": with_shadow,
+    }

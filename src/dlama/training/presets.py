@@ -125,6 +125,20 @@ PRESETS: dict[str, Preset] = {
 """By name, in the order of their size."""
 
 
+def preset_lines() -> list[str]:
+    """What each preset is for, and what it costs."""
+    lines = []
+    for name, preset in PRESETS.items():
+        s = preset.settings
+        lines += [f"{name}: {preset.purpose}"]
+        lines += [
+            f"    {s.network.parameters / 1e6:.2f} M parameters, {preset.gflop:g} GFLOP for a picture of 512 x 512 pixels",
+            f"    {s.loop.steps} steps of {s.loop.batch} samples of {s.data.size} x {s.data.size} pixels, {s.loop.precision}",
+            f"    samples/s: {preset.samples_per_second}",
+        ]
+    return lines
+
+
 def to_json(settings: TrainSettings) -> str:
     """The text of a settings file, every setting written out."""
     return json.dumps(asdict(settings), indent=2) + "\n"

@@ -32,6 +32,8 @@ from dlama.workers.progress import log_messages
 KERNELS = logging.getLogger("dlama.kernels")
 """Reports that kernels are being compiled (`geometry.kernels.jit`, which is too heavy to be imported here)."""
 
+SHOWN = 5e-4
+"""The smallest share of a picture that a line about a result names: 0.1 % when rounded."""
 BAD_INPUT = 2
 """Exit code for anything the user can put right."""
 WITH_FLAGS: ContextVar[Callable[[str], str]] = ContextVar("WITH_FLAGS", default=str)
@@ -146,11 +148,9 @@ def print_line(kind: str, message: str) -> None:
         with suppress(OSError):  # standard error is full: the work continues
             print(f"{kind}: {line}", file=sys.stderr, flush=True)
         return
-    from rich.console import Console
-    from rich.text import Text
+    from dlama.apps.terminal.bars import print_colored
 
-    style = {"error": "bold red", "warning": "bold yellow"}.get(kind, "bold")
-    Console(stderr=True, soft_wrap=True).print(Text.assemble((f"{kind}: ", style), line))
+    print_colored(kind, line)
 
 
 @contextmanager
@@ -159,15 +159,13 @@ def stages_bar(title: str, total: int, report: Report) -> Iterator[None]:
     if report.quiet or not sys.stderr.isatty():
         yield
         return
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+    from dlama.apps.terminal.bars import STAGES, open_bar
 
-    text = TextColumn("{task.description}", markup=False)
-    columns = (SpinnerColumn(), text, BarColumn(24), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(title, total=total)
-        with show_progress(lambda stage: bar.update(task, advance=1, description=printable(f"{title}: {stage}"))):
-            yield
+    with (
+        open_bar(title, STAGES, total) as update,
+        show_progress(lambda stage: update(advance=1, description=printable(f"{title}: {stage}"))),
+    ):
+        yield
 
 
 @contextmanager
@@ -176,20 +174,7 @@ def counting_bar(title: str, report: Report) -> Iterator[Any]:
     if report.quiet or not sys.stderr.isatty():
         yield None
         return
-    from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
+    from dlama.apps.terminal.bars import COUNT, open_bar
 
-    text = TextColumn("{task.description}", markup=False)
-    columns = (text, BarColumn(24), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(title, total=None)
-        yield lambda done, total, title=title: bar.update(
-            task, completed=done, total=total, description=printable(title)
-        )
+    with open_bar(title, COUNT) as update:
+        yield lambda done, total, title=title: update(completed=done, total=total, description=printable(title))

@@ -20,9 +20,9 @@ from dlama.apps.terminal.output import print_line, report_result
 from dlama.apps.terminal.progress import bar_or_lines
 from dlama.errors import InputError, format_count
 from dlama.jobs import options as groups
-from dlama.jobs.lists.data_sets import DatasetJobs
 from dlama.jobs.lists.folders import Pictures
 from dlama.jobs.results.result import Totals
+from dlama.jobs.storage import is_address, local_path
 from dlama.workers.progress import progress_line
 
 if TYPE_CHECKING:
@@ -176,6 +176,8 @@ def source(words: Sequence[str], which: Which, defaults: dict[str, Any]) -> Any:
     if which.images is None and (which.depths or which.masks):
         raise InputError("`depths` and `masks` go with `images=PATTERN`")
     if which.data is not None:
+        from dlama.jobs.lists.data_sets import DatasetJobs
+
         return DatasetJobs(which.data, which.verb, which.layout, defaults)
     if which.layout is not None:
         raise InputError("`layout` goes with `data=DATASET`")
@@ -209,8 +211,6 @@ def plan_lines(jobs: Any, verb: str | None, defaults: dict[str, Any]) -> Iterato
 
 def missing_file(job: Job) -> str | None:
     """Which input of a job, of those on this disk, is not there; None: none."""
-    from dlama.jobs.storage import is_address, local_path
-
     files = (path for path in job.files.values() if not is_address(path))
     return next((f"{path}: no such file" for path in files if not Path(local_path(path)).exists()), None)
 

@@ -7,9 +7,9 @@ import warnings
 from pathlib import Path
 
 import dlama
-from dlama.apps.command import Command
 from dlama.apps.options import Lens, Masking, Method, Reading, Results
 from dlama.apps.pointing import Pointing
+from dlama.apps.reading import Command
 from dlama.apps.terminal.output import Result
 from dlama.files.atomic_write import new_directory
 from dlama.files.results.contact_sheet import write_contact_sheet
@@ -83,8 +83,9 @@ def demo_video(path: Path, done: dlama.Completion) -> None:
 def demo(output: Path, method: Method, result: Result, results: Results) -> None:
     """Each job's results to a folder of `output`, what they read to inputs/, preview.png of all, and video.webp.
 
-    `result` takes a line for each. Raises OutputError; then nothing is left behind.
+    `result` takes a line for each. Raises OutputError, and InputError for options that cannot be; then nothing is left behind.
     """
+    Command().check(output, results, {}, None, method.settings())
     panels, completions = [], []
     with new_directory(output) as folder:
         for name, (title, complete) in JOBS.items():

@@ -13,11 +13,9 @@ from dlama.apps.options import Depth, Estimating, Image, Lens, Reading, Report, 
 from dlama.apps.places import check_file_apart
 from dlama.apps.pointing import Pointing, mask_notes
 from dlama.errors import InputError
-from dlama.jobs.early import check_options
 
 if TYPE_CHECKING:
     import dlama
-    from dlama.geometry.rgbd import UInt8Array
 
 ASSUMED = "the (scale of the estimated depth|field of view) is assumed"
 """Warnings of a picture whose depth is estimated; a mask in it depends on neither."""
@@ -50,27 +48,14 @@ def mask(
             raise InputError(
                 "no object is pointed at: give --click X,Y on it, --box X,Y,W,H round it, --salient or --class NAME"
             )
-        check_options({**reading.settings(), **estimating.settings(), **pointing.settings()}, image)
+        this.check_options(image, reading.settings(), estimating.settings(), pointing.settings())
         with warnings.catch_warnings():
             if depth is None and not pointing.with_shadow:
                 warnings.filterwarnings("ignore", ASSUMED)
             picture = this.picture(image, depth, lens, reading, estimating, needs_depth=pointing.needs_depth)
-        found = pointing.find(picture, image)
-        files = write_found(found, picture, output)
+        found = this.find(picture, pointing, image)
+        files = this.write_mask(found, picture, output, overlay_of(output))
         this.result.add(found_line(found, output, this.seconds), **found_values(found, files))
-
-
-def write_found(found: dlama.ObjectMask, picture: dlama.RGBD | UInt8Array, output: Path) -> list[Path]:
-    """The mask, and next to it NAME_overlay.png: the object tinted and outlined. OutputError."""
-    from dlama.files.rasters.pictures import write_color, write_mask
-    from dlama.files.results.preview import tint
-    from dlama.geometry.rgbd import RGBD
-
-    overlay = overlay_of(output)
-    write_mask(output, found.mask)
-    color = picture.color if isinstance(picture, RGBD) else picture
-    write_color(overlay, tint(color, found.mask))
-    return [output, overlay]
 
 
 def overlay_of(output: Path) -> Path:

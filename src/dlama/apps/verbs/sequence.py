@@ -7,12 +7,11 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 from tyro.conf import Positional
 
 import dlama
-from dlama.apps.command import SHOWN
 from dlama.apps.options import (
     CameraFile,
     Masking,
@@ -24,13 +23,10 @@ from dlama.apps.options import (
     option,
 )
 from dlama.apps.places import check_folder_apart
-from dlama.apps.terminal.output import report_result
+from dlama.apps.terminal.output import SHOWN, report_result
 from dlama.apps.terminal.progress import bar_or_lines
 from dlama.errors import InputError, format_count
 from dlama.workers.progress import progress_line
-
-if TYPE_CHECKING:
-    from dlama.geometry.rgbd import BoolArray
 
 
 @dataclass(frozen=True)
@@ -81,19 +77,13 @@ def sequence(
     started = time.perf_counter()
     with report_result("sequence", report) as result:
         check_folder_apart(output, {"data set": dataset, "folder of masks": masks})
-        found = read_masks(mask_files(mask, masks), masking)
+        how = masking.settings()
+        found = {frame: dlama.read_mask(path, **how) for frame, path in mask_files(mask, masks).items()}
         with show_progress("sequence", report) as progress:
             options = {"masks": found, "views": views, **vars(source)}
             options |= {"only": names_in(only), "also": names_in(also) or ()}
             meta = dlama.sequence(dataset, output, progress=progress, **options, **method.settings())
         result.add(summary_line(meta, output, time.perf_counter() - started), **summary_values(meta, output))
-
-
-def read_masks(files: dict[str, Path], masking: Masking) -> dict[str, BoolArray]:
-    """Frame -> mask. FileError, MaskError."""
-    from dlama.files.rasters.pictures import read_mask
-
-    return {frame: read_mask(path, **masking.settings()) for frame, path in files.items()}
 
 
 def mask_files(named: Sequence[str], folder: Path | None) -> dict[str, Path]:

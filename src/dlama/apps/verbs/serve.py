@@ -12,6 +12,7 @@ from urllib.parse import quote
 from dlama.apps.options import Report, option
 from dlama.apps.terminal.output import report_result
 from dlama.errors import InputError
+from dlama.web.answers import Limits
 
 if TYPE_CHECKING:
     from dlama.web.server import Server
@@ -48,7 +49,6 @@ def serve(
     for name, value in (("max_megabytes", max_megabytes), ("max_megapixels", max_megapixels), ("max_pages", max_pages)):
         if not value > 0:
             raise InputError(f"`{name}` is {value:g}; more than 0 is expected")
-    from dlama.web.answers import Limits
     from dlama.web.server import is_loopback, open_server
 
     if token is None and not is_loopback(host):

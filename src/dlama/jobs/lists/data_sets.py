@@ -8,7 +8,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from dlama.datasets.layouts import open_dataset
 from dlama.errors import InputError
+from dlama.evaluation.runner.cache_key import short_hash
 from dlama.jobs.job import Job
 from dlama.jobs.parameters import METHOD, MOVE, POINTING, RESULTS, check_parameters
 
@@ -28,9 +30,6 @@ class DatasetJobs:
 
     def __iter__(self) -> Iterator[Job]:
         """InputError: an unknown layout, a data set without what the verb takes, options that cannot be."""
-        from dlama.datasets.layouts import open_dataset
-        from dlama.evaluation.runner.cache_key import short_hash
-
         verb = self.verb or ""
         refused = [name for name, value in self.defaults.items() if name not in TAKEN and value is not None]
         if refused:

@@ -10,12 +10,13 @@ import logging
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from dlama.errors import DlamaError, FileError, InputError, OutputError
 from dlama.files.atomic_write import new_file
-from dlama.training.presets import read_settings, to_json
+from dlama.training.presets import read_settings, settings_of, to_json
 from dlama.training.settings import TrainSettings
 
 try:
@@ -30,6 +31,29 @@ MAY_CHANGE = {
     "data": {"workers"},
 }
 """Settings that may differ in a resumed run; all others would make it another run."""
+
+
+def choose_settings(
+    name: str, start: Path | None, trunk: Path | None, run: Path | None = None, **loop: Any
+) -> TrainSettings:
+    """A file's or a preset's settings with what the command line says put in; InputError.
+
+    run: directory of a run to resume, which began with the weights that neither the command line nor the settings name.
+    """
+    found = settings_of(name)
+    if run is not None and (run / SETTINGS).is_file():
+        begun = settings_of(run / SETTINGS)
+        if found.network.start is None:
+            found = replace(found, network=replace(found.network, start=begun.network.start))
+        if found.loss.trunk_weights is None and begun.loss.trunk_weights is not None:
+            weights = begun.loss.trunk_weights
+            found = replace(found, loss=replace(found.loss, trunk=begun.loss.trunk, trunk_weights=weights))
+    if start is not None:
+        found = replace(found, network=replace(found.network, start=str(start)))
+    if trunk is not None:
+        found = replace(found, loss=replace(found.loss, trunk="auto", trunk_weights=str(trunk)))
+    changes = {key: value for key, value in loop.items() if value is not None}
+    return replace(found, loop=replace(found.loop, **changes))
 
 
 def prepare(run: Path, settings: TrainSettings, resume: bool) -> None:

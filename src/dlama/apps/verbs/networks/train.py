@@ -5,7 +5,6 @@ from __future__ import annotations
 import importlib.util
 import sys
 from contextlib import AbstractContextManager, nullcontext, suppress
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -20,7 +19,6 @@ from dlama.workers.progress import log_messages
 
 if TYPE_CHECKING:
     from dlama.training.loop.train import TrainingResult
-    from dlama.training.settings import TrainSettings
 
 LIST = "presets"
 EXAMPLES: dict[str, tuple[str, ...]] = {
@@ -71,6 +69,9 @@ def train(
         precision: bf16 is faster on GPUs, and on CPUs that have it (lscpu says avx512_bf16 or amx_bf16).
         devices: GPUs, or processes on a CPU.
     """
+    from dlama.training.loop.run_files import choose_settings
+    from dlama.training.presets import preset_lines
+
     if settings == LIST:
         print("\n".join(preset_lines()))
         return
@@ -132,48 +133,6 @@ def summary(done: TrainingResult) -> tuple[str, dict[str, Any]]:
     network = None if done.network is None else str(done.network)
     line = f"{done.run}: step {done.step}, {done.ended}; {network or 'no network yet, --resume continues'}"
     return line, {"output": str(done.run), "step": done.step, "ended": done.ended, "network": network}
-
-
-def choose_settings(
-    name: str, start: Path | None, trunk: Path | None, run: Path | None = None, **loop: Any
-) -> TrainSettings:
-    """A file's or a preset's settings with what the command line says put in; InputError.
-
-    run: directory of a run to resume, which began with the weights that neither the command line nor the settings name.
-    """
-    from dlama.training.loop.run_files import SETTINGS
-    from dlama.training.presets import settings_of
-
-    found = settings_of(name)
-    if run is not None and (run / SETTINGS).is_file():
-        begun = settings_of(run / SETTINGS)
-        if found.network.start is None:
-            found = replace(found, network=replace(found.network, start=begun.network.start))
-        if found.loss.trunk_weights is None and begun.loss.trunk_weights is not None:
-            weights = begun.loss.trunk_weights
-            found = replace(found, loss=replace(found.loss, trunk=begun.loss.trunk, trunk_weights=weights))
-    if start is not None:
-        found = replace(found, network=replace(found.network, start=str(start)))
-    if trunk is not None:
-        found = replace(found, loss=replace(found.loss, trunk="auto", trunk_weights=str(trunk)))
-    changes = {key: value for key, value in loop.items() if value is not None}
-    return replace(found, loop=replace(found.loop, **changes))
-
-
-def preset_lines() -> list[str]:
-    """What each preset is for, and what it costs."""
-    from dlama.training.presets import PRESETS
-
-    lines = []
-    for name, preset in PRESETS.items():
-        s = preset.settings
-        lines += [f"{name}: {preset.purpose}"]
-        lines += [
-            f"    {s.network.parameters / 1e6:.2f} M parameters, {preset.gflop:g} GFLOP for a picture of 512 x 512 pixels",
-            f"    {s.loop.steps} steps of {s.loop.batch} samples of {s.data.size} x {s.data.size} pixels, {s.loop.precision}",
-            f"    samples/s: {preset.samples_per_second}",
-        ]
-    return lines
 
 
 def require_training() -> None:

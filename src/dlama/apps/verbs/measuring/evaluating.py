@@ -1,0 +1,180 @@
+"""A data set and methods, as the options of `dlama evaluate` name them, in; their results stored, and the report, out."""
+
+from __future__ import annotations
+
+import dataclasses
+import shlex
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, get_args
+
+from dlama.apps.model_files import model_for
+from dlama.apps.options import Report
+from dlama.apps.terminal.output import print_line, report_result
+from dlama.apps.terminal.progress import bar_or_lines
+from dlama.apps.verbs.measuring.options import NO_FILL, Cases, Methods, Protocol
+from dlama.completion.options import RECIPE_NAMES
+from dlama.datasets.frames import Case, Dataset
+from dlama.errors import InputError, format_count
+from dlama.evaluation.protocols import PROTOCOLS
+from dlama.evaluation.protocols.methods import Method, ProtocolSettings
+from dlama.evaluation.report.reliability import reliability_lines
+from dlama.evaluation.report.write import failure_line, write_report
+from dlama.evaluation.runner.run import Progress, Results, run
+from dlama.inpainters import FILLERS
+from dlama.workers.progress import progress_line
+from dlama.worlds.dataset import open_dataset_or_worlds
+
+FAILED = 1
+"""Exit code where some cases could not be run."""
+NETWORK_FILLERS = tuple(name for name, record in FILLERS.items() if record.needs_model)
+"""Fillers that run a network."""
+YAW_NEAR = 0.5
+"""Degrees by which a pair's yaw may differ from the one asked for."""
+
+
+def open_cases(path: str, cases: Cases) -> Dataset:
+    """The data set with those cases only. InputError where none is left, and what `open_dataset` raises."""
+    found = open_dataset_or_worlds(
+        path,
+        cases.layout,
+        depth_range=cases.depth_range,
+        gamma=cases.gamma,
+        removal_object=cases.removal_object,
+        camera=cases.camera,
+        limit=None if cases.yaws else cases.limit,
+        scenes=cases.scenes or None,
+    )
+    return dataclasses.replace(found, cases=choose_cases(found, cases))
+
+
+def choose_cases(dataset: Dataset, cases: Cases) -> tuple[Case, ...]:
+    """The cases asked for, protocol by protocol."""
+    has = [name for name in get_args(Protocol) if dataset.of(name)]
+    missing = [name for name in cases.protocol if name not in has]
+    if missing:
+        raise InputError(f"{dataset.name} has no cases of {missing[0]}; it has {', '.join(has) or 'none at all'}")
+    found: list[Case] = []
+    for name in cases.protocol or [one for one in has if one != "mask"]:
+        found += [case for case in dataset.of(name) if has_yaw(case, cases.yaws)][: cases.limit]
+    if not found:
+        known = sorted({abs(case.yaw) for case in dataset.cases if case.yaw is not None})
+        raise InputError(f"no case is left of {dataset.name}; its yaws are {', '.join(f'±{one:g}' for one in known)}")
+    return tuple(found)
+
+
+def has_yaw(case: Case, yaws: Sequence[float]) -> bool:
+    """Whether --yaws lets the case through; those without a yaw it does not concern."""
+    if not yaws or case.yaw is None:
+        return True
+    return any(abs(abs(case.yaw) - abs(yaw)) <= YAW_NEAR for yaw in yaws)
+
+
+def all_methods(methods: Methods) -> list[Method]:
+    """Every recipe with every filler. InputError: an unknown name, a network missing or of no use."""
+    for name in methods.recipes:
+        if name not in RECIPE_NAMES:
+            raise InputError(f"`recipes` is {name!r}; one of {', '.join(RECIPE_NAMES)} is expected")
+    models = find_models(methods)
+    for filler in methods.fillers:
+        if filler not in (NO_FILL, *FILLERS):
+            raise InputError(f"`fillers` is {filler!r}; one of {', '.join((NO_FILL, *FILLERS))} is expected")
+        if filler in NETWORK_FILLERS and FILLERS[filler].shipped is None and filler not in models:
+            raise InputError(f"filler {filler!r} runs a network: --model {filler}=FILE is expected")
+    fillers, recipes = dict.fromkeys(methods.fillers), dict.fromkeys(methods.recipes)
+    return [Method(name, filler, models.get(filler), seed=methods.seed) for name in recipes for filler in fillers]
+
+
+def find_models(methods: Methods) -> dict[str, Path]:
+    """Filler -> its ONNX file; a checkpoint is converted once, into the cache."""
+    found: dict[str, Path] = {}
+    for word in methods.model:
+        filler, equals, file = word.partition("=")
+        if not equals or not file or filler not in NETWORK_FILLERS:
+            raise InputError(
+                f"--model is {word!r}; FILLER=FILE is expected, FILLER one of {', '.join(NETWORK_FILLERS)}"
+            )
+        if filler not in methods.fillers:
+            raise InputError(f"--model {word} has no use: {filler} is not among --fillers {' '.join(methods.fillers)}")
+        found[filler] = model_for(file)
+    return found
+
+
+def protocol_settings(methods: Methods) -> ProtocolSettings:
+    """Settings of the protocols."""
+    if methods.variants:
+        return ProtocolSettings()
+    return ProtocolSettings(object_dilations=(), mask_changes=(), matched_stereo=False)
+
+
+def measure_methods(dataset: str, output: Path, cases: Cases, methods: Methods, report: Report, jobs: int) -> None:
+    """Every method on every case, and the report. InputError, OutputError; SystemExit where some could not be run."""
+    with report_result("evaluate", report) as result:
+        chosen, settings, found = all_methods(methods), protocol_settings(methods), open_cases(dataset, cases)
+        with show_progress(found.name, report) as progress:
+            done = run(found.cases, chosen, PROTOCOLS, settings, output, jobs=jobs, progress=progress)
+        command = command_line(dataset, output, cases, methods)
+        summary = write_report(output, found, done, settings, seed=methods.seed, command=command)
+        for line in reliability_lines(summary):
+            result.add(line)
+        result.add(summary_line(done, output), **summary_values(done, output))
+    if done.failures:
+        raise SystemExit(FAILED)
+
+
+def command_line(dataset: str, output: Path, cases: Cases, methods: Methods) -> str:
+    """The command that gives these results again; what is as by default is left out."""
+    words = ["dlama", "evaluate", dataset]
+    for options in (cases, methods):
+        for field in dataclasses.fields(options):
+            value, flag = getattr(options, field.name), field.name.replace("_", "-")
+            if value != field.default:
+                words += [f"--no-{flag}"] if value is False else [f"--{flag}", *_words(value)]
+    return shlex.join([*words, "-o", str(output)])
+
+
+def summary_line(done: Results, output: Path) -> str:
+    """One line: how much was done, how much of it had been there, what failed, where the report lies."""
+    kept = f"{done.reused} from an earlier run" if done.reused else ""
+    stale = f"{done.stale} done again, as settings, data or dlama had changed" if done.stale else ""
+    how = ", ".join(filter(None, (kept, stale)))
+    counts = format_count(len(done.stored), "result") + (f" ({how})" if how else "")
+    failed = f", {len(done.failures)} failed ({output / 'errors.json'})" if done.failures else ""
+    return f"{output / 'report.html'}: {counts}{failed}"
+
+
+def summary_values(done: Results, output: Path) -> dict[str, Any]:
+    """The same, JSON-ready."""
+    counts = {"results": len(done.stored), "reused": done.reused, "stale": done.stale, "failed": len(done.failures)}
+    return {"output": str(output), "report": str(output / "report.html"), **counts}
+
+
+@contextmanager
+def show_progress(title: str, report: Report) -> Iterator[Progress]:
+    """A bar on a terminal, a line a minute elsewhere; failures as a line each, at once. Ctrl-C prints that nothing is lost."""
+    state = {"kept": 0, "done": 0, "total": 0, "failed": 0}
+
+    def line(seconds: float) -> str:
+        return progress_line(title, seconds=seconds, **state)
+
+    with bar_or_lines(title, report, line) as bar:
+
+        def progress(outcome: Any, done: int, total: int) -> None:
+            state.update(done=done, total=total)
+            if outcome is None:
+                state["kept"] = done
+            elif outcome.error:
+                state["failed"] += 1
+                print_line("error", failure_line(outcome))
+            if bar is not None:
+                case = f": {outcome.case.scene} {outcome.case.frame}" if outcome else ""
+                bar(done, total, f"{title}{case}")
+
+        yield progress
+
+
+def _words(value: Any) -> Sequence[str]:
+    return [
+        f"{one:g}" if isinstance(one, float) else str(one) for one in (value if isinstance(value, tuple) else [value])
+    ]
