@@ -46,6 +46,7 @@ if TYPE_CHECKING:  # what type checkers and editors read; a test holds it equal 
     from dlama.files.scenes.scene_npz import read_scene as read_scene
     from dlama.geometry.camera import Camera as Camera
     from dlama.geometry.camera import StereoRig as StereoRig
+    from dlama.geometry.cloud import Mesh as Mesh
     from dlama.geometry.cloud import PointCloud as PointCloud
     from dlama.geometry.codes import HoleType as HoleType
     from dlama.geometry.codes import Origin as Origin
@@ -53,7 +54,6 @@ if TYPE_CHECKING:  # what type checkers and editors read; a test holds it equal 
     from dlama.geometry.frames.gathering import scene as scene
     from dlama.geometry.fusion import fuse as fuse
     from dlama.geometry.layers.head_box import HeadBox as HeadBox
-    from dlama.geometry.mesh import Mesh as Mesh
     from dlama.geometry.projection import lift as lift
     from dlama.geometry.rendering import render as render
     from dlama.geometry.rgbd import RGBD as RGBD
@@ -102,7 +102,7 @@ MODULES = {
     "Law": "geometry.visibility",
     "MaskError": "errors",
     "MaskSession": "perception.object_masks",
-    "Mesh": "geometry.mesh",
+    "Mesh": "geometry.cloud",
     "MissingExtraError": "errors",
     "ObjectMask": "perception.object_masks",
     "Options": "completion.options",

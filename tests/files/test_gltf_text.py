@@ -18,8 +18,8 @@ from PIL import Image
 from box_frame import CAMERA, WORLD
 from dlama.completion.verbs import remove
 from dlama.files.scenes.textured_mesh import write_textured_glb
+from dlama.geometry.cloud import Mesh, join_meshes
 from dlama.geometry.layers.decimation import decimate
-from dlama.geometry.mesh import Mesh, join_meshes
 
 SCENE = remove(WORLD.rgbd(CAMERA), WORLD.trace(CAMERA)[1] == 1, yaw=15, filler="telea").scene
 COMPONENTS = {5121: np.uint8, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}

@@ -16,9 +16,9 @@ from dlama.completion.verbs import remove, view
 from dlama.files.scenes import textured_mesh
 from dlama.files.scenes.textured_mesh import bring_near, pack_textures, write_textured_glb
 from dlama.geometry.camera import Camera
+from dlama.geometry.cloud import Mesh, join_meshes
 from dlama.geometry.layers.decimation import decimate
 from dlama.geometry.layers.layered_mesh import MeshPart
-from dlama.geometry.mesh import Mesh, join_meshes
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View

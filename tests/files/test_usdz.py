@@ -13,8 +13,8 @@ from PIL import Image
 
 from dlama.errors import MissingExtraError
 from dlama.files.scenes.usdz import USD_FROM_OPENCV, write_usdz
+from dlama.geometry.cloud import Mesh
 from dlama.geometry.layers.layered_mesh import MeshPart
-from dlama.geometry.mesh import Mesh
 
 
 def part(x: float, channels: int) -> MeshPart:

@@ -11,9 +11,9 @@ import pytest
 from dlama.errors import ShapeError
 from dlama.geometry import fusion
 from dlama.geometry.camera import Camera
+from dlama.geometry.cloud import Mesh
 from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.fusion import OVERLAP, fuse, layer_mesh, scene_cloud, scene_mesh
-from dlama.geometry.mesh import Mesh
 from dlama.geometry.projection import lift
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD

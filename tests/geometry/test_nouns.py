@@ -10,9 +10,8 @@ import pytest
 
 from dlama.errors import DepthError, InputError, ShapeError
 from dlama.geometry.camera import Camera
-from dlama.geometry.cloud import PointCloud, concatenate
+from dlama.geometry.cloud import Mesh, PointCloud, concatenate
 from dlama.geometry.codes import HoleType, Origin, from_source
-from dlama.geometry.mesh import Mesh
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View

@@ -8,13 +8,12 @@ from typing import Any, TypeVar
 
 from dlama.completion.recipes import check_confidence
 from dlama.errors import InputError
-from dlama.geometry.cloud import PointCloud
+from dlama.geometry.cloud import Mesh, PointCloud
 from dlama.geometry.codes import from_filler
 from dlama.geometry.figures.false_color import depth_limits, depth_picture, hole_picture
 from dlama.geometry.figures.html import Figured, Panel
 from dlama.geometry.figures.show import show_html
 from dlama.geometry.fusion import scene_cloud, scene_mesh
-from dlama.geometry.mesh import Mesh
 from dlama.geometry.rgbd import Float32Array, UInt8Array
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View

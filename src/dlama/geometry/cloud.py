@@ -1,4 +1,4 @@
-"""PointCloud: unordered coloured points in the world, each with origin and confidence."""
+"""PointCloud and Mesh: coloured points in the world, each with origin and confidence; loose, or joined by triangles."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from dlama.errors import format_count
+from dlama.errors import ShapeError, format_count
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.figures.points import point_viewer
 from dlama.geometry.rgbd import Float32Array, UInt8Array, check_fields, row_count
@@ -15,7 +16,7 @@ from dlama.geometry.rgbd import Float32Array, UInt8Array, check_fields, row_coun
 
 @dataclass(frozen=True, eq=False)
 class PointCloud:
-    """N points. Raises ShapeError when the fields do not have the same length, or dtypes are off."""
+    """N points, in no order. Raises ShapeError when the fields do not have the same length, or dtypes are off."""
 
     points: Float64Array
     """N x 3, world coordinates in metres (float64, so that geo-referenced scenes keep their millimetres)."""
@@ -61,4 +62,49 @@ def concatenate(clouds: Sequence[PointCloud]) -> PointCloud:
         np.concatenate([c.color for c in clouds]),
         np.concatenate([c.origin for c in clouds]),
         np.concatenate([c.confidence for c in clouds]),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """N vertices and M triangles. Raises ShapeError when lengths, dtypes or vertex numbers do not fit."""
+
+    vertices: Float64Array
+    """N x 3, world coordinates in metres, OpenCV axes."""
+    triangles: NDArray[np.int32]
+    """M x 3, vertex numbers; clockwise in the picture they were seen in (y down)."""
+    color: UInt8Array
+    """N x 3, RGB, sRGB-encoded."""
+    origin: UInt8Array
+    """N, Origin codes."""
+    confidence: Float32Array
+    """N, in 0..1."""
+
+    def __post_init__(self) -> None:
+        count, faces = row_count(self.vertices), row_count(self.triangles)
+        fields: dict[str, tuple[tuple[int, ...], type]] = {
+            "vertices": ((count, 3), np.float64),
+            "triangles": ((faces, 3), np.int32),
+            "color": ((count, 3), np.uint8),
+            "origin": ((count,), np.uint8),
+            "confidence": ((count,), np.float32),
+        }
+        check_fields(self, "mesh", fields)
+        if faces and not 0 <= int(self.triangles.min()) <= int(self.triangles.max()) < count:
+            raise ShapeError(f"mesh.triangles name vertices outside 0..{count - 1}")
+
+    def __repr__(self) -> str:
+        triangles = format_count(len(self.triangles), "triangle")
+        return f"Mesh({len(self.vertices)} vertices, {triangles}, {describe_extent(self.vertices)})"
+
+
+def join_meshes(parts: Sequence[Mesh]) -> Mesh:
+    """One mesh of several, at least one."""
+    starts = np.cumsum([0] + [len(part.vertices) for part in parts])
+    return Mesh(
+        np.concatenate([part.vertices for part in parts]),
+        np.concatenate([part.triangles + start for part, start in zip(parts, starts)]).astype(np.int32),
+        np.concatenate([part.color for part in parts]),
+        np.concatenate([part.origin for part in parts]),
+        np.concatenate([part.confidence for part in parts]),
     )

@@ -9,12 +9,11 @@ import numpy as np
 
 from dlama.arguments import check_arguments
 from dlama.errors import ShapeError
-from dlama.geometry.cloud import PointCloud, concatenate
+from dlama.geometry.cloud import Mesh, PointCloud, concatenate, join_meshes
 from dlama.geometry.codes import HoleType, Origin, from_filler
 from dlama.geometry.drawing.grid_mesh import mesh_grid
 from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
 from dlama.geometry.kernels.jit import BAND
-from dlama.geometry.mesh import Mesh, join_meshes
 from dlama.geometry.projection import inverse_depth, lift, rays
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.scene import Scene, contribution

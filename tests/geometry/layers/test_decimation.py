@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from dlama.geometry.camera import Camera
+from dlama.geometry.cloud import Mesh
 from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.drawing.grid_mesh import mesh_grid
 from dlama.geometry.fusion import layer_mesh
 from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
 from dlama.geometry.layers.decimation import DecimatedMesh, decimate
-from dlama.geometry.mesh import Mesh
 from dlama.geometry.projection import project
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import View

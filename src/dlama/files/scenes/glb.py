@@ -11,7 +11,7 @@ import numpy as np
 from PIL import Image
 
 from dlama.geometry.camera import Float64Array
-from dlama.geometry.mesh import Mesh
+from dlama.geometry.cloud import Mesh
 from dlama.geometry.rgbd import UInt8Array
 
 GLTF_FROM_OPENCV = np.array([1.0, -1.0, -1.0])

@@ -15,10 +15,10 @@ import numpy as np
 from dlama.files.atomic_write import PathLike, new_file
 from dlama.files.scenes.glb import SHORT_VERTICES, Glb
 from dlama.geometry.camera import Camera, Float64Array
+from dlama.geometry.cloud import Mesh, join_meshes
 from dlama.geometry.holes import fill_with_nearest, sides_of
 from dlama.geometry.layers.decimation import bounding_box, decimate
 from dlama.geometry.layers.layered_mesh import MeshPart
-from dlama.geometry.mesh import Mesh, join_meshes
 from dlama.geometry.rgbd import UInt8Array
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.camera import Float64Array
+from dlama.geometry.cloud import Mesh
 from dlama.geometry.codes import Origin
 from dlama.geometry.drawing.grid_mesh import mesh_grid
 from dlama.geometry.fusion import HALVES, cell_halves
@@ -15,7 +16,6 @@ from dlama.geometry.holes import box_around
 from dlama.geometry.kernels import decimating as kernels
 from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
 from dlama.geometry.kernels.jit import in_bands
-from dlama.geometry.mesh import Mesh
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import View
 

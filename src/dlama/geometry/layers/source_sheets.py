@@ -14,13 +14,13 @@ import cv2
 import numpy as np
 
 from dlama.geometry.camera import Camera, Float64Array
+from dlama.geometry.cloud import Mesh
 from dlama.geometry.holes import fill_with_nearest
 from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
 from dlama.geometry.layers.decimation import decimate
 from dlama.geometry.layers.head_box import HeadBox
 from dlama.geometry.layers.soft_edges import complete_surfaces, enlarge, find_soft_edges, join_depth
 from dlama.geometry.layers.subsampling import subsample
-from dlama.geometry.mesh import Mesh
 from dlama.geometry.projection import depth_from_inverse, inverse_depth, rays
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import View
