@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 
 from dlama.datasets.frames import Frame
-from dlama.datasets.sequences.scene_frames import open_frames
+from dlama.datasets.sequences.loading import open_frames
 from dlama.evaluation.protocols.methods import ProtocolSettings
 from dlama.geometry.camera import Camera
 from dlama.geometry.frames.alignment import align_frames

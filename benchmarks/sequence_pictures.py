@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 
 import dlama
-from dlama.datasets.sequences.scene_frames import open_frames
+from dlama.datasets.sequences.loading import open_frames
 from dlama.evaluation.metrics.pictures import channel_gain, with_gain
 from dlama.geometry.rgbd import RGBD, UInt8Array
 from dlama.worlds.dataset import world

@@ -11,7 +11,7 @@ from PIL import Image
 from dlama.completion.verbs import view
 from dlama.datasets.frames import Dataset, ViewTruth
 from dlama.datasets.posed.posed_frames import PosedFrame
-from dlama.datasets.sequences.scene_frames import open_frames
+from dlama.datasets.sequences.loading import open_frames
 from dlama.errors import DlamaError
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD

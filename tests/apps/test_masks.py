@@ -11,7 +11,7 @@ from running import FAST, pixels, refused, run
 
 from box_frame import small_frame
 from dlama.apps.cli import main
-from dlama.apps.pointing import mask_notes
+from dlama.apps.reading import mask_notes
 
 
 def test_a_click_writes_mask_and_overlay(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -19,7 +19,7 @@ from PIL import Image
 from dlama.datasets.diagnosis import diagnose
 from dlama.datasets.layouts import LAYOUTS, detect, open_dataset
 from dlama.datasets.posed.posed_frames import enlarge_depth
-from dlama.datasets.sequences.scene_frames import open_frames
+from dlama.datasets.sequences.loading import open_frames
 from dlama.errors import FileError, MissingExtraError
 from dlama.geometry.camera import Camera
 from dlama.geometry.poses import invert_pose, quaternion_from_rotation

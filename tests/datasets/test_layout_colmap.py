@@ -11,7 +11,7 @@ import pytest
 
 from dlama.datasets.layouts import detect
 from dlama.datasets.posed.colmap import read_model, write_model
-from dlama.datasets.sequences.scene_frames import open_frames
+from dlama.datasets.sequences.loading import open_frames
 from dlama.errors import CameraError, FileError
 from dlama.files.rasters.depth import write_depth_png
 from dlama.files.rasters.pictures import write_color

@@ -18,7 +18,7 @@ from dlama.apps.cli import main
 from dlama.datasets.captures.realsense import split_image
 from dlama.datasets.diagnosis import diagnose
 from dlama.datasets.layouts import detect
-from dlama.datasets.sequences.scene_frames import open_frames
+from dlama.datasets.sequences.loading import open_frames
 from dlama.errors import FileError
 from dlama.geometry.camera import Camera
 from dlama.geometry.poses import invert_pose

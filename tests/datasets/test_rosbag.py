@@ -15,7 +15,7 @@ from PIL import Image
 from dlama.datasets.captures.ros_messages import Transforms
 from dlama.datasets.diagnosis import diagnose
 from dlama.datasets.layouts import detect, open_dataset
-from dlama.datasets.sequences.scene_frames import open_frames
+from dlama.datasets.sequences.loading import open_frames
 from dlama.errors import FileError, MissingExtraError
 from dlama.geometry.camera import Camera
 from dlama.geometry.poses import invert_pose, rotation_deg

@@ -11,7 +11,7 @@ import pytest
 import dlama
 from dlama.datasets.layouts import open_dataset
 from dlama.datasets.posed.view_pairs import NoPairsError
-from dlama.datasets.sequences.scene_frames import slice_frames
+from dlama.datasets.sequences.loading import slice_frames
 from dlama.errors import FileError, InputError
 from dlama.files.scenes.scene_npz import read_npz, write_npz
 from dlama.geometry.camera import Camera

@@ -14,10 +14,10 @@ from PIL import Image
 
 import dlama
 from dlama.apps.cli import main
-from dlama.datasets.posed.nerfstudio_writer import write_transforms, write_view
+from dlama.datasets.posed.nerfstudio import write_transforms, write_view
 from dlama.datasets.sequences import sequence as module
 from dlama.datasets.sequences.camera_paths import VIEWS_OF_PATH
-from dlama.datasets.sequences.scene_frames import open_frames, slice_frames
+from dlama.datasets.sequences.loading import open_frames, slice_frames
 from dlama.errors import FileError, InputError
 from dlama.files.cameras import camera_as_json
 from dlama.geometry.camera import Camera

@@ -26,7 +26,7 @@ from PIL import Image
 from dlama.datasets.easysynth.text_files import METRIC_HEADER, UNREAL_HEADER, read_poses, read_rig
 from dlama.datasets.layouts import open_dataset
 from dlama.datasets.posed.trajectory_log import read_log
-from dlama.datasets.sequences.scene_frames import open_frames
+from dlama.datasets.sequences.loading import open_frames
 from dlama.datasets.text_tables import read_pose
 from dlama.errors import InputError
 from dlama.evaluation.protocols.methods import Measure
@@ -34,8 +34,8 @@ from dlama.evaluation.report.panels import choose
 from dlama.evaluation.runner.store import Stored, StoredRun, read_stored, result_rows, timing_rows, write_stored
 from dlama.files.cameras import read_camera, read_cameras, read_stereo_calib
 from dlama.files.photos.depth import read_photo_depth
-from dlama.files.rasters.colmap_depth import read_colmap_depth
 from dlama.files.rasters.depth import read_depth, read_disparity, write_depth_exr, write_disparity_pfm
+from dlama.files.rasters.float_files import read_colmap_depth
 from dlama.files.rasters.images import picture_hw
 from dlama.files.rasters.pictures import read_color, read_mask, read_region
 from dlama.files.rasters.video_frames import read_raw_frame, read_video_frame

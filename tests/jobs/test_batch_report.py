@@ -16,8 +16,7 @@ from small_jobs import FAST, view_rows, write_csv
 from box_frame import small_frame
 from dlama.errors import FileError
 from dlama.jobs.batch import batch
-from dlama.jobs.report.summary import BARS, SHOWN, summarise, throughput, without_names
-from dlama.jobs.report.write import write_report
+from dlama.jobs.report import BARS, SHOWN, summarise, throughput, without_names, write_report
 from dlama.jobs.results.result import JobResult
 
 

@@ -28,13 +28,13 @@ from dlama.apps.options import (
     Method,
     Move,
     Output,
+    Pointing,
     Reading,
     Report,
     Results,
     option,
     split_depth_and_mask,
 )
-from dlama.apps.pointing import Pointing
 from dlama.apps.terminal.flags import flags_of, repeated_list, with_flags, wrong_value
 from dlama.apps.terminal.output import errors_as_lines, report_result, stages_bar
 from dlama.apps.verbs.batch import batch

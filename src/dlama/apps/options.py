@@ -19,7 +19,14 @@ from dlama.completion.options import field_texts, typed_options
 from dlama.errors import InputError
 from dlama.jobs import options as groups
 from dlama.jobs.options import Shown
-from dlama.jobs.parameters import check_move, check_one_target, known_depths, mask_and_pointing
+from dlama.jobs.parameters import (
+    check_move,
+    check_one_target,
+    is_pointed,
+    known_depths,
+    mask_and_pointing,
+    mask_settings,
+)
 
 
 def option(metavar: str, default: str | None = "none", **others: Any) -> Any:
@@ -145,6 +152,29 @@ class Estimating(groups.Estimating):
 @as_flags
 class Masking(groups.Masking):
     """How a mask file is read."""
+
+
+@as_flags
+class Pointing(groups.Pointing):
+    """Points at the object, in place of a mask file."""
+
+    @property
+    def given(self) -> bool:
+        """Whether anything is pointed at. InputError, before anything is read, for words that are no pixels."""
+        self.settings()
+        return is_pointed(dataclasses.asdict(self))
+
+    @property
+    def needs_depth(self) -> bool:
+        """Whether the object is found in depth."""
+        by_color = self.salient or self.object_class is not None or self.masker not in (None, "rgbd")
+        return self.with_shadow or not by_color
+
+    def settings(self) -> dict[str, Any]:
+        """As keyword arguments of find_mask; raises InputError."""
+        options = super().settings()
+        del options["object_class"]
+        return mask_settings(**options)
 
 
 def options_as_fields(*names: str) -> Callable[[type[T]], type[T]]:

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import statistics
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import dlama
-from dlama.apps.options import Estimating, Lens, Masking, Reading, Results
+from dlama.apps.options import Estimating, Lens, Masking, Pointing, Reading, Results
 from dlama.apps.places import Inputs, check_folder_apart
-from dlama.apps.pointing import Pointing, mask_notes
 from dlama.apps.terminal.flags import with_flags
 from dlama.apps.terminal.output import SHOWN, Result
 from dlama.errors import InputError
@@ -124,11 +123,16 @@ class Command(JobInputs):
 
     def write_mask(
         self, found: dlama.ObjectMask, picture: dlama.RGBD | UInt8Array, output: Path, overlay: Path
-    ) -> list[Path]:
-        """The mask, and the picture with the object tinted and outlined. OutputError."""
+    ) -> None:
+        """The mask, the picture with the object tinted and outlined, and the line about them. OutputError."""
         write_mask(output, found.mask)
         write_color(overlay, tint(picture.color if isinstance(picture, RGBD) else picture, found.mask))
-        return [output, overlay]
+        shares = {"shadow_share": None if found.shadow is None else round(float(found.shadow.mean()), 6)}
+        shares["share"] = round(float(found.mask.mean()), 6)
+        shadow = "" if found.shadow is None or not found.shadow.any() else f", {found.shadow.mean():.1%} of it shadow"
+        line = f"{output}: {found.chosen} by {found.masker}, {found.mask.mean():.1%} of the picture{shadow}"
+        line += f"{mask_notes(found.chosen, found.candidates, found.notes)}, {self.seconds:.1f} s"
+        self.result.add(line, files=[str(output), str(overlay)], **found.about, **shares)
 
     def write_depth(self, rgbd: dlama.RGBD, output: Path, flags: dict[str, str]) -> None:
         """Depth to its directory, and the line about it, in which the flags stand for parameters."""
@@ -169,3 +173,10 @@ def summary_values(meta: dict[str, Any], place: Path, files: list[str]) -> dict[
     names = ("filler", "hole_share", "depth_only_share", "hole_share_by_type", "nothing_visible", "law_violations")
     values = {"recipe": meta["recipe"]["name"], **{name: meta[name] for name in names}}
     return {"output": str(place), "files": files, **values, "seconds_by_stage": meta["seconds"]}
+
+
+def mask_notes(chosen: str, candidates: Iterable[str], notes: Iterable[str]) -> str:
+    """For the last line: which other readings of the clicks there are, and what to know of the mask; "" where nothing is."""
+    others = [name for name in candidates if name != chosen]
+    differs = [f"--candidate {' or '.join(others)} gives another mask"] if others else []
+    return "".join(f"; {one}" for one in [*differs, *notes])

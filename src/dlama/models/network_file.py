@@ -88,7 +88,7 @@ class NetworkFile:
             ) from error
 
     def _onnxruntime_session(self) -> Any:
-        ort = _onnxruntime()
+        ort = import_extra("onnxruntime", "running a network", "onnxruntime", "onnx")
         options = ort.SessionOptions()
         options.intra_op_num_threads = self.threads
         options.log_severity_level = 3
@@ -187,7 +187,3 @@ def close_networks() -> None:
     _OPEN.clear()
     with contextlib.suppress(OSError, AttributeError, TypeError):  # glibc alone has it
         ctypes.CDLL(None).malloc_trim(0)
-
-
-def _onnxruntime() -> Any:
-    return import_extra("onnxruntime", "running a network", "onnxruntime", "onnx")

@@ -11,13 +11,12 @@ from dlama.evaluation.protocols import vpi
 from dlama.evaluation.protocols.methods import Measure, Method, MethodRun, ProtocolSettings
 from dlama.evaluation.protocols.reliability import MODALITY, REGION, reliability_measures
 from dlama.evaluation.report.reliability import (
-    bins_of,
     reliability_figure,
     reliability_lines,
     reliability_tables,
     values_of,
 )
-from dlama.evaluation.report.summary import Summary, summarise
+from dlama.evaluation.report.summary import Place, Summary, summarise
 from dlama.evaluation.runner.store import Row
 from dlama.worlds.dataset import world
 
@@ -93,15 +92,16 @@ def test_the_report_pools_all_frames(scored: tuple[MethodRun, ViewTruth, dict[st
     """Closed form: the curve is the mean of both frames' bins; the ECE that of the mean, not the mean of both."""
     found = scored[2]
     summary = summary_of(found)
-    bins = bins_of(summary, "vpi", "made", "dlama/telea")
-    assert bins is not None
+    place = Place(summary, "vpi", "made")
+    measured = values_of(place, "dlama/telea")
+    assert measured is not None
+    values, bins = measured
     np.testing.assert_allclose(bins.right, [found[f"bin_{k}_right"] / 2 for k in range(BINS)])
-    values = values_of(summary, "vpi", "made", "dlama/telea")
     assert values["ece"] == pytest.approx(sum(abs(found[f"bin_{k}_predicted"] - bins.right[k]) for k in range(BINS)))
-    table, curve = reliability_tables(summary, "vpi", "made", ["dlama/telea"])
+    table, curve = reliability_tables(place, ["dlama/telea"])
     assert len(table.rows) == len(curve.rows) == 1 and len(curve.head) == 1 + BINS
     assert table.rows[0][3].text == f"{values['ece']:.3f}"
-    figure = reliability_figure(summary, "vpi", "made", ["dlama/telea"])
+    figure = reliability_figure(place, ["dlama/telea"])
     assert figure is not None and figure.plots[0].startswith("<svg")
     (line,) = reliability_lines(summary)
     assert line.startswith("confidence of dlama/telea, vpi on made: right") and f"ECE {values['ece']:.3f}" in line
@@ -109,6 +109,6 @@ def test_the_report_pools_all_frames(scored: tuple[MethodRun, ViewTruth, dict[st
 
 def test_a_summary_without_confidence_has_no_section() -> None:
     summary = summarise([Row("vpi", "made", "a", "a", 20.0, "dlama", "telea", "whole", "rgb", "ssim", 0.5)])
-    assert reliability_tables(summary, "vpi", "made", ["dlama/telea"]) == ()
-    assert reliability_figure(summary, "vpi", "made", ["dlama/telea"]) is None
+    assert reliability_tables(Place(summary, "vpi", "made"), ["dlama/telea"]) == ()
+    assert reliability_figure(Place(summary, "vpi", "made"), ["dlama/telea"]) is None
     assert reliability_lines(summary) == []

@@ -25,7 +25,7 @@ from dlama.evaluation.report import panels
 from dlama.evaluation.report.charts import Figure, curves
 from dlama.evaluation.report.panels import Chosen, as_data_urls, choose
 from dlama.evaluation.report.sections import EXPLAINED, Section
-from dlama.evaluation.report.summary import summarise
+from dlama.evaluation.report.summary import Place, summarise
 from dlama.evaluation.report.tables import Cell, Table
 from dlama.evaluation.report.templates import PARTS
 from dlama.evaluation.report.write import FILES, page, settings_hash, write_report
@@ -234,7 +234,9 @@ def test_curves_are_svg_with_the_methods_and_the_paper() -> None:
         if case.protocol == "vpi"
         for method, value in (("dlama/telea", 0.5), ("paper/telea", 0.7))
     ]
-    figure = curves(summarise(rows), "vpi", "toy", [("whole", "rgb", "ssim")], ["dlama/telea", "paper/telea"], "Whole")
+    figure = curves(
+        Place(summarise(rows), "vpi", "toy"), [("whole", "rgb", "ssim")], ["dlama/telea", "paper/telea"], "Whole"
+    )
     assert figure and len(figure.plots) == 1
     assert [name for _, name in figure.legend] == ["dlama/telea", "paper/telea", "paper, other data"]
     (svg,) = figure.plots
@@ -245,9 +247,11 @@ def test_curves_are_svg_with_the_methods_and_the_paper() -> None:
     assert root.attrib["aria-label"] == "Whole: colour SSIM ↑" and "currentColor" in svg and "#0a0b0c" not in svg
     assert figure.has_intervals  # four scenes
     one_scene = [row for row in rows if row.scene == rows[0].scene]
-    alone = curves(summarise(one_scene), "vpi", "toy", [("whole", "rgb", "ssim")], ["dlama/telea"], "Whole")
+    alone = curves(Place(summarise(one_scene), "vpi", "toy"), [("whole", "rgb", "ssim")], ["dlama/telea"], "Whole")
     assert alone and not alone.has_intervals
-    assert curves(summarise(rows[:2]), "vpi", "toy", [("whole", "rgb", "ssim")], ["dlama/telea"], "Whole") is None
+    assert (
+        curves(Place(summarise(rows[:2]), "vpi", "toy"), [("whole", "rgb", "ssim")], ["dlama/telea"], "Whole") is None
+    )
 
 
 def dataclasses_row(case, method: str, value: float):  # type: ignore[no-untyped-def]

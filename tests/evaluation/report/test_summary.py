@@ -26,6 +26,7 @@ from dlama.evaluation.report.summary import (
     RESAMPLES,
     Key,
     Mean,
+    Place,
     Summary,
     draws,
     intervals,
@@ -143,7 +144,7 @@ def test_variants_come_last_and_are_named() -> None:
     assert found.methods == ("dlama/telea", "paper/telea", "dlama+object,dilate=0/telea")
     assert variant_of("dlama+mask+3/telea") == ("dlama/telea", "mask+3")
     assert variant_of("dlama/layered-patches") == ("dlama/layered-patches", "")
-    table = variants(found, "vpi", "toy", PAPER_SHAPE, "Variants")
+    table = variants(Place(found, "vpi", "toy"), PAPER_SHAPE, "Variants")
     assert table and [tuple(cell.text for cell in line) for line in table.rows] == [
         ("dlama/telea", "as named", "1.00"),
         ("dlama/telea", "object,dilate=0", "1.00"),
@@ -188,7 +189,7 @@ def paper_rows() -> list[Row]:
 def test_side_by_side_marks_the_best() -> None:
     """By hand: alike is nobody's win; what was not measured has no row."""
     found, both = summarise(paper_rows()), ("dlama/telea", "dlama/layered")
-    lpips = side_by_side(found, "vpi", "toy", [("whole", "rgb", "lpips"), ("mask", "rgb", "ssim")], both, "All")
+    lpips = side_by_side(Place(found, "vpi", "toy"), [("whole", "rgb", "lpips"), ("mask", "rgb", "ssim")], both, "All")
     number = "0.2100 (0.2000 to 0.2200)"
     assert lpips and markdown(lpips).splitlines()[4:] == [f"| whole | colour LPIPS | {number} | {number} |"]
 
@@ -242,7 +243,7 @@ def test_intervals_of_a_comparison_are_drawn_with_the_seed() -> None:
 def test_a_row_a_yaw_and_method() -> None:
     """By hand: less MSE is better, more SSIM is; the paper's seven columns, its own row in italics below; none for one sign."""
     found, both = summarise(paper_rows()), ["dlama/telea", "dlama/layered"]
-    table = by_yaw(found, "vpi", "toy", WHOLE, both, ["±10", "+10"], "Whole pictures")
+    table = by_yaw(Place(found, "vpi", "toy"), WHOLE, both, ["±10", "+10"], "Whole pictures")
     assert table and table.head[:4] == ("yaw", "method", "mask ratio, %", "colour SSIM") and len(table.head) == 9
     assert [cell.text for cell in table.rows[0][:4]] == ["±10", "dlama/telea", "33.33", "0.5250"]
     assert [cell.best for cell in table.rows[1]] == [False, False, False, True, False, False, True, False, False]

@@ -16,7 +16,7 @@ import dlama
 from box_frame import small_frame
 from dlama.errors import InputError, OutputError
 from dlama.jobs.batch import batch
-from dlama.jobs.report.write import write_report
+from dlama.jobs.report import write_report
 from dlama.jobs.results.manifest import Manifest
 from dlama.jobs.results.result import JobResult
 from dlama.jobs.results.tar_shards import Packer, key_of

@@ -13,9 +13,20 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from tyro.conf import Positional
 
 import dlama
-from dlama.apps.options import Estimating, Lens, Masking, Method, Move, Reading, Report, Results, as_flags, option
+from dlama.apps.options import (
+    Estimating,
+    Lens,
+    Masking,
+    Method,
+    Move,
+    Pointing,
+    Reading,
+    Report,
+    Results,
+    as_flags,
+    option,
+)
 from dlama.apps.places import check_folder_apart
-from dlama.apps.pointing import Pointing
 from dlama.apps.terminal.output import print_line, report_result
 from dlama.apps.terminal.progress import bar_or_lines
 from dlama.errors import InputError, format_count
@@ -146,7 +157,7 @@ def local_list(words: Sequence[str]) -> Path | None:
 
 def write_page(words: Sequence[str], report: Report) -> None:
     """`dlama batch report OUT`."""
-    from dlama.jobs.report.write import write_report
+    from dlama.jobs.report import write_report
 
     if len(words) != 1:
         raise InputError(f"batch report is given {len(words)} folders; one is expected: dlama batch report OUT")

@@ -7,8 +7,7 @@ import warnings
 from pathlib import Path
 
 import dlama
-from dlama.apps.options import Lens, Masking, Method, Reading, Results
-from dlama.apps.pointing import Pointing
+from dlama.apps.options import Lens, Masking, Method, Pointing, Reading, Results
 from dlama.apps.reading import Command
 from dlama.apps.terminal.output import Result
 from dlama.files.atomic_write import new_directory

@@ -4,18 +4,14 @@ from __future__ import annotations
 
 import warnings
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 from tyro.conf import Positional
 
 from dlama.apps.command import command
-from dlama.apps.options import Depth, Estimating, Image, Lens, Reading, Report, option
+from dlama.apps.options import Depth, Estimating, Image, Lens, Pointing, Reading, Report, option
 from dlama.apps.places import check_file_apart
-from dlama.apps.pointing import Pointing, mask_notes
 from dlama.errors import InputError
-
-if TYPE_CHECKING:
-    import dlama
 
 ASSUMED = "the (scale of the estimated depth|field of view) is assumed"
 """Warnings of a picture whose depth is estimated; a mask in it depends on neither."""
@@ -54,8 +50,7 @@ def mask(
                 warnings.filterwarnings("ignore", ASSUMED)
             picture = this.picture(image, depth, lens, reading, estimating, needs_depth=pointing.needs_depth)
         found = this.find(picture, pointing, image)
-        files = this.write_mask(found, picture, output, overlay_of(output))
-        this.result.add(found_line(found, output, this.seconds), **found_values(found, files))
+        this.write_mask(found, picture, output, overlay_of(output))
 
 
 def overlay_of(output: Path) -> Path:
@@ -63,20 +58,3 @@ def overlay_of(output: Path) -> Path:
     if output.suffix.lower() != ".png":
         raise InputError(f"`output` is {output}; a name that ends in .png is expected")
     return output.with_name(f"{output.stem}_overlay.png")
-
-
-def found_line(found: dlama.ObjectMask, output: Path, seconds: float) -> str:
-    """One line: where the mask lies, how large it is, which other readings there are."""
-    shadow = "" if found.shadow is None or not found.shadow.any() else f", {found.shadow.mean():.1%} of it shadow"
-    line = f"{output}: {found.chosen} by {found.masker}, {found.mask.mean():.1%} of the picture{shadow}"
-    return f"{line}{mask_notes(found.chosen, found.candidates, found.notes)}, {seconds:.1f} s"
-
-
-def found_values(found: dlama.ObjectMask, files: list[Path]) -> dict[str, Any]:
-    """The same, JSON-ready."""
-    return {
-        "files": [str(file) for file in files],
-        **found.about,
-        "shadow_share": None if found.shadow is None else round(float(found.shadow.mean()), 6),
-        "share": round(float(found.mask.mean()), 6),
-    }

@@ -9,8 +9,7 @@ from tyro.conf import Positional
 
 import dlama
 from dlama.apps.command import command
-from dlama.apps.options import Masking, Method, Metres, Output, Report, Results, option
-from dlama.apps.pointing import Pointing
+from dlama.apps.options import Masking, Method, Metres, Output, Pointing, Report, Results, option
 
 
 def stereo(

@@ -160,7 +160,8 @@ class Bag:
                 self._add_transforms(transforms, topic, message)
         topics = {}
         for name, found in heads.items():
-            topics[name] = (_topic_of(name, sorted(found)), first[name])
+            stamps, places, frames = zip(*sorted(found))
+            topics[name] = (Topic(name, frames[0].lstrip("/"), np.array(stamps), places), first[name])
             stream = realsense.stream_of(name)
             if stream and is_depth(first[name]) and not self._is_infrared(name, first[name]):
                 self._find_unit(name, options.get(stream.rsplit("/", 1)[0], 0.0))
@@ -260,12 +261,6 @@ class Bag:
         if moved > SHOWS_PX:
             LOG.warning("%s: distortion moves the picture's corners by %.1f px; it is not undone", where, moved)
         return Lens(where, intrinsics, 0.0, hw)
-
-
-def _topic_of(name: str, found: list[tuple[float, int, str]]) -> Topic:
-    """Of the seconds, place in the bag and frame of each picture, in their order."""
-    stamps, places, frames = zip(*found)
-    return Topic(name, frames[0].lstrip("/"), np.array(stamps), places)
 
 
 def open_bag(path: Path) -> Bag:

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dlama.datasets.captures.captured_frames import capture_files, captured_frames
+from dlama.datasets.captures.captured_frames import capture_files, captured_frames, files_by_stem
 from dlama.datasets.posed.posed_frames import FrameFiles, Lens, PosedFrame
 from dlama.datasets.text_tables import natural_order, pose_at
 from dlama.errors import FileError, import_extra
@@ -89,14 +89,11 @@ def _picture_file(folder: Path, number: int) -> Callable[[], UInt8Array] | None:
 def _depths(folder: Path) -> Callable[[int], Callable[[], Float32Array] | None]:
     """Number of a frame -> how its depth is read."""
     if (folder / "depth").is_dir():
-        return lambda number: _depth_file(folder / "depth" / f"frame_{number:06d}.png")
+        files = files_by_stem(folder / "depth", (".png",))
+        return lambda number: partial(read_depth, files[name]) if (name := f"frame_{number:06d}") in files else None
     path = existing_file(folder / "depth.bin")
     count = len(_blocks(path, path.stat().st_mtime_ns))
     return lambda number: partial(depth_of_bin, path, number) if number < count else None
-
-
-def _depth_file(path: Path) -> Callable[[], Float32Array] | None:
-    return partial(read_depth, path) if path.is_file() else None
 
 
 def depth_of_bin(path: Path, number: int) -> Float32Array:

@@ -61,15 +61,11 @@ def cast_shadow(color: UInt8Array, without: UInt8Array, mask: BoolArray) -> Bool
     large = stats[:, cv2.CC_STAT_AREA] >= SMALLEST_SHARE * mask.size
     large[0] = False  # what is not dark
     touching = np.zeros(len(stats), bool)
-    touching[np.unique(labels[_neighbourhood(mask)])] = True
+    tight = box_around(mask, 0)
+    nearby = larger_box(tight, int(NEIGHBOURHOOD * np.hypot(*sides_of(tight))), mask.shape)
+    touching[np.unique(labels[nearby])] = True
     shadow = (large & touching)[labels]
     return shadow if shadow.any() else None
-
-
-def _neighbourhood(mask: BoolArray) -> tuple[slice, slice]:
-    """The mask's box, grown by NEIGHBOURHOOD times its diagonal, within the picture."""
-    tight = box_around(mask, 0)
-    return larger_box(tight, int(NEIGHBOURHOOD * np.hypot(*sides_of(tight))), mask.shape)
 
 
 SRGB_LINEAR_BELOW = 0.04045

@@ -20,7 +20,7 @@ from dlama.files.rasters.float_files import write_exr
 from dlama.files.rasters.pictures import write_color
 from dlama.files.semantic_classes import CLASSES_FILE, RGB
 from dlama.geometry.camera import Camera, Float64Array, StereoRig
-from dlama.geometry.rgbd import RGBD, Float32Array, UInt8Array
+from dlama.geometry.rgbd import RGBD, UInt8Array
 
 FRAME_TIME_S = 1 / 30
 """EasySynth's t starts at one frame time, not at 0."""
@@ -90,7 +90,8 @@ def write_scene(
             if isinstance(frames, StereoSequence):
                 _write_stereo(draft / key, f"{scene}_{key}", frames, style)
             else:
-                _write_mono(draft / key, f"{scene}_{key}", frames, style)
+                cameras = _write_pictures(draft / key / MONO, f"{scene}_{key}", frames, style)
+                _write_rig(draft / key, {MONO: cameras}, style)
         for name, text in (texts or {}).items():
             _write_text(draft / name, text)
 
@@ -103,11 +104,6 @@ def _new(folder: Path) -> AbstractContextManager[Path]:
             f"{folder}: is not empty; frames of two writings must not mix, remove it or give another place"
         )
     return new_directory(folder)
-
-
-def _write_mono(folder: Path, name: str, frames: Iterable[SequenceFrame], style: _Style) -> None:
-    cameras = _write_pictures(folder / MONO, name, frames, style)
-    _write_rig(folder, {MONO: cameras}, style)
 
 
 def _write_stereo(folder: Path, name: str, frames: StereoSequence, style: _Style) -> None:
@@ -139,7 +135,8 @@ def _write_pictures(place: Path, name: str, frames: Iterable[SequenceFrame], sty
         write_depth_png(
             place / MILLIMETRES / f"{stem}.png", np.where(depth * 1000 > DEEPEST_MM, np.float32(np.inf), depth)
         )
-        _write_normalised_exr(place / DEPTH / f"{stem}.exr", depth, style.depth_range)
+        grey = np.minimum(depth / np.float32(style.depth_range), 1).astype(np.float16)  # as Unreal writes it
+        write_exr(place / DEPTH / f"{stem}.exr", {"R": grey, "G": grey, "B": grey, "A": np.ones_like(grey)})
         cameras.append(frame.rgbd.camera)
     if not cameras:
         raise InputError(f"{name} has no frames; at least one is expected")
@@ -154,12 +151,6 @@ def _check(frame: SequenceFrame, before: list[Camera], name: str, classes: int) 
         raise InputError(f"{name}: semantic holds class {int(semantic.max())}, there are {classes} classes")
     if before and not camera.same_lens_as(before[0]):
         raise CameraError(f"{name}: the camera has another lens or size than the first frame's; a sequence has one")
-
-
-def _write_normalised_exr(path: Path, depth: Float32Array, depth_range: float) -> None:
-    """R = G = B = depth / range in 0..1, A = 1, half float, ZIP, as Unreal writes it."""
-    grey = np.minimum(depth / np.float32(depth_range), 1).astype(np.float16)
-    write_exr(path, {"R": grey, "G": grey, "B": grey, "A": np.ones_like(grey)})
 
 
 def _write_rig(folder: Path, cameras: Mapping[str, list[Camera]], style: _Style) -> None:

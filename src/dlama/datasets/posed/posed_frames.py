@@ -21,8 +21,8 @@ from dlama.errors import CameraError, FileError, ShapeError
 from dlama.files.atomic_write import PathLike
 from dlama.files.cameras import make_camera, read_camera
 from dlama.files.fields import FileFields, Intrinsics, read_json_fields
-from dlama.files.rasters.colmap_depth import read_colmap_depth
 from dlama.files.rasters.depth import read_depth
+from dlama.files.rasters.float_files import read_colmap_depth
 from dlama.files.rasters.images import picture_hw
 from dlama.files.rasters.pictures import read_color_of_camera
 from dlama.geometry.camera import Camera, Float64Array

@@ -48,7 +48,9 @@ def list_frames(scene: str, folder: Path, root: Path, camera: CameraOption) -> l
     for time, row in zip(color.times.tolist(), color.rows):
         depth_row, pose_row = depth.nearest(time), poses.nearest(time)
         if depth_row is not None and pose_row is not None:
-            files = files_of(folder / row.words[1], folder / depth_row.words[1], lens, _pose(pose_row), UNITS_PER_METRE)
+            _, *numbers = pose_row.numbers("time tx ty tz qx qy qz qw", 8)
+            pose = pose_of(pose_row.at(4), numbers[:3], numbers[3:])
+            files = files_of(folder / row.words[1], folder / depth_row.words[1], lens, pose, UNITS_PER_METRE)
             frames.append(posed_frame(scene, Path(row.words[1]).stem, files))
     without = {f"without depth or a pose within {NEAREST_S:g} s": len(color.rows) - len(frames)}
     report_left_out(folder, frames, len(color.rows), without)
@@ -82,8 +84,3 @@ class Timeline:
         """The line nearest in time, the earlier of two as near; None if it is farther than NEAREST_S."""
         place = nearest_in_time(self.times, time, NEAREST_S)
         return None if place is None else self.rows[place]
-
-
-def _pose(row: Row) -> Float64Array:
-    _, *shift_and_turn = row.numbers("time tx ty tz qx qy qz qw", 8)
-    return pose_of(row.at(4), shift_and_turn[:3], shift_and_turn[3:])

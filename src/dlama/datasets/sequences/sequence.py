@@ -15,7 +15,7 @@ from dlama.completion.options import Options
 from dlama.completion.report import share
 from dlama.completion.start import Plan, plan_for
 from dlama.completion.steps import Step, complete_step, frame_steps
-from dlama.datasets.posed.nerfstudio_writer import FOLDERS, write_transforms, write_view
+from dlama.datasets.posed.nerfstudio import FOLDERS, write_transforms, write_view
 from dlama.datasets.posed.posed_frames import CameraOption
 from dlama.datasets.sequences.camera_paths import cameras_for
 from dlama.datasets.sequences.loading import masks_by_number, read_scene_of

@@ -12,7 +12,7 @@ from typing import Any
 
 from dlama.errors import import_extra
 from dlama.evaluation.report.columns import PAPER, Which, better_direction, column_title, paper_value
-from dlama.evaluation.report.summary import Key, Summary
+from dlama.evaluation.report.summary import Mean, Place
 
 INK = "#0a0b0c"
 """What is drawn in this colour takes the colour of the page's text."""
@@ -51,34 +51,30 @@ class Figure:
     """False where there is one scene: nothing is drawn round the means."""
 
 
-def curves(
-    summary: Summary, protocol: str, dataset: str, chosen: Sequence[Which], methods: Sequence[str], caption: str
-) -> Figure | None:
+def curves(place: Place, chosen: Sequence[Which], methods: Sequence[str], caption: str) -> Figure | None:
     """Each metric over yaw: a line a method with its 95 % interval as a band, the paper's numbers in grey.
 
     Returns:
         None where there are fewer than two yaws, or nothing was measured.
     """
-    yaws = [one for one in summary.values("yaw", protocol=protocol, dataset=dataset) if one[0] in "±≈0"]
-    drawn = [
-        which
-        for which in chosen
-        if any(Key(protocol, dataset, y, m, *which) in summary.means for y in yaws for m in methods)
-    ]
+    yaws = [one for one in place.values("yaw") if one[0] in "±≈0"]
+    drawn = [which for which in chosen if any(place.mean(y, m, which) for y in yaws for m in methods)]
     if len(yaws) < 2 or not drawn:
         return None
     plots = []
     for which in drawn:
         sheet, axes = _sheet(*PLOT_INCHES)
         for method in methods:
-            keys = [Key(protocol, dataset, yaw, method, *which) for yaw in yaws]
-            _curve(axes, summary, keys, _style(methods, method))
-        _paper_curve(axes, yaws, which)
+            found = [(_degrees(yaw), place.mean(yaw, method, which)) for yaw in yaws]
+            _curve(axes, [(x, mean) for x, mean in found if mean is not None], _style(methods, method))
+        if published := _paper_values(yaws, which):
+            axes.plot(*zip(*published), **PAPER_STYLE)
         axes.set_xticks([_degrees(yaw) for yaw in yaws], yaws)
-        plots.append(_plot_svg(sheet, axes, which, (protocol, dataset, caption)))
+        axes.set_title(_heading(which), fontsize=9)
+        plots.append(_svg(sheet, f"{caption}: {_heading(which)}", (*place[1:], caption)))
     with_paper = any(_paper_values(yaws, which) for which in drawn)
-    legend = _legend(methods, with_paper, (protocol, dataset, caption))
-    has_intervals = any(one.low is not None for one in summary.of(protocol=protocol, dataset=dataset).values())
+    legend = _legend(methods, with_paper, (*place[1:], caption))
+    has_intervals = any(one.low is not None for one in place.of().values())
     return Figure(caption, tuple(plots), legend, has_intervals)
 
 
@@ -98,8 +94,8 @@ def against_diagonal(
     return Figure(caption, (plot,), _legend(list(lines), False, (*place, caption)), has_intervals=False)
 
 
-def _curve(axes: Any, summary: Summary, keys: Sequence[Key], style: dict[str, Any]) -> None:
-    found = [(_degrees(key.yaw), summary.means[key]) for key in keys if key in summary.means]
+def _curve(axes: Any, found: Sequence[tuple[float, Mean]], style: dict[str, Any]) -> None:
+    """Means by degrees of yaw."""
     if not found:
         return
     across = [degrees for degrees, _ in found]
@@ -107,12 +103,6 @@ def _curve(axes: Any, summary: Summary, keys: Sequence[Key], style: dict[str, An
     band = [(x, mean.low, mean.high) for x, mean in found if mean.low is not None]
     if band:
         axes.fill_between(*map(list, zip(*band)), color=style["color"], alpha=0.10, linewidth=0)
-
-
-def _paper_curve(axes: Any, yaws: Sequence[str], which: Which) -> None:
-    found = _paper_values(yaws, which)
-    if found:
-        axes.plot(*zip(*found), **PAPER_STYLE)
 
 
 def _paper_values(yaws: Sequence[str], which: Which) -> list[tuple[float, float]]:
@@ -166,13 +156,8 @@ def _matplotlib(module: str = "matplotlib") -> Any:
     return import_extra(module, "the report", "matplotlib", "evaluate")
 
 
-def _plot_svg(sheet: Any, axes: Any, which: Which, place: tuple[str, ...]) -> str:
-    """A plot under its metric's name; `place` (protocol, data set, caption) makes the ids of equal plots differ."""
-    axes.set_title(_heading(which), fontsize=9)
-    return _svg(sheet, f"{place[-1]}: {_heading(which)}", place)
-
-
 def _svg(sheet: Any, label: str, place: tuple[str, ...]) -> str:
+    """A plot as an element; `place` (protocol, data set, caption) makes the ids of equal plots differ."""
     stream = io.StringIO()
     with _matplotlib().rc_context(SETTINGS):
         sheet.savefig(stream, format="svg", transparent=True, metadata={"Date": None})

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import math
 from collections import defaultdict
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import NamedTuple
 
 from dlama.evaluation.report.columns import Which
 from dlama.evaluation.report.summary import ALL, yaw_labels
-from dlama.evaluation.runner.store import Stored, StoredRun, result_rows
+from dlama.evaluation.runner.store import Stored, result_rows
 from dlama.evaluation.runner.strips import is_whole_jpeg
 
 RANKED_BY: tuple[Which, ...] = tuple(
@@ -42,14 +43,15 @@ def choose(stored: Sequence[Stored]) -> list[Chosen]:
     groups: dict[tuple[str, str, str], list[Chosen]] = defaultdict(list)
     for one in stored:
         for run in one.runs:
-            found = _score(run)
-            if run.panel is None or found is None:
+            values = {measure[:3]: measure.value for measure in run.measures}
+            which = next((one for one in RANKED_BY if values.get(one, math.nan) >= 0), None)
+            if run.panel is None or which is None:
                 continue
             recipe = f"{one.recipe}+{run.variant}" if run.variant else one.recipe
             own = labels[one.protocol, one.dataset, one.yaw]
             place = (one.protocol, own[1] if len(own) > 1 else ALL, f"{recipe}/{one.filler}")
-            which, score = found
-            groups[place].append(Chosen(*place, "", one.scene, one.frame, f"{which[0]} {which[2]}", score, run.panel))
+            by, score = f"{which[0]} {which[2]}", values[which]
+            groups[place].append(Chosen(*place, "", one.scene, one.frame, by, score, run.panel))
     return [panel for group in groups.values() for panel in _rank(group)]
 
 
@@ -67,11 +69,6 @@ def as_data_urls(folder: Path, chosen: Sequence[Chosen]) -> list[tuple[Chosen, s
             used += len(url)
             found += [(one, url)] if used <= BUDGET else []
     return found
-
-
-def _score(run: StoredRun) -> tuple[Which, float] | None:
-    values = {measure[:3]: measure.value for measure in run.measures}
-    return next(((which, values[which]) for which in RANKED_BY if values.get(which, float("nan")) >= 0), None)
 
 
 def _rank(group: list[Chosen]) -> list[Chosen]:

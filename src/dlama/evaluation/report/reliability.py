@@ -9,7 +9,7 @@ import numpy as np
 from dlama.evaluation.metrics.reliability import BINS, Bins
 from dlama.evaluation.protocols.reliability import MODALITY, REGION
 from dlama.evaluation.report.charts import Figure, against_diagonal
-from dlama.evaluation.report.summary import ALL, Key, Summary
+from dlama.evaluation.report.summary import ALL, Place, Summary
 from dlama.evaluation.report.tables import EMPTY, Cell, Table
 
 RELIABILITY_TEXT = (
@@ -37,32 +37,24 @@ COLUMNS = {
 }
 
 
-def bins_of(summary: Summary, protocol: str, dataset: str, method: str) -> Bins | None:
-    """The bins of a method over all frames of a data set; None where nothing was filled."""
-    place = (protocol, dataset, ALL, method, REGION, MODALITY)
-    keys = [[Key(*place, f"bin_{k}_{name}") for k in range(BINS)] for name in Bins._fields]
-    if keys[0][0] not in summary.means:
+def values_of(place: Place, method: str) -> tuple[dict[str, float], Bins] | None:
+    """COLUMNS of a method over all frames (means, and the ECE of all pixels together), and its bins; None: nothing was filled."""
+    measured = place.of(yaw=ALL, method=method, region=REGION, modality=MODALITY)
+    found = {key.metric: one.value for key, one in measured.items()}
+    if "bin_0_share" not in found:
         return None
-    return Bins(*(np.array([summary.means[key].value for key in row]) for row in keys))
+    bins = Bins(*(np.array([found[f"bin_{k}_{name}"] for k in range(BINS)]) for name in Bins._fields))
+    return found | {"ece": bins.error}, bins
 
 
-def values_of(summary: Summary, protocol: str, dataset: str, method: str) -> dict[str, float]:
-    """COLUMNS of a method over all frames: means, and the ECE of all pixels together; empty where nothing was filled."""
-    bins = bins_of(summary, protocol, dataset, method)
-    if bins is None:
-        return {}
-    keys = {name: Key(protocol, dataset, ALL, method, REGION, MODALITY, name) for name in COLUMNS}
-    found = {name: summary.means[key].value for name, key in keys.items() if key in summary.means}
-    return found | {"ece": bins.error}
-
-
-def reliability_tables(summary: Summary, protocol: str, dataset: str, methods: Sequence[str]) -> tuple[Table, ...]:
+def reliability_tables(place: Place, methods: Sequence[str]) -> tuple[Table, ...]:
     """A row a method: calibration, sparsification, expected errors; and the reliability curve, a column a bin."""
     rows, curve = [], []
     for method in methods:
-        found, bins = values_of(summary, protocol, dataset, method), bins_of(summary, protocol, dataset, method)
-        if bins is None:
+        measured = values_of(place, method)
+        if measured is None:
             continue
+        found, bins = measured
         cells = (Cell(f"{found[name]:.3f}", found[name]) if name in found else EMPTY for name in COLUMNS)
         rows.append((Cell(method), *cells))
         curve.append((Cell(method), *(_bin(*numbers) for numbers in zip(bins.share, bins.right))))
@@ -80,17 +72,18 @@ def _bin(share: float, right: float) -> Cell:
     return EMPTY if share <= 0 else Cell(f"{right / share:.2f} ({share:.0%})", right / share)
 
 
-def reliability_figure(summary: Summary, protocol: str, dataset: str, methods: Sequence[str]) -> Figure | None:
+def reliability_figure(place: Place, methods: Sequence[str]) -> Figure | None:
     """Predicted against right, bin by bin, a line a method, and the diagonal."""
     lines = {}
     for method in methods:
-        bins = bins_of(summary, protocol, dataset, method)
-        if bins is not None:
-            some = bins.share >= 0.005
-            lines[method] = list(zip(bins.predicted[some] / bins.share[some], bins.right[some] / bins.share[some]))
+        measured = values_of(place, method)
+        if measured is not None:
+            share, predicted, right = measured[1]
+            some = share >= 0.005
+            lines[method] = list(zip(predicted[some] / share[some], right[some] / share[some]))
     if not lines:
         return None
-    return against_diagonal(lines, ("confidence", "share that is right"), "Reliability", (protocol, dataset))
+    return against_diagonal(lines, ("confidence", "share that is right"), "Reliability", place[1:])
 
 
 def reliability_lines(summary: Summary) -> list[str]:
@@ -98,10 +91,12 @@ def reliability_lines(summary: Summary) -> list[str]:
     lines = []
     for protocol in summary.values("protocol"):
         for dataset in summary.values("dataset", protocol=protocol):
-            for method in summary.values("method", protocol=protocol, dataset=dataset):
-                found = values_of(summary, protocol, dataset, method)
-                if not found or "+" in method:
+            place = Place(summary, protocol, dataset)
+            for method in place.values("method"):
+                measured = values_of(place, method)
+                if measured is None or "+" in method:
                     continue
+                found = measured[0]
                 parts = [f"right {found['right']:.1%}, predicted {found['predicted']:.1%}, ECE {found['ece']:.3f}"]
                 for name, word in (("depth", "depth"), ("color", "colour")):
                     if f"ause_{name}" in found:

@@ -26,7 +26,7 @@ from dlama.evaluation.report.columns import (
 )
 from dlama.evaluation.report.paired_comparison import paired_comparison
 from dlama.evaluation.report.reliability import RELIABILITY_TEXT, reliability_figure, reliability_tables
-from dlama.evaluation.report.summary import ALL, Summary
+from dlama.evaluation.report.summary import ALL, Place, Summary
 from dlama.evaluation.report.tables import Table, by_yaw, runtimes, side_by_side, variant_of, variants
 from dlama.evaluation.runner.store import Row
 
@@ -70,7 +70,7 @@ def sections(summary: Summary, rows: Sequence[Row], timings: Sequence[Row], seed
     found: list[Section] = []
     for protocol in protocols_of(summary):
         for dataset in summary.values("dataset", protocol=protocol):
-            found += _protocol_sections(_Place(summary, rows, protocol, dataset, seed))
+            found += _Part(Place(summary, protocol, dataset), rows, seed).sections()
     clock = runtimes(timings, list(dict.fromkeys(row.method for row in timings)))
     if clock:
         text = (
@@ -81,71 +81,49 @@ def sections(summary: Summary, rows: Sequence[Row], timings: Sequence[Row], seed
     return found
 
 
-def _protocol_sections(place: _Place) -> Iterator[Section]:
-    protocol, name = place.protocol, f"{PROTOCOLS[place.protocol]} on {place.dataset}"
-    if protocol == "vpi" and place.has_yaws:
-        yield Section(f"{protocol}-whole", name, place.whole_text(), place.whole_figures(), place.whole_tables())
-        text = (
-            "Only pixels that the source camera could not see, by the true depth: the same pixels for every method, "
-            "so a recipe gains nothing by leaving less to fill."
-        )
-        yield Section(f"{protocol}-unseen", f"{name}: unseen", text, place.hidden_figures(), place.hidden_tables())
-    else:
-        yield Section(f"{protocol}-regions", name, _REGION_TEXT, tables=place.removal_tables())
-    reliable = reliability_tables(place.summary, protocol, place.dataset, place.methods_in_figures)
-    if reliable:
-        figure = reliability_figure(place.summary, protocol, place.dataset, place.methods_in_figures)
-        title = f"{name}: confidence"
-        yield Section(f"{protocol}-confidence", title, RELIABILITY_TEXT, (figure,) if figure else (), reliable)
-    more = place.more_tables()
-    if more:
-        yield Section(f"{protocol}-more", f"{name}: artifacts and variants", "", tables=more)
-
-
 _WHOLE_TEXT = (
     "Whole pictures, as in the paper: colour 0..255, depth clipped at 10 m and shown as 0..255. Mean over frames; the "
     "interval is a 95 % bootstrap over scenes (none where there is one scene)."
 )
+_HIDDEN_TEXT = (
+    "Only pixels that the source camera could not see, by the true depth: the same pixels for every method, "
+    "so a recipe gains nothing by leaving less to fill."
+)
 _REGION_TEXT = "Means over frames; the interval is a 95 % bootstrap over scenes (none where there is one scene)."
 
 
-@dataclass(frozen=True)
-class _Place:
-    """One protocol on one data set."""
+class _Part:
+    """The sections of one protocol on one data set."""
 
-    summary: Summary
-    rows: Sequence[Row]
-    protocol: str
-    dataset: str
-    seed: int
-
-    @property
-    def yaws(self) -> list[str]:
-        """Those that were measured, signs together and by themselves, without `all`."""
-        found = self.summary.values("yaw", protocol=self.protocol, dataset=self.dataset)
-        return [yaw for yaw in found if yaw != ALL]
-
-    @property
-    def has_yaws(self) -> bool:
-        """Whether there are cases with a yaw."""
-        return bool(self.yaws)
-
-    @property
-    def methods(self) -> list[str]:
+    def __init__(self, place: Place, rows: Sequence[Row], seed: int) -> None:
+        self.place, self.rows, self.seed = place, rows, seed
+        own = set(place.values("method"))
+        self.yaws = [yaw for yaw in place.values("yaw") if yaw != ALL]
+        """Those that were measured, signs together and by themselves."""
+        self.methods = [one for one in place.summary.methods if one in own and not variant_of(one)[1]]
         """Those that are no variant."""
-        own = set(self.summary.values("method", protocol=self.protocol, dataset=self.dataset))
-        return [one for one in self.summary.methods if one in own and not variant_of(one)[1]]
-
-    @property
-    def methods_in_figures(self) -> list[str]:
+        self.drawn = [one for one in self.methods if not one.endswith(f"/{NO_FILL}")] or self.methods
         """Those in figures: black holes are so far off that all others would coincide; they stand in the tables only."""
-        return [one for one in self.methods if not one.endswith(f"/{NO_FILL}")] or self.methods
-
-    @property
-    def all_measures(self) -> list[Which]:
+        self.measured = list(dict.fromkeys((key.region, key.modality, key.metric) for key in place.of(yaw=ALL)))
         """What was measured of the methods as named."""
-        keys = self.summary.of(protocol=self.protocol, dataset=self.dataset, yaw="all")
-        return list(dict.fromkeys((key.region, key.modality, key.metric) for key in keys))
+
+    def sections(self) -> Iterator[Section]:
+        """In the report's order."""
+        protocol, name = self.place.protocol, f"{PROTOCOLS[self.place.protocol]} on {self.place.dataset}"
+        if protocol == "vpi" and self.yaws:
+            yield Section(f"{protocol}-whole", name, self.whole_text(), self.whole_figures(), self.whole_tables())
+            figures = self._curves_of([("unseen", *which) for which in CURVES], "Unseen pixels over yaw")
+            yield Section(f"{protocol}-unseen", f"{name}: unseen", _HIDDEN_TEXT, figures, self.hidden_tables())
+        else:
+            yield Section(f"{protocol}-regions", name, _REGION_TEXT, tables=self.removal_tables())
+        reliable = reliability_tables(self.place, self.drawn)
+        if reliable:
+            figure = reliability_figure(self.place, self.drawn)
+            title = f"{name}: confidence"
+            yield Section(f"{protocol}-confidence", title, RELIABILITY_TEXT, (figure,) if figure else (), reliable)
+        more = self.more_tables()
+        if more:
+            yield Section(f"{protocol}-more", f"{name}: artifacts and variants", "", tables=more)
 
     def whole_text(self) -> str:
         """With the source of the paper's numbers, where they are compared with ours."""
@@ -156,66 +134,48 @@ class _Place:
         """The paper's six numbers and mask ratio, and two in other units."""
         return self._curves_of((*PAPER_SHAPE, *MORE_WHOLE), "Whole pictures over yaw")
 
-    def hidden_figures(self) -> tuple[Figure, ...]:
-        """The unseen pixels."""
-        return self._curves_of([("unseen", *which) for which in CURVES], "Unseen pixels over yaw")
-
     def whole_tables(self) -> tuple[Table, ...]:
         """The recipes against each other, then the paper's tables: a row a yaw and method."""
         both, signs = ([yaw for yaw in self.yaws if (yaw[0] in "+-") == own] for own in (False, True))
-        minor = _mark_minor(_drop_missing([self._by_yaw(WHOLE, signs, "Whole pictures")]), "each sign by itself")
-        return (
-            *_drop_missing([self._paired_table(PAPER_SHAPE), self._by_yaw(WHOLE, both, "Whole pictures")]),
-            *minor,
-        )
+        tables = by_yaw(self.place, WHOLE, self.methods, both, "Whole pictures")
+        by_sign = by_yaw(self.place, WHOLE, self.methods, signs, "Whole pictures, each sign by itself")
+        return _drop_missing([self._paired_table(PAPER_SHAPE), tables, _fold(by_sign)])
 
     def hidden_tables(self) -> tuple[Table, ...]:
         """By yaw, and all regions over all yaws."""
         both = [yaw for yaw in self.yaws if yaw[0] not in "+-"]
-        by_yaw_table = self._by_yaw(PER_YAW_HIDDEN, both, "Unseen pixels")
-        return (*_drop_missing([self._paired_table(PER_YAW_HIDDEN), by_yaw_table]), *self.region_tables())
+        table = by_yaw(self.place, PER_YAW_HIDDEN, self.methods, both, "Unseen pixels")
+        return (*_drop_missing([self._paired_table(PER_YAW_HIDDEN), table]), *self.region_tables())
 
     def removal_tables(self) -> tuple[Table, ...]:
         """The recipes against each other in the mask, then all regions."""
-        found = {which[0] for which in self.all_measures}
+        found = {which[0] for which in self.measured}
         chosen = REMOVAL if "mask" in found else tuple(("unseen", *which[1:]) for which in REMOVAL)
         return (*_drop_missing([self._paired_table(chosen)]), *self.region_tables())
 
     def region_tables(self) -> tuple[Table, ...]:
         """Regions that were hidden, and those that were not; all yaws together."""
-        masks = [which for which in self._interesting(POINTED) if which[1] == "mask"]
-        titles = {"Hidden regions": HIDDEN, "Known regions": KNOWN}
-        chosen = {
-            title: [which for which in self._interesting(of) if which[1] != "mask"] for title, of in titles.items()
-        }
-        return _drop_missing([self._side_by_side(found, title) for title, found in {"Masks": masks, **chosen}.items()])
+        chosen = {"Masks": [which for which in self._interesting(POINTED) if which[1] == "mask"]}
+        for title, regions in {"Hidden regions": HIDDEN, "Known regions": KNOWN}.items():
+            chosen[title] = [which for which in self._interesting(regions) if which[1] != "mask"]
+        return _drop_missing([side_by_side(self.place, found, self.methods, title) for title, found in chosen.items()])
 
     def more_tables(self) -> tuple[Table, ...]:
         """What is neither of a common metric nor of the method as named."""
         shown = {*self._interesting(HIDDEN), *self._interesting(KNOWN), *self._interesting(POINTED)}
-        rest = [which for which in self.all_measures if which not in shown and which[1] != CONFIDENCE]
-        main = VARIANT_METRICS
-        different = variants(
-            self.summary, self.protocol, self.dataset, main, "Variants: another mask, another dilation"
-        )
-        folded = _mark_minor(_drop_missing([self._side_by_side(rest, "All other measures")]), "")
-        return (*_drop_missing([different]), *folded)
+        rest = [which for which in self.measured if which not in shown and which[1] != CONFIDENCE]
+        different = variants(self.place, VARIANT_METRICS, "Variants: another mask, another dilation")
+        others = side_by_side(self.place, rest, self.methods, "All other measures")
+        return _drop_missing([different, _fold(others)])
 
     def _interesting(self, regions: Sequence[str]) -> list[Which]:
-        every = set(self.all_measures)
-        return [(region, *which) for region in regions for which in INTEREST if (region, *which) in every]
-
-    def _side_by_side(self, chosen: Sequence[Which], title: str) -> Table | None:
-        return side_by_side(self.summary, self.protocol, self.dataset, chosen, self.methods, title)
+        return [(region, *which) for region in regions for which in INTEREST if (region, *which) in self.measured]
 
     def _paired_table(self, chosen: Sequence[Which]) -> Table | None:
-        return paired_comparison(self.rows, self.protocol, self.dataset, chosen, self.seed)
-
-    def _by_yaw(self, chosen: Sequence[Which], yaws: Sequence[str], title: str) -> Table | None:
-        return by_yaw(self.summary, self.protocol, self.dataset, chosen, self.methods, yaws, title)
+        return paired_comparison(self.rows, self.place.protocol, self.place.dataset, chosen, self.seed)
 
     def _curves_of(self, chosen: Sequence[Which], title: str) -> tuple[Figure, ...]:
-        figure = curves(self.summary, self.protocol, self.dataset, chosen, self.methods_in_figures, title)
+        figure = curves(self.place, chosen, self.drawn, title)
         return (figure,) if figure else ()
 
 
@@ -223,6 +183,6 @@ def _drop_missing(tables: Sequence[Table | None]) -> tuple[Table, ...]:
     return tuple(table for table in tables if table is not None)
 
 
-def _mark_minor(tables: Sequence[Table], how: str) -> tuple[Table, ...]:
-    ending = f", {how}" if how else ""
-    return tuple(replace(one, title=f"{one.title}{ending}", minor=True) for one in tables)
+def _fold(table: Table | None) -> Table | None:
+    """A table that is folded away at first."""
+    return None if table is None else replace(table, minor=True)

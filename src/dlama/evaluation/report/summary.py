@@ -19,6 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from dlama.evaluation.report.columns import Which
 from dlama.evaluation.runner.store import Row
 from dlama.files.atomic_write import new_file
 from dlama.geometry.camera import Float64Array
@@ -72,6 +73,26 @@ class Summary:
         """The different values of one field among those, in order of appearance; yaws from small to large."""
         found = list(dict.fromkeys(getattr(key, field_name) for key in self.of(**chosen)))
         return sorted(found, key=yaw_order) if field_name == "yaw" else found
+
+
+class Place(NamedTuple):
+    """One protocol on one data set, in a summary."""
+
+    summary: Summary
+    protocol: str
+    dataset: str
+
+    def mean(self, yaw: str, method: str, which: Which) -> Mean | None:
+        """None: it was not measured."""
+        return self.summary.means.get(Key(self.protocol, self.dataset, yaw, method, *which))
+
+    def values(self, field_name: str) -> list[str]:
+        """The different values of one field of its means; yaws from small to large."""
+        return self.summary.values(field_name, protocol=self.protocol, dataset=self.dataset)
+
+    def of(self, **chosen: str) -> dict[Key, Mean]:
+        """The means whose key has those fields, too."""
+        return self.summary.of(protocol=self.protocol, dataset=self.dataset, **chosen)
 
 
 def summarise(rows: Sequence[Row], *, seed: int = 0, about: dict[str, Any] | None = None) -> Summary:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from dlama.evaluation.protocols.methods import NO_FILL
 from dlama.evaluation.report.columns import PAPER, Which, better_direction, column_title, format_value, paper_value
-from dlama.evaluation.report.summary import ALL, Key, Mean, Summary
+from dlama.evaluation.report.summary import ALL, Place
 from dlama.evaluation.runner.store import Row
 
 
@@ -49,63 +49,44 @@ EMPTY = Cell("–")
 
 
 def by_yaw(
-    summary: Summary,
-    protocol: str,
-    dataset: str,
-    chosen: Sequence[Which],
-    methods: Sequence[str],
-    yaws: Sequence[str],
-    title: str,
+    place: Place, chosen: Sequence[Which], methods: Sequence[str], yaws: Sequence[str], title: str
 ) -> Table | None:
     """A row a yaw and method, a column a metric, and the paper's own row where it has one; best of each yaw bold."""
     rows: list[tuple[Cell, ...]] = []
     for yaw in yaws:
-        cells = [
-            _mark_best([_cell(summary, Key(protocol, dataset, yaw, one, *which)) for one in methods], which[2], methods)
-            for which in chosen
-        ]
+        cells = [_mark_best([_cell(place, yaw, one, which) for one in methods], which[2], methods) for which in chosen]
         rows += [(Cell(yaw), Cell(method), *own) for method, *own in zip(methods, *cells)]
         published = [paper_value(yaw, *which) for which in chosen]
         if any(value is not None for value in published):
-            others = (_paper_cell(value, which[2]) for value, which in zip(published, chosen))
+            others = (
+                EMPTY if value is None else Cell(format_value(value, which[2]), value, other=True)
+                for value, which in zip(published, chosen)
+            )
             rows.append((Cell(yaw, other=True), Cell(PAPER, other=True), *others))
     head = ("yaw", "method", *(column_title(*which) for which in chosen))
     return Table(title, head, tuple(rows), with_intervals=True) if rows else None
 
 
-def side_by_side(
-    summary: Summary,
-    protocol: str,
-    dataset: str,
-    chosen: Iterable[tuple[str, str, str]],
-    methods: Sequence[str],
-    title: str,
-) -> Table | None:
+def side_by_side(place: Place, chosen: Iterable[Which], methods: Sequence[str], title: str) -> Table | None:
     """Many metrics over all frames: a row a region and metric, a column a method; best bold."""
     rows = []
     for which in chosen:
-        cells = _mark_best(
-            [_cell(summary, Key(protocol, dataset, ALL, one, *which)) for one in methods], which[2], methods
-        )
+        cells = _mark_best([_cell(place, ALL, one, which) for one in methods], which[2], methods)
         if any(cell is not EMPTY for cell in cells):
             rows.append((Cell(which[0]), Cell(column_title(*which)), *cells))
     return Table(title, ("region", "metric", *methods), tuple(rows), with_intervals=True) if rows else None
 
 
-def variants(
-    summary: Summary, protocol: str, dataset: str, chosen: Sequence[tuple[str, str, str]], title: str
-) -> Table | None:
+def variants(place: Place, chosen: Sequence[Which], title: str) -> Table | None:
     """Runs that differ from the methods as named, next to these: a row a method and variant, a column a metric."""
-    names = [one for one in summary.methods if summary.of(protocol=protocol, dataset=dataset, method=one)]
+    names = [one for one in place.summary.methods if place.of(method=one)]
     if not any(variant_of(name)[1] for name in names):
         return None
-    seen = [
-        which for which in chosen if any(Key(protocol, dataset, ALL, one, *which) in summary.means for one in names)
-    ]
+    seen = [which for which in chosen if any(place.mean(ALL, one, which) for one in names)]
     rows = []
     for base in (name for name in names if not variant_of(name)[1]):
         for name in (one for one in names if variant_of(one)[0] == base):
-            cells = [_cell(summary, Key(protocol, dataset, ALL, name, *which)) for which in seen]
+            cells = [_cell(place, ALL, name, which) for which in seen]
             rows.append((Cell(base), Cell(variant_of(name)[1] or "as named"), *cells))
     head = ("method", "variant", *(f"{which[0]} {column_title(*which)}" for which in seen))
     return Table(title, head, tuple(rows))
@@ -164,22 +145,12 @@ def _line(fields: Iterable[str]) -> str:
     return f"| {' | '.join(fields)} |"
 
 
-def _cell(summary: Summary, key: Key) -> Cell:
-    one = summary.means.get(key)
-    return EMPTY if one is None else _mean_cell(key, one)
-
-
-def _mean_cell(key: Key, one: Mean) -> Cell:
-    between = (
-        ""
-        if one.low is None or one.high is None
-        else f"{format_value(one.low, key.metric)} to {format_value(one.high, key.metric)}"
-    )
-    return Cell(format_value(one.value, key.metric), one.value, interval=between)
-
-
-def _paper_cell(value: float | None, metric: str) -> Cell:
-    return EMPTY if value is None else Cell(format_value(value, metric), value, other=True)
+def _cell(place: Place, yaw: str, method: str, which: Which) -> Cell:
+    one, metric = place.mean(yaw, method, which), which[2]
+    if one is None:
+        return EMPTY
+    ends = [format_value(end, metric) for end in (one.low, one.high) if end is not None]
+    return Cell(format_value(one.value, metric), one.value, interval=" to ".join(ends))
 
 
 def _mark_best(cells: list[Cell], metric: str, methods: Sequence[str]) -> list[Cell]:

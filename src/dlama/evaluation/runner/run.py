@@ -24,6 +24,8 @@ from dlama.files.drafts import remove_abandoned
 from dlama.workers.memory import check_processes
 from dlama.workers.pool import run_all
 
+DIED = "a process died twice while it ran this case (out of memory?); fewer --jobs may help"
+
 
 def run_tasks(tasks: Sequence[Task], jobs: int) -> Iterator[Outcome]:
     """Of every task. When a process dies, the case it had runs again; one that ends its process again fails."""
@@ -33,17 +35,15 @@ def run_tasks(tasks: Sequence[Task], jobs: int) -> Iterator[Outcome]:
         return
     try:
         for ended in run_all(work_all, tasks, min(jobs, len(tasks))):
-            yield from _fail_task(ended.task) if ended.died else ended.answer
+            if ended.died:
+                yield from (Outcome(ended.task.case, method, DIED) for method, _ in ended.task.methods)
+            else:
+                yield from ended.answer
     except BaseException:  # Ctrl-C: files are written whole or not at all, so nobody has to be waited for
         for folder in {task.folder for task in tasks}:
             for name in ("cases", "panels"):
                 remove_abandoned(folder / name, again=True)
         raise
-
-
-def _fail_task(task: Task) -> Iterator[Outcome]:
-    line = "a process died twice while it ran this case (out of memory?); fewer --jobs may help"
-    yield from (Outcome(task.case, method, line) for method, _ in task.methods)
 
 
 Progress = Callable[[Outcome | None, int, int], None]
@@ -85,7 +85,11 @@ def run(
         OutputError: the folder cannot be written.
     """
     _check(cases, methods, jobs)
-    _make(folder)
+    try:
+        for name in ("cases", "panels"):
+            (folder / name).mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"{folder}: cannot be written: {error.strerror or error}") from error
     tasks, reused, stale = _plan(cases, methods, protocols, settings, folder)
     report = progress or (lambda *_: None)
     total, done = len(cases) * len(methods), reused
@@ -132,14 +136,6 @@ def _check(cases: Sequence[Case], methods: Sequence[Method], jobs: int) -> None:
         twice = sorted(name for name, count in Counter(names).items() if count > 1)
         if twice:
             raise InputError(f"two {kind} are called {twice[0]}; every one needs a name of its own")
-
-
-def _make(folder: Path) -> None:
-    try:
-        for name in ("cases", "panels"):
-            (folder / name).mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(f"{folder}: cannot be written: {error.strerror or error}") from error
 
 
 def _plan(

@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 import struct
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from xml.etree import ElementTree
 
@@ -63,21 +64,12 @@ class Item:
 
 def find_xmp(data: bytes) -> list[Xmp]:
     """The XMP packets of a JPEG, the extension as one of them, or of a HEIC file; damaged ones are left out."""
-    packets = list(_jpeg_packets(data)) if data.startswith(JPEG_BEGINS) else PACKET.findall(data)
-    parsed = (parse_xmp(packet) for packet in packets)
-    return [packet for packet in parsed if packet is not None]
-
-
-def parse_xmp(packet: bytes) -> Xmp | None:
-    """One packet; None where it is damaged, or declares entities, which XMP has no use for."""
-    root = _root_of(packet)
-    return None if root is None else Xmp(_properties(root))
+    return [Xmp(_properties(root)) for root in _roots(data)]
 
 
 def list_container_items(data: bytes) -> list[dict[str, str]]:
     """The entries of `Container:Directory` (Google's container), in order: Mime, Length, DataURI, Semantic, ... as they stand."""
-    packets = list(_jpeg_packets(data)) if data.startswith(JPEG_BEGINS) else PACKET.findall(data)
-    for root in filter(None, map(_root_of, packets)):
+    for root in _roots(data):
         for element in root.iter():
             if element.tag.endswith("}Directory") and "container" in element.tag:
                 lists = (_properties(each) for each in element.iter(f"{RDF}li"))
@@ -155,14 +147,13 @@ def _jpeg_packets(data: bytes) -> Iterator[bytes]:
         yield b"".join(parts[place] for place in sorted(parts))
 
 
-def _root_of(packet: bytes) -> ElementTree.Element | None:
-    begin, end = packet.find(b"<x:xmpmeta"), packet.rfind(b">")
-    if b"<!" in packet or begin < 0:
-        return None
-    try:
-        return ElementTree.fromstring(packet[begin : packet.find(b"</x:xmpmeta>", begin) + 12 or end + 1])
-    except ElementTree.ParseError:
-        return None
+def _roots(data: bytes) -> Iterator[ElementTree.Element]:
+    """Of each packet in a file; not of those that are damaged, or declare entities, which XMP has no use for."""
+    for packet in _jpeg_packets(data) if data.startswith(JPEG_BEGINS) else PACKET.findall(data):
+        begin, end = packet.find(b"<x:xmpmeta"), packet.rfind(b">")
+        if b"<!" not in packet and begin >= 0:
+            with suppress(ElementTree.ParseError):
+                yield ElementTree.fromstring(packet[begin : packet.find(b"</x:xmpmeta>", begin) + 12 or end + 1])
 
 
 def _properties(root: ElementTree.Element) -> dict[str, list[str]]:

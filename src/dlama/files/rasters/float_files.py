@@ -1,4 +1,4 @@
-"""EXR, PFM, NPY and NPZ files in; one H x W array of numbers out, as stored; and PFM and EXR back. No units here."""
+"""EXR, PFM, NPY, NPZ and COLMAP's depth files in; one H x W array of numbers out, as stored; and PFM and EXR back. No units."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from typing import IO, Any
 import numpy as np
 import OpenEXR
 
-from dlama.errors import FileError, ShapeError, first_line
+from dlama.errors import FileError, ShapeError, first_line, system_errors
 from dlama.files.atomic_write import PathLike, new_file
 from dlama.files.rasters.images import LARGEST_PIXELS, check_pixels, existing_file
 from dlama.geometry.rgbd import Float32Array
@@ -24,6 +24,8 @@ PFM_HEADER_BYTES = 512
 """The longest header that is looked at."""
 HALF_MAX = 65504.0
 """The largest half float; where a writer clamps, this is what infinity becomes."""
+COLMAP_HEAD = re.compile(rb"(\d{1,9})&(\d{1,9})&(\d{1,9})&")
+"""Width, height, channels; then float32, little-endian, row by row."""
 CHANNEL_ORDER = ("z", "depth", "*.z", "*depth*", "r", "y")
 """Which channel of an EXR is depth: the first of these that is there (without regard to case), else the only one."""
 
@@ -59,6 +61,27 @@ def write_pfm(path: PathLike, values: Float32Array) -> None:
     head = f"Pf\n{values.shape[1]} {values.shape[0]}\n-1.0\n".encode()
     with new_file(path) as draft:
         draft.write_bytes(head + np.ascontiguousarray(values[::-1], "<f4").tobytes())
+
+
+@system_errors(FileError)
+def read_colmap_depth(path: PathLike) -> Float32Array:
+    """A depth map of COLMAP's dense workspace (`NAME.geometric.bin`): planar depth in the unit of the model; what is not positive
+    is missing (0). Raises FileError."""
+    file = existing_file(path)
+    data = file.read_bytes()
+    head = COLMAP_HEAD.match(data)
+    if head is None:
+        raise FileError(f"{file}: is no depth map of COLMAP, which begins with WIDTH&HEIGHT&CHANNELS&")
+    width, height, channels = (int(one) for one in head.groups())
+    if channels != 1:
+        raise FileError(f"{file}: has {channels} channels; a depth map has 1")
+    check_pixels(file, width, height)
+    if len(data) - head.end() != 4 * width * height:
+        raise FileError(
+            f"{file}: holds {len(data) - head.end()} bytes; {width}x{height} pixels take {4 * width * height}"
+        )
+    depth = np.frombuffer(data, "<f4", offset=head.end()).reshape(height, width).astype(np.float32)
+    return np.where(np.isfinite(depth) & (depth > 0), depth, np.float32(0))
 
 
 def read_array(path: PathLike, key: str) -> np.ndarray:
@@ -224,7 +247,7 @@ def check_exr_is_whole(file: Path) -> None:
         offsets = struct.unpack_from(f"<{chunks}Q", data, table)
         ends = [at + 8 + struct.unpack_from("<i", data, at + 4)[0] for at in offsets]
         whole = min(offsets) > table and max(ends) <= len(data)
-    except (struct.error, ValueError, KeyError, OverflowError):
+    except (struct.error, ValueError, KeyError, IndexError, OverflowError):
         whole = False
     if not whole:
         raise FileError(f"{file}: is damaged or truncated")
@@ -237,7 +260,7 @@ LINES_PER_CHUNK = {0: 1, 1: 1, 2: 1, 3: 16, 4: 32, 5: 16, 6: 32, 7: 32, 8: 32, 9
 def _chunk_table(data: bytes) -> tuple[int, int]:
     """(where the table of chunk offsets begins, how many there are) of a scan-line EXR."""
     at, found = 8, {}
-    while data[at] if at < len(data) else _refuse_short_header():
+    while data[at]:
         name_end = data.index(b"\0", at)
         type_end = data.index(b"\0", name_end + 1)
         size = struct.unpack_from("<i", data, type_end + 1)[0]
@@ -246,7 +269,3 @@ def _chunk_table(data: bytes) -> tuple[int, int]:
     _, top, _, bottom = struct.unpack("<4i", found[b"dataWindow"])
     lines = LINES_PER_CHUNK[found[b"compression"][0]]
     return at + 1, -(-(bottom - top + 1) // lines)
-
-
-def _refuse_short_header() -> int:
-    raise ValueError("the header ends early")

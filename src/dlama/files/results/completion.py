@@ -22,7 +22,7 @@ from dlama.files.scenes import scene_npz as scenes
 from dlama.geometry.codes import Origin
 from dlama.geometry.figures.false_color import CHOICE_PALETTE, HOLE_PALETTE, ORIGIN_PALETTE
 from dlama.geometry.projection import round_depth
-from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+from dlama.geometry.rgbd import BoolArray, UInt8Array
 from dlama.geometry.view import View
 from dlama.models.network_file import make_room
 from dlama.progress import Progress, begin_stage, take_progress
@@ -199,7 +199,10 @@ def view_writers(folder: Path, view: View, place: str, choice: UInt8Array | None
     writers: dict[str, Writer] = {
         "image.png": lambda: pictures.write_color(folder / "image.png", view.color),
         "depth.png": lambda: depth.write_depth_png(folder / "depth.png", view.depth),
-        "depth.exr": lambda: depth.write_depth_exr(folder / "depth.exr", depth_of_file(view)),
+        "depth.exr": lambda: depth.write_depth_exr(
+            folder / "depth.exr",  # what was filled is as round as estimated depth is, and never nearer than it was
+            round_depth(view.depth, up=True) if Origin.ESTIMATED in view.origins else view.depth,
+        ),
         "hole.png": lambda: pictures.write_mask(folder / "hole.png", view.hole_type > 0),
         "hole_type.png": lambda: pictures.write_codes(folder / "hole_type.png", view.hole_type, HOLE_PALETTE),
         "origin.png": lambda: pictures.write_codes(folder / "origin.png", view.origin, ORIGIN_PALETTE),
@@ -208,11 +211,6 @@ def view_writers(folder: Path, view: View, place: str, choice: UInt8Array | None
     if choice is not None:
         writers["choice.png"] = lambda: pictures.write_codes(folder / "choice.png", choice, CHOICE_PALETTE)
     return {f"{place}{name}": writer for name, writer in writers.items()}
-
-
-def depth_of_file(view: View) -> Float32Array:
-    """H x W metres; where depth was estimated, what was filled is as round as that is, and never nearer than it was."""
-    return round_depth(view.depth, up=True) if Origin.ESTIMATED in view.origins else view.depth
 
 
 def scene_writers(folder: Path, completion: Completion) -> dict[str, Writer]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -139,7 +139,10 @@ def file_writers(photo: Photo3D, folder: Path, about: dict[str, Any]) -> dict[st
 
     @cache
     def loop() -> list[UInt8Array]:
-        return list(loop_pictures(photo))
+        """A turn round the source camera on an ellipse within the box, which ends where it begins."""
+        bare, turns = drop_errors(scene), (2 * math.pi * number / LOOP_PICTURES for number in range(LOOP_PICTURES))
+        cameras = (box.at(0.7 * math.sin(turn), 0.35 * math.cos(turn), 0) for turn in turns)
+        return [draw_smooth(bare, resize_to(camera, LOOP_WIDTH)) for camera in cameras]
 
     return {
         "photo3d.html": lambda: (folder / "photo3d.html").write_text(photo3d_page(box, parts()), "utf-8"),
@@ -177,12 +180,3 @@ def anaglyph(left: UInt8Array, right: UInt8Array) -> UInt8Array:
     """For red and cyan glasses: the left picture's luminance (Rec. 601) in red, green and blue of the right one (half colour)."""
     red = np.rint(left @ np.array([0.299, 0.587, 0.114])).astype(np.uint8)
     return np.dstack([red, right[..., 1], right[..., 2]])
-
-
-def loop_pictures(photo: Photo3D) -> Iterator[UInt8Array]:
-    """A turn round the source camera on an ellipse within the box, which ends where it begins."""
-    scene = drop_errors(photo.scene)
-    for number in range(LOOP_PICTURES):
-        turn = 2 * math.pi * number / LOOP_PICTURES
-        camera = photo.box.at(0.7 * math.sin(turn), 0.35 * math.cos(turn), 0)
-        yield draw_smooth(scene, resize_to(camera, LOOP_WIDTH))

@@ -57,14 +57,9 @@ def job_name(completion: Completion) -> str:
     if isinstance(completion, StereoCompletion):
         return "Object removed from both pictures" if removed else "Depth from a stereo pair"
     several = f" ({len(completion.views)} views)" if len(completion.views) > 1 else ""
-    if at_source_camera(completion):
+    if all(view.camera.same_view_as(completion.source.camera) for view in completion.views):
         return "Object removed" if removed else "Sensor holes filled"
     return ("Object removed, seen from elsewhere" if removed else "Seen from elsewhere") + several
-
-
-def at_source_camera(completion: Completion) -> bool:
-    """True where every view is the source camera's own."""
-    return all(view.camera.same_view_as(completion.source.camera) for view in completion.views)
 
 
 def panels(completion: Completion) -> list[Panel]:
@@ -82,17 +77,13 @@ def panels(completion: Completion) -> list[Panel]:
     before, view = completion.warped[0], completion.views[0]
     source = completion.source
     lo, hi = shared_depth_limits(completion)
+    name = "depth of the source" + (", estimated" if completion.meta.get("depth") == "estimated" else "")
     return [
         source_panel(completion),
         *color_panels("", before, view),
-        (depth_name(completion), depth_picture(subsample(source.depth), subsample(source.hole), lo, hi)),
+        (name, depth_picture(subsample(source.depth), subsample(source.hole), lo, hi)),
         *depth_panels("", before, view, completion),
     ]
-
-
-def depth_name(completion: Completion) -> str:
-    """What the panel of the source's depth is called."""
-    return "depth of the source" + (", estimated" if completion.meta.get("depth") == "estimated" else "")
 
 
 def demo_panels(name: str, completion: Completion) -> list[Panel]:

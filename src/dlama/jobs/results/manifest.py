@@ -77,7 +77,8 @@ class Manifest:
         except sqlite3.IntegrityError:
             (first,) = self._index.execute("select number from jobs where id = ?", (name,)).fetchone()
             raise InputError(f"{where}: id {name!r} is that of job {first + 1} already; ids must differ") from None
-        above = [one for one in folders_above(name) if self._is_planned(one)]
+        planned = "select 1 from jobs where id = ?"
+        above = [one for one in folders_above(name) if self._index.execute(planned, (one,)).fetchone()]
         below = self._index.execute("select id from jobs where id > ? and id < ? limit 1", (f"{name}/", f"{name}0"))
         others = above or [one for (one,) in below]
         if others:
@@ -99,7 +100,8 @@ class Manifest:
         if row is None or row.status != "done" or row.options_hash != job.options_hash:
             return None
         files = job.files
-        if set(files) != set(row.inputs) or not self._is_there(row):
+        lies = self.output.exists if row.folder.endswith(".tar") else self.output.has  # in a shard, or in its folder
+        if set(files) != set(row.inputs) or not lies(row.folder):
             return None
         stamps = {role: file_stamp(path) for role, path in files.items()}
         if any(stamps[role] != row.inputs[role]["stamp"] or not stamps[role] for role in files):
@@ -170,9 +172,6 @@ class Manifest:
             if self.output.is_remote and self._writer is not None:
                 self._send()
 
-    def _is_planned(self, name: str) -> bool:
-        return self._index.execute("select 1 from jobs where id = ?", (name,)).fetchone() is not None
-
     @system_errors(OutputError)
     def _open(self) -> None:
         self._folder.mkdir(parents=True, exist_ok=True)
@@ -218,10 +217,6 @@ class Manifest:
         stream = self._readers[shard]
         stream.seek(place)
         return JobResult.from_json(stream.readline().decode())
-
-    def _is_there(self, row: JobResult) -> bool:
-        """Whether the result lies where its row says: in its folder, or in a tar shard."""
-        return self.output.exists(row.folder) if row.folder.endswith(".tar") else self.output.has(row.folder)
 
     def _new_shard(self) -> None:
         if self._writer is not None:

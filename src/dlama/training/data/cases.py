@@ -80,7 +80,7 @@ def split_cases(cases: Sequence[TrainingCase], split: str) -> tuple[TrainingCase
     held-out one is trained on. InputError where a kind would have no case in one of the splits.
     """
     several = len({case.scene for case in cases}) > 1
-    held = _held_scenes(cases) if several else _held_frames(cases)
+    held = _held_out(cases, several)
     chosen = tuple(case for case in cases if case in held)
     if split == "held_out":
         return chosen
@@ -95,20 +95,16 @@ def split_cases(cases: Sequence[TrainingCase], split: str) -> tuple[TrainingCase
     return rest
 
 
-def _held_scenes(cases: Sequence[TrainingCase]) -> set[TrainingCase]:
-    """All cases of the held-out scenes; each kind has one such scene at least."""
-    scenes: set[str] = set()
-    for kind, own in _by_kind(cases).items():
-        scenes |= held_out_names({case.scene for case in own}, f"scenes with {KIND_NAMES[kind]}")
-    return {case for case in cases if case.scene in scenes}
-
-
-def _held_frames(cases: Sequence[TrainingCase]) -> set[TrainingCase]:
-    """Held-out cases of one scene, of each kind one at least."""
+def _held_out(cases: Sequence[TrainingCase], whole_scenes: bool) -> set[TrainingCase]:
+    """Of each kind one case at least; or all cases of the scenes of which each kind has one at least."""
     found: set[TrainingCase] = set()
     for kind, own in _by_kind(cases).items():
-        names = held_out_names({case.name for case in own}, KIND_NAMES[kind])
-        found |= {case for case in own if case.name in names}
+        if whole_scenes:
+            scenes = held_out_names({case.scene for case in own}, f"scenes with {KIND_NAMES[kind]}")
+            found |= {case for case in cases if case.scene in scenes}
+        else:
+            names = held_out_names({case.name for case in own}, KIND_NAMES[kind])
+            found |= {case for case in own if case.name in names}
     return found
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import zipfile
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -117,13 +117,10 @@ def _photo_entry(photo: Photo, number: int, size: int) -> Entry:
 
 def _case_entry(case: TrainingCase, number: int, size: int) -> Entry:
     about, parts = encode_case(case.kind, case.load(), size)
-    names = {role: f"takes/{number:06d}.{role}.{_suffix(data)}" for role, data in parts.items()}
+    kinds = {role: "png" if data.startswith(b"\x89PNG") else "webp" for role, data in parts.items()}
+    names = {role: f"takes/{number:06d}.{role}.{kind}" for role, kind in kinds.items()}
     entry = {"kind": case.kind, "scene": case.scene, "name": case.name, "frames": sorted(case.frames), **about}
     return entry | {"parts": names}, [(names[role], data) for role, data in parts.items()]
-
-
-def _suffix(data: bytes) -> str:
-    return "png" if data.startswith(b"\x89PNG") else "webp"
 
 
 def shrink_photo(picture: UInt8Array, size: int) -> UInt8Array:
@@ -145,11 +142,6 @@ def _write(output: Path, index: bytes, parts: list[tuple[str, bytes]]) -> int:
     """Write the file, whole or not at all; its size in bytes."""
     with new_file(output) as draft:
         with zipfile.ZipFile(draft, "w", zipfile.ZIP_STORED) as archive:
-            for name, data in _all_parts(index, parts):
+            for name, data in ((INDEX, index), *parts):
                 archive.writestr(zipfile.ZipInfo(name, EPOCH), data)
         return draft.stat().st_size
-
-
-def _all_parts(index: bytes, parts: list[tuple[str, bytes]]) -> Iterator[tuple[str, bytes]]:
-    yield INDEX, index
-    yield from parts

@@ -56,10 +56,6 @@ def decode_case(kind: str, about: Mapping[str, Any], roles: frozenset[str], read
     return _DECODERS[kind](about, roles, read)
 
 
-def _encode_frame(truth: ViewTruth, size: int) -> tuple[About, Parts]:
-    return _frames({"source": truth.source, "target": truth.target}, truth.exposure_varies, size)
-
-
 def _decode_frame(about: Mapping[str, Any], roles: frozenset[str], read: ReadRole) -> ViewTruth:
     ends = [_frame(about, end, read) for end in ("source", "target")]
     return ViewTruth(ends[0], ends[1], exposure_varies=bool(about["exposure_varies"]))
@@ -117,7 +113,7 @@ def _decode_stereo(about: Mapping[str, Any], roles: frozenset[str], read: ReadRo
 
 
 _ENCODERS: dict[str, Callable[[Any, int], tuple[About, Parts]]] = {
-    "frame": _encode_frame,
+    "frame": lambda view, size: _frames({"source": view.source, "target": view.target}, view.exposure_varies, size),
     "removal": _encode_removal,
     "stereo": _encode_stereo,
 }

@@ -56,12 +56,8 @@ class Mixture:
 
     def sample(self, index: int, rng: np.random.Generator) -> dict[str, np.ndarray]:
         """One sample of one of the kinds."""
-        number = self.random_source(rng)
+        number = min(int(np.searchsorted(self.thresholds, rng.random(), "right")), len(self.sources) - 1)
         return self.sources[number].sample(index % len(self.sources[number]), rng)
-
-    def random_source(self, rng: np.random.Generator) -> int:
-        """Number of the source that the next sample comes from."""
-        return min(int(np.searchsorted(self.thresholds, rng.random(), "right")), len(self.sources) - 1)
 
 
 @dataclass(frozen=True)
@@ -148,7 +144,6 @@ def _check_use(kinds: set[str], data: Sequence[Path], found: TrainingData) -> No
     for kind in sorted(kinds):
         if SAMPLES[kind].cases_required and not found.of(str(SAMPLES[kind].cases)):
             raise InputError(f"data.mixture has {kind!r}, which needs a posed data set, but `data` names {named}")
-    for kind in sorted(kinds):
         if SAMPLES[kind].crops and not found.crops:
             raise InputError(
                 f"data.mixture has {kind!r}, which needs a folder of crops with guesses (benchmarks/choice.py makes one), "
@@ -156,12 +151,12 @@ def _check_use(kinds: set[str], data: Sequence[Path], found: TrainingData) -> No
             )
     if found.crops and any(SAMPLES[kind].crops for kind in kinds):
         return
-    if data and not (found.photos and _use_photos(kinds)) and not _cases_of_kinds(found, kinds):
+    if (
+        data
+        and not (found.photos and any(SAMPLES[kind].photos for kind in kinds))
+        and not _cases_of_kinds(found, kinds)
+    ):
         raise InputError(f"data.mixture is {', '.join(sorted(kinds))}, which has no use for `data`: {named}")
-
-
-def _use_photos(kinds: set[str]) -> bool:
-    return any(SAMPLES[kind].photos for kind in kinds)
 
 
 def _cases_of_kinds(found: TrainingData, kinds: set[str]) -> tuple[TrainingCase, ...]:
@@ -172,39 +167,37 @@ def _cases_of_kinds(found: TrainingData, kinds: set[str]) -> tuple[TrainingCase,
 
 def _split(found: TrainingData, kinds: set[str], split: Split) -> TrainingData:
     """The photos and cases of one split that these kinds use."""
-    photos = split_photos(found.photos, split) if found.photos and _use_photos(kinds) else ()
+    takes_photos = found.photos and any(SAMPLES[kind].photos for kind in kinds)
+    photos = split_photos(found.photos, split) if takes_photos else ()
     used = _cases_of_kinds(found, kinds)
     return TrainingData(photos, split_cases(used, split) if used else (), found.crops)
 
 
-def _removals(settings: TrainSettings, found: TrainingData, split: Split) -> SampleSource:
-    worlds, cases = WorldRemovals(_world_set(settings, found, split), settings.network), found.of("removal")
-    own = DatasetRemovals(cases, settings.network, settings.data.size)
-    return _mix_cases_and_worlds(settings, own, worlds) if cases else worlds
-
-
-def _pairs(settings: TrainSettings, found: TrainingData, split: Split) -> SampleSource:
-    worlds, cases = WorldPairs(_world_set(settings, found, split), settings.network), found.of("stereo")
-    own = DatasetPairs(cases, settings.network, settings.data.size)
-    return _mix_cases_and_worlds(settings, own, worlds) if cases else worlds
-
-
-def _world_set(settings: TrainSettings, found: TrainingData, split: Split) -> WorldSet:
+def _worlds(settings: TrainSettings, found: TrainingData, split: Split) -> WorldSet:
     return WorldSet(split, settings.data.size, found.photos)
 
 
-def _mix_cases_and_worlds(settings: TrainSettings, cases: SampleSource, worlds: SampleSource) -> SampleSource:
-    """One kind whose samples come from dataset cases and from worlds, by the share `data.cases`."""
-    share = settings.data.cases
-    return Mixture({"cases": (cases, share), "worlds": (worlds, 1 - share)}) if share < 1 else cases
+def _cases_and_worlds(
+    of_cases: type[DatasetRemovals | DatasetPairs], of_worlds: type[WorldRemovals | WorldPairs], kind: str
+) -> Callable[[TrainSettings, TrainingData, Split], SampleSource]:
+    """Makes the samples of dataset cases of a kind and of worlds, by the share `data.cases`; of worlds alone without cases."""
+
+    def make(settings: TrainSettings, found: TrainingData, split: Split) -> SampleSource:
+        worlds, share = of_worlds(_worlds(settings, found, split), settings.network), settings.data.cases
+        if not found.of(kind):
+            return worlds
+        cases = of_cases(found.of(kind), settings.network, settings.data.size)
+        return Mixture({"cases": (cases, share), "worlds": (worlds, 1 - share)}) if share < 1 else cases
+
+    return make
 
 
 MAKERS: dict[str, Callable[[TrainSettings, TrainingData, Split], SampleSource]] = {
     "sketch": lambda settings, _, split: ToyScenes(settings.network, settings.data.size, split),
-    "world": lambda settings, found, split: WorldSamples(_world_set(settings, found, split), settings.network),
+    "world": lambda settings, found, split: WorldSamples(_worlds(settings, found, split), settings.network),
     "frame": lambda settings, found, _: DatasetViews(found.of("frame"), settings.network, settings.data.size),
-    "removal": _removals,
-    "stereo": _pairs,
+    "removal": _cases_and_worlds(DatasetRemovals, WorldRemovals, "removal"),
+    "stereo": _cases_and_worlds(DatasetPairs, WorldPairs, "stereo"),
     "guesses": lambda settings, found, split: GuessSamples(found.crops, settings.network, split, settings.data.size),
 }
 """Source of each kind in `kinds.SAMPLES`."""

@@ -126,11 +126,8 @@ def _panels(truth: np.ndarray, filled: np.ndarray, hole: np.ndarray, first: int,
     for picture in (truth, filled, truth):
         part = picture[first:] if first == planes - 1 else picture[first : first + 3]
         levels = np.round(np.clip(part, 0, 1) * 255).astype(np.uint8).transpose(1, 2, 0)
-        shown.append(np.array(_color_levels(levels) if levels.shape[2] == 1 else levels))
+        if levels.shape[2] == 1:  # near is red, far is blue
+            levels = np.asarray(cv2.applyColorMap(levels, cv2.COLORMAP_TURBO))[..., ::-1]
+        shown.append(np.array(levels))
     shown[0][hole] = HOLE
     return [np.pad(panel, ((0, GAP), (0, GAP), (0, 0))) for panel in shown]
-
-
-def _color_levels(levels: np.ndarray) -> np.ndarray:
-    """H x W x 1 levels as H x W x 3 colours: near is red, far is blue."""
-    return np.asarray(cv2.applyColorMap(levels, cv2.COLORMAP_TURBO))[..., ::-1]

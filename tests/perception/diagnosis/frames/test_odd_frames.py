@@ -15,7 +15,7 @@ from PIL import Image
 import dlama
 from corruptions import FRAMES, with_curve, with_depth, with_focal
 from dlama.datasets.layouts import open_dataset
-from dlama.datasets.posed.nerfstudio_writer import write_transforms
+from dlama.datasets.posed.nerfstudio import write_transforms
 from dlama.files.rasters.depth import write_depth_png
 from dlama.perception.diagnosis.finding import Finding
 from dlama.perception.diagnosis.frames.landing import shrink

@@ -118,7 +118,8 @@ def _world_views(worlds: WorldSet, number: int, paired: bool = False) -> WorldVi
     fov = float(rng.uniform(*FOV_DEG))
     yaws = _yaws(rng)
     if paired:
-        cameras = _rigs(rng, [made.camera(yaw, size, fov) for yaw in yaws[: VIEWS // 2]])
+        lefts = [made.camera(yaw, size, fov) for yaw in yaws[: VIEWS // 2]]
+        cameras = tuple(each for left in lefts for each in (left, move_sideways(left, float(rng.uniform(*SHIFT_M)))))
         return WorldViews(made, cameras, tuple((n, n + 1) for n in range(0, len(cameras), 2)))
     cameras = _random_move(rng, [made.camera(yaw, size, fov) for yaw in yaws])
     pairs = [(i, j) for i in range(VIEWS) for j in range(VIEWS) if i != j and abs(yaws[i] - yaws[j]) <= LARGEST_YAW]
@@ -143,11 +144,6 @@ def _random_move(rng: np.random.Generator, cameras: list[Camera]) -> tuple[Camer
         orbit(last, sign * float(rng.uniform(SMALLEST_TURN, 15)), float(rng.uniform(*PITCH_DEG))),
     )
     return (*cameras[:-1], moved[int(rng.integers(len(moved)))])
-
-
-def _rigs(rng: np.random.Generator, cameras: list[Camera]) -> tuple[Camera, ...]:
-    """Left and right cameras: each camera, and one to its right."""
-    return tuple(each for left in cameras for each in (left, move_sideways(left, float(rng.uniform(*SHIFT_M)))))
 
 
 def move_sideways(camera: Camera, metres: float) -> Camera:

@@ -1,1 +1,0 @@
-"""A finished or running batch in; one HTML page about it out. Begin with `write`."""
