@@ -7,11 +7,18 @@ from __future__ import annotations
 
 import gc
 import os
-from collections.abc import Generator
+import sys
+from collections.abc import Generator, Iterator
 from pathlib import Path
 
+import platformdirs
 import pytest
 
+if (
+    sys.dont_write_bytecode
+):  # else all modules would be compiled in each process of each run; nothing is written into the tree
+    sys.dont_write_bytecode, sys.pycache_prefix = False, platformdirs.user_cache_dir("dlama-tests", appauthor=False)
+    os.environ |= {"PYTHONDONTWRITEBYTECODE": "", "PYTHONPYCACHEPREFIX": sys.pycache_prefix}
 if "PYTEST_XDIST_WORKER" in os.environ:  # torch is not loaded yet; its threads would fight with the other process's
     os.environ.setdefault("OMP_NUM_THREADS", "1")
 
@@ -35,6 +42,14 @@ def pytest_collection() -> Generator[None, object, object]:
     finally:
         gc.freeze()
         gc.enable()
+
+
+@pytest.fixture(scope="session", autouse=True)
+def nothing_is_flushed() -> Iterator[None]:
+    """What tests write need not survive a power cut; `test_placement` sees that it would."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(os, "fsync", lambda handle: None)
+        yield
 
 
 @pytest.fixture(scope="session")

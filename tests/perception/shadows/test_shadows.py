@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -21,6 +23,7 @@ TO_LIGHT = np.array([-1.0, -1.2, 0.3])
 """From a point to the light: the shadow lies to the right of the box."""
 
 
+@cache
 def lit_and_shadow(darker: float) -> tuple[RGBD, BoolArray, BoolArray]:
     """The scene with a noisy grey ground, the box's mask and the pixels of the ground from which the box hides the light."""
     rgbd, shown = WORLD.rgbd(CAMERA), WORLD.trace(CAMERA)[1]

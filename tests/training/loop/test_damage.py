@@ -41,19 +41,26 @@ def run(one_step: Path, tmp_path: Path) -> Path:
     return shutil.copytree(one_step, tmp_path / "run")
 
 
-@pytest.fixture
-def killed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A run that was killed after its first step, before any checkpoint."""
+@pytest.fixture(scope="module")
+def killed_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run that was killed after its first step, before any checkpoint, for the fixture `killed` to copy."""
 
     def kill(*_: object) -> None:
         raise Killed
 
-    with monkeypatch.context() as broken:
+    run = tmp_path_factory.mktemp("killed") / "run"
+    with pytest.MonkeyPatch.context() as broken:
         broken.setattr(callbacks.RunCallback, "on_train_batch_end", kill)
         with pytest.raises(Killed):
-            train(toy(steps=2), tmp_path / "run")
-    assert (tmp_path / "run" / SETTINGS).is_file() and not (tmp_path / "run" / LAST).exists()
-    return tmp_path / "run"
+            train(toy(steps=2), run)
+    assert (run / SETTINGS).is_file() and not (run / LAST).exists()
+    return run
+
+
+@pytest.fixture
+def killed(killed_run: Path, tmp_path: Path) -> Path:
+    """A run that was killed before any checkpoint, to go on with."""
+    return shutil.copytree(killed_run, tmp_path / "run")
 
 
 @pytest.mark.parametrize("resume", [False, True])
