@@ -11,14 +11,10 @@ import sys
 from collections.abc import Generator, Iterator
 from pathlib import Path
 
-import platformdirs
 import pytest
 
-if (
-    sys.dont_write_bytecode
-):  # else all modules would be compiled in each process of each run; nothing is written into the tree
-    sys.dont_write_bytecode, sys.pycache_prefix = False, platformdirs.user_cache_dir("dlama-tests", appauthor=False)
-    os.environ |= {"PYTHONDONTWRITEBYTECODE": "", "PYTHONPYCACHEPREFIX": sys.pycache_prefix}
+# Else each process of each run would compile all modules anew; the kernels' caches lie in the same folders.
+sys.dont_write_bytecode, os.environ["PYTHONDONTWRITEBYTECODE"] = False, ""
 if "PYTEST_XDIST_WORKER" in os.environ:  # torch is not loaded yet; its threads would fight with the other process's
     os.environ.setdefault("OMP_NUM_THREADS", "1")
 

@@ -8,7 +8,7 @@ pictures. Format: github.com/strayrobots/scanner (format.md).
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -16,7 +16,7 @@ import numpy as np
 
 from dlama.datasets.captures.captured_frames import capture_files, captured_frames, files_by_stem, levels_of_png
 from dlama.datasets.posed.posed_frames import FrameFiles, Lens, PosedFrame
-from dlama.datasets.text_tables import matrix_of, pose_of, read_rows
+from dlama.datasets.text_tables import Row, matrix_of, pose_of, read_rows
 from dlama.errors import FileError
 from dlama.files.rasters.depth import read_depth
 from dlama.files.rasters.video_frames import count_video_frames, read_video_frame
@@ -34,14 +34,7 @@ def looks_like(root: Path) -> bool:
 
 def list_frames(scene: str, folder: Path) -> list[PosedFrame]:
     """The frames of one scene. Raises FileError, CameraError."""
-    rows = read_rows(folder / ODOMETRY, commas=True)
-    if not rows:
-        raise FileError(f"{folder / ODOMETRY}: holds no line")
-    named = "x" in rows[0].words
-    names, rows = (rows[0].words, rows[1:]) if named else (BARE, rows)
-    missing = [name for name in BARE if name not in names]
-    if missing:
-        raise FileError(f"{folder / ODOMETRY}:1: has no column {missing[0]}; {', '.join(BARE)} are expected")
+    names, rows = _odometry(folder / ODOMETRY)
     shared = _matrix(folder) if not set(LENS_COLUMNS) <= set(names) else None
     pictures = count_video_frames(folder / VIDEO)
     depths, levels = (files_by_stem(folder / name, (".png",)) for name in ("depth", "confidence"))
@@ -70,6 +63,17 @@ def list_frames(scene: str, folder: Path) -> list[PosedFrame]:
                 )
 
     return captured_frames(scene, folder, listed())
+
+
+def _odometry(path: Path) -> tuple[Sequence[str], list[Row]]:
+    rows = read_rows(path, commas=True)
+    if not rows:
+        raise FileError(f"{path}: holds no line")
+    names, rows = (rows[0].words, rows[1:]) if "x" in rows[0].words else (BARE, rows)
+    missing = [name for name in BARE if name not in names]
+    if missing:
+        raise FileError(f"{path}:1: has no column {missing[0]}; {', '.join(BARE)} are expected")
+    return names, rows
 
 
 def _matrix(folder: Path) -> Lens:

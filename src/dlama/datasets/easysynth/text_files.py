@@ -173,9 +173,8 @@ def _rig_camera(path: Path, name: str, values: Any) -> RigCamera:
     where = f"{path}: cameras.{name}"
     if not isinstance(values, Mapping):
         raise FileError(f"{where} is no object; intrinsics, rotation, translation and sensor_size are expected")
-    fields = FileFields(f"{path}: cameras.{name}", {key: [value] for key, value in values.items()})
-    fx, skew, cx, *rest = fields.matrix("intrinsics", (1, 9))[0]
-    below, fy, cy, left, under, last = rest
+    fields = FileFields(where, {key: [value] for key, value in values.items()})
+    fx, skew, cx, below, fy, cy, left, under, last = fields.matrix("intrinsics", (1, 9))[0]
     if skew or below or left or under or last not in (0, 1) or fx <= 0 or fy <= 0:
         raise CameraError(
             f"{where}.intrinsics is {values['intrinsics']}; fx 0 cx 0 fy cy 0 0 0 (or 1 at the end) is expected, fx, fy > 0"

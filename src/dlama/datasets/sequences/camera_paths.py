@@ -41,7 +41,7 @@ def path_for(path: str, scene: Scene, seconds: float, fps: float, width: int | N
 
     width: px of the pictures; None: the frames'. Raises InputError, FileError.
     """
-    if not (math.isfinite(seconds) and seconds > 0 and math.isfinite(fps) and 0 < fps <= 240):
+    if not (0 < seconds < math.inf and 0 < fps <= 240):
         raise InputError(
             f"`seconds` is {seconds}, `fps` {fps}; both more than 0, and at most 240 pictures a second are expected"
         )

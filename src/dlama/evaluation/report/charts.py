@@ -61,21 +61,26 @@ def curves(place: Place, chosen: Sequence[Which], methods: Sequence[str], captio
     drawn = [which for which in chosen if any(place.mean(y, m, which) for y in yaws for m in methods)]
     if len(yaws) < 2 or not drawn:
         return None
-    plots = []
-    for which in drawn:
-        sheet, axes = _sheet(*PLOT_INCHES)
-        for method in methods:
-            found = [(_degrees(yaw), place.mean(yaw, method, which)) for yaw in yaws]
-            _curve(axes, [(x, mean) for x, mean in found if mean is not None], _style(methods, method))
-        if published := _paper_values(yaws, which):
-            axes.plot(*zip(*published), **PAPER_STYLE)
-        axes.set_xticks([_degrees(yaw) for yaw in yaws], yaws)
-        axes.set_title(_heading(which), fontsize=9)
-        plots.append(_svg(sheet, f"{caption}: {_heading(which)}", (*place[1:], caption)))
+    plots = [
+        _svg(_plot(place, which, methods, yaws), f"{caption}: {_heading(which)}", (*place[1:], caption))
+        for which in drawn
+    ]
     with_paper = any(_paper_values(yaws, which) for which in drawn)
     legend = _legend(methods, with_paper, (*place[1:], caption))
     has_intervals = any(one.low is not None for one in place.of().values())
     return Figure(caption, tuple(plots), legend, has_intervals)
+
+
+def _plot(place: Place, which: Which, methods: Sequence[str], yaws: Sequence[str]) -> Any:
+    sheet, axes = _sheet(*PLOT_INCHES)
+    for method in methods:
+        found = [(_degrees(yaw), place.mean(yaw, method, which)) for yaw in yaws]
+        _curve(axes, [(x, mean) for x, mean in found if mean is not None], _style(methods, method))
+    if published := _paper_values(yaws, which):
+        axes.plot(*zip(*published), **PAPER_STYLE)
+    axes.set_xticks([_degrees(yaw) for yaw in yaws], yaws)
+    axes.set_title(_heading(which), fontsize=9)
+    return sheet
 
 
 def against_diagonal(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
@@ -36,15 +36,9 @@ def paired_comparison(
     pairs = _pairs([row for row in rows if (row.protocol, row.dataset) == (protocol, dataset)])
     seen = [which for which in chosen if any(key[2] == which for key in pairs)]
     places = dict.fromkeys((filler, yaw) for filler, yaw, which in pairs if which in seen and filler != NO_FILL)
-    fillers = list(dict.fromkeys(filler for filler, _ in places))
-    single = len({yaw for _, yaw in places} - {ALL}) == 1  # then `all` is the same
-    ordered = sorted(
-        (place for place in places if not (single and place[1] == ALL)),
-        key=lambda place: (fillers.index(place[0]), yaw_order(place[1])),
-    )
     lines = [
         (Cell(filler), Cell(yaw), *(_cell(pairs.get((filler, yaw, which)), which[2], seed) for which in seen))
-        for filler, yaw in ordered
+        for filler, yaw in _in_order(places)
     ]
     head = ("filler", "yaw", *(column_title(*which) for which in seen))
     where = "" if tuple(chosen) == PAPER_SHAPE else f", {chosen[0][0]}"
@@ -63,6 +57,14 @@ def _pairs(rows: Sequence[Row]) -> dict[tuple[str, str, Which], Pairs]:
         for yaw in labels[row.protocol, row.dataset, row.yaw][:2]:
             found[row.filler, yaw, (row.region, row.modality, row.metric)][row.scene].append((row.value, other))
     return found
+
+
+def _in_order(places: Collection[tuple[str, str]]) -> list[tuple[str, str]]:
+    """Filler and yaw: fillers as they come, and of each the yaws in a row."""
+    fillers = list(dict.fromkeys(filler for filler, _ in places))
+    single = len({yaw for _, yaw in places} - {ALL}) == 1  # then `all` is the same
+    kept = [place for place in places if not (single and place[1] == ALL)]
+    return sorted(kept, key=lambda place: (fillers.index(place[0]), yaw_order(place[1])))
 
 
 def _cell(pairs: Pairs | None, metric: str, seed: int) -> Cell:

@@ -79,15 +79,15 @@ def side_by_side(place: Place, chosen: Iterable[Which], methods: Sequence[str], 
 
 def variants(place: Place, chosen: Sequence[Which], title: str) -> Table | None:
     """Runs that differ from the methods as named, next to these: a row a method and variant, a column a metric."""
-    names = [one for one in place.summary.methods if place.of(method=one)]
-    if not any(variant_of(name)[1] for name in names):
+    ran = {name: variant_of(name) for name in place.summary.methods if place.of(method=name)}
+    if not any(variant for _, variant in ran.values()):
         return None
-    seen = [which for which in chosen if any(place.mean(ALL, one, which) for one in names)]
+    seen = [which for which in chosen if any(place.mean(ALL, name, which) for name in ran)]
     rows = []
-    for base in (name for name in names if not variant_of(name)[1]):
-        for name in (one for one in names if variant_of(one)[0] == base):
+    for base in (name for name, (_, variant) in ran.items() if not variant):
+        for name, variant in ((name, variant) for name, (own, variant) in ran.items() if own == base):
             cells = [_cell(place, ALL, name, which) for which in seen]
-            rows.append((Cell(base), Cell(variant_of(name)[1] or "as named"), *cells))
+            rows.append((Cell(base), Cell(variant or "as named"), *cells))
     head = ("method", "variant", *(f"{which[0]} {column_title(*which)}" for which in seen))
     return Table(title, head, tuple(rows))
 

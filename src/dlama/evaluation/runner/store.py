@@ -8,6 +8,7 @@ from __future__ import annotations
 import csv
 import dataclasses
 import hashlib
+import itertools
 import json
 import re
 from collections.abc import Iterable, Sequence
@@ -84,15 +85,21 @@ def read_stored(path: Path) -> Stored | None:
 
 def _is_sound(stored: Stored) -> bool:
     """Whether every field has the type that it was written with, and panels are names of files."""
-    words = [
-        getattr(stored, name) for name in ("cache_key", "protocol", "dataset", "scene", "frame", "recipe", "filler")
-    ]
-    words += [run.variant for run in stored.runs] + [run.panel for run in stored.runs if run.panel is not None]
-    words += [word for run in stored.runs for measure in run.measures for word in measure[:3]]
-    words += [word for measure in stored.timings for word in measure[:3]] + list(stored.warnings)
     yaw = isinstance(stored.yaw, (int, float, type(None))) and not isinstance(stored.yaw, bool)
-    files = all(run.panel is None or ("/" not in str(run.panel) and "\0" not in str(run.panel)) for run in stored.runs)
-    return yaw and files and all(isinstance(word, str) for word in words)
+    panels = [run.panel for run in stored.runs if run.panel is not None]
+    measures = [*stored.timings, *itertools.chain.from_iterable(run.measures for run in stored.runs)]
+    words = [
+        stored.cache_key,
+        stored.protocol,
+        stored.dataset,
+        stored.scene,
+        stored.frame,
+        stored.recipe,
+        stored.filler,
+    ]
+    words += [*(run.variant for run in stored.runs), *panels, *stored.warnings]
+    words += [word for measure in measures for word in measure[:3]]
+    return yaw and all(isinstance(word, str) for word in words) and not any({"/", "\0"} & set(name) for name in panels)
 
 
 class Row(NamedTuple):

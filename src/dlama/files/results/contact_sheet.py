@@ -46,19 +46,14 @@ def write_contact_sheet(
     width = columns * cell + (columns + 1) * GAP
     heading = wrap_text(title, width - 2 * GAP, font(TITLE_SIZE))
     entries = legend_rows(legend, width - 2 * GAP)
-    row_heights = [
-        max(line_height(CAPTION_SIZE) * len(captions[i]) for i in row)
-        + CAPTION_GAP
-        + max(pictures[i].height for i in row)
-        for row in rows
-    ]
+    text_heights = [line_height(CAPTION_SIZE) * max(len(captions[i]) for i in row) for row in rows]
+    row_heights = [text + CAPTION_GAP + max(pictures[i].height for i in row) for text, row in zip(text_heights, rows)]
     top = GAP + line_height(TITLE_SIZE) * len(heading) + GAP // 2
     bottom = len(entries) * line_height(LEGEND_SIZE) + (GAP if entries else 0)
     sheet = Image.new("RGB", (width, top + sum(row_heights) + GAP * len(rows) + bottom), PAPER)
     draw = ImageDraw.Draw(sheet)
     draw_lines(draw, (GAP, GAP), heading, TITLE_SIZE, INK)
-    for row, height in zip(rows, row_heights):
-        text_height = max(line_height(CAPTION_SIZE) * len(captions[i]) for i in row)
+    for row, text_height, height in zip(rows, text_heights, row_heights):
         for column, i in enumerate(row):
             left = GAP + column * (cell + GAP)
             draw_lines(draw, (left, top), captions[i], CAPTION_SIZE, QUIET_INK)

@@ -149,13 +149,9 @@ def _check_use(kinds: set[str], data: Sequence[Path], found: TrainingData) -> No
                 f"data.mixture has {kind!r}, which needs a folder of crops with guesses (benchmarks/choice.py makes one), "
                 f"but `data` names {named}"
             )
-    if found.crops and any(SAMPLES[kind].crops for kind in kinds):
-        return
-    if (
-        data
-        and not (found.photos and any(SAMPLES[kind].photos for kind in kinds))
-        and not _cases_of_kinds(found, kinds)
-    ):
+    of_crops = found.crops and any(SAMPLES[kind].crops for kind in kinds)
+    of_photos = found.photos and any(SAMPLES[kind].photos for kind in kinds)
+    if data and not (of_crops or of_photos or _cases_of_kinds(found, kinds)):
         raise InputError(f"data.mixture is {', '.join(sorted(kinds))}, which has no use for `data`: {named}")
 
 

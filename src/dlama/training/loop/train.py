@@ -116,11 +116,7 @@ def _train(
         write_settings(
             run, settings
         )  # only now: a run that was refused above leaves no settings, by which it would be known
-    checkpoint: dict[str, Any] = {}
-    if resume and ((run / LAST).exists() or holds_run(run)):
-        checkpoint = read_checkpoint(run / LAST)
-    elif resume:
-        LOG.info("the run was ended before its first checkpoint, so it begins anew")
+    checkpoint = _checkpoint(run) if resume else {}
     if checkpoint:
         restore(module, checkpoint, processes)
     before = checkpoint.get("seconds", 0.0)
@@ -129,13 +125,20 @@ def _train(
         _fit(module, callback, source, settings)
         if not first:
             return TrainingResult(run, module.step, callback.stop.reason, None, first=False)
-        about = "procedural" if not data else ", ".join(str(path) for path in data)
-        network = (
-            None if callback.stop.reason not in (ALL_STEPS, TIME_IS_UP) else _finish(module, callback, settings, about)
-        )
+        about = ", ".join(map(str, data)) or "procedural"
+        whole = callback.stop.reason in (ALL_STEPS, TIME_IS_UP)
+        network = _finish(module, callback, settings, about) if whole else None
     finally:
         callback.close()
     return TrainingResult(run, module.step, callback.stop.reason, network)
+
+
+def _checkpoint(run: Path) -> dict[str, Any]:
+    """What the run goes on from; nothing where it begins anew."""
+    if (run / LAST).exists() or holds_run(run):
+        return read_checkpoint(run / LAST)
+    LOG.info("the run was ended before its first checkpoint, so it begins anew")
+    return {}
 
 
 def _refuse_worker() -> None:
