@@ -132,11 +132,7 @@ def _find_pointed(this: JobInputs, p: Mapping[str, Any], rgbd: Any, image: Path)
 def _select(p: Mapping[str, Any], names: Any) -> dict[str, Any]:
     """Those of these parameters that were given; network files as paths."""
     found = {name: p[name] for name in names if name in p}
-    return {name: _network(value) if name in NETWORKS else value for name, value in found.items()}
-
-
-def _network(value: str) -> str | Path:
-    return Path(value) if Path(value).is_file() else value
+    return {name: Path(value) if name in NETWORKS and Path(value).is_file() else value for name, value in found.items()}
 
 
 def _path(p: Mapping[str, Any], name: str) -> Path | None:

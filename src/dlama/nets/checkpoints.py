@@ -54,12 +54,13 @@ def read_generator(path: Path | str, activation: str | None = None) -> Generator
     """
     file = _open(Path(path))
     prefix = _prefix(file)
-    shapes = _strip_prefix(file.shapes, prefix)
+    shapes = {name[len(prefix) :]: shape for name, shape in file.shapes.items() if name.startswith(prefix)}
     chosen = activation or file.metadata.get("activation", "sigmoid")
     try:
         settings = settings_from_state(_add_counters(shapes), chosen)
     except ShapeError as error:
-        raise FileError(f"{path}: {_where(prefix)}{error}") from error
+        where = f"under {prefix!r} " if prefix else ""
+        raise FileError(f"{path}: {where}{error}") from error
     state, notes = _check_state(file, prefix, generator_shapes(settings))
     left = (*_describe_unread(file, prefix), *notes)
     return GeneratorWeights(settings, state, file.path, file.kind, left)
@@ -114,10 +115,6 @@ def _prefix(file: _File) -> str:
     return found[0]
 
 
-def _strip_prefix(shapes: Shapes, prefix: str) -> dict[str, tuple[int, ...]]:
-    return {name[len(prefix) :]: shape for name, shape in shapes.items() if name.startswith(prefix)}
-
-
 def _check_state(file: _File, prefix: str, expected: Shapes) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
     """Arrays in the published order, float32 and finite; and what had to be done for that."""
     present = [name for name in expected if prefix + name in file.shapes]
@@ -164,10 +161,6 @@ def _add_counters(shapes: Shapes) -> dict[str, tuple[int, ...]]:
     """Counters that some writers strip are taken as present; they are the only names that may be absent."""
     norms = [name[: -len(".running_var")] for name in shapes if name.endswith(".running_var")]
     return {norm + COUNTER: () for norm in norms} | dict(shapes)
-
-
-def _where(prefix: str) -> str:
-    return f"under {prefix!r} " if prefix else ""
 
 
 def _first_of(names: list[str], show: int = 3) -> str:

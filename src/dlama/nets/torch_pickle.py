@@ -185,8 +185,9 @@ class _InertUnpickler(pickle._Unpickler):
 
     def build(self) -> None:
         """BUILD: a state, whose items are counted since a placeholder copies them."""
-        for state in _parts(self.stack[-1]):  # type: ignore[attr-defined]
-            self.count(len(state) if isinstance(state, dict) else 0)
+        state = self.stack[-1]  # type: ignore[attr-defined]
+        for part in state if isinstance(state, tuple) and len(state) == 2 else (state,):
+            self.count(len(part) if isinstance(part, dict) else 0)
         pickle._Unpickler.load_build(self)  # type: ignore[attr-defined]
 
     def set_item(self) -> None:
@@ -224,10 +225,6 @@ def _check_key(key: Any) -> Any:
         if not plain and not (type(part) is int and abs(part) < LARGEST_INT):
             raise pickle.UnpicklingError(f"a table with a key of type {type(part).__name__}")
     return key
-
-
-def _parts(state: Any) -> tuple[Any, ...]:
-    return state if isinstance(state, tuple) and len(state) == 2 else (state,)
 
 
 def _size(sides: Sequence[Any] = ()) -> tuple[Any, ...]:

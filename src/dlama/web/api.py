@@ -182,7 +182,7 @@ def mask(visit: Visit, fields: Fields) -> Blob:
     """The mask as a picture, 255 = remove."""
     source = visit.require_source()
     chosen = visit.mask if visit.mask is not None else source.rgbd.missing & False
-    return Blob(pictures.mask_png(chosen), "image/png")
+    return Blob(pictures.png(chosen.astype("uint8") * 255), "image/png")
 
 
 def preview(visit: Visit, fields: Fields) -> Blob:

@@ -162,9 +162,10 @@ def read_pair(files: Mapping[str, Upload], fields: Mapping[str, Any]) -> Source:
 def facts_of(rgbd: RGBD, options: Mapping[str, Any], lens_from: str, files: Mapping[str, Upload]) -> dict[str, str]:
     """Field of the page -> what was found there, in words."""
     width, height = rgbd.camera.wh
+    lens = lens_from if lens_from == "assumed" else f"from {lens_from}"
     facts = {
         "picture": f"{width} x {height} pixels",
-        "camera": f"{rgbd.camera.fov_deg:.1f}° wide, fx {rgbd.camera.fx:.1f} px, {describe_lens(lens_from)}",
+        "camera": f"{rgbd.camera.fov_deg:.1f}° wide, fx {rgbd.camera.fx:.1f} px, {lens}",
         "depth": f"{describe_depth_range(rgbd.depth)}, {percent(rgbd.missing)} missing, {percent(rgbd.far)} sky",
     }
     if rgbd.estimate is not None:
@@ -174,11 +175,6 @@ def facts_of(rgbd: RGBD, options: Mapping[str, Any], lens_from: str, files: Mapp
     elif "depth" in files:
         facts["scale"] = scale_in_words(files["depth"].path.suffix, options)
     return facts
-
-
-def describe_lens(lens_from: str) -> str:
-    """Where the lens comes from: `assumed`, or `from ...`."""
-    return lens_from if lens_from == "assumed" else f"from {lens_from}"
 
 
 def scale_in_words(suffix: str, options: Mapping[str, Any]) -> str:

@@ -41,11 +41,6 @@ def png(values: np.ndarray) -> bytes:
     return bytes(data)
 
 
-def mask_png(mask: BoolArray) -> bytes:
-    """255 = remove."""
-    return png(mask.astype(np.uint8) * 255)
-
-
 class Preview:
     """The scene at 256 pixels: what the source shows of it from any camera, holes in the colours of their types."""
 

@@ -138,7 +138,8 @@ def batch(
             return
         if output is None:
             raise InputError("`output` is missing; a directory for the results is expected: -o DIR")
-        check_folder_apart(output, {"folder of frames": which.data, "list of jobs": local_list(words)})
+        listed = Path(words[0]) if words and "://" not in words[0] else None  # a file of this computer's
+        check_folder_apart(output, {"folder of frames": which.data, "list of jobs": listed})
         totals = Totals()
         options = {name: value for name, value in dataclasses.asdict(running).items() if name != "dry_run"}
         with show_progress(report, totals) as progress:
@@ -148,11 +149,6 @@ def batch(
         result.add("\n".join(totals.lines(str(output))), **totals.values(str(output)))
     if totals.failed:
         raise SystemExit(FAILED)
-
-
-def local_list(words: Sequence[str]) -> Path | None:
-    """The list of jobs, where it is a file of this computer's."""
-    return Path(words[0]) if words and "://" not in words[0] else None
 
 
 def write_page(words: Sequence[str], report: Report) -> None:

@@ -111,7 +111,8 @@ class _Part:
         """In the report's order."""
         protocol, name = self.place.protocol, f"{PROTOCOLS[self.place.protocol]} on {self.place.dataset}"
         if protocol == "vpi" and self.yaws:
-            yield Section(f"{protocol}-whole", name, self.whole_text(), self.whole_figures(), self.whole_tables())
+            figures = self._curves_of((*PAPER_SHAPE, *MORE_WHOLE), "Whole pictures over yaw")
+            yield Section(f"{protocol}-whole", name, self.whole_text(), figures, self.whole_tables())
             figures = self._curves_of([("unseen", *which) for which in CURVES], "Unseen pixels over yaw")
             yield Section(f"{protocol}-unseen", f"{name}: unseen", _HIDDEN_TEXT, figures, self.hidden_tables())
         else:
@@ -129,10 +130,6 @@ class _Part:
         """With the source of the paper's numbers, where they are compared with ours."""
         source = f" The paper's numbers: {PAPER_SOURCE}" if any(yaw in PAPER_MASK_RATIO for yaw in self.yaws) else ""
         return _WHOLE_TEXT + source
-
-    def whole_figures(self) -> tuple[Figure, ...]:
-        """The paper's six numbers and mask ratio, and two in other units."""
-        return self._curves_of((*PAPER_SHAPE, *MORE_WHOLE), "Whole pictures over yaw")
 
     def whole_tables(self) -> tuple[Table, ...]:
         """The recipes against each other, then the paper's tables: a row a yaw and method."""

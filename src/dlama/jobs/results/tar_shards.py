@@ -70,8 +70,14 @@ class Packer:
                 yield f"{key_of(row.id)}.{name.replace('/', '.')}", stream.read()
 
     def _write(self, name: str, members: Iterable[tuple[str, bytes]]) -> None:
-        with self.output.open(name, "wb") as stream:
-            _tar(stream, members)
+        with (
+            self.output.open(name, "wb") as stream,
+            tarfile.open(fileobj=stream, mode="w|", format=tarfile.GNU_FORMAT) as shard,
+        ):
+            for member, content in members:
+                about = tarfile.TarInfo(member)
+                about.size = len(content)
+                shard.addfile(about, io.BytesIO(content))
 
     def _leave_out(self, shard: str, keys: set[str]) -> None:
         """Write a shard again without these samples; an empty one goes."""
@@ -116,11 +122,3 @@ def _key_in(name: str) -> str:
     """The key of a member: up to the first dot of its last part, as webdataset has it."""
     folder, slash, last = name.rpartition("/")
     return f"{folder}{slash}{last.split('.', 1)[0]}"
-
-
-def _tar(stream: object, members: Iterable[tuple[str, bytes]]) -> None:
-    with tarfile.open(fileobj=stream, mode="w|", format=tarfile.GNU_FORMAT) as shard:  # type: ignore[call-overload]
-        for name, content in members:
-            about = tarfile.TarInfo(name)
-            about.size = len(content)
-            shard.addfile(about, io.BytesIO(content))

@@ -71,7 +71,7 @@ class Run:
         self.work = work
         self.turns = turns
         """Whether it fills what is hidden from all sides."""
-        self.finish: Callable[[Any], Any] = _identity
+        self.finish: Callable[[Any], Any] = lambda result: result
         """What becomes of what `work` gives, in the same thread."""
         self.expected = expected
         """About as many stages as it has."""
@@ -129,7 +129,7 @@ class Run:
                     self._work()
         finally:
             ONE_AT_A_TIME.release()
-            self.work, self.finish = _do_nothing, _identity
+            del self.work, self.finish  # and what they hold
             self._end()
 
     def _work(self) -> None:
@@ -146,11 +146,3 @@ class Run:
             self.state, self.result = "cancelled", None
         else:
             self.state = "done" if self.error is None else "failed"
-
-
-def _do_nothing() -> None:
-    return None
-
-
-def _identity(value: Any) -> Any:
-    return value
