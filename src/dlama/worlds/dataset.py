@@ -147,12 +147,9 @@ def worlds(
 @system_errors(FileError)
 def world_settings(count: int, seed: int, size: int, kind: Kind | None, textures: Textures) -> list[WorldSettings]:
     """The settings of `count` worlds of the seeds `seed`, `seed` + 1 ...; raises InputError, FileError (no textures there)."""
-    for name, value, least, most in (
-        ("count", count, 1, MOST_WORLDS),
-        ("seed", seed, 0, None),
-        ("size", size, 1, MOST_PX),
-    ):
-        _check_whole(name, value, least, most)
+    _check_whole("count", count, 1, MOST_WORLDS)
+    _check_whole("seed", seed, 0)
+    _check_whole("size", size, 1, MOST_PX)
     _check_kind(kind)
     folder = Path(textures) if isinstance(textures, str) else textures
     pictures = folder if folder is None or isinstance(folder, Path) else tuple(folder)

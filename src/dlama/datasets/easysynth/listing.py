@@ -148,6 +148,16 @@ def _pictures(folder: Path, identities: list[int]) -> dict[int, Path]:
 
     Renderings that begin at another frame number than the poses are matched in step, if there are as many.
     """
+    found = _by_number(folder)
+    shift = min(found) - min(identities)
+    if {identity + shift for identity in identities} == set(found):
+        return {identity: found[identity + shift] for identity in identities}
+    match = PICTURE.fullmatch(next(iter(found.values())).name)
+    assert match is not None  # it is how it was found
+    return {each: found.get(each, folder / f"{match['stem']}{each:04d}{match['suffix']}") for each in identities}
+
+
+def _by_number(folder: Path) -> dict[int, Path]:
     found: dict[int, Path] = {}
     for path in sorted(folder.iterdir()) if folder.is_dir() else []:
         match = PICTURE.fullmatch(path.name)
@@ -159,12 +169,7 @@ def _pictures(folder: Path, identities: list[int]) -> dict[int, Path]:
         found[number] = path
     if not found:
         raise FileError(f"{folder}: no pictures <sequence>.<NNNN>.<jpeg, png or exr> are there")
-    shift = min(found) - min(identities)
-    if {identity + shift for identity in identities} == set(found):
-        return {identity: found[identity + shift] for identity in identities}
-    match = PICTURE.fullmatch(next(iter(found.values())).name)
-    assert match is not None  # it is how it was found
-    return {each: found.get(each, folder / f"{match['stem']}{each:04d}{match['suffix']}") for each in identities}
+    return found
 
 
 def _is_rectified(left: RenderedFrame, right: RenderedFrame) -> bool:

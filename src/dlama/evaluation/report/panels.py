@@ -47,9 +47,8 @@ def choose(stored: Sequence[Stored]) -> list[Chosen]:
             which = next((one for one in RANKED_BY if values.get(one, math.nan) >= 0), None)
             if run.panel is None or which is None:
                 continue
-            recipe = f"{one.recipe}+{run.variant}" if run.variant else one.recipe
             own = labels[one.protocol, one.dataset, one.yaw]
-            place = (one.protocol, own[1] if len(own) > 1 else ALL, f"{recipe}/{one.filler}")
+            place = (one.protocol, own[1] if len(own) > 1 else ALL, f"{one.recipe_of(run)}/{one.filler}")
             by, score = f"{which[0]} {which[2]}", values[which]
             groups[place].append(Chosen(*place, "", one.scene, one.frame, by, score, run.panel))
     return [panel for group in groups.values() for panel in _rank(group)]

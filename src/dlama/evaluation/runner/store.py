@@ -51,6 +51,10 @@ class Stored:
     """Rows of modality time and memory; they differ from run to run, so they stay out of results.csv."""
     warnings: tuple[str, ...] = ()
 
+    def recipe_of(self, run: StoredRun) -> str:
+        """With `+variant` where the run has one."""
+        return f"{self.recipe}+{run.variant}" if run.variant else self.recipe
+
 
 def stem(case: Case, method: Method) -> str:
     """The name, without suffix, of the files of a case and a method; safe on every file system."""
@@ -129,8 +133,7 @@ def result_rows(stored: Iterable[Stored]) -> list[Row]:
     rows = []
     for one in stored:
         for run in one.runs:
-            recipe = f"{one.recipe}+{run.variant}" if run.variant else one.recipe
-            head = (one.protocol, one.dataset, one.scene, one.frame, one.yaw, recipe, one.filler)
+            head = (one.protocol, one.dataset, one.scene, one.frame, one.yaw, one.recipe_of(run), one.filler)
             rows += [Row(*head, *measure) for measure in run.measures]
     return rows
 

@@ -149,22 +149,21 @@ def _apple_packet(packets: list[Xmp]) -> Xmp | None:
 
 
 def _of_apple(codes: np.ndarray, packet: Xmp, orientation: int, hw: tuple[int, int], source: str) -> PhotoDepth:
-    ends = [packet.number(f"{APDI}{name}") for name in ("IntMinValue", "IntMaxValue", "FloatMinValue", "FloatMaxValue")]
+    names = ("IntMinValue", "IntMaxValue", "FloatMinValue", "FloatMaxValue")
+    first, last, low, high = (packet.number(f"{APDI}{name}") for name in names)
     kind = packet.text(f"{APDI}AuxiliaryImageType") or ""
+    inverse, camera = kind == "disparity", _apple_camera(packet, orientation, hw)
     about: dict[str, Any] = {"source": f"{source} {kind}", **_size(codes)}
     for name in ("Accuracy", "Quality", "Filtered"):
         if (value := packet.text(f"{DEPTH_DATA}{name}")) is not None:
             about[name.lower()] = value
-    low, high = ends[2], ends[3]
     if low is None or high is None or high <= low:
-        values = _inverse(_levels(codes), kind == "disparity")
-        return PhotoDepth(values, False, _apple_camera(packet, orientation, hw), about=about)
-    first, last = ends[0] or 0.0, ends[1] or float(_largest_code(codes))
+        return PhotoDepth(_inverse(_levels(codes), inverse), False, camera, about=about)
+    first, last = first or 0.0, last or float(_largest_code(codes))
     values = (low + (codes - first) * ((high - low) / (last - first))).astype(np.float32)
-    far = codes <= first if kind == "disparity" else codes >= last
-    about |= {"range": [low, high], "unit": "1/m" if kind == "disparity" else "m", **_far_limit(far)}
-    values = _inverse(values, kind == "disparity")
-    return PhotoDepth(values, True, _apple_camera(packet, orientation, hw), about=about)
+    far = codes <= first if inverse else codes >= last
+    about |= {"range": [low, high], "unit": "1/m" if inverse else "m", **_far_limit(far)}
+    return PhotoDepth(_inverse(values, inverse), True, camera, about=about)
 
 
 def _apple_camera(packet: Xmp, orientation: int, hw: tuple[int, int]) -> Camera | None:

@@ -44,6 +44,10 @@ class DatasetJobs:
         if not items:
             raise InputError(f"{self.root}: the data set (layout {dataset.layout}) has nothing for {verb}")
         for one in items:
-            name = f"{one.scene}/{getattr(one, 'name', None) or one.frame}"
-            name = "/".join(re.sub(r"[^\w.+,=@-]", "_", part) for part in name.split("/") if part not in ("", "."))
+            name = job_name(f"{one.scene}/{getattr(one, 'name', None) or one.frame}")
             yield Job(name, verb, parameters, f"{self.root}: {name}", load=one.load, load_hash=short_hash(one.load))
+
+
+def job_name(item: str) -> str:
+    """Of the job, which its folder is called by."""
+    return "/".join(re.sub(r"[^\w.+,=@-]", "_", part) for part in item.split("/") if part not in ("", "."))

@@ -13,7 +13,7 @@ import shutil
 import sqlite3
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import IO, Any
 
@@ -105,11 +105,16 @@ class Manifest:
             return None
         stamps = {role: file_stamp(path) for role, path in files.items()}
         if any(stamps[role] != row.inputs[role]["stamp"] or not stamps[role] for role in files):
-            if any(not _same_bytes(path, row.inputs[role]["sha256"]) for role, path in files.items()):
-                return None
-            inputs = {role: {**one, "path": files[role], "stamp": stamps[role]} for role, one in row.inputs.items()}
-            row = dataclasses.replace(row, inputs=inputs)
-            self.add(row)
+            return self._renewed(row, files, stamps)
+        return dataclasses.replace(row, kept=True)
+
+    def _renewed(self, row: JobResult, files: Mapping[str, str], stamps: Mapping[str, str]) -> JobResult | None:
+        """The row with the stamps of files that lie elsewhere or were written again; None where their bytes are others."""
+        if any(not _same_bytes(path, row.inputs[role]["sha256"]) for role, path in files.items()):
+            return None
+        inputs = {role: {**one, "path": files[role], "stamp": stamps[role]} for role, one in row.inputs.items()}
+        row = dataclasses.replace(row, inputs=inputs)
+        self.add(row)
         return dataclasses.replace(row, kept=True)
 
     @system_errors(OutputError)

@@ -62,18 +62,21 @@ def check_sample(sample: Sample, network: NetworkSettings, size: int) -> None:
     for key, planes in keys_of(network).items():
         if key not in sample:
             raise ShapeError(f"sample: no {key!r}; it has {', '.join(sample)}")
-        array, expected = sample[key], (planes, size, size)
-        if array.shape != expected or array.dtype != np.float32:
-            raise ShapeError(f"sample: {key} is {array.dtype} {array.shape}; float32 {expected} is expected")
-        low, high = float(array.min()), float(array.max())
-        if not (low >= 0 and (high <= 1 or key == "limit")):
-            raise ShapeError(f"sample: {key} is between {low} and {high}; 0 to 1 is expected")
+        _check_planes(key, sample[key], (planes, size, size))
     mask = sample["mask"]
     if not ((mask == 0) | (mask == 1)).all() or not 0 < mask.mean() < 1:
         raise ShapeError("sample: mask must be 0 or 1, and neither empty nor full")
     hidden = mask.repeat(len(sample["target"]) // len(mask), 0)
     if not np.array_equal(sample["input"][-len(mask) :], mask) or (sample["input"][: len(hidden)] * hidden).any():
         raise ShapeError("sample: input must end with the mask and be zero in the hole")
+
+
+def _check_planes(key: str, array: np.ndarray, expected: tuple[int, int, int]) -> None:
+    if array.shape != expected or array.dtype != np.float32:
+        raise ShapeError(f"sample: {key} is {array.dtype} {array.shape}; float32 {expected} is expected")
+    low, high = float(array.min()), float(array.max())
+    if not (low >= 0 and (high <= 1 or key == "limit")):
+        raise ShapeError(f"sample: {key} is between {low} and {high}; 0 to 1 is expected")
 
 
 def hole_planes(mask: Tensor, planes: int) -> Tensor:

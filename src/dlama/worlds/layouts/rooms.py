@@ -124,7 +124,8 @@ def room(plan: FloorPlan) -> None:
         elif window and n == 0:
             window_view(plan, far)
     if rng.random() < 0.6:
-        builder.box((float(rng.uniform(-0.8, 0.8)), 0, 3), (*_rug(plan), float(rng.uniform(1.2, 2))), palette("cloth"))
+        x = float(rng.uniform(-0.8, 0.8))
+        builder.box((x, 0, 3), (float(rng.uniform(1.5, 2.6)), 0.012, float(rng.uniform(1.2, 2))), palette("cloth"))
     for _ in range(int(rng.integers(0, 2))):
         x, z = float(rng.uniform(left + 0.4, right - 0.4)), float(rng.uniform(3.8, far - 0.6))
         if plan.is_free(x, z, 0.3):
@@ -133,10 +134,6 @@ def room(plan: FloorPlan) -> None:
     names = [*ROOM_PROPS, "table", "chair", "chair", "divider"]
     plan.scatter(ROOM_PROPS, names, int(rng.integers(5, 12)), (left + 0.4, right - 0.4), (2.4, far - 0.7))
     plan.place_object(ROOM_OBJECTS, (1.0, 1.6))
-
-
-def _rug(plan: FloorPlan) -> tuple[float, float]:
-    return float(plan.rng.uniform(1.5, 2.6)), 0.012
 
 
 def _ceiling_material(plan: FloorPlan) -> Material:
