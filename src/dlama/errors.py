@@ -148,6 +148,20 @@ def system_errors(kind: type[DlamaError]) -> Iterator[None]:
         raise kind(": ".join([*names, (error.strerror or str(error)).lower()])) from error
 
 
+@contextmanager
+def any_error(kind: type[DlamaError], message: str) -> Iterator[None]:
+    """Context: what a decoder raises, which can be anything, becomes one of `kind`: `message (its first line)`.
+
+    Errors of dlama pass.
+    """
+    try:
+        yield
+    except DlamaError:
+        raise
+    except Exception as error:
+        raise kind(f"{message} ({first_line(error)})") from error
+
+
 def format_count(count: int, noun: str) -> str:
     """A count with its noun, for people: `1 layer`, `2 layers`; `noun` takes an s."""
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"

@@ -38,7 +38,7 @@ from dlama.datasets.posed.nerfstudio import SHOWS_PX, distortion_px
 from dlama.datasets.posed.posed_frames import LOG, FrameFiles, Lens, PosedFrame
 from dlama.datasets.posed.registered_depth import register_depth
 from dlama.datasets.text_tables import nearest_in_time
-from dlama.errors import DlamaError, FileError, first_line, import_extra
+from dlama.errors import FileError, any_error, import_extra
 from dlama.files.fields import FileFields
 from dlama.geometry.rgbd import Float32Array, UInt8Array
 
@@ -103,12 +103,8 @@ def read_depth_message(path: Path, topic: str, place: int) -> Float32Array:
 
 def _decode(how: Callable[[Any, str], Any], path: Path, topic: str, place: int) -> Any:
     message = open_bag(path).message(topic, place)
-    try:
+    with any_error(FileError, f"{path}, {topic}: is damaged"):
         return how(message, f"{path}, {topic}")
-    except DlamaError:
-        raise
-    except Exception as error:  # a damaged message can say anything of itself
-        raise FileError(f"{path}, {topic}: is damaged ({first_line(error)})") from error
 
 
 class Bag:
@@ -123,16 +119,12 @@ class Bag:
         )
         self.path, self.lock = path, Lock()
         is_old = path.suffix.lower() == ".bag"
-        try:
+        with any_error(FileError, f"{path}: is no readable bag"):  # AnyReaderError, struct.error, KeyError, ...
             store = types.get_typestore(types.Stores.ROS1_NOETIC if is_old else types.Stores.ROS2_HUMBLE)
             self.reader = highlevel.AnyReader([path], default_typestore=store)
             self.reader.open()
             self.units = dict[str, float]()
             self.topics, self.infos, self.transforms = self._list_topics()
-        except DlamaError:
-            raise
-        except Exception as error:  # readers raise AnyReaderError, struct.error, KeyError, ... on damaged files
-            raise FileError(f"{path}: is no readable bag ({first_line(error)})") from error
 
     def __del__(self) -> None:
         """Close the files of a bag that is no longer kept open."""
@@ -203,13 +195,10 @@ class Bag:
 
     def message(self, topic: str, place: int) -> Any:
         """The message of a topic that was recorded at `place`, ns. FileError."""
-        with self.lock:
+        with self.lock, any_error(FileError, f"{self.path}, {topic}: is damaged"):
             chosen = [each for each in self.reader.connections if each.topic == topic]
-            try:
-                for connection, _, data in self.reader.messages(connections=chosen, start=place, stop=place + 1):
-                    return self._deserialize(connection, data)
-            except Exception as error:
-                raise FileError(f"{self.path}, {topic}: is damaged ({first_line(error)})") from error
+            for connection, _, data in self.reader.messages(connections=chosen, start=place, stop=place + 1):
+                return self._deserialize(connection, data)
         raise FileError(f"{self.path}, {topic}: has lost the message at {place} ns")
 
     def pair(self) -> tuple[Topic, Topic]:

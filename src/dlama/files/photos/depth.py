@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from dlama.errors import DepthError, DlamaError, first_line
+from dlama.errors import DepthError, any_error
 from dlama.files.atomic_write import PathLike
 from dlama.files.cameras import FILM_DIAGONAL_MM
 from dlama.files.photos.containers import (
@@ -88,16 +88,12 @@ def read_photo_depth(path: PathLike) -> PhotoDepth | None:
     heic = HEIC.match(data[:12]) is not None
     if not (heic or data.startswith(JPEG_BEGINS)):
         return None
-    try:
+    with any_error(DepthError, f"{file}: the depth in it is damaged"):
         opened = open_heif(file, io.BytesIO(data), convert_hdr_to_8bit=False) if heic else None
         hw = picture_hw(file) if opened is None else (opened.size[1], opened.size[0])  # not decoded
         found = _of_google(file, data)
         if found is None:
             found = _of_further_picture(file, data, hw) if opened is None else _of_heic(file, data, opened, hw)
-    except DlamaError:
-        raise
-    except Exception as error:  # decoders raise OSError, EOFError, SyntaxError, struct.error, ... on damaged files
-        raise DepthError(f"{file}: the depth in it is damaged ({first_line(error)})") from error
     if found is not None:
         (height, width), shape = hw, found.values.shape
         if abs(shape[1] / shape[0] * height / width - 1) > SAME_PROPORTIONS:

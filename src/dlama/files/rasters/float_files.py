@@ -14,7 +14,7 @@ from typing import IO, Any
 import numpy as np
 import OpenEXR
 
-from dlama.errors import FileError, ShapeError, first_line, system_errors
+from dlama.errors import FileError, ShapeError, any_error, first_line, system_errors
 from dlama.files.atomic_write import PathLike, new_file
 from dlama.files.rasters.images import LARGEST_PIXELS, check_pixels, existing_file
 from dlama.geometry.rgbd import Float32Array
@@ -151,18 +151,16 @@ def read_exr(path: PathLike, channel: str | None = None) -> Float32Array:
     """
     file = existing_file(path)
     check_exr_is_whole(file)
-    try:
-        with OpenEXR.File(_name_or_bytes(file), separate_channels=True) as exr:
-            channels: dict[str, np.ndarray] = {}
-            for part in exr.parts:
-                channels.update({name: each.pixels for name, each in part.channels.items() if name not in channels})
-            header: dict[str, Any] = exr.parts[0].header
-            _check_windows(file, header)
-            values = np.array(channels[_depth_channel(file, channels, channel)])
-    except FileError:
-        raise
-    except Exception as error:
-        raise FileError(f"{file}: is damaged or no OpenEXR file ({first_line(error)})") from error
+    with (
+        any_error(FileError, f"{file}: is damaged or no OpenEXR file"),
+        OpenEXR.File(_name_or_bytes(file), separate_channels=True) as exr,
+    ):
+        channels: dict[str, np.ndarray] = {}
+        for part in exr.parts:
+            channels.update({name: each.pixels for name, each in part.channels.items() if name not in channels})
+        header: dict[str, Any] = exr.parts[0].header
+        _check_windows(file, header)
+        values = np.array(channels[_depth_channel(file, channels, channel)])
     result = _plane(file, values).astype(np.float32)
     if values.dtype == np.float16:
         result[result >= HALF_MAX] = np.inf

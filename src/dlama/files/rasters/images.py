@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 from PIL import Image
 
-from dlama.errors import DlamaError, FileError, first_line, import_extra, system_errors
+from dlama.errors import DlamaError, FileError, any_error, first_line, import_extra, system_errors
 from dlama.files.atomic_write import PathLike
 from dlama.files.rasters.orientation import (
     BIG_TIFF_HEADS,
@@ -196,15 +196,11 @@ def open_heif(file: Path, source: Path | io.BytesIO, **options: bool) -> Any:
 
 def picture_of_bytes(data: bytes, where: str) -> Image.Image:
     """A JPEG or PNG, decoded. FileError, which begins with `where`: it is damaged, of another kind or too large."""
-    try:
+    with any_error(FileError, f"{where}: is damaged, or not packed as JPEG or PNG"):
         picture = Image.open(io.BytesIO(data), formats=("JPEG", "PNG"))
         check_pixels(where, *picture.size)
         picture.load()
         return picture
-    except FileError:
-        raise
-    except Exception as error:
-        raise FileError(f"{where}: is damaged, or not packed as JPEG or PNG ({first_line(error)})") from error
 
 
 def _check_sums(file: Path, data: bytes) -> None:

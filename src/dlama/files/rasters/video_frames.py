@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from dlama.errors import DlamaError, FileError, first_line, import_extra, system_errors
+from dlama.errors import FileError, any_error, import_extra, system_errors
 from dlama.files.rasters.images import check_pixels, existing_file
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.rgbd import UInt8Array, UInt16Array
@@ -59,12 +59,8 @@ def _picture(path: Path, place: int, track: int, how: Callable[[Video, int], np.
     video = _opened(path, track)
     if not 0 <= place < len(video.stamps):
         raise FileError(f"{path}: holds {len(video.stamps)} pictures; there is none at place {place}")
-    try:
+    with any_error(FileError, f"{path}: picture {place} is damaged"):
         return how(video, place)
-    except DlamaError:
-        raise
-    except Exception as error:  # of decoders
-        raise FileError(f"{path}: picture {place} is damaged ({first_line(error)})") from error
 
 
 class Video:
@@ -73,13 +69,11 @@ class Video:
     def __init__(self, path: Path, track: int) -> None:
         av = import_extra("av", f"{path}: a video", "av", "video")
         self.path, self.lock, self.next = path, Lock(), 0
-        try:
+        with any_error(FileError, f"{path}: is no readable video"):
             self.container = av.open(str(path))
             self.stream = self.container.streams.video[track]
             found = (packet.pts for packet in self.container.demux(self.stream))
             self.stamps = sorted({stamp for stamp in found if stamp is not None})
-        except Exception as error:
-            raise FileError(f"{path}: is no readable video ({first_line(error)})") from error
         if not self.stamps:
             raise FileError(f"{path}: holds no picture")
         check_pixels(path, self.stream.width, self.stream.height)

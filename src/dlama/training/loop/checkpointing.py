@@ -12,7 +12,7 @@ from typing import Any
 
 import torch
 
-from dlama.errors import FileError, InputError, OutputError, first_line
+from dlama.errors import FileError, InputError, OutputError, any_error, first_line
 from dlama.files.atomic_write import new_file
 from dlama.training.loop.module import TrainingModule
 from dlama.training.loop.run_files import LAST
@@ -81,7 +81,7 @@ def restore(module: TrainingModule, checkpoint: dict[str, Any], processes: int) 
         InputError: the run had another number of processes, so its samples would not be the same ones.
         FileError: the checkpoint is of another network, or a part of it is missing.
     """
-    try:
+    with any_error(FileError, f"{LAST}: does not fit the run's settings, or is damaged"):
         before = len(checkpoint["random_states"])
         for name, network in module.networks.items():
             prefix = f"{name}."
@@ -90,8 +90,6 @@ def restore(module: TrainingModule, checkpoint: dict[str, Any], processes: int) 
         module.step, module.samples = checkpoint["step"], checkpoint["samples"]
         module.restored = checkpoint["restored"]
         module.saved_optimisers = checkpoint["optimizer_states"]
-    except Exception as error:  # a part that is missing, or of another shape
-        raise FileError(f"{LAST}: does not fit the run's settings, or is damaged ({first_line(error)})") from error
     if before != processes:
         raise InputError(
             f"the run has {before} processes (`loop.devices` times loop.nodes), not {processes}; keep them to resume"

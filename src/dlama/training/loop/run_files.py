@@ -236,9 +236,8 @@ def _table(path: Path) -> list[dict[str, str]]:
 
 def read_metrics(run: Path) -> list[dict[str, float]]:
     """The rows of metrics.csv, empty cells left out. FileError where they are no numbers, or there is no such file."""
+    rows = _table(run / METRICS)
     try:
-        return [{name: float(text) for name, text in row.items() if text} for row in _table(run / METRICS)]
+        return [{name: float(text) for name, text in row.items() if text} for row in rows]
     except ValueError as error:
-        if isinstance(error, FileError):
-            raise
         raise FileError(f"{run / METRICS}: is damaged: {error}") from error

@@ -16,7 +16,7 @@ import torch
 from safetensors.torch import load_file
 from torch import Tensor, nn
 
-from dlama.errors import FileError, first_line
+from dlama.errors import FileError, any_error
 
 IMAGENET_MEAN, IMAGENET_STD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
 STAGES = ((3, 64, 1, 1), (4, 128, 2, 1), (6, 256, 1, 2), (3, 512, 1, 4))
@@ -131,12 +131,10 @@ def _trunk_tensors(tensors: Mapping[str, Tensor]) -> Iterator[tuple[str, Tensor]
 
 
 def _tensors(path: Path) -> Mapping[str, Tensor]:
-    try:
+    with any_error(FileError, f"{path}: cannot be read as weights"):
         if path.suffix == ".safetensors":
             return load_file(path)
         state = torch.load(path, map_location="cpu", weights_only=True)
-    except Exception as error:  # torch and safetensors share no error
-        raise FileError(f"{path}: cannot be read as weights ({first_line(error)})") from error
     if not isinstance(state, Mapping) or not all(isinstance(value, Tensor) for value in state.values()):
         raise FileError(f"{path}: holds a {type(state).__name__}; a table of tensors is expected")
     return state

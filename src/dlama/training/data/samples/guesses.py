@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dlama.errors import FileError, InputError, first_line
+from dlama.errors import FileError, InputError, any_error
 from dlama.geometry.rgbd import UInt8Array
 from dlama.training.data.augment import random_light
 from dlama.training.settings import NetworkSettings
@@ -49,11 +49,9 @@ def holds_crops(folder: Path) -> bool:
 
 def read_crop(path: Path) -> GuessCrop:
     """FileError where the file is none."""
-    try:
-        with path.open("rb") as stream, np.load(stream) as arrays:
-            return GuessCrop(**{one.name: arrays[one.name] for one in fields(GuessCrop)})
-    except Exception as error:  # OSError, KeyError, ValueError, BadZipFile, zlib.error, ...
-        raise FileError(f"{path}: is no crop with guesses ({first_line(error)})") from error
+    damaged = any_error(FileError, f"{path}: is no crop with guesses")
+    with damaged, path.open("rb") as stream, np.load(stream) as arrays:
+        return GuessCrop(**{one.name: arrays[one.name] for one in fields(GuessCrop)})
 
 
 class GuessSamples:
