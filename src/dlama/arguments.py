@@ -12,7 +12,7 @@ import math
 import os
 import sys
 import types
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Sized
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence, Sized
 from numbers import Integral, Real
 from pathlib import Path
 from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
@@ -108,6 +108,12 @@ def check_count(value: object, name: str) -> None:
         raise (InputError if isinstance(value, Real) else InputTypeError)(
             f"{marked_name(name)} is {value!r}; 1 or more is expected, a whole number"
         )
+
+
+def check_word(value: object, name: str, known: Collection[str]) -> None:
+    """Raise InputError, which calls the value `name`, unless it is one of the known words."""
+    if not isinstance(value, str) or value not in known:
+        raise InputError(f"`{name}` is {value!r}; one of {', '.join(known)} is expected")
 
 
 def is_finite(value: object) -> bool:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from numbers import Integral
 from typing import Any, Literal
 
-from dlama.arguments import check, is_finite
+from dlama.arguments import check, check_word, is_finite
 from dlama.errors import InputError
 from dlama.geometry.rendering import MODES, Mode
 
@@ -51,8 +51,7 @@ class Recipe:
     """Fill sensor holes and removed objects in the source view, then move; else move first, as the paper does."""
 
     def __post_init__(self) -> None:
-        if not isinstance(self.mode, str) or self.mode not in MODES:
-            raise InputError(f"`mode` is {self.mode!r}; one of {', '.join(MODES)} is expected")
+        check_word(self.mode, "mode", MODES)
         for name in ("eight_bit_depth", "law", "footprint", "source_first"):
             check(getattr(self, name), bool, name)
         for name, value in (("dilate", 0 if self.dilate is None else self.dilate), ("dilate_holes", self.dilate_holes)):

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.arguments import check_arguments
+from dlama.arguments import check_arguments, check_word
 from dlama.errors import InputError
 from dlama.geometry.camera import Camera
 from dlama.geometry.cloud import PointCloud
@@ -89,8 +89,7 @@ def render(
         InputError: an unknown mode, or a surface of a PointCloud.
     """
     check_arguments(render, locals())
-    if mode not in MODES:
-        raise InputError(f"`mode` is {mode!r}; one of {', '.join(MODES)} is expected")
+    check_word(mode, "mode", MODES)
     if isinstance(source, PointCloud):
         return render_cloud(source, camera, mode)
     scene = to_scene(source)

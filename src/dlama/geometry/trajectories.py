@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dlama.arguments import check_arguments, is_finite
+from dlama.arguments import check_arguments, check_word, is_finite
 from dlama.errors import DepthError, InputError
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.poses import FARTHEST_M, slerp
@@ -87,8 +87,7 @@ PATHS = {"orbit": orbit_path, "spiral": spiral_path, "dolly": dolly_path}
 
 def named_path(name: str, camera: Camera, count: int, pivot: float = PIVOT_M) -> list[Camera]:
     """The cameras of a path of PATHS that begins at `camera`. Raises InputError: an unknown name, or fewer than one camera."""
-    if name not in PATHS:
-        raise InputError(f"`path` is {name!r}; one of {', '.join(PATHS)} is expected")
+    check_word(name, "path", PATHS)
     if count < 1:
         raise InputError(f"a path of {count} cameras was asked for; one or more are expected")
     return PATHS[name](camera, count, pivot)

@@ -11,7 +11,7 @@ from numbers import Integral
 from pathlib import Path
 from typing import Any
 
-from dlama.arguments import check, check_arguments, check_count, check_number
+from dlama.arguments import check, check_arguments, check_count, check_number, check_word
 from dlama.completion.memory import available_bytes
 from dlama.completion.options import raise_all
 from dlama.errors import InputError, MissingExtraError, marked_name
@@ -119,8 +119,8 @@ class JobList:
 
 def check_defaults(verb: str | None, defaults: Mapping[str, Any]) -> dict[str, Any]:
     """Those that are given (not None), files as whole paths. InputError: an unknown verb, or a parameter that no verb has."""
-    if verb is not None and verb not in VERBS:
-        raise InputError(f"`verb` is {verb!r}; one of {', '.join(VERBS)} is expected")
+    if verb is not None:
+        check_word(verb, "verb", VERBS)
     for name in defaults:
         if name not in KNOWN:
             raise InputError(f"{marked_name(name)} is no parameter of a verb; known are {', '.join(KNOWN)}")

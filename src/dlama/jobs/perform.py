@@ -15,6 +15,7 @@ import warnings
 from dataclasses import dataclass, replace
 from typing import Any
 
+from dlama.arguments import check_word
 from dlama.errors import DlamaError, InputError
 from dlama.files.drafts import DRAFT
 from dlama.jobs.job import Job
@@ -86,8 +87,7 @@ def _perform(task: Task) -> JobResult:
     job = task.job
     if job.error:
         raise InputError(job.error)
-    if job.verb not in VERBS:
-        raise InputError(f"`verb` is {job.verb!r}; one of {', '.join(VERBS)} is expected")
+    check_word(job.verb, "verb", VERBS)
     from dlama.jobs.verbs import run_verb
 
     stamps = {

@@ -8,7 +8,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from dlama.arguments import check_arguments
+from dlama.arguments import check_arguments, check_word
 from dlama.errors import InputError, MaskError
 from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array, check_color, make_read_only
 from dlama.models.network_file import make_room
@@ -123,12 +123,10 @@ class MaskSession:
 def check_names(masker: str | None, mask_model: MaskModel | None, candidate: str = "object") -> str:
     """The masker, by its name. InputError: an unknown masker or candidate, or networks for a masker that takes none."""
     masker = masker or "rgbd"
-    if masker not in MASKERS:
-        raise InputError(f"`masker` is {masker!r}; one of {', '.join(MASKERS)} is expected")
+    check_word(masker, "masker", MASKERS)
     if mask_model is not None and not MASKERS[masker].takes_model:
         raise InputError(f"`mask_model` is given and the masker {masker!r} runs no network of the user's choice")
-    if candidate not in CANDIDATES:
-        raise InputError(f"`candidate` is {candidate!r}; one of {', '.join(CANDIDATES)} is expected")
+    check_word(candidate, "candidate", CANDIDATES)
     return masker
 
 

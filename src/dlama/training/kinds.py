@@ -8,9 +8,7 @@ one entry in `losses.terms.GENERATOR_TERMS`.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal
-
-from dlama.errors import InputError
+from typing import Literal
 
 Planes = Literal["rgb", "rgbd", "stereo", "stereo-two-masks", "choice"]
 """The keys of PLANES."""
@@ -91,9 +89,3 @@ SAMPLES: dict[str, SampleKind] = {
     "guesses": SampleKind(crops=True),
 }
 """Names are those of `data.mixture` in settings files; `sketch` are the scenes of `data.samples.toy_scenes`."""
-
-
-def one_of(name: str, value: Any, known: Any) -> None:
-    """InputError unless the value is one of the known ones."""
-    if value not in known:
-        raise InputError(f"`{name}` is {value!r}; one of {', '.join(map(str, known))} is expected")

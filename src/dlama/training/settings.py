@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any, Literal
 
+from dlama.arguments import check_word
 from dlama.errors import InputError
 from dlama.nets.architecture import (
     DiscriminatorSettings,
@@ -18,7 +19,7 @@ from dlama.nets.architecture import (
     generator_shapes,
     judge_shapes,
 )
-from dlama.training.kinds import PLANES, SAMPLES, Planes, PlanesKind, one_of
+from dlama.training.kinds import PLANES, SAMPLES, Planes, PlanesKind
 
 TRUNKS = ("auto", "resnet50-dilated", "random", "lpips")
 """Names of the perceptual term's frozen network."""
@@ -49,7 +50,7 @@ class NetworkSettings:
     0 colour is filled as before. Width, blocks and the rest must be its own."""
 
     def __post_init__(self) -> None:
-        one_of("network.planes", self.planes, PLANES)
+        check_word(self.planes, "network.planes", PLANES)
         if self.kind.guesses and self.start is not None:
             raise InputError(f"`network.start` is {self.start!r}; a judge of guesses begins with random weights")
         _ = self.generator, self.discriminator  # raises ShapeError on impossible sizes
@@ -136,7 +137,7 @@ class LossSettings:
     """First layer's channels of the random trunk."""
 
     def __post_init__(self) -> None:
-        one_of("loss.trunk", self.trunk, TRUNKS)
+        check_word(self.trunk, "loss.trunk", TRUNKS)
         for each in fields(self):
             value = getattr(self, each.name)
             if isinstance(value, (int, float)) and not 0 <= value < float("inf"):
@@ -177,7 +178,7 @@ class OptimiserSettings:
     """Decay of the moving average of the generator's weights, which is exported; smaller in the first steps."""
 
     def __post_init__(self) -> None:
-        one_of("optimiser.decay", self.decay, ("none", "cosine"))
+        check_word(self.decay, "optimiser.decay", ("none", "cosine"))
         for name in ("generator_rate", "discriminator_rate"):
             if not 0 < getattr(self, name) < 1:
                 raise InputError(f"`optimiser.{name}` is {getattr(self, name)}; a number between 0 and 1 is expected")
@@ -208,7 +209,7 @@ class DataSettings:
         if self.workers is not None:
             _at_least("data", self, 0, "workers")
         for kind, share in self.mixture.items():
-            one_of("data.mixture", kind, SAMPLES)
+            check_word(kind, "data.mixture", SAMPLES)
             if not 0 < share < float("inf"):
                 raise InputError(f"data.mixture gives {kind!r} the share {share}; more than 0 is expected")
         if not 0 < self.cases <= 1:
@@ -250,8 +251,8 @@ class LoopSettings:
     """Steps between two checkpoints."""
 
     def __post_init__(self) -> None:
-        one_of("loop.precision", self.precision, ("bf16", "fp32"))
-        one_of("loop.accelerator", self.accelerator, ("auto", "cpu", "gpu"))
+        check_word(self.precision, "loop.precision", ("bf16", "fp32"))
+        check_word(self.accelerator, "loop.accelerator", ("auto", "cpu", "gpu"))
         counts = [each.name for each in fields(self) if each.type == "int" and each.name != "seed"]
         _at_least("loop", self, 1, *counts)
         _at_least("loop", self, 0, "seed")

@@ -16,7 +16,7 @@ from typing import Literal
 
 import numpy as np
 
-from dlama.arguments import check_arguments
+from dlama.arguments import check_arguments, check_word
 from dlama.completion.completion import StereoCompletion
 from dlama.completion.memory import check_memory
 from dlama.completion.options import OptionKeywords, Options, Unpack, options_of, take_options
@@ -172,8 +172,7 @@ def choose_right_view(asked: RightView | None, recipe: Recipe, removing: bool) -
     """What becomes of the right picture. Raises InputError: an unknown name, or synthesised with a mask."""
     if asked is None:
         return "given" if removing or recipe.source_first else "synthesised"
-    if asked not in RIGHT_VIEWS:
-        raise InputError(f"`right_view` is {asked!r}; one of {', '.join(RIGHT_VIEWS)} is expected")
+    check_word(asked, "right_view", RIGHT_VIEWS)
     if removing and asked == "synthesised":
         raise InputError("`right_view` is 'synthesised' and a mask is given; with a mask both pictures are completed")
     return asked

@@ -14,6 +14,7 @@ from dlama.apps.options import Report
 from dlama.apps.terminal.output import print_line, report_result
 from dlama.apps.terminal.progress import bar_or_lines
 from dlama.apps.verbs.measuring.options import NO_FILL, Cases, Methods, Protocol
+from dlama.arguments import check_word
 from dlama.completion.options import RECIPE_NAMES
 from dlama.datasets.frames import Case, Dataset
 from dlama.errors import InputError, format_count
@@ -74,12 +75,10 @@ def has_yaw(case: Case, yaws: Sequence[float]) -> bool:
 def all_methods(methods: Methods) -> list[Method]:
     """Every recipe with every filler. InputError: an unknown name, a network missing or of no use."""
     for name in methods.recipes:
-        if name not in RECIPE_NAMES:
-            raise InputError(f"`recipes` is {name!r}; one of {', '.join(RECIPE_NAMES)} is expected")
+        check_word(name, "recipes", RECIPE_NAMES)
     models = find_models(methods)
     for filler in methods.fillers:
-        if filler not in (NO_FILL, *FILLERS):
-            raise InputError(f"`fillers` is {filler!r}; one of {', '.join((NO_FILL, *FILLERS))} is expected")
+        check_word(filler, "fillers", (NO_FILL, *FILLERS))
         if filler in NETWORK_FILLERS and FILLERS[filler].shipped is None and filler not in models:
             raise InputError(f"filler {filler!r} runs a network: --model {filler}=FILE is expected")
     fillers, recipes = dict.fromkeys(methods.fillers), dict.fromkeys(methods.recipes)
