@@ -11,6 +11,9 @@ import pytest
 
 from dlama import RGBD, Camera, MaskError, find_mask
 from dlama.geometry.holes import iou
+from dlama.perception.masks import borders
+from dlama.perception.masks.prompt import Prompt
+from dlama.perception.masks.rough import rough_candidates, rough_depth
 from worlds import Box, Plane, World
 
 CAMERA = Camera.from_fov(160, 120, 70)
@@ -53,6 +56,19 @@ def test_a_click_finds_the_box_in_rough_depth(kind: str) -> None:
     found = find_mask(rgbd, clicks=[CLICK])
     assert iou(found.mask, box) > 0.93
     assert f"found in {kind} depth" in found.notes[0]
+
+
+def test_colours_of_a_large_picture_are_cut_in_a_smaller_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Law: no picture that GrabCut sees has more than MOST_PX pixels, the rounding of its sides aside; the box is found all the
+    same, but for its rim."""
+    sizes, cut = list[int](), cv2.grabCut
+    monkeypatch.setattr(borders, "MOST_PX", 4000)
+    monkeypatch.setattr(cv2, "grabCut", lambda color, *rest: sizes.append(color[..., 0].size) or cut(color, *rest))
+    color, depth, box = scene()
+    rgbd = RGBD(color, bent(depth), CAMERA, {"estimator": "none"})
+    found = rough_candidates(rough_depth(rgbd), Prompt(box.shape, (CLICK,)))["object"]
+    assert sizes and max(sizes) < 1.05 * 4000
+    assert iou(found, box) > 0.85
 
 
 @pytest.mark.slow

@@ -15,7 +15,7 @@ from dlama.geometry.holes import (
     nearest_known,
     sides_of,
 )
-from dlama.geometry.rgbd import RGBD, BoolArray
+from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
 from dlama.perception.masks.prompt import Pixel
 from dlama.perception.masks.supports import Planes
 
@@ -27,8 +27,9 @@ CORRECTED, MARK_PX = 3.0, 2
 """Radius that a corrective click decides, in its distances from the mask's border, and radius in px of the click itself."""
 SAME_DEPTH = 0.05
 """Largest relative difference in depth from the click's that a correction covers."""
-MOST_PX = 1_000_000
-"""Most pixels from which GrabCut learns colours; its time is proportional to them."""
+MOST_PX, LEAST_SCALE = 400_000, 1 / 6
+"""Most pixels in which GrabCut runs, for its time is proportional to them; and the smallest scale at which a click's disc (7 px)
+keeps a pixel."""
 
 
 def at_same_depth(found: Planes, target: BoolArray, gap: float) -> BoolArray:
@@ -52,8 +53,7 @@ def snap_to_picture_edges(rgbd: RGBD, target: BoolArray, reach: int, unknown: Bo
 
 
 def decide_by_color(rgbd: RGBD, target: BoolArray, band: BoolArray, rounds: int = 2) -> BoolArray:
-    """The mask with the pixels of `band` decided by GrabCut; all others stay. Colours are learnt in the surroundings only, and
-    above MOST_PX pixels from a smaller picture."""
+    """The mask with the pixels of `band` decided by GrabCut; all others stay. Colours are learnt in the surroundings only."""
     tight = box_around(target | band, 0)
     box = larger_box(tight, 12 + (max(sides_of(tight)) - 1) // 4, target.shape)
     prior, open_ = target[box], band[box]
@@ -61,21 +61,31 @@ def decide_by_color(rgbd: RGBD, target: BoolArray, band: BoolArray, rounds: int 
     state[open_] = np.where(prior, cv2.GC_PR_FGD, cv2.GC_PR_BGD)[open_]
     if (state == cv2.GC_BGD).sum() < 20 or (state == cv2.GC_FGD).sum() < 20:
         return target
+    out = target.copy()
+    out[box] = np.where(open_, run_grabcut(np.ascontiguousarray(rgbd.color[box]), state, rounds), prior)
+    return out
+
+
+def run_grabcut(color: UInt8Array, state: UInt8Array, rounds: int) -> BoolArray:
+    """H x W, True on the object, by GrabCut (Rother et al. 2004) from its codes (state, uint8 H x W); above MOST_PX pixels in a
+    smaller picture."""
     cv2.setRNGSeed(0)
-    picture, wh = np.ascontiguousarray(rgbd.color[box]), state.shape[::-1]
-    by = np.sqrt(MOST_PX / state.size)
+    by, wh = max(np.sqrt(MOST_PX / state.size), LEAST_SCALE), state.shape[::-1]
     if by < 1:
         smaller = max(1, round(by * wh[0])), max(1, round(by * wh[1]))
-        picture = np.asarray(cv2.resize(picture, smaller, interpolation=cv2.INTER_AREA), np.uint8)
+        color = np.asarray(cv2.resize(color, smaller, interpolation=cv2.INTER_AREA), np.uint8)
         state = np.asarray(cv2.resize(state, smaller, interpolation=cv2.INTER_NEAREST), np.uint8)
     models = np.zeros((1, 65)), np.zeros((1, 65))
-    cv2.grabCut(picture, state, (0, 0, 1, 1), *models, rounds, cv2.GC_INIT_WITH_MASK)
-    inside = ((state == cv2.GC_FGD) | (state == cv2.GC_PR_FGD)).astype(np.float32)
+    cv2.grabCut(color, state, (0, 0, 1, 1), *models, rounds, cv2.GC_INIT_WITH_MASK)
+    inside = is_object(state).astype(np.float32)
     if by < 1:
         inside = np.asarray(cv2.resize(inside, wh, interpolation=cv2.INTER_LINEAR), np.float32)
-    out = target.copy()
-    out[box] = np.where(open_, inside > 0.5, prior)
-    return out
+    return np.asarray(inside > 0.5)
+
+
+def is_object(state: UInt8Array) -> BoolArray:
+    """H x W, True where GrabCut's code is of the object."""
+    return (state == cv2.GC_FGD) | (state == cv2.GC_PR_FGD)
 
 
 def correct_at_click(rgbd: RGBD, mask: BoolArray, pixel: Pixel, belongs: bool) -> BoolArray:

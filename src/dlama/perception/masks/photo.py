@@ -23,11 +23,11 @@ from dlama.perception.masks.prompt import Pixel, Prompt
 from dlama.perception.masks.rough import (
     RoughDepth,
     check_surfaces,
+    cut_along_colors,
     keep_clicked_parts,
     refuse_background,
     rough_candidates,
     rough_depth,
-    run_grabcut,
 )
 from dlama.perception.masks.rough import mark_clicks as with_seeds
 from dlama.perception.masks.salient import SIDE, saliency
@@ -229,7 +229,7 @@ def exclude_clicks(color: UInt8Array, mask: BoolArray, prompt: Prompt) -> BoolAr
     """The mask cut again along the picture's colours, without the regions of negative clicks."""
     state = np.full(mask.shape, cv2.GC_BGD, np.uint8)
     state[mask] = cv2.GC_PR_FGD
-    found = run_grabcut(color, with_seeds(state, prompt))
+    found = cut_along_colors(color, with_seeds(state, prompt))
     return keep_clicked_parts(found, prompt) if prompt.clicks else found
 
 

@@ -1,7 +1,7 @@
 """A picture with estimated or noisy depth and clicks or a box in; the mask of the object out. The picture leads.
 
 Estimated depth is right in its large forms only: objects have no edges, and the ground bends; matched depth is uneven. So depth
-gives the window and the first guess (as near as the click, and no ground). GrabCut (Rother et al. 2004) then cuts along
+gives the window and the first guess (as near as the click, and no ground). GrabCut then cuts along
 colours.
 """
 
@@ -16,6 +16,7 @@ from dlama.errors import MaskError
 from dlama.geometry.holes import box_around, morphological_close, morphological_open, square
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
+from dlama.perception.masks.borders import is_object, run_grabcut
 from dlama.perception.masks.prompt import Prompt
 from dlama.perception.masks.supports import ESTIMATED_NOISE
 from dlama.perception.planes import find_planes, plane_values
@@ -111,7 +112,7 @@ def rough_candidates(rough: RoughDepth, prompt: Prompt) -> dict[str, BoolArray]:
             inside = find_window(rough, guess, pixel)
             state[inside] = np.where(state[inside] == cv2.GC_BGD, cv2.GC_PR_BGD, state[inside])
         state[guess & prompt.inside] = cv2.GC_PR_FGD
-    mask = run_grabcut(rough.color, mark_clicks(state, prompt))
+    mask = cut_along_colors(rough.color, mark_clicks(state, prompt))
     if prompt.clicks:
         mask = keep_clicked_parts(mask, prompt)
         if mask.sum() < NOTHING * len(prompt.clicks) * SEED_PX**2:
@@ -198,19 +199,16 @@ def find_window(rough: RoughDepth, guess: BoolArray, pixel: tuple[int, int]) -> 
     )
 
 
-def run_grabcut(color: UInt8Array, state: UInt8Array) -> BoolArray:
+def cut_along_colors(color: UInt8Array, state: UInt8Array) -> BoolArray:
     """H x W, True on the object, by GrabCut from its codes (state, uint8 H x W); colours are learnt in the surroundings only."""
     asked = state != cv2.GC_BGD
     sides = [int(np.ptp(np.flatnonzero(asked.any(axis)))) for axis in (1, 0)]
     box = box_around(asked, int(SURROUNDINGS * max(sides)) + 10)
-    codes, picture = np.ascontiguousarray(state[box]), np.ascontiguousarray(color[box])
-    background = (codes == cv2.GC_BGD) | (codes == cv2.GC_PR_BGD)
-    if background.sum() >= 20 and (~background).sum() >= 20:
-        cv2.setRNGSeed(0)
-        models = np.zeros((1, 65)), np.zeros((1, 65))
-        cv2.grabCut(picture, codes, (0, 0, 1, 1), *models, ROUNDS, cv2.GC_INIT_WITH_MASK)
+    codes = np.ascontiguousarray(state[box])
     out = np.zeros(state.shape, np.bool_)
-    out[box] = (codes == cv2.GC_FGD) | (codes == cv2.GC_PR_FGD)
+    out[box] = is_object(codes)
+    if min(out[box].sum(), (~out[box]).sum()) >= 20:
+        out[box] = run_grabcut(np.ascontiguousarray(color[box]), codes, ROUNDS)
     return out
 
 
