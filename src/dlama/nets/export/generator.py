@@ -44,9 +44,8 @@ def onnx_bytes(settings: GeneratorSettings, state: Mapping[str, np.ndarray], met
     refuse_differences({name: a.shape for name, a in state.items()}, generator_shapes(settings), "generator")
     g = Graph()
     output = _generator(g, settings, state, "planes")
-    ends = [(name, ["batch", planes, "height", "width"]) for name, planes in
-            (("planes", settings.in_channels), (output, settings.out_channels))]  # fmt: skip
-    model = g.model(ends[0], ends[1], metadata)
+    inputs = {"planes": ("batch", settings.in_channels, "height", "width")}
+    model = g.model("generator", inputs, {output: ("batch", settings.out_channels, "height", "width")}, metadata)
     return bytes(model.SerializeToString())
 
 

@@ -20,7 +20,7 @@ from dlama.nets.architecture import (
     judge_shapes,
     refuse_differences,
 )
-from dlama.nets.export.onnx_graph import IR_VERSION, OPSET, Graph
+from dlama.nets.export.onnx_graph import Ends, Graph
 from dlama.nets.whole_file import write_whole
 
 LOG_BOUNDS = (-7.0, 1.0)
@@ -113,23 +113,15 @@ class _Writer:
         """The bytes of the ONNX file with these outputs and metadata."""
         import onnx
 
-        helper, kind, g, s = onnx.helper, onnx.TensorProto.FLOAT, self.g, self.settings
-        tensors = [onnx.numpy_helper.from_array(array, name) for name, array in g.constants.items()]
-
-        def end(name: str, *shape: int | str) -> Any:
-            return helper.make_tensor_value_info(name, kind, list(shape))
-
-        inputs = [
-            end("context", 1, s.context_planes, "height", "width"),
-            end("guesses", "count", s.guess_planes, "height", "width"),
-        ]
-        outputs = [
-            end(logits, "count", JUDGE_HEADS, "rows", "columns"),
-            end(errors, 1, JUDGE_ERRORS, "rows", "columns"),
-        ]
-        graph = helper.make_graph(g.nodes, "judge", inputs, outputs, tensors)
-        opset = [helper.make_opsetid("", OPSET)]
-        model = helper.make_model(graph, opset_imports=opset, ir_version=IR_VERSION, producer_name="dlama")
-        helper.set_model_props(model, dict(metadata))
+        s = self.settings
+        inputs: Ends = {
+            "context": (1, s.context_planes, "height", "width"),
+            "guesses": ("count", s.guess_planes, "height", "width"),
+        }
+        outputs: Ends = {
+            logits: ("count", JUDGE_HEADS, "rows", "columns"),
+            errors: (1, JUDGE_ERRORS, "rows", "columns"),
+        }
+        model = self.g.model("judge", inputs, outputs, metadata)
         onnx.checker.check_model(model)
         return bytes(model.SerializeToString(deterministic=True))

@@ -18,6 +18,8 @@ from dlama.errors import MissingExtraError
 
 OPSET = 17
 IR_VERSION = 8
+Ends = Mapping[str, Sequence[int | str]]
+"""Float32 tensors by name, with their sides; a side of any length has a name."""
 
 
 @dataclass
@@ -75,15 +77,16 @@ class Graph:
         height, width = (self.add("Slice", shape, self.ints(axis), self.ints(axis + 1)) for axis in (2, 3))
         return height, width
 
-    def model(
-        self, inputs: tuple[str, Sequence[Any]], outputs: tuple[str, Sequence[Any]], about: Mapping[str, str]
-    ) -> Any:
-        """The finished onnx.ModelProto: one float32 input and one output, `about` as metadata."""
+    def model(self, name: str, inputs: Ends, outputs: Ends, about: Mapping[str, str]) -> Any:
+        """The finished onnx.ModelProto, `about` as metadata."""
         onnx = _onnx()
         helper, kind = onnx.helper, onnx.TensorProto.FLOAT
         tensors = [onnx.numpy_helper.from_array(array, name) for name, array in self.constants.items()]
-        ends = [[helper.make_tensor_value_info(name, kind, list(shape))] for name, shape in (inputs, outputs)]
-        graph = helper.make_graph(self.nodes, "generator", ends[0], ends[1], tensors)
+        ends = [
+            [helper.make_tensor_value_info(end, kind, list(shape)) for end, shape in each.items()]
+            for each in (inputs, outputs)
+        ]
+        graph = helper.make_graph(self.nodes, name, *ends, tensors)
         opset = [helper.make_opsetid("", OPSET)]
         model = helper.make_model(graph, opset_imports=opset, ir_version=IR_VERSION, producer_name="dlama")
         helper.set_model_props(model, dict(about))
