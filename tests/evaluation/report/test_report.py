@@ -31,7 +31,8 @@ from dlama.evaluation.report.templates import PARTS
 from dlama.evaluation.report.write import FILES, page, settings_hash, write_report
 from dlama.evaluation.runner.run import Results, run
 from dlama.evaluation.runner.store import result_rows
-from dlama.evaluation.runner.strips import CELL, GAP, color_error, depth_error, heat_map, shrink, strip
+from dlama.evaluation.runner.strips import CELL, GAP, color_error, depth_error, heat_map, strip
+from dlama.geometry.figures.html import shrink
 
 SETTINGS = ProtocolSettings()
 VOID = {"meta", "link", "img", "input", "br", "hr", "path", "use", "rect", "wbr"}
@@ -326,4 +327,4 @@ def test_a_strip_is_two_rows_of_five() -> None:
     assert sheet.shape == (2 * 24 + GAP, 5 * 24 + 4 * GAP, 3)
     assert (sheet[:24, :24] == panel.source).all() and (sheet[:24, 3 * (24 + GAP) :][:, :24] == panel.truth).all()
     assert (sheet[24 : 24 + GAP] == 0).all()
-    assert shrink(np.zeros((300, 600, 3), np.uint8)).shape == (CELL // 2, CELL, 3)
+    assert shrink(np.zeros((300, 600, 3), np.uint8), CELL).shape == (CELL // 2, CELL, 3)

@@ -10,6 +10,7 @@ import numpy as np
 
 from dlama.evaluation.protocols.methods import Panel
 from dlama.geometry.figures.false_color import depth_limits, depth_picture, hatch_holes
+from dlama.geometry.figures.html import shrink
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 
 COLUMNS = ("input", "warped", "filled", "truth", "error")
@@ -39,7 +40,7 @@ def strip(panel: Panel) -> UInt8Array:
         panel.truth,
         heat_map(color_error(panel)),
     ]
-    return stack([[shrink(cell) for cell in row] for row in (colors, depths)])
+    return stack([[shrink(cell, CELL) for cell in row] for row in (colors, depths)])
 
 
 def color_error(panel: Panel) -> Float32Array:
@@ -62,15 +63,6 @@ def heat_map(error: Float32Array) -> UInt8Array:
     unknown: BoolArray = np.isnan(error)
     levels = np.rint(np.nan_to_num(error) * 255).astype(np.uint8)
     return hatch_holes(np.array(cv2.applyColorMap(levels, cv2.COLORMAP_INFERNO)[..., ::-1], np.uint8), unknown)
-
-
-def shrink(picture: UInt8Array, side: int = CELL) -> UInt8Array:
-    """The picture, shrunk so that its larger side is at most so many px."""
-    scale = side / max(picture.shape[:2])
-    if scale >= 1:
-        return picture
-    size = max(round(picture.shape[1] * scale), 1), max(round(picture.shape[0] * scale), 1)
-    return np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA), np.uint8)
 
 
 def stack(rows: list[list[UInt8Array]]) -> UInt8Array:

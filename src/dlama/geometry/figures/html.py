@@ -48,7 +48,7 @@ def figure(title: str, panels: Sequence[Panel]) -> str:
 
 def strip(panels: Sequence[Panel]) -> bytes:
     """A PNG file of the same pictures side by side, without their captions."""
-    pictures = [_shrink(picture) for _, picture in panels]
+    pictures = [shrink(picture, LARGEST_SIDE) for _, picture in panels]
     height = max(picture.shape[0] for picture in pictures)
     width = sum(picture.shape[1] for picture in pictures) + GAP * (len(pictures) - 1)
     sheet = np.full((height, width, 3), 255, np.uint8)
@@ -59,12 +59,12 @@ def strip(panels: Sequence[Panel]) -> bytes:
     return _encode(sheet, ".png", small=False)
 
 
-def _shrink(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """The picture with no side over LARGEST_SIDE."""
+def shrink(picture: NDArray[np.uint8], side: int) -> NDArray[np.uint8]:
+    """The picture, shrunk so that its larger side is at most so many px."""
     import cv2  # here, so that the nouns cost no more than numpy
 
     height, width = picture.shape[:2]
-    factor = LARGEST_SIDE / max(height, width)
+    factor = side / max(height, width)
     if factor >= 1:
         return picture
     size = (max(1, round(width * factor)), max(1, round(height * factor)))
@@ -75,7 +75,7 @@ def _encode(picture: NDArray[np.uint8], suffix: str, small: bool = True) -> byte
     """The bytes of a JPEG or PNG file of an RGB picture."""
     import cv2
 
-    shown = _shrink(picture) if small else picture
+    shown = shrink(picture, LARGEST_SIDE) if small else picture
     options = [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY] if suffix == ".jpg" else []
     return bytes(cv2.imencode(suffix, np.ascontiguousarray(shown[..., ::-1]), options)[1])
 
