@@ -45,7 +45,7 @@ class Darkness:
 
 
 def measure_darkness(
-    rgbd: RGBD, mask: BoolArray, surface: BoolArray, occlusion: Float32Array | None, window: int = WINDOW_PX
+    rgbd: RGBD, mask: BoolArray, surface: BoolArray, occlusion: Float32Array | None
 ) -> Darkness | None:
     """Darkness of the surface round the object under `mask`; None: too little of it is seen.
 
@@ -56,7 +56,7 @@ def measure_darkness(
     usable = surface & near & ~dilate_mask(mask, EDGE_PX)
     if usable.sum() < FEWEST_PX:
         return None
-    smooth = smooth_level(rgbd, surface & ~dilate_mask(mask, EDGE_PX), window)
+    smooth = smooth_level(rgbd, surface & ~dilate_mask(mask, EDGE_PX))
     hidden = np.zeros(mask.shape) if occlusion is None else sky_lost(occlusion)
     v, u = np.nonzero(usable)
     keep = slice(None, None, max(1, len(v) // POINTS))
@@ -81,11 +81,11 @@ def sky_lost(occlusion: Float32Array) -> NDArray[np.float64]:
     return np.asarray(-np.log(1 - np.minimum(occlusion, MOST_HIDDEN)), np.float64)
 
 
-def smooth_level(rgbd: RGBD, surface: BoolArray, window: int) -> Float32Array:
-    """H x W natural logarithm of luma, averaged over the visible surface in a window."""
+def smooth_level(rgbd: RGBD, surface: BoolArray) -> Float32Array:
+    """H x W natural logarithm of luma, averaged over the visible surface in a window of WINDOW_PX."""
     level = np.log(cv2.cvtColor(rgbd.color, cv2.COLOR_RGB2GRAY).astype(np.float32) + 4)
     inside = surface.astype(np.float32)
-    total, count = (cv2.blur(each, (window, window)) for each in (level * inside, inside))
+    total, count = (cv2.blur(each, (WINDOW_PX, WINDOW_PX)) for each in (level * inside, inside))
     return np.asarray(np.where(count > 0, total / np.maximum(count, 1e-6), level), np.float32)
 
 
