@@ -67,7 +67,7 @@ class WorldViews:
         return RGBD(seen.color, seen.depth, self.cameras[number])
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class WorldSet:
     """The worlds of one split, with or without photos as textures."""
 
@@ -75,19 +75,13 @@ class WorldSet:
     """train or held_out."""
     size: int
     """Height and width of pictures in pixels."""
-    photos: tuple[Photo, ...] = ()
-    key: tuple[str, int, int] = field(init=False)
-    """Cache key: several sources of one run share their worlds."""
+    photos: tuple[Photo, ...] = field(default=(), compare=False)
+    names: int = field(init=False)
+    """Hash of the photos' names, by which sets are equal: several sources of one run share their worlds."""
 
     def __post_init__(self) -> None:
         names = "\n".join(photo.name for photo in self.photos)
-        object.__setattr__(self, "key", (self.split, self.size, zlib.crc32(names.encode())))
-
-    def __hash__(self) -> int:
-        return hash(self.key)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, WorldSet) and self.key == other.key
+        object.__setattr__(self, "names", zlib.crc32(names.encode()))
 
     @property
     def group_size(self) -> int:
