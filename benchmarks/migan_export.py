@@ -126,8 +126,8 @@ def generator_bytes(weights: Weights, source: str, metadata: Mapping[str, str]) 
         raise FileError(f"{source}: has no tensor {error}; the published MI-GAN pipeline is expected") from error
     g.add_named("filled", "Identity", filled)
     _store_half(g)
-    ends = [("planes", [1, 4, "height", "width"]), ("filled", [1, 3, "height", "width"])]
-    model = g.model(ends[0], ends[1], metadata)
+    inputs, outputs = {"planes": (1, 4, "height", "width")}, {"filled": (1, 3, "height", "width")}
+    model = g.model("generator", inputs, outputs, metadata)
     return bytes(model.SerializeToString(deterministic=True))
 
 

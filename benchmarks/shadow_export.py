@@ -32,9 +32,8 @@ def export_shadow(state: Mapping[str, np.ndarray], path: Path, metadata: Mapping
     writer = _Writer(state)
     logits = writer.logits("planes")
     planes = state["down1.0.weight"].shape[1]
-    model = writer.g.model(
-        ("planes", ["batch", planes, "height", "width"]), (logits, ["batch", "height", "width"]), metadata
-    )
+    inputs, outputs = {"planes": ("batch", planes, "height", "width")}, {logits: ("batch", "height", "width")}
+    model = writer.g.model("generator", inputs, outputs, metadata)
     return write_whole(path, bytes(model.SerializeToString(deterministic=True)))
 
 
