@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterable
+import inspect
+import typing
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -40,6 +42,16 @@ class Reach:
     def fits(self, arrived: Any) -> bool:
         """Whether that is the value wanted."""
         return bool(self.value(arrived)) if callable(self.value) else bool(arrived == self.value)
+
+
+def fields_of(taker: Callable[..., Any]) -> Iterator[tuple[str, Any, Any]]:
+    """Name, type hint with its notes, and default of each option of a verb, those of its dataclasses too."""
+    hints = typing.get_type_hints(taker, include_extras=True)
+    for name, parameter in inspect.signature(taker).parameters.items():
+        if dataclasses.is_dataclass(hints[name]):
+            yield from fields_of(hints[name])
+        elif name != "task":
+            yield name, hints[name], parameter.default
 
 
 def attribute(path: str, value: Any) -> Callable[[Any], bool]:

@@ -13,10 +13,10 @@ import subprocess
 import sys
 import textwrap
 import typing
-from collections.abc import Callable, Iterator
 from typing import Any, TypeGuard, get_args
 
 import pytest
+from options_table import fields_of
 from tyro.conf import Positional
 
 import dlama
@@ -83,16 +83,6 @@ def test_help_says_the_signs() -> None:
     shown = " ".join(page_of("view").replace("│", " ").split())
     assert "Positive: the camera moves to its right and turns left" in shown
     assert "Positive: the camera moves up and looks down" in shown
-
-
-def fields_of(taker: Callable[..., Any]) -> Iterator[tuple[str, Any, Any]]:
-    """Name, type hint with its notes, and default of each option of a verb, those of its dataclasses too."""
-    hints = typing.get_type_hints(taker, include_extras=True)
-    for name, parameter in inspect.signature(taker).parameters.items():
-        if dataclasses.is_dataclass(hints[name]):
-            yield from fields_of(hints[name])
-        elif name != "task":
-            yield name, hints[name], parameter.default
 
 
 @pytest.mark.parametrize("verb", VERBS)

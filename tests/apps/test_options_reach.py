@@ -12,7 +12,7 @@ import importlib
 import inspect
 import pkgutil
 import typing
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import nullcontext
 from pathlib import Path
 from types import SimpleNamespace
@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from options_table import BASE, TABLE
+from options_table import BASE, TABLE, fields_of
 
 import dlama
 from dlama.apps.cli import VERBS, main
@@ -35,16 +35,6 @@ CASES = (
 Calls = dict[str, list[dict[str, Any]]]
 
 
-def options_of(taker: Callable[..., Any]) -> Iterator[str]:
-    """Names of all that a verb takes: positional or not, those of its dataclasses and their base classes too."""
-    hints = typing.get_type_hints(taker, include_extras=True)
-    for name in inspect.signature(taker).parameters:
-        if dataclasses.is_dataclass(hints[name]):
-            yield from options_of(hints[name])
-        else:
-            yield name
-
-
 def commands() -> dict[str, Callable[..., Any]]:
     """Every verb; of `models`, each of its tasks."""
     found = {name: verb for name, verb in VERBS.items() if name != "models"}
@@ -57,7 +47,7 @@ def commands() -> dict[str, Callable[..., Any]]:
 
 def test_every_option_of_every_verb_stands_in_the_table() -> None:
     """Oracle: the signatures. A new option has no line in the table, and this fails."""
-    wanted = {(verb, name) for verb, taker in commands().items() for name in options_of(taker)}
+    wanted = {(verb, name) for verb, taker in commands().items() for name, *_ in fields_of(taker)}
     assert {(verb, name) for verb, rows in TABLE.items() for name in rows} == wanted
 
 
@@ -71,7 +61,7 @@ def test_the_list_of_options_sees_a_new_one() -> None:
     def verb(place: Path, group: Group, outer: int = 0) -> None: ...
 
     verb.__annotations__ = {"place": Path, "group": Group, "outer": int}
-    assert list(options_of(verb)) == ["place", "inner", "outer"]
+    assert [name for name, *_ in fields_of(verb)] == ["place", "inner", "outer"]
 
 
 @pytest.fixture(scope="module")
