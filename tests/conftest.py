@@ -7,14 +7,11 @@ from __future__ import annotations
 
 import gc
 import os
-import sys
 from collections.abc import Generator, Iterator
 from pathlib import Path
 
 import pytest
 
-# Else each process of each run would compile all modules anew; the kernels' caches lie in the same folders.
-sys.dont_write_bytecode, os.environ["PYTHONDONTWRITEBYTECODE"] = False, ""
 if "PYTEST_XDIST_WORKER" in os.environ:  # torch is not loaded yet; its threads would fight with the other process's
     os.environ.setdefault("OMP_NUM_THREADS", "1")
 
