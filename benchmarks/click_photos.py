@@ -58,18 +58,19 @@ def clear_object(color: UInt8Array) -> BoolArray | None:
     top, left = (round(n * (1 - MIDDLE) / 2) for n in (height, width))
     middle = np.s_[top : height - top, left : width - left]
     try:
-        level, mirrored, inner = (
-            saliency(np.ascontiguousarray(each)) for each in (color, color[:, ::-1], color[middle])
-        )
+        level = saliency(color)
+        mask = level > 0.5
+        unsure = ((level > UNSURE[0]) & (level < UNSURE[1])).sum()
+        if not AREA[0] < mask.mean() < AREA[1] or unsure > MOST_UNSURE * mask.sum():
+            return None
+        for part, turn in ((np.s_[:], -1), (middle, 1)):
+            seen = saliency(np.ascontiguousarray(color[part][:, ::turn]))[:, ::turn] > 0.5
+            if iou(mask[part], seen) <= SAME:
+                return None
     except MaskError:
         return None
-    mask = level > 0.5
-    unsure = ((level > UNSURE[0]) & (level < UNSURE[1])).sum()
-    if not AREA[0] < mask.mean() < AREA[1] or unsure > MOST_UNSURE * mask.sum():
-        return None
-    same = min(iou(mask, mirrored[:, ::-1] > 0.5), iou(mask[middle], inner > 0.5))
     region = largest_region(mask)
-    return region if same > SAME and region.sum() > ONE_PIECE * mask.sum() else None
+    return region if region.sum() > ONE_PIECE * mask.sum() else None
 
 
 def clear_objects(files: Sequence[Path]) -> list[Object]:
