@@ -99,7 +99,7 @@ def patchmatch_filler(model: str | Path) -> Painter:
         if not hole.any():
             return picture
         guess = guess_coarsely(network.paint, picture, hole, seed)
-        return blend_with_guess(complete_picture(picture, hole, guess, seed), guess, hole, hole)
+        return blend_with_guess(complete_picture(picture, hole, guess, seed), guess, hole)
 
     def notes() -> dict[str, Any]:
         return {"guess": network.notes()}
