@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 import pytest
 
@@ -11,7 +12,7 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.holes import iou
 from dlama.geometry.rgbd import RGBD
 from dlama.perception.masks import borders
-from dlama.perception.masks.borders import MOST_PX, correct_at_click, decide_by_color
+from dlama.perception.masks.borders import MOST_PX, correct_at_click, decide_by_color, run_grabcut
 from worlds import Box, Plane, World
 
 
@@ -51,6 +52,16 @@ def test_a_band_round_a_box_is_decided_at_every_size(monkeypatch: pytest.MonkeyP
     frame = RGBD(color.astype(np.uint8), np.ones((80, 100), np.float32), Camera.from_fov(100, 80, 60))
     found = decide_by_color(frame, inner | (outer & (np.arange(100) < 50)), outer & ~inner)
     assert (found & truth).sum() > (0.99 if most == MOST_PX else 0.9) * (found | truth).sum()
+
+
+def test_an_object_that_a_smaller_picture_loses_stays(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Closed form: the object is a pixel in each tenth row and column, and none is left at a sixth of the size, which OpenCV
+    refuses."""
+    monkeypatch.setattr(borders, "MOST_PX", 400)
+    state = np.full((120, 120), cv2.GC_BGD, np.uint8)
+    state[1:60:10, 1:50:10] = cv2.GC_FGD
+    found = run_grabcut(np.zeros((120, 120, 3), np.uint8), state, 2)
+    np.testing.assert_array_equal(found, state == cv2.GC_FGD)
 
 
 @pytest.mark.parametrize("belongs", [False, True])

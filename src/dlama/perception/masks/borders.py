@@ -30,6 +30,8 @@ SAME_DEPTH = 0.05
 MOST_PX, LEAST_SCALE = 400_000, 1 / 6
 """Most pixels in which GrabCut runs, for its time is proportional to them; and the smallest scale at which a click's disc (7 px)
 keeps a pixel."""
+LEAST_SAMPLES = 20
+"""Least pixels of an object and of what is not from which their colours are learnt."""
 
 
 def at_same_depth(found: Planes, target: BoolArray, gap: float) -> BoolArray:
@@ -59,7 +61,7 @@ def decide_by_color(rgbd: RGBD, target: BoolArray, band: BoolArray, rounds: int 
     prior, open_ = target[box], band[box]
     state = np.where(prior, cv2.GC_FGD, cv2.GC_BGD).astype(np.uint8)
     state[open_] = np.where(prior, cv2.GC_PR_FGD, cv2.GC_PR_BGD)[open_]
-    if (state == cv2.GC_BGD).sum() < 20 or (state == cv2.GC_FGD).sum() < 20:
+    if min((state == cv2.GC_BGD).sum(), (state == cv2.GC_FGD).sum()) < LEAST_SAMPLES:
         return target
     out = target.copy()
     out[box] = np.where(open_, run_grabcut(np.ascontiguousarray(rgbd.color[box]), state, rounds), prior)
@@ -68,16 +70,18 @@ def decide_by_color(rgbd: RGBD, target: BoolArray, band: BoolArray, rounds: int 
 
 def run_grabcut(color: UInt8Array, state: UInt8Array, rounds: int) -> BoolArray:
     """H x W, True on the object, by GrabCut (Rother et al. 2004) from its codes (state, uint8 H x W); above MOST_PX pixels in a
-    smaller picture."""
-    cv2.setRNGSeed(0)
-    by, wh = max(np.sqrt(MOST_PX / state.size), LEAST_SCALE), state.shape[::-1]
+    smaller picture. As the codes say where there are fewer than LEAST_SAMPLES pixels of either."""
+    by, wh, small = max(np.sqrt(MOST_PX / state.size), LEAST_SCALE), state.shape[::-1], state.copy()
     if by < 1:
         smaller = max(1, round(by * wh[0])), max(1, round(by * wh[1]))
         color = np.asarray(cv2.resize(color, smaller, interpolation=cv2.INTER_AREA), np.uint8)
-        state = np.asarray(cv2.resize(state, smaller, interpolation=cv2.INTER_NEAREST), np.uint8)
+        small = np.asarray(cv2.resize(state, smaller, interpolation=cv2.INTER_NEAREST), np.uint8)
+    if min(is_object(small).sum(), (~is_object(small)).sum()) < LEAST_SAMPLES:
+        return is_object(state)
+    cv2.setRNGSeed(0)
     models = np.zeros((1, 65)), np.zeros((1, 65))
-    cv2.grabCut(color, state, (0, 0, 1, 1), *models, rounds, cv2.GC_INIT_WITH_MASK)
-    inside = is_object(state).astype(np.float32)
+    cv2.grabCut(color, small, (0, 0, 1, 1), *models, rounds, cv2.GC_INIT_WITH_MASK)
+    inside = is_object(small).astype(np.float32)
     if by < 1:
         inside = np.asarray(cv2.resize(inside, wh, interpolation=cv2.INTER_LINEAR), np.float32)
     return np.asarray(inside > 0.5)

@@ -1,8 +1,7 @@
 """A picture with estimated or noisy depth and clicks or a box in; the mask of the object out. The picture leads.
 
 Estimated depth is right in its large forms only: objects have no edges, and the ground bends; matched depth is uneven. So depth
-gives the window and the first guess (as near as the click, and no ground). GrabCut then cuts along
-colours.
+gives the window and the first guess (as near as the click, and no ground). GrabCut then cuts along colours.
 """
 
 from __future__ import annotations
@@ -16,7 +15,7 @@ from dlama.errors import MaskError
 from dlama.geometry.holes import box_around, morphological_close, morphological_open, square
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
-from dlama.perception.masks.borders import is_object, run_grabcut
+from dlama.perception.masks.borders import run_grabcut
 from dlama.perception.masks.prompt import Prompt
 from dlama.perception.masks.supports import ESTIMATED_NOISE
 from dlama.perception.planes import find_planes, plane_values
@@ -204,11 +203,8 @@ def cut_along_colors(color: UInt8Array, state: UInt8Array) -> BoolArray:
     asked = state != cv2.GC_BGD
     sides = [int(np.ptp(np.flatnonzero(asked.any(axis)))) for axis in (1, 0)]
     box = box_around(asked, int(SURROUNDINGS * max(sides)) + 10)
-    codes = np.ascontiguousarray(state[box])
     out = np.zeros(state.shape, np.bool_)
-    out[box] = is_object(codes)
-    if min(out[box].sum(), (~out[box]).sum()) >= 20:
-        out[box] = run_grabcut(np.ascontiguousarray(color[box]), codes, ROUNDS)
+    out[box] = run_grabcut(np.ascontiguousarray(color[box]), np.ascontiguousarray(state[box]), ROUNDS)
     return out
 
 
