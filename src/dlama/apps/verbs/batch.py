@@ -138,7 +138,7 @@ def batch(
             return
         if output is None:
             raise InputError("`output` is missing; a directory for the results is expected: -o DIR")
-        listed = Path(words[0]) if words and "://" not in words[0] else None  # a file of this computer's
+        listed = Path(local_path(words[0])) if words and not is_address(words[0]) else None
         check_folder_apart(output, {"folder of frames": which.data, "list of jobs": listed})
         totals = Totals()
         options = {name: value for name, value in dataclasses.asdict(running).items() if name != "dry_run"}

@@ -47,6 +47,7 @@ def layered_patches_filler(model: str | Path) -> Inpainter:
             view.hole_type, *(REPAINTED if context.misplaced_edges else (HoleType.OBJECT,))
         )
         removed = hole & (view.hole_type == HoleType.OBJECT.value)
+        others = hole & ~removed
         color, notes = view.color, dict[str, Any](planes=len(surfaces.planes))
         if (view.color_hole & ~removed).any():
             color = paint_surfaces(view, surfaces, depth, context, seed, detail=not context.misplaced_edges)
@@ -59,8 +60,8 @@ def layered_patches_filler(model: str | Path) -> Inpainter:
             done = complete_picture(color, hole | hidden, guess, seed, label=label, effort=QUICK)
             if removed.any():
                 done = blend_with_guess(done, guess, removed, view.color_hole | hidden)
-            if (hole & ~removed).any():
-                done = blend_with_guess(done, guess, hole & ~removed)
+            if others.any():
+                done = blend_with_guess(done, guess, others)
             color = np.where(hidden[..., None], color, done)
         color = blend_out_of_view(view, surfaces, depth, color, context.sky, smooth)
         return Fill(color, depth, moved, notes)
