@@ -23,7 +23,7 @@ NAMES = {
     "HeadBox", "HoleType", "Inpainter", "Law",
     "MaskSession", "Mesh", "ObjectMask", "Options", "Origin", "Photo3D", "PointCloud", "RGBD", "Recipe", "Scene", "Sky",
     "StereoCompletion",
-    "StereoConsistency", "StereoRig", "View",
+    "StereoConsistency", "StereoRig", "StoredView", "View",
     "CameraError", "DepthError", "DlamaError", "FileError", "InputError", "InputTypeError", "MaskError", "MissingExtraError",
     "OutputError", "ShapeError",
     "align_frames",

@@ -52,6 +52,7 @@ if TYPE_CHECKING:  # what type checkers and editors read; a test holds it equal 
     from dlama.geometry.codes import Origin as Origin
     from dlama.geometry.frames.alignment import align_frames as align_frames
     from dlama.geometry.frames.gathering import scene as scene
+    from dlama.geometry.frames.stored import StoredView as StoredView
     from dlama.geometry.fusion import fuse as fuse
     from dlama.geometry.layers.head_box import HeadBox as HeadBox
     from dlama.geometry.projection import lift as lift
@@ -118,6 +119,7 @@ MODULES = {
     "StereoCompletion": "completion.completion",
     "StereoConsistency": "perception.stereo.agreement",
     "StereoRig": "geometry.camera",
+    "StoredView": "geometry.frames.stored",
     "View": "geometry.view",
     "batch": "jobs.batch",
     "align_frames": "geometry.frames.alignment",

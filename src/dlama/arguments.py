@@ -41,7 +41,7 @@ WHERE_FROM = {
     "StereoRig": " (`read_stereo_calib()` reads one)",
     "RGBD": " (`read_rgbd()` reads a picture with depth, `estimate_depth(color).rgbd` estimates the depth of one)",
     "Scene": " (`scene()` makes one of frames, `read_scene()` reads one)",
-    "View": " (`render()` gives one)",
+    "View": " (`render()` gives one, `scene.frames[0].load()` the one of a frame)",
     "Completion": " (`view()`, `remove()`, `stereo()` and `complete()` give one)",
     "Law": " (`Law.of(scene)` gives one)",
     "FillContext": " (`FillContext.of(scene)` gives one)",
@@ -68,8 +68,6 @@ def _annotations(function: Callable[..., Any]) -> dict[str, Any]:
 
 def check(value: object, annotation: Any, name: str) -> None:
     """Raise InputTypeError, which calls the value `name`, where it is not of the annotated type."""
-    if isinstance(value, _classes(annotation)):
-        return
     complaint = _complaint(value, annotation, marked_name(name))
     if complaint:
         raise InputTypeError(complaint)
@@ -133,6 +131,8 @@ def format_value(value: object) -> str:
 
 def _complaint(value: object, annotation: Any, name: str) -> str:
     """What is wrong with a value; "" where it fits."""
+    if isinstance(value, _classes(annotation)):
+        return ""
     kind, inner = get_origin(annotation) or annotation, get_args(annotation)
     members = annotation.__constraints__ if isinstance(annotation, TypeVar) else inner
     if kind in (Union, types.UnionType) or isinstance(annotation, TypeVar):

@@ -160,5 +160,7 @@ def test_frames_are_clipped_as_one_picture_is() -> None:
     for given in (frames, [functools.partial(lambda one: one, one) for one in frames]):
         for clip in (3.0, None):
             found = scene_of(given, clip).frames
-            assert all(np.array_equal(one.depth, clip_depth(frame, clip).depth) for one, frame in zip(found, frames))
+            assert all(
+                np.array_equal(one.load().depth, clip_depth(frame, clip).depth) for one, frame in zip(found, frames)
+            )
     assert not np.array_equal(clip_depth(frames[0], 3.0).depth, frames[0].depth)

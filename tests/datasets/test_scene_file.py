@@ -102,7 +102,8 @@ def test_layers_of_a_file_are_read_when_they_are_needed(file: Path) -> None:
     cache = PixelCache(0)
     whole, stored = read_npz(file)[1], read_npz(file, cache)[1]
     assert all(isinstance(layer, StoredView) for layer in stored.layers)
-    for mine, theirs in zip(stored.layers, whole.layers):
+    for layer, theirs in zip(stored.layers, whole.layers):
+        mine = layer.load()
         for plane in ("color", "depth", "hole", "origin", "confidence"):
             np.testing.assert_array_equal(getattr(mine, plane), getattr(theirs, plane))
     assert cache.bytes == 0 and slice_frames(whole.layers, ":1") == (whole.layers[0],)

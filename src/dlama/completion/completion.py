@@ -13,6 +13,7 @@ from dlama.geometry.codes import from_filler
 from dlama.geometry.figures.false_color import depth_limits, depth_picture, hole_picture
 from dlama.geometry.figures.html import Figured, Panel
 from dlama.geometry.figures.show import show_html
+from dlama.geometry.frames.stored import Layer
 from dlama.geometry.fusion import scene_cloud, scene_mesh
 from dlama.geometry.rgbd import Float32Array, UInt8Array
 from dlama.geometry.scene import Scene
@@ -89,7 +90,7 @@ class Completion(Figured):
             return self
         views = tuple(above_confidence(view, min_confidence) for view in self.views)
         frames, fills = (
-            tuple(above_confidence(layer, min_confidence) for layer in layers)
+            tuple(layer_above(layer, min_confidence) for layer in layers)
             for layers in (self.scene.frames, self.scene.fills)
         )
         opened = [float((new.hole & ~old.hole).mean()) for new, old in zip(views, self.views)]
@@ -127,4 +128,12 @@ class StereoCompletion(Completion):
 def above_confidence(view: View, min_confidence: float) -> View:
     """The view with filled pixels below that confidence left open."""
     filled = from_filler(view.origin) & ~view.hole
-    return view.reopen(filled & (view.confidence < min_confidence))
+    low = filled & (view.confidence < min_confidence)
+    return view.reopen(low) if low.any() else view
+
+
+def layer_above(layer: Layer, min_confidence: float) -> Layer:
+    """The same of a layer of a scene: itself where it has no such pixel."""
+    view = layer.load()
+    kept = above_confidence(view, min_confidence)
+    return layer if kept is view else kept

@@ -22,6 +22,7 @@ from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.drawing.grid_mesh import mesh_grid
 from dlama.geometry.drawing.layers import rasterize_surface
 from dlama.geometry.frames.choosing import choose_frames
+from dlama.geometry.frames.stored import Layer
 from dlama.geometry.fusion import add_layer
 from dlama.geometry.holes import box_around, larger_box, morphological_open, square
 from dlama.geometry.kernels.drawing.footprints import rim
@@ -103,7 +104,7 @@ def photo3d(
     check_arguments(photo3d, locals())
     start = scene_of(rgbd)
     check_memory([one.camera for one in start.frames])
-    source = start.frames[len(start.frames) // 2].read()
+    source = start.frames[len(start.frames) // 2].load()
     warn_of_scale(source)
     step = step_for(Scene((source,)), HIDDEN_PIXELS)
     clock = Clock()
@@ -118,7 +119,7 @@ def photo3d(
         found, small = complete_step(plan, small, number, clock)
         steps.append(found)
     with clock("edges"):
-        small = dataclasses.replace(small, frames=tuple(separate_colors(frame.read()) for frame in small.frames))
+        small = dataclasses.replace(small, frames=tuple(separate_colors(frame.load()) for frame in small.frames))
     with clock("look"):
         grid_box = dataclasses.replace(box, camera=middle)
         unknown = Unknown.of(small, grid_box)
@@ -131,7 +132,7 @@ def photo3d(
         seen.append(camera)
         with clock("look"):
             for layer in added:
-                small = add_layer(small, found.view, layer.hole_type != HoleType.NONE.value, OVERLAP)
+                small = add_layer(small, found.view, layer.load().hole_type != HoleType.NONE.value, OVERLAP)
             unknown.look(added)
         begin_stage(f"filled for camera {len(seen)}, {unknown.share:.2%} still unknown")
     with clock("edges"):
@@ -196,15 +197,16 @@ class Unknown:
         box = [slice(side.start * self.step, side.stop * self.step) for side in box_around(self.holes[number], 0)]
         return camera.cropped_to(*larger_box((box[0], box[1]), AROUND, camera.hw))
 
-    def look(self, layers: tuple[View, ...]) -> None:
+    def look(self, layers: tuple[Layer, ...]) -> None:
         """Take off what the layers show."""
         for layer in layers:
-            layer = layer.cropped(*box_around(~layer.hole, 2))
-            depth, joined = mesh_grid(layer)
+            view = layer.load()
+            view = view.cropped(*box_around(~view.hole, 2))
+            depth, joined = mesh_grid(view)
             for hole, camera in zip(self.holes, self.small):
                 if hole.any():
                     box = box_around(hole, 0)
-                    hole[box] &= ~find_covered(layer, depth, joined, camera.cropped_to(*box))
+                    hole[box] &= ~find_covered(view, depth, joined, camera.cropped_to(*box))
         side = square(max(2, -(-CLOSED // self.step)))
         self.holes = [morphological_open(hole, side) for hole in self.holes]
 
@@ -236,22 +238,23 @@ def add_edge_layers(scene: Scene, box: HeadBox) -> Scene:
     return scene
 
 
-def add_fills(start: Scene, small: Scene, fills: tuple[View, ...], step: int) -> Scene:
+def add_fills(start: Scene, small: Scene, fills: tuple[Layer, ...], step: int) -> Scene:
     """The scene as given with what was filled in the smaller one; sensor holes get the depth of the smaller frame's pixel."""
-    frames = []
-    for frame, other in zip(start.frames, small.frames):
-        hole = frame.depth_hole
+    frames: list[Layer] = []
+    for frame, smaller in zip(start.frames, small.frames):
+        view, other = frame.load(), smaller.load()
+        hole = view.depth_hole
         if hole.any():
             rows, columns = (
                 np.minimum(np.arange(side) // step, least - 1) for side, least in zip(frame.camera.hw, other.camera.hw)
             )
             nearest = np.ix_(rows, columns)
             filled = hole & ~other.hole[nearest]
-            frame = frame.with_planes(
-                depth=np.where(filled, other.depth[nearest], frame.depth),
-                hole=frame.hole & ~filled,
-                origin=np.where(filled, np.uint8(Origin.DEPTH_FILLED), frame.origin),
-                confidence=np.where(filled, other.confidence[nearest], frame.confidence),
+            frame = view.with_planes(
+                depth=np.where(filled, other.depth[nearest], view.depth),
+                hole=view.hole & ~filled,
+                origin=np.where(filled, np.uint8(Origin.DEPTH_FILLED), view.origin),
+                confidence=np.where(filled, other.confidence[nearest], view.confidence),
             )
         frames.append(frame)
     return dataclasses.replace(start, frames=tuple(frames), fills=(*start.fills, *fills))

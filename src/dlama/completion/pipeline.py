@@ -21,7 +21,6 @@ from dlama.completion.steps import CompletedView, Step, complete_step, fill, fra
 from dlama.errors import InputError
 from dlama.geometry.camera import Camera
 from dlama.geometry.frames.gathering import FrameSource
-from dlama.geometry.frames.stored import StoredView
 from dlama.geometry.fusion import fuse
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
@@ -63,8 +62,8 @@ def complete(
     if not cameras and mask is None:
         raise InputError("cameras is empty; one camera or more is expected (rgbd.camera is the picture's own)")
     start = scene_of(rgbd, chosen.settings.clip)
-    source = start.frames[0]
-    check_memory((*(one.camera for one in start.frames if not isinstance(one, StoredView)), *cameras))
+    source = start.frames[0].load()
+    check_memory((*(one.camera for one in start.frames if isinstance(one, View)), *cameras))
     warn_of_scale(source)
     make_room(source.camera.width * source.camera.height)
     plan, scene, grown_mask = plan_for(start, chosen, mask)
@@ -85,7 +84,7 @@ def complete(
     if mask is None:
         warn_of_unknown(source, warped)
     record = Record(fills, clock.seconds, grown_mask, [one.grown for one in completed])
-    meta = about_depth(rgbd, start) | meta_data(plan, scene.frames[0], warped, record) | expected_errors(views)
+    meta = about_depth(rgbd, start) | meta_data(plan, scene.frames[0].load(), warped, record) | expected_errors(views)
     chosen_guesses = tuple(choice_of(one, choices) for one in completed)
     completion = Completion(views, warped, scene, source, meta, choices=chosen_guesses)
     return completion.with_min_confidence(chosen.min_confidence)

@@ -21,7 +21,6 @@ from dlama.geometry.codes import HoleType
 from dlama.geometry.drawing.picture_edges import DepthProfile
 from dlama.geometry.frames.gathering import FrameSource, scene
 from dlama.geometry.frames.removal import remove_object
-from dlama.geometry.frames.stored import StoredView
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, clip_depth
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
@@ -148,13 +147,14 @@ def context_of(given: Scene, recipe: Recipe, object_depth: Float32Array | None =
         return FillContext(Law(()))
     if object_depth is None:
         return FillContext.of(given)
-    removals = tuple(replace(one, depth=np.where(one.hole, one.depth, object_depth)) for one in given.removals)
+    removed = (one.load() for one in given.removals)
+    removals = tuple(replace(one, depth=np.where(one.hole, one.depth, object_depth)) for one in removed)
     return FillContext.of(replace(given, removals=removals))
 
 
 def describe_padding(given: Scene) -> dict[str, dict[str, Any]]:
     """For meta.json: how many pixels of the frames in memory are padding round the picture (`RGBD.padding`); {} = none."""
-    measured = (one for one in given.frames if not isinstance(one, StoredView))
+    measured = (one for one in given.frames if isinstance(one, View))
     pixels = sum(int(np.count_nonzero(one.hole_type == HoleType.OUT_OF_VIEW.value)) for one in measured)
     reason = "a white or black frame without depth runs round the picture: it is filled, as all that is out of view"
     return {"padding": {"pixels": pixels, "reason": reason}} if pixels else {}

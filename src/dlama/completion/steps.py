@@ -116,7 +116,7 @@ def show_earlier_fill(plan: Plan, scene: Scene, before: View) -> tuple[View, Fil
         return close_holes(law, before, earlier)
     rows, columns = box_around(before.hole, 0)  # nothing moves: all else would be drawn in vain
     part = before.cropped(rows, columns)
-    frames, fills = (tuple(one.read().cropped(rows, columns) for one in of) for of in (scene.frames, scene.fills))
+    frames, fills = (tuple(one.load().cropped(rows, columns) for one in of) for of in (scene.frames, scene.fills))
     earlier = render(Scene(frames, fills=fills), part.camera, plan.recipe.mode, types=False, close=False)
     closed, report = close_holes(law.cropped(before, rows, columns), part, earlier)
     return paste_part(before, closed, rows, columns), report
@@ -167,7 +167,7 @@ def complete_frame(plan: Plan, scene: Scene, place: int) -> tuple[CompletedView,
     """One frame, completed after what other frames and earlier fills show of it; and the scene, in which it has depth wherever it
     has a colour."""
     begin_stage(f"fill frame {scene.numbers[place]}")
-    frame = scene.frames[place]
+    frame = scene.frames[place].load()
     before = measured_view(plan, scene, frame.camera)
     known, taken_over = show_earlier_fill(plan, scene, before)
     view, filled = fill(plan, known)

@@ -39,7 +39,7 @@ def target_camera(
         if yaw or pitch or dolly:
             raise InputError("a target camera and an orbit or dolly were both given; one of them is expected")
         return camera
-    source = rgbd.frames[len(rgbd.frames) // 2] if isinstance(rgbd, Scene) else rgbd
+    source = rgbd.frames[len(rgbd.frames) // 2].load() if isinstance(rgbd, Scene) else rgbd
     return dollied(orbit(source.camera, yaw, pitch, pivot_of(source) if pivot == "auto" else pivot), dolly)
 
 

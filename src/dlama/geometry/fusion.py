@@ -40,7 +40,8 @@ def fuse(scene: Scene, view: View, known: BoolArray | None = None) -> Scene:
     depth_only = (view.origin == Origin.DEPTH_FILLED.value) & (view.hole_type == HoleType.SENSOR.value)
     for layer in scene.layers:
         if layer.camera.same_view_as(view.camera):
-            depth_only = depth_only & ~layer.valid & ~layer.far
+            shown = layer.load()
+            depth_only = depth_only & ~shown.valid & ~shown.far
     added = (view.filled & (view.hole_type != HoleType.NONE.value)) | depth_only
     return add_layer(scene, view, added if known is None else added & ~known)
 
@@ -62,13 +63,15 @@ def add_layer(scene: Scene, view: View, added: BoolArray, overlap: int = OVERLAP
 def scene_cloud(scene: Scene, objects: bool = True) -> PointCloud:
     """c+ (eq. 10: everything and what was filled) or, without the removed objects, c- (eq. 11)."""
     layers = (*scene.layers, *scene.removals) if objects else scene.layers
-    return concatenate([lift(layer.without(~contribution(layer), HoleType.NONE)) for layer in layers])
+    return concatenate(
+        [lift(view.without(~contribution(view), HoleType.NONE)) for view in (layer.load() for layer in layers)]
+    )
 
 
 def scene_mesh(scene: Scene, objects: bool = True) -> Mesh:
     """The scene's surfaces as one triangle mesh, cut where rendering cuts it. Far pixels have no vertices."""
     layers = (*scene.layers, *scene.removals) if objects else scene.layers
-    return join_meshes([layer_mesh(layer) for layer in layers])
+    return join_meshes([layer_mesh(layer.load()) for layer in layers])
 
 
 HALVES = ("abc", "bdc", "abd", "adc")

@@ -128,7 +128,6 @@ def lift(source: RGBD | View) -> PointCloud:
     check_arguments(lift, locals())
     if isinstance(source, RGBD):
         source = View.from_rgbd(source)
-    source = source.read()
     valid = source.valid
     rows, columns = np.nonzero(valid)
     camera = source.camera

@@ -36,6 +36,7 @@ from dlama.geometry.drawing.layers import MODES as MODES
 from dlama.geometry.drawing.layers import Mode as Mode
 from dlama.geometry.frames.extent import may_show
 from dlama.geometry.frames.merging import keep_latest, merge_frames, surface_of
+from dlama.geometry.frames.stored import Layer
 from dlama.geometry.holes import box_around, fill_with_nearest
 from dlama.geometry.kernels.drawing import hole_types as hole_kernels
 from dlama.geometry.kernels.jit import in_bands, threads
@@ -172,7 +173,7 @@ def share_own_view(scene: Scene, camera: Camera, types: bool) -> View | None:
     """
     if len(scene.frames) > 1 or not scene.frames[0].camera.same_view_as(camera):
         return None
-    layer = scene.frames[0].read()
+    layer = scene.frames[0].load()
     hole = layer.hole
     if not np.array_equal(layer.depth > 0, ~hole):
         return None
@@ -187,9 +188,10 @@ def share_own_view(scene: Scene, camera: Camera, types: bool) -> View | None:
     return dataclasses.replace(layer, camera=camera, hole_type=freeze(kinds), frame=None)
 
 
-def drop_overlap(fills: tuple[View, ...]) -> tuple[View, ...]:
+def drop_overlap(fills: tuple[Layer, ...]) -> tuple[Layer, ...]:
     """Fills without their overlap with the scene: overlaps join surfaces, but points would be doubled."""
-    return tuple(fill.without(~(contribution(fill) | fill.far), HoleType.NONE) for fill in fills)
+    added = (contribution(view) | view.far for view in (fill.load() for fill in fills))
+    return tuple(fill.without(~where, HoleType.NONE) for fill, where in zip(fills, added))
 
 
 def to_scene(source: RGBD | View | Scene) -> Scene:
@@ -199,7 +201,7 @@ def to_scene(source: RGBD | View | Scene) -> Scene:
     return Scene((source,)) if isinstance(source, View) else source
 
 
-def hole_types(grids: list[Grid], removals: tuple[View, ...], hole: BoolArray) -> UInt8Array:
+def hole_types(grids: list[Grid], removals: tuple[Layer, ...], hole: BoolArray) -> UInt8Array:
     """H x W HoleType codes of the empty pixels of a scene (its grids, its removed objects)."""
     count = cv2.integral(hole.view(np.uint8))
     ranks = np.zeros(hole.shape, np.uint8)
@@ -219,7 +221,7 @@ def hole_types(grids: list[Grid], removals: tuple[View, ...], hole: BoolArray) -
     return np.asarray(cv2.LUT(ranks, TYPE_OF_RANK) * hole, np.uint8)
 
 
-def close_grid(layer: View, removals: tuple[View, ...]) -> tuple[Float32Array, UInt8Array]:
+def close_grid(layer: View, removals: tuple[Layer, ...]) -> tuple[Float32Array, UInt8Array]:
     """Depth of a layer with every gap closed, and the rank of the hole type of what was closed.
 
     Removed objects get their own depth back, sensor holes the depth of the nearest pixel, far pixels a large one.
@@ -230,7 +232,8 @@ def close_grid(layer: View, removals: tuple[View, ...]) -> tuple[Float32Array, U
     rank[layer.hole & (layer.hole_type == HoleType.OBJECT.value)] = hole_kernels.OBJECT_RANK
     for removed in removals:
         if removed.camera.same_view_as(layer.camera):
-            depth = np.where((depth == 0) & removed.valid, removed.depth, depth)
+            part = removed.load()
+            depth = np.where((depth == 0) & part.valid, part.depth, depth)
     horizon = 100 * float(np.where(depth < np.inf, depth, np.float32(0)).max()) or 1e4
     depth = np.minimum(depth, np.float32(horizon))
     return fill_with_nearest(depth, depth > 0), rank

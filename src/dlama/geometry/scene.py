@@ -14,6 +14,7 @@ from dlama.errors import InputError, ShapeError, format_count
 from dlama.geometry.cloud import concatenate
 from dlama.geometry.codes import HoleType, Origin, from_filler
 from dlama.geometry.figures.points import point_viewer
+from dlama.geometry.frames.stored import Layer
 from dlama.geometry.projection import lift
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.geometry.view import View
@@ -24,14 +25,15 @@ class Scene:
     """Frames, removed objects and fills of a scene.
 
     One picture is a scene of one frame. Several frames are of equal rank: they are merged pixel by pixel. Holes of a view
-    contribute nothing. Of two fills on one surface the earlier one wins, and frames win over both.
+    contribute nothing. Of two fills on one surface the earlier one wins, and frames win over both. `scene.frames[0].load()` is
+    the View of a frame: of many frames those that are not in use are not in memory.
     """
 
-    frames: tuple[View, ...]
+    frames: tuple[Layer, ...]
     """Pictures of the scene without removed objects; at least one. Sensor holes may have filled depth."""
-    removals: tuple[View, ...] = ()
+    removals: tuple[Layer, ...] = ()
     """Removed objects: views of frames in which all but the object is a hole. In c+ (eq. 10), not in c- (eq. 11)."""
-    fills: tuple[View, ...] = ()
+    fills: tuple[Layer, ...] = ()
     """Fills in their order, and what only the right camera of a stereo pair measured."""
     numbers: tuple[int, ...] = ()
     """Numbers of the frames as given; 0, 1, 2 ... by default."""
@@ -42,9 +44,9 @@ class Scene:
 
     def __post_init__(self) -> None:
         for name in ("frames", "removals", "fills"):
-            check(getattr(self, name), Iterable[View], name)
+            check(getattr(self, name), Iterable[Layer], name)
             object.__setattr__(self, name, tuple(getattr(self, name)))
-            check(getattr(self, name), tuple[View, ...], name)
+            check(getattr(self, name), tuple[Layer, ...], name)
         for name in ("numbers", "gains"):
             check(getattr(self, name), Sequence[Any], name)
         count = len(self.frames)
@@ -58,7 +60,7 @@ class Scene:
                 )
 
     @property
-    def layers(self) -> tuple[View, ...]:
+    def layers(self) -> tuple[Layer, ...]:
         """The frames, then the fills: all visible layers."""
         return (*self.frames, *self.fills)
 
@@ -70,11 +72,12 @@ class Scene:
         same = (frames, fills) == (self.frames, self.fills)
         return self if same else dataclasses.replace(self, frames=frames, fills=fills)
 
-    def original(self, layer: View) -> View:
+    def original(self, layer: Layer) -> Layer:
         """A frame or fill with its removed objects put back."""
         for removed in self.removals:
             if removed.camera.same_view_as(layer.camera):
-                layer = layer.read().with_pixels(removed.read(), removed.origin != Origin.UNKNOWN.value)
+                part = removed.load()
+                layer = layer.load().with_pixels(part, part.origin != Origin.UNKNOWN.value)
         return layer
 
     def without(self, mask: BoolArray | Mapping[int, BoolArray], dilate: int | None = None) -> Scene:
@@ -120,13 +123,13 @@ class Scene:
             format_count(len(self.removals), "removal"),
             format_count(len(self.fills), "fill"),
         )
-        return f"Scene({', '.join(parts)}, first frame {self.frames[0]!r})"
+        return f"Scene({', '.join(parts)}, first frame {self.frames[0].load()!r})"
 
     def _repr_png_(self) -> bytes:
-        return self.frames[0]._repr_png_()
+        return self.frames[0].load()._repr_png_()
 
     def _repr_html_(self) -> str:
-        cloud = concatenate([lift(layer) for layer in self.layers])
+        cloud = concatenate([lift(layer.load()) for layer in self.layers])
         cam_from_world = self.frames[0].camera.cam_from_world
         return point_viewer(repr(self), cloud.points, cloud.color, cloud.origin, cloud.confidence, cam_from_world)
 

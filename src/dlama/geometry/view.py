@@ -35,8 +35,51 @@ from dlama.geometry.rgbd import (
 )
 
 
+class Facts:
+    """What a scene asks of its layers, without their pixels once it is found."""
+
+    def load(self) -> View:
+        """The view with its pixels in memory; hold it while working with it."""
+        raise NotImplementedError
+
+    @cached_property
+    def origins(self) -> frozenset[int]:
+        """The Origin codes of what is known in it."""
+        import cv2  # late: nouns load numpy alone
+
+        view = self.load()
+        known = (~view.hole).view(np.uint8)
+        return frozenset(np.flatnonzero(cv2.calcHist([view.origin], [0], known, [256], [0, 256])).tolist())
+
+    @property
+    def shows_source(self) -> bool:
+        """True if it holds pixels that the source view itself shows (`from_source`)."""
+        return bool(self.origins & {Origin.MEASURED, Origin.ESTIMATED})
+
+    @cached_property
+    def has_holes(self) -> bool:
+        """True if there is a hole in it."""
+        return bool(self.load().hole.any())
+
+    @property
+    def has_filled_depth(self) -> bool:
+        """True if a pixel of it has a measured colour and a depth that was filled, or that another frame measured."""
+        return bool(self.origins & set(DEPTH_FROM_OTHERS))
+
+    @cached_property
+    def has_errors(self) -> bool:
+        """True if it has expected errors of filled pixels."""
+        return self.load().errors is not None
+
+    @cached_property
+    def has_open_holes(self) -> bool:
+        """True if it has a hole with a type."""
+        view = self.load()
+        return bool((view.hole & (view.hole_type != HoleType.NONE.value)).any())
+
+
 @dataclass(frozen=True, eq=False)
-class View(Figured):
+class View(Figured, Facts):
     """A picture of the scene from `camera`, with depth, provenance, and the unknown as a bool field.
 
     In a hole depth and confidence are 0, and so are colour and origin unless the colour is known (`depth_hole`): it was measured,
@@ -143,42 +186,9 @@ class View(Figured):
         """H x W expected error of colour in levels of 8 bit (`errors`); 0 where nothing was filled."""
         return np.zeros(self.camera.hw, np.float32) if self.errors is None else self.errors[..., 1]
 
-    def read(self) -> View:
-        """The view with its pixels in memory: itself (a `StoredView` reads them)."""
+    def load(self) -> View:
+        """Itself: its pixels are in memory (those of a `StoredView` are read)."""
         return self
-
-    @cached_property
-    def origins(self) -> frozenset[int]:
-        """The Origin codes of what is known in it."""
-        import cv2  # late: nouns load numpy alone
-
-        known = (~self.hole).view(np.uint8)
-        return frozenset(np.flatnonzero(cv2.calcHist([self.origin], [0], known, [256], [0, 256])).tolist())
-
-    @property
-    def shows_source(self) -> bool:
-        """True if it holds pixels that the source view itself shows (`from_source`)."""
-        return bool(self.origins & {Origin.MEASURED, Origin.ESTIMATED})
-
-    @cached_property
-    def has_holes(self) -> bool:
-        """True if there is a hole in it."""
-        return bool(self.hole.any())
-
-    @cached_property
-    def has_filled_depth(self) -> bool:
-        """True if a pixel of it has a measured colour and a depth that was filled, or that another frame measured."""
-        return bool(self.origins & set(DEPTH_FROM_OTHERS))
-
-    @cached_property
-    def has_errors(self) -> bool:
-        """True if it has expected errors of filled pixels."""
-        return self.errors is not None
-
-    @cached_property
-    def has_open_holes(self) -> bool:
-        """True if it has a hole with a type."""
-        return bool((self.hole & (self.hole_type != HoleType.NONE.value)).any())
 
     def _kept(self, keep: BoolArray) -> dict[str, np.ndarray | None]:
         """Depth, confidence, frame and errors in the pixels of `keep` (H x W bool), 0 in all others."""

@@ -43,7 +43,7 @@ class Law:
         for layer in (*scene.layers, *scene.removals):
             if not layer.shows_source:
                 continue
-            layer = layer.read()
+            layer = layer.load()
             depth = np.where(from_source(layer.origin), layer.depth, np.float32(0))
             for camera, known in measured:
                 if camera.same_view_as(layer.camera):

@@ -13,6 +13,7 @@ from dlama.geometry.codes import from_source
 from dlama.geometry.drawing.picture_edges import align_edges
 from dlama.geometry.frames.choosing import MOST_FRAMES, choose_frames
 from dlama.geometry.frames.coarse_depth import coarse_camera, coarse_depth
+from dlama.geometry.frames.stored import Layer
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law, subtract_noise
@@ -23,7 +24,7 @@ HELD_BYTES = 256_000_000
 MOST_COARSE = 24
 """Further frames, besides those drawn for a camera, whose coarse depth counts for its law."""
 
-_aligned: WeakKeyDictionary[FillContext, tuple[tuple[View, ...], FillContext]] = WeakKeyDictionary()
+_aligned: WeakKeyDictionary[FillContext, tuple[tuple[Layer, ...], FillContext]] = WeakKeyDictionary()
 """A context, the frames that its edges were last aligned by, and what came of it: cameras of one scene ask for the same."""
 
 
@@ -78,7 +79,7 @@ class FillContext:
         for layer in scene.frames:
             for number, (camera, known) in enumerate(measured):
                 if camera.same_view_as(layer.camera):
-                    placed = align_edges(layer.read())
+                    placed = align_edges(layer.load())
                     if placed.misaligned.any():
                         measured[number] = camera, np.where(placed.misaligned, np.maximum(known, placed.depth), known)
                         misplaced = True
@@ -91,4 +92,5 @@ class FillContext:
 
 def sky_of(scene: Scene) -> Sky | None:
     """The sky of a scene's measured far pixels; None: there are none."""
-    return Sky.of((layer.camera, layer.color, layer.far & from_source(layer.origin)) for layer in scene.layers)
+    layers = (layer.load() for layer in scene.layers)
+    return Sky.of((layer.camera, layer.color, layer.far & from_source(layer.origin)) for layer in layers)

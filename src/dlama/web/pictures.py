@@ -115,7 +115,8 @@ def legends(done: dlama.Completion, right: bool = False) -> dict[str, Any]:
 
 def scene_origins(done: dlama.Completion) -> list[dict[str, Any]]:
     """Name and colour of each origin that occurs in the scene."""
-    found = {int(code) for layer in done.scene.layers for code in np.unique(layer.origin[~layer.hole])}
+    layers = (layer.load() for layer in done.scene.layers)
+    found = {int(code) for layer in layers for code in np.unique(layer.origin[~layer.hole])}
     return [
         {"name": code.name.lower().replace("_", " "), "color": list(ORIGIN_PALETTE[code])}
         for code in Origin

@@ -13,8 +13,10 @@ import numpy as np
 import pytest
 
 import dlama
+from dlama.completion.completion import layer_above
+from dlama.errors import InputTypeError
 from dlama.geometry.camera import Camera
-from dlama.geometry.codes import HoleType
+from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.frames import gathering
 from dlama.geometry.frames.choosing import MOST_FRAMES
 from dlama.geometry.frames.coarse_depth import BLOCK, coarse_camera, coarse_depth
@@ -140,22 +142,54 @@ def test_views_beside_the_picture_are_not_drawn() -> None:
     assert not all(seen) and any(seen)
 
 
-def test_a_stored_view_is_a_view() -> None:
-    """Round trips: replaced, pickled, with a part removed; none of them holds pixels beyond its cache."""
+def test_a_stored_view_is_loaded() -> None:
+    """Round trips: loaded, pickled, with a part removed; none of them holds pixels beyond its cache."""
     reader = Reader()
     plain, cache = View.from_rgbd(reader(LENS)), PixelCache(0)
-    stored = StoredView.of(LENS, partial(_view, LENS), cache)
-    assert isinstance(stored, View) and cache.reads == 0 and stored.camera is LENS
-    again = dataclasses.replace(stored, depth=stored.depth * 2)
-    assert type(again) is View
+    stored = StoredView(LENS, partial(_view, LENS), cache)
+    assert cache.reads == 0 and stored.camera is LENS
+    again = dataclasses.replace(stored.load(), depth=stored.load().depth * 2)
+    assert type(again) is View and cache.reads == 2
     np.testing.assert_array_equal(again.depth, plain.depth * 2)
     where = plain.depth > 3
     taken = stored.without(where, HoleType.OBJECT)
     assert isinstance(taken, StoredView)
     for mine, theirs in ((taken, plain.without(where, HoleType.OBJECT)), (pickle.loads(pickle.dumps(stored)), plain)):
-        np.testing.assert_array_equal(mine.color, theirs.color)
-        np.testing.assert_array_equal(mine.hole_type, theirs.hole_type)
+        np.testing.assert_array_equal(mine.load().color, theirs.color)
+        np.testing.assert_array_equal(mine.load().hole_type, theirs.hole_type)
     assert cache.bytes == 0 and Scene((stored,)).layers[0] is stored
+
+
+def test_a_stored_view_has_no_planes() -> None:
+    """Law: it is no View, and none of a View's planes or masks is there before `load`, which each use of it has to call."""
+    stored = StoredView(LENS, partial(_view, LENS), PixelCache(0))
+    planes = [field.name for field in dataclasses.fields(View)[1:]]
+    assert not isinstance(stored, View) and {"color", "depth", "hole", "frame", "errors"} <= set(planes)
+    for name in (*planes, "valid", "far", "color_hole", "filled"):
+        assert hasattr(stored.load(), name) and not hasattr(stored, name)
+    with pytest.raises(InputTypeError, match=r"type StoredView; a View is expected.*scene\.frames\[0\]\.load\(\)"):
+        dlama.fuse(Scene((stored,)), stored)  # type: ignore[arg-type]
+
+
+def test_facts_of_a_stored_view_are_read_once() -> None:
+    """Oracle: those of the view in memory, of a frame and of one whose sensor hole was filled."""
+    plain = View.from_rgbd(Reader()(LENS))
+    filled = plain.with_planes(
+        depth=np.where(plain.hole, np.float32(3), plain.depth),
+        hole=np.zeros_like(plain.hole),
+        origin=np.where(plain.hole, np.uint8(Origin.DEPTH_FILLED), plain.origin),
+    )
+    names = ("origins", "shows_source", "has_holes", "has_filled_depth", "has_errors", "has_open_holes")
+    for view in (plain, filled):
+        cache = PixelCache(0)
+        stored = StoredView(LENS, partial(View.load, view), cache)
+        for _ in range(2):
+            assert [getattr(stored, name) for name in names] == [getattr(view, name) for name in names]
+        assert cache.reads == 4  # of six facts two follow from the origins
+        opened = stored.without_filled_depth()
+        assert (opened is stored) == (view is plain) and isinstance(opened, StoredView)
+        np.testing.assert_array_equal(opened.load().depth, plain.depth)
+        assert (layer_above(stored, 0.5) is stored) == (view is plain)  # without a filled pixel it stays as it is
 
 
 def _view(camera: Camera) -> View:

@@ -87,6 +87,6 @@ def test_a_removed_object_leaves_no_seam() -> None:
     assert not source.hole.any()
     np.testing.assert_array_equal(source.color, done.view.color)
     np.testing.assert_array_equal(source.depth, done.view.depth)
-    assert not any(contribution(layer.read())[mask].any() for layer in others if layer.camera.same_view_as(CAMERA))
+    assert not any(contribution(layer.load())[mask].any() for layer in others if layer.camera.same_view_as(CAMERA))
     found = mesh_layers(done.scene, HeadBox.of(View.from_rgbd(given), angle=3), 100_000)
     assert len(found) == 2 + len(others) + 1 and project(found[0].mesh.vertices, CAMERA)[1].min() > 5.5

@@ -192,7 +192,7 @@ def complete_pair_together(pair: MatchedPair, draft: Plan, clock: Clock) -> Comp
     with clock("exchange"):
         other = right_before if pair.masks is None else continue_depth(right_before, context, plan.seed)
         other = apply_gain(other, gain)
-        open_left = given.frames[0]
+        open_left = given.frames[0].load()
         known_left = transfer_hidden(open_left, other, plan.context.law, recipe.mode)
     with clock("fill"):
         left, left_fill = fill(plan, known_left)
@@ -256,7 +256,7 @@ def synthesise_right(pair: MatchedPair, draft: Plan, clock: Clock) -> CompletedP
 
 def left_before_filling(source: RGBD, scene: Scene) -> View:
     """The left view with its sensor holes open, and the object where `scene` has one removed."""
-    before, base = View.from_rgbd(source), scene.frames[0]
+    before, base = View.from_rgbd(source), scene.frames[0].load()
     removed = base.hole & (base.hole_type == HoleType.OBJECT.value)
     return before.without(removed, HoleType.OBJECT) if removed.any() else before
 

@@ -63,5 +63,5 @@ def path_for(path: str, scene: Scene, seconds: float, fps: float, width: int | N
 
 
 def _named_path(name: str, scene: Scene, count: int) -> list[Camera]:
-    middle = scene.frames[len(scene.frames) // 2]
+    middle = scene.frames[len(scene.frames) // 2].load()
     return named_path(name, middle.camera, count, median_pivot(np.where(middle.hole, 0, middle.depth)))

@@ -20,10 +20,9 @@ from dlama.files.atomic_write import PathLike
 from dlama.files.scenes.scene_npz import read_scene
 from dlama.geometry.frames.alignment import Features, detect_features, estimate_poses, with_pose
 from dlama.geometry.frames.gathering import gather_views, open_view
-from dlama.geometry.frames.stored import PixelCache
+from dlama.geometry.frames.stored import Layer, PixelCache
 from dlama.geometry.rgbd import BoolArray
 from dlama.geometry.scene import Scene
-from dlama.geometry.view import View
 from dlama.progress import begin_stage
 
 T = TypeVar("T")
@@ -80,12 +79,12 @@ def align_poses(frames: Sequence[Frame]) -> list[Frame]:
 
 def read_views(
     frames: Sequence[Frame], cache: PixelCache, clip: float | None = None
-) -> tuple[dict[str, View], dict[str, str]]:
+) -> tuple[dict[str, Layer], dict[str, str]]:
     """Name -> source view, which is read again when it is needed and no longer in the cache; and name -> why it cannot be read.
 
     Each damaged frame is warned of.
     """
-    views, damaged = dict[str, View](), dict[str, str]()
+    views, damaged = dict[str, Layer](), dict[str, str]()
     for frame in frames:
         try:
             views[frame.name] = open_view(clip_frame(frame.load, clip), frame.name, cache)

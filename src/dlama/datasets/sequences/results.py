@@ -28,7 +28,7 @@ from dlama.geometry.cloud import PointCloud, concatenate
 from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.frames.choosing import choose_frames
 from dlama.geometry.frames.merging import nearest_depth_around
-from dlama.geometry.frames.stored import StoredView, unpack_bits
+from dlama.geometry.frames.stored import Layer, StoredView, unpack_bits
 from dlama.geometry.holes import morphological_open, square
 from dlama.geometry.projection import lift, project, rays
 from dlama.geometry.rgbd import BoolArray, UInt8Array
@@ -49,20 +49,20 @@ def thin_scene(scene: Scene) -> Scene:
     """
     if len(scene.frames) == 1:
         return scene
-    layers: list[View] = []
+    layers: list[Layer] = []
     for place, frame in enumerate(scene.frames):
         added = new_points(scene, place)
         if added.any() or not place:
             make = partial(keep_new_points, frame, np.packbits(added), scene.gains[place])
-            layers.append(StoredView.of(frame.camera, make, frame.cache) if isinstance(frame, StoredView) else make())
+            layers.append(StoredView(frame.camera, make, frame.cache) if isinstance(frame, StoredView) else make())
     return Scene(tuple(layers), scene.removals, scene.fills)
 
 
-def keep_new_points(frame: View, bits: UInt8Array, gain: tuple[float, float, float]) -> View:
+def keep_new_points(frame: Layer, bits: UInt8Array, gain: tuple[float, float, float]) -> View:
     """A frame in the scene's brightness with the pixels `bits` (H x W bool, as `numpy.packbits` packs it) and a rim of one."""
     added = unpack_bits(bits, frame.camera)
     ring = cv2.dilate(added.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
-    layer = frame.read().without(~ring, HoleType.NONE)
+    layer = frame.load().without(~ring, HoleType.NONE)
     origin = np.where(added | layer.hole, layer.origin, np.uint8(Origin.REPROJECTED))
     color = np.clip(np.rint(layer.color * np.array(gain)), 0, 255).astype(np.uint8)
     return dataclasses.replace(layer, origin=origin, color=color)
@@ -70,7 +70,7 @@ def keep_new_points(frame: View, bits: UInt8Array, gain: tuple[float, float, flo
 
 def new_points(scene: Scene, place: int) -> BoolArray:
     """H x W, True at the pixels of a frame that no earlier frame shows and no other frame saw through."""
-    frame = scene.frames[place].read()
+    frame = scene.frames[place].load()
     held = [one for one in choose_frames(scene.frames, frame.camera, MOST_COMPARED) if one != place]
     added = frame.valid.copy()
     rows, columns = np.nonzero(added)
@@ -79,14 +79,13 @@ def new_points(scene: Scene, place: int) -> BoolArray:
     points = (rays(frame.camera)[rows, columns] * depth[:, None]) @ pose[:3, :3].T + pose[:3, 3]
     drop = np.zeros(len(points), bool)
     for other in held:
-        drop |= _is_redundant(points, scene, scene.frames[other], other < place)
+        drop |= _is_redundant(points, scene, scene.frames[other].load(), other < place)
     added[rows, columns] = ~drop
     return morphological_open(added, square(3))
 
 
 def _is_redundant(points: np.ndarray, scene: Scene, other: View, earlier: bool) -> BoolArray:
     """N, True at points that another frame saw through, or shows itself if it comes earlier."""
-    other = other.read()
     pixels, z = project(points, other.camera)
     width, height = other.camera.wh
     inside = (z > 0) & (pixels >= 0).all(1) & (pixels[:, 0] < width) & (pixels[:, 1] < height)
@@ -127,10 +126,10 @@ def write_whole(folder: Path, whole: Scene, cameras: Mapping[str, Camera], chose
     about: dict[str, Any] = {}
     if "scene" in chosen:
         begin_stage("write scene")
-        write_npz(folder / "scene.npz", whole.frames[0], whole)
+        write_npz(folder / "scene.npz", whole.frames[0].load(), whole)
     if {"points", "mesh", "colmap"} & set(chosen):
         once = thin_scene(whole)
-        counts = [int(contribution(layer.read()).sum()) for layer in once.layers]
+        counts = [int(contribution(layer.load()).sum()) for layer in once.layers]
         if {"points", "colmap"} & set(chosen):
             cloud = cloud_of(once, max(1, math.ceil(sum(counts) / MOST_POINTS)))
             about["points"] = {"of": sum(counts), "written": len(cloud)}
@@ -152,8 +151,8 @@ def cloud_of(scene: Scene, step: int) -> PointCloud:
     """The points that each layer adds, of each every `step`-th."""
     return concatenate(
         [
-            thin_points(lift(View.without(layer.read(), ~contribution(layer), HoleType.NONE)), step=step)
-            for layer in scene.layers
+            thin_points(lift(view.without(~contribution(view), HoleType.NONE)), step=step)
+            for view in (layer.load() for layer in scene.layers)
         ]
     )
 

@@ -18,7 +18,7 @@ from dlama.errors import FileError
 from dlama.files.atomic_write import new_file
 from dlama.files.scenes.scene_npz import read_layer, read_npz, write_npz
 from dlama.geometry.codes import HoleType
-from dlama.geometry.frames.stored import PixelCache, StoredView
+from dlama.geometry.frames.stored import Layer, PixelCache, StoredView
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 
@@ -34,9 +34,9 @@ class StepChange:
 
     view: View
     """The completed view."""
-    fills: tuple[View, ...]
+    fills: tuple[Layer, ...]
     """What was filled for it."""
-    frame: View | None
+    frame: Layer | None
     """The frame itself with depth wherever it has a colour, where it is one that had none somewhere."""
 
     @classmethod
@@ -86,7 +86,7 @@ class SequenceState:
             view, scene = read_npz(file, self.cache)
         except FileError:
             return None
-        return StepChange(view, scene.fills, None if scene.frames[0].read().hole.all() else scene.frames[0])
+        return StepChange(view, scene.fills, None if scene.frames[0].load().hole.all() else scene.frames[0])
 
     def keep(self, number: int, added: StepChange) -> StepChange:
         """The step is done; the same, whose layers are read from the file when they are needed. Raises OutputError."""
@@ -95,7 +95,7 @@ class SequenceState:
         file = self._file(number)
         write_npz(file, added.view, Scene((frame,), fills=added.fills))
         kept, *fills = (
-            StoredView.of(layer.camera, partial(read_layer, file, f"layer{number}_"), self.cache, layer)
+            StoredView(layer.camera, partial(read_layer, file, f"layer{number}_"), self.cache, layer.load())
             for number, layer in enumerate((frame, *added.fills))
         )
         return StepChange(added.view, tuple(fills), None if added.frame is None else kept)
@@ -112,7 +112,7 @@ def fingerprint(settings: Mapping[str, Any], scene: Scene, version: str) -> str:
     """Changes with any pixel, any pose and any setting."""
     digest = hashlib.sha256(json.dumps([dict(settings), version], sort_keys=True, default=str).encode())
     for stored in (*scene.layers, *scene.removals):
-        layer = stored.read()
+        layer = stored.load()
         for array in (layer.camera.world_from_cam, layer.camera.K, layer.color, layer.depth, layer.hole):
             digest.update(np.ascontiguousarray(array).tobytes())
     return digest.hexdigest()

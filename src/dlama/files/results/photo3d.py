@@ -172,7 +172,7 @@ def draw_smooth(scene: Scene, camera: Camera) -> UInt8Array:
 
 def drop_errors(scene: Scene) -> Scene:
     """The scene without the errors expected of its fills: drawing them takes a quarter of a picture's time."""
-    fills = tuple(dataclasses.replace(fill.read(), errors=None) for fill in scene.fills)
+    fills = tuple(dataclasses.replace(fill.load(), errors=None) for fill in scene.fills)
     return dataclasses.replace(scene, fills=fills)
 
 

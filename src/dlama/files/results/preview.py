@@ -106,7 +106,7 @@ def source_panel(completion: Completion) -> Panel:
     """The source picture; what is to be removed is tinted and outlined."""
     if not completion.scene.removals:
         return "source", average_down(completion.source.color)
-    removed = subsample(completion.scene.layers[0].hole_type) == HoleType.OBJECT.value
+    removed = subsample(completion.scene.layers[0].load().hole_type) == HoleType.OBJECT.value
     return "source, marked: to be removed", tint(average_down(completion.source.color), removed)
 
 

@@ -28,7 +28,7 @@ from dlama.files.rasters.images import existing_file, printable_name
 from dlama.files.schema import SCHEMA, check_schema
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import Origin
-from dlama.geometry.frames.stored import CACHE_BYTES, PixelCache, StoredView
+from dlama.geometry.frames.stored import CACHE_BYTES, Layer, PixelCache, StoredView
 from dlama.geometry.rgbd import Float32Array, UInt8Array
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
@@ -63,7 +63,7 @@ def _all_arrays(view: View, scene: Scene) -> Iterator[tuple[str, np.ndarray]]:
     yield from _arrays("", view).items()
     for name, layers in (("layer", scene.layers), ("object", scene.removals)):
         for number, layer in enumerate(layers):
-            yield from _differences(_arrays(f"{name}{number}_", layer)).items()
+            yield from _differences(_arrays(f"{name}{number}_", layer.load())).items()
     yield from {name: np.array(getattr(scene, name)) for name in FRAMES}.items()
     yield "schema", np.array(SCHEMA)
 
@@ -131,9 +131,9 @@ def _check_claims(archive: zipfile.ZipFile, file: Path) -> int:
     return total
 
 
-def _layer(archive: zipfile.ZipFile, prefix: str, file: Path, cache: PixelCache | None) -> View:
+def _layer(archive: zipfile.ZipFile, prefix: str, file: Path, cache: PixelCache | None) -> Layer:
     view = _view(prefix, _arrays_of(archive, prefix))
-    return view if cache is None else StoredView.of(view.camera, partial(read_layer, file, prefix), cache, view)
+    return view if cache is None else StoredView(view.camera, partial(read_layer, file, prefix), cache, view)
 
 
 @system_errors(FileError)
@@ -155,7 +155,6 @@ def _arrays_of(archive: zipfile.ZipFile, prefix: str) -> dict[str, np.ndarray]:
 
 
 def _arrays(prefix: str, view: View) -> dict[str, np.ndarray]:
-    view = view.read()
     fields: dict[str, np.ndarray] = {
         "rgb": view.color,
         "depth": view.depth,
@@ -174,7 +173,7 @@ def _arrays(prefix: str, view: View) -> dict[str, np.ndarray]:
     return {prefix + name: array for name, array in fields.items()}
 
 
-def _scene(layers: Sequence[View], removals: Sequence[View], arrays: Mapping[str, np.ndarray]) -> Scene:
+def _scene(layers: Sequence[Layer], removals: Sequence[Layer], arrays: Mapping[str, np.ndarray]) -> Scene:
     """The scene of its layers, frames first; a file without numbers, as earlier versions wrote of one picture, has one."""
     numbers, gains, noise = (arrays.get(name, np.zeros(0)).tolist() for name in FRAMES)
     count = len(numbers) or 1

@@ -59,7 +59,7 @@ def scene_splats(scene: Scene, box: HeadBox) -> np.ndarray:
     sky = sky_distance(scene, box)
     step = subsampling_step(int((source.valid | source.far).sum()), SOURCE_SHARE * MOST_SPLATS)
     parts = [sheet_splats(sheet) for sheet in cut_source(source, box, step, sky)]
-    layers = [layer.read() for layer in others]
+    layers = [layer.load() for layer in others]
     counts = [int((contribution(one) | one.far).sum()) * (box.camera.fx / one.camera.fx) ** 2 for one in layers]
     step = max(step, subsampling_step(sum(counts), MOST_SPLATS - sum(map(len, parts))))
     for one in layers:

@@ -35,7 +35,7 @@ def write_textured_glb(path: PathLike, scene: Scene) -> None:
 
     Without any surface an empty scene is written. Raises OutputError.
     """
-    packed = pack_parts([decimated_part(layer) for layer in scene.layers])
+    packed = pack_parts([decimated_part(layer.load()) for layer in scene.layers])
     with new_file(path) as draft, draft.open("wb") as file:
         file.writelines(textured_glb(packed))
 

@@ -74,7 +74,7 @@ def join_neighbours(w: Float32Array, camera: Camera, step: float = 0.0) -> UInt8
 def mesh_grid(layer: View, step: float = 0.0) -> tuple[Float32Array, UInt8Array]:
     """Depth without flying pixels, and which neighbours are joined into one surface (`step`: as of `remove_flying_pixels`)."""
     if step == 0:
-        return prepare_mesh(layer.read())[::2]
+        return prepare_mesh(layer)[::2]
     depth, _, w = remove_flying_pixels(layer, step)
     return depth, join_neighbours(w, layer.camera, step)
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.drawing.canvas import Canvas
 from dlama.geometry.drawing.grid_mesh import prepare_mesh
+from dlama.geometry.frames.stored import Layer
 from dlama.geometry.kernels.drawing import chunks, shading
 from dlama.geometry.kernels.drawing import rasterize as raster
 from dlama.geometry.kernels.drawing.footprints import draw_rim, rim
@@ -76,11 +77,11 @@ class Grid:
     """Colours by cubic B-spline; False: bilinear."""
 
     @classmethod
-    def of(cls, layer: View, camera: Camera, mode: Mode, fine: bool, surface: Surface | None = None) -> Grid:
+    def of(cls, layer: Layer, camera: Camera, mode: Mode, fine: bool, surface: Surface | None = None) -> Grid:
         """The layer, prepared for `camera`. surface: the layer's, where it is kept."""
-        layer = layer.read()
+        surface = surface or Surface(layer.load())
         places = px_from_px(camera, layer.camera)
-        return cls(layer, surface or Surface(layer), layer.camera.same_view_as(camera), mode, *places, fine)
+        return cls(surface.layer, surface, layer.camera.same_view_as(camera), mode, *places, fine)
 
     @property
     def depth(self) -> Float32Array:

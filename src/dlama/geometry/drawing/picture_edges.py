@@ -67,7 +67,7 @@ class DepthProfile(NamedTuple):
         """The profile of a scene, by its first frame before any removal."""
         if scene not in PROFILES:
             estimated = any(Origin.ESTIMATED in frame.origins for frame in scene.frames)
-            PROFILES[scene] = cls(estimated, edge_uncertainty(scene.original(scene.frames[0])))
+            PROFILES[scene] = cls(estimated, edge_uncertainty(scene.original(scene.frames[0]).load()))
         return PROFILES[scene]
 
     @property

@@ -12,6 +12,7 @@ import numpy as np
 
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.frames.choosing import sample_view
+from dlama.geometry.frames.stored import Layer
 from dlama.geometry.projection import project
 from dlama.geometry.rgbd import Float32Array
 from dlama.geometry.view import View
@@ -57,26 +58,25 @@ class Overlap:
 class ComparableView:
     """A frame's samples with their colours, small enough to be kept for all frames at once."""
 
-    def __init__(self, view: View) -> None:
-        self.camera, self.samples = view.camera, sample_view(view)
-        self.colors = blur(view)[self.samples.rows, self.samples.columns]
+    def __init__(self, layer: Layer) -> None:
+        self.camera, self.samples = layer.camera, sample_view(layer)
+        self.colors = blur(layer.load())[self.samples.rows, self.samples.columns]
 
 
-_comparable: WeakKeyDictionary[View, ComparableView] = WeakKeyDictionary()
+_comparable: WeakKeyDictionary[Layer, ComparableView] = WeakKeyDictionary()
 
 
-def make_comparable(view: View) -> ComparableView:
+def make_comparable(layer: Layer) -> ComparableView:
     """The samples of a view, computed once."""
-    if view not in _comparable:
-        _comparable[view] = ComparableView(view)
-    return _comparable[view]
+    if layer not in _comparable:
+        _comparable[layer] = ComparableView(layer)
+    return _comparable[layer]
 
 
 class Pictures:
     """The whole pictures of the other frame, of one frame at a time."""
 
     def __init__(self, view: View) -> None:
-        view = view.read()
         self.camera, self.blurred = view.camera, blur(view)
         depth = np.where(view.hole | np.isinf(view.depth), np.float32(0), view.depth)
         self.inverse = np.divide(1, depth, out=np.zeros_like(depth), where=depth > 0)
@@ -96,7 +96,7 @@ def frame_pairs(count: int) -> list[tuple[int, int]]:
     return [*one_way, *((j, i) for i, j in one_way)]
 
 
-def measure_overlaps(views: Sequence[View]) -> dict[tuple[int, int], Overlap]:
+def measure_overlaps(views: Sequence[Layer]) -> dict[tuple[int, int], Overlap]:
     """Overlap of each pair of `frame_pairs`: (i, j) -> the samples of i seen by j. Each frame's pixels are read twice."""
     pairs = frame_pairs(len(views))
     every = max(1, len(pairs) // MOST_PAIRS)
@@ -106,7 +106,7 @@ def measure_overlaps(views: Sequence[View]) -> dict[tuple[int, int], Overlap]:
         seen_by.setdefault(j, []).append(i)
     found = {}
     for j, places in sorted(seen_by.items()):
-        pictures = Pictures(views[j])
+        pictures = Pictures(views[j].load())
         for i in places:
             found[i, j] = measure_overlap(ready[i], pictures).thin(every)
     return {pair: found[pair] for pair in pairs}

@@ -13,8 +13,8 @@ import numpy as np
 
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.frames.extent import bounding_boxes, intersects_view
+from dlama.geometry.frames.stored import Layer
 from dlama.geometry.projection import project
-from dlama.geometry.view import View
 
 MOST_FRAMES = 4
 """Frames that are rendered for one camera."""
@@ -31,8 +31,8 @@ OCCLUDED = 0.9
 class Samples:
     """A frame at every few pixels: points in the world, and what it shows there."""
 
-    def __init__(self, view: View) -> None:
-        view = view.read()
+    def __init__(self, layer: Layer) -> None:
+        view = layer.load()
         grid = [
             np.minimum((np.arange(n) + 0.5) * size / n, size - 1).astype(np.intp)
             for n, size in zip(SAMPLES, view.camera.hw)
@@ -56,17 +56,17 @@ class Samples:
         """8 x 3, the corners of the box that holds them; NaN where there are none."""
 
 
-_samples: WeakKeyDictionary[View, Samples] = WeakKeyDictionary()
+_samples: WeakKeyDictionary[Layer, Samples] = WeakKeyDictionary()
 
 
-def sample_view(view: View) -> Samples:
+def sample_view(layer: Layer) -> Samples:
     """The samples of a view, taken once."""
-    if view not in _samples:
-        _samples[view] = Samples(view)
-    return _samples[view]
+    if layer not in _samples:
+        _samples[layer] = Samples(layer)
+    return _samples[layer]
 
 
-def choose_frames(frames: Sequence[View], camera: Camera, most: int = MOST_FRAMES) -> list[int]:
+def choose_frames(frames: Sequence[Layer], camera: Camera, most: int = MOST_FRAMES) -> list[int]:
     """Indices of the frames for `camera`, by decreasing gain; at most `most`.
 
     A frame of the camera itself comes first. A frame's value is the number of cells it shows, less those shown already, reduced
@@ -98,7 +98,7 @@ def choose_frames(frames: Sequence[View], camera: Camera, most: int = MOST_FRAME
 
 
 def _score_visibility(
-    frames: Sequence[View], sampled: Sequence[Samples], camera: Camera
+    frames: Sequence[Layer], sampled: Sequence[Samples], camera: Camera
 ) -> tuple[Float64Array, Float64Array]:
     """N x cells: how well each frame shows a cell of the camera's picture (0..1), and its nearest depth there (inf = none)."""
     rows, columns = SAMPLES

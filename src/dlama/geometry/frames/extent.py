@@ -8,23 +8,23 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from dlama.geometry.camera import Camera, Float64Array
+from dlama.geometry.frames.stored import Layer
 from dlama.geometry.projection import lift
 from dlama.geometry.rgbd import BoolArray
-from dlama.geometry.view import View
 
 MARGIN = 0.05
 """Margin of the frustum, over the picture's size: rims are drawn a little larger."""
-_corners: WeakKeyDictionary[View, Float64Array | None] = WeakKeyDictionary()
+_corners: WeakKeyDictionary[Layer, Float64Array | None] = WeakKeyDictionary()
 
 
-def may_show(view: View, camera: Camera) -> bool:
+def may_show(layer: Layer, camera: Camera) -> bool:
     """False where nothing of a view can be seen from a camera. Its pixels are read once, the box of its points is kept."""
-    if view not in _corners:
-        whole = view.read()
-        points = lift(whole).points
+    if layer not in _corners:
+        view = layer.load()
+        points = lift(view).points
         ends = np.stack([points.min(0), points.max(0)]) if len(points) else np.zeros((2, 0))
-        _corners[view] = None if whole.far.any() else box_corners(ends)
-    corners = _corners[view]
+        _corners[layer] = None if view.far.any() else box_corners(ends)
+    corners = _corners[layer]
     return corners is None or (len(corners) > 0 and bool(intersects_view(corners[None], camera)[0]))
 
 

@@ -27,7 +27,7 @@ from dlama.geometry.frames.agreement import (
 )
 from dlama.geometry.frames.coarse_depth import coarse_depth
 from dlama.geometry.frames.removal import find_removed, mask_growth, part_under_mask, world_points
-from dlama.geometry.frames.stored import PixelCache, StoredView
+from dlama.geometry.frames.stored import Layer, PixelCache, StoredView
 from dlama.geometry.holes import dilate_mask
 from dlama.geometry.projection import project_to_pixels
 from dlama.geometry.rgbd import RGBD, BoolArray
@@ -75,7 +75,7 @@ def scene(
     return gather_views([open_view(frame, name, cache) for frame, name in zip(frames, called)], called)
 
 
-def open_view(frame: FrameSource, name: str, cache: PixelCache) -> View:
+def open_view(frame: FrameSource, name: str, cache: PixelCache) -> Layer:
     """The source view of a frame, held in the cache where it can be read again. InputError: no depth."""
     if isinstance(frame, RGBD):
         return _require_depth(View.from_rgbd(frame), name)
@@ -84,7 +84,7 @@ def open_view(frame: FrameSource, name: str, cache: PixelCache) -> View:
             f"{name} is of type {type(frame).__name__}; an RGBD (a picture with depth) is expected, or what reads one"
         )
     first = View.from_rgbd(frame())
-    view = StoredView.of(first.camera, partial(_source_view, frame), cache, first)
+    view = StoredView(first.camera, partial(_source_view, frame), cache, first)
     _require_depth(view, name)
     make_comparable(view), coarse_depth(view), view.has_holes, view.has_errors, view.has_filled_depth
     return view
@@ -94,13 +94,13 @@ def _source_view(frame: Callable[[], RGBD]) -> View:
     return View.from_rgbd(frame())
 
 
-def _require_depth(view: View, name: str) -> View:
+def _require_depth(view: Layer, name: str) -> Layer:
     if not view.shows_source:
         raise InputError(f"{name} has no depth at all; leave it out")
     return view
 
 
-def gather_views(views: Sequence[View], called: Sequence[str]) -> Scene:
+def gather_views(views: Sequence[Layer], called: Sequence[str]) -> Scene:
     """The scene of the frames' source views; `called`: their names. As `scene`."""
     for view, name in zip(views, called):
         first = views[0].camera
@@ -130,7 +130,7 @@ def gather_views(views: Sequence[View], called: Sequence[str]) -> Scene:
     )
 
 
-def _drop_duplicates(views: Sequence[View], called: Sequence[str]) -> list[int]:
+def _drop_duplicates(views: Sequence[Layer], called: Sequence[str]) -> list[int]:
     """Places of the frames, each picture once."""
     poses = np.stack([view.camera.world_from_cam for view in views])
     kept: list[int] = []
@@ -144,8 +144,8 @@ def _drop_duplicates(views: Sequence[View], called: Sequence[str]) -> list[int]:
     return kept
 
 
-def _is_same(one: View, other: View) -> bool:
-    return one.camera.same_view_as(other.camera) and np.array_equal(one.color, other.color)
+def _is_same(one: Layer, other: Layer) -> bool:
+    return one.camera.same_view_as(other.camera) and np.array_equal(one.load().color, other.load().color)
 
 
 def _drop_outliers(kept: list[int], found: dict[tuple[int, int], Overlap], called: Sequence[str]) -> list[int]:
@@ -191,38 +191,41 @@ def add_frame(scene: Scene, frame: FrameSource) -> Scene:
     caches = [one.cache for one in scene.frames if isinstance(one, StoredView)]
     numbers = (*scene.numbers, max(scene.numbers) + 1)
     names = [f"frame {number}" for number in numbers]
-    view = open_view(frame, names[-1], caches[0] if caches else PixelCache())
-    measured = gather_views([*scene.unfilled.frames, view], names)
+    added = open_view(frame, names[-1], caches[0] if caches else PixelCache())
+    measured = gather_views([*scene.unfilled.frames, added], names)
     if len(scene.frames) not in measured.numbers:
         return scene
+    view = added.load()
     objects = find_removed(scene, view)
-    kept, removals = view, scene.removals
+    kept, removals = added, scene.removals
     if objects.any():
         larger = dilate_mask(objects, mask_growth(scene).px)
-        kept, removals = view.without(larger, HoleType.OBJECT), (*removals, part_under_mask(view, objects, larger))
+        kept, removals = added.without(larger, HoleType.OBJECT), (*removals, part_under_mask(view, objects, larger))
     frames = (*(drop_seen_depth(one, view) for one in scene.frames), kept)
     fills = (drop_seen_fill(one, view) for one in scene.fills)
     return dataclasses.replace(
         measured,
         frames=tuple(frames[place] for place in measured.numbers),
         removals=removals,
-        fills=tuple(fill for fill in fills if contribution(fill).any() or fill.far.any()),
+        fills=tuple(fill for fill in fills if contribution(one := fill.load()).any() or one.far.any()),
         numbers=tuple(numbers[place] for place in measured.numbers),
     )
 
 
-def drop_seen_fill(fill: View, frame: View) -> View:
+def drop_seen_fill(fill: Layer, frame: View) -> Layer:
     """A fill without the pixels that the frame measured."""
-    seen = is_seen_by(frame, fill) & from_filler(fill.origin)
+    view = fill.load()
+    seen = is_seen_by(frame, view) & from_filler(view.origin)
     return fill.without(seen, HoleType.NONE) if seen.any() else fill
 
 
-def drop_seen_depth(one: View, frame: View) -> View:
+def drop_seen_depth(one: Layer, frame: View) -> Layer:
     """A frame with its filled sensor holes open again where another frame measured their depth."""
     if not one.has_filled_depth:
         return one
-    seen = is_seen_by(frame, one) & (one.origin == Origin.DEPTH_FILLED.value)
-    return one.reopen(seen) if seen.any() else one
+    view = one.load()
+    seen = is_seen_by(frame, view) & (view.origin == Origin.DEPTH_FILLED.value)
+    return view.reopen(seen) if seen.any() else one
 
 
 def is_seen_by(frame: View, layer: View) -> BoolArray:

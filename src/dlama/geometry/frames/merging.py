@@ -20,6 +20,7 @@ from dlama.geometry.codes import Origin, from_source
 from dlama.geometry.drawing.canvas import Canvas
 from dlama.geometry.drawing.layers import ALL, Grid, Mode, Surface, count_wanted, draw_apart
 from dlama.geometry.frames.choosing import MOST_FRAMES, choose_frames
+from dlama.geometry.frames.stored import Layer
 from dlama.geometry.holes import morphological_open, square
 from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
 from dlama.geometry.kernels.drawing import merging as kernels
@@ -55,7 +56,7 @@ def merge_frames(scene: Scene, camera: Camera, mode: Mode, fine: bool) -> Merged
     In the camera of a frame its own pixels stay bit for bit; the others are drawn only where it has no depth.
     """
     places = choose_frames(scene.frames, camera, MOST_FRAMES)
-    frames = [scene.frames[place].read() for place in places]
+    frames = [scene.frames[place].load() for place in places]
     grids = [Grid.of(frame, camera, mode, fine, surface_of(frame)) for frame in frames]
     gains = np.array([scene.gains[place] for place in places])
     own = grids[0].layer if grids[0].own_camera else None
@@ -100,16 +101,16 @@ def keep_latest(function: Callable[..., Found]) -> Callable[..., Found]:
     """Decorator of a function of a frame, and more: what it gave for the frames drawn last is kept, unless frames are large."""
     kept = functools.lru_cache(KEPT)(function)
 
-    def of_frame(frame: View, *more: Hashable) -> Found:
+    def of_frame(frame: Layer, *more: Hashable) -> Found:
         return (kept if frame.camera.width * frame.camera.height <= KEPT_PIXELS else function)(frame, *more)
 
     return of_frame
 
 
 @keep_latest
-def surface_of(layer: View) -> Surface:
+def surface_of(layer: Layer) -> Surface:
     """What drawing needs of a layer."""
-    return Surface(layer.read())
+    return Surface(layer.load())
 
 
 @keep_latest

@@ -20,6 +20,7 @@ from dlama.geometry.codes import HoleType
 from dlama.geometry.frames.agreement import AGREES
 from dlama.geometry.frames.choosing import choose_frames
 from dlama.geometry.frames.foreground import find_foreground, grow_region
+from dlama.geometry.frames.stored import Layer
 from dlama.geometry.holes import check_mask, dilate_mask, erode_mask, morphological_close, morphological_open, square
 from dlama.geometry.projection import project_to_pixels, rays
 from dlama.geometry.rendering import render
@@ -83,14 +84,14 @@ def remove_object(scene: Scene, mask: BoolArray | Mapping[int, BoolArray], dilat
     layers, removed, before, given_up = [], [], 0, 0
     count = len(scene.frames)
     for place, (layer, one) in enumerate(zip(measured.layers, carry_masks(measured, masks))):
-        larger = dilate_mask(one, growth.px)
-        if (larger | (layer.hole_type == HoleType.OBJECT.value)).all():
+        larger, view = dilate_mask(one, growth.px), layer.load()
+        if (larger | (view.hole_type == HoleType.OBJECT.value)).all():
             raise MaskError(
                 f"`dilate` is {growth.px} px: the mask grown by that is full and leaves nothing to fill from"
             )
         before, given_up = before + int(one.sum()), given_up + int(larger.sum()) - int(one.sum())
         if larger.any():
-            removed.append(part_under_mask(layer, one, larger))
+            removed.append(part_under_mask(view, one, larger))
             layer = layer.without(larger, HoleType.OBJECT if place < count else HoleType.NONE)
         layers.append(layer)
     without = dataclasses.replace(
@@ -102,9 +103,9 @@ def remove_object(scene: Scene, mask: BoolArray | Mapping[int, BoolArray], dilat
     return Removal(without, growth, before, given_up)
 
 
-def part_under_mask(layer: View, mask: BoolArray, larger: BoolArray) -> View:
+def part_under_mask(view: View, mask: BoolArray, larger: BoolArray) -> View:
     """The removed part of a layer: the pixels under its grown mask (`larger`); the hole type OBJECT is the mask itself."""
-    part = layer.without(~larger, HoleType.NONE)
+    part = view.without(~larger, HoleType.NONE)
     return part.with_planes(hole_type=np.where(mask, np.uint8(HoleType.OBJECT), part.hole_type))
 
 
@@ -148,9 +149,9 @@ def carry_masks(scene: Scene, masks: Mapping[int, BoolArray]) -> list[BoolArray]
     for place, layer in enumerate(scene.layers):
         mask = masks.get(place, np.zeros(layer.camera.hw, bool))
         left = [one for one in objects if place not in one.masks]
-        original = scene.original(layer) if left else layer
-        for one in left:
-            mask = mask | _carry_to(original, frames, one)
+        if left:
+            original = scene.original(layer).load()
+            mask = np.logical_or.reduce([mask, *(_carry_to(original, frames, one) for one in left)])
         found.append(mask)
     return found
 
@@ -160,7 +161,8 @@ def find_removed(scene: Scene, frame: View) -> BoolArray:
     masks = {}
     for place in choose_frames(scene.layers, frame.camera):
         camera = scene.layers[place].camera
-        of_layer = [one.hole_type == HoleType.OBJECT.value for one in scene.removals if one.camera.same_view_as(camera)]
+        removed = [one.load() for one in scene.removals if one.camera.same_view_as(camera)]
+        of_layer = [one.hole_type == HoleType.OBJECT.value for one in removed]
         if of_layer:
             masks[place] = np.logical_or.reduce(of_layer)
     frames = {place: scene.original(scene.layers[place]) for place in masks}
@@ -168,7 +170,7 @@ def find_removed(scene: Scene, frame: View) -> BoolArray:
     return np.logical_or.reduce([np.zeros(frame.hole.shape, bool), *found])
 
 
-def separate_objects(frames: Mapping[int, View], masks: Mapping[int, BoolArray]) -> list[MaskedObject]:
+def separate_objects(frames: Mapping[int, Layer], masks: Mapping[int, BoolArray]) -> list[MaskedObject]:
     """The masked objects that have depth (place of a frame -> frame, mask): connected parts of masks whose boxes meet are one."""
     objects: list[MaskedObject] = []
     for place, mask in masks.items():
@@ -183,7 +185,7 @@ def separate_objects(frames: Mapping[int, View], masks: Mapping[int, BoolArray])
     return objects
 
 
-def masked_object(frames: Mapping[int, View], masks: dict[int, BoolArray]) -> MaskedObject | None:
+def masked_object(frames: Mapping[int, Layer], masks: dict[int, BoolArray]) -> MaskedObject | None:
     """The object under masks of frames (place -> H x W); None where they show no depth."""
     shown = Scene(tuple(mask_interior(frames[place], mask) for place, mask in masks.items()), numbers=tuple(masks))
     box = bounding_box(shown)
@@ -195,10 +197,10 @@ def boxes_meet(one: tuple[np.ndarray, np.ndarray], other: tuple[np.ndarray, np.n
     return bool((one[0] <= other[1]).all() and (other[0] <= one[1]).all())
 
 
-def mask_interior(frame: View, mask: BoolArray) -> View:
+def mask_interior(frame: Layer, mask: BoolArray) -> Layer:
     """The masked part of a frame without its rim; thin parts are kept whole."""
     wide = morphological_open(mask, square(2 * RIM_PX + 1))
-    core = (erode_mask(mask, RIM_PX) | (mask & ~wide)) & frame.valid
+    core = (erode_mask(mask, RIM_PX) | (mask & ~wide)) & frame.load().valid
     return frame.without(~(core if core.any() else mask), HoleType.NONE)
 
 
@@ -211,7 +213,7 @@ def world_points(view: View) -> np.ndarray:
 
 def bounding_box(masked: Scene) -> tuple[np.ndarray, np.ndarray] | None:
     """Lower and upper corner, in the world, of the box that holds the object; None where the masks show no depth."""
-    points = [world_points(layer)[layer.valid] for layer in masked.frames]
+    points = [world_points(view)[view.valid] for view in (layer.load() for layer in masked.frames)]
     if not sum(map(len, points)):
         return None
     low, high = np.percentile(np.concatenate(points), OUTLIERS, axis=0)
@@ -225,7 +227,7 @@ def bounding_box(masked: Scene) -> tuple[np.ndarray, np.ndarray] | None:
     return low - grow, high + grow
 
 
-def _carry_to(frame: View, frames: Mapping[int, View], masked: MaskedObject) -> BoolArray:
+def _carry_to(frame: View, frames: Mapping[int, Layer], masked: MaskedObject) -> BoolArray:
     """The pixels of an unmasked frame that show the object; frames: the masked ones, by index."""
     nothing = np.zeros(frame.hole.shape, bool)
     points = world_points(frame)
@@ -239,7 +241,7 @@ def _carry_to(frame: View, frames: Mapping[int, View], masked: MaskedObject) -> 
     )  # all points of an object lie behind its mask, in every masked frame that shows them
     for number, (place, mask) in enumerate(masked.masks.items()):
         if number in near:
-            outside, within, in_view = compare_with_mask(points, frames[place], mask)
+            outside, within, in_view = compare_with_mask(points, frames[place].load(), mask)
             candidates &= ~outside & (within | ~in_view)
             seeds &= ~outside
             behind |= within

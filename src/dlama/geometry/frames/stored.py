@@ -1,12 +1,11 @@
-"""A view on disk and its camera in; a View that reads its pixels on demand out.
+"""What reads a view and its camera in; a handle that loads the view on demand out.
 
-Of a scene of a thousand frames a camera needs four. A `StoredView` behaves as a View; its pixels are in a `PixelCache` of
-limited size, which drops the least recently used.
+Of a scene of a thousand frames a camera needs four. The pixels that `StoredView.load` reads are in a `PixelCache` of limited
+size, which drops the least recently used.
 """
 
 from __future__ import annotations
 
-import itertools
 import threading
 from collections import OrderedDict
 from collections.abc import Callable
@@ -17,47 +16,42 @@ import numpy as np
 
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType
-from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, UInt16Array
-from dlama.geometry.view import View
+from dlama.geometry.rgbd import BoolArray, UInt8Array
+from dlama.geometry.view import Facts, View
 
 CACHE_BYTES = 256_000_000
 """Memory for the pixels of a scene's frames: 60 frames of 640x480."""
 
 
 class PixelCache:
-    """Views by number, at most `limit` bytes of them; the least recently used is dropped."""
+    """Views by key, at most `limit` bytes of them; the least recently used is dropped."""
 
     def __init__(self, limit: int = CACHE_BYTES) -> None:
         self.limit, self.bytes, self.reads = limit, 0, 0
-        self._kept: OrderedDict[int, View] = OrderedDict()
+        self._kept: OrderedDict[object, View] = OrderedDict()
         self._lock = threading.Lock()
-        self._numbers = itertools.count()
 
     def __reduce__(self) -> tuple[Any, ...]:
         return PixelCache, (self.limit,)
 
-    def number(self) -> int:
-        """An unused number."""
-        return next(self._numbers)
-
-    def view(self, number: int, load: Callable[[], View]) -> View:
-        """The view of that number, loaded unless it is there."""
+    def view(self, key: object, read: Callable[[], View]) -> View:
+        """The view of that key, read unless it is there."""
         with self._lock:
-            found = self._kept.get(number)
+            found = self._kept.get(key)
             if found is not None:
-                self._kept.move_to_end(number)
+                self._kept.move_to_end(key)
                 return found
-        loaded = load()
+        view = read()
         with self._lock:
             self.reads += 1
-            self._keep(number, loaded)
-        return loaded
+            self._keep(key, view)
+        return view
 
-    def _keep(self, number: int, view: View) -> None:
+    def _keep(self, key: object, view: View) -> None:
         size = count_bytes(view)
-        if number in self._kept or size > self.limit:
+        if key in self._kept or size > self.limit:
             return
-        self._kept[number] = view
+        self._kept[key] = view
         self.bytes += size
         while self.bytes > self.limit:
             self.bytes -= count_bytes(self._kept.popitem(last=False)[1])
@@ -69,96 +63,46 @@ def count_bytes(view: View) -> int:
     return sum(plane.nbytes for plane in planes if plane is not None)
 
 
-class StoredView(View):
-    """A view whose pixels are read on demand (`StoredView.of`); `read` gives it with them.
+class StoredView(Facts):
+    """A frame, removed object or fill of a scene whose pixels are not in memory: `load` reads its View."""
 
-    Given pixels, as `dataclasses.replace` gives them, the class makes a plain View.
-    """
+    def __init__(self, camera: Camera, read: Callable[[], View], cache: PixelCache, first: View | None = None) -> None:
+        """read: gives the view, always the same; cache: holds its pixels for a while; first: the view, if it was just read."""
+        self.camera, self.read, self.cache = camera, read, cache
+        self._key = object()
+        if first is not None:
+            cache.view(self._key, lambda: first)
 
-    _load: Callable[[], View]
-    _cache: PixelCache
-    _number: int
+    def __repr__(self) -> str:
+        return f"StoredView({self.camera.width}x{self.camera.height})"
 
-    def __new__(cls, *fields: Any, **named: Any) -> View:  # type: ignore[misc]
-        return View(*fields, **named)
+    def load(self) -> View:
+        """The view with its pixels, read unless the cache holds them; hold it while working with it."""
+        return self.cache.view(self._key, self.read)
 
-    @classmethod
-    def of(cls, camera: Camera, load: Callable[[], View], cache: PixelCache, read: View | None = None) -> StoredView:
-        """The view that `load` reads, which must always give the same, with this camera; `read`: the view if just read."""
-        made: StoredView = object.__new__(cls)
-        for name, value in {"camera": camera, "_load": load, "_cache": cache, "_number": cache.number()}.items():
-            object.__setattr__(made, name, value)
-        if read is not None:
-            cache.view(made._number, lambda: read)
-        return made
+    def without(self, where: BoolArray, hole_type: HoleType) -> StoredView:
+        """As `View.without`; of `where` a bit each is held."""
+        return StoredView(self.camera, partial(without_bits, self, np.packbits(where), hole_type), self.cache)
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        return StoredView.of, (self.camera, self._load, self._cache)
-
-    def read(self) -> View:
-        """The view with its pixels; hold this while working with it."""
-        return self._cache.view(self._number, self._load)
-
-    @property
-    def cache(self) -> PixelCache:
-        """Where its pixels are held."""
-        return self._cache
-
-    @property
-    def color(self) -> UInt8Array:
-        """H x W x 3, RGB."""
-        return self.read().color
-
-    @property
-    def depth(self) -> Float32Array:
-        """H x W, metres."""
-        return self.read().depth
-
-    @property
-    def hole(self) -> BoolArray:
-        """H x W."""
-        return self.read().hole
-
-    @property
-    def hole_type(self) -> UInt8Array:
-        """H x W."""
-        return self.read().hole_type
-
-    @property
-    def origin(self) -> UInt8Array:
-        """H x W."""
-        return self.read().origin
-
-    @property
-    def confidence(self) -> Float32Array:
-        """H x W."""
-        return self.read().confidence
-
-    @property
-    def frame(self) -> UInt16Array | None:
-        """H x W, or None."""
-        return self.read().frame
-
-    @property
-    def errors(self) -> Float32Array | None:
-        """H x W x 2, or None."""
-        return self.read().errors
-
-    def without(self, where: BoolArray, hole_type: HoleType) -> View:
-        """As of any view; the pixels are not held either: `where` is, a bit each."""
-        load = partial(without_bits, self, np.packbits(where), hole_type)
-        return StoredView.of(self.camera, load, self._cache)
-
-    def without_filled_depth(self) -> View:
-        """As of any view; the pixels are not held either."""
+    def without_filled_depth(self) -> StoredView:
+        """As `View.without_filled_depth`."""
         if not self.has_filled_depth:
             return self
-        return StoredView.of(self.camera, partial(View.without_filled_depth, self), self._cache)
+        return StoredView(self.camera, partial(without_filled_depth, self), self.cache)
 
 
-def without_bits(view: View, bits: UInt8Array, hole_type: HoleType) -> View:
-    """`View.without`, of a region as `numpy.packbits` packs it."""
-    return View.without(view.read(), unpack_bits(bits, view.camera), hole_type)
+Layer = View | StoredView
+"""A frame, removed object or fill of a scene; `load` gives its view."""
+
+
+def without_filled_depth(stored: StoredView) -> View:
+    """`View.without_filled_depth` of a stored view."""
+    return stored.load().without_filled_depth()
+
+
+def without_bits(stored: StoredView, bits: UInt8Array, hole_type: HoleType) -> View:
+    """`View.without` of a stored view, of a region as `numpy.packbits` packs it."""
+    return stored.load().without(unpack_bits(bits, stored.camera), hole_type)
 
 
 def unpack_bits(bits: UInt8Array, camera: Camera) -> BoolArray:

@@ -52,7 +52,6 @@ def decimate(
     a pixel. Pixels that have no triangle in the grid, as those of a wire one pixel wide, become squares of their own size. Flying
     pixels, which rendering leaves out, and far ones have none. grid: the layer's `mesh_grid`, where it is another than that.
     """
-    layer = layer.read()
     depth, joined = grid or mesh_grid(layer)
     surface = (depth > 0) & (depth < np.inf)
     box = bounding_box(surface)

@@ -16,6 +16,7 @@ import numpy as np
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType
 from dlama.geometry.drawing.grid_mesh import mesh_grid
+from dlama.geometry.frames.stored import Layer
 from dlama.geometry.layers.decimation import decimate
 from dlama.geometry.layers.head_box import HeadBox
 from dlama.geometry.layers.soft_edges import join_depth
@@ -71,7 +72,7 @@ def mesh_layers(scene: Scene, box: HeadBox, most_triangles: int) -> list[MeshPar
         for number, layer in enumerate(others, 1):
             own = max(1, round(step * layer.camera.fx / source.camera.fx))
             if min(layer.camera.hw) >= 2 * own:
-                part = mesh_part(layer.read(), own, box, distance, share)
+                part = mesh_part(layer.load(), own, box, distance, share)
                 behind = BEHIND + (1 + number / 4) * share
                 yield move_back(drop_in_front(part, box.camera, home), box.camera, behind)
 
@@ -82,14 +83,15 @@ def mesh_layers(scene: Scene, box: HeadBox, most_triangles: int) -> list[MeshPar
     return [*own[:-1], *fit_triangles(fills, 2 * step, shares[1:], rest), own[-1]]
 
 
-def fill_own_holes(scene: Scene, camera: Camera) -> tuple[View, list[View]]:
+def fill_own_holes(scene: Scene, camera: Camera) -> tuple[View, list[Layer]]:
     """The layer of a camera, with its holes as they were filled for the same camera: one surface without a seam; and the others,
     without these pixels."""
     first, *others = sorted(scene.layers, key=lambda layer: not layer.camera.same_view_as(camera))
-    source, rest = first.read(), []
+    source = first.load()
+    rest: list[Layer] = []
     for layer in others:
         if layer.camera.same_view_as(camera):
-            layer = layer.read()
+            layer = layer.load()
             filled = source.hole & ~layer.hole
             source = source.with_pixels(layer, filled)
             layer = layer.without(filled, HoleType.NONE)
@@ -124,7 +126,7 @@ def sky_distance(scene: Scene, box: HeadBox) -> float:
 
 def farthest_surface(scene: Scene) -> float:
     """Metres of the farthest surface of the frames, but for a few pixels; 1 where nothing is valid."""
-    depths = [frame.depth[frame.valid] for frame in (one.read() for one in scene.frames) if frame.valid.any()]
+    depths = [frame.depth[frame.valid] for frame in (one.load() for one in scene.frames) if frame.valid.any()]
     return max((float(np.quantile(depth, FARTHEST)) for depth in depths), default=1.0)
 
 

@@ -16,7 +16,7 @@ from dlama.geometry.view import View
 
 def step_for(scene: Scene, most: int) -> int:
     """By how much the layers of a scene are subsampled so that they have about `most` pixels together at most, without holes."""
-    pixels, step = sum(layer.hole.size - int(layer.hole.sum()) for layer in scene.layers), 1
+    pixels, step = sum(int((~layer.load().hole).sum()) for layer in scene.layers), 1
     while pixels / step**2 > most:
         step += 1
     return step
@@ -28,9 +28,9 @@ def subsample_scene(scene: Scene, step: int) -> Scene:
         return scene
     return dataclasses.replace(
         scene,
-        frames=tuple(subsample(one, step) for one in scene.frames),
-        removals=tuple(subsample(one, step) for one in scene.removals if min(one.camera.hw) >= step),
-        fills=tuple(subsample(one, step) for one in scene.fills if min(one.camera.hw) >= step),
+        frames=tuple(subsample(one.load(), step) for one in scene.frames),
+        removals=tuple(subsample(one.load(), step) for one in scene.removals if min(one.camera.hw) >= step),
+        fills=tuple(subsample(one.load(), step) for one in scene.fills if min(one.camera.hw) >= step),
     )
 
 
@@ -39,7 +39,6 @@ def subsample(view: View, step: int) -> View:
     confidence of the middle one. Rows and columns that make up no whole pixel are left out. Step 1 gives the view back."""
     if step == 1:
         return view
-    view = view.read()
     rows, columns = (side // step * step for side in view.camera.hw)
 
     def middle(plane: np.ndarray) -> Any:
