@@ -150,6 +150,21 @@ def test_a_data_set_without_a_protocol_says_so() -> None:
         choose_cases(Dataset("toy", "made-up", None, (), cases), Cases(protocol=("ori",)))
 
 
+def test_yaws_are_asked_for_by_the_names_that_the_report_gives() -> None:
+    """Oracle: the labels of the tables. Of pairs ≈30 is from 25 to 35 degrees; of an orbit 30 is 30."""
+    from dlama.datasets.frames import Case, Dataset
+
+    def chosen(yaws: tuple[float, ...], wanted: float) -> list[float | None]:
+        cases = tuple(Case("vpi", "toy", "s", "f", lambda: None, yaw) for yaw in yaws)  # type: ignore[arg-type,return-value]
+        return [case.yaw for case in choose_cases(Dataset("toy", "made-up", None, (), cases), Cases(yaws=(wanted,)))]
+
+    pairs, orbit = (9.9, 31.8, -28.2, 38.7), (10.0, 25.0, 30.0, -30.0)
+    assert chosen(pairs, 30) == [31.8, -28.2] and chosen(pairs, -38.7) == [38.7]
+    assert chosen(orbit, 30) == [30.0, -30.0]
+    with pytest.raises(InputError, match=r"no case is left of toy; its yaws are ≈10, ≈30, ≈40$"):
+        chosen(pairs, 90)
+
+
 def test_the_command_is_repeatable() -> None:
     """What differs from the defaults, as it was typed."""
     cases, methods = Cases(("vpi",), yaws=(10.0, 20.0), depth_range=10.0), Methods(fillers=("telea",), variants=False)

@@ -153,11 +153,7 @@ def yaw_labels(rows: Iterable[Row]) -> dict[tuple[str, str, float | None], list[
     yaws: dict[tuple[str, str], set[float | None]] = defaultdict(set)
     for row in rows:
         yaws[row.protocol, row.dataset].add(row.yaw)
-    return {
-        (*place, yaw): [ALL, *_own_labels(yaw, is_orbit=all(one is None or one == round(one) for one in found))]
-        for place, found in yaws.items()
-        for yaw in found
-    }
+    return {(*place, yaw): [ALL, *own_labels(yaw, is_orbit(found))] for place, found in yaws.items() for yaw in found}
 
 
 def yaw_order(label: str) -> tuple[float, str]:
@@ -186,10 +182,16 @@ def _plain_mean(scenes: dict[str, list[float]]) -> Mean:
     return Mean(mean, None, None, len(every), len(scenes))
 
 
-def _own_labels(yaw: float | None, is_orbit: bool) -> list[str]:
+def is_orbit(yaws: Iterable[float | None]) -> bool:
+    """Whether yaws are an orbit's: whole degrees, where there are any."""
+    return all(one is None or one == round(one) for one in yaws)
+
+
+def own_labels(yaw: float | None, orbit: bool) -> list[str]:
+    """The names of a yaw: ±10 and its own sign of an orbit, ≈10 of pairs; none of a case without one."""
     if yaw is None:
         return []
-    if not is_orbit:
+    if not orbit:
         return [f"≈{round(abs(yaw) / 10) * 10}"]
     if yaw == 0:
         return ["0"]

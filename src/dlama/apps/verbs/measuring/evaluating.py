@@ -21,6 +21,7 @@ from dlama.errors import InputError, format_count
 from dlama.evaluation.protocols import PROTOCOLS
 from dlama.evaluation.protocols.methods import Method, ProtocolSettings
 from dlama.evaluation.report.reliability import reliability_lines
+from dlama.evaluation.report.summary import is_orbit, own_labels, yaw_order
 from dlama.evaluation.report.write import failure_line, write_report
 from dlama.evaluation.runner.run import Progress, Results, run
 from dlama.inpainters import FILLERS
@@ -58,18 +59,24 @@ def choose_cases(dataset: Dataset, cases: Cases) -> tuple[Case, ...]:
         raise InputError(f"{dataset.name} has no cases of {missing[0]}; it has {', '.join(has) or 'none at all'}")
     found: list[Case] = []
     for name in cases.protocol or [one for one in has if one != "mask"]:
-        found += [case for case in dataset.of(name) if has_yaw(case, cases.yaws)][: cases.limit]
+        of_protocol = dataset.of(name)
+        orbit = is_orbit(case.yaw for case in of_protocol)
+        found += [case for case in of_protocol if has_yaw(case, cases.yaws, orbit)][: cases.limit]
     if not found:
-        known = sorted({abs(case.yaw) for case in dataset.cases if case.yaw is not None})
-        raise InputError(f"no case is left of {dataset.name}; its yaws are {', '.join(f'±{one:g}' for one in known)}")
+        orbit = is_orbit(case.yaw for case in dataset.cases)
+        known = sorted({label for case in dataset.cases for label in own_labels(case.yaw, orbit)[:1]}, key=yaw_order)
+        raise InputError(f"no case is left of {dataset.name}; its yaws are {', '.join(known)}")
     return tuple(found)
 
 
-def has_yaw(case: Case, yaws: Sequence[float]) -> bool:
-    """Whether --yaws lets the case through; those without a yaw it does not concern."""
+def has_yaw(case: Case, yaws: Sequence[float], orbit: bool) -> bool:
+    """Whether --yaws lets the case through: it is as near, or has that name in the report (≈30). Those without a yaw it does not
+    concern."""
     if not yaws or case.yaw is None:
         return True
-    return any(abs(abs(case.yaw) - abs(yaw)) <= YAW_NEAR for yaw in yaws)
+    return any(
+        abs(abs(case.yaw) - abs(yaw)) <= YAW_NEAR or f"≈{abs(yaw):g}" in own_labels(case.yaw, orbit) for yaw in yaws
+    )
 
 
 def all_methods(methods: Methods) -> list[Method]:
