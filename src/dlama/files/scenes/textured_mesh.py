@@ -67,13 +67,17 @@ def split_mesh(mesh: Mesh, pixels: Float64Array) -> Iterator[tuple[Mesh, Float64
     if len(mesh.vertices) <= SHORT_VERTICES or not len(mesh.triangles):
         yield mesh, pixels
         return
-    ordered = mesh.triangles[np.argsort(mesh.triangles.min(1), kind="stable")]  # by rows of the picture
-    for triangles in np.array_split(ordered, 2):
+    parts = [mesh.triangles[np.argsort(mesh.triangles.min(1), kind="stable")]]  # by rows of the picture
+    while parts:
+        triangles = parts.pop()
         used = np.zeros(len(mesh.vertices), bool)
         used[triangles] = True
+        if np.count_nonzero(used) > SHORT_VERTICES:
+            parts += np.array_split(triangles, 2)[::-1]
+            continue
         number = np.cumsum(used, dtype=np.int32) - 1
         color, origin, confidence = mesh.color[used], mesh.origin[used], mesh.confidence[used]
-        yield from split_mesh(Mesh(mesh.vertices[used], number[triangles], color, origin, confidence), pixels[used])
+        yield Mesh(mesh.vertices[used], number[triangles], color, origin, confidence), pixels[used]
 
 
 def pack_parts(parts: Sequence[MeshPart]) -> list[MeshPart]:

@@ -67,8 +67,9 @@ def decimate(
     lone_rows, lone_columns = np.nonzero(surface[box] & ~covered)
     used = np.zeros(covered.shape, bool)
     used[corners[..., 0], corners[..., 1]] = True
-    number = np.cumsum(used, dtype=np.int32).reshape(used.shape) - 1
     rows, columns = np.nonzero(used)
+    numbers = (np.cumsum(used, dtype=np.int32) - 1).reshape(used.shape)[corners[..., 0], corners[..., 1]]
+    del corners, covered, used
     first = len(rows) + 4 * np.arange(len(lone_rows), dtype=np.int32)[:, None]
     squares = np.concatenate([first + corner for corner in np.array([[0, 1, 2], [1, 3, 2]], np.int32)])
     rows = np.append(rows, np.repeat(lone_rows, 4)) + box[0].start
@@ -76,9 +77,9 @@ def decimate(
     pixels = np.stack([columns, rows], 1) + 0.5
     places = pixels.copy()
     places[len(places) - len(squares) * 2 :] += np.tile(SQUARE, (len(lone_rows), 1))
-    numbers = np.concatenate([number[corners[..., 0], corners[..., 1]], squares])
     planes = (plane[rows, columns] for plane in (layer.color, layer.origin, layer.confidence))
-    mesh = Mesh(unproject(layer, places, layer.depth[rows, columns]), numbers, *planes)
+    vertices = unproject(layer, places, layer.depth[rows, columns])
+    mesh = Mesh(vertices, np.concatenate([numbers, squares]), *planes)
     return DecimatedMesh(mesh, pixels, surface)
 
 

@@ -16,7 +16,7 @@ from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill, Inpainter, Painter
 from dlama.inpainters.layered.color.low_frequency import begin_guess, blend_with_low_frequency
 from dlama.inpainters.layered.depth.surfaces import Surfaces
-from dlama.inpainters.layered.filler import continue_lawfully, paint_leaves
+from dlama.inpainters.layered.filler import continue_lawfully, find_leaves, paint_leaves
 from dlama.inpainters.layered.remaining_shadows import depth_of_removed, find_remaining_shadow
 from dlama.perception.planes import plane_values_at
 
@@ -57,11 +57,13 @@ def paint_over_depth(inpainter: Inpainter) -> Inpainter:
             return Fill(view.color, depth, moved, notes)
         shadow = find_remaining_shadow(view, surfaces.label, context.law)
         hidden = view.color_hole | shadow | find_occluders(view, surfaces, depth, context.law)
+        leaves = find_leaves(view, surfaces)
+        del surfaces, shadow  # of a large picture a network needs their memory
         guess = begin_guess(view)
         color = inpainter.paint(view.color, hidden, seed)
         w = inverse_depth(np.where(view.hole, depth, view.depth))
         color = blend_with_low_frequency(view, color, view.color_hole, w, guess=guess)
-        return Fill(paint_leaves(color, view, surfaces), depth, moved, notes)
+        return Fill(paint_leaves(color, view, leaves), depth, moved, notes)
 
     return fill
 

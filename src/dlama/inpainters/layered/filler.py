@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dlama.geometry.codes import HoleType, has_code
 from dlama.geometry.projection import depth_from_inverse, inverse_depth
@@ -59,7 +60,7 @@ def paint_surfaces(
     label = np.where(np.abs(w - surfaces.inverse_depth) > 0.05 * w, np.int32(SMOOTH), surfaces.label)
     label[view.hole & (w == 0)] = SKY
     shadow = find_remaining_shadow(view, label, context.law)
-    leafy = paint_leaves(view.color, view, surfaces)
+    leafy = paint_leaves(view.color, view, find_leaves(view, surfaces))
     open_ = view.color_hole & (surfaces.leaves < 0)
     color = synthesize(leafy, open_, w, label, view.camera, seed=seed, sky=context.sky, spoiled=shadow, detail=detail)
     return blend_at_rim(color, view.color_hole, open_ & ~has_code(view.hole_type, *NOT_BLENDED), w, label, shadow)
@@ -72,13 +73,18 @@ def inverse_of_filled(view: View, surfaces: Surfaces, depth: Float32Array) -> Fl
     return w
 
 
-def paint_leaves(color: UInt8Array, view: View, surfaces: Surfaces) -> UInt8Array:
-    """H x W x 3 colours with copied leaves where foliage extends into the view's colour holes."""
-    leafy = view.color_hole & (surfaces.leaves >= 0)
-    if not leafy.any():
+def find_leaves(view: View, surfaces: Surfaces) -> NDArray[np.intp]:
+    """2 x N flat indices: hole pixels whose colour is unknown into which foliage extends, and the known leaf that each copies."""
+    leafy = np.flatnonzero(view.color_hole & (surfaces.leaves >= 0))
+    return np.stack([leafy, surfaces.leaves.ravel()[leafy]])
+
+
+def paint_leaves(color: UInt8Array, view: View, leaves: NDArray[np.intp]) -> UInt8Array:
+    """H x W x 3 colours with copied leaves (2 x N, of `find_leaves`) where foliage extends into the view's colour holes."""
+    if not leaves.size:
         return color
     out = color.copy()
-    out[leafy] = view.color.reshape(-1, 3)[surfaces.leaves[leafy]]
+    out.reshape(-1, 3)[leaves[0]] = view.color.reshape(-1, 3)[leaves[1]]
     return out
 
 
