@@ -186,7 +186,7 @@ def planes_of(asked: FillTask) -> GuessCrop:
     view, truth = asked.view, asked.truth
     guesses = make_guesses(view, asked.context, 0, tuple(GUESSES.values()))
     scale = depth_scale(view)
-    context = context_planes(view, scale)
+    context = np.stack([*context_planes(view, scale)], dtype=np.float32, casting="unsafe")
     depths = [context[3], *(nearness(one.inverse_depth, scale) for one in guesses)]
     known = (truth.depth > 0) & asked.depth_true
     return GuessCrop(

@@ -162,15 +162,15 @@ def written(folder: Path) -> Figures:
     return {"MB written": sum(file.stat().st_size for file in folder.rglob("*") if file.is_file()) / 1e6}
 
 
-def rendering(mode: str, types: bool) -> Figures:
-    """The demo frame drawn to yaw 20; where Open3D is installed the share of its projection's time, too."""
+def rendering(mode: str, types: bool, fine: bool = True) -> Figures:
+    """The demo frame drawn to yaw 20; where Open3D is installed the share of its projection's time, too. fine: by splines."""
     from dlama.geometry.rendering import render
     from dlama.geometry.trajectories import orbit
     from dlama.geometry.view import View
 
     rgbd = demo_frame()
     source, camera = View.from_rgbd(rgbd), orbit(rgbd.camera, 20)
-    figures = repeated(lambda: render(source, camera, mode, types), 25)  # type: ignore[arg-type]
+    figures = repeated(lambda: render(source, camera, mode, types, fine), 25)  # type: ignore[arg-type]
     try:
         other = repeated(open3d_projection(rgbd, camera), 25)
     except ImportError:
@@ -272,6 +272,8 @@ ROWS: dict[str, Callable[[], Figures]] = {
     "points-types": lambda: rendering("points", True),
     "surface": lambda: rendering("surface", False),
     "surface-types": lambda: rendering("surface", True),
+    "surface-bilinear": lambda: rendering("surface", False, fine=False),
+    "surface-bilinear-types": lambda: rendering("surface", True, fine=False),
     "view-512-telea": lambda: view(demo_frame, "telea", 3),
     "view-512-layered": lambda: view(demo_frame, "layered", 3),
     "view-kinect": lambda: view(kinect_frame, "auto", 2),

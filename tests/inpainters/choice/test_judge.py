@@ -12,7 +12,7 @@ import pytest
 from dlama.errors import FileError, ShapeError
 from dlama.inpainters.choice.judge import MARGIN, hole_box, judge_metadata, open_judge, run_judge
 from dlama.inpainters.choice.mixing import choose_depth, enlarge_maps, mix_colors, softmax
-from dlama.inpainters.choice.planes import CONTEXT, GUESS, JudgePlanes
+from dlama.inpainters.choice.planes import CONTEXT, GUESS, JudgePlanes, stack_small
 from dlama.models.network_file import NetworkFile
 from dlama.nets.architecture import JudgeSettings, judge_shapes
 from dlama.nets.export.judge import export_judge
@@ -124,8 +124,8 @@ def test_another_depth_is_taken_only_where_it_is_sure():
 
 def test_large_views_are_judged_smaller():
     """Closed form: a constant stays what it is at the smaller size, and sides are multiples after padding."""
-    planes = JudgePlanes(np.full((len(CONTEXT), 900, 1300), 0.25, np.float32), np.ones((2, 4, 900, 1300), np.float32))
-    small = planes.shrink_to(640)
+    quarters = [np.full((900, 1300), 0.25, np.float32)]
+    small = JudgePlanes(stack_small(quarters * len(CONTEXT)), np.stack([stack_small(quarters * len(GUESS))] * 2))
     assert small.context.shape == (len(CONTEXT), 443, 640) and small.guesses.shape == (2, 4, 443, 640)
     np.testing.assert_allclose(small.context, 0.25, atol=1e-6)
     assert small.pad().context.shape[1:] == (448, 640)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -41,12 +41,11 @@ class JudgePlanes:
     def of(cls, view: View, colors: Sequence[UInt8Array], inverse_depths: Sequence[Float32Array]) -> JudgePlanes:
         """Planes of a view and of the colours (H x W x 3) and inverse depths (H x W, 1/m) of its guesses."""
         scale = depth_scale(view)
-        context = context_planes(view, scale)
         guesses = [
-            np.concatenate([color.transpose(2, 0, 1) / np.float32(255), nearness(w, scale)[None]])
+            stack_small([*color.transpose(2, 0, 1) / np.float32(255), nearness(w, scale)])
             for color, w in zip(colors, inverse_depths)
         ]
-        return cls(context, np.stack(guesses).astype(np.float32)).shrink_to(LARGEST)
+        return cls(stack_small(context_planes(view, scale)), np.stack(guesses))
 
     def pad(self) -> JudgePlanes:
         """The planes with rows and columns repeated at the lower and right border, so that sides are multiples of MULTIPLE."""
@@ -54,31 +53,30 @@ class JudgePlanes:
         by = ((0, 0), (0, -height % MULTIPLE), (0, -width % MULTIPLE))
         return JudgePlanes(np.pad(self.context, by, mode="edge"), np.pad(self.guesses, ((0, 0), *by), mode="edge"))
 
-    def shrink_to(self, side: int) -> JudgePlanes:
-        """The planes, made smaller where their longer side is larger than `side` pixels."""
-        height, width = self.context.shape[1:]
-        by = side / max(height, width)
-        if by >= 1:
-            return self
-        size = max(1, round(width * by)), max(1, round(height * by))
-        planes = np.concatenate([self.context, self.guesses.reshape(-1, height, width)])
-        small = np.stack([cv2.resize(plane, size, interpolation=cv2.INTER_AREA) for plane in planes])
-        count = len(CONTEXT)
-        return JudgePlanes(small[:count], small[count:].reshape(-1, len(GUESS), *small.shape[1:]))
+
+def stack_small(planes: Iterable[np.ndarray], side: int = LARGEST) -> Float32Array:
+    """C x h x w: planes (H x W each), one by one made smaller where their longer side is larger than `side` pixels."""
+    return np.stack([shrink_plane(np.asarray(plane, np.float32), side) for plane in planes])
 
 
-def context_planes(view: View, scale: float) -> Float32Array:
-    """C x H x W in the order of CONTEXT; scale: the inverse depth (1/m) at 0.5."""
-    known_w = inverse_depth(np.where(view.hole, np.float32(0), view.depth))
-    planes = [
-        *(view.color * ~view.hole[..., None]).transpose(2, 0, 1) / np.float32(255),
-        nearness(known_w, scale),
-        *(view.hole & (view.hole_type == kind) for kind in TYPES),
-        distance_plane(view.hole),
-        view.color_hole,
-        view.hole,
-    ]
-    return np.stack(planes, dtype=np.float32, casting="unsafe")
+def shrink_plane(plane: Float32Array, side: int) -> Float32Array:
+    """H x W; smaller where its longer side is larger than `side` pixels."""
+    height, width = plane.shape
+    by = side / max(height, width)
+    if by >= 1:
+        return plane
+    size = max(1, round(width * by)), max(1, round(height * by))
+    return np.asarray(cv2.resize(plane, size, interpolation=cv2.INTER_AREA), np.float32)
+
+
+def context_planes(view: View, scale: float) -> Iterator[np.ndarray]:
+    """H x W each, in the order of CONTEXT; scale: the inverse depth (1/m) at 0.5."""
+    yield from (view.color * ~view.hole[..., None]).transpose(2, 0, 1) / np.float32(255)
+    yield nearness(inverse_depth(np.where(view.hole, np.float32(0), view.depth)), scale)
+    yield from (view.hole & (view.hole_type == kind) for kind in TYPES)
+    yield distance_plane(view.hole)
+    yield view.color_hole
+    yield view.hole
 
 
 def depth_scale(view: View) -> float:
