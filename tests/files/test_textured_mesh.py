@@ -17,6 +17,7 @@ from dlama.files.scenes import textured_mesh
 from dlama.files.scenes.textured_mesh import bring_near, pack_textures, write_textured_glb
 from dlama.geometry.camera import Camera
 from dlama.geometry.cloud import Mesh, join_meshes
+from dlama.geometry.holes import fill_with_nearest
 from dlama.geometry.layers.decimation import decimate
 from dlama.geometry.layers.layered_mesh import MeshPart
 from dlama.geometry.rgbd import RGBD
@@ -90,6 +91,16 @@ def test_nothing_bleeds_in_at_edges() -> None:
     white = dataclasses.replace(shown, color=np.stack([levels] * 3, axis=2))
     part = MeshPart(decimate(white).mesh, decimate(white).pixels, white.color, ~shown.hole)
     assert (pack_textures((part,))[0] == 255).all()
+
+
+def test_a_tall_texture_is_filled_from_near_rows(monkeypatch):
+    """Oracle: all rows at once, by the same distances, where no nearest pixel lies farther than the rows that are looked at."""
+    monkeypatch.setattr(textured_mesh, "ROWS", 16)
+    rng = np.random.default_rng(3)
+    picture, shown = rng.integers(0, 256, (70, 20, 3), np.uint8), rng.random((70, 20)) < 0.3
+    out = np.zeros_like(picture)
+    textured_mesh.fill_unseen(picture, shown, out)
+    np.testing.assert_array_equal(out, fill_with_nearest(picture, shown))
 
 
 def test_what_is_far_is_drawn_in_along_its_rays() -> None:

@@ -19,11 +19,13 @@ from dlama.geometry.cloud import Mesh, join_meshes
 from dlama.geometry.holes import fill_with_nearest, sides_of
 from dlama.geometry.layers.decimation import bounding_box, decimate
 from dlama.geometry.layers.layered_mesh import MeshPart
-from dlama.geometry.rgbd import UInt8Array
+from dlama.geometry.rgbd import BoolArray, UInt8Array
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 
 JPEG_QUALITY = 90
+ROWS, NEAR_ROWS = 512, 64
+"""Rows of a texture whose unseen pixels are filled at a time, and rows on either side that they may take colours from."""
 
 
 def write_textured_glb(path: PathLike, scene: Scene) -> None:
@@ -122,7 +124,18 @@ def pack_textures(parts: Sequence[MeshPart]) -> tuple[UInt8Array, list[Float64Ar
     across = max(x + columns for (_, x), (_, columns) in zip(places, sizes))
     texture = np.zeros((top + height, across, 3), np.uint8)
     for part, box, (row, column), (rows, columns) in zip(parts, boxes, places, sizes):
-        picture = part.picture[box]
-        seen = picture if part.shown is None else fill_with_nearest(picture, part.shown[box])
-        texture[row : row + rows, column : column + columns] = seen
+        place = texture[row : row + rows, column : column + columns]
+        if part.shown is None:
+            place[...] = part.picture[box]
+        else:
+            fill_unseen(part.picture[box], part.shown[box], place)
     return texture, [np.array([x - box[1].start, y - box[0].start], float) for (y, x), box in zip(places, boxes)]
+
+
+def fill_unseen(picture: UInt8Array, shown: BoolArray, out: UInt8Array) -> None:
+    """Write a picture (H x W x 3) to `out`, what is not shown (H x W) in the colour of the nearest pixel that is, of those at most
+    NEAR_ROWS above or below the rows that are filled at a time: distances of a large picture take more memory than itself."""
+    for first in range(0, len(picture), ROWS):
+        begin, end = max(first - NEAR_ROWS, 0), first + ROWS + NEAR_ROWS
+        filled = fill_with_nearest(picture[begin:end], shown[begin:end])
+        out[first : first + ROWS] = filled[first - begin :][:ROWS]

@@ -16,7 +16,7 @@ from dlama.geometry.holes import box_around
 from dlama.geometry.kernels import decimating as kernels
 from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
 from dlama.geometry.kernels.jit import in_bands
-from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, freeze
 from dlama.geometry.view import View
 
 LARGEST = 64
@@ -77,9 +77,9 @@ def decimate(
     pixels = np.stack([columns, rows], 1) + 0.5
     places = pixels.copy()
     places[len(places) - len(squares) * 2 :] += np.tile(SQUARE, (len(lone_rows), 1))
-    planes = (plane[rows, columns] for plane in (layer.color, layer.origin, layer.confidence))
+    planes = (freeze(plane[rows, columns]) for plane in (layer.color, layer.origin, layer.confidence))
     vertices = unproject(layer, places, layer.depth[rows, columns])
-    mesh = Mesh(vertices, np.concatenate([numbers, squares]), *planes)
+    mesh = Mesh(freeze(vertices), freeze(np.concatenate([numbers, squares])), *planes)
     return DecimatedMesh(mesh, pixels, surface)
 
 
