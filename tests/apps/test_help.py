@@ -177,7 +177,7 @@ def test_each_parameter_becomes_its_flag(verb: str, name: str, flag: str) -> Non
 
 def test_what_is_positional_has_no_flag() -> None:
     """`image` stays `image` (oracle: the signatures)."""
-    assert {"image", "depth", "mask"}.isdisjoint(flags_of(VERBS["remove"]))
+    assert {"image", "depth", "depth_and_mask"}.isdisjoint(flags_of(VERBS["remove"]))
     assert "mask" in flags_of(VERBS["stereo"])
     assert Positional not in flags_of(VERBS["view"])
 

@@ -46,6 +46,21 @@ def test_bad_pointing(tmp_path: Path, capsys: pytest.CaptureFixture[str], words:
     assert not (folder / "found.png").exists()
 
 
+def test_a_mask_may_be_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Round trip: the pictures that the mask behind the depth gives; two masks, or a mask and a click, are refused."""
+    folder = small_frame(tmp_path)
+    image, depth, mask = (str(folder / name) for name in ("image.png", "depth.png", "mask.png"))
+    rest = ["--fov", "60", *FAST, "--only", "image", "-o"]
+    main(["remove", image, depth, mask, *rest, str(tmp_path / "behind")])
+    main(["remove", image, depth, "--mask", mask, *rest, str(tmp_path / "named")])
+    written = [(tmp_path / one / "image.png").read_bytes() for one in ("behind", "named")]
+    assert written[0] == written[1]
+    twice, both = [depth, mask, "--mask", mask], [depth, "--mask", mask, "--click", "30,25"]
+    capsys.readouterr()
+    for words, line in ((twice, "the mask is given twice"), (both, "and clicks or a box were both given")):
+        assert line in refused(capsys, tmp_path, "remove", image, *words, "--fov", "60", *FAST)
+
+
 @pytest.mark.parametrize("words", [["mask"], ["mask", "--click", "30"], ["remove", "--box", "1,2"]])
 def test_bad_pointing_is_refused_before_depth_is_estimated(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str]

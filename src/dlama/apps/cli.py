@@ -119,6 +119,7 @@ def remove(
     depth_and_mask: Positional[DepthAndMask] = (),
     /,
     *,
+    mask: Annotated[Path | None, option("MASK")] = None,
     output: Output,
     move: Move,
     lens: Lens,
@@ -136,14 +137,15 @@ def remove(
         image: The colour picture: PNG, JPEG, WebP, TIFF or HEIC.
         depth_and_mask: Its depth, same size (16-bit PNG or TIFF, EXR, PFM, NPY or NPZ; without it, it is estimated), and the
             object in the picture: black and white, 255 = remove; --click or --box say it in place of that file.
+        mask: The mask, where its file does not follow the others.
         output: Directory for the results, made if need be; files of the same names are replaced.
     """
     with command("remove", report) as this:
         target, how = move.settings(), method.settings()
-        depth, mask = split_depth_and_mask(depth_and_mask, pointing.given)
+        depth, file = split_depth_and_mask(depth_and_mask, pointing.given, mask)
         options = target, lens.settings(), reading.settings(), estimating.settings(), pointing.settings(), how
-        this.check(output, results, {"image": image, "depth": depth, "mask": mask}, image, *options, removes=True)
-        of_file = this.optional_mask(mask, masking, image)  # before depth is estimated, which takes longer
+        this.check(output, results, {"image": image, "depth": depth, "mask": file}, image, *options, removes=True)
+        of_file = this.optional_mask(file, masking, image)  # before depth is estimated, which takes longer
         rgbd = this.rgbd(image, depth, lens, reading, estimating)
         object_mask = this.pointed(rgbd, pointing, image) if of_file is None else of_file
         this.write(dlama.remove(rgbd, object_mask, **target, **how), output, results)

@@ -127,8 +127,17 @@ class Reading(groups.Reading):
     """How the depth file is read."""
 
 
-def split_depth_and_mask(files: Sequence[Path], pointed: bool = False) -> tuple[Path | None, Path | None]:
-    """The depth file, if there is one, and the mask, which comes last; no mask where the object is pointed at. InputError."""
+def split_depth_and_mask(
+    files: Sequence[Path], pointed: bool = False, named: Path | None = None
+) -> tuple[Path | None, Path | None]:
+    """The depth file, if there is one, and the mask, which comes last or is `named`; no mask where the object is pointed at.
+    InputError."""
+    if named is not None:
+        if pointed:
+            raise mask_and_pointing(named)
+        if len(files) > 1:
+            raise InputError(f"the mask is given twice, as {files[-1]} and by --mask {named}; one is expected")
+        return (files[0] if files else None), named
     if pointed:
         if len(files) > 1:
             raise mask_and_pointing(files[1])
