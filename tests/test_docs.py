@@ -13,7 +13,8 @@ from pathlib import Path
 import pytest
 
 import dlama
-from dlama.apps.cli import main
+from dlama.apps.cli import VERBS, main
+from dlama.apps.terminal.flags import flags_of
 
 ROOT = Path(__file__).parent.parent
 DOCS = ROOT / "docs"
@@ -178,3 +179,16 @@ def test_code_and_docs_point_to_pages_that_exist() -> None:
     assert len(named) > 20 and len(menu) == len(PAGES) + 1  # the command line's page is generated
     assert [(file, link) for file, link in named if not (ROOT / link).exists() and "NAME" not in link] == []
     assert [page for page in menu if page != "reference/cli.md" and not (DOCS / page).exists()] == []
+
+
+def test_options_that_pages_name_exist():
+    """Oracle: the signatures of the verbs. (The page of benchmarks names options of scripts.)"""
+    known = {"--help", *(flag for verb in VERBS.values() for flag in flags_of(verb).values())}
+    pages = [page for page in (ROOT / "README.md", *PAGES) if page.name != "benchmarks.md"]
+    unknown = [
+        (page.name, flag)
+        for page in pages
+        for flag in re.findall(r"`(--[a-z][a-z0-9-]+)", page.read_text("utf-8"))
+        if flag not in known
+    ]
+    assert unknown == []
