@@ -7,7 +7,8 @@
 Domains: procedural worlds by sensor (`world`), the same with objects on islands, plinths and tables (`stand`), streets with exact
 and with estimated depth, real pictures with a depth camera's and with estimated depth, photos with a clear object and photos with
 objects put on them (`photo`). The click is the innermost pixel of what is seen of the object; what stands on the object does not
-count. Printed: mean IoU with its 95 % interval (bootstrap by picture), share of clicks under .5, processor seconds a picture and
+count. In `background` clicks lie on ground, walls, ceilings and the sky of worlds, where an error is right: 1, not an IoU.
+Printed: mean IoU with its 95 % interval (bootstrap by picture), share of clicks under .5, processor seconds a picture and
 click. Five minutes on one core. With --rules the change of IoU without each rule of `rules.MASK_RULES` (all of them: --rules
 all) instead.
 """
@@ -40,6 +41,8 @@ from world_cases import FARTHEST_M, SENSORS, as_seen, scaled_estimate
 FIRST = {"tune": 1000, "validate": 2000}
 HELD_OUT = 2_000_000_000
 WORLDS, STANDS, MOST_CLICKS = 10, 8, 4
+BESIDE_PX = 12
+"""Least distance of a click on the background from objects."""
 SHARES = (0.004, 0.12)
 """Of the picture, that an object covers."""
 ONE_PIECE = 0.8
@@ -54,17 +57,37 @@ REAL = {
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
+class Click:
+    """A click, and what it should find."""
+
+    at: tuple[int, int]
+    """x, y."""
+    true: BoolArray
+    """H x W, the object's mask; empty: nothing."""
+    ignored: BoolArray
+    """H x W, the pixels that do not count."""
+
+    def score(self, found: BoolArray) -> float:
+        """Intersection over union; of a click on nothing 1 for an empty mask, else 0."""
+        return iou(found & ~self.ignored, self.true) if self.true.any() else float(not found.any())
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
 class ClickCase:
-    """A picture, and the objects to click on in it."""
+    """A picture, and clicks in it."""
 
     domain: str
     name: str
     frame: RGBD
-    objects: list[tuple[BoolArray, BoolArray]]
-    """The object's mask, and the pixels that do not count."""
+    clicks: list[Click]
 
 
-def clickable(scene: ClickScene, only_standing: bool) -> list[tuple[BoolArray, BoolArray]]:
+def click_amid(true: BoolArray, ignored: BoolArray | None = None) -> Click:
+    """A click on the innermost pixel of an object."""
+    return Click(innermost_pixel(true), true, np.zeros_like(true) if ignored is None else ignored)
+
+
+def clickable(scene: ClickScene, only_standing: bool) -> list[Click]:
     """The objects of a scene that a user could click on."""
     found = []
     for number in objects_in_sight(scene, *SHARES):
@@ -75,20 +98,27 @@ def clickable(scene: ClickScene, only_standing: bool) -> list[tuple[BoolArray, B
             continue
         base = scene.stands_on.get(number)
         if not only_standing or (base is not None and scene.mask(base).any()):
-            found.append((mask, scene.on_it(number)))
+            found.append(click_amid(mask, scene.on_it(number)))
     return found[:MOST_CLICKS]
 
 
-def world_clicks(split: str, stands: bool) -> Iterator[ClickCase]:
-    """Worlds as each sensor sees them."""
-    for number in range(FIRST[split], FIRST[split] + (STANDS if stands else WORLDS)):
-        made = ClickWorld(HELD_OUT + number, stands=stands)
+def on_background(scene: ClickScene, rng: np.random.Generator) -> list[Click]:
+    """Clicks away from the objects of a scene."""
+    free = np.argwhere(~dilate_mask(np.isin(scene.group, list(scene.casts)), BESIDE_PX))
+    nothing = np.zeros(scene.group.shape, np.bool_)
+    return [Click((column, row), nothing, nothing) for row, column in rng.permutation(free)[:MOST_CLICKS].tolist()]
+
+
+def world_clicks(split: str, kind: str) -> Iterator[ClickCase]:
+    """Worlds as each sensor sees them. kind: world, stand or background."""
+    for number in range(FIRST[split], FIRST[split] + (STANDS if kind == "stand" else WORLDS)):
+        made = ClickWorld(HELD_OUT + number, stands=kind == "stand")
         rng = np.random.default_rng([number, 11])
         scene = made.scene(made.world.camera(float(rng.uniform(-40, 40)), 512, float(rng.uniform(60, 95))))
-        objects = clickable(scene, stands)
+        clicks = on_background(scene, rng) if kind == "background" else clickable(scene, kind == "stand")
         for sensor in SENSORS:
             frame = as_seen(scene.frame, sensor, np.random.default_rng([number, 5]))
-            yield ClickCase(f"{'stand' if stands else 'world'} {sensor}", str(number), frame, objects)
+            yield ClickCase(f"{kind} {sensor}", str(number), frame, clicks)
 
 
 def data_set_clicks(folder: Path, domain: str, scenes: Sequence[str], every: int) -> Iterator[ClickCase]:
@@ -99,16 +129,16 @@ def data_set_clicks(folder: Path, domain: str, scenes: Sequence[str], every: int
     ]:
         truth = case.load()
         assert isinstance(truth, RemovalTruth)
-        objects = [(truth.mask, np.zeros_like(truth.mask))]
+        clicks = [click_amid(truth.mask)]
         if folder.name.endswith("removal") or "removal" in folder.name:
             count, labels, stats, _ = cv2.connectedComponentsWithStats(truth.mask.astype(np.uint8), connectivity=8)
             parts = [labels == n for n in range(1, count) if stats[n, cv2.CC_STAT_AREA] > 0.003 * truth.mask.size]
-            objects = [(part, truth.mask & ~part) for part in parts]
+            clicks = [click_amid(part, truth.mask & ~part) for part in parts]
         name = f"{folder.name}/{case.scene}/{case.frame}"
-        yield ClickCase(domain, name, truth.source, objects)
+        yield ClickCase(domain, name, truth.source, clicks)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            yield ClickCase(f"{domain} estimated", name, scaled_estimate(truth.source), objects)
+            yield ClickCase(f"{domain} estimated", name, scaled_estimate(truth.source), clicks)
 
 
 def photo_clicks(split: str, shared: Path) -> Iterator[ClickCase]:
@@ -122,15 +152,14 @@ def photo_clicks(split: str, shared: Path) -> Iterator[ClickCase]:
             seen = [mask for mask in masks if mask.mean() > SHARES[0]]
             if frame is not None and seen:
                 name = "objects put on photos" if put else "photo"
-                yield ClickCase(name, str(number), frame, [(mask, np.zeros_like(mask)) for mask in seen])
+                yield ClickCase(name, str(number), frame, [click_amid(mask) for mask in seen])
 
 
 def cases_of(split: str, shared: Path, domains: Sequence[str]) -> Iterator[ClickCase]:
     """All cases of a split."""
-    if "world" in domains:
-        yield from world_clicks(split, False)
-    if "stand" in domains:
-        yield from world_clicks(split, True)
+    for kind in ("world", "stand", "background"):
+        if kind in domains:
+            yield from world_clicks(split, kind)
     if "street" in domains:
         yield from data_set_clicks(shared / "street", "street", STREETS[split], 3)
     if "real" in domains:
@@ -150,12 +179,12 @@ def interval(by_picture: Sequence[Sequence[float]], rounds: int = 1000) -> tuple
     return float(low), float(high)
 
 
-def find_clicked(session: MaskSession, true: BoolArray, candidate: str = "object") -> BoolArray:
+def find_clicked(session: MaskSession, click: Click, candidate: str = "object") -> BoolArray:
     """The mask of one click; empty where none is found."""
     try:
-        return session.find(clicks=[innermost_pixel(true)], candidate=candidate).mask
+        return session.find(clicks=[click.at], candidate=candidate).mask
     except MaskError:
-        return np.zeros_like(true)
+        return np.zeros_like(click.true)
 
 
 def leave_out_rules(cases: Iterator[ClickCase], rules: Sequence[str]) -> None:
@@ -168,9 +197,9 @@ def leave_out_rules(cases: Iterator[ClickCase], rules: Sequence[str]) -> None:
             with without(rule):
                 started = time.process_time()
                 session = MaskSession(case.frame)
-                found = [find_clicked(session, true) for true, _ in case.objects]
+                found = [find_clicked(session, click) for click in case.clicks]
                 seconds[number] += time.process_time() - started
-            by_rule.append([iou(mask & ~ignored, true) for mask, (true, ignored) in zip(found, case.objects)])
+            by_rule.append([click.score(mask) for mask, click in zip(found, case.clicks)])
         rows = changes.setdefault(case.domain, [[] for _ in rules])
         for row, values in zip(rows, by_rule[1:]):
             row.append([value - before for value, before in zip(values, by_rule[0])])
@@ -183,13 +212,13 @@ def leave_out_rules(cases: Iterator[ClickCase], rules: Sequence[str]) -> None:
         print(f"| {rule} | {' | '.join(cells)} | {100 * (seconds[number + 1] / seconds[0] - 1):+.0f} % |")
 
 
-def draw(case: ClickCase, true: BoolArray, found: BoolArray) -> np.ndarray:
+def draw(case: ClickCase, click: Click, found: BoolArray) -> np.ndarray:
     """The picture with the true outline green, the found one red, and depth beside it."""
     out = case.frame.color.copy()
-    for mask, tone in ((true, (0, 255, 0)), (found, (255, 0, 0))):
+    for mask, tone in ((click.true, (0, 255, 0)), (found, (255, 0, 0))):
         lines, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
         cv2.drawContours(out, lines, -1, tone, 2)
-    cv2.circle(out, innermost_pixel(true), 5, (255, 255, 0), -1)
+    cv2.circle(out, click.at, 5, (255, 255, 0), -1)
     w = np.where(case.frame.valid, 1 / np.maximum(case.frame.depth, 1e-3), 0)
     grey = np.clip(255 * w / max(np.quantile(w, 0.98), 1e-6), 0, 255).astype(np.uint8)
     return np.hstack([out, np.repeat(grey[..., None], 3, 2)])
@@ -199,7 +228,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("shared", type=Path)
     parser.add_argument("--split", choices=tuple(FIRST), default="tune")
-    parser.add_argument("--domains", nargs="+", default=["world", "stand", "street", "real", "photo"])
+    parser.add_argument("--domains", nargs="+", default=["world", "stand", "background", "street", "real", "photo"])
     parser.add_argument("--candidate", default="object")
     parser.add_argument("-o", "--output", type=Path, help="IoU of each click as JSON")
     parser.add_argument("--worst", type=Path, help="a folder for pictures of the worst clicks")
@@ -215,14 +244,14 @@ def main(argv: Sequence[str] | None = None) -> None:
     for case in cases_of(args.split, args.shared, args.domains):
         started = time.process_time()
         session = MaskSession(case.frame)
-        for true, ignored in case.objects:
-            found = find_clicked(session, true, args.candidate)
-            value = iou(found & ~ignored, true)
+        for click in case.clicks:
+            found = find_clicked(session, click, args.candidate)
+            value = click.score(found)
             values.setdefault(case.domain, {}).setdefault(case.name, []).append(value)
             if args.worst:
-                pictures.append((value, case.domain, case.name, draw(case, true, found)))
-        if case.objects:
-            seconds.setdefault(case.domain, []).append((time.process_time() - started) / len(case.objects))
+                pictures.append((value, case.domain, case.name, draw(case, click, found)))
+        if case.clicks:
+            seconds.setdefault(case.domain, []).append((time.process_time() - started) / len(case.clicks))
     print("| domain | clicks | IoU | 95 % | under .5 | seconds |\n|---|---|---|---|---|---|")
     for domain, by_picture in values.items():
         every = [value for each in by_picture.values() for value in each]
