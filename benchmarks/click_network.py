@@ -1,53 +1,42 @@
-"""The network that finds the object of a click: crops of procedural worlds in, the file that ships out.
+"""The network that finds the object of a click in estimated depth: crops about clicks (`click_crops`) in, its file out.
 
     python benchmarks/click_network.py crops FOLDER --photos ../shared/photos
-    python benchmarks/click_network.py train FOLDER [--start FILE --rate 6e-4 --steps 3000] [-o src/dlama/assets/click/click.onnx]
+    python benchmarks/click_network.py train FOLDER --photos ../shared/photos [--start FILE --rate 5e-4 --steps 6000 --seeds 0 1]
 
-A crop is a square about a click on an object, as `click_network.click_planes` cuts it: one of most of the picture, one about the
-object. Half of the worlds have objects on islands, plinths and tables, half are crowded (`click_clutter`); two sensors of
-`world_cases.SENSORS` see each picture. Photos are textures of six worlds in ten, and pictures themselves
-(`click_photos`): worlds alone teach a network that a patch of colour on a car or a frog is an object.
+Crops are drawn by kind, so that none is lost among the others: clicks in photos, in worlds with estimated and with measured
+depth, and on the background. Planes of saliency are zeros in some crops: an object need not be salient.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import cv2
 import numpy as np
 import torch
-from numpy.random import Generator
 from torch import Tensor
 from torch.nn.functional import binary_cross_entropy_with_logits
 
-from click_photos import LEARNT, Object, clear_objects, photo_with_objects, photos_of
-from click_worlds import ClickWorld, objects_in_sight
-from dlama.evaluation.metrics.masks import innermost_pixel, largest_region
-from dlama.geometry.holes import dilate_mask
-from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
-from dlama.perception.masks.click_network import FIRST_WINDOW, PLANES, SIDE, click_planes
-from dlama.perception.masks.prompt import Pixel
-from dlama.training.data.photos import square_crop
+from click_crops import crops_of_photo, crops_of_world, write_crops
+from click_photos import CUT_OUT, LEARNT, Object, clear_objects, photos_of, put_object
+from dlama.geometry.rgbd import Float32Array
+from dlama.perception.masks.click_network import PLANES, SALIENT, SIDE
 from shadow_export import export_shadow, read_shadow
 from shadow_net import ShadowNet
-from world_cases import SENSORS, as_seen
 
-FIRST_WORLD, PICTURE_PX, VIEWS, MOST_OBJECTS = 1_007_000_000, 448, 2, 6
-STANDS, CROWDED, NEAR = 0.5, 0.5, 0.35
-"""Share of worlds with islands and plinths, of crowded ones, and of views from near."""
-SENSOR_SHARES = (0.12, 0.28, 0.2, 0.4)
-SHARES, FARTHEST_M, ONE_PIECE = (0.002, 0.25), 9.0, 0.7
-"""Of objects: share of the picture, median depth, least share that hangs together."""
-TEXTURED, TEXTURES, TEXTURE_PX = 0.6, 8, 256
-CUT_OFF, ANYWHERE, CLICKS_IN_PHOTO = 0.3, 0.4, 2
-"""Share of views with objects that the rim cuts, and of clicks anywhere on an object, not amid it; clicks on
-an object of a photo."""
-FAR_SCALES, NEAR_SCALES, LEAST_REACH = (0.8, 1.2), (1.15, 2.2), 6
-"""Sides of the two squares: over FIRST_WINDOW of the picture, and over twice the object's reach from the click (px)."""
-PER_FILE = 20
-WIDTHS, BATCH, RATE, WARM, DECAY, AVERAGED = (24, 40, 64, 96, 96), 16, 2.5e-3, 100, 2e-2, 0.995
+KINDS = ("photo", "estimated", "measured", "background")
+IN_BATCH = (5, 5, 3, 3)
+"""Crops of each kind in a batch."""
+DROPPED = 0.3
+"""Share of crops without each plane of saliency."""
+ON_CLICK, ELSEWHERE, LONGER_PX = 0.25, 0.15, (8, 64)
+"""Share of crops of estimated depth with a cut-out put where the click is, which is the object then, and elsewhere; its longer
+side. Depth and saliency do not show it, as they do not show small objects on large ones."""
+NEARER = 2.5
+"""Clicks on the background are seen from so much nearer at most."""
+WIDTHS, BATCH, RATE, WARM, DECAY, AVERAGED = (24, 40, 64, 96, 96), sum(IN_BATCH), 2.5e-3, 100, 2e-2, 0.995
 RARER, RAREST, SMOOTH_PX = 4.0, 6.0, 5.0
 """An object's pixels weigh as a fourth of the square, up to so many times."""
 ABOUT = {
@@ -56,76 +45,79 @@ ABOUT = {
 }
 
 
-Crop = tuple[Float32Array, np.ndarray, np.ndarray]
-"""Planes, the object's share of each pixel (uint8), and which pixels count (what stands on the object does not)."""
+class Crops:
+    """The crops of a folder, drawn by kind."""
+
+    def __init__(self, folder: Path, cut_outs: Sequence[Object], rng: np.random.Generator) -> None:
+        self.rng, self.cut_outs = rng, cut_outs
+        names = [file.name.split(".")[0] for file in sorted(folder.glob("*.truth.npy"))]
+        whats = ("planes", "salient", "truth")
+        self.files = [[np.load(folder / f"{name}.{what}.npy", mmap_mode="r") for what in whats] for name in names]
+        self.numbers: dict[str, list[tuple[int, int]]] = {kind: [] for kind in KINDS}
+        for part, (name, (planes, _, truth)) in enumerate(zip(names, self.files)):
+            estimated, found = planes[:, PLANES.index("estimated"), 0, 0] > 0, truth[:, 0].any((1, 2))
+            for number in range(len(truth)):
+                kind = "photo" if name.startswith("photo") else "estimated" if estimated[number] else "measured"
+                self.numbers[kind if found[number] else "background"].append((part, number))
+        self.orders: dict[str, list[tuple[int, int]]] = {kind: [] for kind in KINDS}
+
+    def batch(self) -> list[tuple[Float32Array, np.ndarray]]:
+        """BATCH crops: all planes, and the object's share and what counts (2 x SIDE x SIDE)."""
+        out = []
+        for kind, count in zip(KINDS, IN_BATCH):
+            for _ in range(count):
+                if not self.orders[kind]:
+                    numbers = self.numbers[kind]
+                    self.orders[kind] = [numbers[each] for each in self.rng.permutation(len(numbers))]
+                part, number = self.orders[kind].pop()
+                planes, salient, truth = (np.asarray(values[number], np.float32) for values in self.files[part])
+                kept = self.rng.random((len(salient), 1, 1)) >= DROPPED
+                crop = np.concatenate([planes, np.float32(salient / 255 * kept)])
+                truth = truth / np.float32([[[255]], [[1]]])
+                if kind == "background":
+                    crop = seen_nearer(crop, float(self.rng.uniform(1, NEARER)))
+                if self.cut_outs and crop[PLANES.index("estimated")].any():
+                    put_cut_out(crop, truth, self.cut_outs, self.rng)
+                out.append(varied(crop, truth, self.rng))
+        return out
 
 
-def crops_of_world(number: int, photos: Sequence[Path]) -> Iterator[Crop]:
-    """The crops of a world's objects."""
-    rng = np.random.default_rng([number, 77])
-    textures = []
-    if photos and rng.random() < TEXTURED:
-        for file in rng.choice(np.array(photos, object), TEXTURES):
-            picture = cv2.imread(str(file))[..., ::-1]
-            textures.append(square_crop(np.ascontiguousarray(picture), TEXTURE_PX, rng))
-    stands, crowded = (bool(rng.random() < share) for share in (STANDS, CROWDED))
-    made = ClickWorld(FIRST_WORLD + number, tuple(textures), stands=stands, crowded=crowded)
-    for _ in range(VIEWS):
-        scene = made.scene(made.world.camera(float(rng.uniform(-60, 60)), PICTURE_PX, float(rng.uniform(55, 95))))
-        scene = made.near_scene(scene, rng) if rng.random() < NEAR else scene
-        seen = rng.permutation(objects_in_sight(scene, *SHARES, cut_off=rng.random() < CUT_OFF)).tolist()
-        objects = [each for each in seen if np.median(scene.frame.depth[scene.mask(each)]) < FARTHEST_M][:MOST_OBJECTS]
-        for sensor in rng.choice(SENSORS, 2, replace=False, p=SENSOR_SHARES) if objects else ():
-            frame = as_seen(scene.frame, sensor, rng)
-            for each in objects:
-                yield from crops_of_click(frame, scene.mask(each), scene.on_it(each), rng)
+def seen_nearer(planes: Float32Array, by: float) -> Float32Array:
+    """A smaller square about the same click."""
+    margin = int(SIDE / 2 * (1 - 1 / by))
+    part = planes[:, margin : SIDE - margin, margin : SIDE - margin].transpose(1, 2, 0)
+    out = cv2.resize(np.ascontiguousarray(part), (SIDE, SIDE)).transpose(2, 0, 1)
+    for name in ("right", "down"):
+        out[PLANES.index(name)] /= by
+    out[PLANES.index("click")] = planes[PLANES.index("click")]
+    return np.asarray(out, np.float32)
 
 
-def crops_of_photo(number: int, objects: Sequence[Object], grounds: Sequence[Path]) -> Iterator[Crop]:
-    """As `crops_of_world`, of objects in a photo (`click_photos`)."""
-    rng = np.random.default_rng([number, 78])
-    frame, masks = photo_with_objects(objects, grounds, rng, put=number % 2 > 0)
-    for mask in masks if frame is not None else ():
-        for _ in range(CLICKS_IN_PHOTO if mask.mean() > SHARES[0] else 0):
-            yield from crops_of_click(frame, mask, np.zeros_like(mask), rng)
-
-
-def crops_of_click(frame: RGBD, mask: BoolArray, on_it: BoolArray, rng: Generator) -> Iterator[Crop]:
-    """Two crops of a click on an object (H x W mask; `on_it`: what stands on it); none of an object in pieces."""
-    if (largest_region(dilate_mask(mask, 2)) & mask).sum() < ONE_PIECE * mask.sum():
+def put_cut_out(
+    planes: Float32Array, truth: Float32Array, cut_outs: Sequence[Object], rng: np.random.Generator
+) -> None:
+    """Put a cut-out on a crop (planes and truth are changed): where the click is, elsewhere, or nowhere."""
+    kind = rng.choice(3, p=(ON_CLICK, ELSEWHERE, 1 - ON_CLICK - ELSEWHERE))
+    if kind == 2:
         return
-    column, row = innermost_pixel(mask)
-    if rng.random() < ANYWHERE:
-        row, column = (int(at) for at in rng.choice(np.argwhere(mask)))
-    reach = max(float(np.abs(np.argwhere(mask) - (row, column)).max()), LEAST_REACH)
-    first = FIRST_WINDOW * max(mask.shape) * rng.uniform(*FAR_SCALES)
-    for side in first, 2 * reach * rng.uniform(*NEAR_SCALES):
-        pixel, radius = (row, column), int(side / 2)
-        target, other = (share_in_square(where, pixel, radius) for where in (mask, on_it))
-        yield click_planes(frame, pixel, radius), np.uint8(255 * target), np.uint8(other < 0.5)
-
-
-def share_in_square(where: BoolArray, pixel: Pixel, radius: int) -> Float32Array:
-    """SIDE x SIDE share of `where` in the square of 2 radius + 1 px about (row, column)."""
-    padded = np.pad(where.astype(np.float32), radius)
-    part = padded[pixel[0] : pixel[0] + 2 * radius + 1, pixel[1] : pixel[1] + 2 * radius + 1]
-    how = cv2.INTER_AREA if len(part) > SIDE else cv2.INTER_LINEAR
-    return np.asarray(cv2.resize(part, (SIDE, SIDE), interpolation=how), np.float32)
-
-
-def write_crops(folder: Path, kind: str, numbers: range, crops: Callable[[int], Iterator[Crop]]) -> None:
-    """Two files for PER_FILE worlds or pictures; those that are there stay. Not compressed: training reads single crops."""
-    folder.mkdir(parents=True, exist_ok=True)
-    for part in (numbers[first : first + PER_FILE] for first in range(0, len(numbers), PER_FILE)):
-        file = folder / f"{kind}-{part[0]:05d}.truth.npy"
-        if not file.exists():
-            planes, *truth = zip(*(crop for number in part for crop in crops(number)))
-            np.save(
-                file.with_name(f"{kind}-{part[0]:05d}.planes.npy"),
-                np.stack([each.astype(np.float16) for each in planes]),
-            )
-            np.save(file, np.stack([np.stack(each) for each in truth], 1))
-            print(f"{file.name}: {len(planes)} crops", flush=True)
+    one = cut_outs[int(rng.integers(len(cut_outs)))]
+    longer = float(np.exp(rng.uniform(*np.log(LONGER_PX))))
+    middle = rng.integers(0, SIDE, 2)
+    if kind == 0:
+        inside = np.argwhere(one[1])
+        low, high = inside.min(0), inside.max(0)
+        middle = SIDE / 2 - longer / (high - low + 1).max() * (rng.choice(inside) - (low + high) / 2)
+    levels = (planes[:3].transpose(1, 2, 0) + 1) * np.float32(127.5)
+    seen = put_object(levels, one, longer, (int(middle[0]), int(middle[1])), rng)
+    seen &= planes[PLANES.index("inside")] > 0.5
+    near = slice(SIDE // 2 - 2, SIDE // 2 + 3)
+    if kind == 0 and seen[SIDE // 2, SIDE // 2]:
+        truth[:] = seen, np.ones_like(seen)
+    elif kind == 1 and not seen[near, near].any():
+        truth[0] *= ~seen
+    else:
+        return
+    planes[:3] = (levels / 127.5 - 1).transpose(2, 0, 1) * planes[PLANES.index("inside")]
 
 
 def varied(planes: Float32Array, arrays: np.ndarray, rng: np.random.Generator) -> tuple[Float32Array, np.ndarray]:
@@ -161,34 +153,40 @@ def loss_of(logits: Tensor, targets: Tensor, counts: Tensor) -> Tensor:
     return (entropy.sum((1, 2)) / pixels + 1 - (both + SMOOTH_PX) / (sizes - both + SMOOTH_PX)).mean()
 
 
-def train(folder: Path, steps: int, rate: float = RATE, start: Path | None = None, seed: int = 0) -> ShadowNet:
-    """The mean of the network's weights over the last steps, by AdamW, its layers computed in bfloat16.
+def with_planes(state: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """The state of a network that sees fewer planes, which ignores those that are new: its answers stay."""
+    weight = state["down1.0.weight"]
+    more = np.zeros((len(weight), len(PLANES) + len(SALIENT) - weight.shape[1], *weight.shape[2:]), np.float32)
+    return state | {"down1.0.weight": np.concatenate([weight, more], 1)}
+
+
+def train(
+    folder: Path,
+    cut_outs: Sequence[Object],
+    steps: int,
+    rate: float = RATE,
+    start: Path | None = None,
+    seed: int = 0,
+) -> dict[str, np.ndarray]:
+    """The state of a network: the mean of the network's weights over the last steps, by AdamW, its layers computed in bfloat16.
 
     start: a file that is learned on from; its batch norms, which are part of its convolutions, are not learned anew.
     """
     torch.manual_seed(seed)
-    rng = np.random.default_rng(seed)
-    names = [file.name.split(".")[0] for file in sorted(folder.glob("*.truth.npy"))]
-    files = [[np.load(folder / f"{name}.{what}.npy", mmap_mode="r") for what in ("planes", "truth")] for name in names]
-    numbers = [(part, number) for part, (_, truth) in enumerate(files) for number in range(len(truth))]
-    network = ShadowNet(len(PLANES), WIDTHS, deeper=True).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+    crops = Crops(folder, cut_outs, np.random.default_rng(seed))
+    print(", ".join(f"{len(numbers)} {kind}" for kind, numbers in crops.numbers.items()), flush=True)
+    network = ShadowNet(len(PLANES) + len(SALIENT), WIDTHS, deeper=True).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     if start is not None:
-        network.load_state_dict({name: torch.from_numpy(value) for name, value in read_shadow(start).items()})
+        state = with_planes(read_shadow(start))
+        network.load_state_dict({name: torch.from_numpy(value) for name, value in state.items()})
         network.eval()
     mean = {name: value.clone() for name, value in network.state_dict().items()}
     optimiser = torch.optim.AdamW(network.parameters(), rate, weight_decay=DECAY)
-    losses, order = list[float](), np.zeros(0, int)
+    losses = list[float]()
     for step in range(steps):
-        if len(order) < BATCH:
-            order = rng.permutation(len(numbers))
-        drawn, order = order[:BATCH], order[BATCH:]
         for group in optimiser.param_groups:
             group["lr"] = rate * min(1, (step + 1) / WARM) * 0.5 * (1 + np.cos(np.pi * step / steps))
-        crops = []
-        for part, number in (numbers[each] for each in drawn):
-            planes, truth = (np.asarray(values[number], np.float32) for values in files[part])
-            crops.append(varied(planes, truth / np.float32([[[255]], [[1]]]), rng))
-        planes, arrays = (torch.from_numpy(np.stack(each).astype(np.float32)) for each in zip(*crops))
+        planes, arrays = (torch.from_numpy(np.stack(each).astype(np.float32)) for each in zip(*crops.batch()))
         with torch.autocast("cpu", torch.bfloat16):
             logits = network(planes.contiguous(memory_format=torch.channels_last))
         loss = loss_of(logits.float(), arrays[:, 0], arrays[:, 1])
@@ -202,8 +200,7 @@ def train(folder: Path, steps: int, rate: float = RATE, start: Path | None = Non
         losses.append(float(loss.detach()))
         if step % 200 == 199 or step == steps - 1:
             print(f"step {step + 1}: loss {np.mean(losses[-200:]):.3f}", flush=True)
-    network.load_state_dict(mean)
-    return network.eval()
+    return {name: value.numpy() for name, value in mean.items()}
 
 
 def main() -> None:
@@ -217,25 +214,27 @@ def main() -> None:
     parser.add_argument("--steps", type=int, default=9500)
     parser.add_argument("--start", type=Path, help="a file to learn on from")
     parser.add_argument("--rate", type=float, default=RATE)
-    parser.add_argument("-o", "--output", type=Path, default=Path("click.onnx"))
+    parser.add_argument(
+        "--seeds", type=int, nargs="+", default=[0], help="networks to learn from the same start; their mean ships"
+    )
+    parser.add_argument("-o", "--output", type=Path, default=Path("estimated.onnx"))
     given = parser.parse_args()
     torch.set_num_threads(1)
+    photos = photos_of(given.photos, LEARNT) if given.photos else []
+    if given.photos and not photos:
+        parser.error(f"{given.photos}: no folders with photos (*.jpg)")
+    cut_outs = clear_objects(photos, CUT_OUT)
     if given.what == "crops":
-        photos = photos_of(given.photos, LEARNT) if given.photos else []
-        if given.photos and not photos:
-            parser.error(f"{given.photos}: no folders with photos (*.jpg)")
-        write_crops(
-            given.folder, "world", range(given.first, given.first + given.worlds), lambda n: crops_of_world(n, photos)
-        )
+        objects = clear_objects(photos)
+        worlds = range(given.first, given.first + given.worlds)
+        write_crops(given.folder, "world", worlds, lambda n: crops_of_world(n, photos, objects))
         if photos:
-            objects = clear_objects(photos)
-            write_crops(given.folder, "photo", range(given.pictures), lambda n: crops_of_photo(n, objects, photos))
+            pictures = range(given.pictures)
+            write_crops(given.folder, "photo", pictures, lambda n: crops_of_photo(n, objects, cut_outs, photos))
         return
-    state = {
-        name: value.numpy()
-        for name, value in train(given.folder, given.steps, given.rate, given.start).state_dict().items()
-    }
-    export_shadow(state, given.output, ABOUT)
+    states = [train(given.folder, cut_outs, given.steps, given.rate, given.start, seed) for seed in given.seeds]
+    mean = {name: np.mean([state[name] for state in states], 0) for name in states[0]}
+    export_shadow(mean, given.output, ABOUT)
 
 
 if __name__ == "__main__":

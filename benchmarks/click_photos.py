@@ -11,6 +11,7 @@ import hashlib
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -19,7 +20,7 @@ from numpy.random import Generator
 from dlama.errors import InputError, MaskError
 from dlama.evaluation.metrics.masks import largest_region
 from dlama.geometry.holes import iou
-from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
+from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.perception.masks.salient import saliency
 from dlama.perception.monocular import estimate_depth
 from dlama.training.data.photos import read_photo, square_crop
@@ -30,15 +31,27 @@ VIDEOS, SINGLE = ("camvid",), ("imagenet",)
 """Folders of frames, and of photos that mostly show one object."""
 Object = tuple[UInt8Array, BoolArray]
 """A photo (H x W x 3) and the mask of its object (H x W)."""
-AREA, ONE_PIECE, SAME = (0.02, 0.6), 0.9, 0.85
-"""Of a clear object: share of the photo, least share that hangs together, least intersection over union with what is found in
-the mirror image and in the middle."""
-UNSURE, MOST_UNSURE = (0.2, 0.8), 0.12
-"""Saliency of unsure pixels, and the most of them over the object's."""
+AREA, UNSURE = (0.02, 0.6), (0.2, 0.8)
+"""Share of the photo of a clear object; saliency of unsure pixels."""
 MIDDLE = 0.88
 """Side of the middle over the photo's."""
 MOST_OBJECTS, LENGTHS, TONES, SIDES = 4, (0.12, 0.6), (0.75, 1.25), (288, 448)
 """Of objects on another photo: how many, longer side over the photo's, brightness; sides of that photo."""
+
+
+class Limits(NamedTuple):
+    """How clear an object is."""
+
+    one_piece: float
+    """Least share that hangs together."""
+    same: float
+    """Least intersection over union with what is found in the mirror image and in the middle."""
+    unsure: float
+    """Most unsure pixels over the object's."""
+
+
+CLEAR, CUT_OUT = Limits(0.9, 0.85, 0.12), Limits(0.8, 0.7, 0.25)
+"""Of an object in its photo, and of one that is put on another picture: there its mask is true, even if it is a part."""
 
 
 def group_of(file: Path) -> int:
@@ -52,7 +65,7 @@ def photos_of(folder: Path, groups: Sequence[int]) -> list[Path]:
     return [file for file in sorted(folder.glob("*/*.jpg")) if group_of(file) in groups]
 
 
-def clear_object(color: UInt8Array) -> BoolArray | None:
+def clear_object(color: UInt8Array, limits: Limits = CLEAR) -> BoolArray | None:
     """H x W mask of the salient object of a photo; None where it is not clear."""
     height, width = color.shape[:2]
     top, left = (round(n * (1 - MIDDLE) / 2) for n in (height, width))
@@ -61,40 +74,55 @@ def clear_object(color: UInt8Array) -> BoolArray | None:
         level = saliency(color)
         mask = level > 0.5
         unsure = ((level > UNSURE[0]) & (level < UNSURE[1])).sum()
-        if not AREA[0] < mask.mean() < AREA[1] or unsure > MOST_UNSURE * mask.sum():
+        if not AREA[0] < mask.mean() < AREA[1] or unsure > limits.unsure * mask.sum():
             return None
         for part, turn in ((np.s_[:], -1), (middle, 1)):
             seen = saliency(np.ascontiguousarray(color[part][:, ::turn]))[:, ::turn] > 0.5
-            if iou(mask[part], seen) <= SAME:
+            if iou(mask[part], seen) <= limits.same:
                 return None
     except MaskError:
         return None
     region = largest_region(mask)
-    return region if region.sum() > ONE_PIECE * mask.sum() else None
+    return region if region.sum() > limits.one_piece * mask.sum() else None
 
 
-def clear_objects(files: Sequence[Path]) -> list[Object]:
+def clear_objects(files: Sequence[Path], limits: Limits = CLEAR) -> list[Object]:
     """The photos of SINGLE that have a clear object."""
     photos = (read_photo(file) for file in files if file.parent.name in SINGLE)
-    return [(photo, mask) for photo in photos if (mask := clear_object(photo)) is not None]
+    return [(photo, mask) for photo in photos if (mask := clear_object(photo, limits)) is not None]
 
 
 def put_objects(ground: UInt8Array, objects: Sequence[Object], rng: Generator) -> tuple[UInt8Array, list[BoolArray]]:
     """The ground with objects on it, later ones before earlier ones, and what is seen of each (H x W)."""
     picture, number = ground.astype(np.float32), np.zeros(ground.shape[:2], np.uint8)
-    for n, (color, mask) in enumerate(objects, 1):
-        rows, columns = (np.flatnonzero(mask.any(axis)) for axis in (1, 0))
-        box = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
-        height, width = (part.stop - part.start for part in box)
-        by = float(np.exp(rng.uniform(*np.log(LENGTHS)))) * min(ground.shape[:2]) / max(height, width)
-        size = max(2, round(by * width)), max(2, round(by * height))
-        part = cv2.resize(color[box], size, interpolation=cv2.INTER_AREA) * rng.uniform(*TONES)
-        alpha = cv2.resize(mask[box].astype(np.float32), size, interpolation=cv2.INTER_AREA)
-        top, left = (int(rng.integers(0, n - s + 1)) for n, s in zip(ground.shape, size[::-1]))
-        there = slice(top, top + size[1]), slice(left, left + size[0])
-        picture[there] += alpha[..., None] * (np.minimum(part, 255) - picture[there])
-        number[there][alpha > 0.5] = n
+    for n, each in enumerate(objects, 1):
+        size = float(np.exp(rng.uniform(*np.log(LENGTHS)))) * min(ground.shape[:2])
+        number[put_object(picture, each, size, None, rng)] = n
     return np.round(picture).astype(np.uint8), [number == n for n in range(1, len(objects) + 1)]
+
+
+def put_object(
+    picture: Float32Array, one: Object, longer: float, middle: tuple[int, int] | None, rng: Generator
+) -> BoolArray:
+    """Put an object, its longer side in px, onto a picture (changed) about (row, column), or anywhere; H x W where it is."""
+    color, mask = one
+    rows, columns = (np.flatnonzero(mask.any(axis)) for axis in (1, 0))
+    box = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
+    height, width = (part.stop - part.start for part in box)
+    by = longer / max(height, width)
+    size = max(2, round(by * width)), max(2, round(by * height))
+    part = cv2.resize(color[box], size, interpolation=cv2.INTER_AREA) * rng.uniform(*TONES)
+    alpha = cv2.resize(mask[box].astype(np.float32), size, interpolation=cv2.INTER_AREA)
+    room = [n - s for n, s in zip(picture.shape, size[::-1])]
+    if middle is None:
+        top, left = (int(rng.integers(0, n + 1)) for n in room)
+    else:
+        top, left = (int(np.clip(at - s // 2, 0, n)) for at, s, n in zip(middle, size[::-1], room))
+    there = slice(top, top + size[1]), slice(left, left + size[0])
+    picture[there] += alpha[..., None] * (np.minimum(part, 255) - picture[there])
+    seen = np.zeros(picture.shape[:2], np.bool_)
+    seen[there] = alpha > 0.5
+    return seen
 
 
 def estimated(color: UInt8Array) -> RGBD | None:

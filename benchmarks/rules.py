@@ -195,7 +195,7 @@ def _salient_photo() -> None:
 
 
 def _no_own_mask() -> None:
-    for name in ("AGREES", "AGREES_CAMERA"):
+    for name in ("AGREES", "AGREES_ESTIMATED", "AGREES_CAMERA"):
         _mask(name, 0.0, "choice")()
 
 
@@ -203,11 +203,11 @@ MASK_RULES: dict[str, Callable[[], None]] = {
     "stands": _mask("find_stands", lambda rgbd, *rest: np.zeros(rgbd.depth.shape, np.bool_)),
     "several-pieces": _mask("OBJECT_GAP", 0.0),
     "border-colors": _mask("snap_to_picture_edges", lambda rgbd, target, *rest: target),
-    "click-network": _mask("choose_mask", lambda rgbd, prompt, find, agrees: find(prompt), "choice"),
+    "click-network": _mask("choose_mask", lambda rgbd, prompt, find, *_: find(prompt), "choice"),
     "networks-own-mask": _no_own_mask,
     "noisy-depth": _mask("is_noisy", lambda rgbd: False, "choice"),
     "salient-photo": _salient_photo,
-    "second-window": _mask("WINDOWS", (0.75,), "photo"),
+    "second-window": _mask("WINDOWS", (), "photo"),
     "photo-border": _mask("refine_border", lambda rgbd, mask, window_hw: mask, "photo"),
     "rough-color": _mask("LARGEST_COLOR", 0.0, "rough"),
 }

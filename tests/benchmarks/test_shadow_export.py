@@ -13,7 +13,7 @@ from dlama.models.network_file import NetworkFile
 torch = pytest.importorskip("torch")
 onnx = pytest.importorskip("onnx")
 
-from dlama.perception.masks.click_network import NETWORK  # noqa: E402
+from dlama.perception.masks.click_network import network  # noqa: E402
 from shadow_export import export_shadow, read_shadow  # noqa: E402
 from shadow_net import SHADOW_MULTIPLE, ShadowNet  # noqa: E402
 
@@ -48,8 +48,10 @@ def test_the_file_says_what_the_module_says(tmp_path: Path) -> None:
 
 def test_a_file_that_is_read_and_written_again_is_the_same(tmp_path: Path) -> None:
     """Oracle: the graph and the weights of the click network that ships, from which its training goes on."""
-    again = export_shadow(read_shadow(NETWORK), tmp_path / "again.onnx", {})
-    assert onnx.load(str(again)).graph == onnx.load(str(NETWORK)).graph
+    for estimated in (True, False):
+        path = network(estimated).path
+        again = export_shadow(read_shadow(path), tmp_path / "again.onnx", {})
+        assert onnx.load(str(again)).graph == onnx.load(str(path)).graph
 
 
 def test_other_sides_are_refused() -> None:

@@ -8,7 +8,16 @@ import pytest
 from dlama import RGBD, Camera, MaskError
 from dlama.geometry.rgbd import Float32Array
 from dlama.perception.masks import choice as room
-from dlama.perception.masks.click_network import PLANES, SIDE, click_planes, object_probability, region_at_click
+from dlama.perception.masks import salient
+from dlama.perception.masks.click_network import (
+    PLANES,
+    SALIENT,
+    SIDE,
+    click_planes,
+    object_probability,
+    region_at_click,
+    salient_about,
+)
 from dlama.perception.masks.prompt import Prompt
 
 HW = (90, 120)
@@ -37,7 +46,7 @@ class Answer:
 def test_planes_of_a_square() -> None:
     """Closed form: the logarithm of inverse depth over the click's, the lower end on sky, 0 where depth is missing or outside."""
     radius, pixel = 64, (55, 65)
-    planes = dict(zip(PLANES, click_planes(step_scene(), pixel, radius)))
+    planes = dict(zip(PLANES, click_planes(step_scene(), pixel, radius, [])))
     place = {
         name: tuple((at - centre + radius) * SIDE // (2 * radius + 1) for at, centre in zip(where, pixel))
         for name, where in (("object", (60, 70)), ("wall", (30, 20)), ("sky", (10, 60)), ("missing", (82, 60)))
@@ -50,18 +59,32 @@ def test_planes_of_a_square() -> None:
     assert planes["click"].max() == planes["click"][SIDE // 2, SIDE // 2]
 
 
+def test_planes_of_saliency(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a network that finds what is red: the red square at its place, in both planes; no such planes without saliency."""
+    red = lambda color: ((color[..., 0] > 200) & (color[..., 1] < 50)).astype(np.float32)  # noqa: E731
+    monkeypatch.setattr(salient, "small_saliency", red)
+    scene, pixel, radius = step_scene(), (55, 65), 40
+    level = salient_about(salient.WindowSaliency(scene.color), pixel, 2 * radius + 1)
+    np.testing.assert_array_equal(level == 1, scene.depth == 1)
+    planes = dict(zip((*PLANES, *SALIENT), click_planes(scene, pixel, radius, [level, level])))
+    shown = (planes["red"] > 0.9) & (planes["green"] < -0.9)
+    for name in SALIENT:
+        np.testing.assert_array_equal(planes[name] > 0.95, shown)
+    assert len(click_planes(scene, pixel, radius, [])) == len(PLANES)
+
+
 def test_slopes_of_a_plane() -> None:
     """Inverse depth that doubles over 50 rows rises down, not to the right; in a mirrored picture the slope turns its sign."""
     w = np.repeat(np.linspace(0.5, 1.4, HW[0], dtype=np.float32)[:, None], HW[1], 1)
     ground = RGBD(np.zeros((*HW, 3), np.uint8), 1 / w, CAMERA)
-    planes = dict(zip(PLANES, click_planes(ground, (45, 60), 40)))
+    planes = dict(zip(PLANES, click_planes(ground, (45, 60), 40, [])))
     inner = slice(SIDE // 4, 3 * SIDE // 4)
     assert (planes["down"][inner, inner] > 0.1).all() and np.abs(planes["right"][inner, inner]).max() < 1e-3
 
 
 def test_the_square_closes_in_on_the_object() -> None:
     """What the network marks comes back at its place, to a pixel of the last square."""
-    probability, px = object_probability(step_scene(), (55, 65), Answer())  # type: ignore[arg-type]
+    probability, px = object_probability(step_scene(), (55, 65), file=Answer())  # type: ignore[arg-type]
     true = step_scene().depth == 1.0
     assert ((probability > 0.5) ^ true).sum() <= 4 * 30 and px == 1
 
@@ -77,7 +100,7 @@ def test_the_mask_that_the_network_agrees_with(monkeypatch: pytest.MonkeyPatch, 
     """Of several masks the one that is most like the network's; its own where none is."""
     scene = step_scene()
     object_, wrong = scene.depth == 1.0, scene.depth == 2.0
-    monkeypatch.setattr(room, "object_probability", lambda rgbd, pixel: (object_.astype(np.float32), 1))
+    monkeypatch.setattr(room, "object_probability", lambda *_: (object_.astype(np.float32), 1))
     masks = {"object": wrong, "part": object_} if agreed else {"object": wrong}
     found = room.choose_mask(scene, Prompt(HW, ((65, 55),)), lambda prompt: masks, 0.4)
     np.testing.assert_array_equal(found["object"], object_)
@@ -92,7 +115,45 @@ def test_a_click_where_depth_is_missing(monkeypatch: pytest.MonkeyPatch) -> None
 
     scene = step_scene()
     hole = scene.depth == 0
-    monkeypatch.setattr(room, "object_probability", lambda rgbd, pixel: (hole.astype(np.float32), 1))
+    monkeypatch.setattr(room, "object_probability", lambda *_: (hole.astype(np.float32), 1))
     assert room.choose_mask(scene, Prompt(HW, ((60, 82),)), refuse, 0.4)["object"][82, 60]
     with pytest.raises(MaskError, match="nothing there"):
         room.choose_mask(scene, Prompt(HW, ((65, 55),)), refuse, 0.4)
+
+
+def estimated(scene: RGBD) -> RGBD:
+    """The same picture, its depth said to be estimated."""
+    return RGBD(scene.color, scene.depth, scene.camera, {"estimator": "none"})
+
+
+@pytest.mark.parametrize(("confidence", "taken"), [(0.95, True), (0.7, False)])
+def test_a_click_in_estimated_depth_that_the_masker_refuses(
+    monkeypatch: pytest.MonkeyPatch, confidence: float, taken: bool
+) -> None:
+    """The network's mask where it is sure of it (its probability is `confidence` on the object, 0 elsewhere); else the error."""
+
+    def refuse(prompt: Prompt) -> dict[str, np.ndarray]:
+        raise MaskError("that is background")
+
+    scene = estimated(step_scene())
+    object_ = scene.depth == 1
+    monkeypatch.setattr(room, "object_probability", lambda *_: (object_ * np.float32(confidence), 1))
+    seen, prompt = salient.WindowSaliency(scene.color), Prompt(HW, ((65, 55),))
+    if taken:
+        np.testing.assert_array_equal(room.choose_mask(scene, prompt, refuse, 0.4, seen)["object"], object_)
+    else:
+        with pytest.raises(MaskError, match="background"):
+            room.choose_mask(scene, prompt, refuse, 0.4, seen)
+
+
+def test_a_click_on_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In estimated depth an error where the network finds nothing at the click, whatever the masker says; not with a box."""
+    scene = estimated(step_scene())
+    wall, object_ = scene.depth == 2, scene.depth == 1
+    monkeypatch.setattr(room, "object_probability", lambda *_: (object_.astype(np.float32), 1))
+    seen, masks = salient.WindowSaliency(scene.color), {"object": wall}
+    with pytest.raises(MaskError, match="clicks holds 20,30, where nothing stands apart"):
+        room.choose_mask(scene, Prompt(HW, ((20, 30),)), lambda prompt: masks, 0.4, seen)
+    boxed = Prompt(HW, ((20, 30),), box=(5, 25, 30, 30))
+    assert room.choose_mask(scene, boxed, lambda prompt: masks, 0.4, seen)["object"][30, 20]
+    assert room.choose_mask(scene, Prompt(HW, ((20, 30),)), lambda prompt: masks, 0.4)["object"][30, 20]

@@ -10,10 +10,12 @@ from dlama import RGBD, Camera, MaskError, MaskSession, find_mask
 from dlama.evaluation.metrics.masks import box_of
 from dlama.geometry.holes import iou
 from dlama.geometry.rgbd import BoolArray, UInt8Array
-from dlama.perception.masks import photo
-from dlama.perception.masks.photo import name_masks, rim_share, window_around
+from dlama.perception.masks import photo, salient
+from dlama.perception.masks.click_network import first_window, salient_about
+from dlama.perception.masks.photo import name_masks, rim_share
 from dlama.perception.masks.prompt import Prompt
 from dlama.perception.masks.rough import rough_candidates
+from dlama.perception.masks.salient import window_around
 
 SIDE = 192
 BAND = (96, 132)
@@ -66,14 +68,14 @@ def test_what_stands_out_and_fills_a_box_is_the_thing(monkeypatch: pytest.Monkey
     color, true = striped_post()
     color[:90][~true[:90]] = 60
     color[20:30, 20:30] = 250
-    monkeypatch.setattr(photo, "saliency", lambda window: (window[..., 0] > 170).astype(np.float32))
+    monkeypatch.setattr(salient, "small_saliency", lambda window: (window[..., 0] > 170).astype(np.float32))
     picture = RGBD(color, without_the_thing().depth, Camera.from_fov(SIDE, SIDE, 60), {"estimator": "none"})
     np.testing.assert_array_equal(find_mask(picture, box=box_of(true, 0.05)).mask, true)
 
 
 def test_what_fills_little_of_a_box_is_not_the_thing(monkeypatch: pytest.MonkeyPatch) -> None:
     """A thin line stands out: the mask is what colours cut out, as without the network."""
-    monkeypatch.setattr(photo, "saliency", lambda color: np.eye(len(color), dtype=np.float32))
+    monkeypatch.setattr(salient, "small_saliency", lambda color: np.eye(len(color), dtype=np.float32))
     box = box_of(striped_post()[1], 0.05)
     picture = without_the_thing()
     prompt = Prompt(picture.depth.shape, box=box)
@@ -97,17 +99,18 @@ def test_clicks_beside_the_thing_are_none_of_it(session: MaskSession) -> None:
 
 
 def test_the_network_runs_once_for_each_window_of_a_click(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two windows for a click; the same click with another next to it asks for none."""
+    """Two windows for a click; the same click with another next to it asks for none, nor does the network of clicks at first."""
     runs: list[tuple[int, ...]] = []
 
     def orange_or_white(color: UInt8Array) -> np.ndarray:
         runs.append(color.shape[:2])
         return ((color[..., 2] < 60) | (color.min(-1) > 225)).astype(np.float32)
 
-    monkeypatch.setattr(photo, "saliency", orange_or_white)
-    session = MaskSession(without_the_thing())
-    session.find(clicks=[BAND])
-    session.find(clicks=[BAND], not_clicks=[(10, 10)])
+    monkeypatch.setattr(salient, "small_saliency", orange_or_white)
+    masker, hw = photo.PhotoMasker(without_the_thing()), (SIDE, SIDE)
+    masker.candidates(Prompt(hw, (BAND,)))
+    masker.candidates(Prompt(hw, (BAND,), ((10, 10),)))
+    salient_about(masker.seen, (BAND[1], BAND[0]), first_window(hw))
     assert runs == [(144, 144), (96, 96)]
 
 
@@ -121,7 +124,7 @@ def test_a_window_without_contrast_shows_nothing() -> None:
 
 def test_a_thing_that_the_windows_cut_off_is_found_whole(monkeypatch: pytest.MonkeyPatch) -> None:
     """With a network that finds all that is red, the red bar across the picture comes back, not what a window shows of it."""
-    monkeypatch.setattr(photo, "saliency", lambda color: (color[..., 0] > 200).astype(np.float32))
+    monkeypatch.setattr(salient, "small_saliency", lambda color: (color[..., 0] > 200).astype(np.float32))
     color, rgbd = np.full((SIDE, SIDE, 3), 90, np.uint8), without_the_thing()
     color[80:120, 8:184] = (220, 30, 30)
     masker = photo.PhotoMasker(RGBD(color, rgbd.depth, rgbd.camera, rgbd.estimate))

@@ -6,7 +6,7 @@ found a network chooses at clicks, or gives its own (`click_network`).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -18,9 +18,10 @@ from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
 from dlama.perception.masks.borders import decide_by_color
 from dlama.perception.masks.click_network import object_probability
 from dlama.perception.masks.photo import PhotoMasker, name_masks
-from dlama.perception.masks.prompt import Prompt
+from dlama.perception.masks.prompt import Pixel, Prompt
 from dlama.perception.masks.rgbd import correct_at_clicks, rgbd_candidates
 from dlama.perception.masks.rough import rough_candidates, rough_depth
+from dlama.perception.masks.salient import WindowSaliency
 from dlama.perception.masks.supports import find_planes_of_picture
 from dlama.perception.planes import noise_level
 
@@ -28,17 +29,22 @@ ROUGH = "found in estimated depth, which is rough: look at the mask, or give dep
 NOISY = "found in noisy depth: look at the mask"
 MOST_NOISE = 0.02
 """Relative noise of inverse depth from which the picture leads, not depth."""
-AGREES, AGREES_CAMERA = 0.4, 0.8
+AGREES, AGREES_ESTIMATED, AGREES_CAMERA = 0.4, 0.65, 0.8
 """Agreement of a mask with the network, over that of the network's own mask, from which it is taken: masks of depth that fits the
-picture or of the photo alone, and of a depth camera's."""
+picture, of the photo alone, and of a depth camera's."""
+LEAST, CLICK_PX, CONFIDENT = 0.2, 3, 0.85
+"""In estimated depth: probability of an object within so many px of a click, below which the click is on the background; and
+agreement of the network with its own mask, above which it decides where nothing else is found."""
 
 
 def rgbd_masker(rgbd: RGBD, model: None) -> Callable[[Prompt], tuple[dict[str, BoolArray], tuple[str, ...]]]:
     """The masker of one picture; its planes are found once. With estimated or noisy depth the picture leads."""
     agrees, notes = AGREES_CAMERA, tuple[str, ...]()
     find: Callable[[Prompt], dict[str, BoolArray]]
+    seen = None
     if rgbd.estimate is not None:
-        find, agrees, notes = PhotoMasker(rgbd).candidates, AGREES, (ROUGH,)
+        photo = PhotoMasker(rgbd)
+        find, seen, agrees, notes = photo.candidates, photo.seen, AGREES_ESTIMATED, (ROUGH,)
     elif is_noisy(rgbd):
         rough = rough_depth(rgbd)
         find, notes = (lambda prompt: rough_candidates(rough, prompt)), (NOISY,)
@@ -48,33 +54,58 @@ def rgbd_masker(rgbd: RGBD, model: None) -> Callable[[Prompt], tuple[dict[str, B
         edge_offset = misaligned if misaligned >= CLEARLY else 0
         agrees = AGREES_CAMERA if edge_offset else AGREES
         find = lambda prompt: rgbd_candidates(rgbd, found, prompt, edge_offset)  # noqa: E731
-    return lambda prompt: (choose_mask(rgbd, prompt, find, agrees) if prompt.clicks else find(prompt), notes)
+    return lambda prompt: (choose_mask(rgbd, prompt, find, agrees, seen) if prompt.clicks else find(prompt), notes)
 
 
 def choose_mask(
-    rgbd: RGBD, prompt: Prompt, find: Callable[[Prompt], dict[str, BoolArray]], agrees: float
+    rgbd: RGBD,
+    prompt: Prompt,
+    find: Callable[[Prompt], dict[str, BoolArray]],
+    agrees: float,
+    seen: WindowSaliency | None = None,
 ) -> dict[str, BoolArray]:
     """The mask of `find` that the network agrees with most, as `object`, and the others.
 
-    The network's own where it agrees with none (`agrees`, as AGREES), or where depth is missing at the clicks. MaskError: as
-    `find`.
+    The network's own where it agrees with none (`agrees`, as AGREES), or `find` fails where depth is missing at the clicks or, in
+    estimated depth, the network is confident. MaskError: as `find`, and in estimated depth for clicks on the background.
+
+    seen: the picture's saliency where depth is estimated, None elsewhere.
     """
     clicks = Prompt.pixels(prompt.clicks)
-    found = [object_probability(rgbd, pixel) for pixel in clicks]
+    found = [object_probability(rgbd, pixel, seen) for pixel in clicks]
     probability = np.where(prompt.inside, np.maximum.reduce([each for each, _ in found]), np.float32(0))
     own, reach = probability > 0.5, 1 + max(px for _, px in found)
     try:
         rated = [(expected_iou(probability, mask), mask) for mask in find(prompt).values()]
     except MaskError:
-        if not own.any() or not all(rgbd.missing[pixel] for pixel in clicks):
+        confident = (
+            seen is not None
+            and expected_iou(probability, own) > CONFIDENT
+            and not any(rgbd.far[pixel] for pixel in clicks)
+        )
+        if not own.any() or not (confident or all(rgbd.missing[pixel] for pixel in clicks)):
             raise
         rated = []
+    else:
+        if seen is not None and prompt.box is None:
+            refuse_nothing(probability, clicks)
     rated.sort(key=lambda each: -each[0])
     masks = [mask for _, mask in rated]
     if rated and rated[0][0] >= agrees * expected_iou(probability, own):
         return name_masks(masks[0], masks[1:])
     band = dilate_mask(own, reach) & ~erode_mask(own, reach) & prompt.inside
     return name_masks(correct_at_clicks(rgbd, decide_by_color(rgbd, own, band), prompt, clicks), masks)
+
+
+def refuse_nothing(probability: Float32Array, clicks: Sequence[Pixel]) -> None:
+    """MaskError where no click (row, column) has a probability (H x W) of LEAST within CLICK_PX."""
+    near = [tuple(slice(max(at - CLICK_PX, 0), at + CLICK_PX + 1) for at in pixel) for pixel in clicks]
+    if max(float(probability[each].max()) for each in near) < LEAST:
+        row, column = clicks[0]
+        raise MaskError(
+            f"`clicks` holds {column},{row}, where nothing stands apart: that is ground, a wall or the sky; "
+            "click amid an object, or give a box round it"
+        )
 
 
 def expected_iou(probability: Float32Array, mask: BoolArray) -> float:

@@ -7,6 +7,7 @@ objects of procedural worlds, in exact, measured, matched and estimated depth (`
 from __future__ import annotations
 
 import functools
+from collections.abc import Sequence
 from pathlib import Path
 
 import cv2
@@ -16,11 +17,14 @@ from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
 from dlama.models.network_file import NetworkFile
 from dlama.perception.masks.prompt import Pixel
+from dlama.perception.masks.salient import WindowSaliency, window_around
 
-NETWORK = Path(__file__).parents[2] / "assets" / "click" / "click.onnx"
+FOLDER = Path(__file__).parents[2] / "assets" / "click"
 SIDE = 128
 """Height and width of the network's planes."""
 PLANES = ("red", "green", "blue", "distance", "known", "inside", "right", "down", "click", "estimated")
+SALIENT = ("salient", "salient_near")
+"""Further planes of the network for estimated depth: saliency of most of the picture, and about the object."""
 KNOWN = 0.2
 """Least share of known depth for a pixel of the planes to have one."""
 LOG_RANGE = (-2.0, 1.0)
@@ -38,13 +42,16 @@ ROUNDS, SAME_WINDOW = 2, 1.25
 
 
 @functools.cache
-def network() -> NetworkFile:
-    """The network that ships, opened once a process."""
-    return NetworkFile(NETWORK)
+def network(estimated: bool) -> NetworkFile:
+    """The network that ships for estimated depth, or for measured depth; opened once a process."""
+    return NetworkFile(FOLDER / ("estimated.onnx" if estimated else "click.onnx"))
 
 
-def click_planes(rgbd: RGBD, pixel: Pixel, radius: int) -> Float32Array:
-    """len(PLANES) x SIDE x SIDE: a square of 2 radius + 1 px about (row, column); zeros beyond the picture."""
+def click_planes(rgbd: RGBD, pixel: Pixel, radius: int, salient: Sequence[Float32Array]) -> Float32Array:
+    """C x SIDE x SIDE: PLANES of a square of 2 radius + 1 px about (row, column); zeros beyond the picture.
+
+    salient: H x W each; one more plane for each.
+    """
     span = tuple(slice(max(at - radius, 0), at + radius + 1) for at in pixel)
     beyond = [(max(radius - at, 0), max(at + radius + 1 - n, 0)) for at, n in zip(pixel, rgbd.depth.shape)]
     how = cv2.INTER_AREA if 2 * radius + 1 > SIDE else cv2.INTER_LINEAR
@@ -61,7 +68,7 @@ def click_planes(rgbd: RGBD, pixel: Pixel, radius: int) -> Float32Array:
     squares = (w[middle - k : middle + k, middle - k : middle + k] for k in (2, 4, 8, 16, SIDE // 2))
     here = next((float(np.median(each[each > 0])) for each in squares if (each > 0).any()), 1.0)
     logs = np.clip(np.log(np.maximum(w, 1e-6) / here), *LOG_RANGE)
-    out = np.zeros((len(PLANES), SIDE, SIDE), np.float32)
+    out = np.zeros((len(PLANES) + len(salient), SIDE, SIDE), np.float32)
     out[:3] = (resized(rgbd.color[span]) / 127.5 - 1).transpose(2, 0, 1) * inside
     out[3:6] = np.where(known, logs, np.where(far > 0.5, LOG_RANGE[0], 0)), known, inside
     for number, (right, down) in ((6, (1, 0)), (7, (0, 1))):
@@ -70,23 +77,47 @@ def click_planes(rgbd: RGBD, pixel: Pixel, radius: int) -> Float32Array:
     apart = np.arange(SIDE, dtype=np.float32) - (SIDE - 1) / 2
     out[8] = np.exp(-(apart[:, None] ** 2 + apart**2) / (2 * CLICK_PX**2))
     out[9] = rgbd.estimate is not None
+    for number, level in enumerate(salient, len(PLANES)):
+        out[number] = resized(level[span])
     return out
 
 
-def probability_in_window(planes: Float32Array, file: NetworkFile | None = None) -> Float32Array:
+def first_window(hw: tuple[int, ...]) -> int:
+    """Side in px of the window about a click in which saliency is asked for first."""
+    return round(FIRST_WINDOW * float(np.sqrt(hw[0] * hw[1])))
+
+
+def salient_about(seen: WindowSaliency, pixel: Pixel, side: int) -> Float32Array:
+    """H x W saliency of a window about (row, column), shifted into the picture; zeros beyond it."""
+    out = np.zeros(seen.color.shape[:2], np.float32)
+    window = window_around(pixel, side, out.shape)
+    level = seen.level(window)
+    if level is not None:
+        out[window] = level
+    return out
+
+
+def probability_in_window(planes: Float32Array, file: NetworkFile) -> Float32Array:
     """SIDE x SIDE; the mean over the planes and their mirror image."""
     mirrored = planes[:, :, ::-1].copy()
     mirrored[PLANES.index("right")] *= -1
-    logits = (file or network()).run({"planes": np.stack([planes, mirrored])})
+    logits = file.run({"planes": np.stack([planes, mirrored])})
     found = 1 / (1 + np.exp(-logits))
     return np.asarray((found[0] + found[1][:, ::-1]) / 2, np.float32)
 
 
-def object_probability(rgbd: RGBD, pixel: Pixel, file: NetworkFile | None = None) -> tuple[Float32Array, int]:
-    """H x W probability of belonging to the object at (row, column), and px of the picture for each of the network."""
+def object_probability(
+    rgbd: RGBD, pixel: Pixel, seen: WindowSaliency | None = None, file: NetworkFile | None = None
+) -> tuple[Float32Array, int]:
+    """H x W probability of belonging to the object at (row, column), and px of the picture for each of the network.
+
+    seen: saliency of the picture where depth is estimated; None: depth says more, and sooner.
+    """
+    file = file or network(seen is not None)
     longer = max(rgbd.depth.shape)
     radius = int(FIRST_WINDOW * longer / 2)
-    found = probability_in_window(click_planes(rgbd, pixel, radius), file)
+    salient = [salient_about(seen, pixel, first_window(rgbd.depth.shape))] * len(SALIENT) if seen else []
+    found = probability_in_window(click_planes(rgbd, pixel, radius, salient), file)
     for number in range(ROUNDS):
         side, part = 2 * radius + 1, region_at_click(found)
         reach = np.abs(np.argwhere(part) - (SIDE - 1) / 2).max() * side / SIDE if part.any() else side / 4
@@ -95,7 +126,9 @@ def object_probability(rgbd: RGBD, pixel: Pixel, file: NetworkFile | None = None
         if number and 1 / SAME_WINDOW < wanted / side < SAME_WINDOW:
             break
         radius = int(wanted / 2)
-        found = probability_in_window(click_planes(rgbd, pixel, radius), file)
+        if seen and not number:
+            salient[1] = salient_about(seen, pixel, 2 * radius + 1)
+        found = probability_in_window(click_planes(rgbd, pixel, radius, salient), file)
     side = 2 * radius + 1
     large = cv2.resize(found, (side, side), interpolation=cv2.INTER_LINEAR if side >= SIDE else cv2.INTER_AREA)
     out = np.zeros(rgbd.depth.shape, np.float32)

@@ -19,6 +19,7 @@ from dlama.geometry.holes import dilate_mask, disc, erode_mask, morphological_op
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
 from dlama.perception.masks.borders import decide_by_color
+from dlama.perception.masks.click_network import first_window
 from dlama.perception.masks.prompt import Pixel, Prompt
 from dlama.perception.masks.rough import (
     RoughDepth,
@@ -30,10 +31,10 @@ from dlama.perception.masks.rough import (
     rough_depth,
 )
 from dlama.perception.masks.rough import mark_clicks as with_seeds
-from dlama.perception.masks.salient import SIDE, saliency
+from dlama.perception.masks.salient import SIDE, Window, WindowSaliency, window_around
 
-WINDOWS = (0.75, 0.5)
-"""Sides of the windows round a click, over the root of the picture's area."""
+WINDOWS = (0.5,)
+"""Sides of the windows round a click after the first, that of `click_network`, over the root of the picture's area."""
 CLICK_PX = 3
 """Radius in px in which a click selects a salient region."""
 LEAST_GAIN = 0.05
@@ -48,8 +49,6 @@ BOX_WINDOWS = (1.25, 1.6, 2.2)
 SMALLEST_WINDOW = 48
 FILLS = 0.75
 """Least intersection over union of a box and its salient region for that to be the object."""
-
-Window = tuple[slice, slice]
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +71,7 @@ class PhotoMasker:
     def __init__(self, rgbd: RGBD) -> None:
         check_surfaces(rgbd)
         self.rgbd = rgbd
+        self.seen = WindowSaliency(rgbd.color)
         self.known: dict[Pixel, list[Reading]] = {}
 
     @cached_property
@@ -120,11 +120,11 @@ class PhotoMasker:
             window_around((row, column), max(SMALLEST_WINDOW, round(share * longest)), hw) for share in BOX_WINDOWS
         ]
         total = np.zeros(hw, np.float32)
-        try:
-            for window in windows:
-                total[window] += saliency(np.ascontiguousarray(self.rgbd.color[window]))
-        except MaskError:
-            return None
+        for window in windows:
+            level = self.seen.level(window)
+            if level is None:
+                return None
+            total[window] += level
         mask, inside = total > len(windows) / 2, np.zeros(hw, np.bool_)
         if not mask[box].any():
             return None
@@ -135,12 +135,12 @@ class PhotoMasker:
         """Possible objects under a click at (row, column); empty without a salient region there."""
         if pixel not in self.known:
             hw = self.rgbd.depth.shape
-            sides = [round(share * float(np.sqrt(hw[0] * hw[1]))) for share in WINDOWS]
+            sides = [first_window(hw), *(round(share * float(np.sqrt(hw[0] * hw[1]))) for share in WINDOWS)]
             found = self.read_windows(pixel, [window_around(pixel, side, hw) for side in sides])
             if not found or max(found, key=lambda one: one.confidence).cut > CUT_OFF:
                 whole = self.read_windows(pixel, [(slice(0, hw[0]), slice(0, hw[1]))])
                 found += [
-                    dataclasses.replace(one, confidence=one.confidence - len(WINDOWS) * LEAST_GAIN) for one in whole
+                    dataclasses.replace(one, confidence=one.confidence - len(sides) * LEAST_GAIN) for one in whole
                 ]
             self.known[pixel] = found
         return self.known[pixel]
@@ -162,9 +162,8 @@ class PhotoMasker:
 
     def reading(self, pixel: Pixel, window: Window) -> Reading | None:
         """The connected salient region at a pixel of a window, its border not yet refined; None where there is none."""
-        try:
-            level = saliency(np.ascontiguousarray(self.rgbd.color[window]))
-        except MaskError:
+        level = self.seen.level(window)
+        if level is None:
             return None
         row, column = pixel[0] - window[0].start, pixel[1] - window[1].start
         _, labels = cv2.connectedComponents((level > 0.5).astype(np.uint8), connectivity=8)
@@ -181,13 +180,6 @@ class PhotoMasker:
         mask[window] = part
         cut_off = rim_share(mask, window)
         return Reading(mask, cut_off, float(level[near].max()) - cut_off, part.shape)
-
-
-def window_around(pixel: Pixel, side: int, hw: tuple[int, ...]) -> Window:
-    """Rows and columns of the square about a pixel, shifted and clipped to the picture."""
-    lengths = [min(side, length) for length in hw]
-    starts = [int(np.clip(at - n / 2, 0, length - n)) for at, n, length in zip(pixel, lengths, hw)]
-    return slice(starts[0], starts[0] + lengths[0]), slice(starts[1], starts[1] + lengths[1])
 
 
 def rim_share(mask: BoolArray, window: tuple[slice, slice]) -> float:

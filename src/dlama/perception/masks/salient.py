@@ -16,7 +16,7 @@ import numpy as np
 from dlama.errors import MaskError
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.models.network_file import NetworkFile
-from dlama.perception.masks.prompt import Prompt
+from dlama.perception.masks.prompt import Pixel, Prompt
 from dlama.perception.monocular import LEAST_CONTRAST, contrast
 
 MODEL = Path(__file__).parents[2] / "assets" / "u2netp" / "u2netp.onnx"
@@ -25,6 +25,8 @@ MEAN = np.array([0.485, 0.456, 0.406], np.float32)
 DEVIATION = np.array([0.229, 0.224, 0.225], np.float32)
 FLAT = 0.05
 """Least range of the output: below it there is no salient object."""
+Window = tuple[slice, slice]
+"""Rows and columns."""
 
 
 @functools.cache
@@ -44,6 +46,11 @@ def salient_masker(
 
 def saliency(color: UInt8Array) -> Float32Array:
     """H x W saliency in 0..1 of a picture (H x W x 3, RGB). MaskError: no salient object."""
+    return resized(small_saliency(color), color.shape)
+
+
+def small_saliency(color: UInt8Array) -> Float32Array:
+    """As `saliency`, SIDE x SIDE."""
     if contrast(color) < LEAST_CONTRAST:
         raise MaskError(
             "the picture has nearly one colour all over: it has no salient object; another picture is expected"
@@ -56,9 +63,39 @@ def saliency(color: UInt8Array) -> Float32Array:
     low, high = float(out.min()), float(out.max())
     if high - low < FLAT:
         raise MaskError("no salient object was found in the picture; click on an object, or give a box round it")
-    height, width = color.shape[:2]
-    level = cv2.resize((out - low) / (high - low), (width, height), interpolation=cv2.INTER_LINEAR)
-    return np.asarray(level, np.float32)
+    return np.asarray((out - low) / (high - low), np.float32)
+
+
+def resized(level: Float32Array, hw: tuple[int, ...]) -> Float32Array:
+    """A map at another height and width."""
+    return np.asarray(cv2.resize(level, (hw[1], hw[0]), interpolation=cv2.INTER_LINEAR), np.float32)
+
+
+def window_around(pixel: Pixel, side: int, hw: tuple[int, ...]) -> Window:
+    """Rows and columns of the square about a pixel, shifted and clipped to the picture."""
+    lengths = [min(side, length) for length in hw]
+    starts = [int(np.clip(at - n / 2, 0, length - n)) for at, n, length in zip(pixel, lengths, hw)]
+    return slice(starts[0], starts[0] + lengths[0]), slice(starts[1], starts[1] + lengths[1])
+
+
+class WindowSaliency:
+    """Saliency in windows of one picture; the network runs once for each."""
+
+    def __init__(self, color: UInt8Array) -> None:
+        self.color = color
+        self.known: dict[tuple[int, ...], Float32Array | None] = {}
+
+    def level(self, window: Window) -> Float32Array | None:
+        """Saliency of a window, of its height and width; None where nothing is salient in it."""
+        key = tuple(edge for side in window for edge in (side.start, side.stop))
+        part = self.color[window]
+        if key not in self.known:
+            try:
+                self.known[key] = small_saliency(np.ascontiguousarray(part))
+            except MaskError:
+                self.known[key] = None
+        small = self.known[key]
+        return None if small is None else resized(small, part.shape)
 
 
 def salient_candidates(level: Float32Array, prompt: Prompt) -> tuple[dict[str, BoolArray], tuple[str, ...]]:
