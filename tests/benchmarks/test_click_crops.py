@@ -12,7 +12,7 @@ from dlama.perception.masks.click_network import PLANES, SIDE
 
 pytest.importorskip("torch")
 
-import click_network  # noqa: E402
+import click_network
 
 DISC = (np.arange(40)[:, None] - 19.5) ** 2 + (np.arange(40) - 19.5) ** 2 < 15**2
 RED = np.zeros((40, 40, 3), np.uint8) + np.uint8([200, 0, 0]), DISC
