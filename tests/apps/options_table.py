@@ -386,7 +386,8 @@ TABLE: dict[str, dict[str, Reach]] = {
         **PICTURE, **move("view"), **LENS, **READING, **ESTIMATING, **method("view"), **REPORT, "output": OUTPUT, **FILES_WRITTEN,
     },
     "remove": {
-        "mask": Reach("--mask m.png", "read_mask.path", Path("m.png"), ("mask.png",)), **REMOVED, **move("remove"), **LENS, **READING, **ESTIMATING, **MASKING, **pointed("mask.png"),
+        "mask": Reach("--mask m.png", "read_mask.path", Path("m.png"), ("mask.png",)),
+        **REMOVED, **move("remove"), **LENS, **READING, **ESTIMATING, **MASKING, **pointed("mask.png"),
         **method("remove"), **REPORT, "output": OUTPUT, **FILES_WRITTEN,
     },
     "depth": {

@@ -10,7 +10,9 @@ from typing import Any
 import pytest
 
 import dlama
-import dlama.datasets.layouts  # its readers are bound before the fixture replaces some
+import dlama.apps.reading  # these bind their readers before the fixture replaces them
+import dlama.datasets.layouts
+import dlama.jobs.inputs
 from box_frame import small_frame
 from dlama.apps import cli
 from dlama.apps.cli import VERBS, main
@@ -20,6 +22,10 @@ WORK = (
     "dlama.files.rgbd.read_rgbd",
     "dlama.files.rasters.pictures.read_color",
     "dlama.files.rasters.pictures.read_mask",
+    "dlama.jobs.inputs.read_rgbd",
+    "dlama.jobs.inputs.read_color",
+    "dlama.jobs.inputs.read_mask",
+    "dlama.apps.reading.read_color",
 )
 """What every job on pictures does first."""
 

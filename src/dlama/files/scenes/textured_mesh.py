@@ -133,8 +133,11 @@ def pack_textures(parts: Sequence[MeshPart]) -> tuple[UInt8Array, list[Float64Ar
 
 
 def fill_unseen(picture: UInt8Array, shown: BoolArray, out: UInt8Array) -> None:
-    """Write a picture (H x W x 3) to `out`, what is not shown (H x W) in the colour of the nearest pixel that is, of those at most
-    NEAR_ROWS above or below the rows that are filled at a time: distances of a large picture take more memory than itself."""
+    """Write a picture (H x W x 3) to `out`, what is not shown (H x W) in the colour of the nearest pixel that is.
+
+    Of those at most NEAR_ROWS above or below the rows that are filled at a time: distances of a large picture take more memory
+    than itself.
+    """
     for first in range(0, len(picture), ROWS):
         begin, end = max(first - NEAR_ROWS, 0), first + ROWS + NEAR_ROWS
         filled = fill_with_nearest(picture[begin:end], shown[begin:end])
