@@ -18,7 +18,7 @@ import numpy as np
 from numpy.random import Generator
 
 from click_photos import Object, estimated, photo_with_objects, put_object
-from click_worlds import ClickScene, ClickWorld, objects_in_sight
+from click_worlds import ClickWorld, objects_in_sight
 from dlama.evaluation.metrics.masks import innermost_pixel, largest_region
 from dlama.geometry.holes import dilate_mask
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
@@ -85,7 +85,7 @@ def crops_of_world(number: int, photos: Sequence[Path], objects: Sequence[Object
                 yield from crops_of_click(frame, small, np.zeros_like(small), rng)
             for each in numbers:
                 yield from crops_of_click(frame, scene.mask(each) & ~small, scene.on_it(each) | small, rng)
-            yield from crops_of_background(frame, background_of(scene) & ~small, rng)
+            yield from crops_of_background(frame, scene.background & ~small, rng)
 
 
 def crops_of_photo(
@@ -121,11 +121,6 @@ def with_small_object(
     row, column = rng.choice(np.argwhere(mask))
     small = put_object(color, objects[int(rng.integers(len(objects)))], size, (int(row), int(column)), rng)
     return dataclasses.replace(frame, color=np.round(color).astype(np.uint8)), small
-
-
-def background_of(scene: ClickScene) -> BoolArray:
-    """H x W, True on ground, walls, ceilings and the sky."""
-    return ~np.isin(scene.group, list(scene.casts))
 
 
 def crops_of_background(frame: RGBD, background: BoolArray, rng: Generator) -> Iterator[Crop]:

@@ -53,6 +53,11 @@ class ClickScene:
     casts: frozenset[int]
     """Objects; the others are ground, walls and ceilings."""
 
+    @property
+    def background(self) -> BoolArray:
+        """H x W, True on ground, walls, ceilings and the sky."""
+        return ~np.isin(self.group, list(self.casts))
+
     def mask(self, number: int) -> BoolArray:
         """H x W, True where the object is seen."""
         return np.asarray(self.group == number)

@@ -104,7 +104,7 @@ def clickable(scene: ClickScene, only_standing: bool) -> list[Click]:
 
 def on_background(scene: ClickScene, rng: np.random.Generator) -> list[Click]:
     """Clicks away from the objects of a scene."""
-    free = np.argwhere(~dilate_mask(np.isin(scene.group, list(scene.casts)), BESIDE_PX))
+    free = np.argwhere(~dilate_mask(~scene.background, BESIDE_PX))
     nothing = np.zeros(scene.group.shape, np.bool_)
     return [Click((column, row), nothing, nothing) for row, column in rng.permutation(free)[:MOST_CLICKS].tolist()]
 

@@ -315,6 +315,16 @@ def in_checkout(source: Path, row: str) -> Figures | None:
     return found
 
 
+@contextmanager
+def unpacked(commit: str) -> Iterator[Path]:
+    """The folder src of a commit of this repository, for as long as it is needed."""
+    packed = subprocess.run(["git", "archive", commit, "src"], check=True, capture_output=True, cwd=ROOT)
+    with tempfile.TemporaryDirectory() as folder:
+        with tarfile.open(fileobj=io.BytesIO(packed.stdout)) as archive:
+            archive.extractall(folder, filter="data")
+        yield Path(folder) / "src"
+
+
 def draw_chart(path: Path) -> None:
     """Processor seconds, peak memory and bytes written of the removal from a photo against its megapixels, as an SVG."""
     import matplotlib
@@ -379,13 +389,10 @@ def main() -> None:
             figures = in_checkout(ROOT / "src", row) or {}
             print(f"{row:18} " + "   ".join(f"{name} {value:.3f}" for name, value in figures.items()), flush=True)
     else:
-        with tempfile.TemporaryDirectory() as folder:
-            packed = subprocess.run(["git", "archive", given.against, "src"], check=True, capture_output=True, cwd=ROOT)
-            with tarfile.open(fileobj=io.BytesIO(packed.stdout)) as archive:
-                archive.extractall(folder, filter="data")
+        with unpacked(given.against) as old:
             print(f"{'row':18} {'figure':24} {given.against[:9]:>9} {'here':>9}  ratio   spread")
             for row in given.rows:
-                compare(row, ROOT / "src", Path(folder) / "src", given.rounds)
+                compare(row, ROOT / "src", old, given.rounds)
 
 
 if __name__ == "__main__":

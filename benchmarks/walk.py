@@ -11,13 +11,10 @@ imports) and the changes of the name that the data has. --path prints the functi
 from __future__ import annotations
 
 import argparse
-import io
 import json
 import os
 import subprocess
 import sys
-import tarfile
-import tempfile
 import warnings
 from collections.abc import Iterator
 from itertools import groupby, pairwise
@@ -25,7 +22,8 @@ from pathlib import Path
 from types import CodeType, FrameType
 from typing import Any, NamedTuple
 
-REPOSITORY = Path(__file__).resolve().parents[1]
+from speed import ROOT, unpacked
+
 ROOMS = ("arguments", "geometry", "models", "perception", "inpainters", "completion")
 """From the lowest on; a room imports those before it."""
 
@@ -94,15 +92,6 @@ def walk_in(source: Path) -> list[Stop]:
     return [Stop(*each) for each in json.loads(found.stdout.splitlines()[-1])]
 
 
-def walk_commit(commit: str) -> list[Stop]:
-    """The stops of a commit."""
-    archive = subprocess.run(["git", "archive", commit, "src"], cwd=REPOSITORY, check=True, capture_output=True).stdout
-    with tempfile.TemporaryDirectory() as folder:
-        with tarfile.open(fileobj=io.BytesIO(archive)) as tar:
-            tar.extractall(folder, filter="data")
-        return walk_in(Path(folder) / "src")
-
-
 def main() -> None:
     """Print the figures, next to those of a commit where one is named."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -114,8 +103,11 @@ def main() -> None:
         warnings.simplefilter("ignore")
         print(json.dumps([*stops()]))
         return
-    now = walk_in(REPOSITORY / "src")
-    before = measure(walk_commit(args.against)) if args.against else {}
+    now = walk_in(ROOT / "src")
+    before: dict[str, int] = {}
+    if args.against:
+        with unpacked(args.against) as source:
+            before = measure(walk_in(source))
     for name, figure in measure(now).items():
         print(f"{name:20}" + (f"{before[name]:6}" if before else "") + f"{figure:6}")
     if args.path:

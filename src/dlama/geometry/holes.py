@@ -186,6 +186,13 @@ def gaussian_mean(values: Float32Array, weight: Float32Array, sigma: float, leas
     return np.asarray(total / np.maximum(share, least), np.float32)
 
 
+def smaller_size(hw: tuple[int, ...], side: float) -> tuple[int, int]:
+    """Width and height of a picture of that height and width (first two of `hw`) whose longer side becomes `side` pixels."""
+    height, width = hw[:2]
+    by = side / max(height, width)
+    return max(1, round(width * by)), max(1, round(height * by))
+
+
 def shrink_known(values: np.ndarray, known: BoolArray, wh: tuple[int, int]) -> tuple[Float32Array, Float32Array]:
     """(h x w x C means of the known values, h x w share that is known) of H x W x C values in a smaller size (width, height)."""
     weight = known.astype(np.float32)

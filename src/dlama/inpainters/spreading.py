@@ -7,7 +7,7 @@ from collections.abc import Callable
 import cv2
 import numpy as np
 
-from dlama.geometry.holes import shrink_known
+from dlama.geometry.holes import shrink_known, smaller_size
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.inpainters.opencv import paint
 
@@ -23,12 +23,10 @@ def spread_small(
 ) -> Float32Array:
     """As `spread`, computed with `largest` pixels at most and enlarged; where: H x W, the N pixels that are needed: N x C."""
     height, width = known.shape
-    by = largest / max(height, width)
-    if by >= 1:
+    if largest >= max(height, width):
         found = spread(values.astype(np.float32), known)
         return found if where is None else found[where]
-    size = max(1, round(width * by)), max(1, round(height * by))
-    small, share = shrink_known(values, known, size)
+    small, share = shrink_known(values, known, smaller_size(known.shape, largest))
     filled = spread(small, share >= 0.5)
     out = np.empty((*known.shape, filled.shape[2]) if where is None else (where.sum(), filled.shape[2]), np.float32)
     for channel in range(filled.shape[2]):  # one at a time: at full size they are floats

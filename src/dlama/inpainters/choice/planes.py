@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from dlama.geometry.codes import HoleType
-from dlama.geometry.holes import nearest_known
+from dlama.geometry.holes import nearest_known, smaller_size
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import View
@@ -61,12 +61,9 @@ def stack_small(planes: Iterable[np.ndarray], side: int = LARGEST) -> Float32Arr
 
 def shrink_plane(plane: Float32Array, side: int) -> Float32Array:
     """H x W; smaller where its longer side is larger than `side` pixels."""
-    height, width = plane.shape
-    by = side / max(height, width)
-    if by >= 1:
+    if side >= max(plane.shape):
         return plane
-    size = max(1, round(width * by)), max(1, round(height * by))
-    return np.asarray(cv2.resize(plane, size, interpolation=cv2.INTER_AREA), np.float32)
+    return np.asarray(cv2.resize(plane, smaller_size(plane.shape, side), interpolation=cv2.INTER_AREA), np.float32)
 
 
 def context_planes(view: View, scale: float) -> Iterator[np.ndarray]:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from dlama.geometry.holes import smaller_size
 from dlama.geometry.rgbd import BoolArray, Float32Array
 
 Network = Callable[[Float32Array, BoolArray], Float32Array]
@@ -75,8 +76,7 @@ def call_padded(planes: Float32Array, hole: BoolArray, network: Network, layout:
 def call_resized(planes: Float32Array, hole: BoolArray, network: Network, layout: Layout, side: int) -> Float32Array:
     """One call for a crop larger than `side`: shrunk by averaging known pixels, the longer side to `side`, and enlarged again."""
     height, width = hole.shape
-    by = side / max(height, width)
-    size = max(1, round(width * by)), max(1, round(height * by))
+    size = smaller_size(hole.shape, side)
     known = np.where(hole, np.float32(0), np.float32(1))
     share = cv2.resize(known, size, interpolation=cv2.INTER_AREA)
     flat = np.ascontiguousarray((planes * known).reshape(-1, height, width))

@@ -11,7 +11,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from dlama.geometry.holes import box_around, shrink_known
+from dlama.geometry.holes import box_around, shrink_known, smaller_size
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import View
 from dlama.inpainters.context import FillContext
@@ -37,11 +37,9 @@ SPREAD_SIDE = 256
 def guess_coarsely(paint: Paint, picture: UInt8Array, hole: BoolArray, seed: int) -> UInt8Array:
     """H x W x 3: the picture (H x W x 3 RGB) with its hole (H x W) as painted at GUESS_SIDE pixels at most."""
     height, width = hole.shape
-    by = GUESS_SIDE / max(height, width)
-    if by >= 1:
+    if max(height, width) <= GUESS_SIDE:
         return paint(picture, hole, seed)
-    size = max(1, round(width * by)), max(1, round(height * by))
-    means, share = shrink_known(picture, ~hole, size)
+    means, share = shrink_known(picture, ~hole, smaller_size(hole.shape, GUESS_SIDE))
     small = np.clip(np.round(means), 0, 255).astype(np.uint8)
     painted = cv2.resize(paint(small, share < 0.5, seed), (width, height), interpolation=cv2.INTER_CUBIC)
     make_room(hole.size)

@@ -17,8 +17,8 @@ from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
 from dlama.perception.masks.borders import decide_by_color
 from dlama.perception.masks.click_network import object_probability
-from dlama.perception.masks.photo import PhotoMasker, name_masks
-from dlama.perception.masks.prompt import Pixel, Prompt
+from dlama.perception.masks.photo import CLICK_PX, PhotoMasker, name_masks
+from dlama.perception.masks.prompt import Pixel, Prompt, square_about
 from dlama.perception.masks.rgbd import correct_at_clicks, rgbd_candidates
 from dlama.perception.masks.rough import rough_candidates, rough_depth
 from dlama.perception.masks.salient import WindowSaliency
@@ -32,8 +32,8 @@ MOST_NOISE = 0.02
 AGREES, AGREES_ESTIMATED, AGREES_CAMERA = 0.4, 0.65, 0.8
 """Agreement of a mask with the network, over that of the network's own mask, from which it is taken: masks of depth that fits the
 picture, of the photo alone, and of a depth camera's."""
-LEAST, CLICK_PX, CONFIDENT = 0.2, 3, 0.85
-"""In estimated depth: probability of an object within so many px of a click, below which the click is on the background; and
+LEAST, CONFIDENT = 0.2, 0.85
+"""In estimated depth: probability of an object at a click (within CLICK_PX), below which the click is on the background; and
 agreement of the network with its own mask, above which it decides where nothing else is found."""
 
 
@@ -99,8 +99,7 @@ def choose_mask(
 
 def refuse_nothing(probability: Float32Array, clicks: Sequence[Pixel]) -> None:
     """MaskError where no click (row, column) has a probability (H x W) of LEAST within CLICK_PX."""
-    near = [tuple(slice(max(at - CLICK_PX, 0), at + CLICK_PX + 1) for at in pixel) for pixel in clicks]
-    if max(float(probability[each].max()) for each in near) < LEAST:
+    if max(float(probability[square_about(pixel, CLICK_PX)].max()) for pixel in clicks) < LEAST:
         row, column = clicks[0]
         raise MaskError(
             f"`clicks` holds {column},{row}, where nothing stands apart: that is ground, a wall or the sky; "

@@ -16,8 +16,8 @@ import numpy as np
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
 from dlama.models.network_file import NetworkFile
-from dlama.perception.masks.prompt import Pixel
-from dlama.perception.masks.salient import WindowSaliency, window_around
+from dlama.perception.masks.prompt import Pixel, square_about
+from dlama.perception.masks.salient import WindowSaliency, window_around, window_side
 
 FOLDER = Path(__file__).parents[2] / "assets" / "click"
 SIDE = 128
@@ -52,7 +52,7 @@ def click_planes(rgbd: RGBD, pixel: Pixel, radius: int, salient: Sequence[Float3
 
     salient: H x W each; one more plane for each.
     """
-    span = tuple(slice(max(at - radius, 0), at + radius + 1) for at in pixel)
+    span = square_about(pixel, radius)
     beyond = [(max(radius - at, 0), max(at + radius + 1 - n, 0)) for at, n in zip(pixel, rgbd.depth.shape)]
     how = cv2.INTER_AREA if 2 * radius + 1 > SIDE else cv2.INTER_LINEAR
 
@@ -84,7 +84,7 @@ def click_planes(rgbd: RGBD, pixel: Pixel, radius: int, salient: Sequence[Float3
 
 def first_window(hw: tuple[int, ...]) -> int:
     """Side in px of the window about a click in which saliency is asked for first."""
-    return round(FIRST_WINDOW * float(np.sqrt(hw[0] * hw[1])))
+    return window_side(hw, FIRST_WINDOW)
 
 
 def salient_about(seen: WindowSaliency, pixel: Pixel, side: int) -> Float32Array:
@@ -132,7 +132,7 @@ def object_probability(
     side = 2 * radius + 1
     large = cv2.resize(found, (side, side), interpolation=cv2.INTER_LINEAR if side >= SIDE else cv2.INTER_AREA)
     out = np.zeros(rgbd.depth.shape, np.float32)
-    span = tuple(slice(max(at - radius, 0), at + radius + 1) for at in pixel)
+    span = square_about(pixel, radius)
     rows, columns = (slice(max(radius - at, 0), max(radius - at, 0) + n) for at, n in zip(pixel, out[span].shape))
     out[span] = large[rows, columns]
     return out, -(-side // SIDE)

@@ -20,7 +20,7 @@ from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
 from dlama.perception.masks.borders import decide_by_color
 from dlama.perception.masks.click_network import first_window
-from dlama.perception.masks.prompt import Pixel, Prompt
+from dlama.perception.masks.prompt import Pixel, Prompt, square_about
 from dlama.perception.masks.rough import (
     RoughDepth,
     check_surfaces,
@@ -31,7 +31,7 @@ from dlama.perception.masks.rough import (
     rough_depth,
 )
 from dlama.perception.masks.rough import mark_clicks as with_seeds
-from dlama.perception.masks.salient import SIDE, Window, WindowSaliency, window_around
+from dlama.perception.masks.salient import SIDE, Window, WindowSaliency, window_around, window_side
 
 WINDOWS = (0.5,)
 """Sides of the windows round a click after the first, that of `click_network`, over the root of the picture's area."""
@@ -135,7 +135,7 @@ class PhotoMasker:
         """Possible objects under a click at (row, column); empty without a salient region there."""
         if pixel not in self.known:
             hw = self.rgbd.depth.shape
-            sides = [first_window(hw), *(round(share * float(np.sqrt(hw[0] * hw[1]))) for share in WINDOWS)]
+            sides = [first_window(hw), *(window_side(hw, share) for share in WINDOWS)]
             found = self.read_windows(pixel, [window_around(pixel, side, hw) for side in sides])
             if not found or max(found, key=lambda one: one.confidence).cut > CUT_OFF:
                 whole = self.read_windows(pixel, [(slice(0, hw[0]), slice(0, hw[1]))])
@@ -167,10 +167,7 @@ class PhotoMasker:
             return None
         row, column = pixel[0] - window[0].start, pixel[1] - window[1].start
         _, labels = cv2.connectedComponents((level > 0.5).astype(np.uint8), connectivity=8)
-        near = (
-            slice(max(row - CLICK_PX, 0), row + CLICK_PX + 1),
-            slice(max(column - CLICK_PX, 0), column + CLICK_PX + 1),
-        )
+        near = square_about((row, column), CLICK_PX)
         counts = np.bincount(labels[near].ravel())
         counts[0] = 0
         if not counts.any():

@@ -19,6 +19,12 @@ Box = tuple[float, float, float, float]
 """x and y of the upper left corner, width and height, in pixels."""
 
 
+def square_about(pixel: Pixel, px: int) -> tuple[slice, slice]:
+    """Rows and columns within so many px of a pixel, as an index: of the picture, which may end sooner."""
+    rows, columns = (slice(max(at - px, 0), at + px + 1) for at in pixel)
+    return rows, columns
+
+
 @dataclass(frozen=True)
 class Prompt:
     """Clicks and a box in a picture of a certain size; raises InputError for what lies outside it."""

@@ -71,6 +71,11 @@ def resized(level: Float32Array, hw: tuple[int, ...]) -> Float32Array:
     return np.asarray(cv2.resize(level, (hw[1], hw[0]), interpolation=cv2.INTER_LINEAR), np.float32)
 
 
+def window_side(hw: tuple[int, ...], share: float) -> int:
+    """Side in px of a window, as a share of the root of the picture's area."""
+    return round(share * float(np.sqrt(hw[0] * hw[1])))
+
+
 def window_around(pixel: Pixel, side: int, hw: tuple[int, ...]) -> Window:
     """Rows and columns of the square about a pixel, shifted and clipped to the picture."""
     lengths = [min(side, length) for length in hw]
