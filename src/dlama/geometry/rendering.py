@@ -7,7 +7,6 @@ depth discontinuities, so that surfaces have no cracks and nothing shines throug
 from __future__ import annotations
 
 import dataclasses
-from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -24,6 +23,7 @@ from dlama.geometry.drawing.grid_mesh import find_flying_pixels as find_flying_p
 from dlama.geometry.drawing.layers import (
     ALL,
     NEAR,
+    Drawn,
     Grid,
     box_room,
     count_wanted,
@@ -41,7 +41,7 @@ from dlama.geometry.holes import box_around, fill_with_nearest
 from dlama.geometry.kernels.drawing import hole_types as hole_kernels
 from dlama.geometry.kernels.jit import in_bands, threads
 from dlama.geometry.projection import project
-from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, UInt16Array, freeze
+from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, freeze
 from dlama.geometry.scene import Scene, contribution
 from dlama.geometry.view import View
 
@@ -113,57 +113,53 @@ def render_fills(scene: Scene, camera: Camera, mode: Mode, hole: BoolArray, fram
     return drawn.view(camera, (drawn.canvas.depth == 0) * np.uint8(HoleType.OUT_OF_VIEW))
 
 
-class Drawn(NamedTuple):
-    """What was drawn of a scene."""
-
-    canvas: Canvas
-    grids: list[Grid]
-    """Of its layers."""
-    frame: UInt16Array | None
-    """H x W, 1 + the number of the frame that a pixel comes from, of a scene of many; 0 = none."""
-
-    def view(self, camera: Camera, hole_type: UInt8Array) -> View:
-        """As a view, whose holes have these types (H x W)."""
-        canvas, frame = self.canvas, self.frame
-        color, depth, origin, confidence = (freeze(plane) for plane in canvas.buffers())
-        frame = None if frame is None else freeze(frame * np.uint16(origin != Origin.FILLED.value))
-        errors = None if canvas.errors is None else freeze(canvas.errors)
-        hole = freeze(depth == 0)
-        return View(camera, color, depth, hole, freeze(hole_type), origin, confidence, frame, errors)
-
-
 def draw_scene(
     scene: Scene, camera: Camera, mode: Mode, fine: bool, count: NDArray[np.int32] = ALL, frames: bool = True
 ) -> Drawn:
     """A scene's layers, drawn. count: of the pixels of fills that count (`count_wanted`); frames: whether they are drawn."""
-    fine = fine and mode == "surface"
-    merged = merge_frames(scene, camera, mode, fine) if len(scene.frames) > 1 and frames else None
-    fills = scene.fills if mode == "surface" else drop_overlap(scene.fills)
-    if len(scene.frames) > 1:
-        fills = tuple(layer for layer in fills if may_show(layer, camera))
+    fine, errors = fine and mode == "surface", any(layer.has_errors for layer in scene.layers)
     keep = mode == "surface" and len(scene.layers) >= SEVERAL
-    grids = [Grid.of(layer, camera, mode, fine, surface_of(layer) if keep else None) for layer in fills]
-    with_errors = any(layer.has_errors for layer in scene.layers)
-    canvas = Canvas.empty(camera, with_errors) if merged is None else merged.canvas
-    if with_errors and canvas.errors is None:
-        canvas.errors = np.zeros((*camera.hw, 2), np.float32)
-    first = None
-    if merged is None and frames:
-        first = Grid.of(scene.frames[0], camera, mode, fine, surface_of(scene.frames[0]) if keep else None)
-        draw(first, camera, canvas)
-        if first.own_camera:
-            draw_far(first, camera, canvas)
-    at_home, step = first is not None and first.own_camera, min(threads(), MOST_AT_ONCE)
-    for begin in range(0, len(grids), step):
-        some = grids[begin : begin + step]
-        drawn = [Canvas.empty(camera, with_errors) for _ in some]
-        draw_apart(some, camera, drawn, count)
-        for grid, one in zip(some, drawn):
-            canvas.put(one, tolerance=0.005, over_measured=grid.layer.shows_source, at_home=at_home)
-    grids = [*([] if first is None else [first]), *grids]
-    for grid in grids:
-        draw_far(grid, camera, canvas)
-    return Drawn(canvas, grids if merged is None else merged.grids + grids, None if merged is None else merged.frame)
+
+    def prepare(layer: Layer) -> Grid:
+        return Grid.of(layer, camera, mode, fine, surface_of(layer) if keep else None)
+
+    if not frames:
+        drawn = Drawn(Canvas.empty(camera, errors), [])
+    elif len(scene.frames) > 1:
+        drawn = merge_frames(scene, camera, mode, fine, errors)
+    else:
+        drawn = draw_frame(prepare(scene.frames[0]), errors)
+    fills = [prepare(fill) for fill in visible_fills(scene, camera, mode)]
+    put_fills(drawn, fills, camera, count)
+    for grid in fills if drawn.frame is not None else (*drawn.grids, *fills):
+        draw_far(grid, drawn.canvas)
+    return drawn._replace(grids=[*drawn.grids, *fills])
+
+
+def draw_frame(grid: Grid, errors: bool) -> Drawn:
+    """One frame, drawn; its sky, too, at its own camera, where no fill may cover it."""
+    canvas = draw(grid, Canvas.empty(grid.camera, errors))
+    if grid.own_camera:
+        draw_far(grid, canvas)
+    return Drawn(canvas, [grid])
+
+
+def visible_fills(scene: Scene, camera: Camera, mode: Mode) -> tuple[Layer, ...]:
+    """The fills of a scene that are drawn into a camera."""
+    fills = scene.fills if mode == "surface" else drop_overlap(scene.fills)
+    return fills if len(scene.frames) == 1 else tuple(layer for layer in fills if may_show(layer, camera))
+
+
+def put_fills(drawn: Drawn, fills: list[Grid], camera: Camera, count: NDArray[np.int32]) -> None:
+    """Draw the surfaces of fills, in their order, over what is drawn. count: as of `draw`."""
+    canvas, step = drawn.canvas, min(threads(), MOST_AT_ONCE)
+    at_home = drawn.frame is None and any(grid.own_camera for grid in drawn.grids)
+    for begin in range(0, len(fills), step):
+        some = fills[begin : begin + step]
+        canvases = [Canvas.empty(camera, canvas.errors is not None) for _ in some]
+        draw_apart(some, canvases, count)
+        for grid, one in zip(some, canvases):
+            canvas.put(one, over_measured=grid.layer.shows_source, at_home=at_home)
 
 
 def share_own_view(scene: Scene, camera: Camera, types: bool) -> View | None:

@@ -11,6 +11,9 @@ from dlama.geometry.codes import Origin, from_source
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, freeze, paste
 from dlama.geometry.view import View
 
+BEHIND = 0.005
+"""Relative difference in depth from which one of two canvases is behind the other."""
+
 
 @dataclass
 class Canvas:
@@ -43,13 +46,13 @@ class Canvas:
         """Colour, depth, origin and confidence, in the order in which kernels take them."""
         return self.color, self.depth, self.origin, self.confidence
 
-    def put(self, other: Canvas, tolerance: float, over_measured: bool, at_home: bool = False) -> None:
-        """Draw another canvas over this one where this is empty or clearly behind (relative tolerance).
+    def put(self, other: Canvas, over_measured: bool, at_home: bool) -> None:
+        """Draw another canvas over this one where this is empty or behind by more than BEHIND.
 
         over_measured: False keeps measured pixels in their own camera (fills must not cover them). at_home: it is the first
         layer's camera; its sensor holes keep their measured colours.
         """
-        wins = (other.depth > 0) & ((self.depth == 0) | (other.depth < self.depth * (1 - tolerance)))
+        wins = (other.depth > 0) & ((self.depth == 0) | (other.depth < self.depth * (1 - BEHIND)))
         if not over_measured:
             wins &= ~from_source(self.origin) | (self.depth == 0)
             if at_home:

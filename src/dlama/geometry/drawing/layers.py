@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.camera import Camera, Float64Array
+from dlama.geometry.codes import Origin
 from dlama.geometry.drawing.canvas import Canvas
 from dlama.geometry.drawing.grid_mesh import prepare_mesh
 from dlama.geometry.frames.stored import Layer
@@ -21,7 +22,7 @@ from dlama.geometry.kernels.drawing.footprints import draw_rim, rim
 from dlama.geometry.kernels.drawing.sampling import far_blocks, smooth_quads, spline
 from dlama.geometry.kernels.jit import in_bands, light_band
 from dlama.geometry.projection import px_from_px
-from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, paste
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, UInt16Array, freeze, paste
 from dlama.geometry.view import View
 
 Mode = Literal["surface", "points"]
@@ -66,8 +67,7 @@ class Grid:
 
     layer: View
     surface: Surface
-    own_camera: bool
-    """The camera is the layer's own: pixels are copied, nothing is rejected."""
+    camera: Camera
     mode: Mode
     matrix: Float64Array
     """3x3, and `offset`: from layer pixels to target pixels, see `px_from_px`."""
@@ -81,7 +81,12 @@ class Grid:
         """The layer, prepared for `camera`. surface: the layer's, where it is kept."""
         surface = surface or Surface(layer.load())
         places = px_from_px(camera, layer.camera)
-        return cls(surface.layer, surface, layer.camera.same_view_as(camera), mode, *places, fine)
+        return cls(surface.layer, surface, camera, mode, *places, fine)
+
+    @cached_property
+    def own_camera(self) -> bool:
+        """The camera is the layer's own: pixels are copied, nothing is rejected."""
+        return self.layer.camera.same_view_as(self.camera)
 
     @property
     def depth(self) -> Float32Array:
@@ -109,12 +114,31 @@ class Grid:
         return self.surface.knots if self.fine else np.empty(0, np.float32)
 
 
+class Drawn(NamedTuple):
+    """What was drawn of a scene."""
+
+    canvas: Canvas
+    grids: list[Grid]
+    """Of its layers."""
+    frame: UInt16Array | None = None
+    """H x W, 1 + the number of the frame that a pixel comes from, of a scene of many; 0 = none."""
+
+    def view(self, camera: Camera, hole_type: UInt8Array) -> View:
+        """As a view, whose holes have these types (H x W)."""
+        canvas, frame = self.canvas, self.frame
+        color, depth, origin, confidence = (freeze(plane) for plane in canvas.buffers())
+        frame = None if frame is None else freeze(frame * np.uint16(origin != Origin.FILLED.value))
+        errors = None if canvas.errors is None else freeze(canvas.errors)
+        hole = freeze(depth == 0)
+        return View(camera, color, depth, hole, freeze(hole_type), origin, confidence, frame, errors)
+
+
 def count_wanted(wanted: BoolArray) -> NDArray[np.int32]:
     """The table for `draw` of the pixels that count (H x W); with their neighbours, which colours are averaged over."""
     return np.asarray(cv2.integral(cv2.dilate(wanted.view(np.uint8), np.ones((3, 3), np.uint8))), np.int32)
 
 
-def draw(grid: Grid, camera: Camera, canvas: Canvas, count: NDArray[np.int32] = ALL) -> Canvas:
+def draw(grid: Grid, canvas: Canvas, count: NDArray[np.int32] = ALL) -> Canvas:
     """One layer's finite surfaces, drawn onto an empty canvas.
 
     count: of the pixels that count (`count_wanted`); all others may come out as anything.
@@ -124,20 +148,20 @@ def draw(grid: Grid, camera: Camera, canvas: Canvas, count: NDArray[np.int32] = 
     elif grid.joined is None:
         draw_as_points(grid, canvas)
     else:
-        draw_as_surface(grid, grid.joined, camera, canvas, count)
+        draw_as_surface(grid, grid.joined, canvas, count)
     return canvas
 
 
 def draw_apart(
-    grids: Sequence[Grid], camera: Camera, canvases: Sequence[Canvas], count: NDArray[np.int32] = ALL, far: bool = False
+    grids: Sequence[Grid], canvases: Sequence[Canvas], count: NDArray[np.int32] = ALL, far: bool = False
 ) -> None:
     """Layers side by side, each onto its own canvas by `draw`, and where `far` by `draw_far`."""
 
     def draw_some(first: int, last: int) -> None:
         for grid, canvas in zip(grids[first:last], canvases[first:last]):
-            draw(grid, camera, canvas, count)
+            draw(grid, canvas, count)
             if far:
-                draw_far(grid, camera, canvas)
+                draw_far(grid, canvas)
 
     in_bands(draw_some, len(grids), band=1)
 
@@ -158,11 +182,9 @@ def draw_as_points(grid: Grid, canvas: Canvas) -> None:
         canvas.put_errors(layer, drawn, *np.divmod(raster.LARGEST - (nearest[drawn] & raster.LARGEST), width))
 
 
-def draw_as_surface(
-    grid: Grid, joined: UInt8Array, camera: Camera, canvas: Canvas, count: NDArray[np.int32] = ALL
-) -> None:
+def draw_as_surface(grid: Grid, joined: UInt8Array, canvas: Canvas, count: NDArray[np.int32] = ALL) -> None:
     """The layer's mesh, and footprints at its rim."""
-    layer, rows = grid.layer, camera.height
+    layer, camera, rows = grid.layer, grid.camera, grid.camera.height
     to_target = grid.matrix, grid.offset, camera.fx / layer.camera.fx
     wbuf, where = rasterize_surface(grid.depth, joined, grid.surface.rim, *to_target, camera.hw, count)
     smooth = grid.surface.smooth if grid.fine else np.zeros_like(joined)
@@ -201,13 +223,13 @@ def copy_onto(canvas: Canvas, layer: View) -> None:
     paste(layer.origin, layer.depth_hole, canvas.origin)
 
 
-def draw_far(grid: Grid, camera: Camera, canvas: Canvas) -> None:
+def draw_far(grid: Grid, canvas: Canvas) -> None:
     """The layer's far pixels (sky) behind everything drawn so far."""
-    layer, far = grid.layer, grid.layer.far
+    layer, camera, far = grid.layer, grid.camera, grid.layer.far
     rows = np.flatnonzero(far.any(1))
     if not len(rows):
         return
-    if layer.camera.same_view_as(camera):
+    if grid.own_camera:
         canvas.copy_where(layer, far & (canvas.depth == 0))
         return
     matrix, _ = px_from_px(layer.camera, camera)

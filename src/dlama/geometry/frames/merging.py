@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Hashable, Sequence
-from dataclasses import dataclass
 from typing import TypeVar
 
 import cv2
@@ -18,7 +17,7 @@ import numpy as np
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.codes import Origin, from_source
 from dlama.geometry.drawing.canvas import Canvas
-from dlama.geometry.drawing.layers import ALL, Grid, Mode, Surface, count_wanted, draw_apart
+from dlama.geometry.drawing.layers import ALL, Drawn, Grid, Mode, Surface, count_wanted, draw_apart
 from dlama.geometry.frames.choosing import MOST_FRAMES, choose_frames
 from dlama.geometry.frames.stored import Layer
 from dlama.geometry.holes import morphological_open, square
@@ -39,19 +38,8 @@ NARROWEST = 3
 """px; strips from other frames behind a removed object that are narrower are left to be filled."""
 
 
-@dataclass(frozen=True, eq=False)
-class Merged:
-    """The merged view."""
-
-    canvas: Canvas
-    frame: UInt16Array
-    """H x W, 1 + the number of the frame a pixel comes from; 0 = none."""
-    grids: list[Grid]
-    """The frames that were drawn, ready for hole types."""
-
-
-def merge_frames(scene: Scene, camera: Camera, mode: Mode, fine: bool) -> Merged:
-    """The frames of a scene, merged as `camera` sees them.
+def merge_frames(scene: Scene, camera: Camera, mode: Mode, fine: bool, errors: bool = False) -> Drawn:
+    """The frames of a scene, merged as `camera` sees them; `errors`: onto a canvas that has expected errors, too.
 
     In the camera of a frame its own pixels stay bit for bit; the others are drawn only where it has no depth.
     """
@@ -65,24 +53,25 @@ def merge_frames(scene: Scene, camera: Camera, mode: Mode, fine: bool) -> Merged
         gains, best[own.valid | own.far] = gains / gains[0], 1
         count = count_wanted(best == 0)
     drawn = [np.zeros((len(grids), *plane.shape), plane.dtype) for plane in Canvas.empty(camera).buffers()]
-    draw_apart(grids, camera, [Canvas(*planes) for planes in zip(*drawn)], count, far=True)
-    canvas = _merge_drawn(drawn, grids, camera, gains, scene.noise, best)
+    draw_apart(grids, [Canvas(*planes) for planes in zip(*drawn)], count, far=True)
+    canvas = Canvas.empty(camera, errors)
+    _merge_drawn(drawn, grids, canvas, gains, scene.noise, best)
     number = np.array([0, *(scene.numbers[place] + 1 for place in places)], np.uint16)
     if own is not None:
         _keep_own(canvas, best, own)
-    return Merged(canvas, number[best], grids)
+    return Drawn(canvas, grids, number[best])
 
 
 def _merge_drawn(
     drawn: Sequence[np.ndarray],
     grids: Sequence[Grid],
-    camera: Camera,
+    canvas: Canvas,
     gains: Float64Array,
     noise: tuple[float, float],
     best: UInt16Array,
-) -> Canvas:
-    """One canvas of several, in the pixels where `best` is 0; it gets 1 + the place of the frame that each comes from."""
-    out = Canvas.empty(camera)
+) -> None:
+    """Several canvases onto one, in the pixels where `best` is 0; it gets 1 + the place of the frame that each comes from."""
+    camera = grids[0].camera
     ways = [px_from_px(grid.layer.camera, camera) for grid in grids]
     centers = [
         [*(camera.cam_from_world @ grid.layer.camera.world_from_cam)[:3, 3], grid.layer.camera.fx] for grid in grids
@@ -92,9 +81,8 @@ def _merge_drawn(
         np.stack([nearest_depth_around(grid.layer) for grid in grids]),
         np.stack([confidence_margin(grid.layer, grid.mode) for grid in grids]),
         np.stack([matrix for matrix, _ in ways]), np.stack([offset for _, offset in ways]), np.array(centers),
-        np.array([camera.fx, camera.fy, camera.cx, camera.cy]), gains, np.array(noise), *out.buffers(), best,
+        np.array([camera.fx, camera.fy, camera.cx, camera.cy]), gains, np.array(noise), *canvas.buffers(), best,
     )  # fmt: skip
-    return out
 
 
 def keep_latest(function: Callable[..., Found]) -> Callable[..., Found]:
