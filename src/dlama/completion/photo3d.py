@@ -16,7 +16,7 @@ from dlama.completion.options import Options
 from dlama.completion.plausible import warn_of_scale
 from dlama.completion.report import Clock, Record, about_depth, meta_data
 from dlama.completion.start import Plan, plan_for, scene_of
-from dlama.completion.steps import CompletedView, Step, complete_step, frame_steps
+from dlama.completion.steps import CompletedView, complete_frame, complete_view, frames_to_fill
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.drawing.grid_mesh import mesh_grid
@@ -115,8 +115,8 @@ def photo3d(
         middle = small.frames[len(small.frames) // 2].camera
         box = HeadBox.of(source, angle, distance)
         steps: list[CompletedView] = []
-    for number in frame_steps(plan, small, [middle]):
-        found, small = complete_step(plan, small, number, clock)
+    for place in frames_to_fill(plan, small, [middle]):
+        found, small = complete_frame(plan, small, place, clock)
         steps.append(found)
     with clock("edges"):
         small = dataclasses.replace(small, frames=tuple(separate_colors(frame.load()) for frame in small.frames))
@@ -126,7 +126,7 @@ def photo3d(
     seen: list[Camera] = []
     while unknown.share > ENOUGH and len(seen) < MOST_CAMERAS:
         camera = unknown.next_camera() if len(seen) > 1 else grid_box.wide(-len(seen))
-        found, larger = complete_step(plan, small, Step(camera), clock)
+        found, larger = complete_view(plan, small, camera, clock)
         added = larger.fills[len(small.fills) :]
         steps.append(found)
         seen.append(camera)
@@ -221,13 +221,13 @@ def find_far(layer: View, camera: Camera) -> BoolArray:
     return cv2.warpPerspective(layer.far.view(np.uint8), matrix, camera.wh, flags=flags) > 0
 
 
-def find_covered(layer: View, depth: Float32Array, joined: UInt8Array, camera: Camera) -> BoolArray:
+def find_covered(view: View, depth: Float32Array, joined: UInt8Array, camera: Camera) -> BoolArray:
     """H x W: where a camera's picture shows the layer, of which `depth` and `joined` are the mesh (`mesh_grid`)."""
-    to_target = px_from_px(camera, layer.camera)
+    to_target = px_from_px(camera, view.camera)
     covered = (
-        rasterize_surface(depth, joined, rim(joined, depth), *to_target, camera.fx / layer.camera.fx, camera.hw)[0] > 0
+        rasterize_surface(depth, joined, rim(joined, depth), *to_target, camera.fx / view.camera.fx, camera.hw)[0] > 0
     )
-    return covered | find_far(layer, camera)
+    return covered | find_far(view, camera)
 
 
 def add_edge_layers(scene: Scene, box: HeadBox) -> Scene:

@@ -17,7 +17,7 @@ from dlama.completion.options import OptionKeywords, Options, Unpack, options_of
 from dlama.completion.plausible import warn_of_scale, warn_of_unknown
 from dlama.completion.report import Clock, Record, about_depth, expected_errors, meta_data
 from dlama.completion.start import choose_filler, plan_for, scene_of
-from dlama.completion.steps import CompletedView, Step, complete_step, fill, frame_steps, with_aligned_edges
+from dlama.completion.steps import CompletedView, complete_frame, complete_view, fill, frames_to_fill
 from dlama.errors import InputError
 from dlama.geometry.camera import Camera
 from dlama.geometry.frames.gathering import FrameSource
@@ -69,34 +69,34 @@ def complete(
     plan, scene, grown_mask = plan_for(start, chosen, mask)
     clock = Clock()
     completed: list[CompletedView] = []
-    fills: list[FillReport] = []
-    choices: list[tuple[Camera, UInt8Array]] = []
-    for step in (*frame_steps(plan, scene, cameras), *(Step(camera) for camera in cameras)):
-        found, scene = complete_step(plan, scene, step, clock)
-        fills += found.reports
-        if found.reports[1].choice is not None:
-            choices.append((found.view.camera, found.reports[1].choice))
-        if step.place is None:
-            completed.append(found)
-        del found  # of a frame the scene holds what was filled
+    fills: list[tuple[Camera, FillReport]] = []
+    for place in frames_to_fill(plan, scene, cameras):
+        found, scene = complete_frame(plan, scene, place, clock)
+        fills += ((found.view.camera, report) for report in found.reports)
+        del found  # the scene holds what was filled
+    for camera in cameras:
+        found, scene = complete_view(plan, scene, camera, clock)
+        fills += ((camera, report) for report in found.reports)
+        completed.append(found)
     make_room(source.camera.width * source.camera.height)
     views, warped = tuple(one.view for one in completed), tuple(one.before for one in completed)
     if mask is None:
         warn_of_unknown(source, warped)
-    record = Record(fills, clock.seconds, grown_mask, [one.grown for one in completed])
+    record = Record([report for _, report in fills], clock.seconds, grown_mask, [one.grown for one in completed])
     meta = about_depth(rgbd, start) | meta_data(plan, scene.frames[0].load(), warped, record) | expected_errors(views)
-    chosen_guesses = tuple(choice_of(one, choices) for one in completed)
-    completion = Completion(views, warped, scene, source, meta, choices=chosen_guesses)
+    choices = tuple(choice_of(one, fills) for one in completed)
+    completion = Completion(views, warped, scene, source, meta, choices=choices)
     return completion.with_min_confidence(chosen.min_confidence)
 
 
-def choice_of(completed: CompletedView, choices: Sequence[tuple[Camera, UInt8Array]]) -> UInt8Array | None:
+def choice_of(completed: CompletedView, fills: Sequence[tuple[Camera, FillReport]]) -> UInt8Array | None:
     """H x W: the number of the guess that counts most in each pixel (`Fill.choice`), of a filler that chooses; else None.
 
     Where nothing was left to fill, that of the view of the same camera that was filled before.
     """
-    same = (choice for camera, choice in choices if camera.same_view_as(completed.view.camera))
-    return completed.reports[1].choice if completed.reports[1].choice is not None else next(same, None)
+    own = (completed.view.camera, completed.reports[1])
+    same = (report.choice for camera, report in (own, *fills) if camera.same_view_as(own[0]))
+    return next((choice for choice in same if choice is not None), None)
 
 
 KEYS, CAMERAS_PER_KEY = 9, 5
@@ -143,7 +143,7 @@ def _views(scene: Scene, cameras: list[Camera], filler: Inpainter, of_slivers: I
         open_view = render(whole, camera)
         share = float(open_view.hole.mean())
         chosen = replace(plan, inpainter=of_slivers) if share <= SLIVERS else plan
-        view, _ = fill(with_aligned_edges(chosen, whole, camera), open_view)
+        view, _ = fill(chosen, open_view, whole)
         if share > KEPT:
             whole = fuse(whole, view, known=~open_view.hole)
         yield view

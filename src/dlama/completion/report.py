@@ -88,17 +88,17 @@ def depth_source(rgbd: RGBD) -> dict[str, Any]:
     return {"depth": "estimated", "depth_estimate": dict(rgbd.estimate)}
 
 
-def about_depth(given: object, start: Scene) -> dict[str, Any]:
-    """For meta.json: where the depth of a scene, made of what was given, comes from; of many frames their numbers, gains and
+def about_depth(rgbd: object, scene: Scene) -> dict[str, Any]:
+    """For meta.json: where the depth of a scene, made of `rgbd`, comes from; of many frames their numbers, gains and
     noise."""
-    if isinstance(given, RGBD):
-        return depth_source(given)
-    about: dict[str, Any] = {"depth": "estimated" if DepthProfile.of(start).estimated else "measured"}
-    if len(start.frames) > 1:
+    if isinstance(rgbd, RGBD):
+        return depth_source(rgbd)
+    about: dict[str, Any] = {"depth": "estimated" if DepthProfile.of(scene).estimated else "measured"}
+    if len(scene.frames) > 1:
         about["frames"] = {
-            "numbers": list(start.numbers),
-            "gains": [[round(gain, 4) for gain in gains] for gains in start.gains],
-            "noise": {"metres": start.noise[0], "per_metre": start.noise[1]},
+            "numbers": list(scene.numbers),
+            "gains": [[round(gain, 4) for gain in gains] for gains in scene.gains],
+            "noise": {"metres": scene.noise[0], "per_metre": scene.noise[1]},
         }
     return about
 

@@ -17,9 +17,11 @@ from dlama.completion.options import Options
 from dlama.completion.plausible import warn_of_mask
 from dlama.completion.recipes import Recipe
 from dlama.errors import InputError
+from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType
 from dlama.geometry.drawing.picture_edges import DepthProfile
-from dlama.geometry.frames.gathering import FrameSource, scene
+from dlama.geometry.frames import gathering
+from dlama.geometry.frames.gathering import FrameSource
 from dlama.geometry.frames.removal import remove_object
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, clip_depth
 from dlama.geometry.scene import Scene
@@ -41,7 +43,7 @@ class Plan:
     inpainter: Inpainter
     """The filler, with the recipe's way of filling depth (`filler_of_recipe`)."""
     seed: int
-    given: Scene
+    measured: Scene
     """The scene as measured, without removed objects; nothing is filled."""
     context: FillContext
     """What fillers know besides a view."""
@@ -49,6 +51,10 @@ class Plan:
     """The filler's name, for meta.json."""
     decisions: Mapping[str, Mapping[str, Any]]
     """For meta.json: what was chosen, and why."""
+
+    def is_of_frame(self, camera: Camera) -> bool:
+        """Whether a frame was taken by this camera."""
+        return any(camera.same_view_as(frame.camera) for frame in self.measured.frames)
 
 
 class Dilation(NamedTuple):
@@ -85,15 +91,15 @@ class FillerChoice:
         return {"filler": {"name": self.name, "reason": self.reason}}
 
 
-def scene_of(given: RGBD | Scene | Sequence[FrameSource], clip: float | None = None) -> Scene:
+def scene_of(rgbd: RGBD | Scene | Sequence[FrameSource], clip: float | None = None) -> Scene:
     """The scene that a completion starts from, clipped at `clip` metres. InputError: a scene cannot be clipped any more."""
-    if isinstance(given, RGBD):
-        return Scene((View.from_rgbd(clip_depth(given, clip)),))
-    if not isinstance(given, Scene):
-        return scene([clip_frame(frame, clip) for frame in given])
+    if isinstance(rgbd, RGBD):
+        return Scene((View.from_rgbd(clip_depth(rgbd, clip)),))
+    if not isinstance(rgbd, Scene):
+        return gathering.scene([clip_frame(frame, clip) for frame in rgbd])
     if clip is not None:
         raise InputError(f"`clip` is {clip} m: a scene cannot be clipped; give its frames instead")
-    return given
+    return rgbd
 
 
 def clip_frame(frame: FrameSource, clip: float | None) -> FrameSource:
@@ -108,7 +114,7 @@ def _read_and_clip(read: Callable[[], RGBD], clip: float | None) -> RGBD:
 
 
 def choose_filler(
-    start: Scene, filler: str | Inpainter = AUTO, model: str | Path | None = None, *, removes: bool = False
+    scene: Scene, filler: str | Inpainter = AUTO, model: str | Path | None = None, *, removes: bool = False
 ) -> FillerChoice:
     """The filler as given; for `auto` the one that suits the depth of the scene, and whether an object is removed from it.
 
@@ -117,8 +123,8 @@ def choose_filler(
     if filler != AUTO:
         return FillerChoice(filler, "as given")
     refuse_model_of_auto(filler, model)
-    profile = DepthProfile.of(start)
-    removed = removes or bool(start.removals)
+    profile = DepthProfile.of(scene)
+    removed = removes or bool(scene.removals)
     name = auto_filler(estimated=profile.estimated, misplaced=profile.from_depth_camera, removed=removed)
     return FillerChoice(name, profile.reason + "; an object is removed" * removed)
 
@@ -138,7 +144,7 @@ def filler_of_recipe(filler: Inpainter, recipe: Recipe) -> Inpainter:
     return with_grey_depth(filler, recipe.clip) if recipe.eight_bit_depth and recipe.clip is not None else filler
 
 
-def context_of(given: Scene, recipe: Recipe, object_depth: Float32Array | None = None) -> FillContext:
+def context_of(scene: Scene, recipe: Recipe, object_depth: Float32Array | None = None) -> FillContext:
     """What fillers know of a scene besides a view; nothing, where the recipe knows no law.
 
     object_depth: H x W metres that count as measured at the removed object's pixels; None: its own.
@@ -146,22 +152,22 @@ def context_of(given: Scene, recipe: Recipe, object_depth: Float32Array | None =
     if not recipe.law:
         return FillContext(Law(()))
     if object_depth is None:
-        return FillContext.of(given)
-    removed = (one.load() for one in given.removals)
+        return FillContext.of(scene)
+    removed = (one.load() for one in scene.removals)
     removals = tuple(replace(one, depth=np.where(one.hole, one.depth, object_depth)) for one in removed)
-    return FillContext.of(replace(given, removals=removals))
+    return FillContext.of(replace(scene, removals=removals))
 
 
-def describe_padding(given: Scene) -> dict[str, dict[str, Any]]:
+def describe_padding(scene: Scene) -> dict[str, dict[str, Any]]:
     """For meta.json: how many pixels of the frames in memory are padding round the picture (`RGBD.padding`); {} = none."""
-    measured = (one for one in given.frames if isinstance(one, View))
+    measured = (one for one in scene.frames if isinstance(one, View))
     pixels = sum(int(np.count_nonzero(one.hole_type == HoleType.OUT_OF_VIEW.value)) for one in measured)
     reason = "a white or black frame without depth runs round the picture: it is filled, as all that is out of view"
     return {"padding": {"pixels": pixels, "reason": reason}} if pixels else {}
 
 
 def plan_for(
-    start: Scene,
+    scene: Scene,
     options: Options,
     mask: BoolArray | Mapping[int, BoolArray] | None = None,
 ) -> tuple[Plan, Scene, Dilation]:
@@ -169,16 +175,22 @@ def plan_for(
 
     Raises InputError, MaskError, as `complete`.
     """
-    recipe, choice = options.settings, choose_filler(start, options.filler, options.model, removes=mask is not None)
+    recipe, choice = options.settings, choose_filler(scene, options.filler, options.model, removes=mask is not None)
     inpainter, decisions, dilation = find_filler(choice.filler, options.model), choice.decision, NO_DILATION
     if mask is not None:
-        removal = remove_object(start, mask, recipe.dilate)
+        removal = remove_object(scene, mask, recipe.dilate)
         warn_of_mask(mask)
-        start, recipe = removal.scene, replace(recipe, dilate=removal.growth.px)
+        scene, recipe = removal.scene, replace(recipe, dilate=removal.growth.px)
         decisions = decisions | {"mask_growth": removal.growth._asdict()}
         dilation = Dilation(removal.pixels, removal.known_pixels_given_up)
-    given = start.unfilled
-    decisions = decisions | describe_padding(given)
-    filler_with_depth = filler_of_recipe(inpainter, recipe)
-    plan = Plan(recipe, filler_with_depth, options.seed, given, context_of(given, recipe), choice.name, decisions)
-    return plan, start, dilation
+    measured = scene.unfilled
+    plan = Plan(
+        recipe,
+        filler_of_recipe(inpainter, recipe),
+        options.seed,
+        measured,
+        context_of(measured, recipe),
+        choice.name,
+        decisions | describe_padding(measured),
+    )
+    return plan, scene, dilation

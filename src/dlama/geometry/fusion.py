@@ -100,21 +100,21 @@ def cell_halves(depth: Float32Array, joined: UInt8Array) -> tuple[BoolArray, ...
     )
 
 
-def layer_mesh(layer: View) -> Mesh:
+def layer_mesh(view: View) -> Mesh:
     """One layer's joined quads; vertices are its valid, non-flying pixels."""
-    depth, joined = mesh_grid(layer)
+    depth, joined = mesh_grid(view)
     chosen = (depth > 0) & (depth < np.inf)
     number = np.cumsum(chosen).reshape(chosen.shape) - 1
     corner = {"a": number[:-1, :-1], "b": number[:-1, 1:], "c": number[1:, :-1], "d": number[1:, 1:]}
     triangles = np.concatenate(
         [np.stack([corner[name][half] for name in names], 1) for names, half in zip(HALVES, cell_halves(depth, joined))]
     ).astype(np.int32)
-    in_camera = rays(layer.camera)[chosen] * depth[chosen][:, None]
-    pose = layer.camera.world_from_cam
+    in_camera = rays(view.camera)[chosen] * depth[chosen][:, None]
+    pose = view.camera.world_from_cam
     return Mesh(
         in_camera @ pose[:3, :3].T + pose[:3, 3],
         triangles,
-        layer.color[chosen],
-        layer.origin[chosen],
-        layer.confidence[chosen],
+        view.color[chosen],
+        view.origin[chosen],
+        view.confidence[chosen],
     )

@@ -217,17 +217,17 @@ def hole_types(grids: list[Grid], removals: tuple[Layer, ...], hole: BoolArray) 
     return np.asarray(cv2.LUT(ranks, TYPE_OF_RANK) * hole, np.uint8)
 
 
-def close_grid(layer: View, removals: tuple[Layer, ...]) -> tuple[Float32Array, UInt8Array]:
+def close_grid(view: View, removals: tuple[Layer, ...]) -> tuple[Float32Array, UInt8Array]:
     """Depth of a layer with every gap closed, and the rank of the hole type of what was closed.
 
     Removed objects get their own depth back, sensor holes the depth of the nearest pixel, far pixels a large one.
     """
-    depth = np.where(layer.hole, np.float32(0), layer.depth)
+    depth = np.where(view.hole, np.float32(0), view.depth)
     rank = np.zeros(depth.shape, np.uint8)
-    rank[layer.hole & (layer.hole_type == HoleType.SENSOR.value)] = hole_kernels.SENSOR_RANK
-    rank[layer.hole & (layer.hole_type == HoleType.OBJECT.value)] = hole_kernels.OBJECT_RANK
+    rank[view.hole & (view.hole_type == HoleType.SENSOR.value)] = hole_kernels.SENSOR_RANK
+    rank[view.hole & (view.hole_type == HoleType.OBJECT.value)] = hole_kernels.OBJECT_RANK
     for removed in removals:
-        if removed.camera.same_view_as(layer.camera):
+        if removed.camera.same_view_as(view.camera):
             part = removed.load()
             depth = np.where((depth == 0) & part.valid, part.depth, depth)
     horizon = 100 * float(np.where(depth < np.inf, depth, np.float32(0)).max()) or 1e4

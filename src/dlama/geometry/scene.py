@@ -134,10 +134,10 @@ class Scene:
         return point_viewer(repr(self), cloud.points, cloud.color, cloud.origin, cloud.confidence, cam_from_world)
 
 
-def contribution(layer: View) -> BoolArray:
+def contribution(view: View) -> BoolArray:
     """H x W, True at the pixels a layer adds to the scene's cloud: measured or filled here, not seen again.
 
     What was measured and is seen again has the origin REPROJECTED; what was filled before and is, no hole type.
     """
-    filled_before = from_filler(layer.origin) & (layer.hole_type == HoleType.NONE.value)
-    return layer.valid & (layer.origin != Origin.REPROJECTED.value) & ~filled_before
+    filled_before = from_filler(view.origin) & (view.hole_type == HoleType.NONE.value)
+    return view.valid & (view.origin != Origin.REPROJECTED.value) & ~filled_before

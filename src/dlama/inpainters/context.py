@@ -69,12 +69,8 @@ class FillContext:
         """The context with the scene's frames as they are drawn (`align_edges`). Near misaligned edges filled depth counts as
         measured, and edges lie where the picture has them, if that forbids more. Of very many frames: of the context `near`."""
         frames, aligned = _aligned.get(self, ((), self))
-        if frames is not scene.frames:
-            aligned = self._with_aligned_edges(scene)
-            _aligned[self] = scene.frames, aligned
-        return aligned
-
-    def _with_aligned_edges(self, scene: Scene) -> FillContext:
+        if frames is scene.frames:
+            return aligned
         measured, misplaced = list(self.law.measured), self.misplaced_edges
         for layer in scene.frames:
             for number, (camera, known) in enumerate(measured):
@@ -83,7 +79,9 @@ class FillContext:
                     if placed.misaligned.any():
                         measured[number] = camera, np.where(placed.misaligned, np.maximum(known, placed.depth), known)
                         misplaced = True
-        return replace(self, law=Law(tuple(measured)), misplaced_edges=misplaced)
+        aligned = replace(self, law=Law(tuple(measured)), misplaced_edges=misplaced)
+        _aligned[self] = scene.frames, aligned
+        return aligned
 
     def cropped(self, view: View, rows: slice, columns: slice) -> FillContext:
         """The context for a part of a view (`View.cropped`)."""

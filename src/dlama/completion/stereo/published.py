@@ -22,7 +22,7 @@ def complete_pair_one_by_one(pair: MatchedPair, draft: Plan, clock: Clock) -> Co
     """The object removed from each picture of a pair, colour filled in each alone, then matched: depth is what matching finds."""
     assert pair.masks is not None
     recipe, inpainter = draft.recipe, filler_of_recipe(draft.inpainter, draft.recipe)
-    given, grown_mask = without_object(pair, recipe)
+    scene, grown_mask = without_object(pair, recipe)
     flat = [RGBD(one.color, np.ones(one.color.shape[:2], np.float32), one.camera) for one in (pair.left, pair.right)]
     plans: list[Plan] = []
     before: list[View] = []
@@ -30,7 +30,7 @@ def complete_pair_one_by_one(pair: MatchedPair, draft: Plan, clock: Clock) -> Co
     fills: list[FillReport] = []
     for source, mask in zip(map(View.from_rgbd, flat), pair.masks):
         alone = Scene((source,))
-        plans.append(dataclasses.replace(draft, inpainter=inpainter, given=alone, context=context_of(alone, recipe)))
+        plans.append(dataclasses.replace(draft, inpainter=inpainter, measured=alone, context=context_of(alone, recipe)))
         before.append(source.without(dilate_mask(mask, recipe.dilate or 0), HoleType.OBJECT))
         with clock("fill"):
             view, report = fill(plans[-1], before[-1])
@@ -44,8 +44,10 @@ def complete_pair_one_by_one(pair: MatchedPair, draft: Plan, clock: Clock) -> Co
         for one, view in zip((again.left, again.right), filled)
     )
     record = Record(fills, clock.seconds, grown_mask)
-    scene = Scene((left,), given.removals)
-    return CompletedPair(plans[0], pair.left, (before[0], before[1]), (left, right), scene, record, {"right": "given"})
+    completed = Scene((left,), scene.removals)
+    return CompletedPair(
+        plans[0], pair.left, (before[0], before[1]), (left, right), completed, record, {"right": "given"}
+    )
 
 
 def with_origin_of(matched: View, filled: View) -> View:

@@ -31,7 +31,7 @@ from dlama.completion.start import (
     refuse_model_of_auto,
     scene_of,
 )
-from dlama.completion.steps import close_holes, complete_step, fill, frame_steps, fuse_new
+from dlama.completion.steps import close_holes, complete_frame, fill, frames_to_fill, fuse_new
 from dlama.completion.stereo.disparities import find_matches
 from dlama.completion.stereo.exchange import (
     add_seen_alone,
@@ -182,24 +182,24 @@ def complete_pair_together(pair: MatchedPair, draft: Plan, clock: Clock) -> Comp
     """Both views completed: each first by what the other camera measured, then what neither did, filled in the left view."""
     clean, object_depth, gain = pair.without_bleeding(), pair.object_depth, color_gain(pair)
     recipe, filler = draft.recipe, draft.inpainter
-    given, grown_mask = without_object(clean, recipe)
+    scene, grown_mask = without_object(clean, recipe)
     right_before = right_as_given(clean, recipe)
-    context = context_of(given, recipe, object_depth)
-    plan = dataclasses.replace(draft, inpainter=left_filler(filler, pair, recipe), given=given, context=context)
-    both = dataclasses.replace(given, fills=(right_before,))  # what the right picture measured counts for the law too
+    context = context_of(scene, recipe, object_depth)
+    plan = dataclasses.replace(draft, inpainter=left_filler(filler, pair, recipe), measured=scene, context=context)
+    both = dataclasses.replace(scene, fills=(right_before,))  # what the right picture measured counts for the law too
     context = context_of(both, recipe, object_depth)
 
     with clock("exchange"):
         other = right_before if pair.masks is None else continue_depth(right_before, context, plan.seed)
         other = apply_gain(other, gain)
-        open_left = given.frames[0].load()
+        open_left = scene.frames[0].load()
         known_left = transfer_hidden(open_left, other, plan.context.law, recipe.mode)
     with clock("fill"):
         left, left_fill = fill(plan, known_left)
     with clock("fuse"):
         guessed_or_transferred = open_left.color_hole
         measured = left.without(guessed_or_transferred, HoleType.OBJECT)
-        scene = dataclasses.replace(given, frames=(measured,))
+        scene = dataclasses.replace(scene, frames=(measured,))
         if pair.masks is not None:
             scene = add_seen_alone(scene, other, context.law, recipe.mode)
         scene = fuse(scene, left)
@@ -228,13 +228,13 @@ def complete_pair_together(pair: MatchedPair, draft: Plan, clock: Clock) -> Comp
 def synthesise_right(pair: MatchedPair, draft: Plan, clock: Clock) -> CompletedPair:
     """The left view completed, and the right one made from it; of the right picture only the disparity is used."""
     source, recipe, filler = pair.left, draft.recipe, draft.inpainter
-    scene = given = scene_of(source, recipe.clip)
+    scene = measured = scene_of(source, recipe.clip)
     plan = dataclasses.replace(
-        draft, inpainter=left_filler(filler, pair, recipe), given=given, context=context_of(given, recipe)
+        draft, inpainter=left_filler(filler, pair, recipe), measured=measured, context=context_of(measured, recipe)
     )
     fills: list[FillReport] = []
-    for step in frame_steps(plan, given, ()):
-        found, scene = complete_step(plan, scene, step, clock)
+    for place in frames_to_fill(plan, measured, ()):
+        found, scene = complete_frame(plan, scene, place, clock)
         fills += found.reports
     with clock("fill"):
         left, left_fill = fill(plan, render(scene, pair.rig.left, recipe.mode, close=False))

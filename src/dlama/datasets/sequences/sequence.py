@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from dlama import __version__
 from dlama.arguments import check_arguments
@@ -14,13 +14,13 @@ from dlama.completion.memory import check_memory
 from dlama.completion.options import Options
 from dlama.completion.report import share
 from dlama.completion.start import Plan, plan_for
-from dlama.completion.steps import Step, complete_step, frame_steps
+from dlama.completion.steps import CompletedView, complete_frame, complete_view, frames_to_fill
 from dlama.datasets.posed.nerfstudio import FOLDERS, write_transforms, write_view
 from dlama.datasets.posed.posed_frames import CameraOption
 from dlama.datasets.sequences.camera_paths import cameras_for
 from dlama.datasets.sequences.loading import masks_by_number, read_scene_of
 from dlama.datasets.sequences.results import check_results, write_views_video, write_whole
-from dlama.datasets.sequences.state import SequenceState, StepChange
+from dlama.datasets.sequences.state import SequenceState, Step, StepChange
 from dlama.errors import OutputError, system_errors
 from dlama.files.atomic_write import PathLike, new_file
 from dlama.files.results.meta_json import as_json
@@ -34,16 +34,6 @@ from dlama.inpainters import AUTO
 
 Progress = Callable[[int, int, str, bool], None]
 """Called after each view: how many are done, of how many, which one, and whether an earlier run had done it."""
-
-
-class NamedStep(NamedTuple):
-    """One view to be completed."""
-
-    name: str
-    """Of the frame, or of the camera."""
-    step: Step
-    shown: bool
-    """Whether it is asked for; a frame may be filled on the way to other cameras."""
 
 
 @dataclass
@@ -127,7 +117,7 @@ def sequence(
     plan, start, _ = plan_for(given, options, numbered or None)
     steps = steps_for(plan, start, kept, cameras)
     settings = settings_of(plan, model, recipe, seed)
-    views_by_name = {"views": [(name, shown) for name, _, shown in steps]}
+    views_by_name = {"views": [(step.name, step.shown) for step in steps]}
     state = SequenceState(target, settings | views_by_name, start, __version__)
     done = complete_steps(plan, start, steps, state, target, progress)
     ordered = cameras or {name: frame.camera for name, frame in zip(kept, given.frames)}
@@ -186,23 +176,22 @@ def write_views(
     return about
 
 
-def steps_for(plan: Plan, start: Scene, names: Sequence[str], cameras: Mapping[str, Camera] | None) -> list[NamedStep]:
+def steps_for(plan: Plan, scene: Scene, names: Sequence[str], cameras: Mapping[str, Camera] | None) -> list[Step]:
     """The views to complete, in order: the frames that matter, then the cameras (name -> camera; None: the frames' own).
 
     names: of the frames.
     """
-    order = frame_steps(plan, start, list((cameras or {}).values()))
+    places = frames_to_fill(plan, scene, list((cameras or {}).values()))
     if cameras is None:
-        places = [step.place for step in order]
-        order += [Step(frame.camera, place) for place, frame in enumerate(start.frames) if place not in places]
-    frames = [NamedStep(names[step.place or 0], step, cameras is None) for step in order]
-    return [*frames, *(NamedStep(name, Step(camera), True) for name, camera in (cameras or {}).items())]
+        places += [place for place in range(len(scene.frames)) if place not in places]
+    frames = [Step(names[place], scene.frames[place].camera, place, cameras is None) for place in places]
+    return [*frames, *(Step(name, camera, None, True) for name, camera in (cameras or {}).items())]
 
 
 def complete_steps(
     plan: Plan,
-    start: Scene,
-    steps: Sequence[NamedStep],
+    scene: Scene,
+    steps: Sequence[Step],
     state: SequenceState,
     target: Path,
     progress: Progress | None,
@@ -211,20 +200,27 @@ def complete_steps(
     resumed = state.begin()
     for folder in FOLDERS:
         (target / folder).mkdir(exist_ok=True)
-    done = StepResults(start)
-    for number, (name, step, shown) in enumerate(steps):
+    done = StepResults(scene)
+    for number, step in enumerate(steps):
         added = state.of(number) if resumed else None
         earlier = added is not None
         if added is None:
             found, larger = complete_step(plan, done.scene, step)
             added = StepChange.by(step, found.view, done.scene, larger)
-            if shown:
-                write_view(target, name, added.view)
+            if step.shown:
+                write_view(target, step.name, added.view)
             added = state.keep(number, added)
         done.scene, done.reused = added.to(done.scene, step), done.reused + earlier
-        if shown:
-            done.filled[name] = share(added.view.filled)
-            done.depth_filled[name] = share(added.view.origin == Origin.DEPTH_FILLED.value)
+        if step.shown:
+            done.filled[step.name] = share(added.view.filled)
+            done.depth_filled[step.name] = share(added.view.origin == Origin.DEPTH_FILLED.value)
         if progress is not None:
-            progress(number + 1, len(steps), name if shown else f"{name} (on the way)", earlier)
+            progress(number + 1, len(steps), step.name if step.shown else f"{step.name} (on the way)", earlier)
     return done
+
+
+def complete_step(plan: Plan, scene: Scene, step: Step) -> tuple[CompletedView, Scene]:
+    """The view of a step, completed, and the scene with what was filled for it."""
+    if step.place is None:
+        return complete_view(plan, scene, step.camera)
+    return complete_frame(plan, scene, step.place)

@@ -9,14 +9,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from dlama.completion.steps import Step
 from dlama.errors import FileError
 from dlama.files.atomic_write import new_file
 from dlama.files.scenes.scene_npz import read_layer, read_npz, write_npz
+from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType
 from dlama.geometry.frames.stored import Layer, PixelCache, StoredView
 from dlama.geometry.scene import Scene
@@ -26,6 +26,18 @@ FOLDER = ".dlama-sequence"
 """In the output, while the run lasts."""
 FORMAT = 3
 """Of the files there; what another one left is not gone on with."""
+
+
+class Step(NamedTuple):
+    """One view to be completed."""
+
+    name: str
+    """Of the frame, or of the camera."""
+    camera: Camera
+    place: int | None
+    """Of the frame in whose camera it is; None: another camera."""
+    shown: bool
+    """Whether it is asked for; a frame may be filled on the way to other cameras."""
 
 
 @dataclass(frozen=True, eq=False)

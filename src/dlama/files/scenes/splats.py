@@ -89,16 +89,12 @@ def sheet_splats(sheet: Sheet) -> np.ndarray:
     return grid_splats(sheet.layer.camera, (depth * (1 + sheet.behind), joined), shown, color, peak_opacity(share))
 
 
-def layer_splats(layer: View, sky: tuple[Camera, float]) -> np.ndarray:
+def layer_splats(view: View, sky: tuple[Camera, float]) -> np.ndarray:
     """N x len(FIELDS): the splats of what a layer adds to its scene."""
-    depth, joined = mesh_grid(layer)
-    shown = (
-        ((contribution(layer) | layer.far) & (depth > 0))
-        | (layer.far & layer.filled)
-        | (layer.far & layer.shows_source)
-    )
-    depth = np.where(layer.far, depth_of_sphere(layer.camera, *sky), np.where(depth > 0, depth, layer.depth))
-    return grid_splats(layer.camera, (depth, joined), shown, layer.color, np.full(depth.shape, OPAQUE))
+    depth, joined = mesh_grid(view)
+    shown = ((contribution(view) | view.far) & (depth > 0)) | (view.far & view.filled) | (view.far & view.shows_source)
+    depth = np.where(view.far, depth_of_sphere(view.camera, *sky), np.where(depth > 0, depth, view.depth))
+    return grid_splats(view.camera, (depth, joined), shown, view.color, np.full(depth.shape, OPAQUE))
 
 
 def peak_opacity(share: np.ndarray) -> np.ndarray:

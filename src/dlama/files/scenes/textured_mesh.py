@@ -42,10 +42,10 @@ def write_textured_glb(path: PathLike, scene: Scene) -> None:
         file.writelines(textured_glb(packed))
 
 
-def decimated_part(layer: View) -> MeshPart:
+def decimated_part(view: View) -> MeshPart:
     """The surface of a layer (`decimate`) with its picture."""
-    part = decimate(layer)
-    return MeshPart(part.mesh, part.pixels, layer.color, part.surface)
+    part = decimate(view)
+    return MeshPart(part.mesh, part.pixels, view.color, part.surface)
 
 
 def textured_glb(packed: Sequence[MeshPart], quality: int = JPEG_QUALITY) -> list[bytes | bytearray]:

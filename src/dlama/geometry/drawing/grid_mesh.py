@@ -48,14 +48,14 @@ def find_flying_pixels(view: View) -> BoolArray:
     return MESHES[view][0] if view in MESHES else remove_flying_pixels(view)[1]
 
 
-def remove_flying_pixels(layer: View, step: float = 0.0) -> tuple[Float32Array, BoolArray, Float32Array]:
+def remove_flying_pixels(view: View, step: float = 0.0) -> tuple[Float32Array, BoolArray, Float32Array]:
     """Depth without holes and flying pixels (0), its edges aligned with the picture; the flying pixels; and inverse depth with
     a margin, for `depth_edges`. step: in inverse depth (1/m), up to which neighbours are one surface at least."""
-    placed, mixed, _ = align_edges(layer)
-    unknown = layer.hole | mixed
+    placed, mixed, _ = align_edges(view)
+    unknown = view.hole | mixed
     w = edges.inverse_with_margin(placed, unknown)
-    depth, fly = np.empty_like(placed), np.empty_like(layer.hole)
-    ratio = edge_ratio(layer.camera)
+    depth, fly = np.empty_like(placed), np.empty_like(view.hole)
+    ratio = edge_ratio(view.camera)
     least = max(step, step_by_noise(w, ratio))
     in_bands(edges.reject_flying, len(depth), w, placed, unknown, ratio, least, depth, fly)
     fly |= mixed
@@ -71,21 +71,21 @@ def join_neighbours(w: Float32Array, camera: Camera, step: float = 0.0) -> UInt8
     return joined
 
 
-def mesh_grid(layer: View, step: float = 0.0) -> tuple[Float32Array, UInt8Array]:
+def mesh_grid(view: View, step: float = 0.0) -> tuple[Float32Array, UInt8Array]:
     """Depth without flying pixels, and which neighbours are joined into one surface (`step`: as of `remove_flying_pixels`)."""
     if step == 0:
-        return prepare_mesh(layer)[::2]
-    depth, _, w = remove_flying_pixels(layer, step)
-    return depth, join_neighbours(w, layer.camera, step)
+        return prepare_mesh(view)[::2]
+    depth, _, w = remove_flying_pixels(view, step)
+    return depth, join_neighbours(w, view.camera, step)
 
 
-def prepare_mesh(layer: View) -> tuple[Float32Array, BoolArray, UInt8Array]:
+def prepare_mesh(view: View) -> tuple[Float32Array, BoolArray, UInt8Array]:
     """Depth without flying pixels (0), the flying pixels, and which neighbours are joined; found once for a layer."""
-    if layer in MESHES:
-        flying, joined = MESHES[layer]
+    if view in MESHES:
+        flying, joined = MESHES[view]
         depth = np.zeros(flying.shape, np.float32)
-        paste(align_edges(layer).depth, ~(flying | layer.hole), depth)
+        paste(align_edges(view).depth, ~(flying | view.hole), depth)
         return depth, flying, joined
-    depth, flying, w = remove_flying_pixels(layer)
-    MESHES[layer] = flying, join_neighbours(w, layer.camera)
-    return depth, *MESHES[layer]
+    depth, flying, w = remove_flying_pixels(view)
+    MESHES[view] = flying, join_neighbours(w, view.camera)
+    return depth, *MESHES[view]

@@ -216,11 +216,11 @@ def rasterize_surface(
     return wbuf, where
 
 
-def copy_onto(canvas: Canvas, layer: View) -> None:
+def copy_onto(canvas: Canvas, view: View) -> None:
     """The layer seen from its own camera: every finite pixel as it is; a sensor hole its colour, but no depth."""
-    canvas.copy_where(layer, layer.valid)
-    paste(layer.color, layer.depth_hole, canvas.color)
-    paste(layer.origin, layer.depth_hole, canvas.origin)
+    canvas.copy_where(view, view.valid)
+    paste(view.color, view.depth_hole, canvas.color)
+    paste(view.origin, view.depth_hole, canvas.origin)
 
 
 def draw_far(grid: Grid, canvas: Canvas) -> None:

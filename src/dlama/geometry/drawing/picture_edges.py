@@ -7,7 +7,6 @@ versa. In the view itself this is invisible; from elsewhere both get a torn frin
 from __future__ import annotations
 
 from typing import NamedTuple
-from weakref import WeakKeyDictionary
 
 import cv2
 import numpy as np
@@ -19,6 +18,7 @@ from dlama.geometry.drawing.map_grid import MapGrid
 from dlama.geometry.holes import fill_with_nearest, nearest_along_colors
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.kernels.picture_edges import ROOM, find_mixed, fit_planes
+from dlama.geometry.once import once
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.scene import Scene
@@ -62,13 +62,12 @@ class DepthProfile(NamedTuple):
         """Whether a depth camera measured it: its edges are clearly misaligned."""
         return self.edges_off_px >= CLEARLY
 
-    @classmethod
-    def of(cls, scene: Scene) -> DepthProfile:
+    @staticmethod
+    @once
+    def of(scene: Scene) -> DepthProfile:
         """The profile of a scene, by its first frame before any removal."""
-        if scene not in PROFILES:
-            estimated = any(Origin.ESTIMATED in frame.origins for frame in scene.frames)
-            PROFILES[scene] = cls(estimated, edge_uncertainty(scene.original(scene.frames[0]).load()))
-        return PROFILES[scene]
+        estimated = any(Origin.ESTIMATED in frame.origins for frame in scene.frames)
+        return DepthProfile(estimated, edge_uncertainty(scene.original(scene.frames[0]).load()))
 
     @property
     def reason(self) -> str:
@@ -90,21 +89,9 @@ class AlignedDepth(NamedTuple):
     """H x W, True within the reach of misaligned edges; all False where edges are aligned."""
 
 
-PROFILES: WeakKeyDictionary[Scene, DepthProfile] = WeakKeyDictionary()
-"""Cache by scene."""
-ALIGNED: WeakKeyDictionary[View, AlignedDepth] = WeakKeyDictionary()
-"""Cache by view: each is drawn several times."""
-
-
+@once
 def align_edges(view: View) -> AlignedDepth:
     """Depth with its edges aligned to the picture; the depth itself where they are, or where this cannot be measured."""
-    placed = ALIGNED.get(view)
-    if placed is None:
-        placed = ALIGNED[view] = _align_edges(view)
-    return placed
-
-
-def _align_edges(view: View) -> AlignedDepth:
     reach = edge_uncertainty(view)
     if not reach:
         none = np.zeros(view.hole.shape, np.bool_)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
-from weakref import WeakKeyDictionary
 
 import cv2
 import numpy as np
@@ -13,6 +12,7 @@ import numpy as np
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.frames.choosing import sample_view
 from dlama.geometry.frames.stored import Layer
+from dlama.geometry.once import once
 from dlama.geometry.projection import project
 from dlama.geometry.rgbd import Float32Array
 from dlama.geometry.view import View
@@ -63,14 +63,10 @@ class ComparableView:
         self.colors = blur(layer.load())[self.samples.rows, self.samples.columns]
 
 
-_comparable: WeakKeyDictionary[Layer, ComparableView] = WeakKeyDictionary()
-
-
+@once
 def make_comparable(layer: Layer) -> ComparableView:
     """The samples of a view, computed once."""
-    if layer not in _comparable:
-        _comparable[layer] = ComparableView(layer)
-    return _comparable[layer]
+    return ComparableView(layer)
 
 
 class Pictures:

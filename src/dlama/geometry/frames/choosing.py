@@ -7,13 +7,13 @@ the camera (some 0.1 ms a frame). Only the chosen frames are rendered, and only 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.frames.extent import bounding_boxes, intersects_view
 from dlama.geometry.frames.stored import Layer
+from dlama.geometry.once import once
 from dlama.geometry.projection import project
 
 MOST_FRAMES = 4
@@ -56,14 +56,10 @@ class Samples:
         """8 x 3, the corners of the box that holds them; NaN where there are none."""
 
 
-_samples: WeakKeyDictionary[Layer, Samples] = WeakKeyDictionary()
-
-
+@once
 def sample_view(layer: Layer) -> Samples:
     """The samples of a view, taken once."""
-    if layer not in _samples:
-        _samples[layer] = Samples(layer)
-    return _samples[layer]
+    return Samples(layer)
 
 
 def choose_frames(frames: Sequence[Layer], camera: Camera, most: int = MOST_FRAMES) -> list[int]:

@@ -3,36 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.frames.stored import Layer
+from dlama.geometry.once import once
 from dlama.geometry.projection import lift
 from dlama.geometry.rgbd import BoolArray
 
 MARGIN = 0.05
 """Margin of the frustum, over the picture's size: rims are drawn a little larger."""
-_corners: WeakKeyDictionary[Layer, Float64Array | None] = WeakKeyDictionary()
+
+
+@once
+def box_of(layer: Layer) -> Float64Array | None:
+    """8 x 3, the corners of the box that holds a view's points (NaN where there are none); None: far pixels are in no box."""
+    view = layer.load()
+    return None if view.far.any() else bounding_boxes([lift(view).points])[0]
 
 
 def may_show(layer: Layer, camera: Camera) -> bool:
     """False where nothing of a view can be seen from a camera. Its pixels are read once, the box of its points is kept."""
-    if layer not in _corners:
-        view = layer.load()
-        points = lift(view).points
-        ends = np.stack([points.min(0), points.max(0)]) if len(points) else np.zeros((2, 0))
-        _corners[layer] = None if view.far.any() else box_corners(ends)
-    corners = _corners[layer]
-    return corners is None or (len(corners) > 0 and bool(intersects_view(corners[None], camera)[0]))
-
-
-def box_corners(ends: Float64Array) -> Float64Array:
-    """8 x 3, the corners of the box between two points (2 x 3); 0 x 3 of none."""
-    if ends.shape[1] == 0:
-        return np.zeros((0, 3))
-    return np.stack(np.meshgrid(*ends.T, indexing="ij"), -1).reshape(8, 3)
+    box = box_of(layer)
+    return box is None or bool(intersects_view(box[None], camera)[0])
 
 
 def intersects_view(corners: Float64Array, camera: Camera) -> BoolArray:
@@ -54,5 +48,9 @@ def intersects_view(corners: Float64Array, camera: Camera) -> BoolArray:
 
 def bounding_boxes(parts: Sequence[Float64Array]) -> Float64Array:
     """N x 8 x 3, the boxes that hold N sets of points (M x 3 each); NaN for no points, which are in no view."""
-    empty = np.full((8, 3), np.nan)
-    return np.stack([box_corners(np.stack([p.min(0), p.max(0)])) if len(p) else empty for p in parts])
+    boxes = np.full((len(parts), 8, 3), np.nan)
+    for box, points in zip(boxes, parts):
+        if len(points):
+            ends = zip(points.min(0), points.max(0))
+            box[:] = np.stack(np.meshgrid(*ends, indexing="ij"), -1).reshape(8, 3)
+    return boxes

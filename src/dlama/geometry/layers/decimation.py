@@ -41,7 +41,7 @@ class DecimatedMesh(NamedTuple):
 
 
 def decimate(
-    layer: View, share: float | None = None, grid: tuple[Float32Array, UInt8Array] | None = None
+    view: View, share: float | None = None, grid: tuple[Float32Array, UInt8Array] | None = None
 ) -> DecimatedMesh:
     """The surface of a layer, with large triangles where it is flat.
 
@@ -52,14 +52,14 @@ def decimate(
     a pixel. Pixels that have no triangle in the grid, as those of a wire one pixel wide, become squares of their own size. Flying
     pixels, which rendering leaves out, and far ones have none. grid: the layer's `mesh_grid`, where it is another than that.
     """
-    depth, joined = grid or mesh_grid(layer)
+    depth, joined = grid or mesh_grid(view)
     surface = (depth > 0) & (depth < np.inf)
     box = bounding_box(surface)
     if share is None:
-        share = ESTIMATED_SHARE if Origin.ESTIMATED in layer.origins else DEPTH_SHARE
+        share = ESTIMATED_SHARE if Origin.ESTIMATED in view.origins else DEPTH_SHARE
     depth, joined = np.where(surface[box], depth[box], np.float32(0)), joined[box]
     halves = cell_halves(depth, joined)
-    halved = halving_tree(depth, flat_cells(joined, layer.origin[box]), share)
+    halved = halving_tree(depth, flat_cells(joined, view.origin[box]), share)
     del depth, joined  # of a large picture they are as large as all that follows
     corners = np.concatenate(triangles(halved, halves, surface[box].shape))
     covered = covered_pixels(halves, surface[box].shape)
@@ -77,8 +77,8 @@ def decimate(
     pixels = np.stack([columns, rows], 1) + 0.5
     places = pixels.copy()
     places[len(places) - len(squares) * 2 :] += np.tile(SQUARE, (len(lone_rows), 1))
-    planes = (freeze(plane[rows, columns]) for plane in (layer.color, layer.origin, layer.confidence))
-    vertices = unproject(layer, places, layer.depth[rows, columns])
+    planes = (freeze(plane[rows, columns]) for plane in (view.color, view.origin, view.confidence))
+    vertices = unproject(view, places, view.depth[rows, columns])
     mesh = Mesh(freeze(vertices), freeze(np.concatenate([numbers, squares])), *planes)
     return DecimatedMesh(mesh, pixels, surface)
 
@@ -88,9 +88,9 @@ def bounding_box(where: BoolArray) -> tuple[slice, slice]:
     return box_around(where, 0) if where.any() else (slice(0, 0), slice(0, 0))
 
 
-def unproject(layer: View, places: Float64Array, depth: Float32Array) -> Float64Array:
+def unproject(view: View, places: Float64Array, depth: Float32Array) -> Float64Array:
     """N x 3 world points at places in the picture (N x 2, px) and depths (N, metres)."""
-    camera = layer.camera
+    camera = view.camera
     rays = np.ones((len(places), 3))
     rays[:, :2] = (places - (camera.cx, camera.cy)) / (camera.fx, camera.fy)
     return np.asarray(

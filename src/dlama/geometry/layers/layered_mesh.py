@@ -130,17 +130,17 @@ def farthest_surface(scene: Scene) -> float:
     return max((float(np.quantile(depth, FARTHEST)) for depth in depths), default=1.0)
 
 
-def mesh_part(layer: View, step: int, box: HeadBox, sky: float, tolerance: float) -> MeshPart:
+def mesh_part(view: View, step: int, box: HeadBox, sky: float, tolerance: float) -> MeshPart:
     """A layer's surface, with a vertex at every step-th pixel at most; the whole picture of a frame, of a fill what is shown.
 
     sky: metres from the box's camera at which it lies.
     """
-    small = place_sky(subsample(layer, step), box.camera, sky)
+    small = place_sky(subsample(view, step), box.camera, sky)
     least = box.step_that_shows(small.camera)
     grid = join_depth(mesh_grid(small, least)[0], small.camera, least)
     found = decimate(small, tolerance, grid)
-    shown = None if layer.shows_source else contribution(layer) | layer.far
-    return MeshPart(found.mesh, pixels_of_grid(found.pixels, step), layer.color, shown)
+    shown = None if view.shows_source else contribution(view) | view.far
+    return MeshPart(found.mesh, pixels_of_grid(found.pixels, step), view.color, shown)
 
 
 def drop_in_front(part: MeshPart, camera: Camera, depth: Float32Array) -> MeshPart:

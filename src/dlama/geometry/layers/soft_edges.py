@@ -56,13 +56,13 @@ class SoftEdges(NamedTuple):
     """H x W x 3: colour of the far surface."""
 
 
-def complete_surfaces(layer: View, least: float = 0.0) -> tuple[Float32Array, UInt8Array]:
+def complete_surfaces(view: View, least: float = 0.0) -> tuple[Float32Array, UInt8Array]:
     """Depth of a layer (H x W metres, 0 = hole) and which neighbours are joined; a flying pixel has the nearest surface's depth.
 
     least: step in inverse depth (1/m) up to which neighbours are one surface.
     """
-    depth, _ = mesh_grid(layer, least)
-    return join_depth(np.where(layer.hole, 0, fill_with_nearest(depth, depth > 0)), layer.camera, least)
+    depth, _ = mesh_grid(view, least)
+    return join_depth(np.where(view.hole, 0, fill_with_nearest(depth, depth > 0)), view.camera, least)
 
 
 def join_depth(depth: Float32Array, camera: Camera, least: float) -> tuple[Float32Array, UInt8Array]:

@@ -100,9 +100,9 @@ def cut_source(source: View, box: HeadBox, step: int, sky: float) -> list[Sheet]
     ]
 
 
-def as_depth(layer: View, depth: Float32Array) -> View:
+def as_depth(view: View, depth: Float32Array) -> View:
     """The layer with another depth (H x W metres, 0 = hole)."""
-    return layer.with_planes(depth=depth, hole=depth == 0)
+    return view.with_planes(depth=depth, hole=depth == 0)
 
 
 def next_to_edges(joined: UInt8Array) -> BoolArray:
@@ -129,11 +129,11 @@ def depth_of_sphere(camera: Camera, centre: Camera, radius: float) -> Float32Arr
     return np.asarray((np.sqrt(b**2 - a * c) - b) / a, np.float32)
 
 
-def place_sky(layer: View, centre: Camera, radius: float) -> View:
+def place_sky(view: View, centre: Camera, radius: float) -> View:
     """The layer with its far pixels on a sphere about a camera."""
-    if not layer.far.any():
-        return layer
-    return layer.with_planes(depth=np.where(layer.far, depth_of_sphere(layer.camera, centre, radius), layer.depth))
+    if not view.far.any():
+        return view
+    return view.with_planes(depth=np.where(view.far, depth_of_sphere(view.camera, centre, radius), view.depth))
 
 
 def pixels_of_grid(places: Float64Array, step: int) -> Float64Array:
