@@ -16,7 +16,7 @@ from dlama.datasets.easysynth.text_files import Sensor
 from dlama.datasets.frames import Gamma, RemovalTruth, StereoTruth, ViewTruth
 from dlama.errors import CameraError, DepthError, FileError, MaskError
 from dlama.files.rasters.images import read_stored
-from dlama.files.rasters.pictures import read_color
+from dlama.files.rasters.pictures import read_classes, read_color
 from dlama.files.semantic_classes import RGB
 from dlama.geometry.camera import Camera, Float64Array, StereoRig
 from dlama.geometry.holes import box_around, box_mean, dilate_mask, larger_box, sides_of
@@ -105,7 +105,7 @@ def class_mask(files: RenderedFrame, color: RGB) -> BoolArray:
         )
     if files.semantic.suffix.lower() in (".jpg", ".jpeg"):
         raise FileError(f"{files.semantic}: JPEG mixes the colours of the classes; render SemanticImage as PNG")
-    return (read_color(files.semantic) == np.array(color, np.uint8)).all(axis=2)
+    return (read_classes(files.semantic) == np.array(color, np.uint8)).all(axis=2)
 
 
 def load_view(

@@ -31,6 +31,7 @@ from dlama.files.photos.containers import (
     list_further_pictures,
 )
 from dlama.files.photos.stereo import match_stereo_photo
+from dlama.files.rasters.color_profiles import rgb_to_srgb
 from dlama.files.rasters.images import (
     HEIC,
     check_pixels,
@@ -41,7 +42,7 @@ from dlama.files.rasters.images import (
     read_stored,
 )
 from dlama.files.rasters.orientation import apply_orientation
-from dlama.files.rasters.pictures import eight_bit_rgb
+from dlama.files.rasters.pictures import srgb_of
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import Float32Array, UInt8Array
 
@@ -228,9 +229,7 @@ def _of_range(file: Path, picture: bytes, packet: Xmp, space: str, source: str) 
 def _of_stereo(file: Path, other: Item, orientation: int) -> PhotoDepth:
     """Inverse depth of the left picture of a stereo photo (the first), by matching; metres where the file says the baseline."""
     stored = read_stored(file)
-    disparity, share = match_stereo_photo(
-        file, eight_bit_rgb(stored.values, file), _read_color(file, other, orientation)
-    )
+    disparity, share = match_stereo_photo(file, srgb_of(stored, file), _read_color(file, other, orientation))
     about: dict[str, Any] = {
         "source": "stereo photo (MPO), matched",
         **_size(disparity),
@@ -247,7 +246,8 @@ def _of_stereo(file: Path, other: Item, orientation: int) -> PhotoDepth:
 def _read_color(file: Path, item: Item, orientation: int) -> UInt8Array:
     with Image.open(io.BytesIO(item.data), formats=("JPEG",)) as picture:
         check_pixels(file, *picture.size)
-        return apply_orientation(np.asarray(picture.convert("RGB")), orientation)
+        color = rgb_to_srgb(np.asarray(picture.convert("RGB")), picture.info.get("icc_profile"), file)
+        return apply_orientation(color, orientation)
 
 
 def _decode(file: Path, data: bytes) -> np.ndarray:

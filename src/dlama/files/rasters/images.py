@@ -18,6 +18,7 @@ from PIL import Image
 
 from dlama.errors import DlamaError, FileError, any_error, first_line, import_extra, system_errors
 from dlama.files.atomic_write import PathLike
+from dlama.files.rasters.color_profiles import to_srgb
 from dlama.files.rasters.orientation import (
     BIG_TIFF_HEADS,
     EXIF_ORIENTATION,
@@ -40,6 +41,8 @@ OTHER_PICTURES = {
     "BMP": rb"BM",
 }
 """Kinds of pictures that are not read, and how their files begin."""
+NO_RGB = ("CMYK", "YCbCr", "LAB", "HSV")
+"""Pillow's modes of colours that become RGB when they are read."""
 SEVERAL = {"TIFF": "page", "WEBP": "frame"}
 """Kinds of files that may hold several pictures, and what these are called."""
 ADDRESS = re.compile(r"[a-z][a-z0-9+]+:/")
@@ -58,6 +61,8 @@ class StoredPicture:
     """The file's EXIF (TIFF) orientation, 1 to 8, which `values` no longer need."""
     focal_35mm: float | None
     """EXIF focal length in 35 mm film terms, mm; None where unknown."""
+    profile: bytes | None = None
+    """The ICC profile of the colours; None: there is none, or `values` no longer need it."""
 
 
 def existing_file(path: PathLike) -> Path:
@@ -118,7 +123,9 @@ def read_stored(path: PathLike) -> StoredPicture:
                 _check_sums(file, data)
             picture.load()
             values, turned = _values(picture, file, data), decoder_orientation(picture)
-            return StoredPicture(apply_orientation(values, orientation), orientation if turned == 1 else turned, focal)
+            profile = None if picture.mode in NO_RGB else picture.info.get("icc_profile")
+            turn = orientation if turned == 1 else turned
+            return StoredPicture(apply_orientation(values, orientation), turn, focal, profile)
     except DlamaError:
         raise
     except Image.UnidentifiedImageError as error:
@@ -222,8 +229,9 @@ def _values(picture: Image.Image, file: Path, data: bytes) -> np.ndarray:
         picture = picture.convert("RGB")
     elif mode == "1":
         picture = picture.convert("L")
-    elif mode in ("CMYK", "YCbCr", "LAB", "HSV"):
-        picture = picture.convert("RGB")
+    elif mode in NO_RGB:
+        converted = to_srgb(picture, picture.info.get("icc_profile"), file) if mode == "CMYK" else picture
+        picture = converted.convert("RGB")
     elif mode in ("RGB", "RGBA", "LA") and _bits(picture, data) == 16:
         return _values_16bit(file, data)  # Pillow keeps the high byte only
     values = np.array(picture)

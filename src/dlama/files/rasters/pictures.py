@@ -15,7 +15,8 @@ from PIL import Image
 from dlama.arguments import check_arguments
 from dlama.errors import FileError, MaskError, ShapeError, system_errors
 from dlama.files.atomic_write import PathLike, new_file
-from dlama.files.rasters.images import read_stored
+from dlama.files.rasters.color_profiles import rgb_to_srgb
+from dlama.files.rasters.images import StoredPicture, read_stored
 from dlama.files.semantic_classes import class_color
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, check_color
 
@@ -32,15 +33,16 @@ PNG_LEVEL = 2
 def read_color(path: PathLike) -> UInt8Array:
     """A colour picture as uint8 H x W x 3 RGB.
 
-    PNG, JPEG, WebP, TIFF, HEIC (extra `heic`). 16 bit keep their high byte, grey is repeated, palettes are looked up, alpha is
-    dropped. Turned as viewers show it, where EXIF says so; masks and depth pictures are, too.
+    PNG, JPEG, WebP, TIFF, HEIC (extra `heic`). Colours of another ICC profile (Display P3 of phones, Adobe RGB, CMYK) become
+    sRGB. 16 bit keep their high byte, grey is repeated, palettes are looked up, alpha is dropped. Turned as viewers show it,
+    where EXIF says so; masks and depth pictures are, too.
 
     Raises:
         FileError: missing, damaged or float.
         MissingExtraError: HEIC, and pillow-heif is not installed.
     """
     check_arguments(read_color, locals())
-    return eight_bit_rgb(read_stored(path).values, path)
+    return srgb_of(read_stored(path), path)
 
 
 def read_color_of_camera(path: PathLike) -> UInt8Array:
@@ -51,7 +53,17 @@ def read_color_of_camera(path: PathLike) -> UInt8Array:
             f"{path}: EXIF says the picture is turned (orientation {stored.orientation}), its camera would not fit; "
             "clear the tag (exiftool -Orientation= FILE)"
         )
-    return eight_bit_rgb(stored.values, path)
+    return srgb_of(stored, path)
+
+
+def srgb_of(stored: StoredPicture, path: PathLike) -> UInt8Array:
+    """A stored picture as `read_color` gives it. FileError."""
+    return rgb_to_srgb(eight_bit_rgb(stored.values, path), stored.profile, path)
+
+
+def read_classes(path: PathLike) -> UInt8Array:
+    """A semantic picture as uint8 H x W x 3: its colours as stored, since they are codes. FileError."""
+    return eight_bit_rgb(read_stored(path).values, path)
 
 
 def eight_bit_rgb(values: np.ndarray, path: PathLike) -> UInt8Array:
@@ -206,7 +218,7 @@ def _threshold(path: PathLike, grey: UInt8Array, soft_mask: bool) -> BoolArray:
 
 def _class_mask(path: PathLike, mask_class: str) -> BoolArray:
     """Where a semantic picture shows exactly the colour of one class."""
-    picture = read_color(path)
+    picture = read_classes(path)
     class_rgb = class_color(mask_class, path)
     mask = (picture == np.array(class_rgb, np.uint8)).all(axis=2)
     if not mask.any():

@@ -14,7 +14,7 @@ import numpy as np
 
 from dlama.errors import FileError, InputError, system_errors
 from dlama.files.rasters.images import SUFFIXES, read_stored
-from dlama.files.rasters.pictures import eight_bit_rgb
+from dlama.files.rasters.pictures import srgb_of
 from dlama.geometry.rgbd import UInt8Array
 
 HELD_OUT_ONE_IN = 16
@@ -50,7 +50,7 @@ def read_photo(path: Path) -> UInt8Array:
 
     EXIF orientation is ignored: a texture has no upright side.
     """
-    return eight_bit_rgb(read_stored(path).values, path)
+    return srgb_of(read_stored(path), path)
 
 
 def split_photos(photos: Sequence[Photo], split: str) -> tuple[Photo, ...]:
