@@ -51,6 +51,11 @@ from dlama.errors import CameraError, DlamaError, InputError, MaskError
         ("view a.png b.png --yaw 1 --clip 1e-9 -o out", "--clip is 1e-09 m; 0.01 or more is expected"),
         ("mask a.png b.png --click 1,1 -o found.txt", "--output is found.txt; a name that ends in .png is expected"),
         ("view a.png b.png --yaw 1 --only foo,depth,bar -o out", "--only is 'foo', 'bar'; names of image, depth, "),
+        (
+            "view a.png b.png --yaw 1 --only disparity -o out",
+            "disparity is to be written, which only a stereo pair has",
+        ),
+        ("view a.png b.png --yaw 1 --also choice -o out", "choice is to be written, which filler 'auto' does not make"),
         ("batch a.csv --workers 0 --threads 0 -o out", "a whole number; --threads is 0; 1 or more is expected"),
         ("batch --images *.png -o out", "give --verb VERB, one of view, remove, depth"),
     ],

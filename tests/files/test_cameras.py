@@ -44,6 +44,7 @@ def saved(path: Path, values: object) -> Path:
 number = st.floats(1e-3, 1e5)
 
 
+@pytest.mark.filterwarnings("ignore:.*(fx. is|the middle of a picture)")
 @settings(max_examples=40, deadline=None)
 @given(f=st.tuples(number, number), c=st.tuples(st.floats(0, 640), st.floats(0, 480)))
 def test_there_and_back_exactly(tmp_path_factory: pytest.TempPathFactory, f: tuple, c: tuple) -> None:
@@ -186,6 +187,31 @@ def test_camera_from_flags() -> None:
     assert (camera.fx, camera.fy, camera.cx, camera.cy, source) == (500, 500, 320, 240, "fx")
     camera, _ = camera_for((480, 640), fx=500, fy=505, cx=319.5, cy=238, pixel_center=0.0)
     assert (camera.fy, camera.cx, camera.cy) == (505, 320, 238.5)
+
+
+@pytest.mark.parametrize(
+    ("K", "words"),
+    [
+        ([[1.0, 0, 1.0], [0, 1.3, 1.0], [0, 0, 1]], "fx` is 1 px, wider than any lens.*give `fx=640`"),
+        ([[4.2, 0, 3.2], [0, 4.2, 2.4], [0, 0, 1]], "fx` is 4.2 px, wider than any lens"),
+        ([[1000, 0, 640], [0, 1000, 480], [0, 0, 1]], "the middle of a picture 2 times as large: give `fx=500`"),
+    ],
+)
+def test_a_matrix_for_another_size_or_unit_is_warned_of(tmp_path: Path, K: list, words: str) -> None:
+    """Oracle: K of a picture w px wide, over w (normalised), in mm on the sensor, or of twice the size."""
+    path = saved(tmp_path / "k.json", {"width": 640, "height": 480, "K": K})
+    with pytest.warns(UserWarning, match=words):
+        read_camera(path)
+
+
+def test_the_pixel_centre_of_a_camera_file_is_its_own(tmp_path: Path) -> None:
+    with pytest.raises(CameraError, match="camera and pixel_center contradict each other"):
+        camera_for((480, 640), camera=saved(tmp_path / "c.json", PLAIN), pixel_center=0.0)
+
+
+def test_a_camera_of_meta_json_is_a_camera_file(tmp_path: Path) -> None:
+    meta = {**PLAIN, "pixel_center": 0.5, "intrinsics_from": "fov"}
+    assert read_camera(saved(tmp_path / "c.json", meta)).fx == 500
 
 
 def test_camera_from_a_file(tmp_path: Path) -> None:

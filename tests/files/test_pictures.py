@@ -12,6 +12,7 @@ from PIL import Image
 
 from dlama.errors import FileError, MaskError, ShapeError
 from dlama.files.rasters.depth import write_depth_png
+from dlama.files.rasters.float_files import write_exr
 from dlama.files.rasters.pictures import read_color, read_mask, write_codes, write_color, write_grey, write_mask
 
 COLOR = np.random.default_rng(0).integers(0, 256, (14, 19, 3)).astype(np.uint8)
@@ -227,12 +228,15 @@ def test_files_of_a_result_given_as_a_picture_say_what_goes_where(tmp_path: Path
         (tmp_path / name).write_bytes(b"ply\n")
         with pytest.raises(FileError, match=told):
             read_color(tmp_path / name)
-    for kind in ("GIF", "BMP"):
-        Image.new("RGB", (8, 8)).save(tmp_path / "picture.png", format=kind)
+    for kind in ("GIF", "BMP", "PPM", "JPEG 2000"):
+        Image.new("RGB", (8, 8)).save(tmp_path / "picture.png", format=kind.replace(" ", ""))
         with pytest.raises(
             FileError, match=f"is no readable PNG, JPEG, WebP, TIFF or HEIC picture, but {kind}: save it as PNG"
         ):
             read_color(tmp_path / "picture.png")
+    write_exr(tmp_path / "plate.exr", {name: np.ones((4, 4), np.float32) for name in "RGB"})
+    with pytest.raises(FileError, match=r"plate\.exr: is no readable .* picture, but OpenEXR: save it as PNG"):
+        read_color(tmp_path / "plate.exr")
     with pytest.raises(FileError, match="no such file; addresses are for `dlama batch` alone"):
         read_color("https:/somewhere/a.jpg")
 

@@ -41,17 +41,20 @@ class Command(JobInputs):
         image: Path | None,
         *options: Mapping[str, Any],
         removes: bool = False,
+        pair: bool = False,
     ) -> None:
         """OutputError and InputError for all that can be refused before anything is read: `output`, names, options.
 
         read: the files that are read, by their roles; image: the picture, whose size shows whether points lie in it.
         """
         check_folder_apart(output, read)
-        self.check_options(image, *options, results.settings(), removes=removes)
+        self.check_options(image, *options, results.settings(), removes=removes, pair=pair)
 
-    def check_options(self, image: Path | None, *options: Mapping[str, Any], removes: bool = True) -> None:
+    def check_options(
+        self, image: Path | None, *options: Mapping[str, Any], removes: bool = True, pair: bool = False
+    ) -> None:
         """InputError for options that cannot be, held against the size of a picture."""
-        check_options({name: value for group in options for name, value in group.items()}, image, removes)
+        check_options({name: value for group in options for name, value in group.items()}, image, removes, pair)
 
     def rgbd(
         self, image: Path, depth: Path | None, lens: Lens, reading: Reading, estimating: Estimating = NO_ESTIMATE

@@ -19,17 +19,21 @@ from dlama.files.atomic_write import PathLike, new_file
 from dlama.files.fields import FileFields, Intrinsics, json_text, json_value, read_calib_txt, read_json_fields
 from dlama.files.rasters.images import existing_file, read_stored
 from dlama.geometry.camera import Camera, StereoRig, check_pixel_center
-from dlama.perception.diagnosis.lens import looks_like_radians
+from dlama.perception.diagnosis.lens import check_lens, looks_like_radians
 
 FILM_DIAGONAL_MM = math.hypot(36, 24)
 """35 mm film; "focal length in 35 mm film" compares diagonals (CIPA DCG-001)."""
+OTHER_UNIT = ("intrinsics-size", "focal-length")
+"""Findings of `check_lens` that a reader warns of: K of a picture of another size, or as shares of it."""
 OPTIONS = "camera options"
 """What messages call a camera that no file gives."""
 NO_INTRINSICS = (
     "how wide the camera sees is not known: give `fov`, its horizontal field of view in degrees (phone main camera about 65, "
     "webcam 60, Kinect 57 to 63, EasySynth 90), or `camera`, a JSON file, or `fx` `fy` `cx` `cy` in pixels"
 )
-CAMERA_FIELDS = ("width", "height", "fx", "fy", "cx", "cy", "K", "pixel_center", "world_from_cam", "comment")
+CAMERA_FIELDS = ("width", "height", "fx", "fy", "cx", "cy", "K", "pixel_center", "world_from_cam", "comment",
+                 "intrinsics_from")  # fmt: skip
+"""The last two say nothing of the camera; meta.json writes the last one."""
 STEREO_FIELDS = ("left_K", "right_K", "baseline_m", "doffs", "pixel_center", "width", "height", "comment")
 BASELINES_M = (1e-6, 1e6)
 """Metres between the cameras of a pair."""
@@ -171,6 +175,10 @@ def camera_for(
     centre. Raises CameraError: two sources, or none (the message explains fov).
     """
     check_pixel_center(pixel_center)
+    if camera is not None and pixel_center != 0.5:
+        raise CameraError(
+            "`camera` and `pixel_center` contradict each other: a camera file has its own field pixel_center; give one of them"
+        )
     numbers = {"fx": fx, "fy": fy, "cx": cx, "cy": cy}
     given = [name for name, value in numbers.items() if value is not None]
     for name, value in {**numbers, "fov": fov}.items():
@@ -196,7 +204,7 @@ def make_camera(
 ) -> Camera:
     """A Camera from fx, fy, cx, cy as `source` counts pixels; errors name the source.
 
-    Raises CameraError; warns of a principal point outside the picture (crops have it).
+    Raises CameraError; warns of a principal point outside the picture (crops have it), and of K for another size or unit.
     """
     fx, fy, cx, cy = intrinsics
     try:
@@ -212,6 +220,9 @@ def make_camera(
             UserWarning,
             stacklevel=2,
         )
+    for found in check_lens(camera):
+        if found.check in OTHER_UNIT:
+            warnings.warn(f"{source}: {found.what}: {found.mend}", UserWarning, stacklevel=2)
     return camera
 
 

@@ -20,11 +20,13 @@ from dlama.inpainters import AUTO, model_file
 from dlama.jobs.parameters import METHOD
 
 
-def check_options(given: Mapping[str, Any], image: Path | None = None, removes: bool = True) -> None:
+def check_options(
+    given: Mapping[str, Any], image: Path | None = None, removes: bool = True, pair: bool = False
+) -> None:
     """Raise InputError for options of view, remove, stereo or depth that cannot be, all of them in one message.
 
     given: by name, as `jobs.parameters` has them; points as `mask_settings` gives them. image: the picture that is pointed at.
-    removes: whether the job removes an object, whose mask can be written.
+    removes: whether the job removes an object, whose mask can be written; pair: whether it has two pictures, and a disparity.
     """
 
     def one(name: str, default: Any = None) -> Any:
@@ -33,7 +35,9 @@ def check_options(given: Mapping[str, Any], image: Path | None = None, removes: 
     options = {name: given[name] for name in METHOD if given.get(name) is not None}
     checks: list[Callable[[], Any]] = [
         lambda: options_of(options),
-        lambda: _check_results(check_results(given.get("only"), given.get("also") or ()), removes),
+        lambda: _check_results(
+            check_results(given.get("only"), given.get("also") or ()), removes, pair, one("filler", AUTO)
+        ),
         lambda: one("filler", AUTO) == AUTO or callable(given["filler"]) or model_file(given["filler"], one("model")),
         lambda: check_depth_options(one("depth_scale"), one("depth_range"), one("far")),
         lambda: one("fov") is None or Camera.from_fov(2, 2, given["fov"]),
@@ -45,9 +49,14 @@ def check_options(given: Mapping[str, Any], image: Path | None = None, removes: 
     raise_all(checks)
 
 
-def _check_results(names: tuple[str, ...], removes: bool) -> None:
+def _check_results(names: tuple[str, ...], removes: bool, pair: bool, filler: Any) -> None:
+    """A result by name that the job does not have."""
     if "mask" in names and not removes:
         raise InputError("`mask` is to be written, and no object is removed whose mask it would be")
+    if "disparity" in names and not pair:
+        raise InputError("disparity is to be written, which only a stereo pair has")
+    if "choice" in names and filler != "choice" and not callable(filler):
+        raise InputError(f"choice is to be written, which filler {filler!r} does not make: `filler=choice` does")
 
 
 def _check_move(given: Mapping[str, Any]) -> None:

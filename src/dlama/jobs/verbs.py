@@ -97,7 +97,7 @@ def _check(job: Job, files: Mapping[str, Any]) -> None:
     image = files.get("image", files.get("left"))
     removes = job.verb == "remove" or job.load is not None or "mask" in p or is_pointed(p)
     given = {**p, **(mask_settings(**pointing) if pointing else {})}
-    check_options(given, None if image is None else Path(image), removes)
+    check_options(given, None if image is None else Path(image), removes, job.verb == "stereo")
 
 
 def _picture(this: JobInputs, p: Mapping[str, Any]) -> Any:

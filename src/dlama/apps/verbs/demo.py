@@ -84,7 +84,7 @@ def demo(output: Path, method: Method, result: Result, results: Results) -> None
 
     `result` takes a line for each. Raises OutputError, and InputError for options that cannot be; then nothing is left behind.
     """
-    Command().check(output, results, {}, None, method.settings())
+    Command().check(output, results, {}, None, method.settings(), pair=True)
     panels, completions = [], []
     with new_directory(output) as folder:
         for name, (title, complete) in JOBS.items():

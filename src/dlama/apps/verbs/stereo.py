@@ -52,7 +52,7 @@ def stereo(
         files = {"left": left, "right": right, "mask": mask, "mask_right": mask_right, "disparity": disparity}
         how = method.settings()
         removes = mask is not None or pointing.given
-        this.check(output, results, files, left, pointing.settings(), {"far": far}, how, removes=removes)
+        this.check(output, results, files, left, pointing.settings(), {"far": far}, how, removes=removes, pair=True)
         pair = this.pair(left, right, calib)
         known = this.optional_disparity(disparity, disparity_scale)
         masks = (

@@ -39,6 +39,14 @@ OTHER_PICTURES = {
     "AVIF": rb"....ftypavi",
     "GIF": rb"GIF8",
     "BMP": rb"BM",
+    "OpenEXR": rb"v/1\x01",
+    "JPEG 2000": rb"\0\0\0\x0cjP  ",
+    "JPEG XL": rb"(\xff\x0a|\0\0\0\x0cJXL )",
+    "Radiance HDR": rb"#\?",
+    "PPM": rb"P[1-7]\s",
+    "PSD": rb"8BPS",
+    "PDF": rb"%PDF",
+    "SVG": rb"(<\?xml|<svg)",
 }
 """Kinds of pictures that are not read, and how their files begin."""
 NO_RGB = ("CMYK", "YCbCr", "LAB", "HSV")
