@@ -54,17 +54,21 @@ class Recipe:
         check_word(self.mode, "mode", MODES)
         for name in ("eight_bit_depth", "law", "footprint", "source_first"):
             check(getattr(self, name), bool, name)
-        for name, value in (("dilate", 0 if self.dilate is None else self.dilate), ("dilate_holes", self.dilate_holes)):
-            if not isinstance(value, Integral) or not 0 <= value <= WIDEST_PX:
-                raise InputError(f"`{name}` is {value!r} px; a whole number from 0 to {WIDEST_PX} is expected")
+        _check_pixels(0 if self.dilate is None else self.dilate, "dilate")
+        _check_pixels(self.dilate_holes, "dilate_holes")
         if self.clip is not None and not (is_finite(self.clip) and self.clip >= NEAREST_CLIP_M):
             raise InputError(f"`clip` is {self.clip!r} m; {NEAREST_CLIP_M} or more is expected")
-        if self.eight_bit_depth and self.clip is None:
-            raise InputError("8-bit depth needs clip, the depth of level 255")
         if not isinstance(self.depth_by, str) or self.depth_by not in ("surfaces", "filler"):
             raise InputError(f"`depth_by` is {self.depth_by!r}; surfaces or filler is expected")
+        if self.eight_bit_depth and self.clip is None:
+            raise InputError("8-bit depth needs clip, the depth of level 255")
         if self.eight_bit_depth and self.depth_by != "filler":
             raise InputError("8-bit depth is the filler's; `depth_by` 'filler' is expected with it")
+
+
+def _check_pixels(radius: int, name: str) -> None:
+    if not isinstance(radius, Integral) or not 0 <= radius <= WIDEST_PX:
+        raise InputError(f"`{name}` is {radius!r} px; a whole number from 0 to {WIDEST_PX} is expected")
 
 
 SEEDS = 2**32

@@ -169,19 +169,23 @@ def share_own_view(scene: Scene, camera: Camera, types: bool) -> View | None:
     """
     if len(scene.frames) > 1 or not scene.frames[0].camera.same_view_as(camera):
         return None
-    layer = scene.frames[0].load()
-    hole = layer.hole
-    if not np.array_equal(layer.depth > 0, ~hole):
+    view = scene.frames[0].load()
+    hole = view.hole
+    if not np.array_equal(view.depth > 0, ~hole) or (hole.any() and not has_empty_holes(view)):
         return None
-    if hole.any():
-        box = box_around(hole, 0)
-        inside, nothing = hole[box], layer.color_hole[box]
-        if layer.confidence[box][inside].any() or layer.origin[box][nothing].any() or layer.color[box][nothing].any():
-            return None
-        if layer.errors is not None and layer.errors[box][inside].any():
-            return None
-    kinds = TYPE_OF_RANK[RANK_OF_TYPE].take(layer.hole_type) * hole if types else hole * np.uint8(HoleType.OUT_OF_VIEW)
-    return dataclasses.replace(layer, camera=camera, hole_type=freeze(kinds), frame=None)
+    kinds = TYPE_OF_RANK[RANK_OF_TYPE].take(view.hole_type) * hole if types else hole * np.uint8(HoleType.OUT_OF_VIEW)
+    return dataclasses.replace(view, camera=camera, hole_type=freeze(kinds), frame=None)
+
+
+def has_empty_holes(view: View) -> bool:
+    """Whether the holes of a view, which has some, are as drawing leaves them: no confidence or error, and no colour or origin
+    unless the colour was measured."""
+    box = box_around(view.hole, 0)
+    unknown, no_color = view.hole[box], view.color_hole[box]
+    if view.errors is not None and view.errors[box][unknown].any():
+        return False
+    known = view.confidence[box][unknown], view.origin[box][no_color], view.color[box][no_color]
+    return not any(values.any() for values in known)
 
 
 def drop_overlap(fills: tuple[Layer, ...]) -> tuple[Layer, ...]:

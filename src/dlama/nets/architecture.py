@@ -148,7 +148,7 @@ def settings_from_state(shapes: Shapes, activation: str = "sigmoid") -> Generato
     Raises:
         ShapeError: the tensors are no such generator, or only half of one; names the first that differ.
     """
-    stem = _shape(shapes, STEM, 4)
+    stem = _shape(shapes, STEM)
     downsamplings = 0
     while f"model.{2 + downsamplings}.ffc.convl2l.weight" in shapes:
         downsamplings += 1
@@ -156,9 +156,9 @@ def settings_from_state(shapes: Shapes, activation: str = "sigmoid") -> Generato
     blocks = 0
     while f"model.{first + blocks}.conv1.ffc.convl2l.weight" in shapes:
         blocks += 1
-    to_local = _shape(shapes, f"model.{first - 1}.ffc.convl2l.weight", 4)[0]
-    to_global = _shape(shapes, f"model.{first - 1}.ffc.convl2g.weight", 4)[0]
-    head = _shape(shapes, f"model.{first + blocks + 3 * downsamplings + 2}.weight", 4)
+    to_local = _shape(shapes, f"model.{first - 1}.ffc.convl2l.weight")[0]
+    to_global = _shape(shapes, f"model.{first - 1}.ffc.convl2g.weight")[0]
+    head = _shape(shapes, f"model.{first + blocks + 3 * downsamplings + 2}.weight")
     ratio = to_global / max(to_local + to_global, 1)  # of none at all no share is one that a generator has
     settings = GeneratorSettings(stem[1], head[0], stem[0], downsamplings, blocks, ratio, activation)
     refuse_differences(shapes, generator_shapes(settings), "generator")
@@ -273,13 +273,13 @@ def _norm(prefix: str, channels: int) -> Iterator[tuple[str, tuple[int, ...]]]:
     yield f"{prefix}.num_batches_tracked", ()
 
 
-def _shape(shapes: Shapes, name: str, rank: int) -> tuple[int, ...]:
+def _shape(shapes: Shapes, name: str) -> tuple[int, ...]:
     if name not in shapes:
         raise ShapeError(
             f"no tensor {name!r}; the first of {len(shapes)} names: {', '.join(list(shapes)[:3]) or 'none'}"
         )
-    if len(shapes[name]) != rank:
-        raise ShapeError(f"{name}: shape {_text(shapes[name])}, expected {rank} dimensions")
+    if len(shapes[name]) != 4:
+        raise ShapeError(f"{name}: shape {_text(shapes[name])}, expected 4 dimensions")
     return tuple(shapes[name])
 
 

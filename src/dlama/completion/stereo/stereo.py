@@ -145,11 +145,9 @@ def stereo(
         chosen, decisions = dataclasses.replace(chosen, dilate=growth.px), decisions | {"mask_growth": growth._asdict()}
     filler = inpainter or find_filler(choice.filler)
     draft = Plan(chosen, filler, given.seed, start, FillContext(Law(())), choice.name, decisions)
-    complete_pair = complete_pair_together
+    complete_pair = complete_pair_one_by_one if one_by_one else complete_pair_together
     if choose_right_view(right_view, chosen, masks is not None) == "synthesised":
         complete_pair = synthesise_right
-    elif one_by_one:
-        complete_pair = complete_pair_one_by_one
     done = complete_pair(pair, draft, Clock())
     completion = dataclasses.replace(done, about={**matches.notes, **done.about}).as_completion(rig)
     return completion.with_min_confidence(given.min_confidence)

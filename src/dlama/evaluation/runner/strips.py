@@ -88,9 +88,9 @@ def is_whole_jpeg(path: Path) -> bool:
         return False
 
 
-def jpeg(picture: UInt8Array, quality: int = 80) -> bytes:
+def jpeg(picture: UInt8Array) -> bytes:
     """The picture as the bytes of a JPEG file."""
-    written, data = cv2.imencode(".jpg", np.ascontiguousarray(picture[..., ::-1]), [cv2.IMWRITE_JPEG_QUALITY, quality])
+    written, data = cv2.imencode(".jpg", np.ascontiguousarray(picture[..., ::-1]), [cv2.IMWRITE_JPEG_QUALITY, 80])
     if not written:
         raise ValueError(f"a picture of shape {picture.shape} cannot be encoded as JPEG")
     return bytes(data.tobytes())

@@ -54,12 +54,9 @@ def depth_picture(
     known = depth > 0 if hole is None else (depth > 0) & ~hole
     valid = known & (depth < np.inf)
     inverse = np.divide(1, depth, out=np.zeros_like(depth), where=valid)
-    near, far = (1 / lo if lo else None), (1 / hi if hi else None)
-    if valid.any():
-        low, high = np.percentile(inverse[valid], (2, 98))
-        near, far = float(high) if near is None else near, float(low) if far is None else far
-    span = max((near or 1.0) - (far or 0.0), 1e-9)
-    levels = np.rint(np.clip((inverse - (far or 0.0)) / span, 0, 1) * 255).astype(np.uint8)
+    low, high = np.percentile(inverse[valid], (2, 98)) if valid.any() else (0.0, 1.0)
+    near, far = 1 / lo if lo else float(high), 1 / hi if hi else float(low)
+    levels = np.rint(np.clip((inverse - far) / max(near - far, 1e-9), 0, 1) * 255).astype(np.uint8)
     picture = np.array(cv2.applyColorMap(levels, cv2.COLORMAP_TURBO)[..., ::-1], np.uint8)
     picture[known & ~valid] = SKY
     if not known.all():

@@ -68,29 +68,36 @@ def choose_frames(frames: Sequence[Layer], camera: Camera, most: int = MOST_FRAM
     A frame of the camera itself comes first. A frame's value is the number of cells it shows, less those shown already, reduced
     by the angle between the lines of sight and by coarser resolution.
     """
-    own = [place for place, frame in enumerate(frames) if frame.camera.same_view_as(camera)][:1]
     if len(frames) == 1:
         return [0]
+    own = next((place for place, frame in enumerate(frames) if frame.camera.same_view_as(camera)), None)
     samples = [sample_view(frame) for frame in frames]
     visible = [int(place) for place in np.flatnonzero(intersects_view(np.stack([one.box for one in samples]), camera))]
     quality, nearest = _score_visibility(
         [frames[place] for place in visible], [samples[place] for place in visible], camera
     )
     cells = quality * (nearest * OCCLUDED <= nearest.min(0, initial=np.inf))
-    counts = np.zeros(cells.shape[1], np.intp)
-    for place in own:
-        counts += (cells[[row for row, one in enumerate(visible) if one == place]] > 0).any(0)
-    chosen: list[int] = [*own]
-    left = [row for row, place in enumerate(visible) if place not in own]
-    while left and len(chosen) < most:
+    if own is None:
+        return [visible[row] for row in _take_greedily(cells, [], most)] or [0]
+    first = [visible.index(own)] if own in visible else []
+    others = _take_greedily(cells, first, most - 1, least=LEAST_WORTH)
+    return [own, *(visible[row] for row in others)]
+
+
+def _take_greedily(cells: Float64Array, first: Sequence[int], most: int, least: float = 0.0) -> list[int]:
+    """Rows of N x cells (how well each frame shows a cell), at most `most`, each of which adds most value to `first` and those
+    before it: the first `least` at least, the others LEAST_WORTH."""
+    counts = (cells[first] > 0).sum(0)
+    left = [row for row in range(len(cells)) if row not in first]
+    taken: list[int] = []
+    while left and len(taken) < most:
         gains = cells[left] @ WORTH[np.minimum(counts, len(WORTH) - 1)]
         best = int(np.argmax(gains))
-        if gains[best] == 0 or (gains[best] < LEAST_WORTH and chosen):
+        if gains[best] == 0 or gains[best] < (LEAST_WORTH if taken else least):
             break
-        row = left.pop(best)
-        chosen.append(visible[row])
-        counts[cells[row] > 0] += 1
-    return chosen or [0]
+        taken.append(left.pop(best))
+        counts[cells[taken[-1]] > 0] += 1
+    return taken
 
 
 def _score_visibility(

@@ -102,15 +102,7 @@ def _require_depth(view: Layer, name: str) -> Layer:
 
 def gather_views(views: Sequence[Layer], called: Sequence[str]) -> Scene:
     """The scene of the frames' source views; `called`: their names. As `scene`."""
-    for view, name in zip(views, called):
-        first = views[0].camera
-        if view.camera.hw != first.hw:
-            raise ShapeError(
-                f"{name} is {view.camera.width}x{view.camera.height} and {called[0]} {first.width}x{first.height}; frames of "
-                "one size are expected"
-            )
-    if len(views) == 1:
-        return Scene((views[0],))
+    _check_sizes(views, called)
     kept = _drop_duplicates(views, called)
     if len(kept) == 1:
         return Scene((views[kept[0]],), numbers=(kept[0],))
@@ -120,14 +112,23 @@ def gather_views(views: Sequence[Layer], called: Sequence[str]) -> Scene:
     row = {place: number for number, place in enumerate(kept)}
     left = {(row[i], row[j]): each for (i, j), each in found.items() if i in row and j in row}
     gains = fit_gains(len(kept), left)
-    if (np.abs(gains - 1) < SAME_GAIN).all():
-        gains = np.ones_like(gains)
+    same = (np.abs(gains - 1) < SAME_GAIN).all()
     return Scene(
         tuple(views[place] for place in kept),
         numbers=tuple(kept),
-        gains=tuple((float(r), float(g), float(b)) for r, g, b in gains),
+        gains=() if same else tuple((float(r), float(g), float(b)) for r, g, b in gains),
         noise=fit_noise(list(left.values())),
     )
+
+
+def _check_sizes(views: Sequence[Layer], called: Sequence[str]) -> None:
+    first = views[0].camera
+    for view, name in zip(views, called):
+        if view.camera.hw != first.hw:
+            raise ShapeError(
+                f"{name} is {view.camera.width}x{view.camera.height} and {called[0]} {first.width}x{first.height}; frames of "
+                "one size are expected"
+            )
 
 
 def _drop_duplicates(views: Sequence[Layer], called: Sequence[str]) -> list[int]:
@@ -196,20 +197,26 @@ def add_frame(scene: Scene, frame: FrameSource) -> Scene:
     if len(scene.frames) not in measured.numbers:
         return scene
     view = added.load()
-    objects = find_removed(scene, view)
-    kept, removals = added, scene.removals
-    if objects.any():
-        larger = dilate_mask(objects, mask_growth(scene).px)
-        kept, removals = added.without(larger, HoleType.OBJECT), (*removals, part_under_mask(view, objects, larger))
+    kept, removals = remove_again(scene, added)
     frames = (*(drop_seen_depth(one, view) for one in scene.frames), kept)
     fills = (drop_seen_fill(one, view) for one in scene.fills)
     return dataclasses.replace(
         measured,
         frames=tuple(frames[place] for place in measured.numbers),
-        removals=removals,
+        removals=(*scene.removals, *removals),
         fills=tuple(fill for fill in fills if contribution(one := fill.load()).any() or one.far.any()),
         numbers=tuple(numbers[place] for place in measured.numbers),
     )
+
+
+def remove_again(scene: Scene, frame: Layer) -> tuple[Layer, list[View]]:
+    """A further frame without the objects that were removed from a scene, and what of them it showed."""
+    view = frame.load()
+    objects = find_removed(scene, view)
+    if not objects.any():
+        return frame, []
+    larger = dilate_mask(objects, mask_growth(scene).px)
+    return frame.without(larger, HoleType.OBJECT), [part_under_mask(view, objects, larger)]
 
 
 def drop_seen_fill(fill: Layer, frame: View) -> Layer:

@@ -48,7 +48,7 @@ def find_remaining_shadow(view: View, label: NDArray[np.int32], law: Law) -> Boo
     height, width = own.shape
     step = max(1.0, max(height, width) / GRID)
     wh = max(1, round(width / step)), max(1, round(height / step))
-    distance = cv2.distanceTransform((~shrink_mask(own, wh, 0.25)).astype(np.uint8), cv2.DIST_L2, 5)
+    distance = cv2.distanceTransform((~shrink_mask(own, wh)).astype(np.uint8), cv2.DIST_L2, 5)
     reach = REACH * np.sqrt((distance == 0).sum()) + 2
     luma = np.log(cv2.cvtColor(view.color, cv2.COLOR_RGB2GRAY).astype(np.float32) + 4)
     out = np.zeros(wh[::-1], np.bool_)
@@ -85,8 +85,9 @@ def depth_of_removed(view: View, law: Law) -> Float32Array | None:
     return np.asarray(removed.ravel()[nearest_known(inner)[1]])
 
 
-def shrink_mask(mask: BoolArray, wh: tuple[int, int], least: float) -> BoolArray:
-    return np.asarray(cv2.resize(mask.astype(np.float32), wh, interpolation=cv2.INTER_AREA) > least)
+def shrink_mask(mask: BoolArray, wh: tuple[int, int]) -> BoolArray:
+    """The mask in a smaller size (width, height): cells of which more than a quarter is in it."""
+    return np.asarray(cv2.resize(mask.astype(np.float32), wh, interpolation=cv2.INTER_AREA) > 0.25)
 
 
 def find_shadow_on(surface: BoolArray, level: Float32Array, distance: Float32Array, reach: float) -> BoolArray:

@@ -69,6 +69,19 @@ class Contract:
     """The largest height and width it takes, in pixels; None: any that `multiple` and `minimum` allow."""
 
     def __post_init__(self) -> None:
+        self._check_planes()
+        if self.mask not in ("1 = fill", "0 = fill"):
+            raise InputError(f"contract: mask is {self.mask!r}; '1 = fill' or '0 = fill' is expected")
+        if self.hole != "zero":
+            raise InputError(f"contract: hole is {self.hole!r}; 'zero' is expected")
+        for name in ("in_range", "out_range"):
+            self._check_range(name)
+        for name in ("multiple", "minimum", "side"):
+            pixels = getattr(self, name)
+            if pixels is not None and not 1 <= pixels <= LARGEST_SIDE:
+                raise InputError(f"contract: {name} is {pixels} px; 1 to {LARGEST_SIDE} is expected")
+
+    def _check_planes(self) -> None:
         known, masks = self.in_planes[: len(self.out_planes)], self.in_planes[len(self.out_planes) :]
         if masks not in MASKS.values() or known != self.out_planes or not known:
             raise InputError(
@@ -77,20 +90,15 @@ class Contract:
             )
         if self.masks > 1 and len(known) != len(PAIR):
             raise InputError(f"contract: a left and a right mask with {len(known)} planes; a pair has {len(PAIR)}")
-        if self.mask not in ("1 = fill", "0 = fill"):
-            raise InputError(f"contract: mask is {self.mask!r}; '1 = fill' or '0 = fill' is expected")
-        if self.hole != "zero":
-            raise InputError(f"contract: hole is {self.hole!r}; 'zero' is expected")
-        for name in ("in_range", "out_range"):
-            pair = getattr(self, name)
-            if pair is not None and not (len(pair) == 2 and pair[0] < pair[1]):
-                raise InputError(f"contract: {name} is {pair}; two rising numbers are expected")
-            if pair is not None and not max(map(abs, pair)) <= LARGEST_VALUE:
-                raise InputError(f"contract: {name} is {pair}; numbers up to {LARGEST_VALUE:g} are expected")
-        for name in ("multiple", "minimum", "side"):
-            pixels = getattr(self, name)
-            if pixels is not None and not 1 <= pixels <= LARGEST_SIDE:
-                raise InputError(f"contract: {name} is {pixels} px; 1 to {LARGEST_SIDE} is expected")
+
+    def _check_range(self, name: str) -> None:
+        pair = getattr(self, name)
+        if pair is None:
+            return
+        if not (len(pair) == 2 and pair[0] < pair[1]):
+            raise InputError(f"contract: {name} is {pair}; two rising numbers are expected")
+        if not max(map(abs, pair)) <= LARGEST_VALUE:
+            raise InputError(f"contract: {name} is {pair}; numbers up to {LARGEST_VALUE:g} are expected")
 
     @property
     def masks(self) -> int:

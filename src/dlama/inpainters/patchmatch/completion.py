@@ -88,19 +88,25 @@ def complete_picture(
     coarser: Search | None = None
     for i in reversed(range(len(levels))):
         search = Search.of(levels[i], rng, penalty_weights(max(hole.shape) / 2**i))
-        small = levels[i].hole.size <= LARGEST_MATCHED and (i > 0 or effort.at_full_size)
+        matched = levels[i].hole.size <= LARGEST_MATCHED and (i > 0 or effort.at_full_size)
         if coarser is None:
             search.compare_all(rng, effort.pairs)
+            matched = True
         else:
-            search.start_from(coarser, compare=small)
-        rounds = int(np.clip(effort.updates // len(search.targets), 1, effort.rounds))
-        for turn in range(rounds):
-            if coarser is None or small:
-                search.match(turn, effort.matchings)
-            search.vote(last=i == 0 and turn == rounds - 1)
+            search.start_from(coarser, compare=matched)
+        improve(search, effort, matched, finest=i == 0)
         coarser = search
     out[hole] = np.clip(np.round(search.values[hole][:, :3]), 0, 255)
     return out
+
+
+def improve(search: Search, effort: Effort, matched: bool, finest: bool) -> None:
+    """The rounds of one level: find better matches, where it is `matched`, and paint with them."""
+    rounds = int(np.clip(effort.updates // len(search.targets), 1, effort.rounds))
+    for turn in range(rounds):
+        if matched:
+            search.match(turn, effort.matchings)
+        search.vote(last=finest and turn == rounds - 1)
 
 
 def penalty_weights(side: float) -> Float32Array:

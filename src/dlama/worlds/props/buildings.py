@@ -13,7 +13,7 @@ from dlama.worlds.scene_builder import Material, SceneBuilder, Triple
 FLOOR_M = 2.9
 
 
-def house(builder: SceneBuilder, palette: Palette, rng: Generator, width: float, depth: float = 6.0) -> float:
+def house(builder: SceneBuilder, palette: Palette, rng: Generator, width: float) -> float:
     """A house with windows, a door or shops, a cornice and a roof; returns its height in metres."""
     floors = int(rng.integers(1, 5))
     height = 0.4 + FLOOR_M * floors
@@ -23,6 +23,7 @@ def house(builder: SceneBuilder, palette: Palette, rng: Generator, width: float,
         if rng.random() < 0.6
         else palette.paint(saturation=(0, 0.3), value=(0.5, 0.95))
     )
+    depth = 6.0
     builder.box((0, 0, depth / 2), (width, height, depth), wall)
     if rng.random() < 0.7:
         builder.box((0, 0, depth / 2), (width + 0.08, float(rng.uniform(0.35, 0.8)), depth + 0.08), trim)

@@ -9,6 +9,8 @@ from dlama.geometry.camera import Camera, Float64Array
 from dlama.worlds.raycast import shape_rows as k
 
 Int32Array = NDArray[np.int32]
+SIDE = 48
+"""Cells of the grid across the light, along each side."""
 
 
 def boxes_by_depth(shapes: Float64Array, camera: Camera) -> tuple[Float64Array, Int32Array]:
@@ -26,13 +28,11 @@ def boxes_by_depth(shapes: Float64Array, camera: Camera) -> tuple[Float64Array, 
     return np.ascontiguousarray(boxes[order]), order.astype(np.int32)
 
 
-def shadow_cells(
-    shapes: Float64Array, to_light: Float64Array, side: int = 48
-) -> tuple[Float64Array, Int32Array, Int32Array]:
+def shadow_cells(shapes: Float64Array, to_light: Float64Array) -> tuple[Float64Array, Int32Array, Int32Array]:
     """Which shapes may shade what: a grid across the light.
 
     Returns ten numbers (two axes of 3, first x, first y, cells per metre, cells a side) and the lists as starts
-    (int32, side^2 + 1) and items (int32).
+    (int32, SIDE^2 + 1) and items (int32).
     """
     axis = np.cross(to_light, (1.0, 0, 0) if abs(to_light[0]) < 0.8 else (0, 0, 1.0))
     e1 = axis / np.linalg.norm(axis)
@@ -46,16 +46,16 @@ def shadow_cells(
         high.append(middle + reach)
     first = np.array([x.min(initial=0) for x in low])
     last = np.array([x.max(initial=1) for x in high])
-    scale = side / float((last - first).max() * 1.0001)
+    scale = SIDE / float((last - first).max() * 1.0001)
     inside = []
     for lo, hi, start in zip(low, high, first):
-        cell = np.arange(side)
+        cell = np.arange(SIDE)
         inside.append(
             (np.floor((lo - start) * scale) <= cell[:, None]) & (np.floor((hi - start) * scale) >= cell[:, None])
         )
-    cell_of, item = np.nonzero((inside[1][:, None] & inside[0][None]).reshape(side * side, -1))
-    starts = np.searchsorted(cell_of, np.arange(side * side + 1)).astype(np.int32)
-    return np.array([*e1, *e2, *first, scale, side]), starts, casting[item].astype(np.int32)
+    cell_of, item = np.nonzero((inside[1][:, None] & inside[0][None]).reshape(SIDE * SIDE, -1))
+    starts = np.searchsorted(cell_of, np.arange(SIDE * SIDE + 1)).astype(np.int32)
+    return np.array([*e1, *e2, *first, scale, SIDE]), starts, casting[item].astype(np.int32)
 
 
 def bounding_boxes(shapes: Float64Array) -> tuple[Float64Array, Float64Array]:
