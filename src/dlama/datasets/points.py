@@ -24,27 +24,29 @@ def points_in(path: Path) -> tuple[PointCloud, Camera | None, str]:
 
     Raises InputError, FileError.
     """
+    cloud, camera, note = _read_points(path)
+    if not len(cloud):
+        raise InputError(f"{path}: holds no points, so that there is nothing to show")
+    return cloud, camera, note
+
+
+def _read_points(path: Path) -> tuple[PointCloud, Camera | None, str]:
+    results, suffix = path / "scene.npz", path.suffix.lower()
     if not path.exists():
         raise FileError(
             f"{path}: no such file or folder; a scene.npz, a .ply, a folder of results or a data set is expected"
         )
-    results, suffix = path / "scene.npz", path.suffix.lower()
-    if path.is_dir() and not results.is_file() and (path / "meta.json").is_file() and (path / "image.png").is_file():
+    if not results.is_file() and (path / "meta.json").is_file() and (path / "image.png").is_file():
         raise FileError(f"{path}: holds no scene.npz; {HOW_WRITTEN}")
-    camera, note = None, ""
     if suffix == ".npz" or results.is_file():
         _, scene = read_npz(results if path.is_dir() else path)
-        cloud, camera = scene_cloud(scene, objects=False), scene.frames[0].camera
-    elif path.is_dir() or suffix in RECORDINGS:
-        cloud, camera, note = points_of_frames(path)
-    elif suffix == ".ply":
-        cloud = read_ply(path)
-    else:
-        kind = f"a {path.suffix} file" if path.suffix else "a file without an ending"
-        raise InputError(f"{path}: is {kind}; a scene.npz, a .ply or a folder is expected")
-    if not len(cloud):
-        raise InputError(f"{path}: holds no points, so that there is nothing to show")
-    return cloud, camera, note
+        return scene_cloud(scene, objects=False), scene.frames[0].camera, ""
+    if path.is_dir() or suffix in RECORDINGS:
+        return points_of_frames(path)
+    if suffix == ".ply":
+        return read_ply(path), None, ""
+    kind = f"a {path.suffix} file" if path.suffix else "a file without an ending"
+    raise InputError(f"{path}: is {kind}; a scene.npz, a .ply or a folder is expected")
 
 
 def points_of_frames(folder: Path) -> tuple[PointCloud, Camera, str]:

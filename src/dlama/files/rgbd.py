@@ -128,11 +128,7 @@ def estimate_rgbd(
     """
     color = read_color(image)
     own = find_photo_depth(image) if depth_model is None else None
-    given = any(value is not None for name, value in lens.items() if name != "pixel_center")
-    calibrated = own.camera if own is not None and not given else None
-    camera, source = calibrated, CALIBRATION if calibrated else ""
-    if camera is None and (given or read_stored(image).focal_35mm is not None):
-        camera, source = camera_for(color.shape[:2], image=image, **lens)
+    camera, source = _find_camera(image, color.shape[:2], lens, own)
     if own is not None:
         rgbd = _use_photo_depth(image, color, camera, own, options)
     else:
@@ -142,6 +138,19 @@ def estimate_rgbd(
         about["field_of_view"] = {**about["field_of_view"], "from": source}
     depth = rgbd.depth if far is None else mark_far(rgbd.depth, far, f"{image}: estimated: ")
     return dataclasses.replace(rgbd, depth=depth, estimate=about)
+
+
+def _find_camera(
+    image: PathLike, hw: tuple[int, ...], lens: Mapping[str, Any], own: PhotoDepth | None
+) -> tuple[Camera | None, str]:
+    """The camera that is given, that the photo's depth is calibrated for, or of the EXIF data, and where it comes from; None, "":
+    nothing says."""
+    given = any(value is not None for name, value in lens.items() if name != "pixel_center")
+    if own is not None and own.camera is not None and not given:
+        return own.camera, CALIBRATION
+    if given or read_stored(image).focal_35mm is not None:
+        return camera_for((hw[0], hw[1]), image=image, **lens)
+    return None, ""
 
 
 def find_photo_depth(image: PathLike) -> PhotoDepth | None:

@@ -159,8 +159,6 @@ def _reply(url: str, response: Any, start_at: int, size: int | None) -> _Reply:
         raise Unusable(f"redirects from https to {response.geturl()}, which is not followed")
     if headers.get_content_type() == "text/html" and "Content-Type" in headers:
         raise Moved("a web page came instead of the file (moved, or a login is asked for)")
-    validator = headers.get("ETag", "")
-    validator = headers.get("Last-Modified", "") if not validator or validator.startswith("W/") else validator
     length = headers.get("Content-Length", "")
     total = int(length) if length.isdecimal() else None
     start = 0
@@ -168,7 +166,13 @@ def _reply(url: str, response: Any, start_at: int, size: int | None) -> _Reply:
         start, total = start_at, _total_of_range(headers.get("Content-Range", ""), start_at)
     if size is not None and total is not None and total != size:
         raise Unusable(f"{'cut short' if total < size else 'too long'}: {total} bytes are announced, expected {size}")
-    return _Reply(start, total, validator)
+    return _Reply(start, total, _validator(headers))
+
+
+def _validator(headers: Any) -> str:
+    """What a server's file is known by: a strong ETag, else the time of its last change; "": nothing."""
+    tag = headers.get("ETag", "")
+    return str(headers.get("Last-Modified", "") if not tag or tag.startswith("W/") else tag)
 
 
 def _total_of_range(sent: str, start_at: int) -> int | None:

@@ -185,6 +185,11 @@ def find_estimator(depth_model: str | Path | Estimator) -> tuple[str, Estimator]
             f"`depth_model` is {text!r}; one of {', '.join(ESTIMATORS)}, an ONNX file, or NAME=FILE is expected"
         )
     path = user_path(text)
+    return path.name, _file_estimator(path, _contract_of_file(path))
+
+
+def _contract_of_file(path: Path) -> DepthContract:
+    """The contract that a file carries, or that of the catalogue's network with its bytes. InputError: neither."""
     network = open_network(path)
     contract = read_file_contract(network) or _contract_of_bytes(network)
     if contract is None:
@@ -192,7 +197,7 @@ def find_estimator(depth_model: str | Path | Estimator) -> tuple[str, Estimator]
             f"{path}: carries no contract and is none of the catalogue's files; say whose contract it keeps: "
             f"`depth_model=NAME={path.name}`, NAME of {', '.join(ESTIMATORS)}"
         )
-    return path.name, _file_estimator(path, contract)
+    return contract
 
 
 def _file_estimator(path: Path, contract: DepthContract) -> Estimator:

@@ -88,8 +88,6 @@ def sequence(
 
 def mask_files(named: Sequence[str], folder: Path | None) -> dict[str, Path]:
     """Frame -> file, from FRAME=FILE words and from the names in a folder. InputError."""
-    from dlama.files.rasters.images import SUFFIXES
-
     files: dict[str, Path] = {}
     for word in named:
         frame, equals, file = word.partition("=")
@@ -99,13 +97,20 @@ def mask_files(named: Sequence[str], folder: Path | None) -> dict[str, Path]:
             raise InputError(f"`mask` is given twice for frame {frame}; one mask a frame is expected")
         files[frame] = Path(file)
     if folder is not None:
-        if not folder.is_dir():
-            raise InputError(f"`masks` is {folder}; a folder of masks with the names of their frames is expected")
-        listed = sorted(path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES)
-        if not listed:
-            raise InputError(f"`masks` is {folder}, which holds no picture")
-        files |= {path.stem: path for path in listed if path.stem not in files}
+        files |= {frame: file for frame, file in _masks_in(folder).items() if frame not in files}
     return files
+
+
+def _masks_in(folder: Path) -> dict[str, Path]:
+    """Name of a frame -> file, of the pictures in a folder. InputError: none."""
+    from dlama.files.rasters.images import SUFFIXES
+
+    if not folder.is_dir():
+        raise InputError(f"`masks` is {folder}; a folder of masks with the names of their frames is expected")
+    listed = sorted(path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES)
+    if not listed:
+        raise InputError(f"`masks` is {folder}, which holds no picture")
+    return {path.stem: path for path in listed}
 
 
 def summary_line(meta: dict[str, Any], output: Path, seconds: float) -> str:

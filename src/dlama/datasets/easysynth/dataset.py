@@ -137,14 +137,11 @@ def _frames(scene: str, sequence: RenderedSequence) -> Iterator[PosedFrame]:
 
 def _cases(sequences: list[RenderedSequence], removal_object: str | None) -> Iterator[_Case]:
     """Of one scene. A sequence that is the truth of another one has no cases of its own."""
-    named = {sequence.folder.name: sequence for sequence in sequences}
-    truth_of = {f"{rig}with": named.get(f"{rig}without") for rig in ("", "stereo_")}
-    truths = [truth for name, truth in truth_of.items() if truth is not None and name in named]
+    truth_of = _truths(sequences)
     for sequence in sequences:
-        if any(sequence is truth for truth in truths):
+        if any(sequence is truth for truth in truth_of.values()):
             continue
-        without = truth_of.get(sequence.folder.name)
-        color = None
+        without, color = truth_of.get(sequence.folder.name), None
         if without is not None:
             color = class_color(removal_object or OBJECT_CLASS, sequence.folder / CLASSES_FILE)
         pair = sequence.pair()
@@ -154,6 +151,13 @@ def _cases(sequences: list[RenderedSequence], removal_object: str | None) -> Ite
         yield from _vpi(sequence, without, color)
         if without is not None and color is not None:
             yield from _ori(sequence, without, color)
+
+
+def _truths(sequences: list[RenderedSequence]) -> dict[str, RenderedSequence]:
+    """Name of a sequence with the object -> the one without it."""
+    named = {sequence.folder.name: sequence for sequence in sequences}
+    rigs = [rig for rig in ("", "stereo_") if {f"{rig}with", f"{rig}without"} <= set(named)]
+    return {f"{rig}with": named[f"{rig}without"] for rig in rigs}
 
 
 def _vpi(sequence: RenderedSequence, without: RenderedSequence | None, color: RGB | None) -> Iterator[_Case]:

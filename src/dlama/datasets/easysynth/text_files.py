@@ -175,7 +175,7 @@ def _rig_camera(path: Path, name: str, values: Any) -> RigCamera:
         raise FileError(f"{where} is no object; intrinsics, rotation, translation and sensor_size are expected")
     fields = FileFields(where, {key: [value] for key, value in values.items()})
     fx, skew, cx, below, fy, cy, left, under, last = fields.matrix("intrinsics", (1, 9))[0]
-    if skew or below or left or under or last not in (0, 1) or fx <= 0 or fy <= 0:
+    if any((skew, below, left, under)) or last not in (0, 1) or min(fx, fy) <= 0:
         raise CameraError(
             f"{where}.intrinsics is {values['intrinsics']}; fx 0 cx 0 fy cy 0 0 0 (or 1 at the end) is expected, fx, fy > 0"
         )

@@ -53,16 +53,14 @@ def reliability_measures(run: MethodRun, reference: Reference, number: int = -1)
     found["color_within"] = reference.color_within
     distance = by_distance(warped.hole, warped.color_hole)[where]
     random = np.random.default_rng(run.method.seed).random(len(predicted))
-    for order, name in ((predicted, ""), (distance, "_distance"), (random, "_random")):
+    others = {"_distance": distance, "_random": random}
+    for name, order in ({"": predicted} | others).items():
         found[f"ause_depth{name}"] = sparsification_area(order, relative)
     if painted.any():
-        confidence = -view.color_error[where]
-        for order, name in ((confidence, ""), (distance, "_distance"), (random, "_random")):
+        expected = view.color_error[where]
+        for name, order in ({"": -expected} | others).items():
             found[f"ause_color{name}"] = sparsification_area(order[painted], levels[painted])
-        found |= {
-            "expected_color": float(view.color_error[where][painted].mean()),
-            "actual_color": float(levels[painted].mean()),
-        }
+        found |= {"expected_color": float(expected[painted].mean()), "actual_color": float(levels[painted].mean())}
     if np.isfinite(z).any():
         some = np.isfinite(z)
         found |= {

@@ -13,6 +13,7 @@ from dlama.evaluation.report.columns import PAPER_SHAPE, Which, better_direction
 from dlama.evaluation.report.summary import ALL, draws, intervals, yaw_labels, yaw_order
 from dlama.evaluation.report.tables import EMPTY, Cell, Table
 from dlama.evaluation.runner.store import Row
+from dlama.geometry.camera import Float64Array
 
 OURS, THEIRS = "dlama", "paper"
 NOTE = (
@@ -80,8 +81,13 @@ def _cell(pairs: Pairs | None, metric: str, seed: int) -> Cell:
     if not (sums[1] > 0).all():
         return EMPTY
     change = 100 * (float(sums[0].sum() / sums[1].sum()) - 1)
-    between = ""
-    if len(pairs) > 1:
-        low, high = intervals(sums[:1], sums[1:], draws(len(pairs), seed))
-        between = f"{100 * (low[0] - 1):+.1f} to {100 * (high[0] - 1):+.1f}"
-    return Cell(f"{change:+.1f} % ({wins}/{len(every)})", change, best=side * change > 0, interval=between)
+    text = f"{change:+.1f} % ({wins}/{len(every)})"
+    return Cell(text, change, best=side * change > 0, interval=_interval(sums, seed))
+
+
+def _interval(sums: Float64Array, seed: int) -> str:
+    """Ends of the interval of the change in %, by 2 x N sums of scenes (ours, theirs); "" of one scene."""
+    if sums.shape[1] < 2:
+        return ""
+    low, high = intervals(sums[:1], sums[1:], draws(sums.shape[1], seed))
+    return f"{100 * (low[0] - 1):+.1f} to {100 * (high[0] - 1):+.1f}"

@@ -113,21 +113,26 @@ def summarise(rows: Sequence[Row], *, seed: int = 0, about: dict[str, Any] | Non
 
 def means_of(values: dict[Key, dict[str, list[float]]], seed: int) -> dict[Key, Mean]:
     """Key -> scene -> values of its frames, as means with intervals."""
-    plain = {key: _plain_mean(scenes) for key, scenes in values.items()}
+    means = {key: _plain_mean(scenes) for key, scenes in values.items()}
     by_count: dict[int, list[Key]] = defaultdict(list)
     for key, scenes in values.items():
-        if len(scenes) > 1 and math.isfinite(plain[key].value):
+        if len(scenes) > 1 and math.isfinite(means[key].value):
             by_count[len(scenes)].append(key)
     for count, keys in by_count.items():
         times = draws(count, seed)
         for start in range(0, len(keys), CHUNK):
             some = keys[start : start + CHUNK]
-            sums = np.array([[math.fsum(one) for one in values[key].values()] for key in some])
-            counts = np.array([[len(one) for one in values[key].values()] for key in some])
-            low, high = intervals(sums, counts, times)
-            for number, key in enumerate(some):
-                plain[key] = plain[key]._replace(low=float(low[number]), high=float(high[number]))
-    return plain
+            ends = _intervals_of([list(values[key].values()) for key in some], times)
+            means |= {key: means[key]._replace(low=low, high=high) for key, (low, high) in zip(some, ends)}
+    return means
+
+
+def _intervals_of(scenes: Sequence[Sequence[Sequence[float]]], times: Float64Array) -> list[tuple[float, float]]:
+    """Ends of the interval of each mean, by the values of its scenes' frames. times: as of `draws`."""
+    sums = np.array([[math.fsum(values) for values in one] for one in scenes])
+    counts = np.array([[len(values) for values in one] for one in scenes])
+    low, high = intervals(sums, counts, times)
+    return [(float(first), float(last)) for first, last in zip(low, high)]
 
 
 def draws(scenes: int, seed: int) -> Float64Array:

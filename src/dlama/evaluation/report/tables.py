@@ -56,15 +56,16 @@ def by_yaw(
     for yaw in yaws:
         cells = [_mark_best([_cell(place, yaw, one, which) for one in methods], which[2], methods) for which in chosen]
         rows += [(Cell(yaw), Cell(method), *own) for method, *own in zip(methods, *cells)]
-        published = [paper_value(yaw, *which) for which in chosen]
-        if any(value is not None for value in published):
-            others = (
-                EMPTY if value is None else Cell(format_value(value, which[2]), value, other=True)
-                for value, which in zip(published, chosen)
-            )
-            rows.append((Cell(yaw, other=True), Cell(PAPER, other=True), *others))
+        published = [_published_cell(yaw, which) for which in chosen]
+        if any(cell is not EMPTY for cell in published):
+            rows.append((Cell(yaw, other=True), Cell(PAPER, other=True), *published))
     head = ("yaw", "method", *(column_title(*which) for which in chosen))
     return Table(title, head, tuple(rows), with_intervals=True) if rows else None
+
+
+def _published_cell(yaw: str, which: Which) -> Cell:
+    value = paper_value(yaw, *which)
+    return EMPTY if value is None else Cell(format_value(value, which[2]), value, other=True)
 
 
 def side_by_side(place: Place, chosen: Iterable[Which], methods: Sequence[str], title: str) -> Table | None:
@@ -83,11 +84,12 @@ def variants(place: Place, chosen: Sequence[Which], title: str) -> Table | None:
     if not any(variant for _, variant in ran.values()):
         return None
     seen = [which for which in chosen if any(place.mean(ALL, name, which) for name in ran)]
-    rows = []
-    for base in (name for name, (_, variant) in ran.items() if not variant):
-        for name, variant in ((name, variant) for name, (own, variant) in ran.items() if own == base):
-            cells = [_cell(place, ALL, name, which) for which in seen]
-            rows.append((Cell(base), Cell(variant or "as named"), *cells))
+    named = [name for name, (_, variant) in ran.items() if not variant]
+    in_order = sorted((one for one in ran if ran[one][0] in named), key=lambda name: named.index(ran[name][0]))
+    rows = [
+        (Cell(ran[name][0]), Cell(ran[name][1] or "as named"), *(_cell(place, ALL, name, which) for which in seen))
+        for name in in_order
+    ]
     head = ("method", "variant", *(f"{which[0]} {column_title(*which)}" for which in seen))
     return Table(title, head, tuple(rows))
 
@@ -98,19 +100,20 @@ def runtimes(timings: Sequence[Row], methods: Sequence[str]) -> Table | None:
     for protocol in dict.fromkeys(row.protocol for row in timings):
         for method in methods:
             own = [row for row in timings if (row.protocol, row.method) == (protocol, method)]
-            took = [row.value for row in own if row.metric == "seconds"]
-            scored = [row.value for row in own if row.metric == "seconds_scored"]
-            peak = [row.value for row in own if row.metric == "peak_mib"]
-            if took:
-                numbers = [
-                    (median(took), 2),
-                    (max(took), 2),
-                    (median(scored or took), 2),
-                    (max(peak, default=math.nan), 0),
-                ]
-                rows.append((Cell(protocol), Cell(method), *(Cell(f"{one:.{n}f}", one) for one, n in numbers)))
+            if any(row.metric == "seconds" for row in own):
+                rows.append((Cell(protocol), Cell(method), *_runtime_cells(own)))
     head = ("protocol", "method", "seconds, median", "seconds, longest", "with scoring, median", "peak MiB")
     return Table("Runtime and memory per frame", head, tuple(rows)) if rows else None
+
+
+def _runtime_cells(timings: Sequence[Row]) -> list[Cell]:
+    """Of one protocol and method."""
+    took, scored, peak = (
+        [row.value for row in timings if row.metric == metric] for metric in ("seconds", "seconds_scored", "peak_mib")
+    )
+    seconds = [Cell(f"{one:.2f}", one) for one in (median(took), max(took), median(scored or took))]
+    most = max(peak, default=math.nan)
+    return [*seconds, Cell(f"{most:.0f}", most)]
 
 
 def variant_of(method: str) -> tuple[str, str]:

@@ -85,11 +85,7 @@ def run(
         OutputError: the folder cannot be written.
     """
     _check(cases, methods, jobs)
-    try:
-        for name in ("cases", "panels"):
-            (folder / name).mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(f"{folder}: cannot be written: {error.strerror or error}") from error
+    _make_folders(folder)
     tasks, reused, stale = _plan(cases, methods, protocols, settings, folder)
     report = progress or (lambda *_: None)
     total, done = len(cases) * len(methods), reused
@@ -106,6 +102,14 @@ def run(
     names = [name for case in cases for method in methods if (name := stem(case, method)) not in failed]
     stored = [read_stored(folder / "cases" / f"{name}.json") for name in names]
     return Results(tuple(one for one in stored if one is not None), tuple(failures), reused, stale)
+
+
+def _make_folders(folder: Path) -> None:
+    try:
+        for name in ("cases", "panels"):
+            (folder / name).mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"{folder}: cannot be written: {error.strerror or error}") from error
 
 
 def write_errors(folder: Path, failures: Sequence[Outcome]) -> None:

@@ -15,7 +15,7 @@ from dlama.completion.completion import Completion, StereoCompletion
 from dlama.errors import InputError, OutputError, system_errors
 from dlama.files.atomic_write import PathLike, new_directory
 from dlama.files.rasters import depth, pictures
-from dlama.files.results.meta_json import as_json, describe_completion, hash_inputs
+from dlama.files.results.meta_json import describe_completion, hash_inputs, write_meta
 from dlama.files.results.preview import write_preview
 from dlama.files.scenes import clouds, textured_mesh
 from dlama.files.scenes import scene_npz as scenes
@@ -107,9 +107,7 @@ def write(
         if "depth" in names:
             clipped = {place: results[f"{place}depth.png"] for place in views_by_folder(completion)}
             meta["depth_png_clipped_pixels"] = clipped if len(clipped) > 1 else clipped[""]
-        took = {**(seconds or {}), **meta["seconds"], "write": time.perf_counter() - started}
-        meta["seconds"] = {stage: round(value, 4) for stage, value in took.items()}
-        (folder / "meta.json").write_text(as_json(meta), encoding="utf-8")
+        write_meta(folder, meta, seconds or {}, time.perf_counter() - started)
     return target
 
 

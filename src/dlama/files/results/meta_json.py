@@ -1,4 +1,4 @@
-"""A completion and what it was made of in; the text of its meta.json out."""
+"""A completion and what it was made of in; its meta.json out."""
 
 from __future__ import annotations
 
@@ -94,3 +94,10 @@ def to_json_types(value: Any) -> Any:
     if isinstance(value, float) and not np.isfinite(value):
         return None
     return value
+
+
+def write_meta(folder: Path, meta: Mapping[str, Any], before: Mapping[str, float], writing: float) -> None:
+    """Write meta.json; its seconds by stage, after those of stages `before`, and those that `writing` took. Raises OSError."""
+    seconds = {**before, **meta["seconds"], "write": writing}
+    rounded = {stage: round(value, 4) for stage, value in seconds.items()}
+    (folder / "meta.json").write_text(as_json({**meta, "seconds": rounded}), encoding="utf-8")

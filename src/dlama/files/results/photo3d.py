@@ -19,7 +19,7 @@ from dlama.errors import OutputError, system_errors
 from dlama.files.atomic_write import PathLike, new_directory
 from dlama.files.rasters.pictures import write_color
 from dlama.files.results.completion import check_inputs_stay, choose_names
-from dlama.files.results.meta_json import as_json, describe_source, hash_inputs, versions
+from dlama.files.results.meta_json import describe_source, hash_inputs, versions, write_meta
 from dlama.files.results.video import check_video, write_video
 from dlama.files.scenes.photo3d_page import LARGEST_GLB, glb_within, photo3d_page
 from dlama.files.scenes.scene_npz import write_npz
@@ -105,9 +105,7 @@ def write_photo3d(
             "inputs": hash_inputs(inputs or {}, {}),
             "versions": versions(),
         }
-        took = {**(seconds or {}), **photo.meta["seconds"], "write": time.perf_counter() - started}
-        meta["seconds"] = {stage: round(value, 4) for stage, value in took.items()}
-        (folder / "meta.json").write_text(as_json(meta), encoding="utf-8")
+        write_meta(folder, meta, seconds or {}, time.perf_counter() - started)
     return target
 
 

@@ -52,9 +52,24 @@ def read_ply(path: PathLike) -> PointCloud:
 
     Files of other programs have no `origin` (taken as measured) and no `confidence` (taken as 1). Raises FileError.
     """
+    file = existing_file(path)
+    vertex = _read_vertices(file)
+    with np.errstate(invalid="ignore", over="ignore"):  # signalling NaN of damaged files; reported below
+        points = np.stack([_property(file, vertex, axis) for axis in "xyz"], axis=1).astype(np.float64)
+    color = np.stack([_property(file, vertex, name) for name in COLORS], axis=1)
+    if color.dtype != np.uint8:
+        raise FileError(f"{file}: red green blue are {color.dtype}; uchar (0..255) is expected")
+    if not np.isfinite(points).all():
+        raise FileError(f"{file}: {int((~np.isfinite(points)).any(axis=1).sum())} points are not finite")
+    names = vertex.dtype.names or ()
+    origin = vertex["origin"] if "origin" in names else np.full(len(vertex), Origin.MEASURED)
+    confidence = vertex["confidence"] if "confidence" in names else np.ones(len(vertex))
+    return PointCloud(points, color, np.asarray(origin, np.uint8), np.asarray(confidence, np.float32))
+
+
+def _read_vertices(file: Path) -> np.ndarray:
     from plyfile import PlyData
 
-    file = existing_file(path)
     try:
         _check_claims(file)
         data = PlyData.read(str(file))
@@ -65,17 +80,7 @@ def read_ply(path: PathLike) -> PointCloud:
         raise FileError(f"{file}: is damaged, truncated or no PLY file ({error})") from error
     if vertex is None:
         raise FileError(f"{file}: has no element 'vertex'")
-    with np.errstate(invalid="ignore", over="ignore"):  # signalling NaN of damaged files; reported below
-        points = np.stack([_property(file, vertex, axis) for axis in "xyz"], axis=1).astype(np.float64)
-    color = np.stack([_property(file, vertex, name) for name in COLORS], axis=1)
-    if color.dtype != np.uint8:
-        raise FileError(f"{file}: red green blue are {color.dtype}; uchar (0..255) is expected")
-    if not np.isfinite(points).all():
-        raise FileError(f"{file}: {int((~np.isfinite(points)).any(axis=1).sum())} points are not finite")
-    names = vertex.dtype.names
-    origin = vertex["origin"] if "origin" in names else np.full(len(vertex), Origin.MEASURED)
-    confidence = vertex["confidence"] if "confidence" in names else np.ones(len(vertex))
-    return PointCloud(points, color, np.asarray(origin, np.uint8), np.asarray(confidence, np.float32))
+    return np.asarray(vertex)
 
 
 def _check_claims(file: Path) -> None:

@@ -114,15 +114,8 @@ def pack_textures(parts: Sequence[MeshPart]) -> tuple[UInt8Array, list[Float64Ar
         for one in parts
     ]
     sizes = [sides_of(box) for box in boxes]
-    width = max(max(columns for _, columns in sizes), math.ceil(math.sqrt(sum(map(math.prod, sizes)))))
-    places, left, top, height = [], 0, 0, 0
-    for rows, columns in sizes:
-        if left and left + columns > width:
-            left, top, height = 0, top + height, 0
-        places.append((top, left))
-        left, height = left + columns, max(height, rows)
-    across = max(x + columns for (_, x), (_, columns) in zip(places, sizes))
-    texture = np.zeros((top + height, across, 3), np.uint8)
+    places, hw = place_in_rows(sizes)
+    texture = np.zeros((*hw, 3), np.uint8)
     for part, box, (row, column), (rows, columns) in zip(parts, boxes, places, sizes):
         place = texture[row : row + rows, column : column + columns]
         if part.shown is None:
@@ -130,6 +123,18 @@ def pack_textures(parts: Sequence[MeshPart]) -> tuple[UInt8Array, list[Float64Ar
         else:
             fill_unseen(part.picture[box], part.shown[box], place)
     return texture, [np.array([x - box[1].start, y - box[0].start], float) for (y, x), box in zip(places, boxes)]
+
+
+def place_in_rows(sizes: Sequence[tuple[int, int]]) -> tuple[list[tuple[int, int]], tuple[int, int]]:
+    """Row and column of the upper left corner of boxes (rows, columns) that lie next to each other, and the size of them all."""
+    width = max(max(columns for _, columns in sizes), math.ceil(math.sqrt(sum(map(math.prod, sizes)))))
+    places, left, top, height = list[tuple[int, int]](), 0, 0, 0
+    for rows, columns in sizes:
+        if left and left + columns > width:
+            left, top, height = 0, top + height, 0
+        places.append((top, left))
+        left, height = left + columns, max(height, rows)
+    return places, (top + height, max(x + columns for (_, x), (_, columns) in zip(places, sizes)))
 
 
 def fill_unseen(picture: UInt8Array, shown: BoolArray, out: UInt8Array) -> None:

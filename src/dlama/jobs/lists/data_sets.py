@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from dlama.datasets.frames import Case, Frame
 from dlama.datasets.layouts import open_dataset
 from dlama.errors import InputError
 from dlama.evaluation.runner.cache_key import short_hash
@@ -30,22 +31,25 @@ class DatasetJobs:
 
     def __iter__(self) -> Iterator[Job]:
         """InputError: an unknown layout, a data set without what the verb takes, options that cannot be."""
-        verb = self.verb or ""
-        refused = [name for name, value in self.defaults.items() if name not in TAKEN and value is not None]
-        if refused:
-            raise InputError(f"`{refused[0]}` does not apply to a data set, which has its own files, cameras and units")
-        given = {name: value for name, value in self.defaults.items() if value is not None}
-        parameters = check_parameters(verb, given, loaded=True)
+        verb, parameters = self.verb or "", self._parameters()
         dataset = open_dataset(self.root, self.layout)
-        found: dict[str, Any] = {"stereo": dataset.of("sii")}
-        pointed = any(name in parameters for name in POINTING)
-        found["remove"] = dataset.frames if pointed else dataset.of("ori")
-        items = found.get(verb, dataset.frames)
+        items: Sequence[Frame | Case] = dataset.frames
+        if verb == "stereo":
+            items = dataset.of("sii")
+        elif verb == "remove" and not any(name in parameters for name in POINTING):
+            items = dataset.of("ori")
         if not items:
             raise InputError(f"{self.root}: the data set (layout {dataset.layout}) has nothing for {verb}")
         for one in items:
-            name = job_name(f"{one.scene}/{getattr(one, 'name', None) or one.frame}")
+            name = job_name(f"{one.scene}/{one.name if isinstance(one, Frame) else one.frame}")
             yield Job(name, verb, parameters, f"{self.root}: {name}", load=one.load, load_hash=short_hash(one.load))
+
+    def _parameters(self) -> dict[str, Any]:
+        given = {name: value for name, value in self.defaults.items() if value is not None}
+        refused = [name for name in given if name not in TAKEN]
+        if refused:
+            raise InputError(f"`{refused[0]}` does not apply to a data set, which has its own files, cameras and units")
+        return check_parameters(self.verb or "", given, loaded=True)
 
 
 def job_name(item: str) -> str:

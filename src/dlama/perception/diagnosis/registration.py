@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import cv2
@@ -68,6 +68,11 @@ def _compare_edges(seen: Observed, edges: list[Floats], what: str, kind: str, me
     step = _step(seen.depth)
     image, other = picture_edges(seen.color, step), _shrink_edges(edges, step)
     peaks = {name: find_peak(image, flip(other)) for name, flip in FLIPS.items()}
+    plain, width = peaks["as it is"], image.shape[2]
+    return _find_mirroring(peaks, what, kind) or _find_shift(plain, step, width, f"shifted-{kind}", what, mend)
+
+
+def _find_mirroring(peaks: Mapping[str, Peak], what: str, kind: str) -> list[Finding]:
     plain, best = peaks["as it is"], max(peaks, key=lambda name: peaks[name].here)
     lead = peaks[best].here / max(plain.z, 1.0)
     if best != "as it is" and peaks[best].here > LEAST_Z and lead > LEAST_LEAD:
@@ -78,15 +83,17 @@ def _compare_edges(seen: Observed, edges: list[Floats], what: str, kind: str, me
                 f"mirrored-{kind}", "fault", certainty(lead - 1, 0.25), f"{what} is {best} against the picture", undo
             )
         ]
+    return []
+
+
+def _find_shift(plain: Peak, step: float, width: int, check: str, what: str, mend: str) -> list[Finding]:
     right, down = (round(each * step) for each in plain.shift)
-    far = np.hypot(*plain.shift) > ALIGNED * image.shape[2]
+    far = np.hypot(*plain.shift) > ALIGNED * width
     lead = plain.z / max(plain.here, 1.0)
     if far and plain.z > LEAST_Z and lead > LEAST_LEAD:
         sides = [f"{abs(by)} px too far {word}" for by, word in
                  ((right, "right" if right > 0 else "left"), (down, "down" if down > 0 else "up")) if by]  # fmt: skip
-        return [
-            Finding(f"shifted-{kind}", "fault", certainty(lead - 1, 0.25), f"{what} lies {' and '.join(sides)}", mend)
-        ]
+        return [Finding(check, "fault", certainty(lead - 1, 0.25), f"{what} lies {' and '.join(sides)}", mend)]
     return []
 
 

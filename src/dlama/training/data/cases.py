@@ -86,8 +86,9 @@ def split_cases(cases: Sequence[TrainingCase], split: str) -> tuple[TrainingCase
         return chosen
     held_frames = frozenset[str]() if several else frozenset().union(*(case.frames for case in chosen))
     rest = tuple(case for case in cases if case not in held and not case.frames & held_frames)
+    left = {case.kind for case in rest}
     for kind, own in _by_kind(cases).items():
-        if not any(case.kind == kind for case in rest):
+        if kind not in left:
             raise InputError(
                 f"all {len(own)} {KIND_NAMES[kind]} of {own[0].scene} share frames or scenes with the held-out ones; "
                 "more scenes are expected"

@@ -142,17 +142,26 @@ def _check_use(kinds: set[str], data: Sequence[Path], found: TrainingData) -> No
     """Refuse kinds without their files, and files without a kind."""
     named = ", ".join(map(str, data)) or "no file"
     for kind in sorted(kinds):
-        if SAMPLES[kind].cases_required and not found.of(str(SAMPLES[kind].cases)):
-            raise InputError(f"data.mixture has {kind!r}, which needs a posed data set, but `data` names {named}")
-        if SAMPLES[kind].crops and not found.crops:
-            raise InputError(
-                f"data.mixture has {kind!r}, which needs a folder of crops with guesses (benchmarks/choice.py makes one), "
-                f"but `data` names {named}"
-            )
+        needed = _missing_files(kind, found)
+        if needed:
+            raise InputError(f"data.mixture has {kind!r}, which needs {needed}, but `data` names {named}")
     of_crops = found.crops and any(SAMPLES[kind].crops for kind in kinds)
-    of_photos = found.photos and any(SAMPLES[kind].photos for kind in kinds)
-    if data and not (of_crops or of_photos or _cases_of_kinds(found, kinds)):
+    if data and not (of_crops or _takes_photos(found, kinds) or _cases_of_kinds(found, kinds)):
         raise InputError(f"data.mixture is {', '.join(sorted(kinds))}, which has no use for `data`: {named}")
+
+
+def _missing_files(kind: str, found: TrainingData) -> str:
+    """What samples of a kind cannot be made without and is not there, in words; "": nothing."""
+    samples = SAMPLES[kind]
+    if samples.cases_required and not found.of(str(samples.cases)):
+        return "a posed data set"
+    if samples.crops and not found.crops:
+        return "a folder of crops with guesses (benchmarks/choice.py makes one)"
+    return ""
+
+
+def _takes_photos(found: TrainingData, kinds: set[str]) -> bool:
+    return bool(found.photos) and any(SAMPLES[kind].photos for kind in kinds)
 
 
 def _cases_of_kinds(found: TrainingData, kinds: set[str]) -> tuple[TrainingCase, ...]:
@@ -163,8 +172,7 @@ def _cases_of_kinds(found: TrainingData, kinds: set[str]) -> tuple[TrainingCase,
 
 def _split(found: TrainingData, kinds: set[str], split: Split) -> TrainingData:
     """The photos and cases of one split that these kinds use."""
-    takes_photos = found.photos and any(SAMPLES[kind].photos for kind in kinds)
-    photos = split_photos(found.photos, split) if takes_photos else ()
+    photos = split_photos(found.photos, split) if _takes_photos(found, kinds) else ()
     used = _cases_of_kinds(found, kinds)
     return TrainingData(photos, split_cases(used, split) if used else (), found.crops)
 

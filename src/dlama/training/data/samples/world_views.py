@@ -112,13 +112,17 @@ def _world_views(worlds: WorldSet, number: int, paired: bool = False) -> WorldVi
     fov = float(rng.uniform(*FOV_DEG))
     yaws = _yaws(rng)
     if paired:
-        lefts = [made.camera(yaw, size, fov) for yaw in yaws[: VIEWS // 2]]
-        cameras = tuple(each for left in lefts for each in (left, move_sideways(left, float(rng.uniform(*SHIFT_M)))))
+        cameras = _stereo_cameras(rng, [made.camera(yaw, size, fov) for yaw in yaws[: VIEWS // 2]])
         return WorldViews(made, cameras, tuple((n, n + 1) for n in range(0, len(cameras), 2)))
     cameras = _random_move(rng, [made.camera(yaw, size, fov) for yaw in yaws])
     pairs = [(i, j) for i in range(VIEWS) for j in range(VIEWS) if i != j and abs(yaws[i] - yaws[j]) <= LARGEST_YAW]
     rng.shuffle(pairs)
     return WorldViews(made, cameras, tuple((int(i), int(j)) for i, j in pairs))
+
+
+def _stereo_cameras(rng: np.random.Generator, lefts: list[Camera]) -> tuple[Camera, ...]:
+    """Left, right, left, right ..."""
+    return tuple(each for left in lefts for each in (left, move_sideways(left, float(rng.uniform(*SHIFT_M)))))
 
 
 def _yaws(rng: np.random.Generator) -> list[float]:
