@@ -43,15 +43,20 @@ def holed(size: int = 96, scale: float = 1.0) -> tuple[View, np.ndarray, np.ndar
 
 
 def test_the_network_is_what_its_weights_say() -> None:
-    """Closed form: zero weights leave the last bias, a unit weight passes one feature on."""
+    """Closed form: zero weights leave the last biases: a probability, and an error by its logarithm, at most all of the depth; a
+    unit weight passes one feature on."""
     zeros = [np.zeros(shape, np.float32) for shape in ((FEATURES, 4), (4, 4), (4, OUTPUTS))]
-    biases = [np.zeros(4, np.float32), np.zeros(4, np.float32), np.array([0.0, np.log(3), 0, 0], np.float32)]
+    biases = [np.zeros(4, np.float32), np.zeros(4, np.float32), np.log(np.array([1, 3, 0.25, 2], np.float32))]
     layers = tuple(zip(zeros, biases))
     network = ConfidenceNetwork(np.zeros(FEATURES, np.float32), np.ones(FEATURES, np.float32), layers)
     features = np.ones((5, FEATURES), np.float32)
-    assert np.allclose(network(features)[0], [[0.5, 0.75]] * 5)
+    probabilities, errors = network(features)
+    np.testing.assert_allclose(probabilities, [[0.5, 0.75]] * 5, rtol=1e-6)
+    np.testing.assert_allclose(errors, [[0.25, 50]] * 5, rtol=1e-5)
     zeros[0][2, 0] = zeros[1][0, 0] = zeros[2][0, 0] = 1
     assert np.allclose(network(2 * features)[0][:, 0], 1 / (1 + np.exp(-2)))
+    biases[2][2:] = 9
+    np.testing.assert_allclose(network(features[:1])[1], [[1, 255]])
 
 
 def test_known_pixels_keep_theirs_and_depth_alone_is_surer() -> None:

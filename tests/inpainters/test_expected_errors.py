@@ -25,10 +25,7 @@ from dlama.geometry.visibility import Law
 from dlama.inpainters.confidence import (
     COLOR_WITHIN,
     DEPTH_WITHIN,
-    FEATURES,
     LARGEST_CONFIDENCE,
-    OUTPUTS,
-    ConfidenceNetwork,
 )
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill, inpaint
@@ -53,19 +50,6 @@ def recorded(frame: RGBD, seed: int) -> RGBD:
     color = frame.color + rng.normal(0, 3, frame.color.shape)
     faulty = quantise_depth(add_depth_noise(add_flying_pixels(frame.depth, rng), rng), rng)
     return dataclasses.replace(frame, color=np.clip(np.rint(color), 0, 255).astype(np.uint8), depth=faulty)
-
-
-def test_the_network_says_what_its_weights_say() -> None:
-    """Closed form: zero weights leave the last biases: a probability, and an error by its logarithm, at most all of the depth."""
-    shapes = ((FEATURES, 4), (4, 4), (4, OUTPUTS))
-    biases = [np.zeros(4, np.float32), np.zeros(4, np.float32), np.log(np.array([1, 3, 0.25, 2], np.float32))]
-    layers = tuple((np.zeros(shape, np.float32), bias) for shape, bias in zip(shapes, biases))
-    network = ConfidenceNetwork(np.zeros(FEATURES, np.float32), np.ones(FEATURES, np.float32), layers)
-    probabilities, errors = network(np.ones((3, FEATURES), np.float32))
-    np.testing.assert_allclose(probabilities, [[0.5, 0.75]] * 3, rtol=1e-6)
-    np.testing.assert_allclose(errors, [[0.25, 50]] * 3, rtol=1e-5)
-    biases[2][2:] = 9
-    np.testing.assert_allclose(network(np.ones((1, FEATURES), np.float32))[1], [[1, 255]])
 
 
 @pytest.mark.parametrize("filler", ["layered", "telea", "migan"])

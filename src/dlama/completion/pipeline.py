@@ -17,7 +17,7 @@ from dlama.completion.options import OptionKeywords, Options, Unpack, options_of
 from dlama.completion.plausible import warn_of_scale, warn_of_unknown
 from dlama.completion.report import Clock, Record, about_depth, expected_errors, meta_data
 from dlama.completion.start import choose_filler, plan_for, scene_of
-from dlama.completion.steps import CompletedView, complete_frame, complete_view, fill, frames_to_fill
+from dlama.completion.steps import CompletedView, complete_views, fill
 from dlama.errors import InputError
 from dlama.geometry.camera import Camera
 from dlama.geometry.frames.gathering import FrameSource
@@ -68,16 +68,7 @@ def complete(
     make_room(source.camera.width * source.camera.height)
     plan, scene, grown_mask = plan_for(start, chosen, mask)
     clock = Clock()
-    completed: list[CompletedView] = []
-    fills: list[tuple[Camera, FillReport]] = []
-    for place in frames_to_fill(plan, scene, cameras):
-        found, scene = complete_frame(plan, scene, place, clock)
-        fills += ((found.view.camera, report) for report in found.reports)
-        del found  # the scene holds what was filled
-    for camera in cameras:
-        found, scene = complete_view(plan, scene, camera, clock)
-        fills += ((camera, report) for report in found.reports)
-        completed.append(found)
+    completed, fills, scene = complete_views(plan, scene, cameras, clock)
     make_room(source.camera.width * source.camera.height)
     views, warped = tuple(one.view for one in completed), tuple(one.before for one in completed)
     if mask is None:

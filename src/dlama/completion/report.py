@@ -48,14 +48,20 @@ class Record:
     holes: Sequence[Dilation] = ()
     """How the hole of each view grew."""
 
+    @property
+    def notes(self) -> dict[str, Any]:
+        """What the fillers add; the last one's counts."""
+        return {name: note for one in self.fills for name, note in one.notes.items()}
+
+    def total(self, name: str) -> int:
+        """Of all fills: the pixels in that field of `FillReport`."""
+        return sum(getattr(one, name) for one in self.fills)
+
 
 def meta_data(plan: Plan, source: View, warped: Sequence[View], record: Record) -> dict[str, Any]:
     """The meta data of a completion, JSON-ready (fields: docs/reference/formats.md). source: the first frame, as it was drawn;
     warped: the views before filling."""
     moved = any(not view.camera.same_view_as(source.camera) for view in warped)
-    notes: dict[str, Any] = {}
-    for one in record.fills:
-        notes.update(one.notes)
     return {
         "recipe": dataclasses.asdict(plan.recipe),
         "filler": plan.filler,
@@ -72,12 +78,12 @@ def meta_data(plan: Plan, source: View, warped: Sequence[View], record: Record) 
             "hole_known_pixels_given_up": [hole.known_pixels_given_up for hole in record.holes],
         },
         "flying_pixels_rejected": int(find_flying_pixels(source).sum()) if moved else 0,
-        "filled_pixels": sum(one.hole_pixels for one in record.fills),
-        "law_moves": sum(one.law_moves for one in record.fills),
-        "law_violations": sum(one.law_violations for one in record.fills),
+        "filled_pixels": record.total("hole_pixels"),
+        "law_moves": record.total("law_moves"),
+        "law_violations": record.total("law_violations"),
         "nothing_visible": any(one.notes.get("nothing_visible") for one in record.fills),
         "seconds": record.seconds,
-        "notes": notes,
+        "notes": record.notes,
     }
 
 

@@ -182,3 +182,21 @@ def complete_view(
     with clock("fuse"):
         larger = fuse_new(scene, before, known, view)
     return CompletedView(before, view, grown, (taken_over, filled)), larger
+
+
+def complete_views(
+    plan: Plan, scene: Scene, cameras: Sequence[Camera], clock: StageClock
+) -> tuple[list[CompletedView], list[tuple[Camera, FillReport]], Scene]:
+    """The views of cameras, each of which sees what was filled before; what was filled, and for which camera, frames first; and
+    the scene with it."""
+    completed: list[CompletedView] = []
+    fills: list[tuple[Camera, FillReport]] = []
+    for place in frames_to_fill(plan, scene, cameras):
+        found, scene = complete_frame(plan, scene, place, clock)
+        fills += ((found.view.camera, report) for report in found.reports)
+        del found  # the scene holds what was filled
+    for camera in cameras:
+        found, scene = complete_view(plan, scene, camera, clock)
+        fills += ((camera, report) for report in found.reports)
+        completed.append(found)
+    return completed, fills, scene

@@ -33,7 +33,7 @@ from dlama.files.rasters.pictures import read_color, read_mask
 from dlama.files.rasters.turned_pairs import check_mask_fits, orientation_difference
 from dlama.files.rgbd import read_rgbd
 from dlama.geometry.camera import Camera
-from dlama.geometry.rgbd import RGBD, describe_depth_range, percent
+from dlama.geometry.rgbd import RGBD, BoolArray, describe_depth_range, percent
 from dlama.perception.depth_scale import describe_depth_source
 from dlama.perception.diagnosis.finding import Finding, Observed
 from dlama.perception.diagnosis.frames.landing import shrink
@@ -149,11 +149,12 @@ def _conclude(examine: Callable[[], Found]) -> tuple[Finding, ...]:
 def _examine_picture(
     image: Path, depth: Path, mask: PathLike | None, reading: Mapping[str, Any], masking: Mapping[str, Any]
 ) -> Found:
+    removed: BoolArray | None = None
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of what the checks look at, and of turned files, which are findings
         rgbd = read_rgbd(image, depth, **reading)
-        removed = None if mask is None else read_mask(mask, **masking)
-        if mask is not None and removed is not None:
+        if mask is not None:
+            removed = read_mask(mask, **masking)
             check_mask_fits(removed, mask, image)
     found, rgbd = check_orientation(rgbd, image, depth)
     if mask is not None and (differs := orientation_difference(image, mask)):
@@ -280,10 +281,10 @@ def examine_scene(frames: Sequence[Frame], first: list[RGBD]) -> list[Finding]:
     of_poses = check_poses([small[f"{each.scene}/{each.name}"] for each in row], row[0].scene)
     if all(each.severity != "fault" for each in of_poses):  # one odd frame also makes frames in a row fit badly
         of_poses = find_odd_frames(list(small.values()), list(small)) or of_poses
-    odd_scale = any(
-        each.check == "depth-scale" for each in of_poses if each.what.startswith(f"{row[0].scene}/{row[0].name}:")
-    )
-    return [*(each for each in found if not (odd_scale and each.check == "depth-scale")), *of_poses]
+    of_first = f"{row[0].scene}/{row[0].name}:"
+    if any(each.check == "depth-scale" and each.what.startswith(of_first) for each in of_poses):
+        found = [each for each in found if each.check != "depth-scale"]
+    return [*found, *of_poses]
 
 
 def frames_in_a_row(frames: Sequence[Frame]) -> list[Frame]:

@@ -102,9 +102,9 @@ class MaskSession:
         check_names(self.masker, self.mask_model, candidate)
         picture = self.picture
         hw = picture.depth.shape if isinstance(picture, RGBD) else picture.shape[:2]
-        on, edge_offset = ([(x, y) for x, y in points] for points in (clicks, not_clicks))
+        on, off = ([(x, y) for x, y in points] for points in (clicks, not_clicks))
         prompt = Prompt(
-            (hw[0], hw[1]), tuple(on), tuple(edge_offset), None if box is None else (box[0], box[1], box[2], box[3])
+            (hw[0], hw[1]), tuple(on), tuple(off), None if box is None else (box[0], box[1], box[2], box[3])
         )
         if MASKERS[self.masker].needs_prompt and not prompt.clicks and prompt.box is None:
             raise InputError("`clicks` and `box` are both missing; give `clicks` on the object, or a `box` round it")

@@ -52,11 +52,13 @@ def wrong_value(verb: Callable[..., Any], words: Sequence[str]) -> str | None:
         behind = itertools.takewhile(lambda one: not FLAG.match(one), words[place + 1 :])
         for given in [value] if equals else itertools.islice(behind, None if several else 1):
             if not any(_fits(given, kind) for kind in kinds):
-                names = [EXPECTED[kind] if kind in EXPECTED else str(kind) for kind in kinds if kind is not type(None)]
-                return (
-                    f"{flag} is {given!r}; {', '.join(names[:-1])}{' or ' if names[1:] else ''}{names[-1]} is expected"
-                )
+                return f"{flag} is {given!r}; {_describe(kinds)} is expected"
     return None
+
+
+def _describe(kinds: Sequence[Any]) -> str:
+    names = [EXPECTED[kind] if kind in EXPECTED else str(kind) for kind in kinds if kind is not type(None)]
+    return f"{', '.join(names[:-1])}{' or ' if names[1:] else ''}{names[-1]}"
 
 
 def _without_notes(hint: Any) -> Any:

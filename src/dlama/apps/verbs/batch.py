@@ -203,17 +203,22 @@ def plan_lines(jobs: Any, verb: str | None, defaults: dict[str, Any]) -> Iterato
         counts[job.verb] = counts.get(job.verb, 0) + 1
         error = job.error or missing_file(job)
         wrong += error is not None
-        options = " ".join(f"{name}={format_value(value)}" for name, value in job.parameters.items())
         if number < SHOWN_JOBS:
-            shown.append(f"  {job.id}: {job.verb or '?'} {error or options}")
+            shown.append(job_line(job, error))
         elif error is not None and len(later) < SHOWN_JOBS:
-            later.append(f"  {job.id}: {job.verb or '?'} {error}")
+            later.append(job_line(job, error))
     kinds = ", ".join(f"{count} {name or 'without a verb'}" for name, count in counts.items())
     yield f"{format_count(sum(counts.values()), 'job')} ({kinds}), {wrong} of them cannot be run; the first ones:"
     yield from shown
     if later:
         yield "the first of the others that cannot be run:"
         yield from later
+
+
+def job_line(job: Job, error: str | None) -> str:
+    """What a job would do, or what is wrong with it."""
+    options = " ".join(f"{name}={format_value(value)}" for name, value in job.parameters.items())
+    return f"  {job.id}: {job.verb or '?'} {error or options}"
 
 
 def missing_file(job: Job) -> str | None:

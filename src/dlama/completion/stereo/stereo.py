@@ -32,7 +32,7 @@ from dlama.completion.start import (
     scene_of,
 )
 from dlama.completion.steps import close_holes, complete_frame, fill, frames_to_fill, fuse_new
-from dlama.completion.stereo.disparities import find_matches
+from dlama.completion.stereo.disparities import Matches, find_matches
 from dlama.completion.stereo.exchange import (
     add_seen_alone,
     apply_gain,
@@ -128,11 +128,7 @@ def stereo(
             f"`disparity` is given and the recipe {chosen.name!r} matches the filled pictures anew; a matcher is expected"
         )
     matches = find_matches(left, right, disparity=disparity, matcher=matcher, max_disparity=max_disparity)
-    if far is not None:
-        mark_far(depth_in_metres(matches.disparities[0], rig, np.inf), far)
-    pair = MatchedPair(
-        rig, default_far(rig) if far is None else far, (left, right), matches.disparities, None, matches.match
-    )
+    pair = pair_of_matches((left, right), matches, rig, far)
     warn_of_scale(pair.left)
     found = mask(pair.left) if callable(mask) else mask
     masks = masks_of_pair(found, mask_right, matches.disparities[0], rig)
@@ -151,6 +147,17 @@ def stereo(
     done = complete_pair(pair, draft, Clock())
     completion = dataclasses.replace(done, about={**matches.notes, **done.about}).as_completion(rig)
     return completion.with_min_confidence(given.min_confidence)
+
+
+def pair_of_matches(
+    colors: tuple[UInt8Array, UInt8Array], matches: Matches, rig: StereoRig, far: float | None
+) -> MatchedPair:
+    """The pair as it was matched, nothing removed. DepthError: nothing is nearer than `far` metres."""
+    if far is None:
+        far = default_far(rig)
+    else:
+        mark_far(depth_in_metres(matches.disparities[0], rig, np.inf), far)
+    return MatchedPair(rig, far, colors, matches.disparities, None, matches.match)
 
 
 def filler_of_pair(options: Options) -> Inpainter | None:

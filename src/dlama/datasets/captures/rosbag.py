@@ -155,7 +155,7 @@ class Bag:
             stamps, places, frames = zip(*sorted(found))
             topics[name] = (Topic(name, frames[0].lstrip("/"), np.array(stamps), places), first[name])
             stream = realsense.stream_of(name)
-            if stream and is_depth(first[name]) and not self._is_infrared(name, first[name]):
+            if stream and self._has_depth(name, first[name]):
                 self._find_unit(name, options.get(stream.rsplit("/", 1)[0], 0.0))
         return topics, infos, transforms
 
@@ -204,11 +204,7 @@ class Bag:
     def pair(self) -> tuple[Topic, Topic]:
         """The colour and the depth topic: those of one camera frame first, then by name. FileError."""
         colors = [found for found, message in self.topics.values() if is_color(message) and not is_depth(message)]
-        depths = [
-            found
-            for found, message in self.topics.values()
-            if is_depth(message) and not self._is_infrared(found.name, message)
-        ]
+        depths = [found for found, message in self.topics.values() if self._has_depth(found.name, message)]
         if not colors or not depths:
             found = ", ".join(sorted(self.topics)) or "none"
             raise FileError(f"{self.path}: a colour and a depth topic are expected; of pictures it has {found}")
@@ -222,6 +218,9 @@ class Bag:
         """Pictures in colour before infrared ones, those with a camera_info first, then those of which there are most."""
         grey = getattr(self.topics[topic.name][1], "encoding", "") in ("mono8", "8UC1")
         return grey or "infra" in topic.name, self._info(topic) is None, -len(topic.stamps), topic.name
+
+    def _has_depth(self, topic: str, message: Any) -> bool:
+        return is_depth(message) and not self._is_infrared(topic, message)
 
     def _is_infrared(self, topic: str, message: Any) -> bool:
         """mono16, and of RealSense 16UC1, is depth where the topic says so."""

@@ -7,9 +7,10 @@ features see no difference there, and are left out of every mean; `whole` is the
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -82,16 +83,20 @@ class Reference:
         """
         if self.depth is None:
             return []
-        everywhere = np.ones(self.depth.shape, np.bool_) if hole is None else ~hole
+        counted = self.within(self.depth > 0 if hole is None else (self.depth > 0) & ~hole)
         found = []
-        for name, region in {"whole": everywhere, **self.regions}.items():
-            if hole is not None and name not in ("whole", "seen"):
-                continue
-            chosen = self.within(region & everywhere & (self.depth > 0))
-            if chosen.sum() >= self.settings.smallest_region:
-                errors = depth_errors(depth, self.depth, chosen, self.settings.clip_m)
+        for name, region in self._regions(counted):
+            if hole is None or name in ("whole", "seen"):
+                errors = depth_errors(depth, self.depth, region, self.settings.clip_m)
                 found += [Measure(name + self.suffix, "depth_m", metric, value) for metric, value in errors.items()]
         return [measure for measure in found if not np.isnan(measure.value)]
+
+    def _regions(self, counted: BoolArray | None) -> Iterator[tuple[str, Any]]:
+        """The whole and each region that is not too small, of the pixels that are `counted`; None: all, the whole picture."""
+        for name, region in {"whole": counted, **self.regions}.items():
+            chosen = region if counted is None or region is None else region & counted
+            if chosen is None or chosen.sum() >= self.settings.smallest_region:
+                yield name, chosen
 
     def _picture_measures(
         self, modality: str, truth: UInt8Array, mine: UInt8Array, counted: BoolArray | None
@@ -100,15 +105,12 @@ class Reference:
             mine = np.where(counted if truth.ndim == 2 else counted[..., None], mine, truth)
         maps = ssim_map(truth, mine), mse_map(truth, mine)
         found: list[Measure] = []
-        for name, region in {"whole": counted, **self.regions}.items():
-            chosen = region if counted is None or region is None else region & counted
-            if chosen is not None and chosen.sum() < self.settings.smallest_region:
-                continue
-            values = {"ssim": region_ssim(maps[0], chosen), "mse": region_mean(maps[1], chosen)}
+        for name, region in self._regions(counted):
+            values = {"ssim": region_ssim(maps[0], region), "mse": region_mean(maps[1], region)}
             if modality == "rgb":
                 values["psnr"] = psnr(values["mse"])
             if self.settings.lpips:
-                values["lpips"] = perceptual().region(mine, truth, chosen)
+                values["lpips"] = perceptual().region(mine, truth, region)
             found += [Measure(name + self.suffix, modality, metric, value) for metric, value in values.items()]
         return found
 

@@ -63,10 +63,14 @@ def choose_cases(dataset: Dataset, cases: Cases) -> tuple[Case, ...]:
         orbit = is_orbit(case.yaw for case in of_protocol)
         found += [case for case in of_protocol if has_yaw(case, cases.yaws, orbit)][: cases.limit]
     if not found:
-        orbit = is_orbit(case.yaw for case in dataset.cases)
-        known = sorted({label for case in dataset.cases for label in own_labels(case.yaw, orbit)[:1]}, key=yaw_order)
-        raise InputError(f"no case is left of {dataset.name}; its yaws are {', '.join(known)}")
+        raise InputError(f"no case is left of {dataset.name}; its yaws are {', '.join(known_yaws(dataset))}")
     return tuple(found)
+
+
+def known_yaws(dataset: Dataset) -> list[str]:
+    """The yaws of its cases, as the report names them, in order."""
+    orbit = is_orbit(case.yaw for case in dataset.cases)
+    return sorted({label for case in dataset.cases for label in own_labels(case.yaw, orbit)[:1]}, key=yaw_order)
 
 
 def has_yaw(case: Case, yaws: Sequence[float], orbit: bool) -> bool:
