@@ -28,10 +28,12 @@ def test_types_round_trip() -> None:
 
 
 def test_a_job_has_its_own_list() -> None:
-    """A view needs a part of all; an unknown job may need any. Every name is a kernel."""
+    """A view needs a part of all; an unknown job may need any. Every name is a kernel, and comes once: numba compiles it anew for
+    each other layout of its arrays."""
     every = ahead.listed_kernels()
     assert 0 < len(ahead.listed_kernels("view")) < len(every) == len(ahead.listed_kernels("evaluate"))
     assert all(hasattr(pkgutil.resolve_name(words[1]), "compile") for words in every)
+    assert len({words[1] for words in every}) == len(every)
 
 
 def test_a_view_calls_listed_kernels_only() -> None:

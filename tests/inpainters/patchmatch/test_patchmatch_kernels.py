@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from dlama.inpainters.patchmatch import kernels
+from dlama.inpainters.patchmatch.completion import Search
 from dlama.inpainters.patchmatch.kernels import HALF
-from dlama.inpainters.patchmatch.pyramid import dilate_by_patch, whole_patches
+from dlama.inpainters.patchmatch.pyramid import Level, dilate_by_patch, whole_patches
 
 LEAN = np.array([3.0, 0.5, 7.0, 2000.0], np.float32)
 RNG = np.random.default_rng(4)
@@ -82,19 +83,27 @@ def test_one_lucky_patch_tells_the_others() -> None:
 
 @pytest.mark.parametrize(("sharpness", "width_px"), [(4.0, 1e3), (8.0, 1.4)])
 def test_votes_are_the_weighted_mean_of_a_literal_twin(sharpness: float, width_px: float) -> None:
-    """Twin: exp(-sharpness cost / 2 mean cost) times trust times a Gaussian, over all patches that cover the pixel."""
-    number = np.full(HOLE.shape, -1, np.int32)
-    number[TARGETS[:, 0], TARGETS[:, 1]] = np.arange(len(TARGETS))
-    found = SOURCES[RNG.integers(0, len(SOURCES), len(TARGETS))]
-    costs, trust = (RNG.uniform(1, 9, len(TARGETS)).astype(np.float32) for _ in range(2))
-    pixels = np.argwhere(HOLE).astype(np.int32)
-    out = np.empty((len(pixels), 5), np.float32)
-    kernels.vote_rows(0, len(pixels), VALUES, pixels, number, found, costs, trust, sharpness, width_px, out)
-    for pixel, mine in zip(pixels.tolist(), out):
-        over = [(j, i) for j in range(-HALF, HALF + 1) for i in range(-HALF, HALF + 1)]
-        over = [(j, i) for j, i in over if 0 <= pixel[0] + j < HEIGHT and 0 <= pixel[1] + i < WIDTH]
-        patch = np.array([number[pixel[0] + j, pixel[1] + i] for j, i in over])
-        off = np.array([j * j + i * i for j, i in over])
-        weight = np.exp(-sharpness * costs[patch] / (2 * costs[patch].mean()) - off / (2 * width_px**2)) * trust[patch]
-        held = np.array([VALUES[found[t, 0] - j, found[t, 1] - i] for t, (j, i) in zip(patch, over)])
-        np.testing.assert_allclose(mine, np.average(held, axis=0, weights=weight), rtol=2e-3)
+    """Twin: exp(-sharpness cost / 2 mean cost about the patch) times trust times a Gaussian, over all patches that cover the
+    pixel."""
+    level = Level(VALUES.copy(), HOLE, whole_patches(HOLE), LABEL)
+    search = Search.of(level, np.random.default_rng(0), LEAN)
+    found, costs, trust = search.found, search.cost, RNG.uniform(1, 9, len(TARGETS)).astype(np.float32)
+    found[:], costs[:] = SOURCES[RNG.integers(0, len(SOURCES), len(TARGETS))], RNG.uniform(1, 9, len(TARGETS))
+    search._paint(sharpness, width_px, trust)
+    np.testing.assert_array_equal(search.targets, TARGETS)
+    np.testing.assert_array_equal(search.values[~HOLE], VALUES[~HOLE])
+
+    def over(row: int, column: int) -> tuple[list[int], list[tuple[int, int]]]:
+        """The patches that cover a pixel, and where their centres lie next to it."""
+        places = [(j, i) for j in range(-HALF, HALF + 1) for i in range(-HALF, HALF + 1)]
+        places = [(j, i) for j, i in places if 0 <= row + j < HEIGHT and 0 <= column + i < WIDTH]
+        places = [(j, i) for j, i in places if search.number[row + j, column + i] >= 0]
+        return [search.number[row + j, column + i] for j, i in places], places
+
+    mean = np.array([costs[over(*target)[0]].mean() for target in TARGETS.tolist()])
+    for row, column in np.argwhere(HOLE).tolist():
+        patch, places = over(row, column)
+        off = np.array([j * j + i * i for j, i in places])
+        weight = np.exp(-sharpness * costs[patch] / (2 * mean[patch]) - off / (2 * width_px**2)) * trust[patch]
+        held = np.array([VALUES[found[t, 0] - j, found[t, 1] - i] for t, (j, i) in zip(patch, places)])
+        np.testing.assert_allclose(search.values[row, column], np.average(held, axis=0, weights=weight), rtol=2e-3)

@@ -9,7 +9,7 @@ import numpy as np
 from dlama.geometry.camera import Camera
 from dlama.geometry.drawing.picture_edges import align_edges, edge_ratio
 from dlama.geometry.kernels import depth_edges as edges
-from dlama.geometry.kernels.jit import in_bands
+from dlama.geometry.kernels.jit import as_input, in_bands
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, paste
 from dlama.geometry.view import View
 
@@ -57,7 +57,7 @@ def remove_flying_pixels(view: View, step: float = 0.0) -> tuple[Float32Array, B
     depth, fly = np.empty_like(placed), np.empty_like(view.hole)
     ratio = edge_ratio(view.camera)
     least = max(step, step_by_noise(w, ratio))
-    in_bands(edges.reject_flying, len(depth), w, placed, unknown, ratio, least, depth, fly)
+    in_bands(edges.reject_flying, len(depth), w, as_input(placed), unknown, ratio, least, depth, fly)
     fly |= mixed
     w[edges.PAD : -edges.PAD, edges.PAD : -edges.PAD][fly] = 0
     return depth, fly, w

@@ -233,6 +233,13 @@ def in_bands(job: Callable[..., None], rows: int, *arguments: Any, band: int = B
                 other.result()
 
 
+def as_input(array: Array) -> Array:
+    """The array, contiguous and read-only: kernels are compiled anew for each layout, and for arrays that may be written to."""
+    view = np.ascontiguousarray(array).view()
+    view.flags.writeable = False
+    return view
+
+
 def light_band(columns: int) -> int:
     """Rows per task (`in_bands`) of a job that takes about a nanosecond a pixel, on rows of so many pixels."""
     return max(BAND, PIXELS // max(1, columns))

@@ -132,6 +132,8 @@ class Search:
     """H x W, of each target, else -1."""
     trust: Float32Array
     """N weights of the targets' patches."""
+    around: Float32Array
+    """N, how many patches cover the pixel at a target's centre."""
     weights: Float32Array
     random: NDArray[np.float64]
     found: NDArray[np.int32]
@@ -143,21 +145,33 @@ class Search:
     def of(cls, level: Level, rng: np.random.Generator, weights: Float32Array) -> Search:
         """The initial search."""
         touched = dilate_by_patch(level.hole)
-        targets = np.argwhere(touched).astype(np.int32)
+        targets = places(touched)
         number = np.full(level.hole.shape, -1, np.int32)
         number[touched] = np.arange(len(targets))
         depth = cv2.distanceTransform(level.hole.astype(np.uint8), cv2.DIST_L2, 3)[touched]
         trust = (CERTAIN ** -np.minimum(depth, 200)).astype(np.float32)
-        pixels = np.argwhere(level.hole).astype(np.int32)
+        pixels = places(level.hole)
+        around = sum_over_patch(touched.astype(np.float32))[touched]
         random = rng.uniform(-1, 1, (DRAWN, 2))
         found, cost = np.zeros_like(targets), np.full(len(targets), np.inf, np.float32)
         return cls(
-            level.values, level.sources, level.label, pixels, targets, number, trust, weights, random, found, cost
+            level.values,
+            level.sources,
+            level.label,
+            pixels,
+            targets,
+            number,
+            trust,
+            around,
+            weights,
+            random,
+            found,
+            cost,
         )
 
     def compare_all(self, rng: np.random.Generator, pairs: int) -> None:
         """Compare every target with every known patch, or with as many random ones as `pairs` allow."""
-        sources = np.argwhere(self.sources).astype(np.int32)
+        sources = places(self.sources)
         most = max(1, pairs // len(self.targets))
         if len(sources) > most:
             sources = sources[np.sort(rng.permutation(len(sources))[:most])]
@@ -220,8 +234,16 @@ class Search:
             self._weigh()
 
     def _paint(self, sharpness: float, width_px: float, trust: Float32Array) -> None:
+        """Set the hole's values. A patch weighs exp(-sharpness cost / (2 mean cost about it)), times the trust in it (N), times a
+        Gaussian of its centre's distance (width_px)."""
+        costs = np.zeros(self.sources.shape, np.float32)
+        costs[self.number >= 0] = self.cost
+        mean = sum_over_patch(costs)[self.number >= 0] / self.around
+        weights = np.exp(-0.5 * sharpness * self.cost / (mean + 1e-3)) * trust
+        step = np.arange(-kernels.HALF, kernels.HALF + 1, dtype=np.float32)
+        near = np.exp(-(step[:, None] ** 2 + step**2) / (2 * width_px**2))
         out = np.empty((len(self.pixels), self.values.shape[2]), np.float32)
-        rows = (self.values, self.pixels, self.number, self.found, self.cost, trust, sharpness, width_px, out)
+        rows = self.values, self.pixels, self.number, self.found, weights, near, out
         in_bands(kernels.vote_rows, len(self.pixels), *rows, band=BAND)
         self.values[self.pixels[:, 0], self.pixels[:, 1]] = out
 
@@ -242,8 +264,7 @@ class Search:
         width = self.sources.shape[1]
         flat = self.found[:, 0].astype(np.int64) * width + self.found[:, 1]
         times = np.bincount(flat, minlength=self.sources.size).reshape(self.sources.shape)
-        side = 2 * kernels.HALF + 1
-        return np.asarray(cv2.blur(times.astype(np.float32), (side, side)), np.float32)
+        return np.asarray(cv2.blur(times.astype(np.float32), (kernels.SIDE, kernels.SIDE)), np.float32)
 
     def _run(self, kernel: Callable[..., None], *arguments: Any) -> None:
         in_bands(kernel, len(self.targets), *arguments, band=BAND)
@@ -254,3 +275,14 @@ def nearest_source(sources: BoolArray, places: NDArray[np.int32]) -> NDArray[np.
     found = np.clip(places, 0, np.array(sources.shape) - 1).astype(np.int32)
     in_bands(kernels.nearest_rows, len(found), sources, found, band=BAND)
     return found
+
+
+def places(where: BoolArray) -> NDArray[np.int32]:
+    """N x 2, row and column of each True pixel."""
+    return np.argwhere(where).astype(np.int32, order="C")
+
+
+def sum_over_patch(plane: Float32Array) -> Float32Array:
+    """H x W: sums of a plane (H x W) over the patch round each pixel; beyond the border is 0."""
+    side = (kernels.SIDE, kernels.SIDE)
+    return np.asarray(cv2.boxFilter(plane, cv2.CV_32F, side, normalize=False, borderType=cv2.BORDER_CONSTANT))

@@ -7,15 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.kernels.jit import Real, Whole, kernel, piece
+from dlama.geometry.kernels.vectors import squared_difference
 from dlama.geometry.rgbd import BoolArray, Float32Array
 
 HALF = 3
 """Patches are squares of 2 HALF + 1 pixels."""
 SIDE, CHANNELS = 7, 5
-RUN = SIDE * CHANNELS
-"""Numbers in a row of a patch."""
-N = tuple(np.uint64(n) for n in range(9))
-"""Numbers without a sign: an index that may be negative is looked at twice."""
+"""A row of a patch has SIDE CHANNELS numbers: the RUN of `squared_difference`."""
 NEIGHBOURS = 8
 """Neighbours whose match is propagated: four adjacent, four up to LEAP pixels away."""
 LEAP = 6
@@ -24,36 +22,6 @@ MOST_USED = 5.0
 
 Places = NDArray[np.int32]
 """N x 2: rows and columns."""
-
-
-@piece
-def square(step: np.float32) -> np.float32:
-    """Its product with itself."""
-    return step * step
-
-
-@piece
-def row_difference(flat: Float32Array, at: np.uint64, other: np.uint64) -> np.float32:
-    """Sum of squared differences of RUN numbers from two places on.
-
-    Eight sums side by side: one instruction adds to them all, and the same bits come of it on every processor.
-    """
-    a = b = c = d = e = f = g = h = np.float32(0)
-    i, j = at, other
-    for _ in range(RUN // 8):
-        a += square(flat[i] - flat[j])
-        b += square(flat[i + N[1]] - flat[j + N[1]])
-        c += square(flat[i + N[2]] - flat[j + N[2]])
-        d += square(flat[i + N[3]] - flat[j + N[3]])
-        e += square(flat[i + N[4]] - flat[j + N[4]])
-        f += square(flat[i + N[5]] - flat[j + N[5]])
-        g += square(flat[i + N[6]] - flat[j + N[6]])
-        h += square(flat[i + N[7]] - flat[j + N[7]])
-        i, j = i + N[8], j + N[8]
-    for _ in range(RUN % 8):
-        a += square(flat[i] - flat[j])
-        i, j = i + N[1], j + N[1]
-    return ((a + b) + (c + d)) + ((e + f) + (g + h))
 
 
 @piece
@@ -71,7 +39,7 @@ def difference(
         at = ((row - HALF) * width + column - HALF) * CHANNELS
         other = ((source_row - HALF) * width + source_column - HALF) * CHANNELS
         for _ in range(SIDE):
-            total += float(row_difference(flat, np.uint64(at), np.uint64(other)))
+            total += float(squared_difference(flat, np.uintp(at), np.uintp(other)))
             if total >= most:
                 break
             at, other = at + width * CHANNELS, other + width * CHANNELS
@@ -90,6 +58,13 @@ def difference(
 
 
 @piece
+def distance_penalty(row: Whole, column: Whole, source_row: Whole, source_column: Whole, weights: Float32Array) -> Real:
+    """Penalty of a patch for its distance (weights: per px^2, along rows and columns)."""
+    down, across = np.float64(source_row - row), np.float64(source_column - column)
+    return weights[0] * down * down + weights[1] * across * across
+
+
+@piece
 def penalty(
     row: Whole,
     column: Whole,
@@ -99,12 +74,10 @@ def penalty(
     used: Float32Array,
     label: NDArray[np.int32],
 ) -> Real:
-    """Penalty of a patch: for its distance (weights: per px^2, along rows and columns), for its use, and where its centre lies
-    on another surface (label: H x W)."""
-    down, across = np.float64(source_row - row), np.float64(source_column - column)
+    """Penalty of a patch: for its distance, for its use, and where its centre lies on another surface (label: H x W)."""
     again = min(max(np.float64(used[source_row, source_column]) - 1.0, 0.0), MOST_USED)
     other = weights[3] if label[row, column] != label[source_row, source_column] else 0.0
-    return weights[0] * down * down + weights[1] * across * across + weights[2] * again + other
+    return distance_penalty(row, column, source_row, source_column, weights) + weights[2] * again + other
 
 
 @kernel
@@ -187,13 +160,15 @@ def match_rows(
                 source_column = best_column + int(random[draw, 1] * radius)
                 radius = radius * 0.5
             q += 1
-            draw = (draw + 1) % len(random)
+            draw = draw + 1 if draw + 1 < len(random) else 0
             if source_row < 0 or source_column < 0 or source_row >= height or source_column >= width:
                 continue
             if source_row == best_row and source_column == best_column:
                 if compared:
                     continue
                 compared = True
+            if distance_penalty(row, column, source_row, source_column, weights) >= least:
+                continue
             if not is_source[source_row, source_column]:
                 continue
             more = penalty(row, column, source_row, source_column, weights, used, label)
@@ -233,46 +208,32 @@ def vote_rows(
     pixels: Places,
     number: NDArray[np.int32],
     found: Places,
-    cost: Float32Array,
-    trust: Float32Array,
-    sharpness: Real,
-    width_px: Real,
+    weights: Float32Array,
+    near: Float32Array,
     out: Float32Array,
 ) -> None:
     """Set hole pixels [first, last) to a weighted mean of the patches over them.
 
-    A patch weighs exp(-sharpness cost / (2 mean cost)), times the trust in its target, times a Gaussian of its centre's
-    distance (width_px). out: M x C, for the M pixels.
+    weights: N, of the patches; near: SIDE x SIDE, of their centres by their place next to the pixel; out: M x C, for the M pixels.
     """
     height, width, _ = values.shape
     for p in range(first, last):
         row, column = int(pixels[p, 0]), int(pixels[p, 1])
         top, bottom = max(-HALF, -row), min(HALF, height - 1 - row)
         left, right = max(-HALF, -column), min(HALF, width - 1 - column)
-        mean, least, count = 0.0, np.inf, 0.0
+        total = a = b = c = d = e = np.float32(0)  # sums of the CHANNELS: in registers they take two thirds of the time
         for j in range(top, bottom + 1):
             for i in range(left, right + 1):
                 t = int(number[row + j, column + i])
                 if t >= 0:
-                    mean += np.float64(cost[t])
-                    least = min(least, np.float64(cost[t]))
-                    count += 1.0
-        scale = sharpness / (2.0 * (mean / count + 1e-3))
-        total = 0.0
-        a = b = c = d = e = np.float32(0)  # sums of the CHANNELS: in registers they take two thirds of the time
-        for j in range(top, bottom + 1):
-            for i in range(left, right + 1):
-                t = int(number[row + j, column + i])
-                if t >= 0:
-                    off = np.float64(j * j + i * i) / (2.0 * width_px * width_px)
-                    weight = np.exp(-(np.float64(cost[t]) - least) * scale - off) * np.float64(trust[t])
+                    weight = weights[t] * near[j + HALF, i + HALF]
                     total += weight
                     source_row, source_column = int(found[t, 0]) - j, int(found[t, 1]) - i
-                    a = np.float32(a + weight * np.float64(values[source_row, source_column, 0]))
-                    b = np.float32(b + weight * np.float64(values[source_row, source_column, 1]))
-                    c = np.float32(c + weight * np.float64(values[source_row, source_column, 2]))
-                    d = np.float32(d + weight * np.float64(values[source_row, source_column, 3]))
-                    e = np.float32(e + weight * np.float64(values[source_row, source_column, 4]))
+                    a += weight * values[source_row, source_column, 0]
+                    b += weight * values[source_row, source_column, 1]
+                    c += weight * values[source_row, source_column, 2]
+                    d += weight * values[source_row, source_column, 3]
+                    e += weight * values[source_row, source_column, 4]
         for k, channel in enumerate((a, b, c, d, e)):
             out[p, k] = channel / total
 

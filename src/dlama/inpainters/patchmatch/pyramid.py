@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.holes import box_around, square
-from dlama.geometry.kernels.jit import in_bands
-from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+from dlama.geometry.kernels.jit import as_input, in_bands
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, paste
 from dlama.inpainters.patchmatch import pyramid_kernels as kernels
 from dlama.inpainters.patchmatch.kernels import HALF
 
@@ -46,10 +46,9 @@ def build_pyramid(picture: UInt8Array, hole: BoolArray, guess: UInt8Array, label
     picture, guess: H x W x 3 RGB; hole: H x W. The last level is the first in which the hole is as narrow as DEEPEST, or the last
     in which enough whole patches are known.
     """
-    values = np.empty((*hole.shape, 5), np.float32)
-    describe_pixels(picture, ~hole, ~hole, values)
+    values = describe_pixels(picture, ~hole)
     box = box_around(hole, TEXTURE_PX)
-    describe_pixels(guess[box], np.ones_like(hole[box]), hole[box], values[box])
+    paste(describe_pixels(guess[box], np.ones_like(hole[box])), hole[box], values[box])
     levels = [Level(values, hole, whole_patches(hole), label)]
     while hole_depth(hole) > DEEPEST and min(hole.shape) >= SMALLEST_SIDE:
         values, hole = halve(values, hole)
@@ -61,15 +60,17 @@ def build_pyramid(picture: UInt8Array, hole: BoolArray, guess: UInt8Array, label
     return levels
 
 
-def describe_pixels(picture: UInt8Array, known: BoolArray, where: BoolArray, out: Float32Array) -> None:
-    """Write H x W x 5 in the pixels of `where`: colours (0 .. 255), and TEXTURE times the mean change of brightness between known
-    neighbours."""
+def describe_pixels(picture: UInt8Array, known: BoolArray) -> Float32Array:
+    """H x W x 5 in known pixels: colours (0 .. 255), and TEXTURE times the mean change of brightness between known neighbours."""
+    picture = as_input(picture)
     changes = np.empty((2, *known.shape), np.float32)
     in_bands(kernels.change_rows, len(known), picture, known, *changes)
     side = (TEXTURE_PX, TEXTURE_PX)
     share = np.maximum(cv2.blur(known.astype(np.float32), side), np.float32(1e-6))
     across, along = (cv2.blur(change, side) for change in changes)
-    in_bands(kernels.describe_rows, len(known), picture, across, along, share, np.float32(TEXTURE), where, out)
+    out = np.empty((*known.shape, 5), np.float32)
+    in_bands(kernels.describe_rows, len(known), picture, across, along, share, np.float32(TEXTURE), known, out)
+    return out
 
 
 def halve(values: Float32Array, hole: BoolArray) -> tuple[Float32Array, BoolArray]:

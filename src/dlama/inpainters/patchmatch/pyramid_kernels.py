@@ -43,13 +43,13 @@ def describe_rows(
     along: Float32Array,
     share: Float32Array,
     weight: np.float32,
-    where: BoolArray,
+    known: BoolArray,
     out: Float32Array,
 ) -> None:
-    """H x W x 5 `out` in the pixels of `where`: colours, and `weight` times both changes over the share that is known."""
+    """H x W x 5 `out` in known pixels: colours, and `weight` times both changes over the share that is known."""
     for row in range(first, last):
         for column in range(picture.shape[1]):
-            if where[row, column]:
+            if known[row, column]:
                 for k in range(3):
                     out[row, column, k] = picture[row, column, k]
                 out[row, column, 3] = weight * across[row, column] / share[row, column]

@@ -12,8 +12,8 @@ import cv2
 import numpy as np
 
 from dlama.geometry.kernels.drawing.rasterize import quad_sides
-from dlama.geometry.kernels.drawing.vectors import Four, four_by_four
 from dlama.geometry.kernels.jit import Real, Whole, in_bands, inlined, light_band, piece
+from dlama.geometry.kernels.vectors import Four, four_by_four
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 
 POLE = math.sqrt(3) - 2

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.kernels.jit import Array, Real, Whole, in_bands, kernel, piece
+from dlama.geometry.kernels.jit import Array, Real, Whole, as_input, in_bands, kernel, piece
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 
 Neighbours = tuple[Whole, Whole, Real]
@@ -104,7 +104,7 @@ def shrink(
     grid = tuple((size + factor - 1) // factor for size in source.shape)
     colors, depths = np.zeros((*grid, 3), np.float32), np.zeros(grid, np.float32)
     sources = np.full(grid, -2, np.int32)
-    in_bands(shrink_rows, grid[0], color, inverse_depth, source, factor, colors, depths, sources)
+    in_bands(shrink_rows, grid[0], as_input(color), inverse_depth, source, factor, colors, depths, sources)
     return colors, depths, sources
 
 

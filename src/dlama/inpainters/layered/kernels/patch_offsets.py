@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.camera import Float64Array
-from dlama.geometry.kernels.jit import BAND, Flag, Real, Whole, in_bands, kernel, piece
+from dlama.geometry.kernels.jit import BAND, Flag, Real, Whole, as_input, in_bands, kernel, piece
 from dlama.geometry.rgbd import Float32Array, UInt8Array
 from dlama.inpainters.layered.kernels.cells import NEARER, bilinear_neighbours, blend, sample
 
@@ -289,5 +289,5 @@ def paint(
     rows x cols x 3, weights of the fine band, the middle band and the copied colour.
     """
     added = np.zeros((len(pixels), 3))
-    known = color, pixels, inverse_depth, source, kind, axes
+    known = as_input(color), pixels, inverse_depth, source, kind, axes
     in_bands(paint_pixels, len(pixels), out, *known, *bases, cell, pick, gains, shifts, added, band=2048)

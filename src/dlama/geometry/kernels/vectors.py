@@ -1,12 +1,13 @@
-"""Coefficients of a picture and a place in them in; the weighted sum of 4 x 4 pixels there out, its channels in one register.
+"""Numbers of a picture and places in them in; sums over the pixels there out, several numbers in one register.
 
-numba makes one number at a time of such sums, which takes twice as long; so LLVM's vectors are written out here.
+numba computes such sums one number at a time, which takes twice as long; so LLVM's vectors are written out here.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 from llvmlite import ir
 from numba import config, types
 from numba.extending import intrinsic
@@ -18,6 +19,8 @@ Four = tuple[Real, Real, Real, Real]
 """Weights of four pixels."""
 LANES, PICKED = 4, ir.IntType(32)
 """Numbers of a vector: the three channels and one that nothing reads; type of a lane's number."""
+WIDE, RUN = 8, 35
+"""Numbers of a vector, and in all, that `squared_difference` compares."""
 
 
 def add_one_by_one(knots: Float32Array, first: int, row: int, along: Four, down: Four) -> tuple[Any, Any, Any]:
@@ -42,10 +45,15 @@ def weigh(builder: Any, weights: Any, vectors: list[Any]) -> list[Any]:
     return [builder.fmul(spread(builder, builder.extract_value(weights, n)), one) for n, one in enumerate(vectors)]
 
 
+def load(builder: Any, data: Any, at: Any, lanes: int) -> Any:
+    """The vector of so many float32 at a flat place."""
+    vector = ir.VectorType(ir.FloatType(), lanes)
+    return builder.load(builder.bitcast(builder.gep(data, [at]), vector.as_pointer()), align=4)
+
+
 def load_pixel(builder: Any, data: Any, at: Any, number: Any) -> Any:
     """The vector at a flat place of float32 coefficients, its lanes of the type `number`."""
-    single = ir.VectorType(ir.FloatType(), LANES)
-    pixel = builder.load(builder.bitcast(builder.gep(data, [at]), single.as_pointer()), align=4)
+    pixel = load(builder, data, at, LANES)
     return pixel if number == ir.FloatType() else builder.fpext(pixel, ir.VectorType(number, LANES))
 
 
@@ -80,3 +88,51 @@ four_by_four: Any = add_one_by_one if vars(config)["DISABLE_JIT"] else add_vecto
 knots: H W 3, flat, and one number more; then the flat place of the first of the pixels, the flat step to the next row, and the
 weights along a row and down a column, float32 or float64.
 """
+
+
+def compare_one_by_one(flat: Float32Array, first: int, second: int) -> np.float32:
+    """`squared_difference` in Python: where numba is turned off, and for tests."""
+    steps = flat[int(first) : int(first) + RUN] - flat[int(second) : int(second) + RUN]
+    squares = steps * steps
+    sums = np.zeros(WIDE, np.float32)
+    for start in range(0, RUN - WIDE + 1, WIDE):
+        sums += squares[start : start + WIDE]
+    sums[-(RUN % WIDE) :] += squares[-(RUN % WIDE) :]
+    sums = sums[:4] + sums[4:]
+    sums = sums[:2] + sums[2:]
+    return np.float32(sums[0] + sums[1])
+
+
+def lanes_of(first: int, count: int) -> Any:
+    """The numbers of so many lanes, as a shuffle takes them."""
+    return ir.Constant(ir.VectorType(PICKED, count), list(range(first, first + count)))
+
+
+def compare_runs(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    """The instructions of `squared_difference`."""
+    flat, *places = arguments
+    data = context.make_array(signature.args[0])(context, builder, flat).data
+    total = nothing = ir.Constant(ir.VectorType(ir.FloatType(), WIDE), [0.0] * WIDE)
+    for start in [*range(0, RUN - WIDE + 1, WIDE), RUN - WIDE]:
+        ours, others = (load(builder, data, builder.add(at, at.type(start)), WIDE) for at in places)
+        step = builder.fsub(ours, others)
+        square = builder.fmul(step, step)
+        if start == RUN - WIDE:  # the numbers that were compared already count as 0
+            seen = WIDE - RUN % WIDE
+            picked = [*range(WIDE, WIDE + seen), *range(seen, WIDE)]
+            square = builder.shuffle_vector(square, nothing, ir.Constant(ir.VectorType(PICKED, WIDE), picked))
+        total = builder.fadd(total, square)
+    for half in (4, 2):
+        lower, upper = (builder.shuffle_vector(total, total, lanes_of(first, half)) for first in (0, half))
+        total = builder.fadd(lower, upper)
+    return builder.fadd(*(builder.extract_element(total, PICKED(number)) for number in range(2)))
+
+
+@intrinsic
+def compare_vectors(typing: Any, flat: Any, first: Any, second: Any) -> Any:
+    """`squared_difference` for kernels."""
+    return types.float32(flat, types.uintp, types.uintp), compare_runs
+
+
+squared_difference: Any = compare_one_by_one if vars(config)["DISABLE_JIT"] else compare_vectors
+"""Sum of the squared differences of RUN numbers from two flat places of float32 on, the same bits on every processor."""
