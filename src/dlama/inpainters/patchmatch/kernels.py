@@ -214,7 +214,7 @@ def vote_rows(
 ) -> None:
     """Set hole pixels [first, last) to a weighted mean of the patches over them.
 
-    weights: N, of the patches; near: SIDE x SIDE, of their centres by their place next to the pixel; out: M x C, for the M pixels.
+    weights: N, of the patches; near: SIDE x SIDE, by a centre's place next to the pixel; out: M x C, for the M pixels.
     """
     height, width, _ = values.shape
     for p in range(first, last):
