@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 
 from dlama.errors import MaskError
-from dlama.geometry.holes import dilate_mask, disc, erode_mask, morphological_open
+from dlama.geometry.holes import box_around, dilate_mask, disc, erode_mask, morphological_open
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
 from dlama.perception.masks.borders import decide_by_color
@@ -209,8 +209,10 @@ def refine_border(rgbd: RGBD, mask: BoolArray, window_hw: tuple[int, ...]) -> Bo
     reach = round(max(window_hw) / SIDE)
     if reach < 2:
         return mask
-    core = morphological_open(mask, disc(2 * reach))
-    band = dilate_mask(core, reach) & ~erode_mask(core, reach) & ~(mask & ~dilate_mask(core, 1))
+    box = box_around(mask, 2 * reach)
+    part, band = mask[box], np.zeros_like(mask)
+    core = morphological_open(part, disc(2 * reach))
+    band[box] = dilate_mask(core, reach) & ~erode_mask(core, reach) & ~(part & ~dilate_mask(core, 1))
     return decide_by_color(rgbd, mask, band) if band.any() and (mask & ~band).any() else mask
 
 
