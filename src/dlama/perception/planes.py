@@ -6,6 +6,7 @@ A plane is affine in inverse depth over pixels, w = a u + b v + c (u, v in pixel
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -39,6 +40,29 @@ BAND = 128
 """Rows that are worked on at a time."""
 SAMPLES = 9000
 """Number of known pixels that score hypotheses."""
+
+
+@dataclass(frozen=True, eq=False)
+class KnownSurfaces:
+    """The surfaces that the known pixels of a view lie on."""
+
+    inverse_depth: Float32Array
+    """H x W, 1/m; 0 = far or unknown; on planes without noise."""
+    label: NDArray[np.int32]
+    """H x W, as of `label_known`."""
+    planes: NDArray[np.float64]
+    """K x 3, as of `find_planes`."""
+    noise: float = 0.0
+    """As of `noise_level`."""
+
+    @classmethod
+    def of(cls, w: Float32Array, surface: BoolArray, far: BoolArray, seed: int) -> KnownSurfaces:
+        """Of inverse depth (H x W), which is finite in the pixels of `surface` (H x W) and 0 in those of `far` (H x W); the same
+        seed finds the same planes."""
+        noise = noise_level(w, surface)
+        planes = find_planes(w, surface, seed, noise)
+        label = label_known(w, surface, far, planes, noise)
+        return cls(denoise(w, label, planes, noise), label, planes, noise)
 
 
 def noise_level(w: Float32Array, surface: BoolArray) -> float:

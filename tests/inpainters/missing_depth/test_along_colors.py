@@ -14,7 +14,7 @@ from dlama.geometry.kernels.along_colors import nearest_by_color
 from dlama.geometry.rgbd import RGBD
 from dlama.inpainters.missing_depth.along_colors import fill_along_colors
 from dlama.inpainters.missing_depth.kernels import conductances, relax
-from dlama.perception.planes import SKY, SMOOTH
+from dlama.perception.planes import SKY, SMOOTH, KnownSurfaces
 
 WIDTH, HEIGHT = 192, 144
 CAMERA = Camera.from_fov(WIDTH, HEIGHT, 60)
@@ -109,7 +109,8 @@ def test_only_missing_depth_is_reached_and_the_sky_stays_far() -> None:
     missing[25:35, 60:65] = True
     unknown &= ~missing
     hole = missing | unknown
-    got = fill_along_colors(color, missing, np.where(hole, 0, w), np.where(hole, SMOOTH, label), np.zeros((0, 3)), hole)
+    known = KnownSurfaces(np.where(hole, 0, w), np.where(hole, SMOOTH, label), np.zeros((0, 3)))
+    got = fill_along_colors(color, missing, hole, known)
     enclosed = missing.copy()
     enclosed[:, :50] = False
     np.testing.assert_array_equal(got.reached, missing & ~enclosed)
@@ -123,7 +124,8 @@ def test_what_has_no_depth_as_a_whole_is_spanned() -> None:
     missing = np.zeros(w.shape, np.bool_)
     missing[:, 20:30] = True
     color, label = np.full((*w.shape, 3), 40, np.uint8), np.full(w.shape, SMOOTH, np.int32)
-    got = fill_along_colors(color, missing, np.where(missing, 0, w), label, np.zeros((0, 3)), missing).inverse_depth
+    known = KnownSurfaces(np.where(missing, 0, w), label, np.zeros((0, 3)))
+    got = fill_along_colors(color, missing, missing, known).inverse_depth
     steps = np.diff(got[:, 19:31], axis=1)
     assert (steps > -1e-4).all() and steps.max() < 0.15 / 3
 
@@ -136,9 +138,13 @@ def test_bled_depth_of_a_matcher_does_not_spread() -> None:
     missing = np.zeros(w.shape, np.bool_)
     missing[:, 30:40] = True
     color, plane = np.full((*w.shape, 3), 90, np.uint8), np.array([[0, 0, 0.2]])
-    given = np.where(missing, 0, w), np.where(missing, SMOOTH, label), plane, missing
-    assert np.allclose(fill_along_colors(color, missing, *given, noisy=True).inverse_depth[missing], 0.2)
-    assert (fill_along_colors(color, missing, *given).inverse_depth[missing] > 0.25).any()
+    known = np.where(missing, 0, w), np.where(missing, SMOOTH, label), plane
+    noisy, exact = (
+        fill_along_colors(color, missing, missing, KnownSurfaces(*known, noise)).inverse_depth[missing]
+        for noise in (0.01, 0.0)
+    )
+    assert np.allclose(noisy, 0.2)
+    assert (exact > 0.25).any()
 
 
 @pytest.mark.parametrize("where", ["strip at the border", "patch over an edge"])

@@ -184,9 +184,8 @@ def draw_as_points(grid: Grid, canvas: Canvas) -> None:
 
 def draw_as_surface(grid: Grid, joined: UInt8Array, canvas: Canvas, count: NDArray[np.int32] = ALL) -> None:
     """The layer's mesh, and footprints at its rim."""
-    layer, camera, rows = grid.layer, grid.camera, grid.camera.height
-    to_target = grid.matrix, grid.offset, camera.fx / layer.camera.fx
-    wbuf, where = rasterize_surface(grid.depth, joined, grid.surface.rim, *to_target, camera.hw, count)
+    layer, rows = grid.layer, grid.camera.height
+    wbuf, where = rasterize_surface(grid.depth, joined, grid.surface.rim, layer.camera, grid.camera, count)
     smooth = grid.surface.smooth if grid.fine else np.zeros_like(joined)
     found = wbuf, where, joined, smooth, layer.color, grid.knots
     errors, out_errors = canvas.pair_errors(layer)
@@ -200,16 +199,15 @@ def rasterize_surface(
     depth: Float32Array,
     joined: UInt8Array,
     vertices: NDArray[np.int64],
-    matrix: Float64Array,
-    offset: Float64Array,
-    zoom: float,
-    hw: tuple[int, int],
+    source: Camera,
+    target: Camera,
     count: NDArray[np.int32] = ALL,
 ) -> tuple[Float32Array, Float32Array]:
-    """What each of H x W target pixels shows of the mesh of a layer's depth (`mesh_grid`) and the footprints at its rim: inverse
-    z (1/m, 0 = nothing), and the layer's pixel (H x W x 2, x and y). vertices: `footprints.rim`; zoom: target's over layer's
-    focal length; count: as of `draw`."""
-    x, y, w, spans = transform_depth(depth, matrix, offset)
+    """What each of H x W pixels of a target camera shows of the mesh of a source's depth (`mesh_grid`) and the footprints at its
+    rim: inverse z (1/m, 0 = nothing), and the source's pixel (H x W x 2, x and y). vertices: `footprints.rim`; count: as of
+    `draw`."""
+    x, y, w, spans = transform_depth(depth, *px_from_px(target, source))
+    hw, zoom = target.hw, target.fx / source.fx
     wbuf, where = np.zeros(hw, np.float32), np.empty((*hw, 2), np.float32)
     in_bands(raster.draw_surface, hw[0], x, y, w, joined, spans, count, box_room(hw[0]), wbuf, where)
     draw_rim(x, y, w, joined, vertices, depth, zoom, wbuf.copy(), wbuf, where)

@@ -17,7 +17,7 @@ from dlama.geometry.holes import dilate_mask, fill_with_nearest, nearest_along_c
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.inpainters.missing_depth.kernels import conductances, relax
-from dlama.perception.planes import SMOOTH, plane_values_at
+from dlama.perception.planes import SMOOTH, KnownSurfaces, plane_values_at
 
 BLUR = 1.5
 """Sigma in px of the blur of colours before: noise is no edge."""
@@ -47,31 +47,22 @@ class DepthByColor(NamedTuple):
     """H x W, True where depth alone was missing and a path leads from a known pixel."""
 
 
-def fill_along_colors(
-    color: UInt8Array,
-    missing: BoolArray,
-    w: Float32Array,
-    label: NDArray[np.int32],
-    planes: NDArray[np.float64],
-    hole: BoolArray,
-    *,
-    noisy: bool = False,
-) -> DepthByColor:
+def fill_along_colors(color: UInt8Array, missing: BoolArray, hole: BoolArray, surfaces: KnownSurfaces) -> DepthByColor:
     """Inverse depth and labels of the pixels of `missing` that a path reaches.
 
-    color: H x W x 3; missing: H x W, True where depth alone is missing; w: H x W 1/m and label: H x W (-1 no plane, 0 sky, k on
-    the k-th plane) of known pixels; planes: K x 3; hole: H x W, True where depth is unknown: `missing`, and where colours are,
-    too. noisy: as a matcher's, whose depth bleeds: pixels of no plane count as DETACHED px farther off.
+    color: H x W x 3; missing: H x W, True where depth alone is missing; hole: H x W, True where depth is unknown: `missing`, and
+    where colours are, too. Noisy depth is a matcher's, which bleeds: there pixels of no plane count as DETACHED px farther off.
     """
+    w, label = surfaces.inverse_depth, surfaces.label
     seen = fill_with_nearest(color, missing | ~hole).astype(np.float32)
     smooth_color = np.asarray(cv2.GaussianBlur(seen, (0, 0), BLUR), np.float32)
-    start = (label == SMOOTH) * np.float32(DETACHED) if noisy else 0.0
+    start = (label == SMOOTH) * np.float32(DETACHED) if surfaces.noise else 0.0
     source = nearest_along_colors(smooth_color, ~hole, missing, w, longest=FARTHEST, start=start)
     reached = missing & (source >= 0)
     known = source[reached]
     out, labels = w.copy(), label.copy()
     labels[reached] = label.ravel()[known]
-    out[reached] = extend_surfaces(w, label.ravel()[known], planes, np.nonzero(reached), known)
+    out[reached] = extend_surfaces(w, label.ravel()[known], surfaces.planes, np.nonzero(reached), known)
     out = relax_depth(out, reached & (labels == SMOOTH), smooth_color)
     return DepthByColor(out, labels, reached)
 

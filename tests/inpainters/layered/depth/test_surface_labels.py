@@ -23,7 +23,7 @@ from dlama.inpainters.layered.depth.surface_labels import (
     CoarseView,
 )
 from dlama.inpainters.layered.kernels import surfaces as surface_kernels
-from dlama.perception.planes import SKY, find_planes, label_known
+from dlama.perception.planes import SKY, KnownSurfaces
 from worlds import Box, Plane, World, moved
 
 
@@ -35,8 +35,7 @@ def floor_and_wall(kind: HoleType, in_front: Box | None = None) -> tuple[CoarseV
     hole = np.zeros(camera.hw, bool)
     hole[20:90, 50:80] = True
     w, view = inverse_depth(view.depth), view.without(hole, kind)
-    planes = find_planes(w, view.valid, 0)
-    coarse = CoarseView.of(view, w, label_known(w, view.valid, view.far, planes), planes, 1.0)
+    coarse = CoarseView.of(view, KnownSurfaces.of(w, view.valid, view.far, 0), 1.0)
     return coarse, World(shapes).trace(camera)[1]
 
 
@@ -71,7 +70,7 @@ def grid(inverse_depth: np.ndarray, hole: np.ndarray, label: np.ndarray, planes:
     known = inverse_depth.astype(np.float32), label.astype(np.int32), values
     none = np.zeros(1, np.float32), np.zeros((1, 3), np.float32)
     nothing = CutObjects(np.zeros(hole.shape, np.float32), np.zeros(hole.shape, np.int32), *none)
-    return CoarseView(camera, hole, hole, *known, np.zeros((*hole.shape, 3), np.float32), np.zeros_like(hole), nothing)
+    return CoarseView(camera, hole, hole, *known, nothing)
 
 
 def wall_with_hole(planes: tuple[float, ...] = (0.25,)) -> CoarseView:

@@ -38,7 +38,7 @@ from dlama.inpainters.layered.depth.out_of_view import (
 )
 from dlama.inpainters.layered.depth.plane_edges import align_lines_to_edges
 from dlama.inpainters.layered.kernels import surfaces as surface_kernels
-from dlama.perception.planes import SMOOTH, plane_values
+from dlama.perception.planes import SMOOTH, KnownSurfaces, plane_values
 
 GRID = 256
 """Longer side of the coarse grid."""
@@ -95,27 +95,22 @@ class CoarseView:
     """Whether followed planes also need chords of CHORD cells (geometric mean): with inexact depth edges slats end anywhere."""
 
     @classmethod
-    def of(
-        cls,
-        view: View,
-        w: Float32Array,
-        label: NDArray[np.int32],
-        planes: NDArray[np.float64],
-        step: float,
-        followed_from: float = FOLLOWED,
-        solid: bool = False,
-    ) -> CoarseView:
-        """The grid of cells `step` pixels wide. w, label: H x W inverse depth and label of the known pixels; planes: K x 3."""
+    def of(cls, view: View, surfaces: KnownSurfaces, step: float, solid: bool = False) -> CoarseView:
+        """The grid of cells `step` pixels wide. Planes of noisy depth are not followed."""
         camera = with_larger_pixels(view.camera, step)
         rows, columns = (
-            np.minimum(((np.arange(n) + 0.5) * step).astype(np.int64), size - 1) for n, size in zip(camera.hw, w.shape)
+            np.minimum(((np.arange(n) + 0.5) * step).astype(np.int64), size - 1)
+            for n, size in zip(camera.hw, view.hole.shape)
         )
         pick = np.ix_(rows, columns)
-        hole, w, label = cells_with_holes(view.hole, camera.wh), w[pick], label[pick]
+        hole, w, label = cells_with_holes(view.hole, camera.wh), surfaces.inverse_depth[pick], surfaces.label[pick]
         in_view = hole & cells_with_holes(view.hole & (view.hole_type != HoleType.OUT_OF_VIEW.value), camera.wh)
         cut = begin_job(find_cut_objects, w, label, hole, cells_near(hole & ~in_view))
         smooth = surface_kernels.far_side(w, hole)
-        candidates = np.concatenate([smooth[None], np.zeros_like(smooth)[None], plane_values(planes, camera.hw, step)])
+        candidates = np.concatenate(
+            [smooth[None], np.zeros_like(smooth)[None], plane_values(surfaces.planes, camera.hw, step)]
+        )
+        followed_from = np.inf if surfaces.noise else FOLLOWED
         return cls(camera, hole, in_view, w, label, candidates, cut(), followed_from, solid)
 
     def label_costs(self, context: FillContext) -> Float32Array:

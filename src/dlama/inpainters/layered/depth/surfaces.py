@@ -22,11 +22,10 @@ from dlama.geometry.view import View
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.layered.depth.distances import enlarge
 from dlama.inpainters.layered.depth.foliage import copy_leaves
-from dlama.inpainters.layered.depth.out_of_view import FOLLOWED
 from dlama.inpainters.layered.depth.surface_labels import GRID, CoarseView
 from dlama.inpainters.layered.kernels.quilt import GAP
 from dlama.inpainters.missing_depth.along_colors import DepthByColor, fill_along_colors
-from dlama.perception.planes import SMOOTH, denoise, find_planes, label_known, noise_level, plane_values_at
+from dlama.perception.planes import SMOOTH, KnownSurfaces, plane_values_at
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,22 +44,17 @@ class Surfaces:
 
 def continue_surfaces(view: View, context: FillContext, seed: int = 0) -> Surfaces:
     """The known surfaces of a view, continued into its holes; the same seed finds the same planes."""
-    w = inverse_depth(np.where(view.hole, np.float32(0), view.depth))
-    noise = noise_level(w, view.valid)
-    planes = find_planes(w, view.valid, seed, noise)
-    label = label_known(w, view.valid, view.far, planes, noise)
-    w = denoise(w, label, planes, noise)
-    missing = view.depth_hole
-    by_color = None
+    measured = np.where(view.hole, np.float32(0), view.depth)
+    known = KnownSurfaces.of(inverse_depth(measured), view.valid, view.far, seed)
+    missing, by_color = view.depth_hole, None
     if missing.any():
-        by_color = fill_along_colors(view.color, missing, w, label, planes, view.hole, noisy=noise > 0)
+        by_color = fill_along_colors(view.color, missing, view.hole, known)
     if by_color is not None and (by_color.reached | ~view.hole).all():
-        return Surfaces(by_color.inverse_depth, by_color.label, planes, np.full(w.shape, GAP, np.int32))
-    step = max(1.0, max(w.shape) / GRID)
-    followed_from = np.inf if noise else FOLLOWED
-    coarse = CoarseView.of(view, w, label, planes, step, followed_from, context.misplaced_edges)
-    leaves = begin_job(copy_leaves, view, w, coarse.cut, seed)
-    found = upsample_labels(view, w, label, planes, coarse, coarse.label_costs(context), leaves)
+        none = np.full(missing.shape, GAP, np.int32)
+        return Surfaces(by_color.inverse_depth, by_color.label, known.planes, none)
+    coarse = CoarseView.of(view, known, max(1.0, max(missing.shape) / GRID), context.misplaced_edges)
+    leaves = begin_job(copy_leaves, view, known.inverse_depth, coarse.cut, seed)
+    found = upsample_labels(view, known, coarse, coarse.label_costs(context), leaves)
     return found if by_color is None else set_missing_depth(found, by_color)
 
 
@@ -77,18 +71,15 @@ def set_missing_depth(found: Surfaces, by_color: DepthByColor) -> Surfaces:
 
 def upsample_labels(
     view: View,
-    w: Float32Array,
-    label: NDArray[np.int32],
-    planes: NDArray[np.float64],
+    known: KnownSurfaces,
     coarse: CoarseView,
     costs: Float32Array,
     leaves_of: Callable[[], NDArray[np.int32]],
 ) -> Surfaces:
     """Label costs (h x w x L) interpolated to every hole pixel; each takes the label of least cost and its inverse depth.
-    Foliage covers it where it extends.
-
-    w, label: H x W, of the known pixels; planes: K x 3; leaves_of: gives `copy_leaves`.
+    Foliage covers it where it extends. leaves_of: gives `copy_leaves`.
     """
+    w, planes = known.inverse_depth, known.planes
     spread = fill_with_nearest(costs, coarse.hole)
     no_plane = coarse.candidates[0]
     smooth = enlarge(fill_with_nearest(no_plane, coarse.hole & (no_plane > 0)), view.camera.wh)
@@ -101,7 +92,7 @@ def upsample_labels(
     rows, columns = np.nonzero(view.hole)
     labels = chosen[rows, columns]
     on_plane = np.maximum(0, plane_values_at(planes, labels, rows, columns))
-    out, filled = w.copy(), label.copy()
+    out, filled = w.copy(), known.label.copy()
     out[rows, columns] = np.where(labels == SMOOTH, smooth[rows, columns], np.where(labels > 0, on_plane, 0))
     filled[rows, columns] = labels
     leaves = leaves_of()
