@@ -233,3 +233,14 @@ def test_it_reaches_what_it_is_for(
     main([*verb.split(), *reach.command(BASE[verb])])
     assert reach.arrived(calls) and all(map(reach.fits, reach.arrived(calls)))
     capsys.readouterr()
+
+
+def test_a_photo3d_of_a_data_set_takes_its_camera_and_range(
+    calls: Calls, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """They were left out without a word (oracle: the call)."""
+    words = ["photo3d", str(tmp_path), "--camera", "c.json", "--depth-range", "10", "-o", str(tmp_path / "out")]
+    main(words)
+    (call,) = calls["read_scene_of"]
+    assert (call["camera"], call["depth_range"]) == (Path("c.json"), 10.0)
+    capsys.readouterr()

@@ -56,6 +56,8 @@ from dlama.errors import CameraError, DlamaError, InputError, MaskError
             "disparity is to be written, which only a stereo pair has",
         ),
         ("view a.png b.png --yaw 1 --also choice -o out", "choice is to be written, which filler 'auto' does not make"),
+        ("photo3d . --fov 60 -o out", "--fov does not apply to a data set (.); it is for pictures"),
+        ("photo3d . a.png -o out", ".: is a data set, which has its depth; a.png does not apply to it"),
         ("batch a.csv --workers 0 --threads 0 -o out", "a whole number; --threads is 0; 1 or more is expected"),
         ("batch --images *.png -o out", "give --verb VERB, one of view, remove, depth"),
     ],

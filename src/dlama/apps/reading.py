@@ -64,12 +64,7 @@ class Command(JobInputs):
 
     def scene(self, file: Path, depth: Path | None, options: Sequence[Any]) -> dlama.Scene:
         """A completed scene. InputError: a depth file, or options (those of a verb, by class) that say how a picture is read."""
-        if depth is not None:
-            raise InputError(f"{file}: is a scene, which has its depth; {depth} does not apply to it")
-        for one in options:
-            for field_, value in vars(one).items():
-                if value != getattr(type(one)(), field_):
-                    raise InputError(f"`{field_}` does not apply to a scene ({file.name}); it is for pictures")
+        refuse_of_pictures(file, "a scene", depth, options)
         self.inputs["scene"] = file
         with self.reading(file):
             return read_scene(file)
@@ -145,6 +140,19 @@ class Command(JobInputs):
         line = f"{output}: {describe_depth_range(rgbd.depth)}, {describe_depth_source(about)}, {scale}"
         values = {"output": str(output), "files": list(FILES), "depth_estimate": about}
         self.result.add(f"{line}, {self.seconds:.1f} s", **values)
+
+
+def refuse_of_pictures(
+    given: Path, kind: str, depth: Path | None, options: Sequence[Any], taken: Sequence[str] = ()
+) -> None:
+    """InputError: a depth file, or options (those of a verb, by class; `taken` are not looked at) that say how a picture is read,
+    with what is none but `kind`."""
+    if depth is not None:
+        raise InputError(f"{given}: is {kind}, which has its depth; {depth} does not apply to it")
+    for one in options:
+        for name, value in vars(one).items():
+            if name not in taken and value != getattr(type(one)(), name):
+                raise InputError(f"`{name}` does not apply to {kind} ({given.name or given}); it is for pictures")
 
 
 def summary_line(meta: dict[str, Any], place: object, seconds: float) -> str:

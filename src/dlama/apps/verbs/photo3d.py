@@ -10,6 +10,7 @@ from tyro.conf import Positional
 import dlama
 from dlama.apps.command import command
 from dlama.apps.options import Depth, Estimating, Filler, Lens, Output, Reading, Report, Results, names_in, option
+from dlama.apps.reading import refuse_of_pictures
 from dlama.errors import format_count
 
 
@@ -33,7 +34,8 @@ def photo3d(
 
     Args:
         image: The picture: PNG, JPEG, WebP, TIFF or HEIC. Or the scene.npz of a result, such as of an object removed, or of a
-            stereo pair; or the folder of a data set of posed frames, or a recording (.bag, .mcap, .db3, .mkv, .r3d).
+            stereo pair; or the folder of a data set of posed frames, or a recording (.bag, .mcap, .db3, .mkv, .r3d); --camera and
+            --depth-range are for these, too.
         depth: Its depth, same size: 16-bit PNG or TIFF (millimetres), EXR, PFM, NPY or NPZ; without it, it is estimated.
         output: Directory for the results, made if need be; files of the same names are replaced.
         angle: Degrees to which it turns to each side, up and down.
@@ -56,7 +58,9 @@ def photo3d(
         this.check(output, Results(), {"image": image, "depth": depth}, picture, *options)
         given: dlama.RGBD | dlama.Scene
         if posed:
-            given = read_scene_of(image)[1]
+            taken = {"camera": lens.camera, "depth_range": reading.depth_range}
+            refuse_of_pictures(image, "a data set", depth, (lens, reading, estimating), tuple(taken))
+            given = read_scene_of(image, **taken)[1]
         elif picture is None:
             given = this.scene(image, depth, (lens, reading, estimating))
         else:
