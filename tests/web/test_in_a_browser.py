@@ -331,6 +331,17 @@ def test_bad_files_are_told_beside_their_field(pages: Pages, frame: Path, tmp_pa
     hand_in(page, frame)
 
 
+def test_a_mask_is_not_taken_for_the_other_picture_of_a_pair(pages: Pages) -> None:
+    """Picture, depth, camera and mask of the example, dropped together: the mask is named, all else is read."""
+    page, street = pages.open(), dlama.example()
+    page.set_input_files("#files", [street / name for name in ("street.jpg", "depth.png", "camera.json", "mask.png")])
+    page.locator("#marker").wait_for()
+    playwright.expect(page.locator("#general")).to_contain_text(
+        "mask.png: masks are made here, by clicks, a box or the"
+    )
+    playwright.expect(page.locator('.under [data-fact="depth"]')).to_contain_text("% missing")
+
+
 def test_two_visitors_do_not_see_each_other(pages: Pages, frame: Path) -> None:
     """Each has its own picture."""
     first, second = pages.open(), pages.open()

@@ -3,7 +3,7 @@ const ending = (name) => (name.match(/\.[^.]+$/)?.[0] ?? "").toLowerCase();
 const NUMBERS_ONLY = [".exr", ".pfm", ".npy", ".npz"];
 
 export function rolesOf(list, have, endings) {
-  const found = {}, left = [];
+  const found = {}, left = [], masks = [];
   const pictures = [];
   for (const file of list) {
     const kind = ending(file.name), name = file.name.toLowerCase();
@@ -15,7 +15,8 @@ export function rolesOf(list, have, endings) {
   }
   for (const file of pictures) {
     const name = file.name.toLowerCase();
-    if (!found.depth && /depth|tiefe|disp/.test(name)) found.depth = file;
+    if (/(^|[^a-z])mask/.test(name) && list.length > 1) masks.push(file);
+    else if (!found.depth && /depth|tiefe|disp/.test(name)) found.depth = file;
     else if (!found.right && /(^|[^a-z])(right|rechts|im1|image1|view5)([^a-z]|$)/.test(name)) found.right = file;
     else if (!found.picture && !(have.picture && pictures.length === 1 && (found.calib || have.calib) && !have.right)) found.picture = file;
     else if (!found.right) found.right = file;
@@ -25,5 +26,5 @@ export function rolesOf(list, have, endings) {
     found.camera = found.calib;
     delete found.calib;
   }
-  return { found, left };
+  return { found, left, masks };
 }

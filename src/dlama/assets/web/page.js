@@ -19,11 +19,12 @@ function takeFiles(list) {
 async function taken(files) {
   clearErrors();
   const have = Object.fromEntries(all("#uploads li").map((item) => [item.dataset.role, true]));
-  const { found, left } = rolesOf(files, have, settings.roles);
+  const { found, left, masks } = rolesOf(files, have, settings.roles);
   if (left.length) return failed(new server.Failure(`${left[0].name}: is no file that this page takes (PNG, JPEG, WebP, TIFF, HEIC; EXR, PFM, NPY, NPZ; JSON, TXT)`, ""), "");
   if (found.picture && files.length === 1 && have.picture) await server.ask("start_over");
   for (const [role, file] of Object.entries(found)) if (!(await send(role, file))) return;
   await read();
+  if (masks.length) failed(new server.Failure(`${masks[0].name}: masks are made here, by clicks, a box or the brush; the command line takes the file by --mask`, ""), "");
 }
 
 async function send(role, file) {
