@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from running import FAST, pixels, refused, run
 
+import dlama
 from box_frame import small_frame
 from dlama.apps.cli import main
 from dlama.apps.reading import mask_notes
@@ -143,3 +144,28 @@ def test_salient_and_another_masker_contradict(tmp_path: Path, capsys: pytest.Ca
     folder = small_frame(tmp_path)
     words = ["--salient", "--masker", "segment-anything"]
     assert "contradict" in refused(capsys, folder, "remove", "image.png", "depth.png", *words, "--fov", "60")
+
+
+def test_a_mask_file_gets_its_shadow(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Oracle: the same object clicked, and its shadow found with it. `--with-shadow` of a mask file did nothing."""
+    street = dlama.example()
+    files = [str(street / name) for name in ("street.jpg", "depth.png")]
+    rest = ["--fov", "90", *FAST, "--only", "mask,image", "-o"]
+    main(["mask", *files, "--fov", "90", "--click", "256,345", "-o", str(tmp_path / "found.png")])
+    main(["remove", *files, "--click", "256,345", "--with-shadow", *rest, str(tmp_path / "clicked")])
+    main(["remove", *files, str(tmp_path / "found.png"), "--with-shadow", *rest, str(tmp_path / "given")])
+    masks = [pixels(tmp_path / one / "mask.png") for one in ("clicked", "given")]
+    assert (masks[0] == masks[1]).all() and masks[1].sum() > 1.05 * pixels(tmp_path / "found.png").sum()
+    about = json.loads((tmp_path / "given" / "meta.json").read_text())["object_mask"]
+    assert about["masker"] == "a mask file" and about["with_shadow"] is True
+    jobs = tmp_path / "jobs.csv"
+    jobs.write_text(f"id,verb,image,depth,mask,with_shadow\nlisted,remove,{files[0]},{files[1]},found.png,true\n")
+    main(["batch", str(jobs), *rest[:-1], "--workers", "1", "-o", str(tmp_path / "many")])
+    assert (pixels(tmp_path / "many" / "listed" / "mask.png") == masks[1]).all()
+    capsys.readouterr()
+
+
+def test_what_finds_objects_does_not_go_with_a_mask_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = small_frame(tmp_path)
+    words = ("remove", "image.png", "depth.png", "mask.png", "--fov", "60", "--candidate", "part")
+    assert "--candidate is for clicks and boxes, and a mask file" in refused(capsys, folder, *words)

@@ -143,11 +143,16 @@ def remove(
     with command("remove", report) as this:
         target, how = move.settings(), method.settings()
         depth, file = split_depth_and_mask(depth_and_mask, pointing.given, mask)
+        pointing.check_with(file)
         options = target, lens.settings(), reading.settings(), estimating.settings(), pointing.settings(), how
         this.check(output, results, {"image": image, "depth": depth, "mask": file}, image, *options, removes=True)
         of_file = this.optional_mask(file, masking, image)  # before depth is estimated, which takes longer
         rgbd = this.rgbd(image, depth, lens, reading, estimating)
-        object_mask = this.pointed(rgbd, pointing, image) if of_file is None else of_file
+        object_mask = (
+            this.pointed(rgbd, pointing, image)
+            if of_file is None
+            else this.add_shadow(rgbd, of_file, pointing.with_shadow)
+        )
         this.write(dlama.remove(rgbd, object_mask, **target, **how), output, results)
 
 

@@ -38,6 +38,8 @@ def option(metavar: str, default: str | None = "none", **others: Any) -> Any:
     return arg(metavar=metavar, help_behavior_hint=hint, **others)
 
 
+DEPTH_ONLY = (".exr", ".pfm", ".npy", ".npz")
+"""Endings of depth files that no mask has."""
 Degrees = Annotated[float | None, option("DEG", "0")]
 Metres = Annotated[float | None, option("METRES")]
 CameraFile = Annotated[Path | None, option("FILE.json")]
@@ -142,7 +144,7 @@ def split_depth_and_mask(
         if len(files) > 1:
             raise mask_and_pointing(files[1])
         return (files[0] if files else None), None
-    if not files:
+    if not files or (len(files) == 1 and files[0].suffix.lower() in DEPTH_ONLY):
         raise InputError("no object to remove is given: give a mask file, --click X,Y on the object, or --box X,Y,W,H")
     if not 1 <= len(files) <= 2:
         raise InputError(f"{len(files)} files follow the picture; a mask, or depth and a mask are expected")
@@ -172,6 +174,16 @@ class Pointing(groups.Pointing):
         """Whether anything is pointed at. InputError, before anything is read, for words that are no pixels."""
         self.settings()
         return is_pointed(dataclasses.asdict(self))
+
+    def check_with(self, mask: Path | None) -> None:
+        """InputError for options of clicks and boxes where a mask file is given."""
+        if mask is None:
+            return
+        for name in ("masker", "mask_model", "candidate"):
+            if getattr(self, name) != getattr(type(self), name):
+                raise InputError(
+                    f"`{name}` is for clicks and boxes, and a mask file ({mask}) is given; leave one of them away"
+                )
 
     @property
     def needs_depth(self) -> bool:

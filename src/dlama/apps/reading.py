@@ -5,6 +5,7 @@ from __future__ import annotations
 import statistics
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -62,9 +63,21 @@ class Command(JobInputs):
         """A picture, its depth (estimated, where there is no file) and its camera."""
         return self.read_picture(image, depth, lens.settings(), reading.settings() | estimating.settings())
 
+    def refuse_of_pictures(
+        self, given: Path, kind: str, depth: Path | None, options: Sequence[Any], taken: Sequence[str] = ()
+    ) -> None:
+        """InputError: a depth file, or options (those of a verb, by class; `taken` are not looked at) that say how a picture is
+        read, with what is none but `kind`."""
+        if depth is not None:
+            raise InputError(f"{given}: is {kind}, which has its depth; {depth} does not apply to it")
+        for one in options:
+            for name, value in vars(one).items():
+                if name not in taken and value != getattr(type(one)(), name):
+                    raise InputError(f"`{name}` does not apply to {kind} ({given.name or given}); it is for pictures")
+
     def scene(self, file: Path, depth: Path | None, options: Sequence[Any]) -> dlama.Scene:
         """A completed scene. InputError: a depth file, or options (those of a verb, by class) that say how a picture is read."""
-        refuse_of_pictures(file, "a scene", depth, options)
+        self.refuse_of_pictures(file, "a scene", depth, options)
         self.inputs["scene"] = file
         with self.reading(file):
             return read_scene(file)
@@ -101,9 +114,14 @@ class Command(JobInputs):
     def left_mask(
         self, path: Path | None, masking: Masking, pointing: Pointing, left: Path
     ) -> BoolArray | Callable[[dlama.RGBD], BoolArray] | None:
-        """The mask of the left picture of a pair: of its file, or found in the depth that the pair gives. InputError: both."""
+        """The mask of the left picture of a pair: of its file, or found in the depth that the pair gives, as its shadow is.
+        InputError: both."""
         if not pointing.given:
-            return self.optional_mask(path, masking, left)
+            pointing.check_with(path)
+            mask = self.optional_mask(path, masking, left)
+            if mask is None or not pointing.with_shadow:
+                return mask
+            return partial(self.add_shadow, mask=mask, with_shadow=True)
         if path is not None:
             raise mask_and_pointing(path)
         return lambda rgbd: self.pointed(rgbd, pointing, left)
@@ -140,19 +158,6 @@ class Command(JobInputs):
         line = f"{output}: {describe_depth_range(rgbd.depth)}, {describe_depth_source(about)}, {scale}"
         values = {"output": str(output), "files": list(FILES), "depth_estimate": about}
         self.result.add(f"{line}, {self.seconds:.1f} s", **values)
-
-
-def refuse_of_pictures(
-    given: Path, kind: str, depth: Path | None, options: Sequence[Any], taken: Sequence[str] = ()
-) -> None:
-    """InputError: a depth file, or options (those of a verb, by class; `taken` are not looked at) that say how a picture is read,
-    with what is none but `kind`."""
-    if depth is not None:
-        raise InputError(f"{given}: is {kind}, which has its depth; {depth} does not apply to it")
-    for one in options:
-        for name, value in vars(one).items():
-            if name not in taken and value != getattr(type(one)(), name):
-                raise InputError(f"`{name}` does not apply to {kind} ({given.name or given}); it is for pictures")
 
 
 def summary_line(meta: dict[str, Any], place: object, seconds: float) -> str:

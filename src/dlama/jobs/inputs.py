@@ -115,6 +115,16 @@ class JobInputs:
         self.object_mask, self.removed = {**settings, **found.about}, found.mask
         return found.mask
 
+    def add_shadow(self, rgbd: RGBD, mask: BoolArray, with_shadow: bool) -> BoolArray:
+        """The mask of a file, with the shadow that its object casts where that is asked for; how much goes into meta.json."""
+        if not with_shadow:
+            return mask
+        from dlama.perception.object_masks import complete_mask
+
+        found = complete_mask(rgbd, {"object": mask}, "object", "a mask file", True)
+        self.object_mask, self.removed = {"with_shadow": True, **found.about}, found.mask
+        return found.mask
+
     def optional_disparity(self, path: Path | None, scale: float | None) -> Float32Array | None:
         """A disparity, where one is given."""
         if path is None:

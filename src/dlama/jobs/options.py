@@ -149,7 +149,7 @@ class Pointing(Group):
     candidate: str = shown("part|object|group", "object", "object")
     """Which reading of an ambiguous click; `dlama mask` prints which there are."""
     with_shadow: bool = shown("", "off", False)
-    """Add the shadow that the object casts on the surface it stands on, where it is clear."""
+    """Add the shadow that the object casts on the surface it stands on, where it is clear; to a mask file, too."""
 
 
 @dataclass(frozen=True)

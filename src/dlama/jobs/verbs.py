@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -53,6 +54,8 @@ def _remove(this: JobInputs, job: Job, p: Mapping[str, Any], output: Path) -> No
         mask = this.read_mask_file(Path(p["mask"]), _select(p, MASKING), _path(p, "image"))
     else:
         raise InputError("no object to remove is given: give `mask=FILE`, `click`, `box` or `salient`")
+    if not _is_pointed(p):
+        mask = this.add_shadow(rgbd, mask, p.get("with_shadow", False))
     this.write_completion(remove(rgbd, mask, **_target(p), **_method(p)), output, **_select(p, RESULTS))
 
 
@@ -72,6 +75,8 @@ def _stereo(this: JobInputs, job: Job, p: Mapping[str, Any], output: Path) -> No
         ]
     if _is_pointed(p):
         masks[0] = lambda rgbd: _find_pointed(this, p, rgbd, Path(p.get("left", "")))
+    elif masks[0] is not None and p.get("with_shadow"):
+        masks[0] = partial(this.add_shadow, mask=masks[0], with_shadow=True)
     done = stereo(left, right, rig, disparity=known, mask=masks[0], mask_right=masks[1], **options, **_method(p))
     this.write_completion(done, output, **_select(p, RESULTS))
 

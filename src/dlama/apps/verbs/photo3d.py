@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from tyro.conf import Positional
 
 import dlama
 from dlama.apps.command import command
 from dlama.apps.options import Depth, Estimating, Filler, Lens, Output, Reading, Report, Results, names_in, option
-from dlama.apps.reading import refuse_of_pictures
 from dlama.errors import format_count
 
 
@@ -58,8 +57,8 @@ def photo3d(
         this.check(output, Results(), {"image": image, "depth": depth}, picture, *options)
         given: dlama.RGBD | dlama.Scene
         if posed:
-            taken = {"camera": lens.camera, "depth_range": reading.depth_range}
-            refuse_of_pictures(image, "a data set", depth, (lens, reading, estimating), tuple(taken))
+            taken: dict[str, Any] = {"camera": lens.camera, "depth_range": reading.depth_range}
+            this.refuse_of_pictures(image, "a data set", depth, (lens, reading, estimating), tuple(taken))
             given = read_scene_of(image, **taken)[1]
         elif picture is None:
             given = this.scene(image, depth, (lens, reading, estimating))

@@ -290,4 +290,4 @@ def _describe_file(file: Path) -> str:
     if head.startswith(b"PK") and suffix != ".npz":
         return ", but a ZIP archive: unpack it, and give the folder or the picture in it"
     which = "a scene" if suffix == ".npz" else "the scene.npz of the result" if suffix in (".ply", ".glb") else ""
-    return f"; {which} goes into view, sequence, video and show (--also scene writes it)" if which else ""
+    return f"; {which} goes into view, photo3d, sequence, video and show (--also scene writes it)" if which else ""
