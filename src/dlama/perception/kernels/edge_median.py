@@ -12,34 +12,36 @@ MOST = 256
 
 
 @piece
-def sort_down(key: Float32Array, other: Float32Array, root: Whole, count: Whole) -> None:
-    """Restore a heap (largest key first) whose root may be too small."""
-    while True:
-        child = 2 * root + 1
-        if child >= count:
-            return
-        if child + 1 < count and key[child + 1] > key[child]:
-            child += 1
-        if key[root] >= key[child]:
-            return
-        key[root], key[child] = key[child], key[root]
-        other[root], other[child] = other[child], other[root]
-        root = child
-
-
-@piece
 def weighted_median(value: Float32Array, weight: Float32Array, count: Whole, total: Real) -> Real:
-    """The largest of `count` values whose weight, with that of all above it, reaches half the total; reorders both arrays."""
-    for root in range(count // 2 - 1, -1, -1):
-        sort_down(value, weight, root, count)
-    reached = 0.0
-    for left in range(count, 0, -1):  # the largest of what is left lies first
-        reached += weight[0]
-        if reached >= 0.5 * total or left == 1:
-            break
-        value[0], weight[0] = value[left - 1], weight[left - 1]
-        sort_down(value, weight, 0, left - 1)
-    return value[0]
+    """The largest of `count` values whose weight, with that of all above it, reaches half the total; reorders both arrays.
+
+    By quickselect: of a span that holds the median the part is kept that does, larger or smaller than a value amid it.
+    """
+    begin, end, above = 0, count, 0.0
+    while True:
+        pivot, of_larger, of_same = value[(begin + end) // 2], 0.0, 0.0
+        larger, at, smaller = begin, begin, end  # from `begin` on the larger values, from `smaller` on the smaller ones
+        while at < smaller:
+            here = value[at]
+            if here > pivot:
+                of_larger += weight[at]
+                value[at], value[larger] = value[larger], here
+                weight[at], weight[larger] = weight[larger], weight[at]
+                larger, at = larger + 1, at + 1
+            elif here < pivot:
+                smaller -= 1
+                value[at], value[smaller] = value[smaller], here
+                weight[at], weight[smaller] = weight[smaller], weight[at]
+            else:
+                of_same += weight[at]
+                at += 1
+        if larger > begin and above + of_larger >= 0.5 * total:
+            end = larger
+        elif smaller == end or above + of_larger + of_same >= 0.5 * total:
+            return pivot
+        else:
+            above += of_larger + of_same
+            begin = smaller
 
 
 @kernel
