@@ -17,6 +17,8 @@ def weighted_median(value: Float32Array, weight: Float32Array, count: Whole, tot
 
     By quickselect: of a span that holds the median the part is kept that does, larger or smaller than a value amid it.
     """
+    begin: Whole
+    end: Whole
     begin, end, above = 0, count, 0.0
     while True:
         pivot, of_larger, of_same = value[(begin + end) // 2], 0.0, 0.0
