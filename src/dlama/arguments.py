@@ -192,13 +192,7 @@ def _not_a(value: object, expected: Sequence[Any], name: str) -> str:
 def _is_a(value: object, kind: Any, inner: tuple[Any, ...]) -> bool:
     """Whether a value is of a type; its elements are looked at by themselves."""
     if kind in ROWS:
-        if isinstance(value, str):
-            return inner[:1] == (str,)  # one name in place of a list of one
-        return (
-            isinstance(value, Sized)
-            and isinstance(value, Iterable)
-            and not isinstance(value, (bytes, Mapping, np.ndarray))
-        )
+        return _is_list(value, inner)
     if kind in (int, float):
         return isinstance(value, Real)
     if kind is bool:
@@ -208,6 +202,13 @@ def _is_a(value: object, kind: Any, inner: tuple[Any, ...]) -> bool:
     if kind is Iterable and isinstance(value, np.ndarray) and value.ndim == 0:
         return False
     return kind in UNCHECKED or not isinstance(kind, type) or isinstance(value, kind)
+
+
+def _is_list(value: object, inner: tuple[Any, ...]) -> bool:
+    if isinstance(value, str):
+        return inner[:1] == (str,)  # one name in place of a list of one
+    has_rows = isinstance(value, Sized) and isinstance(value, Iterable)
+    return has_rows and not isinstance(value, (bytes, Mapping, np.ndarray))
 
 
 def _elements(value: Any, kind: Any, inner: tuple[Any, ...], name: str) -> Iterator[tuple[object, Any, str]]:

@@ -88,7 +88,7 @@ def calls(loaded: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Call
             bound = signature.bind(*args, **kwargs)
             bound.apply_defaults()
             given = dict(bound.arguments)
-            extra = given.pop("more", {})
+            extra = given.pop("more", {}) | given.pop("options", {})
             made.setdefault(name, []).append(given | extra)
             if through:
                 return original(*args, **kwargs)

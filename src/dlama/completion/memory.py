@@ -18,8 +18,8 @@ GB = 1e9
 CGROUP = Path("/sys/fs/cgroup")
 
 
-def check_memory(cameras: Sequence[Camera], free: int | None = None) -> None:
-    """Raise InputError where completing these views would take more memory than is free (bytes; None: as the system reports)."""
+def check_memory(cameras: Sequence[Camera]) -> None:
+    """Raise InputError where completing these views would take more memory than is free."""
     sizes = [camera.width * camera.height for camera in cameras]
     if not sizes:
         return
@@ -28,7 +28,7 @@ def check_memory(cameras: Sequence[Camera], free: int | None = None) -> None:
     if max(largest.wh) > LONGEST_SIDE:
         raise InputError(f"{size}; sides of at most {LONGEST_SIDE} are expected")
     needed = BYTES_PER_PIXEL * max(sizes) + BYTES_KEPT * sum(sizes)
-    free = available_bytes() if free is None else free
+    free = available_bytes()
     if free is not None and needed > free:
         raise InputError(
             f"{size}: completing it takes about {needed / GB:.1f} GB of memory and {free / GB:.1f} GB are free; "

@@ -184,13 +184,6 @@ def plan_for(
         decisions = decisions | {"mask_growth": removal.growth._asdict()}
         dilation = Dilation(removal.pixels, removal.known_pixels_given_up)
     measured = scene.unfilled
-    plan = Plan(
-        recipe,
-        filler_of_recipe(inpainter, recipe),
-        options.seed,
-        measured,
-        context_of(measured, recipe),
-        choice.name,
-        decisions | describe_padding(measured),
-    )
-    return plan, scene, dilation
+    decisions = decisions | describe_padding(measured)
+    filler, context = filler_of_recipe(inpainter, recipe), context_of(measured, recipe)
+    return Plan(recipe, filler, options.seed, measured, context, choice.name, decisions), scene, dilation

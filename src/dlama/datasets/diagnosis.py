@@ -237,9 +237,10 @@ def _examine_pair(left: Path, right: Path, calib: PathLike) -> Found:
 
 def _examine_dataset(root: Path, layout: str | None, camera: CameraOption) -> Found:
     dataset, found = _open(root, layout, camera)
-    first: list[RGBD] = []
+    examined: list[RGBD] = []
     for scene in list(dict.fromkeys(frame.scene for frame in dataset.frames))[:SCENES]:
-        found += examine_scene([frame for frame in dataset.frames if frame.scene == scene], first)
+        noted, rgbd = examine_scene([frame for frame in dataset.frames if frame.scene == scene])
+        found, examined = [*found, *noted], [*examined, rgbd]
     for case in (*dataset.of("sii")[:CASES], *dataset.of("ori")[:CASES]):
         truth = case.load()
         if isinstance(truth, StereoTruth):
@@ -250,7 +251,7 @@ def _examine_dataset(root: Path, layout: str | None, camera: CameraOption) -> Fo
             found += run_checks(Observed.of(truth.source, (name, name, f"{name}, mask"), truth.mask))
     found = list({finding.line: finding for finding in found}.values())
     counts = [format_count(len(dataset.frames), "frame"), format_count(len(dataset.cases), "case")]
-    return found, root.name, [f"layout {dataset.layout}", *counts, *(describe_frame(first[0]) if first else [])]
+    return found, root.name, [f"layout {dataset.layout}", *counts, *(describe_frame(examined[0]) if examined else [])]
 
 
 def _open(root: Path, layout: str | None, camera: CameraOption) -> tuple[Dataset, list[Finding]]:
@@ -267,24 +268,23 @@ def _open(root: Path, layout: str | None, camera: CameraOption) -> tuple[Dataset
     return dataset, [*(Finding("frames", "note", 1.0, note) for note in noted), *found]
 
 
-def examine_scene(frames: Sequence[Frame], first: list[RGBD]) -> list[Finding]:
-    """Findings on the frames of a scene, each read once; the first frame in a row is added to `first`."""
+def examine_scene(frames: Sequence[Frame]) -> tuple[list[Finding], RGBD]:
+    """Findings on the frames of a scene, each read once; and the first frame in a row."""
     row = frames_in_a_row(frames)
     spread = np.linspace(0, len(frames) - 1, min(len(frames), COMPARED)).round().astype(int)
-    small, found = {}, list[Finding]()
+    first, small, name = None, {}, f"{row[0].scene}/{row[0].name}"
     for frame in {each.name: each for each in (*(frames[place] for place in spread), *row)}.values():
-        rgbd, name = frame.load(), f"{frame.scene}/{frame.name}"
-        small[name] = shrink(rgbd)
-        if frame is row[0]:
-            first.append(rgbd)
-            found = run_checks(Observed.of(rgbd, (name, name, name)))
+        rgbd = frame.load()
+        small[f"{frame.scene}/{frame.name}"] = shrink(rgbd)
+        first = rgbd if frame is row[0] else first
+    assert first is not None
+    found = run_checks(Observed.of(first, (name, name, name)))
     of_poses = check_poses([small[f"{each.scene}/{each.name}"] for each in row], row[0].scene)
     if all(each.severity != "fault" for each in of_poses):  # one odd frame also makes frames in a row fit badly
         of_poses = find_odd_frames(list(small.values()), list(small)) or of_poses
-    of_first = f"{row[0].scene}/{row[0].name}:"
-    if any(each.check == "depth-scale" and each.what.startswith(of_first) for each in of_poses):
+    if any(each.check == "depth-scale" and each.what.startswith(f"{name}:") for each in of_poses):
         found = [each for each in found if each.check != "depth-scale"]
-    return [*found, *of_poses]
+    return [*found, *of_poses], first
 
 
 def frames_in_a_row(frames: Sequence[Frame]) -> list[Frame]:

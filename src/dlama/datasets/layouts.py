@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, TypedDict
 
+from dlama.completion.options import Unpack
 from dlama.datasets.captures import arkitscenes, azure_kinect, polycam, record3d, rosbag, scannetpp, stray_scanner
 from dlama.datasets.easysynth.dataset import easysynth, looks_like_easysynth
 from dlama.datasets.frames import Dataset, Gamma
@@ -118,33 +119,41 @@ RECORDINGS = tuple(suffix for layout in LAYOUTS.values() for suffix in layout.fi
 """Endings of all files that are data sets by themselves."""
 
 
+class DatasetOptions(TypedDict, total=False):
+    """How a data set is read; a layout refuses what it has no use for, but for `scenes` and `limit`."""
+
+    depth_range: float | None
+    """Metres (easysynth)."""
+    gamma: Gamma | None
+    """How 8-bit depth is encoded (easysynth)."""
+    removal_object: str | None
+    """A semantic class (easysynth)."""
+    camera: CameraOption
+    """A camera file (tum, 7-scenes, scannet, tsdf-fusion, redwood)."""
+    scenes: Sequence[str] | None
+    """Only these."""
+    limit: int | None
+    """At most so many cases of each protocol, the first ones."""
+
+
 @system_errors(FileError)
-def open_dataset(
-    path: Path | str,
-    layout: str | None = None,
-    *,
-    depth_range: float | None = None,
-    camera: CameraOption = None,
-    limit: int | None = None,
-    scenes: Sequence[str] | None = None,
-    gamma: Gamma | None = None,
-    removal_object: str | None = None,
-) -> Dataset:
+def open_dataset(path: Path | str, layout: str | None = None, **options: Unpack[DatasetOptions]) -> Dataset:
     """The data set in a folder, or the frames of a scene.npz; its layout is recognised unless `layout` names it.
 
-    `depth_range` in metres, `gamma` (how 8-bit depth is encoded) and `removal_object`, a semantic class (easysynth), and
-    `camera`, a camera file (tum, 7-scenes, scannet, tsdf-fusion, redwood), are refused where a layout has no use for them.
-    `scenes` keeps these only, `limit` at most so many cases of each protocol, the first ones. Raises InputError (unknown or
-    ambiguous layout, option or scene), FileError, CameraError.
+    Raises InputError (unknown or ambiguous layout, option or scene), FileError, CameraError.
     """
-    check_limit(limit)
-    particular = {"depth_range": depth_range, "gamma": gamma, "removal_object": removal_object, "camera": camera}
-    root = Path(path)
+    root, particular, shared = Path(path), *split_options(options)
     if is_scene_file(root):
         refuse_unused(SCENE, frozenset(), {"layout": layout, **particular})
-        return select_cases(scene_file(root, limit=limit), scenes, limit)
-    dataset = list_dataset(root, layout_of(root, layout), particular, {"scenes": scenes, "limit": limit})
-    return select_cases(dataset, scenes, limit)
+        return select_cases(scene_file(root, limit=options.get("limit")), **shared)
+    return select_cases(list_dataset(root, layout_of(root, layout), particular, shared), **shared)
+
+
+def split_options(options: DatasetOptions) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Those that layouts may refuse, and `scenes` and `limit`. InputError: a limit that is none."""
+    shared = {name: options.get(name) for name in ("scenes", "limit")}
+    check_limit(options.get("limit"))
+    return {name: value for name, value in options.items() if name not in shared}, shared
 
 
 def list_dataset(root: Path, name: str, particular: Mapping[str, object], shared: Mapping[str, object]) -> Dataset:

@@ -93,7 +93,9 @@ def render(
     check_word(mode, "mode", MODES)
     if isinstance(source, PointCloud):
         return render_cloud(source, camera, mode)
-    scene = to_scene(source)
+    if isinstance(source, RGBD):
+        source = View.from_rgbd(source)
+    scene = Scene((source,)) if isinstance(source, View) else source
     if not scene.fills and (own := share_own_view(scene, camera, types)) is not None:
         return own
     drawn = draw_scene(scene, camera, mode, fine)
@@ -192,13 +194,6 @@ def drop_overlap(fills: tuple[Layer, ...]) -> tuple[Layer, ...]:
     """Fills without their overlap with the scene: overlaps join surfaces, but points would be doubled."""
     added = (contribution(view) | view.far for view in (fill.load() for fill in fills))
     return tuple(fill.without(~where, HoleType.NONE) for fill, where in zip(fills, added))
-
-
-def to_scene(source: RGBD | View | Scene) -> Scene:
-    """Anything that renders, as a scene."""
-    if isinstance(source, RGBD):
-        source = View.from_rgbd(source)
-    return Scene((source,)) if isinstance(source, View) else source
 
 
 def hole_types(grids: list[Grid], removals: tuple[Layer, ...], hole: BoolArray) -> UInt8Array:

@@ -100,14 +100,7 @@ class MaskSession:
         """The mask of the object under clicks or in a box; parameters and errors as `find_mask`."""
         check_arguments(MaskSession.find, locals())
         check_names(self.masker, self.mask_model, candidate)
-        picture = self.picture
-        hw = picture.depth.shape if isinstance(picture, RGBD) else picture.shape[:2]
-        on, off = ([(x, y) for x, y in points] for points in (clicks, not_clicks))
-        prompt = Prompt(
-            (hw[0], hw[1]), tuple(on), tuple(off), None if box is None else (box[0], box[1], box[2], box[3])
-        )
-        if MASKERS[self.masker].needs_prompt and not prompt.clicks and prompt.box is None:
-            raise InputError("`clicks` and `box` are both missing; give `clicks` on the object, or a `box` round it")
+        picture, prompt = self.picture, self._prompt(clicks, not_clicks, box)
         if with_shadow and not isinstance(picture, RGBD):
             raise InputError("`with_shadow` needs depth and the picture has none; an RGBD is expected")
         masks, notes = self._pointed(prompt)
@@ -118,6 +111,14 @@ class MaskSession:
         if masks[chosen].mean() > MOST:
             notes = (*notes, TOO_MUCH)
         return complete_mask(picture, masks, chosen, self.masker, with_shadow, notes)
+
+    def _prompt(self, clicks: Sequence[Point], not_clicks: Sequence[Point], box: Box | None) -> Prompt:
+        height, width = (self.picture.depth if isinstance(self.picture, RGBD) else self.picture).shape[:2]
+        on, off = (tuple((x, y) for x, y in points) for points in (clicks, not_clicks))
+        prompt = Prompt((height, width), on, off, None if box is None else (box[0], box[1], box[2], box[3]))
+        if MASKERS[self.masker].needs_prompt and not prompt.clicks and prompt.box is None:
+            raise InputError("`clicks` and `box` are both missing; give `clicks` on the object, or a `box` round it")
+        return prompt
 
 
 def check_names(masker: str | None, mask_model: MaskModel | None, candidate: str = "object") -> str:

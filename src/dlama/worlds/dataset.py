@@ -16,9 +16,9 @@ from pathlib import Path
 import numpy as np
 
 from dlama.arguments import is_finite
-from dlama.datasets.frames import Case, Dataset, Frame, Gamma, RemovalTruth, StereoTruth, ViewTruth
-from dlama.datasets.layouts import check_limit, open_dataset, refuse_unused, select_cases
-from dlama.datasets.posed.posed_frames import CameraOption
+from dlama.completion.options import Unpack
+from dlama.datasets.frames import Case, Dataset, Frame, RemovalTruth, StereoTruth, ViewTruth
+from dlama.datasets.layouts import DatasetOptions, open_dataset, refuse_unused, select_cases, split_options
 from dlama.errors import FileError, InputError, system_errors
 from dlama.geometry.camera import Camera, StereoRig
 from dlama.geometry.projection import disparity_from_depth
@@ -211,39 +211,19 @@ def _disparity(rig: StereoRig, depth: Float32Array) -> Float32Array:
 
 
 @system_errors(FileError)
-def open_dataset_or_worlds(
-    path: Path | str,
-    layout: str | None = None,
-    *,
-    scenes: Sequence[str] | None = None,
-    limit: int | None = None,
-    depth_range: float | None = None,
-    gamma: Gamma | None = None,
-    removal_object: str | None = None,
-    camera: CameraOption = None,
-) -> Dataset:
+def open_dataset_or_worlds(path: Path | str, layout: str | None = None, **options: Unpack[DatasetOptions]) -> Dataset:
     """The data set in a folder, or a generated one where no folder has that name.
 
     The options are those of `open_dataset`; generated worlds take `scenes` and `limit` alone. Raises InputError (a malformed
     name, an option that worlds do not take) and what `open_dataset` raises.
     """
     if Path(path).is_dir() or not (str(path) == LAYOUT or str(path).startswith(f"{LAYOUT}:")):
-        return open_dataset(
-            path,
-            layout,
-            depth_range=depth_range,
-            camera=camera,
-            limit=limit,
-            scenes=scenes,
-            gamma=gamma,
-            removal_object=removal_object,
-        )
-    check_limit(limit)
-    options = {"depth_range": depth_range, "gamma": gamma, "removal_object": removal_object, "camera": camera}
-    refuse_unused(LAYOUT, frozenset(), options)
+        return open_dataset(path, layout, **options)
+    particular, shared = split_options(options)
+    refuse_unused(LAYOUT, frozenset(), particular)
     if layout is not None:
         raise InputError(f"'{path}' is generated and has no layout; layout {layout} is for folders")
-    return select_cases(named_worlds(str(path)), scenes, limit)
+    return select_cases(named_worlds(str(path)), **shared)
 
 
 def named_worlds(name: str) -> Dataset:

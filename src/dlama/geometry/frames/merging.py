@@ -25,7 +25,7 @@ from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
 from dlama.geometry.kernels.drawing import merging as kernels
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.projection import px_from_px
-from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, UInt16Array
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt16Array, paste
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 
@@ -127,30 +127,18 @@ def _keep_own(canvas: Canvas, best: UInt16Array, own: View) -> None:
     known = own.valid | own.far
     colored = own.depth_hole
     others = ~known & (canvas.depth > 0) & (best > 0)
-    _drop(canvas, best, find_slivers(others & ~colored))
+    slivers = find_slivers(others & ~colored)
+    for plane in (*canvas.buffers(), best):
+        plane[slivers] = 0
     others &= best > 0
     canvas.origin[others & (canvas.origin != Origin.DEPTH_FILLED.value)] = Origin.ELSEWHERE
-    _copy(canvas.color, own.color, known | colored)
-    np.copyto(canvas.origin, own.origin, where=known | (colored & (canvas.depth == 0)))
-    np.copyto(canvas.depth, own.depth, where=known)
-    np.copyto(canvas.confidence, own.confidence, where=known)
+    paste(own.color, known | colored, canvas.color)
+    paste(own.origin, known | (colored & (canvas.depth == 0)), canvas.origin)
+    paste(own.depth, known, canvas.depth)
+    paste(own.confidence, known, canvas.confidence)
     best[known] = 1
 
 
 def find_slivers(where: BoolArray) -> BoolArray:
     """The parts of a region narrower than NARROWEST px: background visible between misaligned edges."""
     return where & ~morphological_open(where, square(NARROWEST))
-
-
-def _drop(canvas: Canvas, best: UInt16Array, where: BoolArray) -> None:
-    canvas.color[where], canvas.depth[where], canvas.origin[where], canvas.confidence[where], best[where] = (
-        0,
-        0,
-        0,
-        0,
-        0,
-    )
-
-
-def _copy(out: UInt8Array, color: UInt8Array, where: BoolArray) -> None:
-    np.copyto(out, color, where=where[..., None])
