@@ -78,7 +78,7 @@ def run_jobs(
             total = manifest.planned
         workers = start()
         try:
-            yield from _Run(source, settings, manifest, workers, total).results()
+            yield from _Run(iter(source), settings, manifest, workers, total).results()
         except BaseException:
             with suppress(OutputError):
                 manifest.write_table()
@@ -99,11 +99,14 @@ def _remove_drafts(output: Output) -> None:
 class _Run:
     """One run under way."""
 
-    source: Iterable[Job]
+    jobs: Iterator[Job]
+    """Those that are not begun."""
     settings: Settings
     manifest: Manifest
     workers: Workers
     total: int | None
+    more: bool = True
+    """Whether the list may have more jobs."""
     begun: int = 0
     """Jobs taken from the list."""
     handed_out: int = 0
@@ -121,13 +124,10 @@ class _Run:
         self.settings.progress(None, 0, self.total)
         if self.settings.pack is not None:
             self.packer = Packer(self.settings.output, self.manifest, self.settings.pack)
-        jobs = iter(self.source)
-        more = True
-        while more or self.under_way or self.again:
-            more = self.hand_in(jobs, more)
+        while self.is_going():
+            self.hand_in()
             yield from self.ready_results()
-            can_begin = self.again or (more and not self.is_full())
-            if (more or self.again or self.under_way) and not (can_begin and self.workers.free):
+            if self.is_going() and not (self.can_begin() and self.workers.free):
                 for ended in self.workers.wait():
                     self.under_way -= 1
                     self.end(ended)
@@ -136,31 +136,39 @@ class _Run:
             self.packer.pack()
         yield from self.ready_results()
 
-    def hand_in(self, jobs: Iterator[Job], more: bool) -> bool:
-        """Give free workers their tasks; whether the list may have more jobs."""
-        while self.workers.free and (self.settings.ordered or len(self.ready) < AT_ONCE):
-            task = self.again.popleft() if self.again else None
-            if task is None and more and not self.is_full():
-                task, more = self.next_task(jobs)
+    def is_going(self) -> bool:
+        """Whether a job is left, or has not ended."""
+        return self.more or bool(self.again) or self.under_way > 0
+
+    def can_begin(self) -> bool:
+        """Whether a free worker may be given a task."""
+        return bool(self.again) or (self.more and not self.is_full())
+
+    def hand_in(self) -> None:
+        """Give free workers their tasks."""
+        while self.workers.free and self.can_begin() and (self.settings.ordered or len(self.ready) < AT_ONCE):
+            task = self.again.popleft() if self.again else self.next_task()
             if task is None:
                 break
             self.workers.submit(task)
             self.under_way += 1
-        return more
 
     def is_full(self) -> bool:
         """Whether no job is begun until an earlier one has ended, so that few results wait for it."""
         return self.settings.ordered and self.begun - self.handed_out >= WINDOW * self.workers.count
 
-    def next_task(self, jobs: Iterator[Job]) -> tuple[Task | None, bool]:
-        """The next job that is to be run, None: none of the next few is; and whether the list may have more."""
+    def has_failed_enough(self) -> bool:
+        """Whether no further job is begun, for so many have failed."""
         limit = self.settings.stop_after_failures
+        return limit is not None and self.failures >= limit
+
+    def next_task(self) -> Task | None:
+        """The next job that is to be run; None: none of the next few is."""
         for _ in range(AT_ONCE):
-            if limit is not None and self.failures >= limit:
-                return None, False
-            job = next(jobs, None)
+            job = None if self.has_failed_enough() else next(self.jobs, None)
             if job is None:
-                return None, False
+                self.more = False
+                return None
             number, self.begun = self.begun, self.begun + 1
             if self.total is None:
                 self.manifest.plan(number, job.id, job.where)
@@ -170,10 +178,10 @@ class _Run:
             elif job.error:
                 self.add(number, work(Task(job, self.settings.output)))
             else:
-                return Task(job, self.settings.output, STAGED if self.packer else "", number=number), True
+                return Task(job, self.settings.output, STAGED if self.packer else "", number=number)
             if self.is_full():
                 break
-        return None, True
+        return None
 
     def end(self, ended: TaskEnd) -> None:
         """A task has ended, or its process has."""
