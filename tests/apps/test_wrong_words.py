@@ -56,6 +56,18 @@ from dlama.errors import CameraError, DlamaError, InputError, MaskError
             "disparity is to be written, which only a stereo pair has",
         ),
         ("view a.png b.png --yaw 1 --also choice -o out", "choice is to be written, which filler 'auto' does not make"),
+        (
+            "remove a.png b.png --click 3,3 --mask-class 9,9,9 -o out",
+            "--mask-class says how a mask file is read, and none",
+        ),
+        (
+            "stereo a.png b.png --calib c.txt --mask-polarity known -o out",
+            "--mask-polarity says how a mask file is read",
+        ),
+        ("stereo a.png b.png --calib c.txt --with-shadow -o out", "--with-shadow is for clicks and boxes, and neither"),
+        ("sequence . --soft-mask -o out", "--soft-mask says how a mask file is read, and none is given"),
+        ("doctor a.png --soft-mask", "--soft-mask says how a mask file is read, and none is given"),
+        ("video a.npz --layout tum -o a.gif", "--layout says how a data set is read, and a.npz is a scene"),
         ("photo3d . --fov 60 -o out", "--fov does not apply to a data set (.); it is for pictures"),
         ("photo3d . a.png -o out", ".: is a data set, which has its depth; a.png does not apply to it"),
         ("batch a.csv --workers 0 --threads 0 -o out", "a whole number; --threads is 0; 1 or more is expected"),

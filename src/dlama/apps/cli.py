@@ -143,7 +143,9 @@ def remove(
     with command("remove", report) as this:
         target, how = move.settings(), method.settings()
         depth, file = split_depth_and_mask(depth_and_mask, pointing.given, mask)
-        pointing.check_with(file)
+        if file is not None:
+            pointing.check_with(file)
+        masking.check_with(file)
         options = target, lens.settings(), reading.settings(), estimating.settings(), pointing.settings(), how
         this.check(output, results, {"image": image, "depth": depth, "mask": file}, image, *options, removes=True)
         of_file = this.optional_mask(file, masking, image)  # before depth is estimated, which takes longer

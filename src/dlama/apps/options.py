@@ -164,6 +164,14 @@ class Estimating(groups.Estimating):
 class Masking(groups.Masking):
     """How a mask file is read."""
 
+    def check_with(self, *masks: Path | None) -> None:
+        """InputError for an option of mask files where none is given."""
+        if any(mask is not None for mask in masks):
+            return
+        for name, value in vars(self).items():
+            if value != getattr(type(self), name):
+                raise InputError(f"`{name}` says how a mask file is read, and none is given")
+
 
 @as_flags
 class Pointing(groups.Pointing):
@@ -176,14 +184,11 @@ class Pointing(groups.Pointing):
         return is_pointed(dataclasses.asdict(self))
 
     def check_with(self, mask: Path | None) -> None:
-        """InputError for options of clicks and boxes where a mask file is given."""
-        if mask is None:
-            return
-        for name in ("masker", "mask_model", "candidate"):
+        """InputError for options of clicks and boxes where neither is given, or a mask file is."""
+        for name in ("masker", "mask_model", "candidate", *(() if mask else ("with_shadow",))):
             if getattr(self, name) != getattr(type(self), name):
-                raise InputError(
-                    f"`{name}` is for clicks and boxes, and a mask file ({mask}) is given; leave one of them away"
-                )
+                instead = f"a mask file ({mask}) is given; leave one of them away" if mask else "neither is given"
+                raise InputError(f"`{name}` is for clicks and boxes, and {instead}")
 
     @property
     def needs_depth(self) -> bool:

@@ -117,7 +117,6 @@ class Command(JobInputs):
         """The mask of the left picture of a pair: of its file, or found in the depth that the pair gives, as its shadow is.
         InputError: both."""
         if not pointing.given:
-            pointing.check_with(path)
             mask = self.optional_mask(path, masking, left)
             if mask is None or not pointing.with_shadow:
                 return mask

@@ -35,6 +35,15 @@ def warn_of_scale(rgbd: RGBD | View) -> None:
         )
 
 
+def warn_of_disparity(rgbd: RGBD) -> None:
+    """A pair of which all is as far as the sky."""
+    if rgbd.far.any() and not rgbd.valid.any():
+        _warn(
+            "all of the pair is far: its disparities are next to nothing; check their unit (`disparity_scale` of a file), the "
+            "order of the pictures and the calibration"
+        )
+
+
 def warn_of_mask(mask: BoolArray | Mapping[int, BoolArray]) -> None:
     """A mask, or one of several frames, that removes most of the picture."""
     for one in map(np.asarray, mask.values() if isinstance(mask, Mapping) else (mask,)):

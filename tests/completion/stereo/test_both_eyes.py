@@ -162,6 +162,13 @@ def test_a_given_disparity_and_a_matcher() -> None:
         stereo(*pictures(), RIG, disparity=0 * at_left)
 
 
+def test_disparities_next_to_nothing_are_warned_of() -> None:
+    """Law: f B / d; a unit of 1e-9 px puts all beyond the horizon, and nothing was said."""
+    at_left = np.full(pictures()[0].shape[:2], 1e-9, np.float32)
+    with pytest.warns(UserWarning, match="all of the pair is far: its disparities are next to nothing"):
+        assert stereo(*pictures(), RIG, disparity=at_left, filler="telea").source.far.all()
+
+
 def test_the_paper_removes_the_object_and_obeys_the_range() -> None:
     """Law: c+ still has the object's points, c- does not; the filled pictures are matched by what the range was given for; a
     disparity of the unfilled ones cannot stand for it."""

@@ -77,8 +77,9 @@ def sequence(
     started = time.perf_counter()
     with report_result("sequence", report) as result:
         check_folder_apart(output, {"data set": dataset, "folder of masks": masks})
-        how = masking.settings()
-        found = {frame: dlama.read_mask(path, **how) for frame, path in mask_files(mask, masks).items()}
+        files, how = mask_files(mask, masks), masking.settings()
+        masking.check_with(*files.values())
+        found = {frame: dlama.read_mask(path, **how) for frame, path in files.items()}
         with show_progress("sequence", report) as progress:
             options = {"masks": found, "views": views, **vars(source)}
             options |= {"only": names_in(only), "also": names_in(also) or ()}

@@ -52,6 +52,9 @@ def stereo(
         files = {"left": left, "right": right, "mask": mask, "mask_right": mask_right, "disparity": disparity}
         how = method.settings()
         removes = mask is not None or pointing.given
+        masking.check_with(mask, mask_right)
+        if not pointing.given:
+            pointing.check_with(mask)
         this.check(output, results, files, left, pointing.settings(), {"far": far}, how, removes=removes, pair=True)
         pair = this.pair(left, right, calib)
         known = this.optional_disparity(disparity, disparity_scale)

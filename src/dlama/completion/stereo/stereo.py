@@ -20,7 +20,7 @@ from dlama.arguments import check_arguments, check_word
 from dlama.completion.completion import StereoCompletion
 from dlama.completion.memory import check_memory
 from dlama.completion.options import OptionKeywords, Options, Unpack, options_of, take_options
-from dlama.completion.plausible import warn_of_scale
+from dlama.completion.plausible import warn_of_disparity, warn_of_scale
 from dlama.completion.recipes import Recipe
 from dlama.completion.report import Clock, Record
 from dlama.completion.start import (
@@ -130,6 +130,7 @@ def stereo(
     matches = find_matches(left, right, disparity=disparity, matcher=matcher, max_disparity=max_disparity)
     pair = pair_of_matches((left, right), matches, rig, far)
     warn_of_scale(pair.left)
+    warn_of_disparity(pair.left)
     found = mask(pair.left) if callable(mask) else mask
     masks = masks_of_pair(found, mask_right, matches.disparities[0], rig)
     pair = dataclasses.replace(pair, masks=masks)

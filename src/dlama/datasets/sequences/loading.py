@@ -45,6 +45,9 @@ def read_scene_of(
     if Path(dataset).suffix.lower() == ".npz":
         if which is not None:
             raise InputError(f"`frames` is {which}, and {dataset} is a scene; its frames cannot be chosen any more")
+        for name, value in {"layout": layout, "scene": scene, "camera": camera, "depth_range": depth_range}.items():
+            if value is not None:
+                raise InputError(f"`{name}` says how a data set is read, and {dataset} is a scene, which has all of it")
         if clip is not None:
             raise InputError(f"recipe clips depth at {clip:g} m, and {dataset} is a scene; give its frames instead")
         if align:
