@@ -207,3 +207,14 @@ def test_a_filler_that_returns_no_fill_is_told_so() -> None:
     small = dlama.Fill(COLOR[:3, :3], DEPTH[:3, :3])
     with pytest.raises(InputError, match=r"the filler's color has shape \(3, 3, 3\); \(24, 32, 3\) is expected"):
         dlama.inpaint(VIEW, lambda view, context, seed: small, dlama.FillContext(dlama.Law(())))
+
+
+@pytest.mark.parametrize("wrong", [np.nan, -1.0])
+def test_a_filler_whose_depth_is_none_is_told_so(wrong: float) -> None:
+    """NaN went through into depth.exr, scene and mesh."""
+
+    def filler(view: dlama.View, context: dlama.FillContext, seed: int) -> dlama.Fill:
+        return dlama.Fill(view.color, np.where(view.hole, np.float32(wrong), view.depth))
+
+    with pytest.raises(InputError, match="the filler's depth is NaN or negative in .* pixels of the hole"):
+        dlama.view(RGBD, yaw=10, filler=filler)

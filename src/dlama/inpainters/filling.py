@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from dlama.arguments import check, check_arguments
-from dlama.errors import ShapeError
+from dlama.errors import DepthError, ShapeError
 from dlama.geometry.codes import Origin
 from dlama.geometry.holes import box_around, larger_box, sides_of
 from dlama.geometry.kernels.jit import begin_job
@@ -89,7 +89,7 @@ class FillReport:
 
 
 def check_fill(fill: Fill, view: View) -> Fill:
-    """The fill, if it fits this view; else InputError (no Fill) or ShapeError: a fault of the filler."""
+    """The fill, if it fits this view; else InputError (no Fill), ShapeError or DepthError: a fault of the filler."""
     check(fill, Fill, "what the filler returned")
     hw = view.camera.hw
     expected = {"color": (*hw, 3), "depth": hw, "errors": (*hw, 2), "choice": hw}
@@ -97,6 +97,11 @@ def check_fill(fill: Fill, view: View) -> Fill:
         array = getattr(fill, name)
         if np.shape(array) != shape and not (array is None and name in ("errors", "choice")):
             raise ShapeError(f"the filler's {name} has shape {np.shape(array)}; {shape} is expected for this view")
+    wrong = int((~(np.asarray(fill.depth)[view.hole] >= 0)).sum())
+    if wrong:
+        raise DepthError(
+            f"the filler's depth is NaN or negative in {wrong} pixels of the hole; metres, or infinity for sky, are expected"
+        )
     return fill
 
 
