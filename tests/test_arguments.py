@@ -216,5 +216,5 @@ def test_a_filler_whose_depth_is_none_is_told_so(wrong: float) -> None:
     def filler(view: dlama.View, context: dlama.FillContext, seed: int) -> dlama.Fill:
         return dlama.Fill(view.color, np.where(view.hole, np.float32(wrong), view.depth))
 
-    with pytest.raises(InputError, match="the filler's depth is NaN or negative in .* pixels of the hole"):
+    with pytest.raises(InputError, match=r"the filler's depth is NaN or negative in .* pixels of the hole"):
         dlama.view(RGBD, yaw=10, filler=filler)
