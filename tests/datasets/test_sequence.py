@@ -204,6 +204,13 @@ def test_damaged_frames_are_named_and_left_out(room: Path, tmp_path: Path) -> No
         meta = dlama.sequence(room, tmp_path / "out")
     assert list(meta["left_out"]) == ["img-2"] and len(meta["filled_share"]) == 3
     assert meta["model"] is None and meta["dilate"] is None  # which network ran, and how far masks grew: there are none
+    mask = WORLD.trace(CAMERAS["img-3"])[1] == 3
+    for place, words in (
+        ("3", "for the frame in place 3, frames are left out .img-2.; name the frame"),
+        ("img-2", "left out: "),
+    ):
+        with pytest.warns(UserWarning), pytest.raises(InputError, match=words):  # place 3 was another frame
+            dlama.sequence(room, tmp_path / "masked", masks={place: mask})
     for name in CAMERAS:
         (room / "depth" / f"{name}.png").write_bytes(b"no picture")
     with pytest.warns(UserWarning), pytest.raises(FileError, match="not one of its 4 frames can be read"):

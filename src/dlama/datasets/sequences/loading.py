@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import TypeVar
 
 from dlama.completion.start import clip_frame
@@ -97,12 +98,23 @@ def read_views(
     return views, damaged
 
 
-def masks_by_number(masks: Mapping[str, BoolArray], names: Sequence[str]) -> dict[int, BoolArray]:
-    """Number of a frame -> mask, of frames by name or by place. Raises InputError: no such frame."""
+def masks_by_number(
+    masks: Mapping[str, BoolArray], names: Sequence[str], damaged: Mapping[str, str] = MappingProxyType({})
+) -> dict[int, BoolArray]:
+    """Number of a frame -> mask, of frames by name or by place; damaged: name -> why, of those that are left out.
+
+    Raises InputError: no such frame, or a place where frames are left out, which moves the places behind.
+    """
     found: dict[int, BoolArray] = {}
     for name, mask in masks.items():
         if name in names:
             number = list(names).index(name)
+        elif name in damaged:
+            raise InputError(f"`mask` is for frame {name}, which is left out: {damaged[name]}")
+        elif damaged and re.fullmatch(r"\d+", name):
+            raise InputError(
+                f"`mask` is for the frame in place {name}, frames are left out ({', '.join(list(damaged)[:3])}); name the frame"
+            )
         elif re.fullmatch(r"\d+", name) and int(name) < len(names):
             number = int(name)
         else:

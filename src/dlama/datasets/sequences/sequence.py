@@ -113,7 +113,7 @@ def sequence(
     kept = [names[number] for number in given.numbers]
     cameras = cameras_for(views, given)
     check_memory([given.frames[0].camera] * (2 * MOST_FRAMES))
-    numbered = masks_by_number(masks or {}, names)
+    numbered = masks_by_number(masks or {}, names, damaged)
     plan, start, _ = plan_for(given, options, numbered or None)
     steps = steps_for(plan, start, kept, cameras)
     settings = settings_of(plan, model, recipe, seed)

@@ -40,7 +40,6 @@ def doctor(
         layout: How the data set lies on disk, as for dlama evaluate.
     """
     with report_result("doctor", report) as result:
-        masking.check_with(mask)
         options = {**lens.settings(), **reading.settings(), **masking.settings()}
         found = dlama.diagnose(first, second, mask, calib=calib, layout=layout, **options)
         flags = flags_of(doctor)
