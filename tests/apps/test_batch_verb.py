@@ -13,7 +13,7 @@ import pytest
 
 import dlama
 from dlama.apps.cli import main
-from dlama.apps.terminal import progress as terminal_progress
+from dlama.apps.terminal import output as terminal
 from dlama.apps.terminal.streams import Stopped
 from dlama.jobs.results.result import JobResult
 
@@ -117,7 +117,7 @@ def test_progress_and_ctrl_c(jobs: str, capsys: pytest.CaptureFixture[str], monk
         raise Stopped(signal.SIGINT)
 
     seen: list[str] = []
-    monkeypatch.setattr(terminal_progress, "MINUTE", 0.01)
+    monkeypatch.setattr(terminal, "MINUTE", 0.01)
     monkeypatch.setattr(dlama, "batch", slow)
     with pytest.raises(SystemExit) as stop:
         main(["batch", jobs, "-o", "out"])

@@ -15,7 +15,7 @@ from running import FAST, pixels, refused, run
 import dlama
 from dlama.apps.cli import main
 from dlama.apps.options import Report
-from dlama.apps.terminal import progress as terminal_progress
+from dlama.apps.terminal import output as terminal
 from dlama.apps.verbs.measuring import evaluating
 from dlama.files.results.completion import RESULTS
 
@@ -112,7 +112,7 @@ def test_version_flag(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_a_line_a_minute(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     """Without a terminal long runs say how far they are, on standard error alone, and --quiet says nothing."""
-    monkeypatch.setattr(terminal_progress, "MINUTE", 0.01)
+    monkeypatch.setattr(terminal, "MINUTE", 0.01)
     with evaluating.show_progress("street", Report()) as progress:
         progress(None, 2, 20)
         err = ""

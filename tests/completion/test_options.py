@@ -12,8 +12,8 @@ import pytest
 import dlama
 from dlama.apps.options import Method
 from dlama.apps.terminal.flags import flags_of
-from dlama.completion.options import OptionKeywords, Options, options_of, typed_options
-from dlama.completion.recipes import RECIPES
+from dlama.completion.options import OF_RECIPE, OptionKeywords, Options, options_of, typed_options
+from dlama.completion.recipes import RECIPES, Recipe
 from dlama.errors import InputError, InputTypeError
 from dlama.geometry.rendering import MODES
 from dlama.jobs.parameters import METHOD
@@ -53,6 +53,14 @@ def test_verbs_show_each_option_as_a_keyword(verb: Callable[..., object]) -> Non
     shown = {name: one.default for name, one in parameters.items() if name in NAMES}
     assert shown == {one.name: one.default for one in fields(Options)}
     assert all(one.kind is not one.VAR_KEYWORD for one in parameters.values())
+    assert all(parameters[name].kind is inspect.Parameter.KEYWORD_ONLY for name in NAMES)
+
+
+def test_options_of_a_recipe_have_the_types_of_its_settings() -> None:
+    """Oracle: the fields of Recipe; each may be None, which leaves the recipe's."""
+    for name in OF_RECIPE:
+        types = (str(cls.__annotations__[name]).split(" | ") for cls in (Options, Recipe))
+        assert set(next(types)) == {*next(types), "None"}
 
 
 def test_every_wrong_option_is_named_once() -> None:

@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
-import inspect
-from collections.abc import Callable
 
 import numpy as np
 import pytest
 
-import dlama
 from dlama.completion.recipes import RECIPES, Recipe, check_seed, find_recipe
 from dlama.completion.start import filler_of_recipe
 from dlama.errors import InputError
 from dlama.evaluation.protocols.methods import Method
-
-OPTIONS = ["mode", "dilate", "dilate_holes", "clip", "depth_by"]
 
 
 def test_the_two_recipes_are_what_the_docs_say() -> None:
@@ -70,19 +65,6 @@ def test_unknown_names_list_the_known_ones() -> None:
     """Message: an unknown recipe lists the recipes."""
     with pytest.raises(InputError, match="recipe is 'lama'; one of dlama, paper is expected"):
         find_recipe("lama")
-
-
-@pytest.mark.parametrize("verb", [dlama.view, dlama.remove, dlama.stereo, dlama.complete, find_recipe])
-def test_the_options_of_a_recipe_are_typed(verb: Callable[..., object]) -> None:
-    """Oracle: the fields of Recipe. Every verb takes the five options by their names, each optional and of the field's own
-    type, and nothing that has no name."""
-    given = {name: field for name, field in inspect.signature(verb).parameters.items() if name in OPTIONS}
-    kinds = {field.name: field.type for field in dataclasses.fields(Recipe)}
-    assert list(given) == OPTIONS
-    for name, field in given.items():
-        assert field.default is None and field.kind is field.KEYWORD_ONLY
-        assert {*str(field.annotation).split(" | ")} == {*str(kinds[name]).split(" | "), "None"}
-    assert all(field.kind is not field.VAR_KEYWORD for field in inspect.signature(verb).parameters.values())
 
 
 def test_seeds_are_bounded_wherever_they_are_given() -> None:

@@ -102,23 +102,12 @@ def check_confidence(min_confidence: float) -> float:
     return min_confidence
 
 
-def find_recipe(
-    name: str | Recipe,
-    *,
-    mode: Mode | None = None,
-    dilate: int | None = None,
-    dilate_holes: int | None = None,
-    clip: float | None = None,
-    depth_by: DepthBy | None = None,
-) -> Recipe:
-    """The recipe of that name (or the one given) with the options that are not None.
+def find_recipe(name: str | Recipe, **changes: Any) -> Recipe:
+    """The recipe of that name (or the one given) with the changes to its settings that are not None.
 
     Raises InputError: an unknown name (the known ones are listed), or options that contradict each other.
     """
     if not isinstance(name, Recipe) and name not in RECIPES:
         raise InputError(f"`recipe` is {name!r}; one of {', '.join(RECIPES)} is expected")
     chosen = name if isinstance(name, Recipe) else RECIPES[name]
-    options: dict[str, Any] = {
-        "mode": mode, "dilate": dilate, "dilate_holes": dilate_holes, "clip": clip, "depth_by": depth_by
-    }  # fmt: skip
-    return dataclasses.replace(chosen, **{key: value for key, value in options.items() if value is not None})
+    return dataclasses.replace(chosen, **{key: value for key, value in changes.items() if value is not None})

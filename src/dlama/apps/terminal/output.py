@@ -9,9 +9,10 @@ import sys
 import time
 import warnings
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from contextvars import ContextVar
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 from dlama.apps.options import Report
@@ -27,7 +28,7 @@ from dlama.apps.terminal.streams import (
 )
 from dlama.errors import DlamaError
 from dlama.progress import show_progress
-from dlama.workers.progress import log_messages
+from dlama.workers.progress import log_messages, write_line_every
 
 KERNELS = logging.getLogger("dlama.kernels")
 """Reports that kernels are being compiled (`geometry.kernels.jit`, which is too heavy to be imported here)."""
@@ -38,6 +39,8 @@ BAD_INPUT = 2
 """Exit code for anything the user can put right."""
 WITH_FLAGS: ContextVar[Callable[[str], str]] = ContextVar("WITH_FLAGS", default=str)
 """Puts the flags of the verb under way in place of the parameters that a warning of the library names."""
+MINUTE = 60.0
+"""Seconds between two lines about progress where there is no terminal."""
 STREAM_ERRORS = (errno.ENOSPC, errno.EPIPE, errno.EIO, errno.EBADF, errno.EFBIG, getattr(errno, "EDQUOT", errno.ENOSPC))
 """Errors of a full or broken stream."""
 
@@ -178,3 +181,19 @@ def counting_bar(title: str, report: Report) -> Iterator[Any]:
 
     with open_bar(title, COUNT) as update:
         yield lambda done, total, title=title: update(completed=done, total=total, description=printable(title))
+
+
+@contextmanager
+def bar_or_lines(title: str, report: Report, line: Callable[[float], str]) -> Iterator[Any]:
+    """During a run: the bar (`counting_bar`) on a terminal, None elsewhere, where `line` of the seconds since the start is
+    printed once a minute. Ctrl-C ends with a line that says that nothing is lost."""
+    try:
+        without_lines = report.quiet or sys.stderr.isatty()
+        minutes = (
+            nullcontext() if without_lines else write_line_every(line, partial(print_line, "progress"), every=MINUTE)
+        )
+        with counting_bar(title, report) as bar, minutes:
+            yield bar
+    except KeyboardInterrupt as error:
+        print_line("error", f"{describe_ending(error)}; what is done is kept, and the same command resumes it")
+        raise SystemExit(exit_code(error)) from None

@@ -27,8 +27,7 @@ from dlama.apps.options import (
     option,
 )
 from dlama.apps.places import check_folder_apart
-from dlama.apps.terminal.output import print_line, report_result
-from dlama.apps.terminal.progress import bar_or_lines
+from dlama.apps.terminal.output import bar_or_lines, print_line, report_result
 from dlama.errors import InputError, format_count
 from dlama.jobs import options as groups
 from dlama.jobs.lists.folders import Pictures

@@ -23,8 +23,7 @@ from dlama.apps.options import (
     option,
 )
 from dlama.apps.places import check_folder_apart
-from dlama.apps.terminal.output import SHOWN, report_result
-from dlama.apps.terminal.progress import bar_or_lines
+from dlama.apps.terminal.output import SHOWN, bar_or_lines, report_result
 from dlama.errors import InputError, format_count
 from dlama.workers.progress import progress_line
 

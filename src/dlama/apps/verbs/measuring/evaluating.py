@@ -11,8 +11,7 @@ from typing import Any, get_args
 
 from dlama.apps.model_files import model_for
 from dlama.apps.options import Report
-from dlama.apps.terminal.output import print_line, report_result
-from dlama.apps.terminal.progress import bar_or_lines
+from dlama.apps.terminal.output import bar_or_lines, print_line, report_result
 from dlama.apps.verbs.measuring.options import NO_FILL, Cases, Methods, Protocol
 from dlama.arguments import check_word
 from dlama.completion.options import RECIPE_NAMES
