@@ -198,9 +198,7 @@ class Pointing(groups.Pointing):
 
     def settings(self) -> dict[str, Any]:
         """As keyword arguments of find_mask; raises InputError."""
-        options = super().settings()
-        del options["object_class"]
-        return mask_settings(**options)
+        return mask_settings(super().settings())
 
 
 def options_as_fields(*names: str) -> Callable[[type[T]], type[T]]:

@@ -243,26 +243,17 @@ def mask_and_pointing(mask: object) -> InputError:
     return InputError(f"a mask file ({mask}) and clicks or a box were both given; one of them is expected")
 
 
-def mask_settings(
-    *,
-    click: Sequence[Any] = (),
-    not_click: Sequence[Any] = (),
-    box: Any = None,
-    salient: bool = False,
-    masker: str | None = None,
-    mask_model: str | None = None,
-    candidate: str = "object",
-    with_shadow: bool = False,
-) -> dict[str, Any]:
-    """The options as keyword arguments of find_mask; raises InputError."""
-    if salient and masker not in (None, "salient"):
-        raise InputError(f"`salient=True` and `masker={masker}` contradict each other; give one of them")
+def mask_settings(given: Mapping[str, Any]) -> dict[str, Any]:
+    """Options of `options.Pointing` as keyword arguments of find_mask, which has no `object_class`; raises InputError."""
+    pointing = options.Pointing(**given)
+    if pointing.salient and pointing.masker not in (None, "salient"):
+        raise InputError(f"`salient=True` and `masker={pointing.masker}` contradict each other; give one of them")
     return {
-        "clicks": points("click", click),
-        "not_clicks": points("not_click", not_click),
-        "box": None if box is None else POINTING["box"]("box", box),
-        "masker": "salient" if salient else masker,
-        "mask_model": mask_model,
-        "candidate": candidate,
-        "with_shadow": with_shadow,
+        "clicks": points("click", pointing.click),
+        "not_clicks": points("not_click", pointing.not_click),
+        "box": None if pointing.box is None else POINTING["box"]("box", pointing.box),
+        "masker": "salient" if pointing.salient else pointing.masker,
+        "mask_model": pointing.mask_model,
+        "candidate": pointing.candidate,
+        "with_shadow": pointing.with_shadow,
     }

@@ -101,7 +101,7 @@ def _check(job: Job, files: Mapping[str, Any]) -> None:
     pointing = {name: value for name, value in _select(p, POINTING).items() if name != "object_class"}
     image = files.get("image", files.get("left"))
     removes = job.verb == "remove" or job.load is not None or "mask" in p or is_pointed(p)
-    given = {**p, **(mask_settings(**pointing) if pointing else {})}
+    given = {**p, **(mask_settings(pointing) if pointing else {})}
     check_options(given, None if image is None else Path(image), removes, job.verb == "stereo")
 
 
@@ -130,8 +130,7 @@ def _is_pointed(p: Mapping[str, Any]) -> bool:
 
 def _find_pointed(this: JobInputs, p: Mapping[str, Any], rgbd: Any, image: Path) -> Any:
     options = _select(p, POINTING)
-    object_class = options.pop("object_class", None)
-    return this.find_pointed(rgbd, image, mask_settings(**options), object_class)
+    return this.find_pointed(rgbd, image, mask_settings(options), options.get("object_class"))
 
 
 def _select(p: Mapping[str, Any], names: Any) -> dict[str, Any]:
