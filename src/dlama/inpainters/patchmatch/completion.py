@@ -17,6 +17,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from dlama.geometry.holes import box_around
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.inpainters.patchmatch import kernels
@@ -132,6 +133,8 @@ class Search:
     """H x W, of each target, else -1."""
     trust: Float32Array
     """N weights of the targets' patches."""
+    box: tuple[slice, slice]
+    """Rows and columns that hold all targets."""
     around: Float32Array
     """N, how many patches cover the pixel at a target's centre."""
     weights: Float32Array
@@ -151,7 +154,8 @@ class Search:
         depth = cv2.distanceTransform(level.hole.astype(np.uint8), cv2.DIST_L2, 3)[touched]
         trust = (CERTAIN ** -np.minimum(depth, 200)).astype(np.float32)
         pixels = places(level.hole)
-        around = sum_over_patch(touched.astype(np.float32))[touched]
+        box = box_around(touched, 0)
+        around = sum_over_patch(touched[box].astype(np.float32))[touched[box]]
         random = rng.uniform(-1, 1, (DRAWN, 2))
         found, cost = np.zeros_like(targets), np.full(len(targets), np.inf, np.float32)
         return cls(
@@ -162,6 +166,7 @@ class Search:
             targets,
             number,
             trust,
+            box,
             around,
             weights,
             random,
@@ -236,9 +241,10 @@ class Search:
     def _paint(self, sharpness: float, width_px: float, trust: Float32Array) -> None:
         """Set the hole's values. A patch weighs exp(-sharpness cost / (2 mean cost about it)), times the trust in it (N), times a
         Gaussian of its centre's distance (width_px)."""
-        costs = np.zeros(self.sources.shape, np.float32)
-        costs[self.number >= 0] = self.cost
-        mean = sum_over_patch(costs)[self.number >= 0] / self.around
+        touched = self.number[self.box] >= 0
+        costs = np.zeros(touched.shape, np.float32)
+        costs[touched] = self.cost
+        mean = sum_over_patch(costs)[touched] / self.around
         weights = np.exp(-0.5 * sharpness * self.cost / (mean + 1e-3)) * trust
         step = np.arange(-kernels.HALF, kernels.HALF + 1, dtype=np.float32)
         near = np.exp(-(step[:, None] ** 2 + step**2) / (2 * width_px**2))
