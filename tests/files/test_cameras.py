@@ -7,6 +7,7 @@ import math
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -187,6 +188,56 @@ def test_camera_from_flags() -> None:
     assert (camera.fx, camera.fy, camera.cx, camera.cy, source) == (500, 500, 320, 240, "fx")
     camera, _ = camera_for((480, 640), fx=500, fy=505, cx=319.5, cy=238, pixel_center=0.0)
     assert (camera.fy, camera.cx, camera.cy) == (505, 320, 238.5)
+
+
+ROS = """image_width: 640
+image_height: 480
+camera_name: head_camera
+camera_matrix:
+  rows: 3
+  cols: 3
+  data: [500.5, 0.0, 319.5, 0.0, 501.0, 239.5, 0.0, 0.0, 1.0]
+distortion_model: plumb_bob
+distortion_coefficients:
+  rows: 1
+  cols: 5
+  data: [0.0, 0.0, 0.0, 0.0, 0.0]
+"""
+
+
+def test_the_yaml_of_ros_and_of_opencv(tmp_path: Path) -> None:
+    """Oracles: the numbers of camera_info, whose first pixel has its centre at 0; what cv2.FileStorage itself writes."""
+    camera = read_camera(saved(tmp_path / "info.yaml", ROS), hw=(480, 640))
+    assert (camera.wh, camera.fx, camera.fy, camera.cx, camera.cy) == ((640, 480), 500.5, 501, 320, 240)
+    written = cv2.FileStorage(str(tmp_path / "cv.yml"), cv2.FILE_STORAGE_WRITE)
+    written.write("camera_matrix", np.array([[500.5, 0, 319.5], [0, 501.0, 239.5], [0, 0, 1]]))
+    written.write("distortion_coefficients", np.zeros((1, 5)))
+    written.release()
+    assert read_camera(tmp_path / "cv.yml", hw=(480, 640)).same_view_as(camera)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("camera_matrix:", "K:", "camera_matrix has 0 numbers; 9 are expected"),
+        ("[500.5, 0.0", "[oops, 0.0", "cannot be read; the YAML of a camera is expected, as ROS"),
+        ("[500.5, 0.0", "[500.5", "camera_matrix has 8 numbers"),
+        ("[500.5, 0.0", "[500.5, 1.0", "no skew"),
+        ("image_width: 640", "image_width: 641", "the camera is 641x480 and the picture 640x480"),
+        ("image_width: 640", "\t- [", "cannot be read"),
+    ],
+)
+def test_bad_yaml(tmp_path: Path, old: str, new: str, words: str) -> None:
+    with pytest.raises(InputError, match=words) as caught:
+        read_camera(saved(tmp_path / "bad.yaml", ROS.replace(old, new)), hw=(480, 640))
+    assert str(caught.value).startswith(str(tmp_path / "bad.yaml"))
+
+
+def test_a_distortion_is_warned_of(tmp_path: Path) -> None:
+    with pytest.warns(
+        UserWarning, match=r"its distortion \(0.1, 0, .*is not used: the picture is expected to be undistorted"
+    ):
+        read_camera(saved(tmp_path / "d.yaml", ROS.replace("data: [0.0", "data: [0.1")))
 
 
 @pytest.mark.parametrize(

@@ -211,6 +211,8 @@ def onnx_file() -> bytes:
 
 def tables() -> list[Reader]:
     """Text: cameras, poses, listings, settings, contracts."""
+    info = b"image_width: 12\nimage_height: 9\ncamera_matrix:\n  rows: 3\n  cols: 3\n  data: [10.0, 0, 6, 0, 10, 4, 0, 0, 1]\n"
+    info += b"distortion_coefficients:\n  rows: 1\n  cols: 2\n  data: [0.5, 0]\n"
     calib = b"cam0=[10 0 6; 0 10 4; 0 0 1]\ncam1=[10 0 6; 0 10 4; 0 0 1]\ndoffs=0\nbaseline=120\nwidth=12\nheight=9\n"
     K = [[10, 0, 6], [0, 10, 4], [0, 0, 1]]
     pair = {"left_K": K, "right_K": K, "baseline_m": 0.1, "doffs": 0, "pixel_center": 0.5, "width": 12, "height": 9}
@@ -237,6 +239,7 @@ def tables() -> list[Reader]:
         Reader("camera.json", json.dumps({**LENS, "world_from_cam": POSE}).encode(), read_camera),
         Reader("cameras.json", json.dumps([{**LENS, "name": "a"}, {**LENS, "world_from_cam": POSE}]).encode(), read_cameras),
         Reader("a.geometric.bin", b"12&9&1&" + DEPTH.astype("<f4").tobytes(), read_colmap_depth),
+        Reader("info.yaml", info, read_camera),
         Reader("calib.txt", calib, lambda path: (read_camera(path), read_stereo_calib(path))),
         Reader("pair.json", json.dumps(pair).encode(), read_stereo_calib),
         Reader("rig.json", json.dumps(rig).encode(), read_rig),

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 from dlama.arguments import check_arguments
 from dlama.errors import CameraError, FileError, system_errors
 from dlama.files.atomic_write import PathLike, new_file
+from dlama.files.camera_yaml import SUFFIXES, read_yaml_fields
 from dlama.files.fields import FileFields, Intrinsics, json_text, json_value, read_calib_txt, read_json_fields
 from dlama.files.rasters.images import existing_file, read_stored
 from dlama.geometry.camera import Camera, StereoRig, check_pixel_center
@@ -45,7 +46,7 @@ DOFFS_TOLERANCE = 0.01
 
 @system_errors(FileError)
 def read_camera(path: PathLike, *, hw: tuple[int, int] | None = None) -> Camera:
-    """A camera from our JSON, or the left one of a Middlebury calib.txt.
+    """A camera from our JSON, the left one of a Middlebury calib.txt, or the YAML of ROS (camera_info) or OpenCV.
 
     JSON: `width, height` and `fx, fy, cx, cy` in pixels, or `K` (3x3) in the place of these four; optional `pixel_center` (where
     the file puts the first pixel's centre: 0.5, the default, or 0.0) and `world_from_cam` (4x4). `hw` is the size the picture
@@ -55,6 +56,9 @@ def read_camera(path: PathLike, *, hw: tuple[int, int] | None = None) -> Camera:
     if _is_calib_txt(path):
         fields = read_calib_txt(path)
         return make_camera(path, fields.size(hw), fields.intrinsics("cam0"), 0.0)
+    if Path(path).suffix.lower() in SUFFIXES:
+        fields = read_yaml_fields(path)
+        return make_camera(path, fields.size(hw), fields.intrinsics("K"), 0.0)
     return _camera_of(read_json_fields(path, CAMERA_FIELDS), hw)
 
 

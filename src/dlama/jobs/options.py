@@ -69,7 +69,8 @@ class Lens(Group):
     """The camera that took the picture: one of --camera, --fx, --fov, or the EXIF focal length of a JPEG."""
 
     camera: Path | None = shown("FILE.json", "--fx, --fov, or the EXIF data of the picture")
-    """width, height, fx, fy, cx, cy, pixel_center and (optional) world_from_cam; or a Middlebury calib.txt."""
+    """width, height, fx, fy, cx, cy, pixel_center and (optional) world_from_cam; or a Middlebury calib.txt, or the YAML of
+    ROS or OpenCV."""
     fx: float | None = shown("PX")
     """Horizontal focal length in pixels."""
     fy: float | None = shown("PX", "as --fx")

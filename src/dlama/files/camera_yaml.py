@@ -1,0 +1,61 @@
+"""The YAML of ROS (camera_info) or of OpenCV's calibration in; the fields of a camera file out."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+import cv2
+
+from dlama.errors import CameraError, FileError
+from dlama.files.atomic_write import PathLike
+from dlama.files.fields import FileFields
+from dlama.files.rasters.images import existing_file
+
+SUFFIXES = (".yaml", ".yml")
+MOST_BYTES = 2**20
+HEAD = "%YAML:1.0\n---\n"
+"""How OpenCV's YAML begins; ROS leaves it away."""
+
+
+def read_yaml_fields(path: PathLike) -> FileFields:
+    """K, pixel_center (0.0) and, where the file has them, width and height.
+
+    Raises FileError, CameraError; warns of a distortion, which no camera here has.
+    """
+    file = existing_file(path)
+    expected = (
+        "the YAML of a camera is expected, as ROS (camera_info) and OpenCV write it: camera_matrix, image_width, ..."
+    )
+    try:
+        text = file.read_bytes()[:MOST_BYTES].decode("utf-8-sig")
+        body = "\n".join(line for line in text.splitlines() if not line.startswith(("%", "---")))
+        modes = cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY | cv2.FILE_STORAGE_FORMAT_YAML
+        storage = cv2.FileStorage(f"{HEAD}{body}\n", modes)
+        matrix, distortion = (_numbers(storage.getNode(name)) for name in ("camera_matrix", "distortion_coefficients"))
+        size = {name: _numbers(storage.getNode(f"image_{name}")) for name in ("width", "height")}
+    except (cv2.error, SystemError, ValueError) as error:
+        raise FileError(f"{file}: cannot be read; {expected}") from error
+    if len(matrix) != 9:
+        raise CameraError(f"{file}: camera_matrix has {len(matrix)} numbers; 9 are expected; {expected}")
+    if any(distortion):
+        warnings.warn(
+            f"{file}: its distortion ({', '.join(f'{each:g}' for each in distortion[:5])}) is not used: the picture is expected "
+            "to be undistorted, and camera_matrix to be its own",
+            UserWarning,
+            stacklevel=4,
+        )
+    values: dict[str, Any] = {"K": [matrix[0:3], matrix[3:6], matrix[6:9]], "pixel_center": 0.0}
+    return FileFields(file, values | {name: found[0] for name, found in size.items() if found})
+
+
+def _numbers(node: Any) -> list[float]:
+    """Those of a number, a list, or the `data` of a matrix; none where there is nothing. ValueError: something else."""
+    if node.isMap():
+        node = node.getNode("data")
+    if node.empty() or node.isNone():
+        return []
+    each = [node.at(place) for place in range(node.size())] if node.isSeq() else [node]
+    if not all(one.isReal() or one.isInt() for one in each):
+        raise ValueError("numbers are expected")
+    return [one.real() for one in each]
