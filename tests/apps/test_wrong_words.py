@@ -67,6 +67,10 @@ from dlama.errors import CameraError, DlamaError, InputError, MaskError
         ("stereo a.png b.png --calib c.txt --with-shadow -o out", "--with-shadow is for clicks and boxes, and neither"),
         ("sequence . --soft-mask -o out", "--soft-mask says how a mask file is read, and none is given"),
         ("video a.npz --layout tum -o a.gif", "--layout says how a data set is read, and a.npz is a scene"),
+        (
+            "view a.png b.png --yaw 1 -o s3://bucket/out",
+            "--output is s3:/bucket/out; a directory is expected, addresses are",
+        ),
         ("photo3d . --fov 60 -o out", "--fov does not apply to a data set (.); it is for pictures"),
         ("photo3d . a.png -o out", ".: is a data set, which has its depth; a.png does not apply to it"),
         ("batch a.csv --workers 0 --threads 0 -o out", "a whole number; --threads is 0; 1 or more is expected"),

@@ -14,7 +14,8 @@ from dlama.apps.options import Estimating, Lens, Masking, Pointing, Reading, Res
 from dlama.apps.places import Inputs, check_folder_apart
 from dlama.apps.terminal.flags import with_flags
 from dlama.apps.terminal.output import SHOWN, Result
-from dlama.errors import InputError
+from dlama.errors import InputError, OutputError
+from dlama.files.rasters.images import ADDRESS
 from dlama.files.rasters.pictures import read_color, write_color, write_mask
 from dlama.files.results.estimated_depth import FILES, write_depth
 from dlama.files.results.preview import tint
@@ -48,6 +49,8 @@ class Command(JobInputs):
 
         read: the files that are read, by their roles; image: the picture, whose size shows whether points lie in it.
         """
+        if ADDRESS.match(str(output)):
+            raise OutputError(f"`output` is {output}; a directory is expected, addresses are for `dlama batch` alone")
         check_folder_apart(output, read)
         self.check_options(image, *options, results.settings(), removes=removes, pair=pair)
 

@@ -45,12 +45,11 @@ def photo3d(
     """
     from dlama.datasets.layouts import is_capture_file
     from dlama.datasets.sequences.loading import read_scene_of
-    from dlama.files.results.completion import choose_names
-    from dlama.files.results.photo3d import BY_DEFAULT, RESULTS
+    from dlama.files.results.photo3d import check_names
 
     with command("photo3d", report) as this:
         how, chosen, more = filler.settings(), names_in(only), names_in(also) or ()
-        choose_names(chosen, more, tuple(RESULTS), BY_DEFAULT)
+        check_names(chosen, more)
         posed = image.is_dir() or is_capture_file(image)
         picture = None if posed or image.suffix.lower() == ".npz" else image
         options = reading.settings(), estimating.settings(), how

@@ -53,6 +53,16 @@ EYES = 0.2
 STEREO_WIDTH, LOOP_WIDTH, LOOP_PICTURES, LOOP_FPS = 1920, 640, 72, 24.0
 
 
+def check_names(only: Sequence[str] | None, also: Sequence[str]) -> tuple[str, ...]:
+    """The names of what is to be written. InputError: an unknown one; MissingExtraError: what writes one is not installed."""
+    names = choose_names(only, also, tuple(RESULTS), BY_DEFAULT)
+    if "loop" in names:
+        check_video(RESULTS["loop"][0])
+    if "usdz" in names:
+        check_usd()
+    return names
+
+
 @take_progress
 @system_errors(OutputError)
 def write_photo3d(
@@ -85,11 +95,7 @@ def write_photo3d(
             cannot be written.
     """
     check_arguments(write_photo3d, locals())
-    names, target, started = choose_names(only, also, tuple(RESULTS), BY_DEFAULT), Path(directory), time.perf_counter()
-    if "loop" in names:
-        check_video(target / RESULTS["loop"][0])
-    if "usdz" in names:
-        check_usd()
+    names, target, started = check_names(only, also), Path(directory), time.perf_counter()
     files = [file for name in names for file in RESULTS[name]]
     check_inputs_stay(target, [*files, "meta.json"], inputs or {})
     about: dict[str, Any] = {}
