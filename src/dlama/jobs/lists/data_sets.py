@@ -17,6 +17,8 @@ from dlama.jobs.parameters import METHOD, MOVE, POINTING, RESULTS, check_paramet
 
 TAKEN = (*MOVE, *METHOD, *POINTING, *RESULTS, "right_view", "matcher", "max_disparity")
 """Parameters that jobs of a data set may have; files, cameras and units are the data set's own."""
+OF_DATASET = ("camera", "depth_range")
+"""Parameters that say how the data set is read, for the layouts that lack them."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +34,8 @@ class DatasetJobs:
     def __iter__(self) -> Iterator[Job]:
         """InputError: an unknown layout, a data set without what the verb takes, options that cannot be."""
         verb, parameters = self.verb or "", self._parameters()
-        dataset = open_dataset(self.root, self.layout)
+        reading: Any = {name: self.defaults[name] for name in OF_DATASET if self.defaults.get(name) is not None}
+        dataset = open_dataset(self.root, self.layout, **reading)
         items: Sequence[Frame | Case] = dataset.frames
         if verb == "stereo":
             items = dataset.of("sii")
@@ -45,7 +48,7 @@ class DatasetJobs:
             yield Job(name, verb, parameters, f"{self.root}: {name}", load=one.load, load_hash=short_hash(one.load))
 
     def _parameters(self) -> dict[str, Any]:
-        given = {name: value for name, value in self.defaults.items() if value is not None}
+        given = {name: value for name, value in self.defaults.items() if value is not None and name not in OF_DATASET}
         refused = [name for name in given if name not in TAKEN]
         if refused:
             raise InputError(f"`{refused[0]}` does not apply to a data set, which has its own files, cameras and units")
