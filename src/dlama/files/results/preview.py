@@ -65,24 +65,25 @@ def job_name(completion: Completion) -> str:
 def panels(completion: Completion) -> list[Panel]:
     """The panels of a sheet, row by row."""
     if isinstance(completion, StereoCompletion):
+        limits = shared_depth_limits(completion)
         return [
             panel
             for side, before, view in zip(("left", "right"), completion.warped, completion.views)
-            for panel in (*color_panels(side, before, view), depth_panels(side, before, view, completion)[1])
+            for panel in (*color_panels(side, before, view), completed_depth(side, view, limits))
         ]
     if len(completion.views) > 1:
         pairs = list(zip(completion.warped, completion.views))[:MOST_VIEWS]
         several = [color_panels(f"view {number}", *pair) for number, pair in enumerate(pairs, 1)]
         return [source_panel(completion), *(panel for both in several for panel in both)]
     before, view = completion.warped[0], completion.views[0]
-    source = completion.source
-    lo, hi = shared_depth_limits(completion)
+    source, limits = completion.source, shared_depth_limits(completion)
     name = "depth of the source" + (", estimated" if completion.meta.get("depth") == "estimated" else "")
     return [
         source_panel(completion),
         *color_panels("", before, view),
-        (name, depth_picture(subsample(source.depth), subsample(source.hole), lo, hi)),
-        *depth_panels("", before, view, completion),
+        (name, depth_picture(subsample(source.depth), subsample(source.hole), *limits)),
+        ("depth known", depth_picture(subsample(before.depth), subsample(before.hole), *limits)),
+        completed_depth("", view, limits),
     ]
 
 
@@ -92,7 +93,7 @@ def demo_panels(name: str, completion: Completion) -> list[Panel]:
     return [
         (f"{name}: source picture", source_panel(completion)[1]),
         *color_panels("right view" if isinstance(completion, StereoCompletion) else "", before, view),
-        depth_panels("", before, view, completion)[1],
+        completed_depth("", view, shared_depth_limits(completion)),
     ]
 
 
@@ -127,15 +128,11 @@ def color_panels(name: str, before: View, view: View) -> tuple[Panel, Panel]:
     )
 
 
-def depth_panels(name: str, before: View, view: View, completion: Completion) -> tuple[Panel, Panel]:
-    """Depth known; depth completed; in the same colours all over the sheet."""
+def completed_depth(name: str, view: View, limits: tuple[float, float]) -> Panel:
+    """Depth completed; limits: nearest and farthest depth (m) of the colours, which are the same all over the sheet."""
     start = f"{name}: " if name else ""
-    lo, hi = shared_depth_limits(completion)
-    scale = f"{lo:.2g} to {hi:.2g} m"
-    return (f"{start}depth known", depth_picture(subsample(before.depth), subsample(before.hole), lo, hi)), (
-        f"{start}depth completed, {scale}",
-        depth_picture(subsample(view.depth), subsample(view.hole), lo, hi),
-    )
+    picture = depth_picture(subsample(view.depth), subsample(view.hole), *limits)
+    return f"{start}depth completed, {limits[0]:.2g} to {limits[1]:.2g} m", picture
 
 
 def shared_depth_limits(completion: Completion) -> tuple[float, float]:
