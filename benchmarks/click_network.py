@@ -1,7 +1,11 @@
-"""The network that finds the object of a click in estimated depth: crops about clicks (`click_crops`) in, its file out.
+"""The networks that find the object of a click: crops about clicks (`click_crops`) in, their files out.
 
     python benchmarks/click_network.py crops FOLDER --photos ../shared/photos
     python benchmarks/click_network.py train FOLDER --photos ../shared/photos [--start FILE --rate 5e-4 --steps 6000 --seeds 0 1]
+    python benchmarks/click_network.py object FOLDER --start click.onnx -o click.onnx
+
+`train` makes the network of estimated depth. `object` gives the one of measured depth its second output, whether an object is at
+the click at all: a small network on its maps about the click, which leaves the first output as it is.
 
 Crops are drawn by kind, so that none is lost among the others: clicks in photos, in worlds with estimated and with measured
 depth, and on the background. Planes of saliency are zeros in some crops: an object need not be salient.
@@ -10,6 +14,7 @@ depth, and on the background. Planes of saliency are zeros in some crops: an obj
 from __future__ import annotations
 
 import argparse
+import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -22,8 +27,9 @@ from torch.nn.functional import binary_cross_entropy_with_logits
 from click_crops import crops_of_photo, crops_of_world, write_crops
 from click_photos import CUT_OUT, LEARNT, Object, clear_objects, photos_of, put_object
 from dlama.geometry.rgbd import Float32Array
+from dlama.models.network_file import NetworkFile
 from dlama.perception.masks.click_network import PLANES, SALIENT, SIDE
-from shadow_export import export_shadow, read_shadow
+from shadow_export import OBJECT, export_shadow, read_shadow
 from shadow_net import ShadowNet
 
 KINDS = ("photo", "estimated", "measured", "background")
@@ -39,6 +45,9 @@ NEARER = 2.5
 WIDTHS, BATCH, RATE, WARM, DECAY, AVERAGED = (24, 40, 64, 96, 96), sum(IN_BATCH), 2.5e-3, 100, 2e-2, 0.995
 RARER, RAREST, SMOOTH_PX = 4.0, 6.0, 5.0
 """An object's pixels weigh as a fourth of the square, up to so many times."""
+HIDDEN, OBJECT_RATE, OBJECT_STEPS, OBJECT_BATCH, ON_BACKGROUND = 16, 1e-3, 3000, 256, 2.0
+"""Of the layers that say whether an object is at the click: width, how they learn, and the weight of all clicks on the background
+over that of all on objects, with which `choice.LEAST` fits both networks."""
 ABOUT = {
     "dlama.what": "planes of a square about a click (dlama.perception.masks.click_network) -> logits of the object's pixels",
     "dlama.licence": "Apache-2.0",
@@ -69,17 +78,20 @@ class Crops:
                 if not self.orders[kind]:
                     numbers = self.numbers[kind]
                     self.orders[kind] = [numbers[each] for each in self.rng.permutation(len(numbers))]
-                part, number = self.orders[kind].pop()
-                planes, salient, truth = (np.asarray(values[number], np.float32) for values in self.files[part])
-                kept = self.rng.random((len(salient), 1, 1)) >= DROPPED
-                crop = np.concatenate([planes, np.float32(salient / 255 * kept)])
-                truth = truth / np.float32([[[255]], [[1]]])
-                if kind == "background":
-                    crop = seen_nearer(crop, float(self.rng.uniform(1, NEARER)))
-                if self.cut_outs and crop[PLANES.index("estimated")].any():
-                    put_cut_out(crop, truth, self.cut_outs, self.rng)
-                out.append(varied(crop, truth, self.rng))
+                out.append(self.crop(kind, *self.orders[kind].pop()))
         return out
+
+    def crop(self, kind: str, part: int, number: int) -> tuple[Float32Array, np.ndarray]:
+        """As in `batch`: one crop, varied."""
+        planes, salient, truth = (np.asarray(values[number], np.float32) for values in self.files[part])
+        kept = self.rng.random((len(salient), 1, 1)) >= DROPPED
+        crop = np.concatenate([planes, np.float32(salient / 255 * kept)])
+        truth = truth / np.float32([[[255]], [[1]]])
+        if kind == "background":
+            crop = seen_nearer(crop, float(self.rng.uniform(1, NEARER)))
+        if self.cut_outs and crop[PLANES.index("estimated")].any():
+            put_cut_out(crop, truth, self.cut_outs, self.rng)
+        return varied(crop, truth, self.rng)
 
 
 def seen_nearer(planes: Float32Array, by: float) -> Float32Array:
@@ -177,7 +189,7 @@ def train(
     print(", ".join(f"{len(numbers)} {kind}" for kind, numbers in crops.numbers.items()), flush=True)
     network = ShadowNet(len(PLANES) + len(SALIENT), WIDTHS, deeper=True).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     if start is not None:
-        state = with_planes(read_shadow(start))
+        state = {name: value for name, value in with_planes(read_shadow(start)).items() if name not in OBJECT}
         network.load_state_dict({name: torch.from_numpy(value) for name, value in state.items()})
         network.eval()
     mean = {name: value.clone() for name, value in network.state_dict().items()}
@@ -203,9 +215,49 @@ def train(
     return {name: value.numpy() for name, value in mean.items()}
 
 
+def maps_at_clicks(start: Path, folder: Path) -> tuple[np.ndarray, np.ndarray]:
+    """N x F: what the output `object` of the file `start` is to be made of, in all crops of measured depth, and N, whether an
+    object is at the click."""
+    state, crops = read_shadow(start), Crops(folder, [], np.random.default_rng(0))
+    channels = sum(len(state[f"up{number}.0.weight"]) for number in (4, 3, 2, 1))
+    as_they_are = np.eye(channels, dtype=np.float32), np.zeros(channels, np.float32)
+    maps, there = list[np.ndarray](), list[bool]()
+    with tempfile.TemporaryDirectory() as place:
+        file = NetworkFile(export_shadow(state | dict(zip(OBJECT, as_they_are * 2)), Path(place) / "maps.onnx", {}))
+        for kind in ("background", "measured"):
+            for part, number in crops.numbers[kind]:
+                if not crops.files[part][0][number, PLANES.index("estimated"), 0, 0]:
+                    planes, _ = crops.crop(kind, part, number)
+                    maps.append(file.run_all({"planes": planes[None, : len(PLANES)]})[1][0])
+                    there.append(kind == "measured")
+    return np.stack(maps), np.array(there)
+
+
+def fit_object(maps: np.ndarray, there: np.ndarray) -> dict[str, np.ndarray]:
+    """OBJECT of `maps_at_clicks`, learned by AdamW."""
+    torch.manual_seed(0)
+    rng, (mean, spread) = np.random.default_rng(0), (maps.mean(0), maps.std(0) + np.float32(1e-3))
+    values, right = torch.from_numpy((maps - mean) / spread), torch.from_numpy(there.astype(np.float32))
+    weight = torch.tensor((~there).sum() / (ON_BACKGROUND * there.sum()), dtype=torch.float32)
+    first, second = torch.nn.Linear(maps.shape[1], HIDDEN), torch.nn.Linear(HIDDEN, 1)
+    network = torch.nn.Sequential(first, torch.nn.ReLU(), torch.nn.Dropout(0.2), second)
+    optimiser = torch.optim.AdamW(network.parameters(), OBJECT_RATE)
+    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, OBJECT_STEPS)
+    for _ in range(OBJECT_STEPS):
+        drawn = rng.integers(0, len(maps), OBJECT_BATCH)
+        loss = binary_cross_entropy_with_logits(network(values[drawn])[:, 0], right[drawn], pos_weight=weight)
+        optimiser.zero_grad()
+        loss.backward()
+        optimiser.step()
+        schedule.step()
+    slopes, constants, last, end = (each.detach().numpy() for each in network.parameters())
+    slopes = slopes.T / spread[:, None]
+    return dict(zip(OBJECT, (slopes, constants - mean @ slopes, last.T, end)))
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=("crops", "train"))
+    parser.add_argument("what", choices=("crops", "train", "object"))
     parser.add_argument("folder", type=Path)
     parser.add_argument("--worlds", type=int, default=880)
     parser.add_argument("--first", type=int, default=0, help="number of the first world")
@@ -220,6 +272,10 @@ def main() -> None:
     parser.add_argument("-o", "--output", type=Path, default=Path("estimated.onnx"))
     given = parser.parse_args()
     torch.set_num_threads(1)
+    if given.what == "object":
+        learned = fit_object(*maps_at_clicks(given.start, given.folder))
+        export_shadow(read_shadow(given.start) | learned, given.output, ABOUT)
+        return
     photos = photos_of(given.photos, LEARNT) if given.photos else []
     if given.photos and not photos:
         parser.error(f"{given.photos}: no folders with photos (*.jpg)")

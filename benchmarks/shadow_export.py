@@ -1,7 +1,8 @@
 """Weights of the shadow's U-Net (`shadow_net`) and metadata in; an ONNX file out. Needs numpy and onnx, no torch.
 
 Input: planes B x C x H x W. Output: logits B x H x W; B, H and W free, H and W multiples of 32. Batch norms are folded into the
-convolutions before them (in float64), weights stored in half precision and computed with in single precision.
+convolutions before them (in float64), weights stored in half precision and computed with in single precision. A network of
+clicks may have a second output, `object`, B x 1: what two layers make of its maps where the click is.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import numpy as np
 
 from dlama.nets.export.onnx_graph import Graph
 from dlama.nets.whole_file import write_whole
+from dlama.perception.masks.click_network import SIDE
 
 EPSILON = 1e-5  # of torch's batch norms
 PLAIN = ("own", "whole", "head")
@@ -22,10 +24,15 @@ LAYERS = (
     *("join4", "up4", "join3", "up3", "join2", "up2", "join1", "up1", "head"),
 )
 """Layers in the order of the file (of the deeper network), and those without a batch norm."""
+OBJECT = ("object1.weight", "object1.bias", "object2.weight", "object2.bias")
+"""In the state where there is such an output: F x N, N, N x 1 and 1; F: channels of all maps on the way up."""
+MIDDLES = {SIDE // 16: 2, SIDE // 8: 2, SIDE // 4: 4, SIDE // 2: 4}
+"""Side of a map on the way up -> side of the square in its middle that is seen as the click's; their channels are joined in this
+order."""
 
 
 def export_shadow(state: Mapping[str, np.ndarray], path: Path, metadata: Mapping[str, str]) -> Path:
-    """Write the ONNX file; equal input gives equal bytes. state: name -> float32 array, `ShadowNet.state_dict`.
+    """Write the ONNX file; equal input gives equal bytes. state: name -> float32 array, `ShadowNet.state_dict`, and OBJECT.
 
     Raises OutputError, MissingExtraError without onnx.
     """
@@ -33,6 +40,8 @@ def export_shadow(state: Mapping[str, np.ndarray], path: Path, metadata: Mapping
     logits = writer.logits("planes")
     planes = state["down1.0.weight"].shape[1]
     inputs, outputs = {"planes": ("batch", planes, "height", "width")}, {logits: ("batch", "height", "width")}
+    if OBJECT[0] in state:
+        outputs[writer.object()] = ("batch", state[OBJECT[2]].shape[1])
     model = writer.g.model("generator", inputs, outputs, metadata)
     return write_whole(path, bytes(model.SerializeToString(deterministic=True)))
 
@@ -55,7 +64,8 @@ def read_shadow(path: Path) -> dict[str, np.ndarray]:
             one, zero = np.ones_like(biases[0]), np.zeros_like(biases[0])
             parts = {"weight": one, "bias": biases[0], "running_mean": zero, "running_var": one - np.float32(EPSILON)}
             state |= {f"{name}.1.{part}": value for part, value in parts.items()}
-    return state
+    layers = [node for node in graph.node if node.op_type == "Gemm"]
+    return state | dict(zip(OBJECT, (stored[each] for node in layers for each in node.input[1:])))
 
 
 class _Writer:
@@ -63,6 +73,7 @@ class _Writer:
 
     def __init__(self, state: Mapping[str, np.ndarray]) -> None:
         self.state, self.g = state, Graph()
+        self.ups: list[str] = []
 
     def logits(self, planes: str) -> str:
         """Name of the logits."""
@@ -78,8 +89,20 @@ class _Writer:
         for number, seen in ((4, four), (3, three), (2, two), (1, one)):
             joined = self.block(f"join{number}", g.add("Concat", self.double_size(h), seen, axis=1))
             h = self.block(f"up{number}", joined)
+            self.ups.append(h)
         shuffled = g.add("DepthToSpace", self.conv("head", h), blocksize=2, mode="CRD")
         return g.add_named("logits", "Squeeze", shuffled, g.ints(1))
+
+    def object(self) -> str:
+        """Name of the second output."""
+        g, seen = self.g, list[str]()
+        for map_, (side, middle) in zip(self.ups, MIDDLES.items()):
+            low, high = (side - middle) // 2, (side + middle) // 2
+            part = g.add("Slice", map_, g.ints(low, low), g.ints(high, high), g.ints(2, 3))
+            seen.append(g.add("ReduceMean", part, axes=[2, 3], keepdims=0))
+        weights = [g.constant(self.state[name]) for name in OBJECT]
+        hidden = g.add("Relu", g.add("Gemm", g.add("Concat", *seen, axis=1), *weights[:2]))
+        return g.add_named("object", "Gemm", hidden, *weights[2:])
 
     def block(self, name: str, x: str, stride: int = 1) -> str:
         """`shadow_net.Block`."""

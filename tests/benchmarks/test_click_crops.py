@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 import click_crops
 from clicks import Click
 from dlama import RGBD, Camera
-from dlama.perception.masks.click_network import PLANES, SIDE
+from dlama.models.network_file import NetworkFile
+from dlama.perception.masks.click_network import PLANES, SIDE, network
 
 pytest.importorskip("torch")
+pytest.importorskip("onnx")
 
 import click_network
+from shadow_export import export_shadow, read_shadow
 
 DISC = (np.arange(40)[:, None] - 19.5) ** 2 + (np.arange(40) - 19.5) ** 2 < 15**2
 RED = np.zeros((40, 40, 3), np.uint8) + np.uint8([200, 0, 0]), DISC
@@ -53,6 +58,28 @@ def test_a_background_seen_nearer() -> None:
     assert (near[PLANES.index("right")] == 0.5).all()
     edge = int(np.argmax(near[0, SIDE // 2] > 0.5))
     assert abs(edge - (SIDE // 2 + 40)) <= 1
+
+
+def test_an_object_is_at_the_click(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Positive for crops with a red square before a wall, negative for those of the wall alone; the first output stays."""
+    monkeypatch.setattr(click_network, "OBJECT_STEPS", 300)
+    rng = np.random.default_rng(0)
+    planes, truth = np.zeros((40, len(PLANES), SIDE, SIDE), np.float16), np.zeros((40, 2, SIDE, SIDE), np.uint8)
+    for crop, target in zip(planes[::2], truth[::2]):
+        square = slice(SIDE // 2 - rng.integers(8, 30), SIDE // 2 + rng.integers(8, 30))
+        crop[0, square, square], crop[PLANES.index("distance")], target[0, square, square] = 1, -1, 255
+        crop[PLANES.index("distance"), square, square] = 0
+    planes[:, PLANES.index("known")] = planes[:, PLANES.index("inside")] = truth[:, 1] = 1
+    for what, values in (("planes", planes), ("truth", truth), ("salient", np.zeros_like(truth))):
+        np.save(tmp_path / f"world-00000.{what}.npy", values)
+    start = network(estimated=False)
+    learned = click_network.fit_object(*click_network.maps_at_clicks(start.path, tmp_path))
+    file = NetworkFile(export_shadow(read_shadow(start.path) | learned, tmp_path / "click.onnx", {}))
+    feed = {"planes": planes.astype(np.float32)}
+    logits, object_ = file.run_all(feed)
+    np.testing.assert_array_equal(logits, start.run(feed))
+    there = truth[:, 0].any((1, 2))
+    assert (object_[there] > 0).all() and (object_[~there] < 0).all()
 
 
 def test_crops_of_the_background() -> None:

@@ -13,8 +13,8 @@ from dlama.models.network_file import NetworkFile
 torch = pytest.importorskip("torch")
 onnx = pytest.importorskip("onnx")
 
-from dlama.perception.masks.click_network import network  # noqa: E402
-from shadow_export import export_shadow, read_shadow  # noqa: E402
+from dlama.perception.masks.click_network import SIDE, network  # noqa: E402
+from shadow_export import OBJECT, export_shadow, read_shadow  # noqa: E402
 from shadow_net import SHADOW_MULTIPLE, ShadowNet  # noqa: E402
 
 
@@ -44,6 +44,34 @@ def test_the_file_says_what_the_module_says(tmp_path: Path) -> None:
     assert opened.metadata["dlama.what"] == "a test"
     again = export_shadow(state, tmp_path / "again.onnx", {"dlama.what": "a test"})
     assert file.read_bytes() == again.read_bytes()
+
+
+def test_the_second_output(tmp_path: Path) -> None:
+    """Oracle: means of torch's maps in the middle, 2 x 2 and 4 x 4, through two layers; the first output stays bit for bit."""
+    network, rng = small_network(), np.random.default_rng(0)
+    state = {name: tensor.numpy() for name, tensor in network.state_dict().items()}
+    maps = list[torch.Tensor]()
+    for up in (network.up4, network.up3, network.up2, network.up1):
+        up.register_forward_hook(lambda module, given, out: maps.append(out))
+    planes = torch.randn(2, 5, SIDE, SIDE)
+    with torch.no_grad():
+        network(planes)
+    around = (
+        (slice(each.shape[2] // 2 - px, each.shape[2] // 2 + px) for _ in range(2))
+        for each, px in zip(maps, (1, 1, 2, 2))
+    )
+    seen = np.concatenate(
+        [each[..., rows, columns].mean((2, 3)).numpy() for each, (rows, columns) in zip(maps, around)], 1
+    )
+    weights = [rng.normal(0, 1, shape).astype(np.float32) for shape in ((seen.shape[1], 16), (16,), (16, 1), (1,))]
+    files = [
+        NetworkFile(export_shadow(state | more, tmp_path / f"{len(more)}.onnx", {}))
+        for more in ({}, dict(zip(OBJECT, weights)))
+    ]
+    (logits,), (same, found) = (file.run_all({"planes": planes.numpy()}) for file in files)
+    np.testing.assert_array_equal(same, logits)
+    expected = np.maximum(seen @ weights[0] + weights[1], 0) @ weights[2] + weights[3]
+    np.testing.assert_allclose(found, expected, atol=1e-2 * np.abs(expected).max())
 
 
 def test_a_file_that_is_read_and_written_again_is_the_same(tmp_path: Path) -> None:

@@ -35,12 +35,16 @@ def step_scene() -> RGBD:
 
 
 class Answer:
-    """A network that finds all that is as near as the click."""
+    """A network that finds all that is as near as the click; its second output is `objects`, square by square."""
 
-    def run(self, feed: dict[str, Float32Array]) -> Float32Array:
+    def __init__(self, objects: tuple[float, ...] = ()) -> None:
+        self.objects = list(objects)
+
+    def run_all(self, feed: dict[str, Float32Array]) -> list[Float32Array]:
         planes = feed["planes"]
         near = (np.abs(planes[:, PLANES.index("distance")]) < 0.3) & (planes[:, PLANES.index("known")] > 0.5)
-        return np.where(near, np.float32(9), np.float32(-9))
+        objects = [np.full((2, 1), self.objects.pop(0), np.float32)] if self.objects else []
+        return [np.where(near, np.float32(9), np.float32(-9)), *objects]
 
 
 def test_planes_of_a_square() -> None:
@@ -84,9 +88,16 @@ def test_slopes_of_a_plane() -> None:
 
 def test_the_square_closes_in_on_the_object() -> None:
     """What the network marks comes back at its place, to a pixel of the last square."""
-    probability, px = object_probability(step_scene(), (55, 65), file=Answer())  # type: ignore[arg-type]
+    probability, px, _ = object_probability(step_scene(), (55, 65), file=Answer())  # type: ignore[arg-type]
     true = step_scene().depth == 1.0
     assert ((probability > 0.5) ^ true).sum() <= 4 * 30 and px == 1
+
+
+@pytest.mark.parametrize(("objects", "expected"), [((-3.0, 1.0, 0.0), 1.0), ((), 9.0)])
+def test_an_object_at_the_click(objects: tuple[float, ...], expected: float) -> None:
+    """The largest answer of the squares, as a probability; of a network without it, that of the pixels at the click."""
+    _, _, there = object_probability(step_scene(), (55, 65), file=Answer(objects))  # type: ignore[arg-type]
+    assert there == pytest.approx(1 / (1 + np.exp(-expected)), abs=1e-6)
 
 
 def test_no_region_at_the_click() -> None:
@@ -100,7 +111,7 @@ def test_the_mask_that_the_network_agrees_with(monkeypatch: pytest.MonkeyPatch, 
     """Of several masks the one that is most like the network's; its own where none is."""
     scene = step_scene()
     object_, wrong = scene.depth == 1.0, scene.depth == 2.0
-    monkeypatch.setattr(room, "object_probability", lambda *_: (object_.astype(np.float32), 1))
+    monkeypatch.setattr(room, "object_probability", lambda *_: (object_.astype(np.float32), 1, 1.0))
     masks = {"object": wrong, "part": object_} if agreed else {"object": wrong}
     found = room.choose_mask(scene, Prompt(HW, ((65, 55),)), lambda prompt: masks, 0.4)
     np.testing.assert_array_equal(found["object"], object_)
@@ -115,7 +126,7 @@ def test_a_click_where_depth_is_missing(monkeypatch: pytest.MonkeyPatch) -> None
 
     scene = step_scene()
     hole = scene.depth == 0
-    monkeypatch.setattr(room, "object_probability", lambda *_: (hole.astype(np.float32), 1))
+    monkeypatch.setattr(room, "object_probability", lambda *_: (hole.astype(np.float32), 1, 1.0))
     assert room.choose_mask(scene, Prompt(HW, ((60, 82),)), refuse, 0.4)["object"][82, 60]
     with pytest.raises(MaskError, match="nothing there"):
         room.choose_mask(scene, Prompt(HW, ((65, 55),)), refuse, 0.4)
@@ -137,7 +148,7 @@ def test_a_click_in_estimated_depth_that_the_masker_refuses(
 
     scene = estimated(step_scene())
     object_ = scene.depth == 1
-    monkeypatch.setattr(room, "object_probability", lambda *_: (object_ * np.float32(confidence), 1))
+    monkeypatch.setattr(room, "object_probability", lambda *_: (object_ * np.float32(confidence), 1, 1.0))
     seen, prompt = salient.WindowSaliency(scene.color), Prompt(HW, ((65, 55),))
     if taken:
         np.testing.assert_array_equal(room.choose_mask(scene, prompt, refuse, 0.4, seen)["object"], object_)
@@ -146,14 +157,16 @@ def test_a_click_in_estimated_depth_that_the_masker_refuses(
             room.choose_mask(scene, prompt, refuse, 0.4, seen)
 
 
-def test_a_click_on_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    """In estimated depth an error where the network finds nothing at the click, whatever the masker says; not with a box."""
-    scene = estimated(step_scene())
+@pytest.mark.parametrize("is_estimated", [True, False])
+def test_a_click_on_nothing(monkeypatch: pytest.MonkeyPatch, is_estimated: bool) -> None:
+    """An error where the network says that no object is there, whatever the masker says; not with a box or another click."""
+    scene = estimated(step_scene()) if is_estimated else step_scene()
     wall, object_ = scene.depth == 2, scene.depth == 1
-    monkeypatch.setattr(room, "object_probability", lambda *_: (object_.astype(np.float32), 1))
-    seen, masks = salient.WindowSaliency(scene.color), {"object": wall}
+    answer = lambda rgbd, pixel, seen: (object_.astype(np.float32), 1, float(object_[pixel]))  # noqa: E731
+    monkeypatch.setattr(room, "object_probability", answer)
+    seen, masks = salient.WindowSaliency(scene.color) if is_estimated else None, {"object": wall}
+    click, box = (20, 30), (5, 25, 30, 30)
     with pytest.raises(MaskError, match="clicks holds 20,30, where nothing stands apart"):
-        room.choose_mask(scene, Prompt(HW, ((20, 30),)), lambda prompt: masks, 0.4, seen)
-    boxed = Prompt(HW, ((20, 30),), box=(5, 25, 30, 30))
-    assert room.choose_mask(scene, boxed, lambda prompt: masks, 0.4, seen)["object"][30, 20]
-    assert room.choose_mask(scene, Prompt(HW, ((20, 30),)), lambda prompt: masks, 0.4)["object"][30, 20]
+        room.choose_mask(scene, Prompt(HW, (click,)), lambda prompt: masks, 0.4, seen)
+    for prompt in (Prompt(HW, (click,), box=box), Prompt(HW, (click, (65, 55)))):
+        assert room.choose_mask(scene, prompt, lambda prompt: masks, 0.4, seen)["object"].any()

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dlama import DlamaError, InputError, MaskError, find_mask
+import dlama
+from dlama import DlamaError, InputError, MaskError, MaskSession, find_mask
 from dlama.geometry.camera import Camera
 from dlama.geometry.holes import iou
 from dlama.geometry.rgbd import RGBD, BoolArray
@@ -141,3 +142,16 @@ def test_what_is_more_than_half_of_the_picture_is_told(scene: tuple[RGBD, np.nda
     large = World((Plane((0, 0, 5), (0, 0, -1)), Box((-1.2, -1.0, 2.6), (1.4, 1.0, 3.2))))
     assert find_mask(large.rgbd(CAMERA), clicks=[(60, 45)]).notes == (TOO_MUCH,)
     assert find_mask(scene[0], clicks=[middle(scene[1] == 2)]).notes == ()
+
+
+def test_a_click_on_the_road_is_refused() -> None:
+    """Oracle: the street's picture. Amid the road nothing stands apart; the barrel is found, also by further clicks on it."""
+    folder = dlama.example()
+    session = MaskSession(dlama.read_rgbd(folder / "street.jpg", folder / "depth.png", fov=90))
+    road, barrel = [(120, 450), (420, 430), (256, 480)], (256, 345)
+    for click in road:
+        with pytest.raises(MaskError, match="nothing stands apart"):
+            session.find(clicks=[click])
+    alone = session.find(clicks=[barrel], not_clicks=road).mask
+    assert 4000 < alone.sum() < 8000 and alone[315, 256] and not any(alone[y, x] for x, y in road)
+    assert session.find(clicks=[road[0], barrel]).mask[345, 256]

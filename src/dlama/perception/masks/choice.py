@@ -6,7 +6,7 @@ found a network chooses at clicks, or gives its own (`click_network`).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 
@@ -17,8 +17,8 @@ from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
 from dlama.perception.masks.borders import decide_by_color
 from dlama.perception.masks.click_network import object_probability
-from dlama.perception.masks.photo import CLICK_PX, PhotoMasker, name_masks
-from dlama.perception.masks.prompt import Pixel, Prompt, square_about
+from dlama.perception.masks.photo import PhotoMasker, name_masks
+from dlama.perception.masks.prompt import Prompt
 from dlama.perception.masks.rgbd import correct_at_clicks, rgbd_candidates
 from dlama.perception.masks.rough import rough_candidates, rough_depth
 from dlama.perception.masks.salient import WindowSaliency
@@ -33,8 +33,8 @@ AGREES, AGREES_ESTIMATED, AGREES_CAMERA = 0.4, 0.65, 0.8
 """Agreement of a mask with the network, over that of the network's own mask, from which it is taken: masks of depth that fits the
 picture, of the photo alone, and of a depth camera's."""
 LEAST, CONFIDENT = 0.2, 0.85
-"""In estimated depth: probability of an object at a click (within CLICK_PX), below which the click is on the background; and
-agreement of the network with its own mask, above which it decides where nothing else is found."""
+"""Probability of an object at a click, below which the click is on the background; and in estimated depth agreement of the
+network with its own mask, above which it decides where nothing else is found."""
 
 
 def rgbd_masker(rgbd: RGBD, model: None) -> Callable[[Prompt], tuple[dict[str, BoolArray], tuple[str, ...]]]:
@@ -67,14 +67,14 @@ def choose_mask(
     """The mask of `find` that the network agrees with most, as `object`, and the others.
 
     The network's own where it agrees with none (`agrees`, as AGREES), or `find` fails where depth is missing at the clicks or, in
-    estimated depth, the network is confident. MaskError: as `find`, and in estimated depth for clicks on the background.
+    estimated depth, the network is confident. MaskError: as `find`, and where no click is on an object and no box is given.
 
     seen: the picture's saliency where depth is estimated, None elsewhere.
     """
     clicks = Prompt.pixels(prompt.clicks)
     found = [object_probability(rgbd, pixel, seen) for pixel in clicks]
-    probability = np.where(prompt.inside, np.maximum.reduce([each for each, _ in found]), np.float32(0))
-    own, reach = probability > 0.5, 1 + max(px for _, px in found)
+    probability = np.where(prompt.inside, np.maximum.reduce([each for each, *_ in found]), np.float32(0))
+    own, reach = probability > 0.5, 1 + max(px for _, px, _ in found)
     try:
         rated = [(expected_iou(probability, mask), mask) for mask in find(prompt).values()]
     except MaskError:
@@ -86,25 +86,18 @@ def choose_mask(
         if not own.any() or not (confident or all(rgbd.missing[pixel] for pixel in clicks)):
             raise
         rated = []
-    else:
-        if seen is not None and prompt.box is None:
-            refuse_nothing(probability, clicks)
+    if prompt.box is None and max(there for *_, there in found) < LEAST:
+        row, column = clicks[0]
+        raise MaskError(
+            f"`clicks` holds {column},{row}, where nothing stands apart: that is ground, a wall or the sky; "
+            "click amid an object, or give a box round it"
+        )
     rated.sort(key=lambda each: -each[0])
     masks = [mask for _, mask in rated]
     if rated and rated[0][0] >= agrees * expected_iou(probability, own):
         return name_masks(masks[0], masks[1:])
     band = dilate_mask(own, reach) & ~erode_mask(own, reach) & prompt.inside
     return name_masks(correct_at_clicks(rgbd, decide_by_color(rgbd, own, band), prompt, clicks), masks)
-
-
-def refuse_nothing(probability: Float32Array, clicks: Sequence[Pixel]) -> None:
-    """MaskError where no click (row, column) has a probability (H x W) of LEAST within CLICK_PX."""
-    if max(float(probability[square_about(pixel, CLICK_PX)].max()) for pixel in clicks) < LEAST:
-        row, column = clicks[0]
-        raise MaskError(
-            f"`clicks` holds {column},{row}, where nothing stands apart: that is ground, a wall or the sky; "
-            "click amid an object, or give a box round it"
-        )
 
 
 def expected_iou(probability: Float32Array, mask: BoolArray) -> float:

@@ -1,4 +1,5 @@
-"""A picture with depth and a click in; the probability of each pixel belonging to the object clicked on out, by a small U-Net.
+"""A picture with depth and a click in; the probability of each pixel belonging to the object clicked on out, and of an object
+being there at all, by a small U-Net.
 
 The network sees a square about the click: first most of the picture, then about the object that it found there. It learnt on
 objects of procedural worlds, in exact, measured, matched and estimated depth (`benchmarks/click_network.py`).
@@ -37,6 +38,8 @@ FIRST_WINDOW, LARGEST_WINDOW, SMALLEST_WINDOW = 0.75, 1.4, 40
 """Side of the first square and of the largest, over the picture's longer side, and the least in px."""
 WINDOW, MARGIN_PX = 3.0, 8
 """Side of the next square over the distance that the object reaches from the click, and px more."""
+NEAR_PX = 3
+"""Of the picture: how near the click the probability of an object is looked for, where the network does not say it."""
 ROUNDS, SAME_WINDOW = 2, 1.25
 """Squares after the first, and the ratio of two from which another one is worth its time."""
 
@@ -97,19 +100,20 @@ def salient_about(seen: WindowSaliency, pixel: Pixel, side: int) -> Float32Array
     return out
 
 
-def probability_in_window(planes: Float32Array, file: NetworkFile) -> Float32Array:
-    """SIDE x SIDE; the mean over the planes and their mirror image."""
+def probability_in_window(planes: Float32Array, file: NetworkFile) -> tuple[Float32Array, list[float]]:
+    """SIDE x SIDE; and the probability of an object at the click, if the network says it: means over the planes and their
+    mirror image."""
     mirrored = planes[:, :, ::-1].copy()
     mirrored[PLANES.index("right")] *= -1
-    logits = file.run({"planes": np.stack([planes, mirrored])})
-    found = 1 / (1 + np.exp(-logits))
-    return np.asarray((found[0] + found[1][:, ::-1]) / 2, np.float32)
+    found, *objects = (1 / (1 + np.exp(-each)) for each in file.run_all({"planes": np.stack([planes, mirrored])}))
+    return np.asarray((found[0] + found[1][:, ::-1]) / 2, np.float32), [float(each.mean()) for each in objects]
 
 
 def object_probability(
     rgbd: RGBD, pixel: Pixel, seen: WindowSaliency | None = None, file: NetworkFile | None = None
-) -> tuple[Float32Array, int]:
-    """H x W probability of belonging to the object at (row, column), and px of the picture for each of the network.
+) -> tuple[Float32Array, int, float]:
+    """H x W probability of belonging to the object at (row, column), px of the picture for each of the network, and the
+    probability that an object is there: the largest of all squares.
 
     seen: saliency of the picture where depth is estimated; None: depth says more, and sooner.
     """
@@ -117,7 +121,7 @@ def object_probability(
     longer = max(rgbd.depth.shape)
     radius = int(FIRST_WINDOW * longer / 2)
     salient = [salient_about(seen, pixel, first_window(rgbd.depth.shape))] * len(SALIENT) if seen else []
-    found = probability_in_window(click_planes(rgbd, pixel, radius, salient), file)
+    found, objects = probability_in_window(click_planes(rgbd, pixel, radius, salient), file)
     for number in range(ROUNDS):
         side, part = 2 * radius + 1, region_at_click(found)
         reach = np.abs(np.argwhere(part) - (SIDE - 1) / 2).max() * side / SIDE if part.any() else side / 4
@@ -128,14 +132,15 @@ def object_probability(
         radius = int(wanted / 2)
         if seen and not number:
             salient[1] = salient_about(seen, pixel, 2 * radius + 1)
-        found = probability_in_window(click_planes(rgbd, pixel, radius, salient), file)
+        found, more = probability_in_window(click_planes(rgbd, pixel, radius, salient), file)
+        objects += more
     side = 2 * radius + 1
     large = cv2.resize(found, (side, side), interpolation=cv2.INTER_LINEAR if side >= SIDE else cv2.INTER_AREA)
     out = np.zeros(rgbd.depth.shape, np.float32)
     span = square_about(pixel, radius)
     rows, columns = (slice(max(radius - at, 0), max(radius - at, 0) + n) for at, n in zip(pixel, out[span].shape))
     out[span] = large[rows, columns]
-    return out, -(-side // SIDE)
+    return out, -(-side // SIDE), max(objects or [float(out[square_about(pixel, NEAR_PX)].max())])
 
 
 def region_at_click(found: Float32Array) -> BoolArray:
