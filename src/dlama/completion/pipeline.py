@@ -16,6 +16,7 @@ from dlama.completion.memory import check_memory
 from dlama.completion.options import OptionKeywords, Options, Unpack, options_of, take_options
 from dlama.completion.plausible import warn_of_scale, warn_of_unknown
 from dlama.completion.report import Clock, Record, about_depth, expected_errors, meta_data
+from dlama.completion.second_estimate import is_of_default_network
 from dlama.completion.start import choose_filler, plan_for, scene_of
 from dlama.completion.steps import CompletedView, complete_views, fill
 from dlama.errors import InputError
@@ -68,7 +69,7 @@ def complete(
     make_room(source.camera.width * source.camera.height)
     plan, scene, grown_mask = plan_for(start, chosen, mask)
     clock = Clock()
-    completed, fills, scene = complete_views(plan, scene, cameras, clock)
+    completed, fills, scene = complete_views(plan, scene, cameras, clock, again=is_of_default_network(rgbd))
     make_room(source.camera.width * source.camera.height)
     views, warped = tuple(one.view for one in completed), tuple(one.before for one in completed)
     if mask is None:

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from dlama.completion.second_estimate import estimate_again
 from dlama.completion.start import NO_DILATION, Dilation, Plan
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType, Origin, has_code
@@ -185,15 +186,19 @@ def complete_view(
 
 
 def complete_views(
-    plan: Plan, scene: Scene, cameras: Sequence[Camera], clock: StageClock
+    plan: Plan, scene: Scene, cameras: Sequence[Camera], clock: StageClock, *, again: bool
 ) -> tuple[list[CompletedView], list[tuple[Camera, FillReport]], Scene]:
     """The views of cameras, each of which sees what was filled before; what was filled, and for which camera, frames first; and
-    the scene with it."""
+    the scene with it. again: whether estimated depth behind removed objects is estimated again (`second_estimate`)."""
     completed: list[CompletedView] = []
     fills: list[tuple[Camera, FillReport]] = []
     for place in frames_to_fill(plan, scene, cameras):
         found, scene = complete_frame(plan, scene, place, clock)
         fills += ((found.view.camera, report) for report in found.reports)
+        if again and found.reports[1].hole_pixels:
+            with clock("fill"):
+                plan, scene, report = estimate_again(plan, scene, place, found.view)
+            fills.append((found.view.camera, report))
         del found  # the scene holds what was filled
     for camera in cameras:
         found, scene = complete_view(plan, scene, camera, clock)
