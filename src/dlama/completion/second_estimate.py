@@ -9,6 +9,7 @@ farther out, where neither saw it.
 from __future__ import annotations
 
 import dataclasses
+import math
 import warnings
 from typing import Any, NamedTuple
 
@@ -18,18 +19,22 @@ import numpy as np
 from dlama.completion.start import Plan
 from dlama.errors import DepthError
 from dlama.geometry.codes import HoleType, Origin
+from dlama.geometry.holes import box_around
 from dlama.geometry.projection import inverse_depth
-from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
+from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, paste
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.geometry.visibility import project_depth
 from dlama.inpainters.filling import FillReport
+from dlama.models.network_file import make_room
 from dlama.perception.monocular import DEFAULT, estimate_depth
 from dlama.progress import begin_stage
 
-REACH_PX, RING_PX = 24, 80
-"""Distances from the removed object, in px of a picture whose longer side is 512: up to the first the second estimate counts, in
-full on the inner half; up to the second the two are fitted."""
+SIDE, REACH_PX, RING_PX = 512, 24, 80
+"""Distances from the removed object, in px of a picture whose longer side is the first: up to the next the second estimate
+counts, in full on the inner half; up to the last the two are fitted."""
+LARGEST = 2048
+"""Longer side in px of the picture that is estimated: surfaces behind an object need no finer edges."""
 FEWEST = 200
 """Pixels that two estimates are fitted in, at least."""
 AGREES = 0.1
@@ -40,15 +45,13 @@ ROUNDS, OUTLIER = 4, 2.5
 """Fits of a scale and a shift, each without what is off by so many median differences of the one before."""
 
 
-class SecondEstimate(NamedTuple):
-    """Depth of a frame after its second estimate."""
+class Fit(NamedTuple):
+    """How the second estimate is brought to the first."""
 
-    depth: Float32Array
-    """H x W metres."""
-    changed: BoolArray
-    """H x W, True where it is new."""
+    scale: float
+    shift: float
     notes: dict[str, Any]
-    """For meta.json."""
+    """For meta.json: whether it is taken, else why not."""
 
 
 def is_of_default_network(rgbd: object) -> bool:
@@ -69,51 +72,87 @@ def estimate_again(plan: Plan, scene: Scene, place: int, view: View) -> tuple[Pl
     if plan.recipe.depth_by != "surfaces" or Origin.ESTIMATED not in frame.origins or not removed.any():
         return plan, scene, FillReport(0, 0, 0, {})
     begin_stage("estimate depth again")
-    found = second_estimate(frame, removed, view)
-    depth, moved = project_depth(view, found.depth, found.changed & removed, plan.context.near(view.camera).law)
+    again = estimate_inverse_depth(view.color)
+    make_room(removed.size)
+    fit = fit_round_object(frame, removed, again)
+    moved = 0
+    if fit.notes["taken"]:
+        reach = REACH_PX * max(removed.shape) / SIDE
+        rows, columns = box = box_around(removed, math.ceil(reach))
+        part, law = view.cropped(rows, columns), plan.context.near(view.camera).law.cropped(view, rows, columns)
+        depth, changed = mix_depth(frame.cropped(rows, columns), part, again[box], fit, reach)
+        depth, moved = project_depth(part, depth, changed & removed[box], law)
 
-    def renew(one: View) -> View:
-        return one.with_planes(depth=np.where(found.changed & ~one.hole, depth, one.depth))
+        def renew(one: View) -> View:
+            new = np.zeros(one.depth.shape, np.float32)  # of a fill the system gives no memory beyond its pixels
+            paste(one.depth, ~one.hole, new)
+            paste(depth, changed & ~one.hole[box], new[box])
+            return one.with_planes(depth=new)
 
-    def renew_frame(of: Scene) -> Scene:
-        frames = (*of.frames[:place], renew(of.frames[place].load()), *of.frames[place + 1 :])
-        return dataclasses.replace(of, frames=frames)
-
-    if found.changed.any():
+        measured = plan.measured.frames[place]
+        clean = renew(measured.load())
+        own = clean if scene.frames[place] is measured else renew(frame)
         fills = (renew(one.load()) if one.camera.same_view_as(view.camera) else one for one in scene.fills)
-        scene = dataclasses.replace(renew_frame(scene), fills=tuple(fills))
-        plan = dataclasses.replace(plan, measured=renew_frame(plan.measured))
-    return plan, scene, FillReport(0, moved, 0, {"depth_estimated_again": found.notes})
+        scene = dataclasses.replace(replace_frame(scene, place, own), fills=tuple(fills))
+        plan = dataclasses.replace(plan, measured=replace_frame(plan.measured, place, clean))
+    return plan, scene, FillReport(0, moved, 0, {"depth_estimated_again": fit.notes})
 
 
-def second_estimate(frame: View, removed: BoolArray, view: View) -> SecondEstimate:
-    """The depth of a frame without an object (H x W `removed`), by an estimate from its filled `view`."""
-    size = max(removed.shape) / 512
-    reach = REACH_PX * size
-    distance = cv2.distanceTransform((~removed).view(np.uint8), cv2.DIST_L2, 5)
-    known = frame.valid & (frame.origin == Origin.ESTIMATED.value)
-    ring = known & (distance > reach) & (distance <= RING_PX * size)
-    unchanged = np.zeros_like(removed)
-    if ring.sum() < FEWEST:
-        return SecondEstimate(view.depth, unchanged, {"taken": False, "reason": "too little is known round the object"})
+def replace_frame(scene: Scene, place: int, frame: View) -> Scene:
+    """The scene with another frame in that place."""
+    return dataclasses.replace(scene, frames=(*scene.frames[:place], frame, *scene.frames[place + 1 :]))
+
+
+def estimate_inverse_depth(color: UInt8Array) -> Float32Array:
+    """H x W inverse depth of a picture (H x W x 3) by the network that ships, of a scale and shift of its own; 0 where that is
+    far, everywhere if it sees nothing else."""
+    height, width = color.shape[:2]
+    by = min(1.0, LARGEST / max(height, width))
+    if by < 1:
+        color = np.asarray(cv2.resize(color, None, fx=by, fy=by, interpolation=cv2.INTER_AREA), np.uint8)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of scale and field of view, which count for nothing here
-            again = inverse_depth(estimate_depth(view.color, view.camera).depth)
-    except DepthError as error:
-        return SecondEstimate(view.depth, unchanged, {"taken": False, "reason": str(error)})
-    w = inverse_depth(view.depth)
+            found = inverse_depth(estimate_depth(color).depth)
+    except DepthError:
+        found = np.zeros(color.shape[:2], np.float32)
+    return np.asarray(cv2.resize(found, (width, height), interpolation=cv2.INTER_LINEAR), np.float32)
+
+
+def fit_round_object(frame: View, removed: BoolArray, again: Float32Array) -> Fit:
+    """The fit of a second estimate (H x W inverse depth, of any scale and shift) to a frame's depth in the ring round what was
+    removed (H x W)."""
+    step = max(1, max(removed.shape) // SIDE)
+    size = max(removed.shape) / SIDE / step
+    few = np.s_[::step, ::step]
+    distance = distance_from(removed[few])
+    known = (frame.origin[few] == Origin.ESTIMATED.value) & ~frame.hole[few]
+    w, again = inverse_depth(frame.depth[few]), again[few]
+    ring = known & (w > 0) & (again > 0) & (distance > REACH_PX * size) & (distance <= RING_PX * size)
+    if ring.sum() < FEWEST:
+        return Fit(1, 0, {"taken": False, "reason": "too little is known round the object"})
     scale, shift = fit_scale_and_shift(again[ring], w[ring])
-    fitted = scale * again + shift
-    off = float(np.median(np.abs(fitted[ring] / w[ring] - 1)))
-    notes = {"difference_round_it": round(off, 4)}
-    if scale <= 0 or off > AGREES:
-        return SecondEstimate(view.depth, unchanged, {"taken": False, "reason": "it differs round the object"} | notes)
-    share = np.clip(2 - 2 * distance / reach, 0, 1)
-    w += share * (fitted - w)
-    changed = (share > 0) & (removed | known) & view.valid & (again > 0) & (w > LEAST)
-    depth = np.where(changed, 1 / np.maximum(w, LEAST), view.depth).astype(np.float32)
-    return SecondEstimate(depth, changed, {"taken": True, "pixels": int(changed.sum())} | notes)
+    off = float(np.median(np.abs((scale * again[ring] + shift) / w[ring] - 1)))
+    taken = scale > 0 and off <= AGREES
+    why = {} if taken else {"reason": "it differs round the object"}
+    return Fit(scale, shift, {"taken": taken, "difference_round_it": round(off, 4)} | why)
+
+
+def mix_depth(frame: View, view: View, again: Float32Array, fit: Fit, reach: float) -> tuple[Float32Array, BoolArray]:
+    """Depth (H x W metres) of a part of a frame, and where it is new: behind its removed object and up to `reach` px next to it
+    the second estimate (`again`, H x W inverse depth), from half of that on mixed with the depth of the filled `view`."""
+    behind = frame.hole & (frame.hole_type == HoleType.OBJECT.value)
+    share = np.clip(2 - 2 * distance_from(behind) / reach, 0, 1)
+    w = inverse_depth(view.depth)
+    w += share * (fit.scale * again + fit.shift - w)
+    known = frame.valid & (frame.origin == Origin.ESTIMATED.value)
+    changed = (share > 0) & (behind | known) & view.valid & (again > 0) & (w > LEAST)
+    return np.where(changed, 1 / np.maximum(w, LEAST), view.depth).astype(np.float32), changed
+
+
+def distance_from(where: BoolArray) -> Float32Array:
+    """H x W distance in px from the True pixels (H x W)."""
+    return np.asarray(cv2.distanceTransform((~where).view(np.uint8), cv2.DIST_L2, 5), np.float32)
 
 
 def fit_scale_and_shift(values: Float32Array, expected: Float32Array) -> tuple[float, float]:

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from dlama.completion.second_estimate import estimate_again
+from dlama.completion.second_estimate import estimate_again, replace_frame
 from dlama.completion.start import NO_DILATION, Dilation, Plan
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType, Origin, has_code
@@ -163,8 +163,7 @@ def complete_frame(
         view, filled = fill(plan, known)
         colored = frame.depth_hole
         if colored.any():
-            frames = (*scene.frames[:place], frame.with_pixels(view, colored), *scene.frames[place + 1 :])
-            scene = dataclasses.replace(scene, frames=frames)
+            scene = replace_frame(scene, place, frame.with_pixels(view, colored))
         larger = fuse_new(scene, before, known, view)
     return CompletedView(before, view, NO_DILATION, (taken_over, filled)), larger
 
