@@ -16,9 +16,10 @@ from typing import Any, NamedTuple
 import cv2
 import numpy as np
 
-from dlama.completion.start import Plan
+from dlama.completion.start import Plan, context_of
 from dlama.errors import DepthError
 from dlama.geometry.codes import HoleType, Origin
+from dlama.geometry.frames.stored import Layer
 from dlama.geometry.holes import box_around
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, paste
@@ -79,28 +80,42 @@ def estimate_again(plan: Plan, scene: Scene, place: int, view: View) -> tuple[Pl
     if fit.notes["taken"]:
         reach = REACH_PX * max(removed.shape) / SIDE
         rows, columns = box = box_around(removed, math.ceil(reach))
-        part, law = view.cropped(rows, columns), plan.context.near(view.camera).law.cropped(view, rows, columns)
+        part = view.cropped(rows, columns)
         depth, changed = mix_depth(frame.cropped(rows, columns), part, again[box], fit, reach)
-        depth, moved = project_depth(part, depth, changed & removed[box], law)
 
-        def renew(one: View) -> View:
+        def renew(one: View, kept: HoleType | None = None) -> View:
+            where = changed & ~one.hole[box] & (kept is None or one.hole_type[box] != kept.value)
             new = np.zeros(one.depth.shape, np.float32)  # of a fill the system gives no memory beyond its pixels
             paste(one.depth, ~one.hole, new)
-            paste(depth, changed & ~one.hole[box], new[box])
+            paste(depth, where, new[box])
             return one.with_planes(depth=new)
+
+        def of_camera(one: Layer) -> bool:
+            return one.camera.same_view_as(view.camera)
 
         measured = plan.measured.frames[place]
         clean = renew(measured.load())
         own = clean if scene.frames[place] is measured else renew(frame)
-        fills = (renew(one.load()) if one.camera.same_view_as(view.camera) else one for one in scene.fills)
-        scene = dataclasses.replace(replace_frame(scene, place, own), fills=tuple(fills))
-        plan = dataclasses.replace(plan, measured=replace_frame(plan.measured, place, clean))
+        # round the mask a removed part shows background; the object itself keeps its depth, behind which all is filled
+        removals = tuple(renew(one.load(), HoleType.OBJECT) if of_camera(one) else one for one in scene.removals)
+        plan = replace_measured(
+            plan, dataclasses.replace(replace_frame(plan.measured, place, clean), removals=removals)
+        )
+        law = plan.context.near(view.camera).law.cropped(view, rows, columns)
+        depth, moved = project_depth(part, depth, changed & removed[box], law)
+        fills = tuple(renew(one.load()) if of_camera(one) else one for one in scene.fills)
+        scene = dataclasses.replace(replace_frame(scene, place, own), removals=removals, fills=fills)
     return plan, scene, FillReport(0, moved, 0, {"depth_estimated_again": fit.notes})
 
 
 def replace_frame(scene: Scene, place: int, frame: View) -> Scene:
     """The scene with another frame in that place."""
     return dataclasses.replace(scene, frames=(*scene.frames[:place], frame, *scene.frames[place + 1 :]))
+
+
+def replace_measured(plan: Plan, scene: Scene) -> Plan:
+    """The plan with another scene as measured, and its law."""
+    return dataclasses.replace(plan, measured=scene, context=context_of(scene, plan.recipe))
 
 
 def estimate_inverse_depth(color: UInt8Array) -> Float32Array:
