@@ -23,7 +23,7 @@ from dlama.geometry.frames.stored import Layer
 from dlama.geometry.holes import box_around
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, paste
-from dlama.geometry.scene import Scene
+from dlama.geometry.scene import Scene, replace_frame
 from dlama.geometry.view import View
 from dlama.geometry.visibility import project_depth
 from dlama.inpainters.filling import FillReport
@@ -76,41 +76,46 @@ def estimate_again(plan: Plan, scene: Scene, place: int, view: View) -> tuple[Pl
     again = estimate_inverse_depth(view.color)
     make_room(removed.size)
     fit = fit_round_object(frame, removed, again)
-    moved = 0
-    if fit.notes["taken"]:
-        reach = REACH_PX * max(removed.shape) / SIDE
-        rows, columns = box = box_around(removed, math.ceil(reach))
-        part = view.cropped(rows, columns)
-        depth, changed = mix_depth(frame.cropped(rows, columns), part, again[box], fit, reach)
-
-        def renew(one: View, kept: HoleType | None = None) -> View:
-            where = changed & ~one.hole[box] & (kept is None or one.hole_type[box] != kept.value)
-            new = np.zeros(one.depth.shape, np.float32)  # of a fill the system gives no memory beyond its pixels
-            paste(one.depth, ~one.hole, new)
-            paste(depth, where, new[box])
-            return one.with_planes(depth=new)
-
-        def of_camera(one: Layer) -> bool:
-            return one.camera.same_view_as(view.camera)
-
-        measured = plan.measured.frames[place]
-        clean = renew(measured.load())
-        own = clean if scene.frames[place] is measured else renew(frame)
-        # round the mask a removed part shows background; the object itself keeps its depth, behind which all is filled
-        removals = tuple(renew(one.load(), HoleType.OBJECT) if of_camera(one) else one for one in scene.removals)
-        plan = replace_measured(
-            plan, dataclasses.replace(replace_frame(plan.measured, place, clean), removals=removals)
-        )
-        law = plan.context.near(view.camera).law.cropped(view, rows, columns)
-        depth, moved = project_depth(part, depth, changed & removed[box], law)
-        fills = tuple(renew(one.load()) if of_camera(one) else one for one in scene.fills)
-        scene = dataclasses.replace(replace_frame(scene, place, own), removals=removals, fills=fills)
+    if not fit.notes["taken"]:
+        return plan, scene, FillReport(0, 0, 0, {"depth_estimated_again": fit.notes})
+    plan, scene, moved = take_estimate(plan, scene, place, view, again, fit)
     return plan, scene, FillReport(0, moved, 0, {"depth_estimated_again": fit.notes})
 
 
-def replace_frame(scene: Scene, place: int, frame: View) -> Scene:
-    """The scene with another frame in that place."""
-    return dataclasses.replace(scene, frames=(*scene.frames[:place], frame, *scene.frames[place + 1 :]))
+def take_estimate(
+    plan: Plan, scene: Scene, place: int, view: View, again: Float32Array, fit: Fit
+) -> tuple[Plan, Scene, int]:
+    """The plan and the scene with a second estimate (H x W inverse depth) taken in its frame at that place, in what was removed
+    from it and in its fills; and how many pixels the law moved. view: the frame, filled."""
+    frame, measured = scene.frames[place].load(), plan.measured.frames[place]
+    removed = frame.hole & (frame.hole_type == HoleType.OBJECT.value)
+    reach = REACH_PX * max(removed.shape) / SIDE
+    rows, columns = box = box_around(removed, math.ceil(reach))
+    part = view.cropped(rows, columns)
+    depth, changed = mix_depth(frame.cropped(rows, columns), part, again[box], fit, reach)
+
+    def of_camera(one: Layer) -> bool:
+        return one.camera.same_view_as(view.camera)
+
+    def background(one: View) -> View:  # round the mask; the object itself keeps its depth, behind which all is filled
+        return with_depth(one, depth, changed & (one.hole_type[box] != HoleType.OBJECT.value), box)
+
+    clean = with_depth(measured.load(), depth, changed, box)
+    own = clean if scene.frames[place] is measured else with_depth(frame, depth, changed, box)
+    removals = tuple(background(one.load()) if of_camera(one) else one for one in scene.removals)
+    plan = replace_measured(plan, dataclasses.replace(replace_frame(plan.measured, place, clean), removals=removals))
+    law = plan.context.near(view.camera).law.cropped(view, rows, columns)
+    lawful, moved = project_depth(part, depth, changed & removed[box], law)
+    fills = tuple(with_depth(one.load(), lawful, changed, box) if of_camera(one) else one for one in scene.fills)
+    return plan, dataclasses.replace(replace_frame(scene, place, own), removals=removals, fills=fills), moved
+
+
+def with_depth(one: View, depth: Float32Array, where: BoolArray, box: tuple[slice, slice]) -> View:
+    """A layer with another depth in the known pixels of `where`; both are parts of it, in a box of rows and columns."""
+    new = np.zeros(one.depth.shape, np.float32)  # of a fill the system gives no memory beyond its pixels
+    paste(one.depth, ~one.hole, new)
+    paste(depth, where & ~one.hole[box], new[box])
+    return one.with_planes(depth=new)
 
 
 def replace_measured(plan: Plan, scene: Scene) -> Plan:

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from dlama.completion.second_estimate import estimate_again, replace_frame
+from dlama.completion.second_estimate import estimate_again
 from dlama.completion.start import NO_DILATION, Dilation, Plan
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType, Origin, has_code
@@ -23,7 +23,7 @@ from dlama.geometry.frames.choosing import choose_frames
 from dlama.geometry.fusion import fuse
 from dlama.geometry.holes import box_around, dilate_view_holes
 from dlama.geometry.rendering import Mode, render, render_fills
-from dlama.geometry.scene import Scene
+from dlama.geometry.scene import Scene, replace_frame
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law, project_depth
 from dlama.inpainters.confidence import LARGEST_CONFIDENCE

@@ -134,6 +134,11 @@ class Scene:
         return point_viewer(repr(self), cloud.points, cloud.color, cloud.origin, cloud.confidence, cam_from_world)
 
 
+def replace_frame(scene: Scene, place: int, frame: View) -> Scene:
+    """The scene with another frame in that place."""
+    return dataclasses.replace(scene, frames=(*scene.frames[:place], frame, *scene.frames[place + 1 :]))
+
+
 def contribution(view: View) -> BoolArray:
     """H x W, True at the pixels a layer adds to the scene's cloud: measured or filled here, not seen again.
 
