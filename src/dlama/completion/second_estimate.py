@@ -20,7 +20,7 @@ from dlama.completion.start import Plan, context_of
 from dlama.errors import DepthError
 from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.frames.stored import Layer
-from dlama.geometry.holes import box_around
+from dlama.geometry.holes import box_around, smaller_size
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, paste
 from dlama.geometry.scene import Scene, replace_frame
@@ -78,17 +78,16 @@ def estimate_again(plan: Plan, scene: Scene, place: int, view: View) -> tuple[Pl
     fit = fit_round_object(frame, removed, again)
     if not fit.notes["taken"]:
         return plan, scene, FillReport(0, 0, 0, {"depth_estimated_again": fit.notes})
-    plan, scene, moved = take_estimate(plan, scene, place, view, again, fit)
+    plan, scene, moved = take_estimate(plan, scene, place, removed, view, again, fit)
     return plan, scene, FillReport(0, moved, 0, {"depth_estimated_again": fit.notes})
 
 
 def take_estimate(
-    plan: Plan, scene: Scene, place: int, view: View, again: Float32Array, fit: Fit
+    plan: Plan, scene: Scene, place: int, removed: BoolArray, view: View, again: Float32Array, fit: Fit
 ) -> tuple[Plan, Scene, int]:
     """The plan and the scene with a second estimate (H x W inverse depth) taken in its frame at that place, in what was removed
-    from it and in its fills; and how many pixels the law moved. view: the frame, filled."""
+    from it (H x W) and in its fills; and how many pixels the law moved. view: the frame, filled."""
     frame, measured = scene.frames[place].load(), plan.measured.frames[place]
-    removed = frame.hole & (frame.hole_type == HoleType.OBJECT.value)
     reach = REACH_PX * max(removed.shape) / SIDE
     rows, columns = box = box_around(removed, math.ceil(reach))
     part = view.cropped(rows, columns)
@@ -127,9 +126,9 @@ def estimate_inverse_depth(color: UInt8Array) -> Float32Array:
     """H x W inverse depth of a picture (H x W x 3) by the network that ships, of a scale and shift of its own; 0 where that is
     far, everywhere if it sees nothing else."""
     height, width = color.shape[:2]
-    by = min(1.0, LARGEST / max(height, width))
-    if by < 1:
-        color = np.asarray(cv2.resize(color, None, fx=by, fy=by, interpolation=cv2.INTER_AREA), np.uint8)
+    if max(height, width) > LARGEST:
+        small = cv2.resize(color, smaller_size(color.shape, LARGEST), interpolation=cv2.INTER_AREA)
+        color = np.asarray(small, np.uint8)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of scale and field of view, which count for nothing here
