@@ -129,6 +129,12 @@ class Reading(groups.Reading):
     """How the depth file is read."""
 
 
+def changed_options(group: Any) -> list[str]:
+    """Names of the options of a group that are not at their defaults."""
+    default = type(group)()
+    return [name for name, value in vars(group).items() if value != getattr(default, name)]
+
+
 def split_depth_and_mask(
     files: Sequence[Path], pointed: bool = False, named: Path | None = None
 ) -> tuple[Path | None, Path | None]:
@@ -168,9 +174,8 @@ class Masking(groups.Masking):
         """InputError for an option of mask files where none is given."""
         if any(mask is not None for mask in masks):
             return
-        for name, value in vars(self).items():
-            if value != getattr(type(self), name):
-                raise InputError(f"`{name}` says how a mask file is read, and none is given")
+        for name in changed_options(self):
+            raise InputError(f"`{name}` says how a mask file is read, and none is given")
 
 
 @as_flags
@@ -185,8 +190,9 @@ class Pointing(groups.Pointing):
 
     def check_with(self, mask: Path | None) -> None:
         """InputError for options of clicks and boxes where neither is given, or a mask file is."""
-        for name in ("masker", "mask_model", "candidate", *(() if mask else ("with_shadow",))):
-            if getattr(self, name) != getattr(type(self), name):
+        of_clicks = ("masker", "mask_model", "candidate", *(() if mask else ("with_shadow",)))
+        for name in changed_options(self):
+            if name in of_clicks:
                 instead = f"a mask file ({mask}) is given; leave one of them away" if mask else "neither is given"
                 raise InputError(f"`{name}` is for clicks and boxes, and {instead}")
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import dlama
-from dlama.apps.options import Estimating, Lens, Masking, Pointing, Reading, Results
+from dlama.apps.options import Estimating, Lens, Masking, Pointing, Reading, Results, changed_options
 from dlama.apps.places import Inputs, check_folder_apart
 from dlama.apps.terminal.flags import with_flags
 from dlama.apps.terminal.output import SHOWN, Result
@@ -74,8 +74,8 @@ class Command(JobInputs):
         if depth is not None:
             raise InputError(f"{given}: is {kind}, which has its depth; {depth} does not apply to it")
         for one in options:
-            for name, value in vars(one).items():
-                if name not in taken and value != getattr(type(one)(), name):
+            for name in changed_options(one):
+                if name not in taken:
                     raise InputError(f"`{name}` does not apply to {kind} ({given.name or given}); it is for pictures")
 
     def scene(self, file: Path, depth: Path | None, options: Sequence[Any]) -> dlama.Scene:
