@@ -8,9 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import tifffile
 from PIL import Image, ImageCms
 
 import dlama
+from box_frame import pixels, small_frame
 
 GAMMA = 563 / 256
 ADOBE = np.array([[0.60974, 0.20528, 0.14919], [0.31111, 0.62567, 0.06322], [0.01947, 0.06087, 0.74457]])
@@ -113,3 +115,16 @@ def test_a_damaged_profile_is_named_and_left_aside(color: np.ndarray, tmp_path: 
         warnings.simplefilter("error")
         Image.fromarray(color).save(tmp_path / "plain.png")
         assert (dlama.read_color(tmp_path / "plain.png") == color).all()
+
+
+def test_a_plate_of_16_bits_in_another_space_becomes_srgb_in_8(tmp_path: Path) -> None:
+    """Oracle: the completed view; the file's own numbers are not sRGB and must not be mixed in."""
+    plate = pixels(small_frame(tmp_path) / "image.png").astype(np.uint16) * 257
+    profile = matrix_profile(ADOBE, GAMMA)
+    tifffile.imwrite(tmp_path / "plate.tif", plate, photometric="rgb", iccprofile=profile)
+    with pytest.warns(UserWarning, match=r"plate\.tif: has 16 bits a channel"):
+        rgbd = dlama.read_rgbd(tmp_path / "plate.tif", tmp_path / "depth.png", fov=60)
+    assert not np.array_equal(rgbd.color, plate >> 8)
+    done = dlama.remove(rgbd, dlama.read_mask(tmp_path / "mask.png"), filler="telea")
+    out = dlama.write(done, tmp_path / "out", inputs={"image": tmp_path / "plate.tif"}, only=["image"])
+    assert np.array_equal(pixels(out / "image.png"), done.view.color)

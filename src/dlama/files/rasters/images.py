@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 from PIL import Image
 
@@ -27,6 +26,7 @@ from dlama.files.rasters.orientation import (
     decoder_orientation,
     reset_orientation,
 )
+from dlama.files.rasters.sixteen_bits import bits_of, bits_of_png, decode_16_bits
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".mpo", ".webp", ".tif", ".tiff", ".heic", ".heif")
 EXIF_FOLDER = 0x8769
@@ -156,6 +156,18 @@ def orientation_of(path: PathLike) -> int:
     return _header(existing_file(path))[1] if Path(path).suffix.lower() in SUFFIXES else 1
 
 
+@system_errors(FileError)
+def has_16_bits(path: PathLike) -> bool:
+    """Whether a PNG or TIFF holds 16 bits a channel, by its header; False for all other files. Raises FileError."""
+    file = existing_file(path)
+    with file.open("rb") as stream:
+        head = stream.read(25)
+    if head[:4] not in TIFF_HEADS | BIG_TIFF_HEADS:
+        return head.startswith(b"\x89PNG") and len(head) == 25 and bits_of_png(head) == 16
+    with any_error(FileError, f"{file}: is damaged or truncated"), _open(file, b"") as picture:
+        return bits_of(picture, b"") == 16
+
+
 def _header(file: Path) -> tuple[tuple[int, int], int]:
     """(height, width) as stored, and the orientation."""
     try:
@@ -240,29 +252,12 @@ def _values(picture: Image.Image, file: Path, data: bytes) -> np.ndarray:
     elif mode in NO_RGB:
         converted = to_srgb(picture, picture.info.get("icc_profile"), file) if mode == "CMYK" else picture
         picture = converted.convert("RGB")
-    elif mode in ("RGB", "RGBA", "LA") and _bits(picture, data) == 16:
-        return _values_16bit(file, data)  # Pillow keeps the high byte only
+    elif mode in ("RGB", "RGBA", "LA") and bits_of(picture, data) == 16:
+        return decode_16_bits(file, data)  # Pillow keeps the high byte only
     values = np.array(picture)
     if mode == "I" and picture.format == "PNG":  # older Pillow's name for 16-bit grey
         values = values.astype(np.uint16)
     return values.astype(values.dtype.newbyteorder("="), copy=False)
-
-
-def _bits(picture: Image.Image, data: bytes) -> int:
-    """Bits per channel as stored."""
-    if picture.format == "PNG":
-        return data[24]  # IHDR: signature 8, length 4, type 4, size 8, depth
-    tags: Any = getattr(picture, "tag_v2", {})
-    return int(max(np.atleast_1d(tags.get(258, 8))))  # BitsPerSample
-
-
-def _values_16bit(file: Path, data: bytes) -> np.ndarray:
-    """16-bit colour; Pillow has already read the file to its end, so it is whole."""
-    values = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
-    if values is None or values.ndim != 3:
-        raise FileError(f"{file}: this kind of 16-bit picture cannot be read; save it as 16-bit PNG")
-    order = [2, 1, 0, 3][: values.shape[2]]
-    return np.ascontiguousarray(values[..., order])
 
 
 def _exif(picture: Image.Image) -> tuple[int, float | None]:

@@ -5,10 +5,12 @@ Inside the package a mask is a bool field, True = remove / fill; thresholds and 
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
 
+import cv2
 import numpy as np
 from PIL import Image
 
@@ -18,7 +20,7 @@ from dlama.files.atomic_write import PathLike, new_file
 from dlama.files.rasters.color_profiles import rgb_to_srgb
 from dlama.files.rasters.images import StoredPicture, read_stored
 from dlama.files.semantic_classes import class_color
-from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, check_color
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, UInt16Array, check_color
 
 LOWEST_WHITE = 247
 HIGHEST_BLACK = 8
@@ -34,15 +36,17 @@ def read_color(path: PathLike) -> UInt8Array:
     """A colour picture as uint8 H x W x 3 RGB.
 
     PNG, JPEG, WebP, TIFF, HEIC (extra `heic`). Colours of another ICC profile (Display P3 of phones, Adobe RGB, CMYK) become
-    sRGB. 16 bit keep their high byte, grey is repeated, palettes are looked up, alpha is dropped. Turned as viewers show it,
-    where EXIF says so; masks and depth pictures are, too.
+    sRGB. 16 bits keep their high byte, with a warning; grey is repeated, palettes are looked up, alpha is dropped. Turned as
+    viewers show it, where EXIF says so; masks and depth pictures are, too.
 
     Raises:
         FileError: missing, damaged or float.
         MissingExtraError: HEIC, and pillow-heif is not installed.
     """
     check_arguments(read_color, locals())
-    return srgb_of(read_stored(path), path)
+    stored = read_stored(path)
+    warn_of_16_bits(stored, path, "has")
+    return srgb_of(stored, path)
 
 
 def read_color_of_camera(path: PathLike) -> UInt8Array:
@@ -53,7 +57,19 @@ def read_color_of_camera(path: PathLike) -> UInt8Array:
             f"{path}: EXIF says the picture is turned (orientation {stored.orientation}), its camera would not fit; "
             "clear the tag (exiftool -Orientation= FILE)"
         )
+    warn_of_16_bits(stored, Path(path).parent, "its pictures have")
     return srgb_of(stored, path)
+
+
+def warn_of_16_bits(stored: StoredPicture, path: PathLike, has: str) -> None:
+    """Warn (UserWarning) that colours of 16 bits are shortened; path, has: what the line is about, and its verb."""
+    if stored.values.dtype == np.uint16:
+        warnings.warn(
+            f"{path}: {has} 16 bits a channel; colours are worked on, filled and written in 8 (image.png of a picture's own view "
+            "keeps 16 where they were measured)",
+            UserWarning,
+            stacklevel=3,
+        )
 
 
 def srgb_of(stored: StoredPicture, path: PathLike) -> UInt8Array:
@@ -72,6 +88,11 @@ def eight_bit_rgb(values: np.ndarray, path: PathLike) -> UInt8Array:
         values = (values >> 8).astype(np.uint8)
     if values.dtype != np.uint8:
         raise FileError(f"{path}: holds {values.dtype} numbers; a picture with 8 or 16 bits per channel is expected")
+    return rgb_of(values)
+
+
+def rgb_of(values: np.ndarray) -> np.ndarray:
+    """Stored values of a picture as H x W x 3: grey is repeated, alpha dropped."""
     if values.ndim == 3 and values.shape[2] < 3:  # grey and alpha
         values = values[..., 0]
     if values.ndim == 2:
@@ -135,6 +156,12 @@ def write_color(path: PathLike, color: UInt8Array) -> None:
     if suffix == ".png":
         options = {"compress_type": RUNS}
     save_picture(path, Image.fromarray(np.ascontiguousarray(color)), **options)
+
+
+def write_deep_color(path: PathLike, color: UInt16Array) -> None:
+    """Write uint16 H x W x 3 RGB as PNG of 16 bits a channel. Raises OutputError."""
+    with new_file(path) as draft:
+        draft.write_bytes(cv2.imencode(".png", color[..., ::-1], [cv2.IMWRITE_PNG_COMPRESSION, PNG_LEVEL])[1].tobytes())
 
 
 def write_mask(path: PathLike, mask: BoolArray) -> None:

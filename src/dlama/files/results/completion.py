@@ -15,6 +15,7 @@ from dlama.completion.completion import Completion, StereoCompletion
 from dlama.errors import InputError, OutputError, system_errors
 from dlama.files.atomic_write import PathLike, new_directory
 from dlama.files.rasters import depth, pictures
+from dlama.files.results.deep_color import deep_color, find_plate
 from dlama.files.results.meta_json import describe_completion, hash_inputs, write_meta
 from dlama.files.results.preview import write_preview
 from dlama.files.scenes import clouds, textured_mesh
@@ -75,7 +76,8 @@ def write(
         only: Which of "image", "depth", "hole", "origin", "confidence", "disparity" (of pairs), "points", "mesh", "scene",
             "preview", "choice" and "mask"; None: image, depth, origin, confidence, mesh and preview. meta.json is always written.
         also: More of them. "scene" is the file that `read_scene` and `dlama view` read.
-        inputs: Role -> file; path and SHA-256 of each go into meta.json.
+        inputs: Role -> file; path and SHA-256 of each go into meta.json. Where "image" (of a pair "left", "right") has 16 bits a
+            channel, image.png of its own view has them too, wherever it was measured.
         intrinsics_from: In words, where the source camera's intrinsics come from.
         seconds: Stages before the completion, such as reading, for meta.json.
         input_addresses: Role -> what meta.json says in place of the path, of inputs that were fetched from elsewhere.
@@ -100,13 +102,16 @@ def write(
     }
     make_room(main_view(completion).hole.size)
     with new_directory(target) as folder:
-        writers = chosen_writers(folder, completion, names, mask)
+        writers = chosen_writers(folder, completion, names, mask, inputs or {})
         for file in writers:
             (folder / file).parent.mkdir(exist_ok=True)
         results = run_writers(writers)
         if "depth" in names:
             clipped = {place: results[f"{place}depth.png"] for place in views_by_folder(completion)}
             meta["depth_png_clipped_pixels"] = clipped if len(clipped) > 1 else clipped[""]
+        if "image" in names:
+            bits = {place: results[f"{place}image.png"] for place in views_by_folder(completion)}
+            meta["image_png_bits"] = bits if len(bits) > 1 else bits[""]
         write_meta(folder, meta, seconds or {}, time.perf_counter() - started)
     return target
 
@@ -179,12 +184,17 @@ def choice_of(completion: Completion, view: View) -> UInt8Array | None:
 
 
 def chosen_writers(
-    folder: Path, completion: Completion, names: Sequence[str], mask: BoolArray | None
+    folder: Path,
+    completion: Completion,
+    names: Sequence[str],
+    mask: BoolArray | None,
+    inputs: Mapping[str, PathLike],
 ) -> dict[str, Writer]:
     """File -> what writes it, of the results in `names`; the longest first, so that both threads end together."""
     writers = scene_writers(folder, completion)
     for place, view in views_by_folder(completion).items():
-        writers |= view_writers(folder / place, view, place, choice_of(completion, view))
+        plate = find_plate(completion, view, place, inputs) if "image" in names else None
+        writers |= view_writers(folder / place, view, place, choice_of(completion, view), plate)
     writers["preview.png"] = lambda: write_preview(folder / "preview.png", completion)
     if mask is not None:
         writers["mask.png"] = lambda: pictures.write_mask(folder / "mask.png", mask)
@@ -192,10 +202,12 @@ def chosen_writers(
     return {file: writer for file, writer in writers.items() if file.rpartition("/")[2] in chosen}
 
 
-def view_writers(folder: Path, view: View, place: str, choice: UInt8Array | None) -> dict[str, Writer]:
-    """The pictures of one view."""
+def view_writers(
+    folder: Path, view: View, place: str, choice: UInt8Array | None, plate: PathLike | None = None
+) -> dict[str, Writer]:
+    """The pictures of one view; plate: its file with 16 bits a channel, if it has one."""
     writers: dict[str, Writer] = {
-        "image.png": lambda: pictures.write_color(folder / "image.png", view.color),
+        "image.png": lambda: write_image(folder / "image.png", view, plate),
         "depth.png": lambda: depth.write_depth_png(folder / "depth.png", view.depth),
         "depth.exr": lambda: depth.write_depth_exr(
             folder / "depth.exr",  # what was filled is as round as estimated depth is, and never nearer than it was
@@ -209,6 +221,16 @@ def view_writers(folder: Path, view: View, place: str, choice: UInt8Array | None
     if choice is not None:
         writers["choice.png"] = lambda: pictures.write_codes(folder / "choice.png", choice, CHOICE_PALETTE)
     return {f"{place}{name}": writer for name, writer in writers.items()}
+
+
+def write_image(path: Path, view: View, plate: PathLike | None) -> int:
+    """The colours of a view; the bits a channel that were written. OutputError."""
+    color = None if plate is None else deep_color(view, plate)
+    if color is None:
+        pictures.write_color(path, view.color)
+        return 8
+    pictures.write_deep_color(path, color)
+    return 16
 
 
 def scene_writers(folder: Path, completion: Completion) -> dict[str, Writer]:

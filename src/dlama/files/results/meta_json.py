@@ -16,11 +16,15 @@ from dlama import __version__
 from dlama.completion.completion import Completion
 from dlama.files.atomic_write import PathLike
 from dlama.files.cameras import camera_as_json
+from dlama.files.rasters.images import has_16_bits
 from dlama.files.schema import SCHEMA
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.figures.false_color import HOLE_PALETTE, ORIGIN_PALETTE
 from dlama.models.verify import sha256_of
+
+PICTURES = ("image", "left", "right")
+"""Roles of inputs that are colour pictures."""
 
 
 def describe_completion(completion: Completion, intrinsics_from: str) -> dict[str, Any]:
@@ -68,10 +72,14 @@ def versions() -> dict[str, str]:
 
 def hash_inputs(
     inputs: Mapping[str, PathLike], addresses: Mapping[str, str] | None = None
-) -> dict[str, dict[str, str]]:
-    """Role -> path (or its address) and SHA-256 of each input file. Raises FileError."""
-    named = {role: (addresses or {}).get(role, str(path)) for role, path in inputs.items()}
-    return {role: {"path": named[role], "sha256": sha256_of(Path(path))} for role, path in inputs.items()}
+) -> dict[str, dict[str, Any]]:
+    """Role -> path (or its address) and SHA-256 of each input file; `bits` of a picture with 16 a channel. Raises FileError."""
+    found: dict[str, dict[str, Any]] = {}
+    for role, path in inputs.items():
+        found[role] = {"path": (addresses or {}).get(role, str(path)), "sha256": sha256_of(Path(path))}
+        if role in PICTURES and has_16_bits(path):
+            found[role]["bits"] = 16
+    return found
 
 
 def as_json(meta: Mapping[str, Any]) -> str:

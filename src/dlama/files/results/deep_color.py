@@ -1,0 +1,41 @@
+"""A completion and its 16-bit input in; the colours of a view in 16 bits, measured pixels as the file has them, out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from dlama.completion.completion import Completion, StereoCompletion
+from dlama.files.atomic_write import PathLike
+from dlama.files.rasters.images import has_16_bits, read_stored
+from dlama.files.rasters.pictures import rgb_of
+from dlama.geometry.codes import Origin, has_code
+from dlama.geometry.rgbd import UInt16Array
+from dlama.geometry.view import View
+
+TO_16_BITS = 257
+"""255 becomes 65535; the high byte of the product is the number itself."""
+
+
+def find_plate(completion: Completion, view: View, place: str, inputs: Mapping[str, PathLike]) -> PathLike | None:
+    """The input with 16 bits a channel that a view shows from its own camera; None: there is none.
+
+    place: the sub-folder that the view is written to.
+    """
+    pair = isinstance(completion, StereoCompletion)
+    role = ("right" if place else "left") if pair else "image"
+    own = pair or view.camera.same_view_as(completion.source.camera)
+    return inputs[role] if own and role in inputs and has_16_bits(inputs[role]) else None
+
+
+def deep_color(view: View, plate: PathLike) -> UInt16Array | None:
+    """H x W x 3 of the view: where it was measured the 16 bits of its file, else 257 times the 8 bits.
+
+    None where the view's measured colours are not those of the file, as where a colour profile was applied. Raises FileError.
+    """
+    stored = rgb_of(read_stored(plate).values)
+    measured = has_code(view.origin, Origin.MEASURED, Origin.ESTIMATED, Origin.DEPTH_FILLED)
+    if stored.shape != view.color.shape or not ((stored >> 8) == view.color)[measured].all():
+        return None
+    return np.where(measured[..., None], stored, view.color * np.uint16(TO_16_BITS))

@@ -1,0 +1,85 @@
+"""A plate of 16 bits a channel: a warning names it, meta.json has it, and what was measured comes back as it was."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import cv2
+import imageio.v3 as imageio
+import numpy as np
+import pytest
+import tifffile
+from PIL import Image
+
+from box_frame import pixels, small_frame
+from dlama.apps.cli import main
+from dlama.completion.verbs import remove, view
+from dlama.files.rasters.images import has_16_bits
+from dlama.files.rasters.pictures import read_color, read_mask
+from dlama.files.results.completion import write
+from dlama.files.rgbd import read_rgbd
+from dlama.geometry.codes import Origin
+from dlama.geometry.rgbd import RGBD
+
+WORDS = r"16 bits a channel; colours are worked on, filled and written in 8"
+
+
+def plate_of(folder: Path, name: str = "plate.tif") -> np.ndarray:
+    """uint16 H x W x 3 in a file next to those of `small_frame`: its picture in the high bytes, noise in the low ones."""
+    with Image.open(small_frame(folder) / "image.png") as picture:
+        high = np.array(picture).astype(np.uint16)
+    plate = high << 8 | np.random.default_rng(3).integers(0, 256, high.shape).astype(np.uint16)
+    if name.endswith(".tif"):
+        tifffile.imwrite(folder / name, plate, photometric="rgb", compression="zlib", predictor=True)
+    else:
+        cv2.imwrite(str(folder / name), plate[..., ::-1])
+    return plate
+
+
+@pytest.mark.parametrize("name", ["plate.tif", "plate.png"])
+def test_a_removal_gives_measured_pixels_of_a_plate_back(
+    tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Oracles: the plate; Pillow, which reads the high bytes; the result of the same picture in 8 bits."""
+    plate = plate_of(tmp_path, name)
+    assert has_16_bits(tmp_path / name) and not has_16_bits(tmp_path / "image.png")
+    for picture in (name, "image.png"):
+        words = [tmp_path / picture, tmp_path / "depth.png", tmp_path / "mask.png", "--fov", "60", "--filler", "telea"]
+        main(["remove", *map(str, words), "-o", str(tmp_path / picture.replace(".", "-"))])
+    warned = [line for line in capsys.readouterr().err.splitlines() if "16 bits" in line]
+    assert warned == [line for line in warned if line.startswith(f"warning: {tmp_path / name}: has 16 bits")] != []
+    out, of_8_bits = tmp_path / name.replace(".", "-"), tmp_path / "image-png"
+    found = cv2.imread(str(out / "image.png"), cv2.IMREAD_UNCHANGED)[..., ::-1]
+    measured = pixels(out / "origin.png") == Origin.MEASURED.value
+    assert found.dtype == np.uint16 and 0.5 < measured.mean() < 1
+    assert np.array_equal(found[measured], plate[measured])
+    high_bytes, of_8 = imageio.imread(out / "image.png"), imageio.imread(of_8_bits / "image.png")
+    assert np.array_equal(found >> 8, high_bytes) and np.array_equal(high_bytes, of_8)
+    assert len(np.unique((found - (found >> 8) * 257)[~measured])) == 1, "what was filled has 8 bits"
+    meta, other = (json.loads((folder / "meta.json").read_text()) for folder in (out, of_8_bits))
+    assert (meta["inputs"]["image"]["bits"], meta["image_png_bits"]) == (16, 16)
+    assert ("bits" in other["inputs"]["image"], other["image_png_bits"]) == (False, 8)
+    assert "bits" not in meta["inputs"]["depth"]
+
+
+def test_another_view_and_another_picture_have_8_bits(tmp_path: Path) -> None:
+    """Oracle: the bits in the header of the file, as Pillow reads them."""
+    plate_of(tmp_path)
+    with pytest.warns(UserWarning, match=rf"plate\.tif: has {WORDS}"):
+        rgbd = read_rgbd(tmp_path / "plate.tif", tmp_path / "depth.png", fov=60)
+    moved = write(view(rgbd, yaw=5, filler="telea"), tmp_path / "moved", inputs={"image": tmp_path / "plate.tif"})
+    edited = RGBD(255 - rgbd.color, rgbd.depth, rgbd.camera)
+    mask = read_mask(tmp_path / "mask.png")
+    done = remove(edited, mask, filler="telea")
+    edited_out = write(done, tmp_path / "edited", inputs={"image": tmp_path / "plate.tif"}, only=["image"])
+    for out in (moved, edited_out):
+        assert not has_16_bits(out / "image.png")
+        meta = json.loads((out / "meta.json").read_text())
+        assert (meta["inputs"]["image"]["bits"], meta["image_png_bits"]) == (16, 8)
+
+
+def test_a_picture_of_8_bits_is_not_warned_of(tmp_path: Path) -> None:
+    """pytest makes a warning an error."""
+    small_frame(tmp_path)
+    read_color(tmp_path / "image.png")
