@@ -12,7 +12,7 @@ from PIL import Image
 
 from dlama.errors import FileError, MaskError, ShapeError
 from dlama.files.rasters.depth import write_depth_png
-from dlama.files.rasters.float_files import write_exr
+from dlama.files.rasters.exr_files import write_exr
 from dlama.files.rasters.images import read_stored
 from dlama.files.rasters.pictures import (
     read_color,

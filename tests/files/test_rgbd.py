@@ -11,7 +11,7 @@ import pytest
 from dlama.errors import CameraError, ShapeError
 from dlama.files.cameras import write_camera
 from dlama.files.rasters.depth import read_depth, write_depth_png
-from dlama.files.rasters.float_files import write_exr
+from dlama.files.rasters.exr_files import write_exr
 from dlama.files.rasters.pictures import write_color
 from dlama.files.rgbd import read_rgbd
 from dlama.geometry.camera import Camera

@@ -12,7 +12,7 @@ from dlama.datasets.easysynth.dataset import easysynth
 from dlama.datasets.easysynth.writer import SequenceFrame, StereoSequence, write_scene
 from dlama.datasets.frames import RemovalTruth, StereoTruth, ViewTruth
 from dlama.errors import CameraError, InputError, OutputError, ShapeError
-from dlama.files.rasters.float_files import read_exr
+from dlama.files.rasters.exr_files import read_exr
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.trajectories import orbit

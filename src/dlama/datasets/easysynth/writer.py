@@ -16,7 +16,7 @@ from dlama.datasets.easysynth.text_files import UNREAL_HEADER, unreal_pose
 from dlama.errors import CameraError, InputError, OutputError, ShapeError
 from dlama.files.atomic_write import new_directory, new_file
 from dlama.files.rasters.depth import write_depth_png
-from dlama.files.rasters.float_files import write_exr
+from dlama.files.rasters.exr_files import write_exr
 from dlama.files.rasters.pictures import write_color
 from dlama.files.semantic_classes import CLASSES_FILE, RGB
 from dlama.geometry.camera import Camera, Float64Array, StereoRig

@@ -13,7 +13,8 @@ from dlama.arguments import is_finite
 from dlama.errors import DepthError, FileError, system_errors
 from dlama.files.atomic_write import PathLike
 from dlama.files.rasters.depth_checks import warn_of_inverse
-from dlama.files.rasters.float_files import read_array, read_exr, read_pfm, write_exr, write_pfm
+from dlama.files.rasters.exr_files import read_exr, write_exr
+from dlama.files.rasters.float_files import read_array, read_pfm, write_pfm
 from dlama.files.rasters.images import SUFFIXES, existing_file, read_stored
 from dlama.files.rasters.pictures import save_picture
 from dlama.geometry.rgbd import PLAUSIBLE_M, Float32Array, mark_far

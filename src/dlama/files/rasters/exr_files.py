@@ -1,0 +1,182 @@
+"""An OpenEXR file in; one of its channels out, as stored, H x W of its display window; and channels back. No units."""
+
+from __future__ import annotations
+
+import io
+import struct
+import warnings
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import OpenEXR
+
+from dlama.errors import FileError, any_error
+from dlama.files.atomic_write import PathLike, new_file
+from dlama.files.rasters.float_files import plane_of
+from dlama.files.rasters.images import check_pixels, existing_file
+from dlama.geometry.rgbd import Float32Array
+
+HALF_MAX = 65504.0
+"""The largest half float; where a writer clamps, this is what infinity becomes."""
+CHANNEL_ORDER = ("z", "depth", "*.z", "*depth*", "r", "y")
+"""Which channel of an EXR is depth: the first of these that is there (without regard to case), else the only one."""
+LINES_PER_CHUNK = {0: 1, 1: 1, 2: 1, 3: 16, 4: 32, 5: 16, 6: 32, 7: 32, 8: 32, 9: 256}
+"""By compression: none, RLE, ZIPS, ZIP, PIZ, PXR24, B44, B44A, DWAA, DWAB."""
+
+
+def read_exr(path: PathLike, channel: str | None = None) -> Float32Array:
+    """One channel of an OpenEXR file as float32 H x W; half infinity (or a half clamped at its largest) is +inf.
+
+    The picture is the display window: overscan is cut off, and what was not rendered is 0, of which a warning tells. `channel` is
+    the exact name, PART.NAME where several parts have it; None looks for depth (CHANNEL_ORDER). Raises FileError.
+    """
+    file = existing_file(path)
+    check_exr_is_whole(file)
+    with (
+        any_error(FileError, f"{file}: is damaged or no OpenEXR file"),
+        OpenEXR.File(_name_or_bytes(file), separate_channels=True) as exr,
+    ):
+        planes = _planes(exr.parts)
+        chosen = _depth_channel(file, {name: values for name, (_, values) in planes.items()}, channel)
+        header, values = planes[chosen]
+        if values.dtype == object:
+            raise FileError(f"{file}: is a deep EXR, with several depths a pixel; flatten it")
+        values = _in_display_window(file, header, np.array(values))
+    result = plane_of(file, values).astype(np.float32)
+    if values.dtype == np.float16:
+        result[result >= HALF_MAX] = np.inf
+    return result
+
+
+def write_exr(path: PathLike, channels: Mapping[str, np.ndarray]) -> None:
+    """Write channels (each float32 or half H x W) as an OpenEXR file, compressed without loss (PIZ). Raises OutputError."""
+    header = {"compression": OpenEXR.PIZ_COMPRESSION, "type": OpenEXR.scanlineimage}
+    with new_file(path) as draft:
+        try:
+            planes = {name: np.ascontiguousarray(values) for name, values in channels.items()}
+            place = _name_or_bytes(draft)
+            OpenEXR.File(header, planes).write(place)
+            if isinstance(place, io.BytesIO):
+                draft.write_bytes(place.getbuffer())
+        except (RuntimeError, TypeError) as error:  # how OpenEXR reports a full disk, and no stream before 3.5
+            raise OSError(str(error)) from error
+
+
+def _name_or_bytes(file: Path) -> str | io.BytesIO:
+    """What OpenEXR takes for a file: its name, or its bytes where the name is no text."""
+    try:
+        str(file).encode()
+    except UnicodeEncodeError:
+        return io.BytesIO(file.read_bytes())
+    return str(file)
+
+
+def _planes(parts: Sequence[Any]) -> dict[str, tuple[dict[str, Any], np.ndarray]]:
+    """Channel -> header of its part, and its numbers. A name that several parts have becomes PART.NAME."""
+    held = Counter(name for part in parts for name in part.channels)
+    return {
+        name if held[name] == 1 else f"{part.name()}.{name}": (part.header, each.pixels)
+        for part in parts
+        for name, each in part.channels.items()
+    }
+
+
+def _in_display_window(file: Path, header: Mapping[str, Any], values: np.ndarray) -> np.ndarray:
+    """The numbers of the data window (H x W) where the display window has them: overscan is cut off, what was not rendered is 0.
+
+    Warns (UserWarning) where something was not rendered. FileError: nothing was.
+    """
+    (left, top), (right, bottom) = (np.asarray(corner).ravel().tolist() for corner in header["dataWindow"])
+    (x, y), (x_end, y_end) = (np.asarray(corner).ravel().tolist() for corner in header["displayWindow"])
+    if (left, top, right, bottom) == (x, y, x_end, y_end):
+        return values
+    shown = f"data {left},{top} to {right},{bottom}, display {x},{y} to {x_end},{y_end}"
+    check_pixels(file, x_end + 1 - x, y_end + 1 - y)
+    rows = slice(max(top, y), min(bottom, y_end) + 1)
+    columns = slice(max(left, x), min(right, x_end) + 1)
+    if rows.start >= rows.stop or columns.start >= columns.stop:
+        raise FileError(f"{file}: its data window lies outside its display window ({shown}): nothing of it is shown")
+    out = np.zeros((y_end + 1 - y, x_end + 1 - x), values.dtype)
+    out[rows.start - y : rows.stop - y, columns.start - x : columns.stop - x] = values[
+        rows.start - top : rows.stop - top, columns.start - left : columns.stop - left
+    ]
+    cut = (rows.stop - rows.start) * (columns.stop - columns.start) / out.size
+    if cut < 1:
+        warnings.warn(
+            f"{file}: was rendered in {cut:.0%} of its display window ({shown}); the rest counts as missing",
+            UserWarning,
+            stacklevel=5,
+        )
+    return out
+
+
+def _depth_channel(file: Path, channels: dict[str, np.ndarray], expected: str | None) -> str:
+    """Which channel holds depth; refuses a colour picture."""
+    known = ", ".join(sorted(channels))
+    if expected is not None:
+        if expected not in channels:
+            raise FileError(f"{file}: has no channel '{expected}'; it has {known}")
+        return expected
+    for rule in CHANNEL_ORDER:
+        fits = [name for name in channels if _fits(name.lower(), rule)]
+        if len(fits) > 1:
+            raise FileError(f"{file}: depth may be any of {', '.join(fits)}; choose one with `channel`")
+        if fits:
+            _check_grey(file, channels, fits[0])
+            return fits[0]
+    if len(channels) != 1:
+        raise FileError(f"{file}: has the channels {known}, none of which is plainly depth; choose one with `channel`")
+    return next(iter(channels))
+
+
+def _fits(name: str, rule: str) -> bool:
+    if rule.startswith("*"):
+        return name.endswith(rule[1:]) if not rule.endswith("*") else rule.strip("*") in name
+    return name == rule
+
+
+def _check_grey(file: Path, channels: dict[str, np.ndarray], chosen: str) -> None:
+    """R stands for depth only where G and B say the same (EasySynth writes all three)."""
+    for other in {"R": "GB", "r": "gb"}.get(chosen, ""):
+        if other in channels and not np.array_equal(channels[chosen], channels[other], equal_nan=True):
+            raise FileError(f"{file}: is a colour picture (R and {other} differ); depth in one channel is expected")
+
+
+def check_exr_is_whole(file: Path) -> None:
+    """Raise FileError for a file that ends early; the library itself complains on the terminal before it raises.
+
+    Only what is simple is checked here, one scan-line part (format: openexr.com, "OpenEXR File Layout"): behind the
+    header lies a table of chunk offsets, at each offset a line number, a size and that many bytes.
+    """
+    data = file.read_bytes()
+    if data[:4] != b"\x76\x2f\x31\x01":
+        raise FileError(f"{file}: is no OpenEXR file")
+    try:
+        flags = struct.unpack_from("<I", data, 4)[0]
+        if flags & 0x1A00:  # tiled, deep or of several parts: left to the library
+            return
+        table, chunks = _chunk_table(data)
+        offsets = struct.unpack_from(f"<{chunks}Q", data, table)
+        ends = [at + 8 + struct.unpack_from("<i", data, at + 4)[0] for at in offsets]
+        whole = min(offsets) > table and max(ends) <= len(data)
+    except (struct.error, ValueError, KeyError, IndexError, OverflowError):
+        whole = False
+    if not whole:
+        raise FileError(f"{file}: is damaged or truncated")
+
+
+def _chunk_table(data: bytes) -> tuple[int, int]:
+    """(where the table of chunk offsets begins, how many there are) of a scan-line EXR."""
+    at, found = 8, {}
+    while data[at]:
+        name_end = data.index(b"\0", at)
+        type_end = data.index(b"\0", name_end + 1)
+        size = struct.unpack_from("<i", data, type_end + 1)[0]
+        found[data[at:name_end]] = data[type_end + 5 : type_end + 5 + size]
+        at = type_end + 5 + size
+    _, top, _, bottom = struct.unpack("<4i", found[b"dataWindow"])
+    lines = LINES_PER_CHUNK[found[b"compression"][0]]
+    return at + 1, -(-(bottom - top + 1) // lines)

@@ -1,0 +1,124 @@
+"""EXR files of renderers and compositors, written by the OpenEXR library alone: windows, parts, deep pixels."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import OpenEXR
+import pytest
+
+from box_frame import pixels, small_frame
+from dlama.errors import DepthError, FileError
+from dlama.files.rasters.depth import read_depth
+from dlama.files.rgbd import read_rgbd
+
+WHOLE = 1 + np.arange(9 * 12, dtype=np.float32).reshape(9, 12) / 16
+"""Depth of a picture of 12 x 9 px, another number in each."""
+
+
+def window(left: int, top: int, right: int, bottom: int) -> tuple[np.ndarray, np.ndarray]:
+    """Of an EXR; its corners belong to it."""
+    return np.array([left, top], np.int32), np.array([right, bottom], np.int32)
+
+
+def part(
+    data: tuple[int, ...], display: tuple[int, ...], channels: dict[str, np.ndarray], name: str = "", **more: object
+):
+    """A part of an EXR; data and display: the corners of its windows."""
+    header = {"type": OpenEXR.scanlineimage, "compression": OpenEXR.ZIP_COMPRESSION, **more}
+    header |= {"dataWindow": window(*data), "displayWindow": window(*display)}
+    return OpenEXR.Part(header, channels, name)
+
+
+def write(path: Path, *parts: OpenEXR.Part) -> Path:
+    OpenEXR.File(list(parts)).write(str(path))
+    return path
+
+
+@pytest.mark.parametrize("offset", [(0, 0), (100, 40), (-7, -3)])
+@pytest.mark.parametrize("compression", ["ZIP_COMPRESSION", "PIZ_COMPRESSION", "NO_COMPRESSION"])
+def test_a_cropped_render_lies_where_it_was_rendered(tmp_path: Path, offset: tuple[int, int], compression: str) -> None:
+    """Oracle: a slice of the whole picture; all that was not rendered is missing, and a warning says how much was."""
+    x, y = offset
+    render = part(
+        (x + 3, y + 2, x + 10, y + 6), (x, y, x + 11, y + 8), {"Z": WHOLE[2:7, 3:11].copy()},
+        compression=getattr(OpenEXR, compression),
+    )  # fmt: skip
+    expected = np.zeros_like(WHOLE)
+    expected[2:7, 3:11] = WHOLE[2:7, 3:11]
+    with pytest.warns(UserWarning, match=r"d\.exr: was rendered in 37% of its display window .* counts as missing"):
+        assert np.array_equal(read_depth(write(tmp_path / "d.exr", render)), expected)
+
+
+def test_overscan_is_cut_off_without_a_word(tmp_path: Path) -> None:
+    """Oracle: a slice of the whole picture; pytest makes a warning an error."""
+    render = part((-2, -1, 9, 7), (0, 0, 7, 5), {"Z": WHOLE})
+    assert np.array_equal(read_depth(write(tmp_path / "d.exr", render)), WHOLE[1:7, 2:10])
+
+
+def test_overscan_on_one_side_and_a_crop_on_the_other(tmp_path: Path) -> None:
+    """Oracle: slices of the whole picture; half floats, whose largest number is far, also here."""
+    half = WHOLE.astype(np.float16)
+    half[8, 11] = 65504
+    expected = np.zeros((9, 12), np.float32)
+    expected[:7, :10] = half[2:, 2:]
+    expected[6, 9] = np.inf
+    with pytest.warns(UserWarning, match="rendered in 65%"):
+        found = read_depth(write(tmp_path / "d.exr", part((-2, -2, 9, 6), (0, 0, 11, 8), {"Z": half})))
+    assert np.array_equal(found, expected)
+
+
+def test_nothing_shown_and_too_large_a_display_are_refused(tmp_path: Path) -> None:
+    apart = write(tmp_path / "apart.exr", part((20, 0, 31, 8), (0, 0, 11, 8), {"Z": WHOLE}))
+    with pytest.raises(FileError, match=r"apart\.exr: its data window lies outside .*data 20,0 to 31,8, display 0,0"):
+        read_depth(apart)
+    large = write(tmp_path / "large.exr", part((0, 0, 11, 8), (0, 0, 99_999, 99_999), {"Z": WHOLE}))
+    with pytest.raises(FileError, match=r"large\.exr: says it holds 100000x100000 pixels"):
+        read_depth(large)
+
+
+def test_the_window_is_that_of_the_part_with_the_depth(tmp_path: Path) -> None:
+    """Oracle: a slice; the colour part is whole and comes first."""
+    colour = part((0, 0, 11, 8), (0, 0, 11, 8), {name: WHOLE.astype(np.float16) for name in "RGB"}, "rgba")
+    depth = part((3, 2, 10, 6), (0, 0, 11, 8), {"depth.Z": WHOLE[2:7, 3:11].copy()}, "depth")
+    expected = np.zeros_like(WHOLE)
+    expected[2:7, 3:11] = WHOLE[2:7, 3:11]
+    with pytest.warns(UserWarning, match="37%"):
+        assert np.array_equal(read_depth(write(tmp_path / "d.exr", colour, depth)), expected)
+
+
+def test_parts_with_the_same_channel_are_asked_for(tmp_path: Path) -> None:
+    """Two eyes in one file: the first part's depth was taken without a word."""
+    eyes = [
+        part((0, 0, 11, 8), (0, 0, 11, 8), {"Z": WHOLE + n, "A": WHOLE}, eye) for n, eye in enumerate(("left", "right"))
+    ]
+    path = write(tmp_path / "eyes.exr", *eyes)
+    with pytest.raises(FileError, match=r"depth may be any of left\.Z, right\.Z; choose one with channel"):
+        read_depth(path)
+    for n, eye in enumerate(("left", "right")):
+        assert np.array_equal(read_depth(path, channel=f"{eye}.Z"), WHOLE + n)
+
+
+def test_a_deep_file_is_named(tmp_path: Path) -> None:
+    deep = np.empty((2, 3), object)
+    deep[:] = [[np.array([1, 2], np.float32)] * 3] * 2
+    header = {"type": OpenEXR.deepscanline, "compression": OpenEXR.ZIPS_COMPRESSION}
+    OpenEXR.File(header, {"Z": deep}).write(str(tmp_path / "deep.exr"))
+    with pytest.raises(FileError, match=r"deep\.exr: is a deep EXR"):
+        read_depth(tmp_path / "deep.exr")
+
+
+def test_a_cropped_depth_goes_with_a_whole_picture(tmp_path: Path) -> None:
+    """Oracle: the frame's depth in millimetres; a file without any depth in its window still says so."""
+    whole = pixels(small_frame(tmp_path) / "depth.png").astype(np.float32) / 1000
+    height, width = whole.shape
+    write(
+        tmp_path / "d.exr", part((0, 8, width - 1, height - 1), (0, 0, width - 1, height - 1), {"Z": whole[8:].copy()})
+    )
+    with pytest.warns(UserWarning, match="83%"):
+        rgbd = read_rgbd(tmp_path / "image.png", tmp_path / "d.exr", fov=60)
+    assert rgbd.missing[:8].all() and np.array_equal(rgbd.depth[8:], whole[8:])
+    empty = write(tmp_path / "empty.exr", part((2, 2, 3, 3), (0, 0, 11, 8), {"Z": np.zeros((2, 2), np.float32)}))
+    with pytest.warns(UserWarning, match="4%"), pytest.raises(DepthError, match="no pixel has a depth"):
+        read_depth(empty)
