@@ -16,7 +16,6 @@ from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.frames.gathering import drop_seen_depth
 from dlama.geometry.frames.removal import carry_masks
 from dlama.geometry.rendering import render
-from dlama.geometry.rgbd import clip_depth
 from dlama.geometry.trajectories import orbit
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
@@ -155,12 +154,12 @@ def test_masks_that_fit_no_frame_are_refused() -> None:
 
 
 def test_frames_are_clipped_as_one_picture_is() -> None:
-    """Oracle: `clip_depth`, frame by frame, of frames in memory and of those that are read when they are needed."""
+    """Oracle: `RGBD.clip_depth`, frame by frame, of frames in memory and of those that are read when they are needed."""
     frames = FRAMES[:2]
     for given in (frames, [functools.partial(lambda one: one, one) for one in frames]):
         for clip in (3.0, None):
             found = scene_of(given, clip).frames
             assert all(
-                np.array_equal(one.load().depth, clip_depth(frame, clip).depth) for one, frame in zip(found, frames)
+                np.array_equal(one.load().depth, frame.clip_depth(clip).depth) for one, frame in zip(found, frames)
             )
-    assert not np.array_equal(clip_depth(frames[0], 3.0).depth, frames[0].depth)
+    assert not np.array_equal(frames[0].clip_depth(3.0).depth, frames[0].depth)

@@ -21,7 +21,6 @@ from dlama.geometry.holes import (
     erode_mask,
     fill_with_nearest,
     gaussian_mean,
-    hole_shares,
     morphological_close,
     morphological_open,
     nearest_known,
@@ -105,14 +104,6 @@ def a_view(hole_type: np.ndarray) -> View:
     for kind in HoleType:
         view = view.without((hole_type == kind) & (hole_type > 0), kind)
     return view
-
-
-def test_shares_by_type() -> None:
-    """Closed form: 3 of 12 pixels out of view, 1 an object, and NONE is not listed."""
-    view = a_view(np.array([[4, 4, 4, 0], [0, 6, 0, 0], [0, 0, 0, 0]], np.uint8))
-    shares = hole_shares(view)
-    assert shares.pop("out_of_view") == 0.25 and shares.pop("object") == 1 / 12
-    assert set(shares) == {"crack", "disoccluded", "flying", "sensor"} and not any(shares.values())
 
 
 @pytest.mark.parametrize("seed", range(6))

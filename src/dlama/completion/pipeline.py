@@ -16,8 +16,7 @@ from dlama.completion.memory import check_memory
 from dlama.completion.options import OptionKeywords, Options, Unpack, options_of, take_options
 from dlama.completion.plausible import warn_of_scale, warn_of_unknown
 from dlama.completion.report import Clock, Record, about_depth, expected_errors, meta_data
-from dlama.completion.second_estimate import is_of_default_network
-from dlama.completion.start import choose_filler, plan_for, scene_of
+from dlama.completion.start import choose_filler, may_estimate_again, plan_for, scene_of
 from dlama.completion.steps import CompletedView, complete_views, fill
 from dlama.errors import InputError
 from dlama.geometry.camera import Camera
@@ -62,14 +61,14 @@ def complete(
     chosen = options_of(options)
     if not cameras and mask is None:
         raise InputError("cameras is empty; one camera or more is expected (rgbd.camera is the picture's own)")
-    start = scene_of(rgbd, chosen.settings.clip)
+    again, start = may_estimate_again(rgbd), scene_of(rgbd, chosen.settings.clip)
     source = start.frames[0].load()
     check_memory((*(one.camera for one in start.frames if isinstance(one, View)), *cameras))
     warn_of_scale(source)
     make_room(source.camera.width * source.camera.height)
     plan, scene, grown_mask = plan_for(start, chosen, mask)
     clock = Clock()
-    completed, fills, scene = complete_views(plan, scene, cameras, clock, again=is_of_default_network(rgbd))
+    completed, fills, scene = complete_views(plan, scene, cameras, clock, again=again)
     make_room(source.camera.width * source.camera.height)
     views, warped = tuple(one.view for one in completed), tuple(one.before for one in completed)
     if mask is None:

@@ -12,9 +12,8 @@ from typing import Any
 import numpy as np
 
 from dlama.completion.start import NO_DILATION, Dilation, Plan
-from dlama.geometry.codes import from_filler
+from dlama.geometry.codes import HoleType, from_filler
 from dlama.geometry.drawing.picture_edges import DepthProfile
-from dlama.geometry.holes import hole_shares
 from dlama.geometry.rendering import find_flying_pixels
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
@@ -85,6 +84,12 @@ def meta_data(plan: Plan, source: View, warped: Sequence[View], record: Record) 
         "seconds": record.seconds,
         "notes": record.notes,
     }
+
+
+def hole_shares(view: View) -> dict[str, float]:
+    """Share of the picture (0..1) by hole type, holes filled or not."""
+    counts = np.bincount(view.hole_type[view.hole_type > 0], minlength=len(HoleType))
+    return {kind.name.lower(): float(counts[kind]) / view.hole_type.size for kind in HoleType if kind}
 
 
 def depth_source(rgbd: RGBD) -> dict[str, Any]:

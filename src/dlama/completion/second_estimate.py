@@ -22,13 +22,13 @@ from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.frames.stored import Layer
 from dlama.geometry.holes import box_around, smaller_size
 from dlama.geometry.projection import inverse_depth
-from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, paste
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, paste
 from dlama.geometry.scene import Scene, replace_frame
 from dlama.geometry.view import View
 from dlama.geometry.visibility import project_depth
 from dlama.inpainters.filling import FillReport
 from dlama.models.network_file import make_room
-from dlama.perception.monocular import DEFAULT, estimate_depth
+from dlama.perception.monocular import estimate_depth
 from dlama.progress import begin_stage
 
 SIDE, REACH_PX, RING_PX = 512, 24, 80
@@ -53,13 +53,6 @@ class Fit(NamedTuple):
     shift: float
     notes: dict[str, Any]
     """For meta.json: whether it is taken, else why not."""
-
-
-def is_of_default_network(rgbd: object) -> bool:
-    """Whether a picture's depth may be estimated again: by the network that ships, if that estimated it (of a scene it is not
-    known). A better network, or a phone, is not corrected by it."""
-    estimate = rgbd.estimate if isinstance(rgbd, RGBD) else None
-    return estimate is None or estimate.get("estimator") == DEFAULT
 
 
 def estimate_again(plan: Plan, scene: Scene, place: int, view: View) -> tuple[Plan, Scene, FillReport]:

@@ -23,7 +23,7 @@ from dlama.geometry.drawing.picture_edges import DepthProfile
 from dlama.geometry.frames import gathering
 from dlama.geometry.frames.gathering import FrameSource
 from dlama.geometry.frames.removal import remove_object
-from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, clip_depth
+from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
@@ -32,6 +32,7 @@ from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Inpainter
 from dlama.inpainters.grey_depth import with_grey_depth
 from dlama.inpainters.layered.depth_first import paint_over_depth
+from dlama.perception.monocular import DEFAULT
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +95,7 @@ class FillerChoice:
 def scene_of(rgbd: RGBD | Scene | Sequence[FrameSource], clip: float | None = None) -> Scene:
     """The scene that a completion starts from, clipped at `clip` metres. InputError: a scene cannot be clipped any more."""
     if isinstance(rgbd, RGBD):
-        return Scene((View.from_rgbd(clip_depth(rgbd, clip)),))
+        return Scene((View.from_rgbd(rgbd.clip_depth(clip)),))
     if not isinstance(rgbd, Scene):
         return gathering.scene([clip_frame(frame, clip) for frame in rgbd])
     if clip is not None:
@@ -102,15 +103,22 @@ def scene_of(rgbd: RGBD | Scene | Sequence[FrameSource], clip: float | None = No
     return rgbd
 
 
+def may_estimate_again(rgbd: object) -> bool:
+    """Whether a picture's depth may be estimated again (`second_estimate`): by the network that ships, if that estimated it (of
+    a scene it is not known). A better network, or a phone, is not corrected by it."""
+    estimate = rgbd.estimate if isinstance(rgbd, RGBD) else None
+    return estimate is None or estimate.get("estimator") == DEFAULT
+
+
 def clip_frame(frame: FrameSource, clip: float | None) -> FrameSource:
     """The frame, or what reads it, clipped."""
     if clip is None:
         return frame
-    return clip_depth(frame, clip) if isinstance(frame, RGBD) else partial(_read_and_clip, frame, clip)
+    return frame.clip_depth(clip) if isinstance(frame, RGBD) else partial(_read_and_clip, frame, clip)
 
 
 def _read_and_clip(read: Callable[[], RGBD], clip: float | None) -> RGBD:
-    return clip_depth(read(), clip)
+    return read().clip_depth(clip)
 
 
 def choose_filler(

@@ -145,11 +145,6 @@ def close_holes(law: Law, view: View, earlier: View, *, measured: bool = False) 
     return known, FillReport(0, moved, 0, {})
 
 
-def fuse_new(scene: Scene, before: View, known: View, filled: View) -> Scene:
-    """The scene with what was filled anew; holes of `before` that `known` had closed already come from the scene itself."""
-    return fuse(scene, filled, before.hole & ~known.hole)
-
-
 def complete_frame(
     plan: Plan, scene: Scene, place: int, clock: StageClock = nullcontext
 ) -> tuple[CompletedView, Scene]:
@@ -164,7 +159,7 @@ def complete_frame(
         colored = frame.depth_hole
         if colored.any():
             scene = replace_frame(scene, place, frame.with_pixels(view, colored))
-        larger = fuse_new(scene, before, known, view)
+        larger = fuse(scene, view, before.hole & ~known.hole)
     return CompletedView(before, view, NO_DILATION, (taken_over, filled)), larger
 
 
@@ -180,7 +175,7 @@ def complete_view(
     with clock("fill"):
         view, filled = fill(plan, known, scene)
     with clock("fuse"):
-        larger = fuse_new(scene, before, known, view)
+        larger = fuse(scene, view, before.hole & ~known.hole)
     return CompletedView(before, view, grown, (taken_over, filled)), larger
 
 

@@ -218,12 +218,6 @@ def check_mask(mask: ArrayLike, hw: tuple[int, int]) -> BoolArray:
     return mask
 
 
-def hole_shares(view: View) -> dict[str, float]:
-    """Share of the picture (0..1) by hole type, holes filled or not."""
-    counts = np.bincount(view.hole_type[view.hole_type > 0], minlength=len(HoleType))
-    return {kind.name.lower(): float(counts[kind]) / view.hole_type.size for kind in HoleType if kind}
-
-
 def dilate_view_holes(view: View, radius: int) -> View:
     """The view with its holes dilated by `radius` px; a pixel given up takes the type of the nearest hole pixel."""
     given_up = dilate_mask(view.hole, radius) & ~view.hole

@@ -125,13 +125,14 @@ def draw_scene(
     def prepare(layer: Layer) -> Grid:
         return Grid.of(layer, camera, mode, fine, surface_of(layer) if keep else None)
 
+    shown = visible_fills(scene, camera, mode)
     if not frames:
         drawn = Drawn(Canvas.empty(camera, errors), [])
     elif len(scene.frames) > 1:
         drawn = merge_frames(scene, camera, mode, fine, errors)
     else:
         drawn = draw_frame(prepare(scene.frames[0]), errors)
-    fills = [prepare(fill) for fill in visible_fills(scene, camera, mode)]
+    fills = [prepare(fill) for fill in shown]
     put_fills(drawn, fills, camera, count)
     for grid in fills if drawn.frame is not None else (*drawn.grids, *fills):
         draw_far(grid, drawn.canvas)

@@ -110,6 +110,10 @@ class RGBD(Figured):
                 return _frame_of(_is_level(self.color, level) & self.missing)
         return None
 
+    def clip_depth(self, clip: float | None) -> RGBD:
+        """The picture with everything at or beyond `clip` metres, sky too, at `clip`; itself where `clip` is None."""
+        return self if clip is None else replace(self, depth=np.minimum(self.depth, np.float32(clip)))
+
 
 def check_color(color: ArrayLike, name: str = "colour") -> UInt8Array:
     """The picture as an array; ShapeError, which calls it `name`, unless it is uint8 H x W x 3 with a pixel or more."""
@@ -230,10 +234,3 @@ def mark_far(depth: Float32Array, far: float, source: str = "") -> Float32Array:
             f"{source}no depth is nearer than `far`, {far:g} m; the scene has {describe_depth_range(depth)}"
         )
     return found
-
-
-def clip_depth(rgbd: RGBD, clip: float | None) -> RGBD:
-    """The picture with everything at or beyond `clip` metres, sky too, at `clip`; as it is where `clip` is None."""
-    if clip is None:
-        return rgbd
-    return replace(rgbd, depth=np.minimum(rgbd.depth, np.float32(clip)))

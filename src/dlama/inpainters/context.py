@@ -47,7 +47,8 @@ class FillContext:
         check(scene, Scene, "scene")
         if len(scene.frames) > 1 and sum(4 * one.camera.width * one.camera.height for one in scene.frames) > HELD_BYTES:
             return cls(Law(()), scene=scene)
-        return cls(Law.of(scene), sky_of(scene))
+        sky = sky_of(scene)
+        return cls(Law.of(scene), sky)
 
     def near(self, camera: Camera) -> FillContext:
         """The context for a camera: itself; of very many frames, that of the frames drawn for it, and of some more their coarse

@@ -12,7 +12,7 @@ from dlama.completion.steps import fill
 from dlama.completion.stereo.pair import CompletedPair, MatchedPair, without_object
 from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.holes import dilate_mask
-from dlama.geometry.rgbd import RGBD, clip_depth
+from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.inpainters.filling import FillReport
@@ -40,7 +40,7 @@ def complete_pair_one_by_one(pair: MatchedPair, draft: Plan, clock: Clock) -> Co
         disparities = pair.match(filled[0].color, filled[1].color)
     again = dataclasses.replace(pair, colors=(filled[0].color, filled[1].color), disparities=disparities)
     left, right = (
-        with_origin_of(View.from_rgbd(clip_depth(one, recipe.clip)), view)
+        with_origin_of(View.from_rgbd(one.clip_depth(recipe.clip)), view)
         for one, view in zip((again.left, again.right), filled)
     )
     record = Record(fills, clock.seconds, grown_mask)

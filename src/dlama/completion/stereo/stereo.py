@@ -31,7 +31,7 @@ from dlama.completion.start import (
     refuse_model_of_auto,
     scene_of,
 )
-from dlama.completion.steps import close_holes, complete_frame, fill, frames_to_fill, fuse_new
+from dlama.completion.steps import close_holes, complete_frame, fill, frames_to_fill
 from dlama.completion.stereo.disparities import Matches, find_matches
 from dlama.completion.stereo.exchange import (
     add_seen_alone,
@@ -58,7 +58,7 @@ from dlama.geometry.frames.removal import mask_growth
 from dlama.geometry.fusion import fuse
 from dlama.geometry.holes import dilate_mask
 from dlama.geometry.rendering import render
-from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, clip_depth, mark_far
+from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, mark_far
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
@@ -220,7 +220,8 @@ def complete_pair_together(pair: MatchedPair, draft: Plan, clock: Clock) -> Comp
         if pair.masks is None:
             scene = add_seen_alone(scene, apply_gain(right, gain), context.law, recipe.mode)
         own_depth = right.origin == Origin.DEPTH_FILLED.value  # added above where the left picture does not have it
-        scene = fuse_new(scene, right_before, known, apply_gain(right, gain).without(own_depth, HoleType.NONE))
+        new = apply_gain(right, gain).without(own_depth, HoleType.NONE)
+        scene = fuse(scene, new, right_before.hole & ~known.hole)
     left_before = left_before_filling(clean.left, scene)
     record = Record([left_fill, taken_over, right_fill], clock.seconds, grown_mask)
     exchanged = {
@@ -269,7 +270,7 @@ def left_before_filling(source: RGBD, scene: Scene) -> View:
 
 def right_as_given(pair: MatchedPair, recipe: Recipe) -> View:
     """The right picture with its depth; with the object open, where one is removed."""
-    view = View.from_rgbd(clip_depth(pair.right, recipe.clip))
+    view = View.from_rgbd(pair.right.clip_depth(recipe.clip))
     return view if pair.masks is None else view.without(dilate_mask(pair.masks[1], recipe.dilate or 0), HoleType.OBJECT)
 
 

@@ -18,9 +18,9 @@ from dlama.geometry.view import View
 from dlama.geometry.visibility import project_depth
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Inpainter, Painter
-from dlama.inpainters.layered.depth.surfaces import Surfaces
+from dlama.inpainters.layered.depth.surfaces import Surfaces, continue_lawfully
 from dlama.inpainters.layered.depth_first import find_occluders
-from dlama.inpainters.layered.filler import continue_lawfully, paint_surfaces
+from dlama.inpainters.layered.filler import inverse_of_filled, paint_surfaces
 from dlama.inpainters.networks.migan import SHIPPED, migan_filler
 from dlama.inpainters.networks.view_tensors import FAR_SHARE
 from dlama.inpainters.spreading import Spread, pull_push, spread_small, telea_spread
@@ -77,7 +77,8 @@ def make_guesses(view: View, context: FillContext, seed: int, makers: Sequence[G
 
 def layered_guess(prepared: PreparedView) -> Guess:
     """Surfaces painted with their own texture."""
-    color = paint_surfaces(prepared.view, prepared.surfaces, prepared.depth, prepared.context, prepared.seed)
+    w = inverse_of_filled(prepared.view, prepared.surfaces, prepared.depth)
+    color = paint_surfaces(prepared.view, prepared.surfaces, w, prepared.context, prepared.seed)
     return prepared.guess("layered", color, prepared.depth)
 
 

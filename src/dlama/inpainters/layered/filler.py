@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.codes import HoleType, has_code
-from dlama.geometry.projection import depth_from_inverse, inverse_depth
+from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import Float32Array, UInt8Array
 from dlama.geometry.view import View
-from dlama.geometry.visibility import project_depth
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill
 from dlama.inpainters.layered.color.low_frequency import begin_guess, blend_with_low_frequency
 from dlama.inpainters.layered.color.rims import blend_at_rim
 from dlama.inpainters.layered.color.texture_synthesis import synthesize
-from dlama.inpainters.layered.depth.surfaces import Surfaces, continue_surfaces
+from dlama.inpainters.layered.depth.surfaces import Surfaces, continue_lawfully
 from dlama.inpainters.layered.remaining_shadows import find_remaining_shadow
-from dlama.inpainters.sky import Sky
 from dlama.perception.planes import SKY, SMOOTH
 
 NOT_BLENDED = (HoleType.OUT_OF_VIEW, HoleType.OBJECT)
@@ -30,37 +26,24 @@ def layered(view: View, context: FillContext, seed: int = 0) -> Fill:
     """Continue planes, sky and smooth surfaces into the holes, project them onto the visibility law, then paint them."""
     guess = begin_guess(view)
     surfaces, depth, moved = continue_lawfully(view, context, seed)
-    color = paint_surfaces(view, surfaces, depth, context, seed)
-    color = blend_out_of_view(view, surfaces, depth, color, context.sky, guess)
+    w = inverse_of_filled(view, surfaces, depth)
+    color = paint_surfaces(view, surfaces, w, context, seed)
+    painted = view.color_hole & (surfaces.leaves < 0)
+    color = blend_with_low_frequency(view, color, painted, w, surfaces.label, context.sky, guess)
     return Fill(color, depth, moved, {"planes": len(surfaces.planes)})
 
 
-def blend_out_of_view(
-    view: View,
-    surfaces: Surfaces,
-    depth: Float32Array,
-    color: UInt8Array,
-    sky: Sky | None,
-    guess: Callable[[], Float32Array],
-) -> UInt8Array:
-    """H x W x 3: painted colours (H x W x 3), each surface out of view blended with a low-frequency estimate; depth: H x W m,
-    filled; guess: of `begin_guess`."""
-    w = inverse_of_filled(view, surfaces, depth)
-    return blend_with_low_frequency(view, color, view.color_hole & (surfaces.leaves < 0), w, surfaces.label, sky, guess)
-
-
 def paint_surfaces(
-    view: View, surfaces: Surfaces, depth: Float32Array, context: FillContext, seed: int, detail: bool = True
+    view: View, surfaces: Surfaces, w: Float32Array, context: FillContext, seed: int, detail: bool = True
 ) -> UInt8Array:
-    """H x W x 3: the view's colours, with each surface in its colour holes painted with its own texture; depth: H x W m, filled;
-    detail: False paints smooth colours alone."""
+    """H x W x 3: the view's colours, with each surface in its colour holes painted with its own texture; w: H x W inverse depth
+    (1/m), of `inverse_of_filled`; detail: False paints smooth colours alone."""
     if not view.color_hole.any():
         return view.color
-    w = inverse_of_filled(view, surfaces, depth)
     label = np.where(np.abs(w - surfaces.inverse_depth) > 0.05 * w, np.int32(SMOOTH), surfaces.label)
     label[view.hole & (w == 0)] = SKY
-    shadow = find_remaining_shadow(view, label, context.law)
     leafy = paint_leaves(view.color, view, find_leaves(view, surfaces))
+    shadow = find_remaining_shadow(view, label, context.law)
     open_ = view.color_hole & (surfaces.leaves < 0)
     color = synthesize(leafy, open_, w, label, view.camera, seed=seed, sky=context.sky, spoiled=shadow, detail=detail)
     return blend_at_rim(color, view.color_hole, open_ & ~has_code(view.hole_type, *NOT_BLENDED), w, label, shadow)
@@ -86,10 +69,3 @@ def paint_leaves(color: UInt8Array, view: View, leaves: NDArray[np.intp]) -> UIn
     out = color.copy()
     out.reshape(-1, 3)[leaves[0]] = view.color.reshape(-1, 3)[leaves[1]]
     return out
-
-
-def continue_lawfully(view: View, context: FillContext, seed: int) -> tuple[Surfaces, Float32Array, int]:
-    """The surfaces continued into the holes, their depth projected onto the visibility law, and how many pixels that moved."""
-    surfaces = continue_surfaces(view, context, seed)
-    depth, moved = project_depth(view, depth_from_inverse(surfaces.inverse_depth), view.hole, context.law)
-    return surfaces, depth, moved

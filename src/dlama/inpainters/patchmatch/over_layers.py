@@ -23,10 +23,10 @@ from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill, Inpainter
-from dlama.inpainters.layered.color.low_frequency import begin_guess
-from dlama.inpainters.layered.depth.surfaces import Surfaces
+from dlama.inpainters.layered.color.low_frequency import begin_guess, blend_with_low_frequency
+from dlama.inpainters.layered.depth.surfaces import Surfaces, continue_lawfully
 from dlama.inpainters.layered.depth_first import find_occluders
-from dlama.inpainters.layered.filler import blend_out_of_view, continue_lawfully, paint_surfaces
+from dlama.inpainters.layered.filler import inverse_of_filled, paint_surfaces
 from dlama.inpainters.layered.remaining_shadows import find_remaining_shadow
 from dlama.inpainters.networks.migan import migan_filler
 from dlama.inpainters.patchmatch.completion import QUICK, complete_picture
@@ -43,6 +43,7 @@ def layered_patches_filler(model: str | Path) -> Inpainter:
     def fill(view: View, context: FillContext, seed: int) -> Fill:
         smooth = begin_guess(view)
         surfaces, depth, moved = continue_lawfully(view, context, seed)
+        w = inverse_of_filled(view, surfaces, depth)
         hole = view.color_hole & has_code(
             view.hole_type, *(REPAINTED if context.misplaced_edges else (HoleType.OBJECT,))
         )
@@ -50,7 +51,7 @@ def layered_patches_filler(model: str | Path) -> Inpainter:
         others = hole & ~removed
         color, notes = view.color, dict[str, Any](planes=len(surfaces.planes))
         if (view.color_hole & ~removed).any():
-            color = paint_surfaces(view, surfaces, depth, context, seed, detail=not context.misplaced_edges)
+            color = paint_surfaces(view, surfaces, w, context, seed, detail=not context.misplaced_edges)
         if hole.any():
             label, hidden = exclude_from_patches(view, surfaces, depth, context.law, hole)
             guess = color
@@ -63,7 +64,8 @@ def layered_patches_filler(model: str | Path) -> Inpainter:
             if others.any():
                 done = blend_with_guess(done, guess, others)
             color = np.where(hidden[..., None], color, done)
-        color = blend_out_of_view(view, surfaces, depth, color, context.sky, smooth)
+        painted = view.color_hole & (surfaces.leaves < 0)
+        color = blend_with_low_frequency(view, color, painted, w, surfaces.label, context.sky, smooth)
         return Fill(color, depth, moved, notes)
 
     return fill

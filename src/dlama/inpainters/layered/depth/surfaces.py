@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 
 from dlama.geometry.holes import fill_with_nearest
 from dlama.geometry.kernels.jit import begin_job
-from dlama.geometry.projection import inverse_depth
+from dlama.geometry.projection import depth_from_inverse, inverse_depth
 from dlama.geometry.rgbd import Float32Array
 from dlama.geometry.view import View
+from dlama.geometry.visibility import project_depth
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.layered.depth.distances import enlarge
 from dlama.inpainters.layered.depth.foliage import copy_leaves
@@ -40,6 +41,13 @@ class Surfaces:
     """K x 3, w = a u + b v + c in pixels of the view."""
     leaves: NDArray[np.int32]
     """H x W; flat index of the known leaf pixel that a hole pixel is copied from, where foliage extends; negative elsewhere."""
+
+
+def continue_lawfully(view: View, context: FillContext, seed: int) -> tuple[Surfaces, Float32Array, int]:
+    """The surfaces continued into the holes, their depth projected onto the visibility law, and how many pixels that moved."""
+    surfaces = continue_surfaces(view, context, seed)
+    depth, moved = project_depth(view, depth_from_inverse(surfaces.inverse_depth), view.hole, context.law)
+    return surfaces, depth, moved
 
 
 def continue_surfaces(view: View, context: FillContext, seed: int = 0) -> Surfaces:
