@@ -60,6 +60,16 @@ def test_depth_that_is_no_number_is_refused(kind: str) -> None:
         RGBD(COLOR, np.ones((2, 3), kind), CAMERA)
 
 
+@pytest.mark.parametrize("kind", [np.uint8, np.uint16, np.int32, np.int64])
+@pytest.mark.parametrize("value", [2, 100])
+def test_depth_in_whole_numbers_is_refused(kind: type, value: int) -> None:
+    """Oracle: the advice, taken literally. 100 would be a wall 100 m off or a hand at .1 m, and no median tells which."""
+    with pytest.raises(DepthError, match=rf"depth is {kind.__name__}, and nothing says in which unit.*depth / 1000 of"):
+        RGBD(COLOR, np.full((2, 3), value, kind), CAMERA)  # type: ignore[arg-type]
+    metres = np.full((2, 3), 1000 * value, np.int64) / 1000
+    assert (RGBD(COLOR, metres, CAMERA).depth == value).all()  # type: ignore[arg-type]
+
+
 def test_depth_of_another_dtype_becomes_float32() -> None:
     """Closed form: float64 metres come in, float32 stand there; what was handed in is left alone."""
     given = np.full((2, 3), 0.1)

@@ -33,7 +33,8 @@ class RGBD(Figured):
     """A colour picture with metric depth.
 
     Every depth pixel is in one of three states: *valid* (finite, > 0), *far* (+inf: sky, or beyond the stated limit)
-    or *missing* (0; NaN is taken as 0). PIL pictures and tensors of torch are taken as arrays, here as everywhere.
+    or *missing* (0; NaN is taken as 0). Depth in whole numbers, whose unit nothing says, is refused. PIL pictures and tensors
+    of torch are taken as arrays, here as everywhere.
     Raises ShapeError or DepthError.
     """
 
@@ -61,7 +62,12 @@ class RGBD(Figured):
                 f"the camera is {self.camera.width}x{self.camera.height} and the picture "
                 f"{depth.shape[1]}x{depth.shape[0]}; both must have the same size"
             )
-        if depth.dtype.kind not in "fiu":
+        if depth.dtype.kind in "iu":
+            raise DepthError(
+                f"depth is {depth.dtype}, and nothing says in which unit; metres as floating-point numbers are expected: "
+                "depth / 1000 of millimetres, depth.astype(np.float32) of metres"
+            )
+        if depth.dtype.kind != "f":
             raise DepthError(f"depth is {depth.dtype}; metres as numbers are expected")
         depth = np.asarray(depth, np.float32)
         least = depth.min()

@@ -162,6 +162,13 @@ def test_a_given_disparity_and_a_matcher() -> None:
         stereo(*pictures(), RIG, disparity=0 * at_left)
 
 
+def test_a_disparity_in_whole_numbers_is_refused() -> None:
+    """Law: OpenCV's matchers give int16 sixteenths of a pixel; taken as pixels all was sixteen times too near."""
+    sixteenths = np.round(16 * matches(SCENE)[0]).astype(np.int16)
+    with pytest.raises(InputError, match=r"disparity is int16; pixels as floating-point .*disparity / 16 of OpenCV"):
+        stereo(*pictures(), RIG, disparity=sixteenths)  # type: ignore[arg-type]
+
+
 def test_disparities_next_to_nothing_are_warned_of() -> None:
     """Law: f B / d; a unit of 1e-9 px puts all beyond the horizon, and nothing was said."""
     at_left = np.full(pictures()[0].shape[:2], 1e-9, np.float32)

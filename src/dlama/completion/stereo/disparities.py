@@ -84,6 +84,11 @@ def matches_of_disparity(disparity: Float32Array, hw: tuple[int, int]) -> tuple[
     given = np.asarray(disparity)
     if given.ndim != 2 or given.dtype.kind not in "fiu":
         raise ShapeError(f"`disparity` is {given.dtype} {given.shape}; px as numbers, H x W, are expected")
+    if given.dtype.kind != "f":
+        raise InputError(
+            f"`disparity` is {given.dtype}; pixels as floating-point numbers are expected: disparity / 16 of OpenCV's matchers, "
+            "disparity.astype(np.float32) of pixels"
+        )
     if given.shape != hw:
         raise ShapeError(
             f"`disparity` is {given.shape[1]}x{given.shape[0]} and the pictures {hw[1]}x{hw[0]}; both must have the same size"
