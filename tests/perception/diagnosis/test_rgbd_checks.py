@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 
 import dlama
-from corruptions import SPOILT, observed
+from corruptions import FULL, SPOILT, observed, stored
 from dlama.geometry.camera import Camera
 from dlama.perception.diagnosis.depth_code import check_depth_code
-from dlama.perception.diagnosis.depth_scale import measure_extent
+from dlama.perception.diagnosis.depth_scale import check_value_range, measure_extent
 from dlama.perception.diagnosis.finding import Finding, Observed, certainty, describe_probability
 from dlama.perception.diagnosis.lens import check_exif, check_lens
 from dlama.perception.diagnosis.masks import check_mask_coverage, looks_inverted
@@ -65,6 +65,26 @@ def test_ground_and_unit_are_found() -> None:
     spoil, _ = SPOILT["1/5000 m read as mm"]
     (finding,) = run_checks(spoil(world(3)))
     assert "1/5000 m" in finding.what and finding.mend == "give `depth_scale=5000`"
+
+
+@pytest.mark.parametrize("metres", [8.0, 10.0, 20.0])
+def test_depth_that_was_cut_off_may_have_any_unit(metres: float) -> None:
+    """Oracle: 0..metres stretched to 16 bits, cut off where it is deeper: none of the usual units, so none is certain."""
+    seen = world(5)
+    values = np.minimum(np.where(seen.depth > 0, seen.depth * FULL / metres, 0), FULL)
+    (finding,) = run_checks(stored(seen, np.where(values == FULL, np.inf, values)))
+    assert finding.check == "depth-scale" and f"they end at {FULL}, which" in finding.what
+    assert "65535 over the metres at which depth was cut off (10 m: `depth_scale=6553.5`)" in finding.mend
+    assert describe_probability(finding.confidence) == "perhaps"
+
+
+def test_millimetres_that_are_cut_off_at_65_metres_are_in_order() -> None:
+    """Oracle: the world's own depth, with a few pixels at 60 m and a few beyond what 16 bits can say, and a hand at 0.45 m."""
+    seen = world(5)
+    depth = np.where(np.isposinf(seen.depth), 0, seen.depth)
+    depth[:2, :20], depth[2, :3], depth[-20:, -30:] = np.inf, 60, 0.45
+    assert check_value_range(replace(seen, depth=depth)) == []
+    assert [each.check for each in check_value_range(SPOILT["normalised"][0](seen))] == ["normalised-depth"]
 
 
 @pytest.mark.parametrize(("right", "down"), [(14, 0), (-9, 5), (0, -12)])

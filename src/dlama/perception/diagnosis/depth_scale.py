@@ -40,6 +40,12 @@ FULL = 65535
 RARE, LOWEST, HIGHEST = 0.004, 0.008, 0.8
 """Of depth that was stretched to 0..FULL: largest share of pixels at the maximum (more are a code, far, or a clip), largest least
 value and least largest value below it, over FULL."""
+TOUCHING = 0.1
+"""Metres; hardly a camera measures what is nearer, so even a likely scene that begins there was stretched."""
+TOP = 0.99
+"""Values up to this share of FULL, and others at FULL: depth was cut off there."""
+CUT_OFF = 0.65
+"""Largest probability of a unit of such depth: it may have been stretched from any range."""
 
 
 class Extent(NamedTuple):
@@ -69,19 +75,35 @@ def check_depth_unit(seen: Observed) -> list[Finding]:
     else:
         shows = f"half of it within {extent.middle * factor:.3g} m, {extent.middle:.3g} m as read"
     what = f"{seen.names[1]}: values look like {UNITS[best]} ({shows})"
-    mend = "check the unit of depth" if seen.units is None else f"give `depth_scale={best:g}`"
-    return [Finding("depth-scale", "fault", certainty(margin, 2.0), what, mend)]
+    confidence = certainty(margin, 2.0)
+    if seen.units is None:
+        return [Finding("depth-scale", "fault", confidence, what, "check the unit of depth")]
+    mend = f"give `depth_scale={best:g}`"
+    if cut_off := share_cut_off(seen):
+        what += f"; they end at {FULL}, which {cut_off:.1%} have"
+        mend += f", or {FULL} over the metres at which depth was cut off (10 m: `depth_scale={FULL / 10:g}`)"
+        confidence = min(confidence, CUT_OFF)
+    return [Finding("depth-scale", "fault", confidence, what, mend)]
+
+
+def share_cut_off(seen: Observed) -> float:
+    """Share of the pixels with depth that are at FULL, where the others reach up to it; else 0."""
+    known, far = seen.valid, np.isposinf(seen.depth)
+    reaches = known.any() and seen.depth[known].max() * (seen.units or 1.0) / FULL
+    return float(far.sum() / (known | far).sum()) if TOP <= reaches <= 1 else 0.0
 
 
 def check_value_range(seen: Observed) -> list[Finding]:
-    """Reports 16-bit values that fill 0..65535 exactly, as normalising leaves them (floats of 0..1 are refused when they are
-    read)."""
+    """Reports 16-bit values that fill 0..65535 exactly, as normalising leaves them: they begin at the camera, or make no likely
+    scene (floats of 0..1 are refused when they are read)."""
     known, far = seen.valid, np.isposinf(seen.depth)
     if seen.units in (None, 1.0) or not known.any() or not 0 < far.sum() <= RARE * (known | far).sum():
         return []
     share = seen.depth[known] * seen.units / FULL
     extent = measure_extent(seen)
     if share.min() > LOWEST or not HIGHEST <= share.max() <= 1 or extent is None:
+        return []
+    if seen.depth[known].min() > TOUCHING and unlikeliness(extent, 1.0) < UNLIKELY:
         return []
     read, typical = (extent.middle, MIDDLE[0]) if extent.floor is None else (extent.floor, FLOOR[0])
     scale = seen.units * read / typical
