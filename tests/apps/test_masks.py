@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+import time
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,6 +16,7 @@ import dlama
 from box_frame import small_frame
 from dlama.apps.cli import main
 from dlama.apps.reading import mask_notes
+from dlama.jobs import inputs
 
 
 def test_a_click_writes_mask_and_overlay(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -169,3 +173,41 @@ def test_what_finds_objects_does_not_go_with_a_mask_file(tmp_path: Path, capsys:
     folder = small_frame(tmp_path)
     words = ("remove", "image.png", "depth.png", "mask.png", "--fov", "60", "--candidate", "part")
     assert "--candidate is for clicks and boxes, and a mask file" in refused(capsys, folder, *words)
+
+
+def test_seconds_have_the_estimate_of_depth_and_the_mask(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Oracle: delays that are put in; they stood under `read`, or nowhere."""
+
+    def slower(function: Callable[..., Any], seconds: float) -> Callable[..., Any]:
+        def run_later(*args: Any, **named: Any) -> Any:
+            time.sleep(seconds)
+            return function(*args, **named)
+
+        return run_later
+
+    monkeypatch.setattr(inputs, "read_rgbd", slower(inputs.read_rgbd, 0.3))
+    monkeypatch.setattr(inputs, "find_pointed", slower(inputs.find_pointed, 0.2))
+    folder, out = small_frame(tmp_path), tmp_path / "out"
+    words = [
+        "--fov",
+        "60",
+        "--click",
+        "30,25",
+        "--metres-at",
+        "2,2=4",
+        *FAST,
+        "--only",
+        "image",
+        "--json",
+        "-o",
+        str(out),
+    ]
+    main(["remove", str(folder / "image.png"), *words])
+    for seconds in (
+        json.loads((out / "meta.json").read_text())["seconds"],
+        json.loads(capsys.readouterr().out)["seconds_by_stage"],
+    ):
+        assert "read" not in seconds and {"prepare", "fill", "write"} <= set(seconds)
+        assert seconds["read_and_estimate_depth"] >= 0.3 and seconds["find_mask"] >= 0.2

@@ -134,7 +134,7 @@ def test_meta_is_json_and_adds_up(recipe: str, filler: str) -> None:
     assert sum(meta["hole_share_by_type"][0].values()) == pytest.approx(unknown, abs=1e-5)
     assert unknown == pytest.approx((done.warped[0].hole_type > 0).mean(), abs=1e-5)
     assert meta["filled_pixels"] >= done.warped[0].hole.mean() and meta["law_violations"] == 0
-    assert set(meta["seconds"]) == {"render", "fill", "fuse"} and min(meta["seconds"].values()) >= 0
+    assert set(meta["seconds"]) == {"prepare", "render", "fill", "fuse"} and min(meta["seconds"].values()) >= 0
     assert meta["nothing_visible"] is False
 
 

@@ -137,7 +137,7 @@ class Command(JobInputs):
         place = shown or output
         files = self.write_completion(done, output, **results.settings())
         line = summary_line(done.meta, place, self.seconds)
-        self.result.add(line, **summary_values(done.meta, place, files))
+        self.result.add(line, **summary_values(done.meta, place, files, self.stages))
 
     def write_mask(
         self, found: dlama.ObjectMask, picture: dlama.RGBD | UInt8Array, output: Path, overlay: Path
@@ -154,7 +154,7 @@ class Command(JobInputs):
 
     def write_depth(self, rgbd: dlama.RGBD, output: Path, flags: dict[str, str]) -> None:
         """Depth to its directory, and the line about it, in which the flags stand for parameters."""
-        write_depth(rgbd, output, inputs=self.inputs, seconds={"read": round(self.read_seconds, 4)})
+        write_depth(rgbd, output, inputs=self.inputs, seconds=self.stages)
         about = dict(rgbd.estimate or {})
         scale = with_flags(RULES[about["scale"]["rule"]], flags)
         line = f"{output}: {describe_depth_range(rgbd.depth)}, {describe_depth_source(about)}, {scale}"
@@ -186,11 +186,11 @@ def summary_line(meta: dict[str, Any], place: object, seconds: float) -> str:
     return f"{place}: {unknown:.1%} was unknown{why}{how}, {seconds:.1f} s"
 
 
-def summary_values(meta: dict[str, Any], place: Path, files: list[str]) -> dict[str, Any]:
-    """The same, JSON-ready; shares view by view."""
+def summary_values(meta: dict[str, Any], place: Path, files: list[str], stages: Mapping[str, float]) -> dict[str, Any]:
+    """The same, JSON-ready; shares view by view, and with the seconds of stages round the completion."""
     names = ("filler", "hole_share", "depth_only_share", "hole_share_by_type", "nothing_visible", "law_violations")
     values = {"recipe": meta["recipe"]["name"], **{name: meta[name] for name in names}}
-    return {"output": str(place), "files": files, **values, "seconds_by_stage": meta["seconds"]}
+    return {"output": str(place), "files": files, **values, "seconds_by_stage": {**stages, **meta["seconds"]}}
 
 
 def mask_notes(chosen: str, candidates: Iterable[str], notes: Iterable[str]) -> str:

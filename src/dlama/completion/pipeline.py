@@ -66,8 +66,9 @@ def complete(
     check_memory((*(one.camera for one in start.frames if isinstance(one, View)), *cameras))
     warn_of_scale(source)
     make_room(source.camera.width * source.camera.height)
-    plan, scene, grown_mask = plan_for(start, chosen, mask)
     clock = Clock()
+    with clock("prepare"):
+        plan, scene, grown_mask = plan_for(start, chosen, mask)
     completed, fills, scene = complete_views(plan, scene, cameras, clock, again=again)
     make_room(source.camera.width * source.camera.height)
     views, warped = tuple(one.view for one in completed), tuple(one.before for one in completed)

@@ -56,8 +56,8 @@ class JobInputs:
     """Role -> where an input came from, of those that were fetched from elsewhere."""
     intrinsics_from: str = ""
     """In words, where the source camera's intrinsics come from."""
-    read_seconds: float = 0.0
-    """Spent in `reading`."""
+    stages: dict[str, float] = field(default_factory=dict)
+    """Seconds by stage, of what runs before the verb: read, read_and_estimate_depth, find_mask; and, at last, write."""
     removed: BoolArray | None = None
     """Of the object, in the picture or the left one of a pair; True = remove."""
     object_mask: dict[str, Any] = field(default_factory=dict)
@@ -71,12 +71,18 @@ class JobInputs:
         return time.perf_counter() - self.started
 
     @contextmanager
-    def reading(self, *names: Path) -> Iterator[None]:
-        """Files being read: shown in the bar, and timed."""
-        begin_stage(f"read {', '.join(name.name for name in names)}")
+    def timed(self, stage: str) -> Iterator[None]:
+        """What runs inside is added to that stage's seconds."""
         started = time.perf_counter()
         yield
-        self.read_seconds += time.perf_counter() - started
+        self.stages[stage] = self.stages.get(stage, 0.0) + time.perf_counter() - started
+
+    @contextmanager
+    def reading(self, *names: Path, stage: str = "read") -> Iterator[None]:
+        """Files being read: shown in the bar, and timed."""
+        begin_stage(f"read {', '.join(name.name for name in names)}")
+        with self.timed(stage):
+            yield
         begin_stage("complete")
 
     def read_picture(
@@ -86,7 +92,7 @@ class JobInputs:
         camera_file = lens.get("camera")
         self.inputs |= {"image": image} | ({"camera": Path(camera_file)} if camera_file else {})
         if depth is None:
-            with self.reading(image):
+            with self.reading(image, stage="read_and_estimate_depth"):
                 rgbd = read_rgbd(image, **lens, **options)
             self.intrinsics_from = (rgbd.estimate or {})["field_of_view"]["from"]
             return rgbd
@@ -111,7 +117,9 @@ class JobInputs:
         self, rgbd: RGBD, image: Path, settings: Mapping[str, Any], object_class: str | None = None
     ) -> BoolArray:
         """The mask of what is pointed at in a picture, read from `image`; how it was found goes into meta.json."""
-        found = find_pointed(rgbd, image, settings, object_class)
+        begin_stage("find mask")
+        with self.timed("find_mask"):
+            found = find_pointed(rgbd, image, settings, object_class)
         self.object_mask, self.removed = {**settings, **found.about}, found.mask
         return found.mask
 
@@ -121,7 +129,9 @@ class JobInputs:
             return mask
         from dlama.perception.object_masks import complete_mask
 
-        found = complete_mask(rgbd, {"object": mask}, "object", "a mask file", True)
+        begin_stage("find mask")
+        with self.timed("find_mask"):
+            found = complete_mask(rgbd, {"object": mask}, "object", "a mask file", True)
         self.object_mask, self.removed = {"with_shadow": True, **found.about}, found.mask
         return found.mask
 
@@ -151,17 +161,17 @@ class JobInputs:
         """What `only` and `also` name of the result to its directory; the names of its files."""
         if self.object_mask:
             done.meta["object_mask"] = self.object_mask
-        seconds = {"read": self.read_seconds}
         addresses: dict[str, Any] = {"input_addresses": self.addresses} if self.addresses else {}
-        write(
-            done,
-            output,
-            only=only,
-            also=also,
-            inputs=self.inputs,
-            intrinsics_from=self.intrinsics_from,
-            seconds=seconds,
-            mask=self.removed,
-            **addresses,
-        )
+        with self.timed("write"):
+            write(
+                done,
+                output,
+                only=only,
+                also=also,
+                inputs=self.inputs,
+                intrinsics_from=self.intrinsics_from,
+                seconds=dict(self.stages),
+                mask=self.removed,
+                **addresses,
+            )
         return file_names(done, only, also)

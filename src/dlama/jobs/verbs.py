@@ -38,13 +38,19 @@ def run_verb(job: Job, files: Mapping[str, Path], output: Path) -> None:
     PERFORM[job.verb](this, job, {**job.parameters, **files}, output)
 
 
+def _load(this: JobInputs, job: Job) -> Any:
+    assert job.load is not None
+    with this.timed("read"):
+        return job.load()
+
+
 def _view(this: JobInputs, job: Job, p: Mapping[str, Any], output: Path) -> None:
-    rgbd = job.load() if job.load else _picture(this, p)
+    rgbd = _load(this, job) if job.load else _picture(this, p)
     this.write_completion(view(rgbd, **_target(p), **_method(p)), output, **_select(p, RESULTS))
 
 
 def _remove(this: JobInputs, job: Job, p: Mapping[str, Any], output: Path) -> None:
-    truth: Any = job.load() if job.load else None
+    truth: Any = _load(this, job) if job.load else None
     rgbd = _picture(this, p) if truth is None else getattr(truth, "source", truth)
     if _is_pointed(p):
         mask = _find_pointed(this, p, rgbd, Path(p.get("image", "")))
@@ -62,7 +68,7 @@ def _remove(this: JobInputs, job: Job, p: Mapping[str, Any], output: Path) -> No
 def _stereo(this: JobInputs, job: Job, p: Mapping[str, Any], output: Path) -> None:
     options: Any = _select(p, ("right_view", "matcher", "max_disparity", "far"))
     if job.load:
-        truth = job.load()
+        truth = _load(this, job)
         left, right, rig, known = truth.left, truth.right, truth.rig, None
         masks: list[Any] = [truth.mask_left, truth.mask_right]
         this.removed = truth.mask_left
@@ -82,8 +88,8 @@ def _stereo(this: JobInputs, job: Job, p: Mapping[str, Any], output: Path) -> No
 
 
 def _depth(this: JobInputs, job: Job, p: Mapping[str, Any], output: Path) -> None:
-    rgbd = job.load() if job.load else _picture(this, p)
-    write_depth(rgbd, output, inputs=this.inputs, seconds={"read": round(this.read_seconds, 4)})
+    rgbd = _load(this, job) if job.load else _picture(this, p)
+    write_depth(rgbd, output, inputs=this.inputs, seconds=this.stages)
 
 
 PERFORM: dict[str, Callable[[JobInputs, Job, Mapping[str, Any], Path], None]] = {

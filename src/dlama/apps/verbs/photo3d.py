@@ -71,7 +71,7 @@ def photo3d(
             also=more,
             inputs=this.inputs,
             intrinsics_from=this.intrinsics_from or "the scene",
-            seconds={"read": this.read_seconds},
+            seconds=this.stages,
         )
         figures, box = done.meta["photo3d"], done.box
         cameras = format_count(len(figures["filled_cameras"]), "camera")

@@ -127,8 +127,10 @@ def stereo(
         raise InputError(
             f"`disparity` is given and the recipe {chosen.name!r} matches the filled pictures anew; a matcher is expected"
         )
-    matches = find_matches(left, right, disparity=disparity, matcher=matcher, max_disparity=max_disparity)
-    pair = pair_of_matches((left, right), matches, rig, far)
+    clock = Clock()
+    with clock("match"):
+        matches = find_matches(left, right, disparity=disparity, matcher=matcher, max_disparity=max_disparity)
+        pair = pair_of_matches((left, right), matches, rig, far)
     warn_of_scale(pair.left)
     warn_of_disparity(pair.left)
     found = mask(pair.left) if callable(mask) else mask
@@ -145,7 +147,7 @@ def stereo(
     complete_pair = complete_pair_one_by_one if one_by_one else complete_pair_together
     if choose_right_view(right_view, chosen, masks is not None) == "synthesised":
         complete_pair = synthesise_right
-    done = complete_pair(pair, draft, Clock())
+    done = complete_pair(pair, draft, clock)
     completion = dataclasses.replace(done, about={**matches.notes, **done.about}).as_completion(rig)
     return completion.with_min_confidence(given.min_confidence)
 

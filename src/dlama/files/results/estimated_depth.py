@@ -64,7 +64,8 @@ def write_depth(
         write_camera(folder / "camera.json", rgbd.camera)
         write_ply(folder / "cloud.ply", lift(rgbd))
         write_depth_preview(folder / "preview.png", rgbd)
-        meta["seconds"] = {**(seconds or {}), "write": round(time.perf_counter() - started, 4)}
+        stages = {**(seconds or {}), "write": time.perf_counter() - started}
+        meta["seconds"] = {stage: round(value, 4) for stage, value in stages.items()}
         (folder / "meta.json").write_text(as_json(meta), encoding="utf-8")
     return target
 

@@ -16,7 +16,7 @@ from dlama.web.inputs import pixel_of
 from dlama.web.marks import pointing
 from dlama.web.visits import Result, Visit
 
-EXPECTED_STAGES = {"view": 4, "remove": 4, "stereo": 6, "photo3d": 30}
+EXPECTED_STAGES = {"view": 5, "remove": 5, "stereo": 7, "photo3d": 30}
 """Stages of a completion."""
 
 
