@@ -203,7 +203,6 @@ VERBS: dict[str, Callable[..., Any]] = {
 
 
 CONFIG = (OmitArgPrefixes, FlagCreatePairsOff)
-HELP = ("--help", "-h")
 
 
 def main(args: Sequence[str] | None = None) -> None:
@@ -215,7 +214,7 @@ def main(args: Sequence[str] | None = None) -> None:
     elif not words:
         with errors_as_lines():
             print(FIRST_WORDS)
-    elif words[0] in HELP:
+    elif words[0] in ("--help", "-h"):
         with errors_as_lines():
             print(list_verbs())
             sys.exit(0)

@@ -40,7 +40,6 @@ def option(metavar: str, default: str | None = "none", **others: Any) -> Any:
 
 DEPTH_ONLY = (".exr", ".pfm", ".npy", ".npz")
 """Endings of depth files that no mask has."""
-Degrees = Annotated[float | None, option("DEG", "0")]
 Metres = Annotated[float | None, option("METRES")]
 CameraFile = Annotated[Path | None, option("FILE.json")]
 Image = Annotated[Path, option("IMAGE", None)]

@@ -32,7 +32,6 @@ from dlama.progress import begin_stage
 
 StageClock = Callable[[str], AbstractContextManager[Any]]
 """Counts the seconds of the stage of that name."""
-NOTHING_FILLED = FillReport(0, 0, 0, {})
 SEEN_AGAIN = (Origin.REPROJECTED, Origin.ESTIMATED)
 """Origins of what the source view shows, seen from elsewhere."""
 
@@ -102,7 +101,7 @@ def show_earlier_fill(plan: Plan, scene: Scene, view: View) -> tuple[View, FillR
         plan.is_of_frame(view.camera) or recipe.dilate_holes > 0 or recipe.footprint
     )  # else `view` shows these frames
     if scene is plan.measured or not view.hole.any() or not (scene.fills or redrawn):
-        return view, NOTHING_FILLED
+        return view, FillReport(0, 0, 0, {})
     law = plan.context.near(view.camera).law
     if len(scene.frames) == 1 and all(layer.camera.same_view_as(view.camera) for layer in scene.layers):
         return show_fill_in_place(law, scene, view, recipe.mode)

@@ -29,7 +29,6 @@ from dlama.geometry.rgbd import Float32Array
 
 NOMINAL_BASELINE_M = 0.16
 """Of a rig whose numbers are not known; its focal length is the picture's width, px. Middlebury's own is 0.16 m."""
-LOOKED_FOR = "im0.png and im1.png, or left.png and right.png"
 
 
 @dataclass(frozen=True)
@@ -59,7 +58,7 @@ def stereo_folder(root: Path, *, scenes: Sequence[str] | None = None) -> Dataset
     Raises FileError.
     """
     name = root.resolve().name
-    folders = scene_folders(root, looks_like_stereo, LOOKED_FOR, scenes)
+    folders = scene_folders(root, looks_like_stereo, "im0.png and im1.png, or left.png and right.png", scenes)
     cases = tuple(
         Case("sii", name, scene, "left_to_right", partial(load_stereo, _files(folder)))
         for scene, folder in folders.items()

@@ -27,7 +27,6 @@ from dlama.perception.monocular import DEFAULT, Estimator, estimate_depth
 
 OWN_DEPTH = "the photo's own depth"
 """Stands as the estimator of depth that a photo's file carries."""
-CALIBRATION = "the photo's calibration"
 MUCH_AT_LIMIT = 0.05
 """Share of a photo's depth at its far limit from which that is warned of."""
 SAME_PROPORTIONS = 0.02
@@ -147,7 +146,7 @@ def _find_camera(
     nothing says."""
     given = any(value is not None for name, value in lens.items() if name != "pixel_center")
     if own is not None and own.camera is not None and not given:
-        return own.camera, CALIBRATION
+        return own.camera, "the photo's calibration"
     if given or read_stored(image).focal_35mm is not None:
         return camera_for((hw[0], hw[1]), image=image, **lens)
     return None, ""

@@ -11,7 +11,6 @@ from dlama.files.rasters.images import existing_file
 
 RGB = tuple[int, int, int]
 CLASSES_FILE = "SemanticClasses.csv"
-SEMANTIC_FOLDER = "SemanticImage"
 CHANNEL = re.compile(r"[0-9]{1,3}")
 FOLDERS_UP = 3
 """How many folders above a semantic picture its class table is looked for (EasySynth: 2)."""
@@ -61,7 +60,7 @@ def semantic_picture(picture: PathLike) -> Path:
     Raises FileError where there is none.
     """
     path = Path(picture)
-    found = path.absolute().parent.parent / SEMANTIC_FOLDER / f"{path.stem}.png"
+    found = path.absolute().parent.parent / "SemanticImage" / f"{path.stem}.png"
     if not found.is_file():
         raise FileError(f"{path}: no semantic picture belongs to it; {found} was looked for")
     return found

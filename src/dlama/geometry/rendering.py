@@ -34,7 +34,7 @@ from dlama.geometry.drawing.layers import (
 )
 from dlama.geometry.drawing.layers import MODES as MODES
 from dlama.geometry.drawing.layers import Mode as Mode
-from dlama.geometry.frames.extent import may_show
+from dlama.geometry.frames.choosing import may_show
 from dlama.geometry.frames.merging import keep_latest, merge_frames, surface_of
 from dlama.geometry.frames.stored import Layer
 from dlama.geometry.holes import box_around, fill_with_nearest

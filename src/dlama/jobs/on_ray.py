@@ -29,7 +29,6 @@ BACK_SECONDS = 120.0
 """How long a cluster without any node that can run a worker is waited for."""
 ANSWER_SECONDS = 10.0
 """How long the head of a cluster may take to answer."""
-USAGE = "RAY_USAGE_STATS_ENABLED"
 
 
 class _Actor:
@@ -193,7 +192,7 @@ def _connect(ray: Any, address: str) -> bool:
     """Whether a cluster was joined or started here, and is to be left at the end."""
     if ray.is_initialized():
         return False
-    os.environ.setdefault(USAGE, "0")
+    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
     options: dict[str, Any] = {"log_to_driver": False, "logging_level": "ERROR"}
     try:
         if address == "local":

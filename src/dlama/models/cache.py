@@ -14,7 +14,6 @@ import platformdirs
 from dlama.errors import FileError, OutputError, system_errors
 from dlama.models.records import Record, record
 
-VARIABLE = "DLAMA_MODELS"
 PINS = "pins.json"
 
 
@@ -28,7 +27,7 @@ def user_path(path: str | Path) -> Path:
 
 def directory() -> Path:
     """Where model files lie; need not exist yet."""
-    named = os.environ.get(VARIABLE)
+    named = os.environ.get("DLAMA_MODELS")
     return user_path(named) if named else Path(platformdirs.user_cache_dir("dlama", appauthor=False)) / "models"
 
 

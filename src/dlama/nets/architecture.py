@@ -243,6 +243,8 @@ class JudgeSettings:
 
 JUDGE_STRIDE, JUDGE_MULTIPLE = 4, 16
 """The judge's maps are so many times smaller than the picture, whose sides are multiples of JUDGE_MULTIPLE."""
+JUDGE_LOG_BOUNDS, JUDGE_APART = (-7.0, 1.0), 4
+"""Bounds of the logarithms of its expected errors; factor of a guess's difference from the mean guess."""
 JUDGE_HEADS, JUDGE_ERRORS = 3, 2
 """Logits of a guess: of its base colour, of its detail, of its depth. Logarithms of expected absolute errors: of colour (mean
 over channels, 0..1), of depth (relative, 1 at most)."""

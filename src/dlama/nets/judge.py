@@ -11,10 +11,16 @@ from torch import Tensor, nn
 from torch.nn.functional import avg_pool2d, conv2d, interpolate, pad
 
 from dlama.errors import ShapeError
-from dlama.nets.architecture import JUDGE_ERRORS, JUDGE_HEADS, JUDGE_MULTIPLE, JUDGE_STRIDE, JudgeSettings
+from dlama.nets.architecture import (
+    JUDGE_APART,
+    JUDGE_ERRORS,
+    JUDGE_HEADS,
+    JUDGE_LOG_BOUNDS,
+    JUDGE_MULTIPLE,
+    JUDGE_STRIDE,
+    JudgeSettings,
+)
 
-LEAST_LOG, MOST_LOG = -7.0, 1.0
-"""Bounds of the logarithms of expected errors."""
 BASE_KERNEL = (0.054489, 0.244201, 0.402620, 0.244201, 0.054489)
 """A Gaussian of sigma 1 over means of squares of JUDGE_STRIDE pixels: what it leaves of a guess is its base, the rest detail."""
 
@@ -93,7 +99,7 @@ class Judge(nn.Module):
         refuse_planes(self.settings, tuple(context.shape), tuple(guesses.shape))
         apart = guesses - guesses.mean(1, keepdim=True)
         seen = self.of_context(context)
-        h = apply_to_each(self.of_guess, torch.cat([guesses, 4 * apart], 2)) + seen[:, None]
+        h = apply_to_each(self.of_guess, torch.cat([guesses, JUDGE_APART * apart], 2)) + seen[:, None]
         h = apply_to_each(self.block1, h)
         h = self.join1(h.relu(), pool_guesses(h))
         trunk = self.trunk(torch.cat([seen, pool_guesses(h)], 1).relu())
@@ -101,7 +107,7 @@ class Judge(nn.Module):
         shared = pool_guesses(h)
         h = self.join3(h.relu(), shared)
         logits = apply_to_each(self.head, h.relu())
-        errors = self.errors(torch.cat([trunk, shared], 1).relu()).clamp(LEAST_LOG, MOST_LOG)
+        errors = self.errors(torch.cat([trunk, shared], 1).relu()).clamp(*JUDGE_LOG_BOUNDS)
         agreeing = torch.cat([logits[:, :, :2], logits[:, :, 1:2] + logits[:, :, 2:]], 2)
         return agreeing, errors
 

@@ -127,7 +127,7 @@ def check_names(masker: str | None, mask_model: MaskModel | None, candidate: str
     check_word(masker, "masker", MASKERS)
     if mask_model is not None and not MASKERS[masker].takes_model:
         raise InputError(f"`mask_model` is given and the masker {masker!r} runs no network of the user's choice")
-    check_word(candidate, "candidate", CANDIDATES)
+    check_word(candidate, "candidate", ("part", "object", "group"))
     return masker
 
 
@@ -183,8 +183,6 @@ def find_mask(
     session = MaskSession(picture, masker=masker, mask_model=mask_model)
     return session.find(clicks=clicks, not_clicks=not_clicks, box=box, candidate=candidate, with_shadow=with_shadow)
 
-
-CANDIDATES = ("part", "object", "group")
 
 MASKERS: dict[str, MaskerRecord] = {
     "rgbd": MaskerRecord(rgbd_masker, needs_depth=True),

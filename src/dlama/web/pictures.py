@@ -30,7 +30,6 @@ from dlama.web.inputs import shrink
 
 PREVIEW_PX = 256
 KINDS = ("image", "known", "hole_type", "origin", "confidence", "depth", "depth_known", "source")
-RAMP_STEPS = 24
 
 
 def png(values: np.ndarray) -> bytes:
@@ -136,7 +135,7 @@ def shares(codes: UInt8Array, names: Any, palette: Any, skip: int = -1) -> list[
 
 def depth_ramp(lo: float, hi: float) -> dict[str, Any]:
     """The colours from the nearest to the farthest depth, in equal steps of 1 / depth, and metres along them."""
-    inverse = np.linspace(1 / lo, 1 / hi, RAMP_STEPS)
+    inverse = np.linspace(1 / lo, 1 / hi, 24)
     colors = depth_picture((1 / inverse).astype(np.float32)[None], None, lo, hi)[0]
     marks = [float(f"{1 / value:.2g}") for value in np.linspace(1 / lo, 1 / hi, 5)]
     return {"colors": colors.tolist(), "metres": marks}

@@ -18,7 +18,6 @@ from dlama.worlds.world import SIZE, Kind, World, classes_of, yaw_order
 
 FRAMES = 30
 """Frames of a scene: thirteen poses and a stereo pair, with and without the object."""
-DEPTH_RANGE_M = 10.0
 MADE_WITH = "made_with.json"
 CLASSES = {"background": (0, 0, 0), "object": (255, 0, 0), "sky": (70, 130, 180)}
 
@@ -113,5 +112,5 @@ def write_world(
         "stereo_without": pair(False),
     }
     texts = {MADE_WITH: json.dumps(made_with, indent=1) + "\n"}
-    write_scene(root, scene, sequences, depth_range=DEPTH_RANGE_M, classes=CLASSES, texts=texts)
+    write_scene(root, scene, sequences, depth_range=10.0, classes=CLASSES, texts=texts)
     return root / scene

@@ -137,7 +137,7 @@ def test_one_engine_stays_open(tmp_path: Path) -> None:
     """Law: the same file is opened once; a changed file anew."""
     model = constant(tmp_path / "c.onnx", 3, 0.2, 0.2, 0.2)
     first = open_engine(model)
-    assert open_engine(str(model)) is first and open_engine(model, threads=first.threads + 1) is not first
+    assert open_engine(str(model)) is first and open_engine(model, budget=first.budget + 1) is not first
     assert open_engine(first) is first, "an engine is one already"
     again = open_engine(model)
     constant(model, 3, 0.1, 0.1, 0.1, network="longer than before")

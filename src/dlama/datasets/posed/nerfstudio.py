@@ -45,7 +45,6 @@ CV_FROM_GL = np.diag([1.0, -1.0, -1.0, 1.0])
 UNIT = "depth_unit_scale_factor"
 DEPTH_UNIT = 0.001
 PINHOLES = ("PINHOLE", "SIMPLE_PINHOLE", "OPENCV", "PERSPECTIVE")
-DISTORTION = ("k1", "k2", "k3", "p1", "p2")
 SHOWS_PX = 0.5
 """Distortion that moves a corner by no more than this is left alone."""
 
@@ -102,7 +101,7 @@ def lens_of(fields: FileFields) -> Lens:
 
 def distortion_px(intrinsics: Intrinsics, hw: tuple[int, int], fields: FileFields) -> float:
     """How far OpenCV's radial and tangential distortion moves the worst corner."""
-    k1, k2, k3, p1, p2 = (fields.number(name) if name in fields else 0.0 for name in DISTORTION)
+    k1, k2, k3, p1, p2 = (fields.number(name) if name in fields else 0.0 for name in ("k1", "k2", "k3", "p1", "p2"))
     fx, fy, cx, cy = intrinsics
     x, y = np.meshgrid(np.array([-cx, hw[1] - cx]) / fx, np.array([-cy, hw[0] - cy]) / fy)
     square: Float64Array = x * x + y * y

@@ -37,7 +37,6 @@ COLOR_LENS = Lens("7-Scenes' measured colour camera", (526.0, 526.0, 320.0, 237.
 COLOR_FROM_DEPTH = np.array([[1, 0, 0, -0.025], [0, 1, 0, 0.004], [0, 0, 1, 0], [0, 0, 0, 1.0]])
 """Metres. Measured, not published: image edges against depth edges, and agreement of brightness across views."""
 CAMERA_NAMES = ("camera.json",)
-COLOR_SUFFIXES = (".png", ".jpg")
 TSDF_INTRINSICS = "camera-intrinsics.txt"
 
 
@@ -95,7 +94,7 @@ def numbered_frames(
     for pose in files_in(folder, (".txt",)):
         if pose.name.endswith(".pose.txt"):
             name = frame_name(pose)
-            colors = [folder / f"{name}.color{suffix}" for suffix in COLOR_SUFFIXES]
+            colors = [folder / f"{name}.color{suffix}" for suffix in (".png", ".jpg")]
             color = next((each for each in colors if each.is_file()), None)
             if color is None:
                 raise FileError(f"{colors[0]}: no such file (nor {colors[1].name}), but {pose.name} is there")

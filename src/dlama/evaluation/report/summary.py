@@ -27,7 +27,6 @@ from dlama.geometry.camera import Float64Array
 ALL = "all"
 """The yaw of a mean over every frame."""
 RESAMPLES = 1000
-INTERVAL = (2.5, 97.5)
 CHUNK = 256
 """Groups whose draws are in memory at a time."""
 
@@ -149,7 +148,7 @@ def intervals(sums: Float64Array, counts: NDArray[Any], times: Float64Array) -> 
         times: draws x scenes.
     """
     means = (times @ sums.T) / (times @ counts.T.astype(np.float64))
-    low, high = np.percentile(means, INTERVAL, axis=0)
+    low, high = np.percentile(means, (2.5, 97.5), axis=0)
     return low, high
 
 

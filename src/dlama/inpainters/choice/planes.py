@@ -54,16 +54,16 @@ class JudgePlanes:
         return JudgePlanes(np.pad(self.context, by, mode="edge"), np.pad(self.guesses, ((0, 0), *by), mode="edge"))
 
 
-def stack_small(planes: Iterable[np.ndarray], side: int = LARGEST) -> Float32Array:
-    """C x h x w: planes (H x W each), one by one made smaller where their longer side is larger than `side` pixels."""
-    return np.stack([shrink_plane(np.asarray(plane, np.float32), side) for plane in planes])
+def stack_small(planes: Iterable[np.ndarray]) -> Float32Array:
+    """C x h x w: planes (H x W each), one by one made smaller where their longer side is larger than LARGEST pixels."""
+    return np.stack([shrink_plane(np.asarray(plane, np.float32)) for plane in planes])
 
 
-def shrink_plane(plane: Float32Array, side: int) -> Float32Array:
-    """H x W; smaller where its longer side is larger than `side` pixels."""
-    if side >= max(plane.shape):
+def shrink_plane(plane: Float32Array) -> Float32Array:
+    """H x W; smaller where its longer side is larger than LARGEST pixels."""
+    if max(plane.shape) <= LARGEST:
         return plane
-    return np.asarray(cv2.resize(plane, smaller_size(plane.shape, side), interpolation=cv2.INTER_AREA), np.float32)
+    return np.asarray(cv2.resize(plane, smaller_size(plane.shape, LARGEST), interpolation=cv2.INTER_AREA), np.float32)
 
 
 def context_planes(view: View, scale: float) -> Iterator[np.ndarray]:

@@ -19,7 +19,6 @@ from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.models.contracts import CONTRACT_KEY
 from dlama.models.verify import sha256_of
 
-CONTRACT_VERSION = 1
 FIELDS = ("in_planes", "out_planes", "in_range", "out_range", "mask", "hole", "multiple", "minimum")
 COLOR = ("red", "green", "blue")
 PAIR = (*COLOR, *(f"other {name}" for name in COLOR))
@@ -126,7 +125,7 @@ class Contract:
         """The ONNX metadata that says all this; provenance (licence, source ...): further entries, JSON-ready, after it."""
         depth = {"depth": DEPTH_PLANE} if "depth" in self.out_planes else {}
         words = {
-            "version": CONTRACT_VERSION,
+            "version": 1,
             "network": self.network,
             "in_planes": self.in_planes,
             "out_planes": self.out_planes,

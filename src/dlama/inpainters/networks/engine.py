@@ -100,8 +100,6 @@ def open_engine(
     model: str | Path | Engine,
     contract: Contract | None = None,
     *,
-    provider: str | None = None,
-    threads: int | None = None,
     budget: int = BUDGET,
     memory_pattern: bool = True,
 ) -> Engine:
@@ -113,7 +111,7 @@ def open_engine(
     if isinstance(model, Engine):
         return model
     path = user_path(model)
-    provider, threads = provider or default_provider(), cores() if threads is None else threads
+    provider, threads = default_provider(), cores()
     stamp = file_stamp(path)
     key = path, stamp, contract, provider, threads, budget, memory_pattern
     return OPEN.get(key, stamp[1], lambda: Engine(path, provider, threads, memory_pattern, contract, budget))

@@ -13,7 +13,6 @@ from dlama.jobs.storage import open_to_read
 
 Row = tuple[str, Mapping[str, Any]]
 """Where it stands (`jobs.csv: line 7`), and its values."""
-BATCH_ROWS = 4096
 
 
 def rows(path: str) -> Iterator[Row]:
@@ -75,7 +74,7 @@ def _parquet_rows(path: str) -> Iterator[Row]:
             table = ParquetFile(stream)
             check_columns(list(table.schema_arrow.names), path)
             number = 0
-            for batch in table.iter_batches(BATCH_ROWS):
+            for batch in table.iter_batches(4096):
                 for row in batch.to_pylist():
                     number += 1
                     yield f"{path}: row {number}", row

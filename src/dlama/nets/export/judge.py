@@ -13,8 +13,10 @@ from typing import Any
 import numpy as np
 
 from dlama.nets.architecture import (
+    JUDGE_APART,
     JUDGE_ERRORS,
     JUDGE_HEADS,
+    JUDGE_LOG_BOUNDS,
     JUDGE_STRIDE,
     JudgeSettings,
     judge_shapes,
@@ -22,11 +24,6 @@ from dlama.nets.architecture import (
 )
 from dlama.nets.export.onnx_graph import Ends, Graph
 from dlama.nets.whole_file import write_whole
-
-LOG_BOUNDS = (-7.0, 1.0)
-"""Of the expected errors' logarithms, as in `nets.judge`."""
-APART = 4.0
-"""Factor of a guess's difference from the mean guess, as in `nets.judge`."""
 
 
 def export_judge(
@@ -52,7 +49,7 @@ class _Writer:
         """Names of the logits and of the errors."""
         g = self.g
         apart = g.add("Sub", guesses, g.add("ReduceMean", guesses, axes=[0], keepdims=1))
-        both = g.add("Concat", guesses, g.add("Mul", apart, g.constant(APART)), axis=1)
+        both = g.add("Concat", guesses, g.add("Mul", apart, g.constant(JUDGE_APART)), axis=1)
         seen = self.conv("of_context", context, stride=JUDGE_STRIDE)
         h = self.residual("block1", g.add("Add", self.conv("of_guess", both, stride=JUDGE_STRIDE), seen))
         h = self.join("join1", g.add("Relu", h), self.pool_guesses(h))
@@ -64,7 +61,7 @@ class _Writer:
         base, detail, depth = g.add("Split", raw, g.ints(*[1] * JUDGE_HEADS), outputs=3, axis=1)
         logits = g.add_named("logits", "Concat", base, detail, g.add("Add", detail, depth), axis=1)
         errors = self.conv("errors", g.add("Relu", g.add("Concat", trunk, shared, axis=1)))
-        bounds = [g.constant(bound) for bound in LOG_BOUNDS]
+        bounds = [g.constant(bound) for bound in JUDGE_LOG_BOUNDS]
         return logits, g.add_named("errors", "Clip", errors, *bounds)
 
     def trunk(self, x: str) -> str:

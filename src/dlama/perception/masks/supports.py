@@ -59,13 +59,13 @@ class Planes:
         return float(there.mean()) if where is None else float(where[there].mean()) if there.any() else 0.0
 
 
-def find_planes_of_picture(rgbd: RGBD, seed: int = 0) -> Planes:
+def find_planes_of_picture(rgbd: RGBD) -> Planes:
     """The planes of a picture, by decreasing support; none where depth is all missing or far."""
     w, valid, known = inverse_depth(rgbd.depth), rgbd.valid, ~rgbd.missing
     noise = noise_level(w, valid) if valid.any() else 0.0
     if rgbd.estimate is not None and valid.any():
         noise = max(noise, ESTIMATED_NOISE * float(np.median(w[valid])))
-    planes = find_planes(w, valid, seed, noise)
+    planes = find_planes(w, valid, 0, noise)
     label = label_known(w, valid, rgbd.far, planes, noise)
     behind = tuple(behind_share(w, known, label == n + 1, plane, noise) for n, plane in enumerate(planes))
     return Planes(w, planes, label, behind, noise)

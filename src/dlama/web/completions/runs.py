@@ -19,7 +19,6 @@ from dlama.progress import show_progress
 
 ONE_AT_A_TIME = threading.Semaphore(1)
 """A completion uses all cores and much memory; the next one waits for its turn."""
-POLL_SECONDS = 0.05
 
 
 class _Warned(threading.local):
@@ -119,7 +118,7 @@ class Run:
         self.stage = name
 
     def _run(self) -> None:
-        while not ONE_AT_A_TIME.acquire(timeout=POLL_SECONDS):
+        while not ONE_AT_A_TIME.acquire(timeout=0.05):
             if self._cancel.is_set():
                 return
         try:

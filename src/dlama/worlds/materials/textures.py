@@ -18,7 +18,6 @@ from dlama.worlds.raycast.shape_rows import SIDE
 
 FINE, ROUGH, CLOUDY, SOFT, GRAIN = range(5)
 """Kinds of noise, from sand to clouds; GRAIN is stretched along the rows."""
-BANK_SEED = 20240229
 BANK_EACH = 3
 
 Rgb = tuple[float, float, float]
@@ -28,7 +27,7 @@ Range = tuple[float, float]
 @lru_cache(maxsize=1)
 def noise_bank() -> Float32Array:
     """Fifteen fields 256 x 256 (three of each kind), mean 0.5, standard deviation 0.2, periodic. Made once a process."""
-    rng = np.random.default_rng(BANK_SEED)
+    rng = np.random.default_rng(20240229)
     y, x = np.meshgrid(np.fft.fftfreq(SIDE), np.fft.rfftfreq(SIDE), indexing="ij")
     fields = []
     for exponent, squeeze in ((0.5, 1), (1.0, 1), (1.6, 1), (2.2, 1), (1.1, 14)):

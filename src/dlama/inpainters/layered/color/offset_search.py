@@ -185,8 +185,9 @@ class OffsetSearch:
         order = np.argsort(-score[top], kind="stable")[:many]
         return offsets[top][order]
 
-    def _sample_to_known(self, rng: np.random.Generator, many: int = 64) -> Array:
+    def _sample_to_known(self, rng: np.random.Generator) -> Array:
         """Offsets from random hole cells to random known cells, so that every cell can be reached."""
+        many = 64
         start = self.centres[rng.integers(0, len(self.centres), many)]
         end = self.known[rng.integers(0, len(self.known), many)]
         w = np.maximum(start[:, 2], 1e-9)
