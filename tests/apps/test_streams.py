@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -123,6 +125,26 @@ def test_signals_end_with_one_line_and_leave_nothing(
         _, errors = run.communicate(timeout=600)
     assert (run.returncode, errors) == (code, line)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_ctrl_c_while_the_program_is_loaded_ends_with_one_line(tmp_path: Path) -> None:
+    """The entry point, called as an installer's script calls it; a module that it loads early interrupts it. Oracle: the exit
+    code of shells; SIGINT that the shell has ignored stays ignored."""
+    (tmp_path / "tyro.py").write_text("import os, signal\nos.kill(os.getpid(), signal.SIGINT)\nraise SystemExit(7)\n")
+    pyproject = Path(__file__).parents[2] / "pyproject.toml"
+    module, function = re.findall(r'^dlama = "([\w.]+):(\w+)"$', pyproject.read_text("utf-8"), re.MULTILINE)[0]
+    script = f"import sys\nfrom {module} import {function}\nsys.exit({function}())"
+    line = "error: interrupted; nothing half-written is left\n"
+    for handler, expected in ((signal.SIG_DFL, (130, "", line)), (signal.SIG_IGN, (7, "", ""))):
+        done = subprocess.run(
+            [sys.executable, "-c", script, "demo"],
+            env={**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])},
+            preexec_fn=partial(signal.signal, signal.SIGINT, handler),
+            capture_output=True,
+            text=True,
+            timeout=600,
+        )
+        assert (done.returncode, done.stdout, done.stderr) == expected
 
 
 @pytest.mark.parametrize("value", ["0", pytest.param("x", marks=pytest.mark.slow)])
