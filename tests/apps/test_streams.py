@@ -127,6 +127,34 @@ def test_signals_end_with_one_line_and_leave_nothing(
     assert list(tmp_path.iterdir()) == []
 
 
+IN_A_CALLBACK = """
+import ctypes, os, signal, time
+signal.signal(signal.SIGINT, signal.default_int_handler)
+from dlama.apps.terminal.output import errors_as_lines
+from dlama.files.atomic_write import new_directory
+def interrupted():
+    os.kill(os.getpid(), signal.SIGINT)
+    for _ in range(1000):
+        pass
+with errors_as_lines(), new_directory("out") as folder:
+    (folder / "half.txt").write_text("half")
+    ctypes.CFUNCTYPE(None)(interrupted)()
+    time.sleep(30)
+    print("not stopped", flush=True)
+"""
+
+
+def test_ctrl_c_in_a_callback_of_a_c_library_is_not_lost(tmp_path: Path) -> None:
+    """LLVM calls back for each kernel that is compiled, and ctypes prints an exception there and goes on: a first run could not
+    be stopped. Oracles: the exit code of shells, what lies on the disk."""
+    done = subprocess.run(
+        [sys.executable, "-c", IN_A_CALLBACK], cwd=tmp_path, capture_output=True, text=True, timeout=600
+    )
+    line = "error: interrupted; nothing half-written is left\n"
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", line)
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_ctrl_c_while_the_program_is_loaded_ends_with_one_line(tmp_path: Path) -> None:
     """The entry point, called as an installer's script calls it; a module that it loads early interrupts it. Oracle: the exit
     code of shells; SIGINT that the shell has ignored stays ignored."""

@@ -26,6 +26,8 @@ PLAIN = {
 UNPRINTABLE = ("Cc", "Cf", "Zl", "Zp")
 """Unicode categories of signs that are not shown but act."""
 PLAINLY = "dlama-plainly"
+LATER = 0.05
+"""Seconds after which a signal comes again whose exception was ignored."""
 STOPPING = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 
 
@@ -105,13 +107,28 @@ def signals_raise() -> Iterator[None]:
             signal.signal(each, second)
         raise Stopped(number)
 
+    def ignored_exception(unraisable: sys.UnraisableHookArgs) -> None:
+        """Where nobody can catch it, as in a callback of a C library (kernels are compiled so), it comes again a little later."""
+        stopped = unraisable.exc_value
+        if not isinstance(stopped, Stopped):
+            hook(unraisable)
+            return
+        for each in before:
+            signal.signal(each, first)
+        later = threading.Timer(LATER, signal.raise_signal, stopped.args)
+        later.daemon = True
+        later.start()
+
+    hook = sys.unraisablehook
     ignored = [
         each for each in STOPPING if signal.getsignal(each) == signal.SIG_IGN
     ]  # nohup, and commands in the background
     before = {each: signal.signal(each, first) for each in STOPPING if each not in ignored}
+    sys.unraisablehook = ignored_exception
     try:
         yield
     finally:
+        sys.unraisablehook = hook
         for each, handler in before.items():
             signal.signal(each, handler)
 
