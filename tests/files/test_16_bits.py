@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import cv2
 import imageio.v3 as imageio
@@ -15,6 +16,8 @@ from PIL import Image
 from box_frame import pixels, small_frame
 from dlama.apps.cli import main
 from dlama.completion.verbs import remove, view
+from dlama.errors import FileError
+from dlama.files.rasters.depth import read_depth
 from dlama.files.rasters.images import has_16_bits
 from dlama.files.rasters.pictures import read_color, read_mask
 from dlama.files.results.completion import write
@@ -83,3 +86,31 @@ def test_a_picture_of_8_bits_is_not_warned_of(tmp_path: Path) -> None:
     """pytest makes a warning an error."""
     small_frame(tmp_path)
     read_color(tmp_path / "image.png")
+
+
+@pytest.mark.parametrize("compression", [None, "zlib"])
+def test_planes_of_16_bits_are_refused(tmp_path: Path, compression: str | None) -> None:
+    """OpenCV mixes their rows: such a plate came out as noise. Oracle for 8 bits, which Pillow reads: what was written."""
+    plate = plate_of(tmp_path)
+    planes: dict[str, Any] = {"photometric": "rgb", "planarconfig": "separate", "compression": compression}
+    tifffile.imwrite(tmp_path / "planar.tif", np.moveaxis(plate, 2, 0), **planes)
+    with pytest.raises(FileError, match=r"planar\.tif: holds its channels one after the other \(planar\) in 16 bits"):
+        read_color(tmp_path / "planar.tif")
+    tifffile.imwrite(tmp_path / "planar8.tif", np.moveaxis(plate >> 8, 2, 0).astype(np.uint8), **planes)
+    assert np.array_equal(read_color(tmp_path / "planar8.tif"), plate >> 8)
+
+
+@pytest.mark.parametrize(
+    "kind, shape, words",
+    [
+        (np.float32, (4, 5, 3), r"whose channels \(3\) are float numbers of 32 bits"),
+        (np.float16, (4, 5, 3), r"whose channels \(3\) are float numbers of 16 bits"),
+        (np.float64, (4, 5), r"whose channels \(1\) are float numbers of 64 bits"),
+    ],
+)
+def test_a_tiff_of_other_numbers_is_described(tmp_path: Path, kind: type, shape: tuple[int, ...], words: str) -> None:
+    """A scene-linear plate, or depth in doubles, was called no picture."""
+    tifffile.imwrite(tmp_path / "a.tif", np.ones(shape, kind), photometric="rgb" if len(shape) == 3 else "minisblack")
+    for read in (read_color, read_depth):
+        with pytest.raises(FileError, match=rf"a\.tif: .*{words}.* 32-bit floats are read"):
+            read(tmp_path / "a.tif")

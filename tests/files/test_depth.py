@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import cv2
@@ -175,7 +176,12 @@ def test_float_tiff(tmp_path: Path) -> None:
         (np.array([[1, -2, -0.5]], np.float32), r"2 of 3 depth values are negative \(smallest -2\)"),
         (np.array([[1, -np.inf]], np.float32), "negative"),
         (np.array([[5, -2]], np.int16), "negative"),
-        (np.full((3, 4), 1520, np.float32), "1520 m.*millimetres read as metres: depth_scale=1000"),
+        (
+            np.full((3, 4), 1520, np.float32),
+            "1520 m.*millimetres read as metres: depth_scale=1000, or centimetres: depth_scale=100",
+        ),
+        (np.full((3, 4), 9e4, np.float32), r"millimetres read as metres: depth_scale=1000$"),
+        (np.array([[-1, -2, 0]], np.float32), "2 of 3 depth values are negative.*camera looks along -z, save -z"),
         (np.full((3, 4), 3, np.uint16), "0.003 m.*metres read as millimetres: depth_scale=1$"),
         (np.full((3, 4), 0.002, np.float32), "depth_scale=0.001"),
         (np.full((3, 4), 9e5, np.float32), "millimetres read as metres|0.05 to 500 m is expected"),
@@ -195,8 +201,9 @@ def test_the_advised_scale_is_right(tmp_path: Path, scale: float) -> None:
     np.save(tmp_path / "d.npy", np.full((2, 2), 20_000_000, np.int32))
     with pytest.raises(DepthError) as caught:
         read_depth(tmp_path / "d.npy", depth_scale=scale)
-    advised = float(str(caught.value).rsplit("=", 1)[1])
-    assert read_depth(tmp_path / "d.npy", depth_scale=advised)[0, 0] == pytest.approx(2e7 / scale / 1000)
+    for advised, units in zip(re.findall(r"depth_scale=([\d.e+]+)", str(caught.value)), (1000, 100), strict=True):
+        found = read_depth(tmp_path / "d.npy", depth_scale=float(advised))[0, 0]
+        assert found == pytest.approx(2e7 / scale / units)
 
 
 def test_pictures_given_as_depth(tmp_path: Path) -> None:

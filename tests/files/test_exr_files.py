@@ -122,3 +122,16 @@ def test_a_cropped_depth_goes_with_a_whole_picture(tmp_path: Path) -> None:
     empty = write(tmp_path / "empty.exr", part((2, 2, 3, 3), (0, 0, 11, 8), {"Z": np.zeros((2, 2), np.float32)}))
     with pytest.warns(UserWarning, match="4%"), pytest.raises(DepthError, match="no pixel has a depth"):
         read_depth(empty)
+
+
+def test_lossy_colours_are_no_depth_and_a_lossy_z_is_exact(tmp_path: Path) -> None:
+    """Oracle: OpenEXR, whose DWA codes R, G and B with loss (missing depth becomes +-1e-5) and Z without; half floats."""
+    depth = np.where(np.random.default_rng(0).random((64, 96)) < 0.1, 0, 1 / np.linspace(0.5, 0.025, 96)).astype(
+        np.float16
+    )
+    header = {"type": OpenEXR.scanlineimage, "compression": OpenEXR.DWAA_COMPRESSION}
+    OpenEXR.File(header, {"Z": depth}).write(str(tmp_path / "z.exr"))
+    assert np.array_equal(read_depth(tmp_path / "z.exr"), depth)
+    OpenEXR.File(header, dict.fromkeys("RGB", depth)).write(str(tmp_path / "rgb.exr"))
+    with pytest.raises(DepthError, match=r"negative .*lossy compression does that .*save it as ZIP"):
+        read_depth(tmp_path / "rgb.exr")

@@ -26,6 +26,8 @@ MILLIMETRES = 1000.0
 FAR_METRES = 1e6
 """A stored depth beyond this is a renderer's word for infinity (Blender writes 1e10 behind everything)."""
 KITTI_SCALE = 256.0
+TINY = 1e-3
+"""Negative numbers nearer to 0 are no measurements: compression left them."""
 
 
 @system_errors(FileError)
@@ -226,7 +228,10 @@ def _scale_advice(median: float, scale: float, depth_range: float | None) -> str
     if depth_range is not None:
         return f"which no room or street has; is `depth_range={depth_range:g}` in metres?"
     if PLAUSIBLE_M[0] <= median / 1000 <= PLAUSIBLE_M[1]:
-        return f"it looks like millimetres read as metres: `depth_scale={scale * 1000:g}`"
+        centimetres = PLAUSIBLE_M[0] <= median / 100 <= PLAUSIBLE_M[1]
+        return f"it looks like millimetres read as metres: `depth_scale={scale * 1000:g}`" + (
+            f", or centimetres: `depth_scale={scale * 100:g}`" * centimetres
+        )
     if PLAUSIBLE_M[0] <= median * 1000 <= PLAUSIBLE_M[1]:
         return f"it looks like metres read as millimetres: `depth_scale={scale / 1000:g}`"
     return f"{PLAUSIBLE_M[0]:g} to {PLAUSIBLE_M[1]:g} m is expected; `depth_scale` says how many units make a metre"
@@ -235,9 +240,14 @@ def _scale_advice(median: float, scale: float, depth_range: float | None) -> str
 def _check_not_negative(path: PathLike, values: np.ndarray, what: str) -> None:
     negative = values < 0
     if negative.any():
+        advice = ""
+        if not (values > 0).any():
+            advice = "; where the camera looks along -z, save -z"
+        elif values.min() > -TINY:
+            advice = "; lossy compression does that (B44, or DWA in R, G and B): save it as ZIP, or in a channel Z"
         raise DepthError(
             f"{path}: {int(negative.sum())} of {values.size} {what} values are negative (smallest {values.min():.6g}); "
-            "values >= 0 are expected, 0 = missing"
+            f"values >= 0 are expected, 0 = missing{advice}"
         )
 
 

@@ -26,7 +26,7 @@ from dlama.files.rasters.orientation import (
     decoder_orientation,
     reset_orientation,
 )
-from dlama.files.rasters.sixteen_bits import bits_of, bits_of_png, decode_16_bits
+from dlama.files.rasters.sixteen_bits import bits_of, bits_of_png, decode_16_bits, describe_tiff
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".mpo", ".webp", ".tif", ".tiff", ".heic", ".heif")
 EXIF_FOLDER = 0x8769
@@ -253,7 +253,7 @@ def _values(picture: Image.Image, file: Path, data: bytes) -> np.ndarray:
         converted = to_srgb(picture, picture.info.get("icc_profile"), file) if mode == "CMYK" else picture
         picture = converted.convert("RGB")
     elif mode in ("RGB", "RGBA", "LA") and bits_of(picture, data) == 16:
-        return decode_16_bits(file, data)  # Pillow keeps the high byte only
+        return decode_16_bits(picture, file, data)  # Pillow keeps the high byte only
     values = np.array(picture)
     if mode == "I" and picture.format == "PNG":  # older Pillow's name for 16-bit grey
         values = values.astype(np.uint16)
@@ -279,6 +279,8 @@ def _describe_file(file: Path) -> str:
     found = next((kind for kind, begins in OTHER_PICTURES.items() if re.match(begins, head, re.DOTALL)), None)
     if found is not None:
         return f", but {found}: save it as PNG"
+    if head[:4] in TIFF_HEADS:
+        return describe_tiff(file)
     suffix = file.suffix.lower()
     if suffix in (".bag", ".mcap", ".db3", ".mkv", ".r3d"):
         return "; a recording goes into sequence, photo3d, show and doctor"

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
-from PIL import Image
+from PIL import Image, TiffImagePlugin
 
 from dlama.errors import FileError
 
@@ -25,10 +26,29 @@ def bits_of_png(data: bytes) -> int:
     return data[24]  # IHDR: signature 8, length 4, type 4, size 8, depth
 
 
-def decode_16_bits(file: Path, data: bytes) -> np.ndarray:
+def decode_16_bits(picture: Image.Image, file: Path, data: bytes) -> np.ndarray:
     """uint16 H x W x C of a whole PNG or TIFF with 16-bit colours, RGB(A). FileError."""
+    tags: Any = getattr(picture, "tag_v2", {})
+    if tags.get(284, 1) != 1:  # PlanarConfiguration; OpenCV mixes rows of the planes
+        raise FileError(
+            f"{file}: holds its channels one after the other (planar) in 16 bits; save it interleaved, or as PNG"
+        )
     values = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     if values is None or values.ndim != 3:
         raise FileError(f"{file}: this kind of 16-bit picture cannot be read; save it as 16-bit PNG")
     order = [2, 1, 0, 3][: values.shape[2]]
     return np.ascontiguousarray(values[..., order])
+
+
+def describe_tiff(file: Path) -> str:
+    """What numbers a TIFF holds that cannot be opened, and which can be; "" for what is none."""
+    with contextlib.suppress(Exception), file.open("rb") as stream:  # a damaged one is no more than that
+        tags: Any = TiffImagePlugin.ImageFileDirectory_v2(stream.read(8))
+        stream.seek(tags.next)
+        tags.load(stream)
+        bits, kind = np.atleast_1d(tags[258]), "float" if 3 in np.atleast_1d(tags.get(339, 1)) else "whole"
+        return (
+            f"; it is a TIFF whose channels ({len(bits)}) are {kind} numbers of {max(bits)} bits: "
+            "colours of 8 or 16 bits and depth in one channel of 16 bits or 32-bit floats are read"
+        )
+    return ""
