@@ -72,8 +72,9 @@ class Scene:
         same = (frames, fills) == (self.frames, self.fills)
         return self if same else dataclasses.replace(self, frames=frames, fills=fills)
 
-    def original(self, layer: Layer) -> Layer:
-        """A frame or fill with its removed objects put back."""
+    def original(self, place: int) -> Layer:
+        """One of the layers, a frame or a fill, with its removed objects put back."""
+        layer = self.layers[place]
         for removed in self.removals:
             if removed.camera.same_view_as(layer.camera):
                 part = removed.load()

@@ -67,7 +67,7 @@ class DepthProfile(NamedTuple):
     def of(scene: Scene) -> DepthProfile:
         """The profile of a scene, by its first frame before any removal."""
         estimated = any(Origin.ESTIMATED in frame.origins for frame in scene.frames)
-        return DepthProfile(estimated, edge_uncertainty(scene.original(scene.frames[0]).load()))
+        return DepthProfile(estimated, edge_uncertainty(scene.original(0).load()))
 
     @property
     def reason(self) -> str:

@@ -139,7 +139,7 @@ def carry_masks(scene: Scene, masks: Mapping[int, BoolArray]) -> list[BoolArray]
     objects. Each is transferred alone, in the frames before any removal, so that the order does not matter."""
     if len(masks) == len(scene.layers):
         return [masks[place] for place in range(len(masks))]
-    frames = {place: scene.original(scene.frames[place]) for place in masks}
+    frames = {place: scene.original(place) for place in masks}
     objects = separate_objects(frames, masks)
     if not objects:
         raise InputError(
@@ -150,7 +150,7 @@ def carry_masks(scene: Scene, masks: Mapping[int, BoolArray]) -> list[BoolArray]
         mask = masks.get(place, np.zeros(layer.camera.hw, bool))
         left = [one for one in objects if place not in one.masks]
         if left:
-            original = scene.original(layer).load()
+            original = scene.original(place).load()
             mask = np.logical_or.reduce([mask, *(_carry_to(original, frames, one) for one in left)])
         found.append(mask)
     return found
@@ -165,7 +165,7 @@ def find_removed(scene: Scene, frame: View) -> BoolArray:
         of_layer = [one.hole_type == HoleType.OBJECT.value for one in removed]
         if of_layer:
             masks[place] = np.logical_or.reduce(of_layer)
-    frames = {place: scene.original(scene.layers[place]) for place in masks}
+    frames = {place: scene.original(place) for place in masks}
     found = [_carry_to(frame, frames, one) for one in separate_objects(frames, masks)]
     return np.logical_or.reduce([np.zeros(frame.hole.shape, bool), *found])
 

@@ -18,7 +18,8 @@ from dlama.geometry.view import View
 from dlama.geometry.visibility import project_depth
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Inpainter, Painter
-from dlama.inpainters.layered.depth.surfaces import Surfaces, continue_lawfully
+from dlama.inpainters.layered.depth.surface_labels import Surfaces
+from dlama.inpainters.layered.depth.surfaces import continue_lawfully
 from dlama.inpainters.layered.depth_first import find_occluders
 from dlama.inpainters.layered.filler import inverse_of_filled, paint_surfaces
 from dlama.inpainters.networks.migan import SHIPPED, migan_filler

@@ -14,7 +14,8 @@ from dlama.inpainters.filling import Fill
 from dlama.inpainters.layered.color.low_frequency import begin_guess, blend_with_low_frequency
 from dlama.inpainters.layered.color.rims import blend_at_rim
 from dlama.inpainters.layered.color.texture_synthesis import synthesize
-from dlama.inpainters.layered.depth.surfaces import Surfaces, continue_lawfully
+from dlama.inpainters.layered.depth.surface_labels import Surfaces
+from dlama.inpainters.layered.depth.surfaces import continue_lawfully
 from dlama.inpainters.layered.remaining_shadows import find_remaining_shadow
 from dlama.perception.planes import SKY, SMOOTH
 

@@ -24,7 +24,8 @@ from dlama.geometry.visibility import Law
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill, Inpainter
 from dlama.inpainters.layered.color.low_frequency import begin_guess, blend_with_low_frequency
-from dlama.inpainters.layered.depth.surfaces import Surfaces, continue_lawfully
+from dlama.inpainters.layered.depth.surface_labels import Surfaces
+from dlama.inpainters.layered.depth.surfaces import continue_lawfully
 from dlama.inpainters.layered.depth_first import find_occluders
 from dlama.inpainters.layered.filler import inverse_of_filled, paint_surfaces
 from dlama.inpainters.layered.remaining_shadows import find_remaining_shadow

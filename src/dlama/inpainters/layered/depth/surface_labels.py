@@ -1,4 +1,4 @@
-"""Known surfaces of a view on a coarse grid in; the cost of each surface label at every hole cell out.
+"""Known surfaces of a view in; the surface that each hole pixel shows out, decided on a coarse grid.
 
 A labelling problem, solved by belief propagation. Surfaces extend from where they were last seen, meet where their planes
 intersect, and may be hidden by known pixels but not hide them (the visibility law).
@@ -7,6 +7,7 @@ intersect, and may be hidden by known pixels but not hide them (the visibility l
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import cv2
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType
+from dlama.geometry.holes import fill_with_nearest
 from dlama.geometry.kernels.jit import begin_job
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import View
@@ -38,7 +40,8 @@ from dlama.inpainters.layered.depth.out_of_view import (
 )
 from dlama.inpainters.layered.depth.plane_edges import align_lines_to_edges
 from dlama.inpainters.layered.kernels import surfaces as surface_kernels
-from dlama.perception.planes import SMOOTH, KnownSurfaces, plane_values
+from dlama.inpainters.layered.kernels.quilt import GAP
+from dlama.perception.planes import SMOOTH, KnownSurfaces, plane_values, plane_values_at
 
 GRID = 256
 """Longer side of the coarse grid."""
@@ -70,6 +73,20 @@ LEAST_CELLS = 50
 """Least number of known cells that define the order of surfaces."""
 LEAST_INVERSE_DEPTH = 1e-3
 """Planes end at 1 km: beyond it they are horizon."""
+
+
+@dataclass(frozen=True, eq=False)
+class Surfaces:
+    """Inverse depth and surface label of every pixel of a view, known and filled."""
+
+    inverse_depth: Float32Array
+    """H x W, 1/m; 0 = far. Known pixels on planes are denoised."""
+    label: NDArray[np.int32]
+    """H x W; -1 = no plane, 0 = sky, k = k-th plane."""
+    planes: NDArray[np.float64]
+    """K x 3, w = a u + b v + c in pixels of the view."""
+    leaves: NDArray[np.int32]
+    """H x W; flat index of the known leaf pixel that a hole pixel is copied from, where foliage extends; negative elsewhere."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,6 +235,38 @@ class CoarseView:
             near = loose & (np.abs(value - self.inverse_depth) < RELIEF * self.inverse_depth) & (count > most)
             out[near], most[near] = number, count[near]
         return out
+
+
+def upsample_labels(
+    view: View,
+    known: KnownSurfaces,
+    coarse: CoarseView,
+    costs: Float32Array,
+    leaves_of: Callable[[], NDArray[np.int32]],
+) -> Surfaces:
+    """Label costs (h x w x L) interpolated to every hole pixel; each takes the label of least cost and its inverse depth.
+    Foliage covers it where it extends. leaves_of: gives `copy_leaves`.
+    """
+    w, planes = known.inverse_depth, known.planes
+    spread = fill_with_nearest(costs, coarse.hole)
+    no_plane = coarse.candidates[0]
+    smooth = enlarge(fill_with_nearest(no_plane, coarse.hole & (no_plane > 0)), view.camera.wh)
+    best = np.full(w.shape, np.inf, np.float32)
+    chosen = np.full(w.shape, SMOOTH, np.int32)
+    for number in range(costs.shape[2]):
+        cost = enlarge(spread[..., number], view.camera.wh)
+        np.copyto(chosen, np.int32(number - 1), where=cost < best)
+        np.minimum(best, cost, out=best)
+    rows, columns = np.nonzero(view.hole)
+    labels = chosen[rows, columns]
+    on_plane = np.maximum(0, plane_values_at(planes, labels, rows, columns))
+    out, filled = w.copy(), known.label.copy()
+    out[rows, columns] = np.where(labels == SMOOTH, smooth[rows, columns], np.where(labels > 0, on_plane, 0))
+    filled[rows, columns] = labels
+    leaves = leaves_of()
+    leaf = (leaves >= 0) & (w.ravel()[np.maximum(leaves, 0)] > out)
+    out[leaf], filled[leaf] = w.ravel()[leaves[leaf]], SMOOTH
+    return Surfaces(out, filled, planes, np.where(leaf, leaves, GAP).astype(np.int32))
 
 
 def cells_with_holes(hole: BoolArray, wh: tuple[int, int]) -> BoolArray:

@@ -1,46 +1,27 @@
 """Surface continuation: a view's known surfaces in; inverse depth and a surface label for every hole pixel out.
 
 Ground and walls continue as planes, the sky as sky; anything else is interpolated from the far side of the hole.
-`surface_labels` decides on a coarse grid which surface continues where. Where depth alone is missing, colours decide
+`surface_labels` decides which surface continues where. Where depth alone is missing, colours decide
 (`missing_depth`).
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from dlama.geometry.holes import fill_with_nearest
 from dlama.geometry.kernels.jit import begin_job
 from dlama.geometry.projection import depth_from_inverse, inverse_depth
 from dlama.geometry.rgbd import Float32Array
 from dlama.geometry.view import View
 from dlama.geometry.visibility import project_depth
 from dlama.inpainters.context import FillContext
-from dlama.inpainters.layered.depth.distances import enlarge
 from dlama.inpainters.layered.depth.foliage import copy_leaves
-from dlama.inpainters.layered.depth.surface_labels import GRID, CoarseView
+from dlama.inpainters.layered.depth.surface_labels import GRID, CoarseView, Surfaces, upsample_labels
 from dlama.inpainters.layered.kernels.quilt import GAP
 from dlama.inpainters.missing_depth.along_colors import DepthByColor, fill_along_colors
-from dlama.perception.planes import SMOOTH, KnownSurfaces, plane_values_at
-
-
-@dataclass(frozen=True, eq=False)
-class Surfaces:
-    """Inverse depth and surface label of every pixel of a view, known and filled."""
-
-    inverse_depth: Float32Array
-    """H x W, 1/m; 0 = far. Known pixels on planes are denoised."""
-    label: NDArray[np.int32]
-    """H x W; -1 = no plane, 0 = sky, k = k-th plane."""
-    planes: NDArray[np.float64]
-    """K x 3, w = a u + b v + c in pixels of the view."""
-    leaves: NDArray[np.int32]
-    """H x W; flat index of the known leaf pixel that a hole pixel is copied from, where foliage extends; negative elsewhere."""
+from dlama.perception.planes import KnownSurfaces
 
 
 def continue_lawfully(view: View, context: FillContext, seed: int) -> tuple[Surfaces, Float32Array, int]:
@@ -75,35 +56,3 @@ def set_missing_depth(found: Surfaces, by_color: DepthByColor) -> Surfaces:
         label=np.where(there, by_color.label, found.label),
         leaves=np.where(there, np.int32(GAP), found.leaves),
     )
-
-
-def upsample_labels(
-    view: View,
-    known: KnownSurfaces,
-    coarse: CoarseView,
-    costs: Float32Array,
-    leaves_of: Callable[[], NDArray[np.int32]],
-) -> Surfaces:
-    """Label costs (h x w x L) interpolated to every hole pixel; each takes the label of least cost and its inverse depth.
-    Foliage covers it where it extends. leaves_of: gives `copy_leaves`.
-    """
-    w, planes = known.inverse_depth, known.planes
-    spread = fill_with_nearest(costs, coarse.hole)
-    no_plane = coarse.candidates[0]
-    smooth = enlarge(fill_with_nearest(no_plane, coarse.hole & (no_plane > 0)), view.camera.wh)
-    best = np.full(w.shape, np.inf, np.float32)
-    chosen = np.full(w.shape, SMOOTH, np.int32)
-    for number in range(costs.shape[2]):
-        cost = enlarge(spread[..., number], view.camera.wh)
-        np.copyto(chosen, np.int32(number - 1), where=cost < best)
-        np.minimum(best, cost, out=best)
-    rows, columns = np.nonzero(view.hole)
-    labels = chosen[rows, columns]
-    on_plane = np.maximum(0, plane_values_at(planes, labels, rows, columns))
-    out, filled = w.copy(), known.label.copy()
-    out[rows, columns] = np.where(labels == SMOOTH, smooth[rows, columns], np.where(labels > 0, on_plane, 0))
-    filled[rows, columns] = labels
-    leaves = leaves_of()
-    leaf = (leaves >= 0) & (w.ravel()[np.maximum(leaves, 0)] > out)
-    out[leaf], filled[leaf] = w.ravel()[leaves[leaf]], SMOOTH
-    return Surfaces(out, filled, planes, np.where(leaf, leaves, GAP).astype(np.int32))
