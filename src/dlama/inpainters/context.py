@@ -12,8 +12,7 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.codes import from_source
 from dlama.geometry.drawing.picture_edges import align_edges
 from dlama.geometry.frames.choosing import MOST_FRAMES, choose_frames
-from dlama.geometry.frames.coarse_depth import coarse_camera, coarse_depth
-from dlama.geometry.frames.stored import Layer
+from dlama.geometry.frames.stored import Layer, coarse_camera, coarse_depth
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law, subtract_noise

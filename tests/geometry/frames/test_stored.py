@@ -19,9 +19,8 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.frames import gathering
 from dlama.geometry.frames.choosing import MOST_FRAMES, may_show
-from dlama.geometry.frames.coarse_depth import BLOCK, coarse_camera, coarse_depth
 from dlama.geometry.frames.merging import KEPT
-from dlama.geometry.frames.stored import PixelCache, StoredView, count_bytes
+from dlama.geometry.frames.stored import BLOCK, PixelCache, StoredView, coarse_camera, coarse_depth, count_bytes
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene

@@ -25,9 +25,8 @@ from dlama.geometry.frames.agreement import (
     make_comparable,
     measure_overlaps,
 )
-from dlama.geometry.frames.coarse_depth import coarse_depth
 from dlama.geometry.frames.removal import find_removed, mask_growth, part_under_mask, world_points
-from dlama.geometry.frames.stored import Layer, PixelCache, StoredView
+from dlama.geometry.frames.stored import Layer, PixelCache, StoredView, coarse_depth
 from dlama.geometry.holes import dilate_mask
 from dlama.geometry.projection import project_to_pixels
 from dlama.geometry.rgbd import RGBD, BoolArray

@@ -1,11 +1,12 @@
 """What reads a view and its camera in; a handle that loads the view on demand out.
 
 Of a scene of a thousand frames a camera needs four. The pixels that `StoredView.load` reads are in a `PixelCache` of limited
-size, which drops the least recently used.
+size, which drops the least recently used. Its coarse depth is held for every frame.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import threading
 from collections import OrderedDict
 from collections.abc import Callable
@@ -15,12 +16,15 @@ from typing import Any
 import numpy as np
 
 from dlama.geometry.camera import Camera
-from dlama.geometry.codes import HoleType
-from dlama.geometry.rgbd import BoolArray, UInt8Array
+from dlama.geometry.codes import HoleType, from_source
+from dlama.geometry.once import once
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import Facts, View
 
 CACHE_BYTES = 256_000_000
 """Memory for the pixels of a scene's frames: 60 frames of 640x480."""
+BLOCK = 8
+"""Sides in px of the blocks of coarse depth: that of a thousand frames is held."""
 
 
 class PixelCache:
@@ -108,3 +112,24 @@ def without_bits(stored: StoredView, bits: UInt8Array, hole_type: HoleType) -> V
 def unpack_bits(bits: UInt8Array, camera: Camera) -> BoolArray:
     """H x W of the camera, as `numpy.packbits` packed it."""
     return np.unpackbits(bits, count=camera.width * camera.height).reshape(camera.hw).astype(bool)
+
+
+@once
+def coarse_depth(layer: Layer) -> Float32Array:
+    """The nearest depth measured in each block of pixels, ceil(H / BLOCK) x ceil(W / BLOCK) metres; computed once.
+
+    0 where a pixel of the block has none, inf = far.
+    """
+    view = layer.load()
+    depth = np.where(from_source(view.origin) & ~view.hole, view.depth, np.float32(0))
+    rows, columns = (-size % BLOCK for size in depth.shape)
+    padded = np.pad(depth, ((0, rows), (0, columns)))
+    blocks = padded.reshape(padded.shape[0] // BLOCK, BLOCK, padded.shape[1] // BLOCK, BLOCK)
+    return np.asarray(blocks.min((1, 3)), np.float32)
+
+
+def coarse_camera(camera: Camera) -> Camera:
+    """The camera whose pixels are those blocks."""
+    width, height = (-(-size // BLOCK) for size in camera.wh)
+    lens = {name: getattr(camera, name) / BLOCK for name in ("fx", "fy", "cx", "cy")}
+    return dataclasses.replace(camera, width=width, height=height, **lens)
