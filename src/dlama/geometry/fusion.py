@@ -14,7 +14,7 @@ from dlama.geometry.codes import HoleType, Origin, from_filler
 from dlama.geometry.drawing.grid_mesh import mesh_grid
 from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
 from dlama.geometry.kernels.jit import BAND
-from dlama.geometry.projection import inverse_depth, lift, rays
+from dlama.geometry.projection import inverse_depth, lift, unproject
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.scene import Scene, contribution
 from dlama.geometry.view import View
@@ -109,10 +109,9 @@ def layer_mesh(view: View) -> Mesh:
     triangles = np.concatenate(
         [np.stack([corner[name][half] for name in names], 1) for names, half in zip(HALVES, cell_halves(depth, joined))]
     ).astype(np.int32)
-    in_camera = rays(view.camera)[chosen] * depth[chosen][:, None]
-    pose = view.camera.world_from_cam
+    rows, columns = np.nonzero(chosen)
     return Mesh(
-        in_camera @ pose[:3, :3].T + pose[:3, 3],
+        unproject(view.camera, columns + 0.5, rows + 0.5, depth[chosen]),
         triangles,
         view.color[chosen],
         view.origin[chosen],

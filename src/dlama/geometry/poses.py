@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -83,6 +85,11 @@ def invert_pose(b_from_a: Float64Array) -> Float64Array:
     a_from_b[:3, :3] = b_from_a[:3, :3].T
     a_from_b[:3, 3] = -b_from_a[:3, :3].T @ b_from_a[:3, 3]
     return a_from_b
+
+
+def transform_points(b_from_a: Float64Array, points: NDArray[Any]) -> Float64Array:
+    """Points (... x 3) of the axes a in the axes b, by a 4x4 rigid motion."""
+    return np.asarray(points @ b_from_a[:3, :3].T + b_from_a[:3, 3], np.float64)
 
 
 def check_pose(pose: ArrayLike) -> Float64Array:

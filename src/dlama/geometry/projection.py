@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import functools
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,6 +16,7 @@ from dlama.arguments import check_arguments
 from dlama.errors import CameraError, DepthError, ShapeError
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.cloud import PointCloud
+from dlama.geometry.poses import transform_points
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
 from dlama.geometry.view import View
 
@@ -130,15 +132,17 @@ def lift(source: RGBD | View) -> PointCloud:
         source = View.from_rgbd(source)
     valid = source.valid
     rows, columns = np.nonzero(valid)
-    camera = source.camera
-    z = source.depth[valid].astype(np.float64)
-    in_camera = np.empty((len(z), 3))
-    in_camera[:, 0] = (columns + 0.5 - camera.cx) / camera.fx * z
-    in_camera[:, 1] = (rows + 0.5 - camera.cy) / camera.fy * z
-    in_camera[:, 2] = z
-    pose = camera.world_from_cam
-    points = in_camera @ pose[:3, :3].T + pose[:3, 3]
+    points = unproject(source.camera, columns + 0.5, rows + 0.5, source.depth[valid])
     return PointCloud(points, source.color[valid], source.origin[valid], source.confidence[valid])
+
+
+def unproject(camera: Camera, x: NDArray[Any], y: NDArray[Any], depth: NDArray[Any]) -> Float64Array:
+    """N x 3 points in the world at places x, y of the picture (N px, a pixel's centre ends in .5) and depths (N metres)."""
+    points = np.empty((len(depth), 3))
+    points[:, 0] = (x - camera.cx) / camera.fx * depth
+    points[:, 1] = (y - camera.cy) / camera.fy * depth
+    points[:, 2] = depth
+    return transform_points(camera.world_from_cam, points)
 
 
 def project(points: Float64Array, camera: Camera) -> tuple[Float64Array, Float64Array]:

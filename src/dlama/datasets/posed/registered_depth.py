@@ -9,7 +9,7 @@ import numpy as np
 from dlama.datasets.posed.posed_frames import Lens
 from dlama.files.cameras import make_camera
 from dlama.geometry.camera import Camera, Float64Array
-from dlama.geometry.projection import project, rays
+from dlama.geometry.projection import project, unproject
 from dlama.geometry.rgbd import Float32Array
 
 
@@ -36,10 +36,7 @@ def warp_depth(depth: Float32Array, source: Camera, target: Camera) -> Float32Ar
     H x W of the target, 0 where nothing fell. Fit for a target with the shorter focal length, where no cracks open.
     """
     rows, columns = np.nonzero(depth)
-    z = depth[rows, columns].astype(np.float64)
-    local = rays(source)[rows, columns] * z[:, None]
-    pose = source.world_from_cam
-    pixels, seen_at = project(local @ pose[:3, :3].T + pose[:3, 3], target)
+    pixels, seen_at = project(unproject(source, columns + 0.5, rows + 0.5, depth[rows, columns]), target)
     inside = (pixels >= 0).all(1) & (pixels[:, 0] < target.width) & (pixels[:, 1] < target.height)
     flat = pixels[inside].astype(np.intp) @ (1, target.width)
     out = np.full(target.height * target.width, np.inf, np.float32)

@@ -14,7 +14,7 @@ from dlama.datasets.frames import Case, Dataset, ViewTruth
 from dlama.datasets.posed.posed_frames import PosedFrame
 from dlama.errors import FileError, InputError, format_count
 from dlama.geometry.camera import Camera, Float64Array
-from dlama.geometry.poses import rotation_deg
+from dlama.geometry.poses import rotation_deg, transform_points
 from dlama.geometry.projection import project, rays
 from dlama.geometry.rgbd import RGBD, Float32Array
 
@@ -149,8 +149,7 @@ def _sample(depth: Float32Array, camera: Camera) -> tuple[Float64Array, Float32A
     small = depth[rows[:, None], columns]
     small[~np.isfinite(small)] = 0
     local = (rays(camera)[rows[:, None], columns] * small[..., None])[small > 0]
-    pose = camera.world_from_cam
-    return local @ pose[:3, :3].T + pose[:3, 3], small, camera
+    return transform_points(camera.world_from_cam, local), small, camera
 
 
 def _targets(source: int, rotations: Float64Array, overlaps: Overlaps) -> Iterator[int]:

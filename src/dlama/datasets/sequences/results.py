@@ -30,7 +30,7 @@ from dlama.geometry.frames.choosing import choose_frames
 from dlama.geometry.frames.merging import nearest_depth_around
 from dlama.geometry.frames.stored import Layer, StoredView, unpack_bits
 from dlama.geometry.holes import morphological_open, square
-from dlama.geometry.projection import lift, project, rays
+from dlama.geometry.projection import lift, project, unproject
 from dlama.geometry.rgbd import BoolArray, UInt8Array
 from dlama.geometry.scene import Scene, contribution
 from dlama.geometry.view import View
@@ -74,9 +74,7 @@ def new_points(scene: Scene, place: int) -> BoolArray:
     held = [one for one in choose_frames(scene.frames, frame.camera, MOST_COMPARED) if one != place]
     added = frame.valid.copy()
     rows, columns = np.nonzero(added)
-    depth = frame.depth[rows, columns].astype(np.float64)
-    pose = frame.camera.world_from_cam
-    points = (rays(frame.camera)[rows, columns] * depth[:, None]) @ pose[:3, :3].T + pose[:3, 3]
+    points = unproject(frame.camera, columns + 0.5, rows + 0.5, frame.depth[rows, columns])
     drop = np.zeros(len(points), bool)
     for other in held:
         drop |= _is_redundant(points, scene, scene.frames[other].load(), other < place)

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.figures.false_color import ORIGIN_PALETTE
+from dlama.geometry.poses import transform_points
 
 PAGE = Path(__file__).parents[2] / "assets" / "figures" / "points.html"
 MOST_POINTS = 20_000
@@ -46,7 +47,7 @@ def point_viewer(
     if len(points) > most:
         drawn = np.sort(np.random.default_rng(0).choice(len(points), most, replace=False))
         title = f"{title}, {most} points of {len(points)} shown"
-    seen = points[drawn] @ pose[:3, :3].T + pose[:3, 3]
+    seen = transform_points(pose, points[drawn])
     middle = np.median(seen, axis=0)
     distance = np.linalg.norm(seen - middle, axis=1)
     scale = max(float(np.quantile(distance, NEAREST_SHARE)), 1e-6)

@@ -18,6 +18,7 @@ import numpy as np
 from dlama.arguments import check_arguments
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.frames.pose_system import Matches, adjust_poses, measure_offset
+from dlama.geometry.poses import transform_points
 from dlama.geometry.rgbd import RGBD, Float32Array
 
 Source = TypeVar("Source", RGBD, Callable[[], RGBD])
@@ -183,7 +184,7 @@ def project_features(one: Features, other: Features) -> Float64Array:
     rays = np.stack([(one.pixels[:, 0] - camera.cx) / camera.fx, (one.pixels[:, 1] - camera.cy) / camera.fy], 1)
     local = np.concatenate([rays, np.ones((len(rays), 1))], 1) * one.depth[:, None]
     step = to.cam_from_world @ camera.world_from_cam
-    x, y, z = (local @ step[:3, :3].T + step[:3, 3]).T
+    x, y, z = transform_points(step, local).T
     seen = (one.depth > 0) & (z > 0.05)
     with np.errstate(divide="ignore", invalid="ignore"):
         at = np.stack([to.fx * x / z + to.cx, to.fy * y / z + to.cy], 1)

@@ -13,7 +13,7 @@ import numpy as np
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.frames.stored import Layer
 from dlama.geometry.once import once
-from dlama.geometry.projection import lift, project
+from dlama.geometry.projection import lift, project, unproject
 from dlama.geometry.rgbd import BoolArray
 
 MOST_FRAMES = 4
@@ -83,17 +83,7 @@ class Samples:
         depth = np.where(view.hole[rows, columns], 0, view.depth[rows, columns]).astype(np.float64)
         known = (depth > 0) & (depth < np.inf)
         self.rows, self.columns, self.depth = rows[known], columns[known], depth[known]
-        camera = view.camera
-        local = np.stack(
-            [
-                (self.columns + 0.5 - camera.cx) / camera.fx * self.depth,
-                (self.rows + 0.5 - camera.cy) / camera.fy * self.depth,
-                self.depth,
-            ],
-            1,
-        )
-        pose = camera.world_from_cam
-        self.points: Float64Array = local @ pose[:3, :3].T + pose[:3, 3]
+        self.points = unproject(view.camera, self.columns + 0.5, self.rows + 0.5, self.depth)
         self.box = bounding_boxes([self.points])[0]
         """8 x 3, the corners of the box that holds them; NaN where there are none."""
 

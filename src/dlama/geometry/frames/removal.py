@@ -22,6 +22,7 @@ from dlama.geometry.frames.choosing import choose_frames
 from dlama.geometry.frames.foreground import find_foreground, grow_region
 from dlama.geometry.frames.stored import Layer
 from dlama.geometry.holes import check_mask, dilate_mask, erode_mask, morphological_close, morphological_open, square
+from dlama.geometry.poses import transform_points
 from dlama.geometry.projection import project_to_pixels, rays
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import BoolArray
@@ -207,8 +208,7 @@ def mask_interior(frame: Layer, mask: BoolArray) -> Layer:
 def world_points(view: View) -> np.ndarray:
     """H x W x 3, each pixel's point in the world; pixels without depth at the camera."""
     depth = np.where(view.valid, view.depth, 0)
-    pose = view.camera.world_from_cam
-    return (rays(view.camera) * depth[..., None]) @ pose[:3, :3].T + pose[:3, 3]
+    return transform_points(view.camera.world_from_cam, rays(view.camera) * depth[..., None])
 
 
 def bounding_box(masked: Scene) -> tuple[np.ndarray, np.ndarray] | None:

@@ -16,6 +16,7 @@ from dlama.geometry.holes import box_around
 from dlama.geometry.kernels import decimating as kernels
 from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
 from dlama.geometry.kernels.jit import in_bands
+from dlama.geometry.projection import unproject
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, freeze
 from dlama.geometry.view import View
 
@@ -78,7 +79,7 @@ def decimate(
     places = pixels.copy()
     places[len(places) - len(squares) * 2 :] += np.tile(SQUARE, (len(lone_rows), 1))
     planes = (freeze(plane[rows, columns]) for plane in (view.color, view.origin, view.confidence))
-    vertices = unproject(view, places, view.depth[rows, columns])
+    vertices = unproject(view.camera, places[:, 0], places[:, 1], view.depth[rows, columns])
     mesh = Mesh(freeze(vertices), freeze(np.concatenate([numbers, squares])), *planes)
     return DecimatedMesh(mesh, pixels, surface)
 
@@ -86,16 +87,6 @@ def decimate(
 def bounding_box(where: BoolArray) -> tuple[slice, slice]:
     """The smallest box of rows and columns round the True pixels; an empty one where there are none."""
     return box_around(where, 0) if where.any() else (slice(0, 0), slice(0, 0))
-
-
-def unproject(view: View, places: Float64Array, depth: Float32Array) -> Float64Array:
-    """N x 3 world points at places in the picture (N x 2, px) and depths (N, metres)."""
-    camera = view.camera
-    rays = np.ones((len(places), 3))
-    rays[:, :2] = (places - (camera.cx, camera.cy)) / (camera.fx, camera.fy)
-    return np.asarray(
-        rays * depth[:, None] @ camera.world_from_cam[:3, :3].T + camera.world_from_cam[:3, 3], np.float64
-    )
 
 
 def flat_cells(joined: UInt8Array, origin: UInt8Array) -> BoolArray:

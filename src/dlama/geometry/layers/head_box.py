@@ -11,6 +11,7 @@ import numpy as np
 from dlama.arguments import is_finite
 from dlama.errors import DepthError, InputError
 from dlama.geometry.camera import Camera
+from dlama.geometry.poses import transform_points
 from dlama.geometry.projection import inverse_depth, project
 from dlama.geometry.trajectories import dolly, orbit
 from dlama.geometry.view import View
@@ -108,7 +109,7 @@ class HeadBox:
         margin = np.zeros(2)
         for camera in self.grid():
             for metres in (0.5 * self.pivot, self.pivot, 100 * self.pivot):
-                points = metres * corners @ camera.world_from_cam[:3, :3].T + camera.world_from_cam[:3, 3]
+                points = transform_points(camera.world_from_cam, metres * corners)
                 pixels, _ = project(points, middle)
                 margin = np.maximum(margin, np.maximum(-pixels, pixels - (width, height)).max(0))
         x, y = (min(math.ceil(pad), int(WIDEST * side)) for pad, side in zip(margin, (width, height)))

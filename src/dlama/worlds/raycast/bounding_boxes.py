@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.camera import Camera, Float64Array
+from dlama.geometry.poses import transform_points
 from dlama.worlds.raycast import shape_rows as k
 
 Int32Array = NDArray[np.int32]
@@ -18,7 +19,7 @@ def boxes_by_depth(shapes: Float64Array, camera: Camera) -> tuple[Float64Array, 
     and whose they are, M int32."""
     centre, edges = bounding_boxes(shapes)
     cam_from_world = camera.cam_from_world
-    centre = centre @ cam_from_world[:3, :3].T + cam_from_world[:3, 3]
+    centre = transform_points(cam_from_world, centre)
     edges = edges @ cam_from_world[:3, :3].T
     reach = np.abs(edges[..., 2]).sum(1)
     near = centre[:, 2] - reach

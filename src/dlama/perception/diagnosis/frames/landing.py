@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 
 from dlama.geometry.camera import Camera, Float64Array
+from dlama.geometry.poses import transform_points
 from dlama.geometry.projection import project_to_pixels, rays
 from dlama.geometry.rgbd import RGBD, Float32Array
 
@@ -79,8 +80,8 @@ def find_landing_points(one: SmallFrame, other: SmallFrame) -> Landed:
 def reproject(one: SmallFrame, other: SmallFrame) -> tuple[Float64Array, Float64Array, Float64Array, Float64Array]:
     """Depth and grey level of one frame's points that reproject to a pixel of the other with depth: (own, measured there) of
     each."""
-    pose = one.camera.world_from_cam
-    rows, columns, z, inside = project_to_pixels(one.points @ pose[:3, :3].T + pose[:3, 3], other.camera)
+    points = transform_points(one.camera.world_from_cam, one.points)
+    rows, columns, z, inside = project_to_pixels(points, other.camera)
     depth, grey = (plane[rows, columns].astype(np.float64) for plane in (other.depth, other.grey))
     known = inside & (depth > 0) & np.isfinite(depth)
     return z[known], depth[known], one.brightness[known], grey[known]
