@@ -16,9 +16,12 @@ from dlama.geometry.holes import (
     box_mean,
     check_mask,
     dilate_mask,
+    dilate_square,
     dilate_view_holes,
     disc,
+    distance_to,
     erode_mask,
+    erode_square,
     fill_with_nearest,
     gaussian_mean,
     morphological_close,
@@ -184,6 +187,16 @@ def test_opened_and_closed_by_places_of_the_kernel(kernel: np.ndarray) -> None:
     np.testing.assert_array_equal(morphological_open(mask, kernel), covered)
     inside = np.s_[5:-5, 5:-5]
     np.testing.assert_array_equal(morphological_close(~mask, kernel)[inside], ~covered[inside])
+
+
+def test_a_pixel_by_squares_and_distances() -> None:
+    """Closed form: a pixel grows to 3 x 3, which shrinks to it again; along rows and columns distances are whole pixels."""
+    mask = np.zeros((7, 9), bool)
+    mask[3, 4] = True
+    grown = dilate_square(mask, 3)
+    assert grown[2:5, 3:6].all() and grown.sum() == 9 and np.array_equal(erode_square(grown, 3), mask)
+    distance = distance_to(mask)
+    assert distance[3].tolist() == [4, 3, 2, 1, 0, 1, 2, 3, 4] and distance[:, 4].tolist() == [3, 2, 1, 0, 1, 2, 3]
 
 
 def test_touching_regions() -> None:

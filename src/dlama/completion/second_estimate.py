@@ -20,7 +20,7 @@ from dlama.completion.start import Plan, context_of
 from dlama.errors import DepthError
 from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.frames.stored import Layer
-from dlama.geometry.holes import box_around, smaller_size
+from dlama.geometry.holes import box_around, distance_to, smaller_size
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, paste
 from dlama.geometry.scene import Scene, replace_frame
@@ -137,7 +137,7 @@ def fit_round_object(frame: View, removed: BoolArray, again: Float32Array) -> Fi
     step = max(1, max(removed.shape) // SIDE)
     size = max(removed.shape) / SIDE / step
     few = np.s_[::step, ::step]
-    distance = distance_from(removed[few])
+    distance = distance_to(removed[few])
     known = (frame.origin[few] == Origin.ESTIMATED.value) & ~frame.hole[few]
     w, again = inverse_depth(frame.depth[few]), again[few]
     ring = known & (w > 0) & (again > 0) & (distance > REACH_PX * size) & (distance <= RING_PX * size)
@@ -154,17 +154,12 @@ def mix_depth(frame: View, view: View, again: Float32Array, fit: Fit, reach: flo
     """Depth (H x W metres) of a part of a frame, and where it is new: behind its removed object and up to `reach` px next to it
     the second estimate (`again`, H x W inverse depth), from half of that on mixed with the depth of the filled `view`."""
     behind = frame.hole & (frame.hole_type == HoleType.OBJECT.value)
-    share = np.clip(2 - 2 * distance_from(behind) / reach, 0, 1)
+    share = np.clip(2 - 2 * distance_to(behind) / reach, 0, 1)
     w = inverse_depth(view.depth)
     w += share * (fit.scale * again + fit.shift - w)
     known = frame.valid & (frame.origin == Origin.ESTIMATED.value)
     changed = (share > 0) & (behind | known) & view.valid & (again > 0) & (w > LEAST)
     return np.where(changed, 1 / np.maximum(w, LEAST), view.depth).astype(np.float32), changed
-
-
-def distance_from(where: BoolArray) -> Float32Array:
-    """H x W distance in px from the True pixels (H x W)."""
-    return np.asarray(cv2.distanceTransform((~where).view(np.uint8), cv2.DIST_L2, 5), np.float32)
 
 
 def fit_scale_and_shift(values: Float32Array, expected: Float32Array) -> tuple[float, float]:

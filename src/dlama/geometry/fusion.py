@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 
-import cv2
 import numpy as np
 
 from dlama.arguments import check_arguments
@@ -12,6 +11,7 @@ from dlama.errors import ShapeError
 from dlama.geometry.cloud import Mesh, PointCloud, concatenate, join_meshes
 from dlama.geometry.codes import HoleType, Origin, from_filler
 from dlama.geometry.drawing.grid_mesh import mesh_grid
+from dlama.geometry.holes import dilate_square
 from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
 from dlama.geometry.kernels.jit import BAND
 from dlama.geometry.projection import inverse_depth, lift, unproject
@@ -51,8 +51,7 @@ def add_layer(scene: Scene, view: View, added: BoolArray, overlap: int = OVERLAP
     the scene back."""
     if not added.any():
         return scene
-    side = 2 * overlap + 1
-    ring = cv2.dilate(added.astype(np.uint8), np.ones((side, side), np.uint8)) > 0
+    ring = dilate_square(added, 2 * overlap + 1)
     layer = view.without(~ring, HoleType.NONE)
     filled = from_filler(layer.origin)
     origin = np.where(added | layer.hole | filled, layer.origin, np.uint8(Origin.REPROJECTED))

@@ -73,6 +73,16 @@ def morphological_close(mask: BoolArray, kernel: np.ndarray) -> BoolArray:
     return cv2.erode(reached, kernel[::-1, ::-1], anchor=mirrored_middle(kernel)) > 0
 
 
+def dilate_square(mask: BoolArray, side: int) -> BoolArray:
+    """The mask (H x W) grown by a square of `side` pixels: by 1 px for 3, its corners too."""
+    return cv2.dilate(mask.view(np.uint8), square(side)) > 0
+
+
+def erode_square(mask: BoolArray, side: int) -> BoolArray:
+    """The mask (H x W) shrunk by a square of `side` pixels; beyond the picture counts as mask."""
+    return cv2.erode(mask.view(np.uint8), square(side)) > 0
+
+
 def middle_of(kernel: np.ndarray) -> tuple[int, int]:
     """Column and row of a kernel's anchor."""
     return kernel.shape[1] // 2, kernel.shape[0] // 2
@@ -90,6 +100,11 @@ def regions_touching(where: BoolArray, other: BoolArray) -> BoolArray:
     _, labels = cv2.connectedComponents(where.astype(np.uint8), connectivity=8)
     numbers = np.unique(labels[where & other])
     return np.asarray(np.isin(labels, numbers) & where)
+
+
+def distance_to(where: BoolArray) -> Float32Array:
+    """H x W distance in px to the nearest pixel of `where` (H x W), by OpenCV's 5x5 mask."""
+    return np.asarray(cv2.distanceTransform((~where).view(np.uint8), cv2.DIST_L2, 5), np.float32)
 
 
 def nearest_known(known: BoolArray) -> tuple[Float32Array, NDArray[np.intp]]:
@@ -163,7 +178,7 @@ def fill_with_nearest(values: np.ndarray, known: BoolArray) -> np.ndarray:
         return values
     box = box_around(~known, 1)
     missing = ~known[box]
-    rim = known[box] & (cv2.dilate(missing.view(np.uint8), square(3)) > 0)  # the nearest known pixels lie on it
+    rim = known[box] & dilate_square(missing, 3)  # the nearest known pixels lie on it
     labels = _nearest_labels(rim)[1]
     rows, columns = np.nonzero(rim)
     of_label = np.zeros(len(rows) + 1, np.intp)

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.codes import HoleType, Origin
-from dlama.geometry.holes import fill_with_nearest, nearest_known
+from dlama.geometry.holes import erode_square, fill_with_nearest, nearest_known
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, freeze
@@ -232,7 +232,7 @@ def log_inverse(w: Float32Array, typical: float) -> Float32Array:
 
 def estimate_noise(values: Float32Array, known: BoolArray, scale: float = 1) -> float:
     """Median step between neighbours of known pixels and the mean of theirs (four), as log(1 + scale * step)."""
-    inside = cv2.erode(known.view(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    inside = erode_square(known, 3)
     steps = np.abs(cv2.Laplacian(values, cv2.CV_32F))[inside][::4] / 4
     return float(np.log1p(scale * np.median(steps))) if steps.size else 0.0
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from dlama.geometry.holes import dilate_square
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.perception.kernels.edge_median import MOST, joint_median, take_most_alike
@@ -52,8 +53,7 @@ def sharpen_depth(
     size = max(values.shape) / 512
     near = values if inverse else np.divide(1, values, out=np.zeros_like(values), where=values > 0)
     ramp = on_ramp(near, how.steep / size, how.bend, round(1.5 * how.radius * size))
-    reach = 2 * round(how.reach * size) + 1
-    blurred = cv2.dilate(ramp.astype(np.uint8), np.ones((reach, reach), np.uint8)) > 0
+    blurred = dilate_square(ramp, 2 * round(how.reach * size) + 1)
     if not ramp.any() or ramp.all():
         return values
     radius = max(2, round(how.radius * size))
@@ -76,7 +76,7 @@ def _sharpen_small(values: Float32Array, color: UInt8Array, inverse: bool, how: 
     small = np.ascontiguousarray(values[np.ix_(rows, columns)])
     small_color = np.asarray(cv2.resize(color, hw[::-1], interpolation=cv2.INTER_AREA), np.uint8)
     found = sharpen_depth(small, small_color, inverse, how)
-    changed = cv2.dilate((found != small).view(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    changed = dilate_square(found != small, 3)
     out = values.copy()
     in_bands(take_most_alike, height, color, small_color, found, changed, out)
     return out

@@ -29,7 +29,7 @@ from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.frames.choosing import choose_frames
 from dlama.geometry.frames.merging import nearest_depth_around
 from dlama.geometry.frames.stored import Layer, StoredView, unpack_bits
-from dlama.geometry.holes import morphological_open, square
+from dlama.geometry.holes import dilate_square, morphological_open, square
 from dlama.geometry.projection import lift, project, unproject
 from dlama.geometry.rgbd import BoolArray, UInt8Array
 from dlama.geometry.scene import Scene, contribution
@@ -61,7 +61,7 @@ def thin_scene(scene: Scene) -> Scene:
 def keep_new_points(frame: Layer, bits: UInt8Array, gain: tuple[float, float, float]) -> View:
     """A frame in the scene's brightness with the pixels `bits` (H x W bool, as `numpy.packbits` packs it) and a rim of one."""
     added = unpack_bits(bits, frame.camera)
-    ring = cv2.dilate(added.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    ring = dilate_square(added, 3)
     layer = frame.load().without(~ring, HoleType.NONE)
     origin = np.where(added | layer.hole, layer.origin, np.uint8(Origin.REPROJECTED))
     color = np.clip(np.rint(layer.color * np.array(gain)), 0, 255).astype(np.uint8)

@@ -12,6 +12,7 @@ from dlama.files.atomic_write import PathLike
 from dlama.files.results.contact_sheet import PANEL_WIDTH, Panel, write_contact_sheet
 from dlama.geometry.codes import HoleType
 from dlama.geometry.figures.false_color import HOLE_PALETTE, RGB, depth_limits, depth_picture, hole_picture
+from dlama.geometry.holes import erode_square
 from dlama.geometry.rgbd import UInt8Array
 from dlama.geometry.view import View
 
@@ -113,7 +114,7 @@ def source_panel(completion: Completion) -> Panel:
 
 def tint(color: UInt8Array, where: np.ndarray) -> UInt8Array:
     """uint8 H x W x 3: half red where `where` (H x W bool) is True, red at its rim."""
-    inner = cv2.erode(where.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
+    inner = erode_square(where, 5)
     tint = np.array(REMOVED, np.uint8)
     half = (color // 2 + tint // 2).astype(np.uint8)
     return np.where((where & ~inner)[..., None], tint, np.where(where[..., None], half, color))

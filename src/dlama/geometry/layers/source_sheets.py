@@ -15,7 +15,7 @@ import numpy as np
 
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.cloud import Mesh
-from dlama.geometry.holes import fill_with_nearest
+from dlama.geometry.holes import dilate_square, fill_with_nearest
 from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
 from dlama.geometry.layers.decimation import decimate
 from dlama.geometry.layers.head_box import HeadBox
@@ -107,8 +107,7 @@ def as_depth(view: View, depth: Float32Array) -> View:
 
 def next_to_edges(joined: UInt8Array) -> BoolArray:
     """H x W, True where a pixel is not joined to its right or its lower neighbour, or they not to it."""
-    cut = joined != (RIGHT | DOWN)
-    return cv2.dilate(cut.view(np.uint8), np.ones((3, 3), np.uint8)).view(bool)
+    return dilate_square(joined != (RIGHT | DOWN), 3)
 
 
 def cover_blocks(where: BoolArray) -> BoolArray:

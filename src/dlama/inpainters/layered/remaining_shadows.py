@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.codes import HoleType, Origin
-from dlama.geometry.holes import erode_mask, morphological_open, nearest_known, square
+from dlama.geometry.holes import dilate_square, distance_to, erode_mask, morphological_open, nearest_known, square
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
@@ -48,7 +48,7 @@ def find_remaining_shadow(view: View, label: NDArray[np.int32], law: Law) -> Boo
     height, width = own.shape
     step = max(1.0, max(height, width) / GRID)
     wh = max(1, round(width / step)), max(1, round(height / step))
-    distance = cv2.distanceTransform((~shrink_mask(own, wh)).astype(np.uint8), cv2.DIST_L2, 5)
+    distance = distance_to(shrink_mask(own, wh))
     reach = REACH * np.sqrt((distance == 0).sum()) + 2
     luma = np.log(cv2.cvtColor(view.color, cv2.COLOR_RGB2GRAY).astype(np.float32) + 4)
     out = np.zeros(wh[::-1], np.bool_)
@@ -60,8 +60,8 @@ def find_remaining_shadow(view: View, label: NDArray[np.int32], law: Law) -> Boo
         if number < 1 or not (surface & ring).any():
             continue
         level = cv2.resize(luma * on, wh, interpolation=cv2.INTER_AREA) / np.maximum(share, 1e-3)
-        out |= find_shadow_on(surface, np.asarray(level, np.float32), np.asarray(distance, np.float32), reach)
-    out = cv2.dilate(out.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+        out |= find_shadow_on(surface, np.asarray(level, np.float32), distance, reach)
+    out = dilate_square(out, 3)
     full = cv2.resize(out.astype(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST) > 0
     removed = depth_of_removed(view, law)
     if removed is not None:

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.holes import box_around, square
+from dlama.geometry.holes import box_around, dilate_square
 from dlama.geometry.kernels.jit import as_input, in_bands
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, paste
 from dlama.inpainters.patchmatch import pyramid_kernels as kernels
@@ -91,7 +91,7 @@ def whole_patches(hole: BoolArray) -> BoolArray:
 
 def dilate_by_patch(hole: BoolArray) -> BoolArray:
     """H x W, True in the centres of patches that overlap the hole."""
-    return np.asarray(cv2.dilate(hole.astype(np.uint8), square(2 * HALF + 1)) > 0)
+    return dilate_square(hole, 2 * HALF + 1)
 
 
 def hole_depth(hole: BoolArray) -> float:

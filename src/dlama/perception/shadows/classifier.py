@@ -14,7 +14,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from dlama.geometry.holes import dilate_mask, iou, regions_touching
+from dlama.geometry.holes import dilate_mask, erode_square, iou, regions_touching
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.models.network_file import NetworkFile
 from dlama.models.perceptron import Perceptron, read_arrays
@@ -134,7 +134,7 @@ def verdict_features(
     out = cv2.distanceTransform((~region).astype(np.uint8), cv2.DIST_L2, 3)
     ring, rest = (out > 2) & (out < 8) & where, (out >= 8) & where
     enough = region.sum() >= FEWEST_PX <= ring.sum()
-    inner = region & (cv2.erode(region.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0)
+    inner = region & erode_square(region, 3)
     inner = inner if inner.sum() >= FEWEST_PX else region
     deep = float(np.median(dark[inner])) if enough else 0.0
     around, spread = (float(np.median(dark[ring])), float(dark[ring].std())) if enough else (0.0, 0.0)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from dlama.geometry.holes import box_mean, dilate_mask, nearest_known
+from dlama.geometry.holes import box_mean, dilate_mask, distance_to, erode_square, nearest_known
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.perception.shadows.planes import FAR, FIRST_CAST, LOG_RANGE
 
@@ -53,7 +53,7 @@ def near_ground_contact(planes: Float32Array) -> BoolArray:
     low = low if low.any() else caster
     if not low.any():
         return low
-    apart = cv2.distanceTransform((~low).astype(np.uint8), cv2.DIST_L2, 5)
+    apart = distance_to(low)
     return np.asarray((apart < max(5.0, CONTACT * float(np.sqrt(caster.sum())))) & ~caster)
 
 
@@ -61,7 +61,7 @@ def candidate_features(planes: Float32Array, shapes: list[BoolArray], shares: Co
     """K x features of the K cast shapes; rows of nan where there is none. shapes: `cast_interiors`, and optionally one more
     region; shares: `color_shares`."""
     where, caster, dark = planes[4] > 0.5, planes[3] > 0.5, planes[9]
-    apart = cv2.distanceTransform((~caster).astype(np.uint8), cv2.DIST_L2, 5)
+    apart = distance_to(caster)
     common, raised = (to_plane(each, where) for each in (shares[0], np.max(shares[1], 0)))
     probability = [*(float(plane.max()) for plane in planes[FIRST_CAST:]), 0.0, 0.0, 0.0]
     rows = []
@@ -105,7 +105,7 @@ def tone_steps(planes: Float32Array, region: BoolArray) -> Float32Array:
     level = cv2.blur(planes[:3].mean(0) * LOG_RANGE, (2, 2))
     ring = dilate_mask(region, TONES_PX) & ~dilate_mask(region, 3) & where
     ring = ring if ring.sum() >= ENOUGH_PX else where
-    inner = cv2.erode(inside.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
+    inner = erode_square(inside, 5)
     inner = inner if inner.sum() >= ENOUGH_PX else inside
     steps = np.percentile(level[ring], TONES) - np.percentile(level[inner], TONES)
     middle = max(float(steps[TONES.index(50)]), LEAST_DEEP)

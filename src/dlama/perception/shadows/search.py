@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.holes import gaussian_mean
+from dlama.geometry.holes import erode_square, gaussian_mean
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
 from dlama.perception.kernels.shadows import DIRECTIONS_A_TASK, cast_shapes
@@ -115,7 +115,7 @@ def divergence_of(color: UInt8Array, seen: BoolArray) -> tuple[NDArray[np.float6
     """H x W divergence of the clipped gradient of log luma between pixels that are seen, and the gradient's RMS."""
     level = np.log(cv2.cvtColor(color, cv2.COLOR_RGB2GRAY).astype(np.float32) + 4)
     smooth = gaussian_mean(level, seen.astype(np.float32), BLUR_PX)
-    inner = cv2.erode(seen.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    inner = erode_square(seen, 3)
     out, squares = np.zeros(seen.shape), []
     for axis in (0, 1):
         both = inner & np.roll(inner, -1, axis)

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 
 from dlama.geometry.camera import Camera
+from dlama.geometry.holes import distance_to
 from dlama.geometry.projection import rays
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.visibility import Law
@@ -34,7 +35,7 @@ def distance_from(there: BoolArray, chords: tuple[float, float] = (CHORD, CHORD)
     """h x w distance to the nearest True of `there`, in cells; rows and columns count more where its chords are short."""
     along, across = (float(np.clip(CHORD / max(length, 1e-6), 1, NARROWEST)) for length in chords)
     if along == across == 1:
-        return np.asarray(cv2.distanceTransform((~there).astype(np.uint8), cv2.DIST_L2, 5), np.float32)
+        return distance_to(there)
     height, width = there.shape
     wh = max(1, round(width * across)), max(1, round(height * along))
     larger = cv2.resize((~there).astype(np.uint8), wh, interpolation=cv2.INTER_NEAREST)
