@@ -74,3 +74,31 @@ def test_a_script_without_a_guard_is_told_so(tmp_path: Path) -> None:
     assert done.returncode == 1
     assert WorkerError.__name__ in done.stderr.splitlines()[-1]
     assert 'if __name__ == "__main__":' in done.stderr.splitlines()[-1]
+
+
+FIRST = """
+import multiprocessing, signal, sys
+from dlama.workers.threads import hold_interrupts
+
+def answer(pipe):
+    pipe.send(signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, ()))
+
+if __name__ == "__main__":
+    context = multiprocessing.get_context("spawn")
+    for _ in range(2):
+        ours, theirs = context.Pipe()
+        process = context.Process(target=answer, args=(theirs,))
+        with hold_interrupts():
+            process.start()
+        print(ours.recv(), signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, ()))
+        process.join()
+"""
+
+
+@pytest.mark.skipif(not hasattr(signal, "pthread_sigmask"), reason="no masks of signals")
+def test_the_first_process_gets_no_ctrl_c_either(tmp_path: Path) -> None:
+    """Oracle: the system's mask of signals in the new process, and in this one afterwards. The first one was interrupted while
+    it loaded, with a traceback."""
+    (tmp_path / "first.py").write_text(FIRST)
+    done = subprocess.run([sys.executable, tmp_path / "first.py"], capture_output=True, text=True, timeout=600)
+    assert (done.stdout.split("\n"), done.stderr) == (["True False", "True False", ""], "")
