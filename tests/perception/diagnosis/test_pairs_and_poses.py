@@ -50,19 +50,24 @@ def test_pairs(seed: int) -> None:
     assert checks(left, left) == ["identical-pair"]
     assert checks(left, pair(seed + 100)[1]) == ["unrelated-pair"]
     assert checks(left, turned) == ["unrectified-pair"]
+    assert checks(left, right[:, ::-1]) == checks(left[:, ::-1], right) == ["mirrored-pair"]
+    assert checks(left, right[::-1, ::-1]) == ["turned-pair"]
 
 
 def test_rows_that_are_off_are_counted() -> None:
-    """Oracle: the right picture was rolled down by 5 px."""
+    """Oracle: by how much the right picture was rolled down."""
     left, right = pair(3)
-    (finding,) = check_pair(left, np.roll(right, 5, 0))
-    assert finding.mend.startswith("move the right picture up by 5.0 px")
+    for px in (5, 30):
+        (finding,) = check_pair(left, np.roll(right, px, 0))
+        assert finding.mend.startswith(f"move the right picture up by {px}.0 px")
 
 
 def test_exposure_of_a_pair_is_a_note() -> None:
     left, right = pair(3)
     (finding,) = check_pair(left, (right * 0.6).astype(np.uint8))
     assert (finding.check, finding.severity) == ("exposure", "note") and " 0.6" in finding.what
+    (finding,) = check_pair(left, np.clip(right * 3.0, 0, 255).astype(np.uint8))
+    assert (finding.check, finding.mend) == ("exposure", "expose both alike") and "is white" in finding.what
 
 
 @cache

@@ -56,12 +56,41 @@ def test_rows_that_do_not_match(corrupt) -> None:
     assert "rectified" in str(find_pair_fault(left, corrupt(right), KNOWN))
 
 
-def test_pictures_of_different_scenes() -> None:
-    """Oracle: the corruption: the right picture upside down, or noise, shares no corner with the left one."""
+@pytest.mark.parametrize("px", [40, 60, -45])
+def test_rows_that_are_far_off_are_no_other_scene(px: int) -> None:
+    """Oracle: the corruption, a shift by more than a twentieth of the height."""
     left, right = demo()
+    assert f"their corners lie {abs(px)}" in str(find_pair_fault(left, np.roll(right, px, 0), KNOWN))
+
+
+@pytest.mark.parametrize("flip", [np.fliplr, np.flipud])
+def test_a_mirrored_picture(flip) -> None:
+    """Oracle: the corruption, of the right picture and of the left one (symmetric objects match all the same)."""
+    left, right = demo()
+    assert "mirrored" in str(find_pair_fault(left, flip(right), KNOWN))
+    assert "mirrored" in str(find_pair_fault(flip(left), right, KNOWN))
+
+
+@pytest.mark.parametrize(("turns", "degrees"), [(1, 90), (2, 180), (3, 90)])
+def test_a_turned_picture(turns: int, degrees: int) -> None:
+    """Oracle: the corruption."""
+    left, right = demo()
+    assert f"turned by {degrees} degrees" in str(find_pair_fault(left, np.rot90(right, turns), KNOWN))
+
+
+def test_one_picture_twice_with_noise() -> None:
+    """Oracle: the corruption: 3 levels of noise, as storing it anew may leave."""
+    left, _ = demo()
+    noise = np.random.default_rng(0).normal(0, 3, left.shape)
+    assert "one and the same" in str(find_pair_fault(left, np.clip(left + noise, 0, 255).astype(np.uint8), KNOWN))
+
+
+def test_pictures_of_different_scenes() -> None:
+    """Oracle: the corruption: noise shares no corner with the left picture, and a flat one has none."""
+    left, _ = demo()
     noise = np.random.default_rng(0).integers(0, 256, (64, 64, 3), np.uint8).repeat(8, 0).repeat(8, 1)
-    for other in (right[::-1].copy(), noise):
-        assert "same scene" in str(find_pair_fault(left, other, KNOWN))
+    assert "same scene" in str(find_pair_fault(left, noise, KNOWN))
+    assert find_pair_fault(left, np.full_like(left, 90), KNOWN) is None
 
 
 def test_plain_pictures_are_judged_by_their_matches() -> None:

@@ -1,5 +1,5 @@
-"""Two pictures of a supposed rectified pair in; whether they are swapped, identical, unrectified or unrelated, and their
-exposure, out."""
+"""Two pictures of a supposed rectified pair in; whether they are swapped, mirrored, turned, identical, unrectified or
+unrelated, and their exposure, out."""
 
 from __future__ import annotations
 
@@ -8,13 +8,16 @@ import numpy as np
 from dlama.geometry.rgbd import UInt8Array
 from dlama.perception.diagnosis.finding import Finding
 from dlama.perception.diagnosis.frames.exposure import check_exposure_of_pair
-from dlama.perception.stereo.checks import SAME_ROW, Corners, diagnose_corners, match_corners
+from dlama.perception.stereo.checks import Corners, diagnose_corners, match_corners, on_common_rows
 
 SAME_LEVELS = 1.0
 """Largest mean colour difference (of 255) of identical pictures."""
 MENDS = {
     "unrelated": "give two pictures of one scene, taken side by side",
     "unrectified": "rectify the pair with its calibration (cv2.stereoRectify)",
+    "identical": "give the two different pictures of the pair",
+    "mirrored": "flip it back (some front cameras mirror what they record)",
+    "turned": "turn it back",
     "swapped": "give them the other way round",
 }
 
@@ -23,20 +26,20 @@ def check_pair(left: UInt8Array, right: UInt8Array, doffs: float = 0.0) -> list[
     """Findings on a pair (uint8 H x W x 3 each, of one size); `doffs` as `StereoRig.doffs`, px."""
     if np.abs(left.astype(np.int16) - right).mean() < SAME_LEVELS:
         what = "left and right are the same picture"
-        return [Finding("identical-pair", "fault", 0.98, what, "give the two different pictures of the pair")]
+        return [Finding("identical-pair", "fault", 0.98, what, MENDS["identical"])]
     corners = match_corners(left, right)
     doubt = diagnose_corners(corners, left.shape[0], doffs)
+    exposure = check_exposure_of_pair(left, right)
     if doubt is None:
-        return check_exposure_of_pair(left, right)
+        return exposure
     kind, what = doubt
     mend = describe_shift(corners, left.shape[0]) if kind == "unrectified" else MENDS[kind]
-    return [Finding(f"{kind}-pair", "fault", 0.92, what, mend)]
+    return [Finding(f"{kind}-pair", "fault", 0.92, what, mend), *exposure]
 
 
 def describe_shift(corners: Corners, height: int) -> str:
     """The correction of an unrectified pair: a vertical shift of the right picture, where that is enough."""
-    down = corners.offsets[:, 1]
-    down = down[np.abs(down) <= SAME_ROW * height]
+    down = corners.offsets[on_common_rows(corners, height), 1]
     middle = float(np.median(down))
     if np.median(np.abs(down - middle)) > 0.3 * abs(middle):
         return MENDS["unrectified"]

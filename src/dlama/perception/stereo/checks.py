@@ -1,10 +1,11 @@
 """Two pictures of a supposed rectified pair in; the fault, in one line, out.
 
-They may be swapped, identical, not rectified, or of different scenes.
+They may be swapped, mirrored, turned, identical, not rectified, or of different scenes.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -12,7 +13,7 @@ import numpy as np
 
 from dlama.errors import InputError
 from dlama.geometry.camera import Float64Array
-from dlama.geometry.rgbd import Float32Array, UInt8Array
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 
 FEATURES = 1500
 """Corners detected in each picture."""
@@ -20,8 +21,17 @@ DISTINCT = 0.8
 """A corner's best match must be nearer than this share of its second best (Lowe 2004)."""
 ENOUGH = 20
 """Least number of matched corners for a decision."""
+ONE_SCENE = 60
+"""Matched corners that no two scenes share by chance (at most 28 in 36 such pairs)."""
 SAME_ROW = 0.05
-"""Largest vertical offset, over the height, of matched corners of the same scene, rectified or not."""
+"""Largest difference, over the height, of the vertical offset of a matched corner of the same scene from the median."""
+FEW = 0.3
+"""Share of the corners below which the flipped picture is tried (a mirrored pair matches 22 % at most, as symmetric objects
+do)."""
+TURNED = 20.0
+"""Degrees; pictures that are turned by less still match by rows, and are not rectified."""
+SAME_PLACE = 0.5, 0.9
+"""Px within which, and share of, the corners of one and the same picture lie."""
 ROW_OFFSET_PX = (0.8, 1.5)
 """Median and upper quartile of vertical offsets above which rows do not match; of rectified pairs they are 0 and 0.4 at most."""
 SHARED, SWAPPED = 0.5, 0.4
@@ -36,8 +46,16 @@ class Corners:
 
     offsets: Float64Array
     """N x 2 px, left minus right position (x: disparity, y: 0 where rows match) of the matched ones."""
+    turns: Float64Array
+    """N degrees by which each is turned in the right picture."""
     found: int
     """Corners in the picture that has fewer."""
+    mirrored: int = 0
+    """How many match where the right picture is flipped left to right; 0 where many match as it is."""
+
+
+Described = tuple[Sequence[cv2.KeyPoint], UInt8Array]
+"""Corners, and N x 32 bytes of what is around each."""
 
 
 def match_corners(left: UInt8Array, right: UInt8Array) -> Corners:
@@ -45,18 +63,33 @@ def match_corners(left: UInt8Array, right: UInt8Array) -> Corners:
     finder = cv2.ORB.create(FEATURES)
     # too small for any, or for OpenCV at all
     if min(*left.shape[:2], *right.shape[:2]) <= 2 * finder.getEdgeThreshold():
-        return Corners(np.zeros((0, 2)), 0)
-    grey = [cv2.cvtColor(np.ascontiguousarray(picture), cv2.COLOR_RGB2GRAY) for picture in (left, right)]
-    (here, ours), (there, theirs) = [finder.detectAndCompute(picture, None) for picture in grey]
-    found = min(len(here), len(there))
+        return Corners(np.zeros((0, 2)), np.zeros(0), 0)
+    here, there = describe_corners(finder, left), describe_corners(finder, right)
+    found = min(len(here[0]), len(there[0]))
     if found < 2:
-        return Corners(np.zeros((0, 2)), found)
-    both = cv2.BFMatcher(cv2.NORM_HAMMING).knnMatch(ours, theirs, k=2)
-    back = {(one.trainIdx, one.queryIdx) for one in cv2.BFMatcher(cv2.NORM_HAMMING).match(theirs, ours)}
+        return Corners(np.zeros((0, 2)), np.zeros(0), found)
+    matched = match_described(here, there)
+    offsets = [np.subtract(one.pt, other.pt) for one, other in matched]
+    turns = [other.angle - one.angle for one, other in matched]
+    mirrored = 0
+    if len(matched) < FEW * found:
+        flipped = describe_corners(finder, right[:, ::-1])
+        mirrored = len(match_described(here, flipped)) if len(flipped[0]) >= 2 else 0
+    return Corners(np.array(offsets, np.float64).reshape(-1, 2), np.array(turns, np.float64), found, mirrored)
+
+
+def describe_corners(finder: cv2.ORB, picture: UInt8Array) -> Described:
+    """Corners of a picture (H x W x 3, RGB)."""
+    corners, around = finder.detectAndCompute(cv2.cvtColor(np.ascontiguousarray(picture), cv2.COLOR_RGB2GRAY), None)
+    return corners, np.zeros((0, 32), np.uint8) if around is None else np.asarray(around, np.uint8)
+
+
+def match_described(here: Described, there: Described) -> list[tuple[cv2.KeyPoint, cv2.KeyPoint]]:
+    """Corners of two pictures that are distinct and each other's best match."""
+    both = cv2.BFMatcher(cv2.NORM_HAMMING).knnMatch(here[1], there[1], k=2)
+    back = {(one.trainIdx, one.queryIdx) for one in cv2.BFMatcher(cv2.NORM_HAMMING).match(there[1], here[1])}
     kept = [two[0] for two in both if len(two) == 2 and two[0].distance < DISTINCT * two[1].distance]
-    kept = [one for one in kept if (one.queryIdx, one.trainIdx) in back]
-    offsets = [np.subtract(here[one.queryIdx].pt, there[one.trainIdx].pt) for one in kept]
-    return Corners(np.array(offsets, np.float64).reshape(-1, 2), found)
+    return [(here[0][one.queryIdx], there[0][one.trainIdx]) for one in kept if (one.queryIdx, one.trainIdx) in back]
 
 
 def refuse_identical(left: UInt8Array, right: UInt8Array) -> None:
@@ -80,21 +113,28 @@ def find_pair_fault(left: UInt8Array, right: UInt8Array, left_disparity: Float32
 
 
 def diagnose_corners(corners: Corners, height: int, doffs: float = 0.0) -> tuple[str, str] | None:
-    """Fault of pictures `height` px high by their corners: "unrelated", "unrectified" or "swapped", and a line about it; None:
-    none.
+    """Fault of pictures `height` px high by their corners: "mirrored", "turned", "unrelated", "identical", "unrectified" or
+    "swapped", and a line about it; None: none.
 
     doffs: px, the negated disparity of a point at infinity (`StereoRig.doffs`).
     """
     if corners.found < 5 * ENOUGH:
         return None
-    offsets = corners.offsets
-    near = np.abs(offsets[:, 1]) <= SAME_ROW * height
-    if len(offsets) < ENOUGH or near.mean() < SHARED:
+    if misplaced := diagnose_orientation(corners):
+        return misplaced
+    near = on_common_rows(corners, height)
+    offsets = corners.offsets[near]
+    if len(near) < ENOUGH or near.mean() < SHARED:
         return "unrelated", (
             f"only {int(near.sum())} of {corners.found} corners are found in both pictures; are they of the same scene, "
             "taken at the same time?"
         )
-    across, rows = offsets[near, 0] + doffs, np.abs(offsets[near, 1])
+    if (np.abs(offsets) < SAME_PLACE[0]).all(1).mean() > SAME_PLACE[1]:
+        return "identical", (
+            "corners lie at the same place in both pictures; are they one and the same, or is everything too far away for "
+            "this baseline?"
+        )
+    across, rows = offsets[:, 0] + doffs, np.abs(offsets[:, 1])
     middle, upper = np.median(rows), np.percentile(rows, 75)
     if middle > ROW_OFFSET_PX[0] or upper > ROW_OFFSET_PX[1]:
         return "unrectified", (
@@ -107,3 +147,25 @@ def diagnose_corners(corners: Corners, height: int, doffs: float = 0.0) -> tuple
             "swapped?"
         )
     return None
+
+
+def diagnose_orientation(corners: Corners) -> tuple[str, str] | None:
+    """As `diagnose_corners`, of a picture that is mirrored or turned."""
+    count = len(corners.offsets)
+    if corners.mirrored > max(ONE_SCENE, 2 * count):
+        return "mirrored", (
+            f"one of the pictures is mirrored: {corners.mirrored} of {corners.found} corners are found in both when the right "
+            f"one is flipped left to right, {count} as it is"
+        )
+    mean = np.exp(1j * np.radians(corners.turns)).mean() if count >= ONE_SCENE else 1.0
+    turn = float(np.degrees(np.angle(mean)))
+    if abs(mean) < SHARED or abs(turn) < TURNED:
+        return None
+    return "turned", f"the right picture is turned by {abs(turn):.0f} degrees against the left one"
+
+
+def on_common_rows(corners: Corners, height: int) -> BoolArray:
+    """N, True for corners whose vertical offset is about that of most (near 0 where too few matched to tell)."""
+    down = corners.offsets[:, 1]
+    middle = float(np.median(down)) if len(down) >= ONE_SCENE else 0.0
+    return np.asarray(np.abs(down - middle) <= SAME_ROW * height, np.bool_)
