@@ -9,10 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import dlama
 from dlama.errors import InputError, MaskError, ShapeError
 from dlama.perception.stereo import matching as stereo_matching
 from dlama.perception.stereo.agreement import consistency, transfer_mask
-from dlama.perception.stereo.matching import disparity_pair
+from dlama.perception.stereo.matching import disparity_pair, equalise_exposure
 from marks import first_quick
 
 HEIGHT, WIDTH = 90, 160
@@ -85,6 +86,27 @@ def test_columns_near_the_left_border_are_matched() -> None:
     assert (at_left[:, :11] == 0).all()
     assert (at_right[:, WIDTH - 60 : WIDTH - 16] != 0).mean() > 0.97
     assert (at_right[:, WIDTH - 11 :] == 0).all()
+
+
+@pytest.mark.parametrize("gain", [0.3, 0.5, 1.4])
+def test_exposure_hardly_costs_matches(gain: float) -> None:
+    """Law: a right picture of another exposure matches as the same one of equal exposure does (97 % of it)."""
+    left, right = (dlama.read_color(dlama.example() / name) for name in ("street.jpg", "right.jpg"))
+    alike, unlike = (
+        disparity_pair(left, np.clip(right * times, 0, 255).astype(np.uint8), max_disparity=40)[0]
+        for times in (1.0, gain)
+    )
+    both = (alike != 0) & (unlike != 0)
+    assert both.sum() > 0.97 * (alike != 0).sum()
+    assert np.median(np.abs(alike - unlike)[both]) < 0.1
+
+
+def test_pictures_that_are_about_as_bright_stay_bit_for_bit() -> None:
+    """Law: up to a tenth nothing is changed; beyond it the mean is the other picture's."""
+    rng = np.random.default_rng(0)
+    picture = rng.integers(20, 160, (40, 50, 3), np.uint8)
+    assert equalise_exposure(picture, (picture * 1.08).astype(np.uint8)) is picture
+    assert abs(equalise_exposure(picture, (picture * 0.5).astype(np.uint8)).mean() - picture.mean() / 2) < 0.7
 
 
 def test_mirrored_pair_gives_mirrored_disparities() -> None:

@@ -54,6 +54,9 @@ DOUBLED_UP_TO_PX = 1600
 """Pictures up to this width are searched finely at twice the width, larger ones as they are."""
 VOLUME = 2.5e8
 """Pixels x disparities of the search along eight paths, which keeps 4 bytes of each; beyond it the pictures are halved."""
+SAME_EXPOSURE = 1.1
+"""Ratio of brightness up to which pictures are matched as they are. Of one at half the exposure OpenCV's matcher finds 20 % and
+less of the disparities (Motorcycle 91 % to 20 %, Cone 89 % to 20 %), all of them where it is made as bright first."""
 SMOOTH_SIZE, SMOOTH_PX, SMOOTH_REACH = 5, 0.25, 2.0
 """Bilateral filter of disparities: window, and sigmas of disparity and distance, px. A larger one hides the noise of matches:
 planes are then fitted with too small a tolerance, and fills get worse."""
@@ -64,6 +67,7 @@ def disparity_pair(
 ) -> tuple[Float32Array, Float32Array]:
     """Disparity of the left and of the right view of a rectified pair (uint8 H x W x 3, RGB): float32 H x W, px.
 
+    A right picture that is darker or brighter as a whole is first made as bright as the left one.
     Two semi-global searches: along eight paths at the pictures' width, and along three at twice the width for what lies below a
     pixel. Where they agree within 1 px the finer one counts, else the first; where the first has no match, the finer one,
     unless a nearer surface occludes it. Each search keeps what passes the left-right check and is no speckle. A bilateral
@@ -75,6 +79,7 @@ def disparity_pair(
     check_pictures(left, right)
     for name, value in (("min_disparity", min_disparity), ("max_disparity", max_disparity)):
         check_number(value, name, "a number of pixels")
+    right = equalise_exposure(right, left)
     if max_disparity is None:
         max_disparity = _estimate_maximum(left, right, min_disparity)
     else:
@@ -89,6 +94,14 @@ def disparity_pair(
     at_left = _denoise(_join(whole[0], fine[0], whole[1], 1))
     at_right = _denoise(_join(whole[1], fine[1], whole[0], -1))
     return _zero_where_unknown(at_left), _zero_where_unknown(at_right)
+
+
+def equalise_exposure(picture: UInt8Array, like: UInt8Array) -> UInt8Array:
+    """The picture (H x W x 3) as bright on average as another one; itself where they differ by SAME_EXPOSURE at most."""
+    gain = (float(like.mean()) + 1) / (float(picture.mean()) + 1)
+    if 1 / SAME_EXPOSURE <= gain <= SAME_EXPOSURE:
+        return picture
+    return np.asarray(cv2.convertScaleAbs(picture, alpha=gain), np.uint8)
 
 
 def _check_reach(width: int, min_disparity: float, max_disparity: float) -> None:

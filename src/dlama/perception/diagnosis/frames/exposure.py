@@ -15,6 +15,9 @@ from dlama.perception.diagnosis.frames.landing import Landed
 PAIR, FRAMES = 1.3, 1.25
 """Least ratios of brightness that are reported: of all pixels of a pair's pictures; of points that two frames show."""
 
+WHITE = 0.05
+"""Share of white values (255) that one picture of a pair has more than the other, from which its exposure has lost them."""
+
 
 def gain(first: NDArray[Any], second: NDArray[Any]) -> float:
     """Brightness of the second over the first."""
@@ -27,6 +30,13 @@ def check_exposure_of_pair(left: UInt8Array, right: UInt8Array) -> list[Finding]
     if 1 / PAIR < times < PAIR:
         return []
     what = f"the right picture is {times:.2f} times as bright as the left one"
+    lost = abs(float((left == 255).mean() - (right == 255).mean()))
+    if lost > WHITE:
+        return [
+            Finding(
+                "exposure", "note", 0.8, f"{what}, and {lost:.0%} of the brighter one is white", "expose both alike"
+            )
+        ]
     return [Finding("exposure", "note", 0.8, what, "nothing to do: matching and filling allow for it")]
 
 
