@@ -12,7 +12,7 @@ import numpy as np
 from dlama.errors import CameraError, FileError, InputError
 from dlama.files.rasters.images import existing_file
 from dlama.geometry.camera import Float64Array
-from dlama.geometry.poses import QUATERNION_TOLERANCE, check_pose, rotation_from_quaternion
+from dlama.geometry.poses import QUATERNION_TOLERANCE, check_pose, make_pose, rotation_from_quaternion
 
 WORD = re.compile(r"\S+")
 LEVELS = 3
@@ -114,10 +114,7 @@ def pose_of(where: str, shift: Sequence[float], quaternion_xyzw: Sequence[float]
     length = float(np.linalg.norm(quaternion_xyzw))
     if not abs(length - 1) <= QUATERNION_TOLERANCE:
         raise FileError(f"{where}: the quaternion has length {length:.6g}; a unit quaternion qx qy qz qw is expected")
-    pose = np.eye(4)
-    pose[:3, :3] = rotation_from_quaternion(quaternion_xyzw)
-    pose[:3, 3] = shift
-    return pose_at(where, pose)
+    return pose_at(where, make_pose(rotation_from_quaternion(quaternion_xyzw), shift))
 
 
 def nearest_in_time(times: Float64Array, time: float, within: float) -> int | None:

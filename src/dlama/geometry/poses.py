@@ -79,12 +79,18 @@ def as_matrix(values: ArrayLike, called: str, shape: tuple[int, int]) -> Float64
     return matrix
 
 
+def make_pose(rotation: ArrayLike, translation: ArrayLike) -> Float64Array:
+    """The 4x4 rigid motion of a 3x3 rotation and a translation (3, metres), neither of them checked."""
+    pose = np.eye(4)
+    pose[:3, :3] = rotation
+    pose[:3, 3] = translation
+    return pose
+
+
 def invert_pose(b_from_a: Float64Array) -> Float64Array:
     """Inverse of a 4x4 rigid motion: R^T and -R^T t, so that there and back is exact to rounding."""
-    a_from_b = np.eye(4)
-    a_from_b[:3, :3] = b_from_a[:3, :3].T
-    a_from_b[:3, 3] = -b_from_a[:3, :3].T @ b_from_a[:3, 3]
-    return a_from_b
+    turn = b_from_a[:3, :3].T
+    return make_pose(turn, -turn @ b_from_a[:3, 3])
 
 
 def transform_points(b_from_a: Float64Array, points: NDArray[Any]) -> Float64Array:

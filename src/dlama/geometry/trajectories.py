@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from dlama.arguments import check_arguments, check_word, is_finite
 from dlama.errors import DepthError, InputError
 from dlama.geometry.camera import Camera, Float64Array
-from dlama.geometry.poses import FARTHEST_M, slerp
+from dlama.geometry.poses import FARTHEST_M, make_pose, slerp
 
 PIVOT_M = 2.5
 """Default distance, metres ahead on the optical axis, of the point a camera orbits about (the paper's centroid, sec. 4)."""
@@ -42,9 +42,7 @@ def orbit(camera: Camera, yaw: float, pitch: float = 0.0, pivot: float = PIVOT_M
         raise InputError(f"`pivot` is {pivot!r}; a distance >= 0 in metres, ahead of the camera, is expected")
     center = np.array([0.0, 0.0, pivot])
     turned_from_source = _rotation_x(pitch) @ _rotation_y(yaw)
-    source_from_turned = np.eye(4)
-    source_from_turned[:3, :3] = turned_from_source.T
-    source_from_turned[:3, 3] = center - turned_from_source.T @ center
+    source_from_turned = make_pose(turned_from_source.T, center - turned_from_source.T @ center)
     return camera.at(camera.world_from_cam @ source_from_turned)
 
 
@@ -102,10 +100,8 @@ def interpolate_cameras(cameras: Sequence[Camera], count: int) -> list[Camera]:
         left = min(int(place), max(0, len(cameras) - 2))
         one, other = cameras[left].world_from_cam, cameras[min(left + 1, len(cameras) - 1)].world_from_cam
         share = float(place) - left
-        pose = np.eye(4)
-        pose[:3, :3] = slerp(one[:3, :3], other[:3, :3], share)
-        pose[:3, 3] = (1 - share) * one[:3, 3] + share * other[:3, 3]
-        found.append(cameras[0].at(pose))
+        turn = slerp(one[:3, :3], other[:3, :3], share)
+        found.append(cameras[0].at(make_pose(turn, (1 - share) * one[:3, 3] + share * other[:3, 3])))
     return found
 
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from dlama.errors import FileError, InputError
 from dlama.geometry.rgbd import Float32Array
+from dlama.models.network_file import NetworkFile
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -47,6 +48,12 @@ class ColorContract:
 def contract_metadata(network: str, contract: DataclassInstance) -> dict[str, str]:
     """The ONNX metadata that says all this; network: the kind of network, such as "monocular depth"."""
     return {CONTRACT_KEY: json.dumps({"network": network, **asdict(contract)})}
+
+
+def contract_of_file(kind: type[AnyContract], network: str, file: NetworkFile) -> AnyContract | None:
+    """The contract in a network file's metadata; None where there is none. FileError where it is another network's."""
+    text = file.metadata.get(CONTRACT_KEY)
+    return None if text is None else read_contract(kind, text, network, file.path)
 
 
 def read_contract(kind: type[AnyContract], text: str, network: str, file: Path, *, strict: bool = False) -> AnyContract:

@@ -15,7 +15,7 @@ import numpy as np
 
 from dlama.errors import DepthError, FileError, InputError
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
-from dlama.models.contracts import CONTRACT_KEY, ColorContract, contract_metadata, read_contract
+from dlama.models.contracts import ColorContract, contract_metadata
 from dlama.models.network_file import NetworkFile
 
 Gives = Literal["depth", "inverse depth", "points"]
@@ -171,9 +171,3 @@ def squeeze_output(network: NetworkFile, contract: DepthContract, out: np.ndarra
             f"{network.path}: gave an output of {' x '.join(map(str, np.shape(out)))}; {expected} is expected"
         )
     return values
-
-
-def read_file_contract(network: NetworkFile) -> DepthContract | None:
-    """The contract that stands in a file's metadata; None where there is none. FileError where it is another network's."""
-    text = network.metadata.get(CONTRACT_KEY)
-    return None if text is None else read_contract(DepthContract, text, NETWORK, network.path)

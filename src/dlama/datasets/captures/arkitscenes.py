@@ -17,7 +17,7 @@ from dlama.datasets.posed.posed_frames import FrameFiles, Lens, PosedFrame
 from dlama.datasets.text_tables import natural_order, nearest_in_time, pose_at, read_rows
 from dlama.errors import FileError
 from dlama.geometry.camera import Float64Array
-from dlama.geometry.poses import invert_pose
+from dlama.geometry.poses import invert_pose, make_pose
 
 DEPTH, POSES = "lowres_depth", "lowres_wide.traj"
 PICTURES = ("vga_wide", "lowres_wide")
@@ -69,10 +69,8 @@ def _poses(path: Path) -> tuple[Float64Array, list[Float64Array]]:
     found = {}
     for row in read_rows(path):
         time, *values = row.numbers("seconds, axis times angle, translation", 7)
-        world_to_cam = np.eye(4)
-        world_to_cam[:3, :3] = cv2.Rodrigues(np.array(values[:3]))[0]
-        world_to_cam[:3, 3] = values[3:]
-        found[time] = pose_at(row.at(1), invert_pose(world_to_cam))
+        cam_from_world = make_pose(cv2.Rodrigues(np.array(values[:3]))[0], values[3:])
+        found[time] = pose_at(row.at(1), invert_pose(cam_from_world))
     times = sorted(found)
     return np.array(times), [found[time] for time in times]
 

@@ -26,7 +26,7 @@ from dlama.errors import FileError
 from dlama.files.fields import FileFields, json_fields
 from dlama.files.rasters.video_frames import read_raw_frame, read_video_frame, video_times, video_tracks
 from dlama.geometry.camera import Float64Array
-from dlama.geometry.poses import invert_pose
+from dlama.geometry.poses import invert_pose, make_pose
 from dlama.geometry.rgbd import Float32Array, UInt8Array
 
 SUFFIX = ".mkv"
@@ -130,12 +130,11 @@ def _camera(
         cy, fy = (cy * 2304 + 384) / 3072, fy * 2304 / 3072
     (width, height), (left, top) = modes[hw[1], hw[0]]
     intrinsics = (fx * width, fy * height, cx * width - left, cy * height - top)
-    matrix = np.eye(4)
-    rotation = FileFields(pose.path, {"Rotation": [pose.values.get("Rotation")]}).matrix("Rotation", (1, 9))
-    matrix[:3, :3] = rotation.reshape(3, 3)
-    matrix[:3, 3] = FileFields(pose.path, {"Translation": [pose.values.get("Translation")]}).matrix(
-        "Translation", (1, 3)
-    )[0]
+    rotation, translation = (
+        FileFields(pose.path, {name: [pose.values.get(name)]}).matrix(name, (1, count))[0]
+        for name, count in (("Rotation", 9), ("Translation", 3))
+    )
+    matrix = make_pose(rotation.reshape(3, 3), translation)
     lens = Lens(str(inner.path), intrinsics, 0.5, (int(hw[0]), int(hw[1])))
     return Kinect(lens, (k1, k2, p1, p2, k3, k4, k5, k6), pose_at(str(pose.path), matrix))
 

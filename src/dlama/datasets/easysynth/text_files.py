@@ -20,7 +20,7 @@ from dlama.errors import CameraError, FileError
 from dlama.files.fields import FileFields, json_fields
 from dlama.files.semantic_classes import unreal_text
 from dlama.geometry.camera import Camera, Float64Array
-from dlama.geometry.poses import QUATERNION_TOLERANCE, quaternion_from_rotation, rotation_from_quaternion
+from dlama.geometry.poses import QUATERNION_TOLERANCE, make_pose, quaternion_from_rotation, rotation_from_quaternion
 
 OPENCV_FROM_UNREAL = np.array([[0.0, 1, 0], [0, 0, -1], [1, 0, 0]])
 """x = Y, y = -Z, z = X."""
@@ -123,10 +123,8 @@ def read_rig(path: Path) -> dict[str, RigCamera]:
 
 def opencv_pose(translation_cm: ArrayLike, quaternion_xyzw: ArrayLike) -> Float64Array:
     """4x4 camera to world in OpenCV axes and metres, from Unreal's translation and quaternion."""
-    pose = np.eye(4)
-    pose[:3, :3] = OPENCV_FROM_UNREAL @ rotation_from_quaternion(quaternion_xyzw) @ OPENCV_FROM_UNREAL.T
-    pose[:3, 3] = OPENCV_FROM_UNREAL @ np.asarray(translation_cm, np.float64) / CENTIMETRES
-    return pose
+    rotation = OPENCV_FROM_UNREAL @ rotation_from_quaternion(quaternion_xyzw) @ OPENCV_FROM_UNREAL.T
+    return make_pose(rotation, OPENCV_FROM_UNREAL @ np.asarray(translation_cm, np.float64) / CENTIMETRES)
 
 
 def unreal_pose(world_from_cam: Float64Array) -> tuple[Float64Array, Float64Array]:
@@ -141,9 +139,8 @@ def _unreal_pose(row: Row) -> Pose:
 
 
 def _metric_pose(row: Row) -> Pose:
-    pose = np.eye(4)
-    pose[:3, :3] = rotation_from_quaternion(_quaternion(row, METRIC_HEADER))
-    pose[:3, 3] = _numbers(row, METRIC_HEADER, "tx", "ty", "tz")
+    rotation = rotation_from_quaternion(_quaternion(row, METRIC_HEADER))
+    pose = make_pose(rotation, _numbers(row, METRIC_HEADER, "tx", "ty", "tz"))
     names = ("fx", "fy", "cx", "cy")
     lens = _numbers(row, METRIC_HEADER, *names)
     for name, value in zip(names, lens):

@@ -25,7 +25,7 @@ from dlama.files.atomic_write import new_file
 from dlama.files.fields import Intrinsics
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.cloud import PointCloud
-from dlama.geometry.poses import invert_pose, quaternion_from_rotation, rotation_from_quaternion
+from dlama.geometry.poses import invert_pose, make_pose, quaternion_from_rotation, rotation_from_quaternion
 
 MODELS = {0: "SIMPLE_PINHOLE", 1: "PINHOLE", 2: "SIMPLE_RADIAL", 3: "RADIAL", 4: "OPENCV"}
 PARAMETERS = {"SIMPLE_PINHOLE": 3, "PINHOLE": 4, "SIMPLE_RADIAL": 4, "RADIAL": 5, "OPENCV": 8}
@@ -116,9 +116,7 @@ def _image(
     norm = float(np.linalg.norm(xyzw))
     if not norm > 0:
         raise CameraError(f"{where}: image {name} has no rotation (quaternion 0)")
-    cam_from_world = np.eye(4)
-    cam_from_world[:3, :3] = rotation_from_quaternion(xyzw / norm)
-    cam_from_world[:3, 3] = shift
+    cam_from_world = make_pose(rotation_from_quaternion(xyzw / norm), shift)
     return ColmapImage(name, cameras[camera], pose_at(where, invert_pose(cam_from_world)))
 
 

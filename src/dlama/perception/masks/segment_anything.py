@@ -18,7 +18,7 @@ from dlama.errors import FileError, InputError, MaskError
 from dlama.geometry.holes import iou
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.models.cache import locate, user_path
-from dlama.models.contracts import CONTRACT_KEY, ColorContract, contract_metadata, read_contract
+from dlama.models.contracts import ColorContract, contract_metadata, contract_of_file
 from dlama.models.network_file import NetworkFile
 from dlama.perception.depth_networks import IMAGENET
 from dlama.perception.masks.prompt import Prompt
@@ -201,7 +201,7 @@ def find_pair(mask_model: object) -> tuple[NetworkFile, NetworkFile, PairContrac
     if len(files) != 2:
         raise InputError(f"`mask_model` is {mask_model!r}; {expected} is expected")
     encoder, decoder = (NetworkFile(user_path(file)) for file in files)
-    contract = contract or read_file_contract(encoder)
+    contract = contract or contract_of_file(PairContract, NETWORK, encoder)
     if contract is None:
         raise InputError(
             f"{encoder.path}: carries no contract; say whose it keeps: `mask_model=NAME={files[0].name},{files[1].name}`, "
@@ -220,12 +220,6 @@ def _files_of(mask_model: object) -> tuple[list[Path], PairContract | None]:
     name, equals, after = text.partition("=")
     contract = PAIRS[name] if equals and name in PAIRS else None
     return [Path(one) for one in (after if contract else text).split(",")], contract
-
-
-def read_file_contract(encoder: NetworkFile) -> PairContract | None:
-    """The contract in an encoder's metadata; None where there is none. FileError where it is another network's."""
-    text = encoder.metadata.get(CONTRACT_KEY)
-    return None if text is None else read_contract(PairContract, text, NETWORK, encoder.path)
 
 
 PAIRS: dict[str, PairContract] = {
