@@ -104,7 +104,7 @@ def photo3d(
     check_arguments(photo3d, locals())
     start = scene_of(rgbd)
     check_memory([one.camera for one in start.frames])
-    source = start.frames[len(start.frames) // 2].load()
+    source = start.middle_frame.load()
     warn_of_scale(source)
     step = step_for(Scene((source,)), HIDDEN_PIXELS)
     clock = Clock()
@@ -112,7 +112,7 @@ def photo3d(
         options = Options(filler=filler, model=model, seed=seed)
         plan, small, _ = plan_for(subsample_scene(start, step), options)
         given = len(small.fills)
-        middle = small.frames[len(small.frames) // 2].camera
+        middle = small.middle_frame.camera
         box = HeadBox.of(source, angle, distance)
         steps: list[CompletedView] = []
     for place in frames_to_fill(plan, small, [middle]):
@@ -179,7 +179,7 @@ class Unknown:
     def of(cls, scene: Scene, box: HeadBox) -> Unknown:
         """Of a scene, in whose frames everything has a depth."""
         frames = tuple(scene.frames[place] for place in choose_frames(scene.frames, box.camera))
-        unknown = cls(box, step_for(Scene((scene.frames[len(scene.frames) // 2],)), LOOK_PIXELS))
+        unknown = cls(box, step_for(Scene((scene.middle_frame,)), LOOK_PIXELS))
         unknown.look((*frames, *scene.fills))
         return unknown
 

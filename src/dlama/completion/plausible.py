@@ -9,7 +9,7 @@ import numpy as np
 
 from dlama.geometry.camera import Camera
 from dlama.geometry.projection import px_from_px
-from dlama.geometry.rgbd import PLAUSIBLE_M, RGBD, BoolArray
+from dlama.geometry.rgbd import PLAUSIBLE_M, RGBD, BoolArray, is_valid
 from dlama.geometry.view import View
 from dlama.perception.diagnosis.masks import looks_inverted
 
@@ -84,7 +84,7 @@ def share_out_of_view(source: Camera, target: Camera) -> float:
 def median_depth(rgbd: RGBD | View) -> float:
     """Metres, of some of the valid pixels; 0 where there are none."""
     some = rgbd.depth[::EVERY, ::EVERY]
-    valid = some[(some > 0) & (some < np.inf)]
+    valid = some[is_valid(some)]
     return float(np.median(valid)) if valid.size else 0.0
 
 

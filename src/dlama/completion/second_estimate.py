@@ -62,7 +62,7 @@ def estimate_again(plan: Plan, scene: Scene, place: int, view: View) -> tuple[Pl
     view: the frame, filled. Far pixels, measured depth and all colours stay.
     """
     frame = scene.frames[place].load()
-    removed = frame.hole & (frame.hole_type == HoleType.OBJECT.value)
+    removed = frame.object_hole
     if plan.recipe.depth_by != "surfaces" or Origin.ESTIMATED not in frame.origins or not removed.any():
         return plan, scene, FillReport(0, 0, 0, {})
     begin_stage("estimate depth again")
@@ -153,7 +153,7 @@ def fit_round_object(frame: View, removed: BoolArray, again: Float32Array) -> Fi
 def mix_depth(frame: View, view: View, again: Float32Array, fit: Fit, reach: float) -> tuple[Float32Array, BoolArray]:
     """Depth (H x W metres) of a part of a frame, and where it is new: behind its removed object and up to `reach` px next to it
     the second estimate (`again`, H x W inverse depth), from half of that on mixed with the depth of the filled `view`."""
-    behind = frame.hole & (frame.hole_type == HoleType.OBJECT.value)
+    behind = frame.object_hole
     share = np.clip(2 - 2 * distance_to(behind) / reach, 0, 1)
     w = inverse_depth(view.depth)
     w += share * (fit.scale * again + fit.shift - w)

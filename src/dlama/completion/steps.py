@@ -77,7 +77,7 @@ def frames_to_fill(plan: Plan, scene: Scene, cameras: Sequence[Camera]) -> list[
 def count_unseen_behind(plan: Plan, camera: Camera) -> int:
     """Pixels of a frame behind a removed object that no other frame shows."""
     view = measured_view(plan, plan.measured, camera)
-    return int((view.hole & (view.hole_type == HoleType.OBJECT.value)).sum())
+    return int(view.object_hole.sum())
 
 
 def measured_view(plan: Plan, scene: Scene, camera: Camera) -> View:

@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Literal
 
-import numpy as np
-
 from dlama.arguments import check_arguments
 from dlama.completion.completion import Completion
 from dlama.completion.options import OptionKeywords, Unpack, take_options
 from dlama.completion.pipeline import complete
 from dlama.errors import InputError
 from dlama.geometry.camera import Camera
-from dlama.geometry.rgbd import RGBD, BoolArray
+from dlama.geometry.rgbd import RGBD, BoolArray, is_valid
 from dlama.geometry.scene import Scene
 from dlama.geometry.trajectories import PIVOT_M, median_pivot, orbit
 from dlama.geometry.trajectories import dolly as dollied
@@ -39,14 +37,13 @@ def target_camera(
         if yaw or pitch or dolly:
             raise InputError("a target camera and an orbit or dolly were both given; one of them is expected")
         return camera
-    source = rgbd.frames[len(rgbd.frames) // 2].load() if isinstance(rgbd, Scene) else rgbd
+    source = rgbd.middle_frame.load() if isinstance(rgbd, Scene) else rgbd
     return dollied(orbit(source.camera, yaw, pitch, pivot_of(source) if pivot == "auto" else pivot), dolly)
 
 
 def pivot_of(picture: RGBD | View) -> float:
     """Metres to the pivot "auto": the median depth; PIVOT_M where nothing is near, as sky looks the same about every pivot."""
-    near = (picture.depth > 0) & np.isfinite(picture.depth)
-    return median_pivot(picture.depth) if near.any() else PIVOT_M
+    return median_pivot(picture.depth) if is_valid(picture.depth).any() else PIVOT_M
 
 
 @take_options

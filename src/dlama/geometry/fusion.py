@@ -15,7 +15,7 @@ from dlama.geometry.holes import dilate_square
 from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
 from dlama.geometry.kernels.jit import BAND
 from dlama.geometry.projection import inverse_depth, lift, unproject
-from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, is_valid
 from dlama.geometry.scene import Scene, contribution
 from dlama.geometry.view import View
 
@@ -102,7 +102,7 @@ def cell_halves(depth: Float32Array, joined: UInt8Array) -> tuple[BoolArray, ...
 def layer_mesh(view: View) -> Mesh:
     """One layer's joined quads; vertices are its valid, non-flying pixels."""
     depth, joined = mesh_grid(view)
-    chosen = (depth > 0) & (depth < np.inf)
+    chosen = is_valid(depth)
     number = np.cumsum(chosen).reshape(chosen.shape) - 1
     corner = {"a": number[:-1, :-1], "b": number[:-1, 1:], "c": number[1:, :-1], "d": number[1:, 1:]}
     triangles = np.concatenate(

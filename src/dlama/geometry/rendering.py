@@ -222,10 +222,10 @@ def close_grid(view: View, removals: tuple[Layer, ...]) -> tuple[Float32Array, U
 
     Removed objects get their own depth back, sensor holes the depth of the nearest pixel, far pixels a large one.
     """
-    depth = np.where(view.hole, np.float32(0), view.depth)
+    depth = view.known_depth
     rank = np.zeros(depth.shape, np.uint8)
     rank[view.hole & (view.hole_type == HoleType.SENSOR.value)] = hole_kernels.SENSOR_RANK
-    rank[view.hole & (view.hole_type == HoleType.OBJECT.value)] = hole_kernels.OBJECT_RANK
+    rank[view.object_hole] = hole_kernels.OBJECT_RANK
     for removed in removals:
         if removed.camera.same_view_as(view.camera):
             part = removed.load()

@@ -90,7 +90,7 @@ class RGBD(Figured):
     @property
     def valid(self) -> BoolArray:
         """H x W, True where depth was measured: finite and > 0."""
-        return (self.depth > 0) & (self.depth < np.inf)
+        return is_valid(self.depth)
 
     @property
     def far(self) -> BoolArray:
@@ -148,6 +148,11 @@ def _frame_of(blank: BoolArray) -> BoolArray | None:
     return freeze(found)
 
 
+def is_valid(depth: np.ndarray) -> BoolArray:
+    """True where depth (metres, 0 = missing, +inf = far) is valid: finite and > 0."""
+    return np.asarray((depth > 0) & (depth < np.inf))
+
+
 def percent(where: BoolArray) -> str:
     """Share of the pixels that are True, for people: `100 %`, `2 %`, `0.4 %`, `0 %`."""
     share = 100 * float(np.mean(where))
@@ -156,7 +161,7 @@ def percent(where: BoolArray) -> str:
 
 def describe_depth_range(depth: Float32Array) -> str:
     """Smallest and largest valid depth (H x W metres, 0 = missing, +inf = far), for people: `1.4 to 14 m`, `no depth`."""
-    valid = depth[(depth > 0) & (depth < np.inf)]
+    valid = depth[is_valid(depth)]
     return f"{valid.min():.3g} to {valid.max():.3g} m" if valid.size else "no depth"
 
 
@@ -235,7 +240,7 @@ def mark_far(depth: Float32Array, far: float, source: str = "") -> Float32Array:
     Raises DepthError, which begins with `source`: nothing is nearer.
     """
     found = np.where(depth >= far, np.float32(np.inf), depth)
-    if not ((found > 0) & (found < np.inf)).any():
+    if not is_valid(found).any():
         raise DepthError(
             f"{source}no depth is nearer than `far`, {far:g} m; the scene has {describe_depth_range(depth)}"
         )

@@ -64,6 +64,11 @@ class Scene:
         """The frames, then the fills: all visible layers."""
         return (*self.frames, *self.fills)
 
+    @property
+    def middle_frame(self) -> Layer:
+        """The frame in the middle, from which cameras move."""
+        return self.frames[len(self.frames) // 2]
+
     @cached_property
     def unfilled(self) -> Scene:
         """The scene as measured, without removed objects and without any fill, also of sensor holes."""

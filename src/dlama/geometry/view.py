@@ -30,6 +30,7 @@ from dlama.geometry.rgbd import (
     check_fields,
     describe_depth_range,
     freeze,
+    is_valid,
     percent,
     select,
 )
@@ -154,7 +155,7 @@ class View(Figured, Facts):
     @property
     def valid(self) -> BoolArray:
         """H x W, True where there is a surface: known, finite depth > 0."""
-        return ~self.hole & (self.depth > 0) & (self.depth < np.inf)
+        return ~self.hole & is_valid(self.depth)
 
     @property
     def far(self) -> BoolArray:
@@ -170,6 +171,16 @@ class View(Figured, Facts):
     def depth_hole(self) -> BoolArray:
         """H x W, True in holes whose colour was measured, such as a sensor's: depth alone is to be filled."""
         return self.hole & from_source(self.origin)
+
+    @property
+    def object_hole(self) -> BoolArray:
+        """H x W, True in holes where an object was removed."""
+        return self.hole & (self.hole_type == HoleType.OBJECT.value)
+
+    @property
+    def known_depth(self) -> Float32Array:
+        """H x W metres, 0 in holes; +inf = far."""
+        return np.where(self.hole, np.float32(0), self.depth)
 
     @property
     def filled(self) -> BoolArray:

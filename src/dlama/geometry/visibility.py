@@ -17,7 +17,7 @@ from dlama.geometry.codes import from_source
 from dlama.geometry.kernels import visibility as kernels
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.projection import px_from_px
-from dlama.geometry.rgbd import BoolArray, Float32Array, paste
+from dlama.geometry.rgbd import BoolArray, Float32Array, is_valid, paste
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 
@@ -103,7 +103,7 @@ class Law:
 def subtract_noise(depth: Float32Array, noise: tuple[float, float]) -> Float32Array:
     """Measured depth (H x W metres, 0 = none, inf = far) less three standard deviations of `Scene.noise`, poses included, and
     the nearest of each pixel's neighbourhood, for edges may be off sideways. Unchanged without noise."""
-    finite = (depth > 0) & (depth < np.inf)
+    finite = is_valid(depth)
     metres = np.where(finite, depth, np.float32(0))
     spread = SIGMAS * np.hypot(noise[0], noise[1] * metres**2)
     if not finite.any() or float(np.median((spread / np.maximum(metres, 1e-3))[finite])) <= EXACT:

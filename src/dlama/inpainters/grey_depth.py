@@ -25,8 +25,7 @@ def with_grey_depth(inpainter: Inpainter, clip: float) -> Inpainter:
             own = inpainter(view, context, seed)
             notes = own.notes | {"depth_as": "the filler's own, rounded to 8 bits"}
             return Fill(own.color, metres_from_grey(grey_from_metres(own.depth, clip), clip), own.law_moves, notes)
-        known = np.where(view.hole, np.float32(0), view.depth)
-        filled = inpainter.paint(np.repeat(grey_from_metres(known, clip)[..., None], 3, 2), view.hole, seed)
+        filled = inpainter.paint(np.repeat(grey_from_metres(view.known_depth, clip)[..., None], 3, 2), view.hole, seed)
         color = inpainter.paint(view.color, view.color_hole, seed) if view.color_hole.any() else view.color
         notes = {"depth_as": "8-bit picture", "depth_channel_spread": channel_spread(filled, view.hole)}
         grey = np.round(filled.mean(2)).astype(np.uint8)

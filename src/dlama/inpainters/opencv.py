@@ -23,7 +23,7 @@ RADIUS = 3
 
 def diffuse(view: View, context: FillContext, seed: int) -> Fill:
     """Fill colour (8 bit) and inverse depth (16 bit, full scale = the nearest pixel) by cv2.inpaint."""
-    w = inverse_depth(np.where(view.hole, np.float32(0), view.depth))
+    w = inverse_depth(view.known_depth)
     scale = float(w.max()) / 65535 or 1.0
     levels = paint(np.round(w / scale).astype(np.uint16), view.hole)
     return Fill(paint(view.color, view.hole), depth_of_levels(levels, scale))

@@ -23,7 +23,7 @@ from dlama.arguments import check, check_arguments
 from dlama.errors import DepthError, FileError, InputError, ShapeError, system_errors
 from dlama.geometry.camera import Camera
 from dlama.geometry.projection import round_depth
-from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, check_color
+from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, check_color, is_valid
 from dlama.models.cache import locate, user_path
 from dlama.models.contracts import contract_of_file
 from dlama.models.network_file import NetworkFile, cores, default_provider, file_stamp
@@ -122,7 +122,7 @@ def estimate_depth(
     moved = sharpen_depth(values, color, inverse) if sharpen else values
     scale = estimate_scale(moved, inverse, prediction.metric, camera, metres_at, camera_height)
     depth = round_depth(scale.metres(moved, far))
-    if not ((depth > 0) & np.isfinite(depth)).any():
+    if not is_valid(depth).any():
         raise DepthError(f"the network {name} sees nothing but sky in this picture; give depth")
     if scale.rule == "assumed":
         warnings.warn(

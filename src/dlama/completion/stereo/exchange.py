@@ -12,7 +12,7 @@ import numpy as np
 
 from dlama.completion.stereo.pair import MatchedPair
 from dlama.geometry.camera import Float64Array
-from dlama.geometry.codes import HoleType, Origin
+from dlama.geometry.codes import Origin
 from dlama.geometry.fusion import add_layer
 from dlama.geometry.holes import morphological_open, square
 from dlama.geometry.projection import depth_from_inverse
@@ -90,7 +90,7 @@ def transfer_hidden(view: View, other: View, law: Law, mode: Mode) -> View:
 
     Left out is what would break the law: depth in front of what was measured is a wrong match.
     """
-    hidden = view.hole & (view.hole_type == HoleType.OBJECT.value)
+    hidden = view.object_hole
     if not hidden.any():
         return view
     shown = render(other, view.camera, mode, types=False)

@@ -266,7 +266,7 @@ def synthesise_right(pair: MatchedPair, draft: Plan, clock: Clock) -> CompletedP
 def left_before_filling(source: RGBD, scene: Scene) -> View:
     """The left view with its sensor holes open, and the object where `scene` has one removed."""
     before, base = View.from_rgbd(source), scene.frames[0].load()
-    removed = base.hole & (base.hole_type == HoleType.OBJECT.value)
+    removed = base.object_hole
     return before.without(removed, HoleType.OBJECT) if removed.any() else before
 
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-import numpy as np
-
 from dlama.errors import InputError
 from dlama.files.cameras import read_cameras
 from dlama.geometry.camera import Camera
@@ -63,5 +61,5 @@ def path_for(path: str, scene: Scene, seconds: float, fps: float, width: int | N
 
 
 def _named_path(name: str, scene: Scene, count: int) -> list[Camera]:
-    middle = scene.frames[len(scene.frames) // 2].load()
-    return named_path(name, middle.camera, count, median_pivot(np.where(middle.hole, 0, middle.depth)))
+    middle = scene.middle_frame.load()
+    return named_path(name, middle.camera, count, median_pivot(middle.known_depth))

@@ -14,7 +14,7 @@ from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.frames.stored import Layer
 from dlama.geometry.once import once
 from dlama.geometry.projection import lift, project, unproject
-from dlama.geometry.rgbd import BoolArray
+from dlama.geometry.rgbd import BoolArray, is_valid
 
 MOST_FRAMES = 4
 """Frames that are rendered for one camera."""
@@ -81,7 +81,7 @@ class Samples:
         ]
         rows, columns = (part.ravel() for part in np.meshgrid(*grid, indexing="ij"))
         depth = np.where(view.hole[rows, columns], 0, view.depth[rows, columns]).astype(np.float64)
-        known = (depth > 0) & (depth < np.inf)
+        known = is_valid(depth)
         self.rows, self.columns, self.depth = rows[known], columns[known], depth[known]
         self.points = unproject(view.camera, self.columns + 0.5, self.rows + 0.5, self.depth)
         self.box = bounding_boxes([self.points])[0]

@@ -17,7 +17,7 @@ from dlama.geometry.kernels import decimating as kernels
 from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.projection import unproject
-from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, freeze
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, freeze, is_valid
 from dlama.geometry.view import View
 
 LARGEST = 64
@@ -54,7 +54,7 @@ def decimate(
     pixels, which rendering leaves out, and far ones have none. grid: the layer's `mesh_grid`, where it is another than that.
     """
     depth, joined = grid or mesh_grid(view)
-    surface = (depth > 0) & (depth < np.inf)
+    surface = is_valid(depth)
     box = bounding_box(surface)
     if share is None:
         share = ESTIMATED_SHARE if Origin.ESTIMATED in view.origins else DEPTH_SHARE

@@ -127,7 +127,7 @@ def guess_of_filler(name: str, filler: Inpainter) -> GuessMaker:
 def _smooth(prepared: PreparedView, spread: Spread) -> tuple[UInt8Array, Float32Array]:
     """Colours and metres of a view continued by `spread`, at `spreading.LARGEST` pixels at most."""
     view = prepared.view
-    w = inverse_depth(np.where(view.hole, np.float32(0), view.depth))
+    w = inverse_depth(view.known_depth)
     colors = spread_small(view.color, ~(view.color_hole | prepared.occluders), spread)
     depths = spread_small(w[..., None], ~(view.hole | prepared.occluders), spread)
     spread_w = np.maximum(depths[..., 0], 0)

@@ -69,7 +69,7 @@ def shrink_plane(plane: Float32Array) -> Float32Array:
 def context_planes(view: View, scale: float) -> Iterator[np.ndarray]:
     """H x W each, in the order of CONTEXT; scale: the inverse depth (1/m) at 0.5."""
     yield from (view.color * ~view.hole[..., None]).transpose(2, 0, 1) / np.float32(255)
-    yield nearness(inverse_depth(np.where(view.hole, np.float32(0), view.depth)), scale)
+    yield nearness(inverse_depth(view.known_depth), scale)
     yield from (view.hole & (view.hole_type == kind) for kind in TYPES)
     yield distance_plane(view.hole)
     yield view.color_hole

@@ -42,7 +42,7 @@ def find_remaining_shadow(view: View, label: NDArray[np.int32], law: Law) -> Boo
     label: H x W, the surface of each pixel. What lies far behind the object, a dark window, is no shadow of it; estimated depth
     is too inexact to see any.
     """
-    own = view.hole & (view.hole_type == HoleType.OBJECT.value)
+    own = view.object_hole
     if not own.any() or view.hole.all() or (view.origin == Origin.ESTIMATED.value).any():
         return np.zeros_like(own)
     height, width = own.shape

@@ -41,7 +41,7 @@ class DepthPlane:
 
     @classmethod
     def of(cls, view: View, scale: Callable[[Float32Array], float] = nearest_scale) -> DepthPlane:
-        w = inverse_depth(np.where(view.hole, np.float32(0), view.depth))
+        w = inverse_depth(view.known_depth)
         one = scale(w)
         values = np.minimum(w / np.float32(one), np.float32(1)).astype(np.float32)
         known = values[view.valid]

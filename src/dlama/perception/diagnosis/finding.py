@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.camera import Camera
-from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
+from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array, is_valid
 
 Severity = Literal["fault", "note", "fine"]
 """fault: results would be wrong; note: worth knowing; fine: how the input was understood."""
@@ -74,4 +74,4 @@ class Observed:
     @property
     def valid(self) -> BoolArray:
         """H x W, True where depth has a finite value > 0."""
-        return np.asarray((self.depth > 0) & (self.depth < np.inf), np.bool_)
+        return is_valid(self.depth)

@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 
 from dlama.geometry.projection import inverse_depth
-from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
+from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, is_valid
 from dlama.models.network_file import NetworkFile
 from dlama.perception.masks.prompt import Pixel, square_about
 from dlama.perception.masks.salient import WindowSaliency, window_around, window_side
@@ -64,7 +64,7 @@ def click_planes(rgbd: RGBD, pixel: Pixel, radius: int, salient: Sequence[Float3
         return np.asarray(cv2.resize(padded, (SIDE, SIDE), interpolation=how), np.float32)
 
     depth = rgbd.depth[span]
-    valid, far = (resized(where.astype(np.float32)) for where in ((depth > 0) & (depth < np.inf), depth == np.inf))
+    valid, far = (resized(where.astype(np.float32)) for where in (is_valid(depth), depth == np.inf))
     inside = resized(np.ones(depth.shape, np.float32))
     w = np.where(valid > KNOWN, resized(inverse_depth(depth)) / np.maximum(valid, KNOWN), np.float32(0))
     known, middle = w > 0, SIDE // 2

@@ -11,7 +11,7 @@ import dataclasses
 import cv2
 import numpy as np
 
-from dlama.geometry.rgbd import RGBD, Float32Array
+from dlama.geometry.rgbd import RGBD, Float32Array, is_valid
 
 CLEAN = 1 / 3
 """Share of frames without faults."""
@@ -57,12 +57,12 @@ def add_depth_noise(depth: Float32Array, rng: np.random.Generator) -> Float32Arr
 
 def quantise_depth(depth: Float32Array, rng: np.random.Generator) -> Float32Array:
     """Depth (H x W m) whose inverse has equal steps, like a disparity sensor's; what is below half a step becomes far."""
-    near = depth[(depth > 0) & (depth < np.inf)]
+    near = depth[is_valid(depth)]
     if not near.size:
         return depth
     step = 1 / (float(near.min()) * float(np.exp(rng.uniform(*np.log(LEVELS)))))
     out = depth.copy()
-    valid = (depth > 0) & (depth < np.inf)
+    valid = is_valid(depth)
     steps = np.rint(1 / (depth[valid] * np.float32(step)))
     with np.errstate(divide="ignore"):
         out[valid] = np.float32(1) / (steps * np.float32(step))

@@ -33,8 +33,7 @@ def continue_lawfully(view: View, context: FillContext, seed: int) -> tuple[Surf
 
 def continue_surfaces(view: View, context: FillContext, seed: int = 0) -> Surfaces:
     """The known surfaces of a view, continued into its holes; the same seed finds the same planes."""
-    measured = np.where(view.hole, np.float32(0), view.depth)
-    known = KnownSurfaces.of(inverse_depth(measured), view.valid, view.far, seed)
+    known = KnownSurfaces.of(inverse_depth(view.known_depth), view.valid, view.far, seed)
     missing, by_color = view.depth_hole, None
     if missing.any():
         by_color = fill_along_colors(view.color, missing, view.hole, known)

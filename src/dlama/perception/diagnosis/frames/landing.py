@@ -10,7 +10,7 @@ import numpy as np
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.poses import transform_points
 from dlama.geometry.projection import project_to_pixels, rays
-from dlama.geometry.rgbd import RGBD, Float32Array
+from dlama.geometry.rgbd import RGBD, Float32Array, is_valid
 
 WIDTH = 240
 """Frames are compared in pictures of about so many pixels across."""
@@ -64,7 +64,7 @@ def shrink(frame: RGBD) -> SmallFrame:
     grey = cv2.cvtColor(np.ascontiguousarray(frame.color[: h * step, : w * step]), cv2.COLOR_RGB2GRAY)
     means = np.asarray(cv2.resize(grey.astype(np.float32), (w, h), interpolation=cv2.INTER_AREA), np.float32)
     camera = frame.camera.cropped(0, 0, w * step, h * step).resized(w, h)
-    known = np.flatnonzero((depth > 0) & np.isfinite(depth))
+    known = np.flatnonzero(is_valid(depth))
     chosen = known[np.linspace(0, len(known) - 1, min(len(known), POINTS)).astype(np.intp)]
     points = rays(camera).reshape(-1, 3)[chosen] * depth.ravel()[chosen, None]
     return SmallFrame(points, means.ravel()[chosen].astype(np.float64), depth, means, camera)
@@ -83,5 +83,5 @@ def reproject(one: SmallFrame, other: SmallFrame) -> tuple[Float64Array, Float64
     points = transform_points(one.camera.world_from_cam, one.points)
     rows, columns, z, inside = project_to_pixels(points, other.camera)
     depth, grey = (plane[rows, columns].astype(np.float64) for plane in (other.depth, other.grey))
-    known = inside & (depth > 0) & np.isfinite(depth)
+    known = inside & is_valid(depth)
     return z[known], depth[known], one.brightness[known], grey[known]
