@@ -50,6 +50,8 @@ def test_parquet(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "text", "message"),
     [
+        ("a.csv", "id;verb;image\n", "line 1: values are separated by semicolons; commas are expected"),
+        ("a.csv", "id\tverb\timage\n", "line 1: values are separated by tabs; commas are expected"),
         ("a.csv", "verb,image\n", "line 1: there is no column id; the columns are verb, image"),
         ("a.csv", "", "line 1: is empty; columns are expected"),
         ("a.csv", "id,id\n", "line 1 has column 'id' twice"),

@@ -118,5 +118,6 @@ def test_points_and_boxes() -> None:
     for click, box in (("1,2 3,4.5", "1,2,3,4"), ([[1, 2], [3, 4.5]], [1, 2, 3, 4])):
         found = check_parameters("remove", {"image": "a.png", "click": click, "box": box})
         assert found["click"] == [[1, 2], [3, 4.5]] and found["box"] == [1, 2, 3, 4]
+    assert check_parameters("remove", {"image": "a.png", "click": [256, 345]})["click"] == [[256, 345]]
     with pytest.raises(InputError, match="box is '1,2,3'; X,Y,W,H in pixels is expected"):
         check_parameters("remove", {"image": "a.png", "box": "1,2,3"})

@@ -88,7 +88,9 @@ def numbers(name: str, value: Any, count: int, expected: str) -> list[float]:
 
 
 def points(name: str, value: Any) -> list[list[float]]:
-    """`X,Y X,Y`, or a list of pairs."""
+    """`X,Y X,Y`, a list of pairs, or one pair."""
+    if isinstance(value, (list, tuple)) and len(value) == 2 and all(isinstance(one, (int, float)) for one in value):
+        value = [value]
     return [numbers(name, one, 2, "X,Y") for one in _split_values(name, value, "X,Y")]
 
 

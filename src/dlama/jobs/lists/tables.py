@@ -33,6 +33,9 @@ def _csv_rows(path: str) -> Iterator[Row]:
         reader = csv.reader(stream)
         try:
             header = [name.strip() for name in next(reader, [])]
+            if len(header) == 1 and (other := next((each for each in ";\t" if each in header[0]), None)):
+                named = "semicolons" if other == ";" else "tabs"
+                raise FileError(f"{path}: line 1: values are separated by {named}; commas are expected")
             check_columns(header, f"{path}: line 1")
             twice = [name for name in header if header.count(name) > 1]
             if twice:
