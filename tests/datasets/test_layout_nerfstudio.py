@@ -15,6 +15,7 @@ from dlama.datasets.layouts import open_dataset
 from dlama.datasets.posed.nerfstudio import lens_of
 from dlama.errors import CameraError, FileError, InputError
 from dlama.files.fields import FileFields
+from dlama.files.rasters.exr_files import write_exr
 from posed_folders import check_frames, truth, write_codes16, write_picture
 
 LENS_FIELDS: dict[str, Any] = {"fl_x": 90.5, "fl_y": 92.25, "cx": 46.25, "cy": 37.75, "w": 96, "h": 72}
@@ -62,6 +63,19 @@ def test_frames_of_a_closed_form_world(tmp_path: Path) -> None:
 def test_a_lens_of_each_frame_and_another_unit(tmp_path: Path) -> None:
     """Oracle: the world; a frame's own fields go before the shared ones."""
     check_frames(open_dataset(written(tmp_path, per_frame=True, unit=0.0002)), half_unit_m=0.000101, far=True)
+
+
+@pytest.mark.parametrize("unit", [None, 0.01])
+def test_exr_depth_is_in_metres_unless_a_unit_is_given(tmp_path: Path, unit: float | None) -> None:
+    """Oracle: the world. It was taken as millimetres, as whole numbers are, and no option put that right."""
+    root = written(tmp_path)
+    listing = stored(root) | ({} if unit is None else {"depth_unit_scale_factor": unit})
+    for number, (frame, true) in enumerate(zip(listing["frames"], truth())):
+        write_exr(root / f"depths/f{number}.exr", {"Z": true.depth.astype(np.float32) / np.float32(unit or 1)})
+        frame["depth_file_path"] = f"depths/f{number}.exr"
+    save(root, listing)
+    for frame, true in zip(open_dataset(root).frames, truth()):
+        np.testing.assert_allclose(frame.load().depth, true.depth, rtol=1e-6)
 
 
 def test_float_depth_has_the_same_unit(tmp_path: Path) -> None:

@@ -2,9 +2,9 @@
 sequence written as such a folder, which trainers of splats read.
 
 `transform_matrix` is camera to world with OpenGL axes (x right, y up, z back). `fl_x fl_y cx cy w h`, for all frames or for
-each; first pixel's centre at 0.5. Depth times `depth_unit_scale_factor` (default 0.001, for NPY too) is metres; 0 is
-missing, 65535 in 16 bits far as in our own files. Distortion is refused where it shows. Format:
-docs.nerf.studio/quickstart/data_conventions.html.
+each; first pixel's centre at 0.5. Depth times `depth_unit_scale_factor` (default 0.001, for NPY too; 1 for EXR, which
+nerfstudio does not read) is metres; 0 is missing, 65535 in 16 bits far as in our own files. Distortion is refused where it
+shows. Format: docs.nerf.studio/quickstart/data_conventions.html.
 
 Written are images/NAME.png, depth/NAME.png (16-bit millimetres, 0 = missing, 65535 = far), hole/NAME.png (255 = colour and depth
 were filled), origin/NAME.png (codes, docs/concepts/conventions.md), source/NAME.png (16 bit: 1 + the number of the frame a pixel
@@ -59,11 +59,13 @@ def list_frames(scene: str, folder: Path) -> list[PosedFrame]:
     fields = read_json_fields(folder / NAME)
     listed = fields.entries("frames", "frames")
     units = units_per_metre(fields, UNIT, DEPTH_UNIT)
+    units_of_exr = units_per_metre(fields, UNIT, 1.0)
     frames = []
     for number, each in enumerate(listed):
         frame = fields.part(f"frames[{number}]", each)
         if "depth_file_path" in frame:
-            frames.append(_frame(scene, folder, frame, fields, units))
+            exr = Path(frame.text("depth_file_path")).suffix.lower() == ".exr"
+            frames.append(_frame(scene, folder, frame, fields, units_of_exr if exr else units))
     report_left_out(fields.path, frames, len(listed), {"without a depth_file_path": len(listed) - len(frames)})
     return frames
 
