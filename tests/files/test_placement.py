@@ -329,6 +329,16 @@ def test_a_full_disk_is_told_by_where_the_file_was_to_lie(tmp_path: Path) -> Non
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_full_disk_that_names_nothing_is_told_by_the_directory(tmp_path: Path) -> None:
+    """As Python's own write of text has it; other errors of the system stay what they are."""
+    with pytest.raises(OutputError, match=r"out: cannot be written: no space left on device"):  # noqa: SIM117
+        with new_directory(tmp_path / "out"):
+            raise OSError(errno.ENOSPC, "No space left on device")
+    with pytest.raises(OSError, match="Permission denied") as caught, new_directory(tmp_path / "out"):
+        raise PermissionError(errno.EACCES, "Permission denied")
+    assert not isinstance(caught.value, OutputError) and list(tmp_path.iterdir()) == []
+
+
 def test_what_an_encoder_says_of_a_draft_is_said_of_the_file(tmp_path: Path) -> None:
     """Law: as above, of libraries that put the path into their own message (OpenEXR)."""
     target = tmp_path / "depth.exr"

@@ -28,6 +28,8 @@ PathLike = str | os.PathLike[str]
 """A file's path."""
 NO_FLUSH = (errno.EINVAL, errno.ENOTSUP, errno.EBADF, errno.EROFS, errno.EACCES, errno.EPERM)
 """Errors of file systems that cannot flush, which is no reason to fail."""
+FULL = (errno.ENOSPC, errno.EFBIG, getattr(errno, "EDQUOT", errno.ENOSPC))
+"""Errors of a full disk."""
 
 
 @contextmanager
@@ -88,6 +90,8 @@ def new_directory(path: PathLike) -> Iterator[Path]:
                 error.args = tuple(str(one).replace(str(draft), str(target)) for one in error.args)
             shutil.rmtree(draft, ignore_errors=True)
             _remove_made(made)
+            if isinstance(error, OSError) and error.errno in FULL and error.filename is None:  # of nothing by name
+                raise OutputError(f"{target}: cannot be written: {_reason(error)}") from error
             raise
 
 
