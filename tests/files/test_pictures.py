@@ -71,11 +71,27 @@ def test_webp_is_read_and_an_animated_one_refused(tmp_path: Path) -> None:
 def test_16_bit_keeps_the_high_byte(tmp_path: Path, suffix: str, channels: int) -> None:
     """Oracle: numpy's shift of what OpenCV wrote; grey is repeated, alpha dropped."""
     values = np.random.default_rng(channels).integers(0, 65536, (9, 11, channels)).astype(np.uint16)
+    values[..., 3:] = 65535
     cv2.imwrite(str(tmp_path / f"c{suffix}"), values)
     wanted = (values >> 8).astype(np.uint8)
     wanted = np.repeat(wanted, 3, axis=2) if channels == 1 else wanted[..., 2::-1]
     with pytest.warns(UserWarning, match="has 16 bits a channel"):
         assert np.array_equal(read_color(tmp_path / f"c{suffix}"), wanted)
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_transparent_pixels_are_warned_of(tmp_path: Path, dtype: type) -> None:
+    """Oracle: the share of the alpha that OpenCV wrote; the cut-out's black counted as measured without a word."""
+    most = np.iinfo(dtype).max
+    values = np.full((10, 20, 4), most, dtype)
+    values[:4, :, 3] = most // 2
+    cv2.imwrite(str(tmp_path / "cut.png"), values)
+    with pytest.warns(UserWarning) as caught:
+        read_color(tmp_path / "cut.png")
+    told = [str(one.message) for one in caught if "16 bits" not in str(one.message)]
+    assert told == [
+        f"{tmp_path / 'cut.png'}: alpha is dropped; the colours of its transparent pixels (40 %) count as measured"
+    ]
 
 
 @pytest.mark.parametrize("mode", ["L", "LA", "RGBA", "P", "1"])

@@ -16,7 +16,7 @@ from dlama.datasets.easysynth.text_files import Sensor
 from dlama.datasets.frames import Gamma, RemovalTruth, StereoTruth, ViewTruth
 from dlama.errors import CameraError, DepthError, FileError, MaskError
 from dlama.files.rasters.images import read_stored
-from dlama.files.rasters.pictures import read_classes, read_color
+from dlama.files.rasters.pictures import read_classes, srgb_of
 from dlama.files.semantic_classes import RGB
 from dlama.geometry.camera import Camera, Float64Array, StereoRig
 from dlama.geometry.holes import box_around, box_mean, dilate_mask, larger_box, sides_of
@@ -87,7 +87,7 @@ class RenderedFrame:
 
 def load_frame(files: RenderedFrame) -> RGBD:
     """Colour, depth and camera of one frame. Raises FileError, DepthError, CameraError, ShapeError."""
-    color = read_color(files.color)
+    color = srgb_of(read_stored(files.color), files.color)
     return RGBD(color, files.depth(), files.sensor.camera(color.shape[:2], files.world_from_cam))
 
 

@@ -20,7 +20,7 @@ from dlama.files.atomic_write import PathLike, new_file
 from dlama.files.rasters.color_profiles import rgb_to_srgb
 from dlama.files.rasters.images import StoredPicture, read_stored
 from dlama.files.semantic_classes import class_color
-from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, UInt16Array, check_color
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, UInt16Array, check_color, percent
 
 LOWEST_WHITE = 247
 HIGHEST_BLACK = 8
@@ -36,8 +36,8 @@ def read_color(path: PathLike) -> UInt8Array:
     """A colour picture as uint8 H x W x 3 RGB.
 
     PNG, JPEG, WebP, TIFF, HEIC (extra `heic`). Colours of another ICC profile (Display P3 of phones, Adobe RGB, CMYK) become
-    sRGB. 16 bits keep their high byte, with a warning; grey is repeated, palettes are looked up, alpha is dropped. Turned as
-    viewers show it, where EXIF says so; masks and depth pictures are, too.
+    sRGB. 16 bits keep their high byte and alpha is dropped, each with a warning; grey is repeated, palettes are looked up. Turned
+    as viewers show it, where EXIF says so; masks and depth pictures are, too.
 
     Raises:
         FileError: missing, damaged or float.
@@ -46,6 +46,7 @@ def read_color(path: PathLike) -> UInt8Array:
     check_arguments(read_color, locals())
     stored = read_stored(path)
     warn_of_16_bits(stored, path, "has")
+    _warn_of_alpha(stored, path)
     return srgb_of(stored, path)
 
 
@@ -75,6 +76,19 @@ def warn_of_16_bits(stored: StoredPicture, path: PathLike, has: str) -> None:
 def srgb_of(stored: StoredPicture, path: PathLike) -> UInt8Array:
     """A stored picture as `read_color` gives it. FileError."""
     return rgb_to_srgb(eight_bit_rgb(stored.values, path), stored.profile, path)
+
+
+def _warn_of_alpha(stored: StoredPicture, path: PathLike) -> None:
+    """Warn (UserWarning) of transparent pixels, whose colours often are nobody's."""
+    values = stored.values
+    if values.ndim == 3 and values.shape[2] in (2, 4) and values.dtype.kind == "u":
+        transparent = values[..., -1] < np.iinfo(values.dtype).max
+        if transparent.any():
+            warnings.warn(
+                f"{path}: alpha is dropped; the colours of its transparent pixels ({percent(transparent)}) count as measured",
+                UserWarning,
+                stacklevel=3,
+            )
 
 
 def read_classes(path: PathLike) -> UInt8Array:
