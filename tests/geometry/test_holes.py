@@ -27,6 +27,7 @@ from dlama.geometry.holes import (
     morphological_close,
     morphological_open,
     nearest_known,
+    region_at,
     regions_touching,
     square,
 )
@@ -197,6 +198,14 @@ def test_a_pixel_by_squares_and_distances() -> None:
     assert grown[2:5, 3:6].all() and grown.sum() == 9 and np.array_equal(erode_square(grown, 3), mask)
     distance = distance_to(mask)
     assert distance[3].tolist() == [4, 3, 2, 1, 0, 1, 2, 3, 4] and distance[:, 4].tolist() == [3, 2, 1, 0, 1, 2, 3]
+
+
+def test_the_region_at_a_box_has_most_pixels_in_it() -> None:
+    """By hand: of two regions the one with more pixels in the box, whole; none where it holds no pixel of any."""
+    where = np.zeros((6, 8), bool)
+    where[:, 1], where[2:4, 3:8] = True, True
+    assert np.array_equal(region_at(where, (slice(2, 4), slice(1, 6))), where & (np.arange(8) > 2))
+    assert not region_at(where, (slice(0, 2), slice(3, 8))).any()
 
 
 def test_touching_regions() -> None:

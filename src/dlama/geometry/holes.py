@@ -102,6 +102,14 @@ def regions_touching(where: BoolArray, other: BoolArray) -> BoolArray:
     return np.asarray(np.isin(labels, numbers) & where)
 
 
+def region_at(where: BoolArray, box: tuple[slice, slice]) -> BoolArray:
+    """The 8-connected region of `where` (H x W) with most pixels in a box of rows and columns; all False: it has none there."""
+    _, labels = cv2.connectedComponents(where.astype(np.uint8), connectivity=8)
+    counts = np.bincount(labels[box].ravel())
+    counts[0] = 0
+    return np.asarray(labels == int(counts.argmax())) & bool(counts.any())
+
+
 def distance_to(where: BoolArray) -> Float32Array:
     """H x W distance in px to the nearest pixel of `where` (H x W), by OpenCV's 5x5 mask."""
     return np.asarray(cv2.distanceTransform((~where).view(np.uint8), cv2.DIST_L2, 5), np.float32)

@@ -16,6 +16,7 @@ import numpy as np
 from dlama.arguments import format_value, is_finite
 from dlama.errors import DepthError, InputError
 from dlama.geometry.camera import Camera
+from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.perception.planes import find_planes, fit_plane
 
@@ -177,7 +178,7 @@ def median_value_at(values: Float32Array, x: float, y: float, metres: float) -> 
 def fit_scale_to_ground(values: Float32Array, inverse: bool, camera: Camera, camera_height: float) -> Scale:
     """The factor that puts the camera at a given height (m) above the largest ground-like plane. InputError where there is
     none."""
-    w = values if inverse else np.divide(1, values, out=np.zeros_like(values), where=(values > 0) & np.isfinite(values))
+    w = values if inverse else inverse_depth(values)
     plane = ground_plane(w, camera)
     if plane is None:
         raise InputError(

@@ -22,7 +22,7 @@ import numpy as np
 from dlama.arguments import check, check_arguments
 from dlama.errors import DepthError, FileError, InputError, ShapeError, system_errors
 from dlama.geometry.camera import Camera
-from dlama.geometry.projection import round_depth
+from dlama.geometry.projection import inverse_depth, round_depth
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, check_color, is_valid
 from dlama.models.cache import locate, user_path
 from dlama.models.contracts import contract_of_file
@@ -264,7 +264,7 @@ def resize_prediction(
         values = values[..., 2] + np.float32(shift)
     if values.shape != camera.hw:
         if not inverse:
-            values = np.divide(1, values, out=np.zeros_like(values), where=(values > 0) & np.isfinite(values))
+            values = inverse_depth(values)
         if far is not None:
             near = cv2.resize(far.astype(np.uint8), camera.wh, interpolation=cv2.INTER_NEAREST)
             values, far = np.where(far, np.float32(0), values), near > 0

@@ -14,6 +14,7 @@ import numpy as np
 
 from dlama.geometry.holes import dilate_square
 from dlama.geometry.kernels.jit import in_bands
+from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.perception.kernels.edge_median import MOST, joint_median, take_most_alike
 
@@ -51,7 +52,7 @@ def sharpen_depth(
     if max(values.shape) > LARGEST:
         return _sharpen_small(values, color, inverse, how)
     size = max(values.shape) / 512
-    near = values if inverse else np.divide(1, values, out=np.zeros_like(values), where=values > 0)
+    near = values if inverse else inverse_depth(values)
     ramp = on_ramp(near, how.steep / size, how.bend, round(1.5 * how.radius * size))
     blurred = dilate_square(ramp, 2 * round(how.reach * size) + 1)
     if not ramp.any() or ramp.all():

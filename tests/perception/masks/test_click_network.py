@@ -15,7 +15,6 @@ from dlama.perception.masks.click_network import (
     SIDE,
     click_planes,
     object_probability,
-    region_at_click,
     salient_about,
 )
 from dlama.perception.masks.prompt import Prompt
@@ -98,12 +97,6 @@ def test_an_object_at_the_click(objects: tuple[float, ...], expected: float) -> 
     """The largest answer of the squares, as a probability; of a network without it, that of the pixels at the click."""
     _, _, there = object_probability(step_scene(), (55, 65), file=Answer(objects))  # type: ignore[arg-type]
     assert there == pytest.approx(1 / (1 + np.exp(-expected)), abs=1e-6)
-
-
-def test_no_region_at_the_click() -> None:
-    found = np.zeros((SIDE, SIDE), np.float32)
-    found[:10, :10] = 1
-    assert not region_at_click(found).any()
 
 
 @pytest.mark.parametrize("agreed", [True, False])

@@ -161,7 +161,7 @@ def enlarge_depth(depth: Float32Array, color: UInt8Array) -> Float32Array:
     w = fill_with_nearest(inverse_depth(depth), known)
     large = sharpen_depth(np.asarray(cv2.resize(w, wh, interpolation=cv2.INTER_LINEAR), np.float32), color)
     shown = cv2.resize(known.astype(np.uint8), wh, interpolation=cv2.INTER_NEAREST) > 0
-    return np.divide(1, large, out=np.zeros_like(large), where=shown & (large > 0))
+    return inverse_depth(large * shown)
 
 
 def lens_for(folder: Path, root: Path, camera: CameraOption, names: Sequence[str], advice: str) -> Lens:

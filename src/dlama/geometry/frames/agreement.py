@@ -13,7 +13,7 @@ from dlama.geometry.camera import Float64Array
 from dlama.geometry.frames.choosing import sample_view
 from dlama.geometry.frames.stored import Layer
 from dlama.geometry.once import once
-from dlama.geometry.projection import project
+from dlama.geometry.projection import inverse_depth, project
 from dlama.geometry.rgbd import Float32Array
 from dlama.geometry.view import View
 
@@ -74,8 +74,7 @@ class Pictures:
 
     def __init__(self, view: View) -> None:
         self.camera, self.blurred = view.camera, blur(view)
-        depth = np.where(view.hole | np.isinf(view.depth), np.float32(0), view.depth)
-        self.inverse = np.divide(1, depth, out=np.zeros_like(depth), where=depth > 0)
+        self.inverse = inverse_depth(view.known_depth)
 
 
 def blur(view: View) -> Float32Array:

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 
 from dlama.geometry.holes import box_around, dilate_mask
+from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import View
 
@@ -28,7 +29,7 @@ def find_foreground(frame: View, candidates: BoolArray) -> BoolArray:
     if not candidates.any():
         return out
     part = box_around(candidates, AROUND_PX)
-    inverse = np.divide(1, frame.depth, out=np.zeros_like(frame.depth), where=frame.valid)[part]
+    inverse = inverse_depth(frame.known_depth)[part]
     known = (frame.valid | frame.far)[part] & ~dilate_mask(candidates[part], 1)
     out[part] = candidates[part] & (inverse > (1 + IN_FRONT) * interpolate_harmonic(inverse, known))
     return out

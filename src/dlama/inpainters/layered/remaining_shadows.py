@@ -14,7 +14,7 @@ from dlama.geometry.holes import dilate_square, distance_to, erode_mask, morphol
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
-from dlama.perception.shadows.lit_surface import quadratic, robust_fit
+from dlama.perception.shadows.lit_surface import log_luma, quadratic, robust_fit
 
 GRID = 256
 """Longer side of the coarse picture in which shadows are searched."""
@@ -50,7 +50,7 @@ def find_remaining_shadow(view: View, label: NDArray[np.int32], law: Law) -> Boo
     wh = max(1, round(width / step)), max(1, round(height / step))
     distance = distance_to(shrink_mask(own, wh))
     reach = REACH * np.sqrt((distance == 0).sum()) + 2
-    luma = np.log(cv2.cvtColor(view.color, cv2.COLOR_RGB2GRAY).astype(np.float32) + 4)
+    luma = log_luma(view.color)
     out = np.zeros(wh[::-1], np.bool_)
     ring = (distance > 0) & (distance <= 3)
     for number in np.unique(cv2.resize(label.astype(np.int16), wh, interpolation=cv2.INTER_NEAREST)[ring]).tolist():

@@ -14,8 +14,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from dlama.geometry.holes import region_at
 from dlama.geometry.projection import inverse_depth
-from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, is_valid
+from dlama.geometry.rgbd import RGBD, Float32Array, is_valid
 from dlama.models.network_file import NetworkFile
 from dlama.perception.masks.prompt import Pixel, square_about
 from dlama.perception.masks.salient import WindowSaliency, window_around, window_side
@@ -118,12 +119,13 @@ def object_probability(
     seen: saliency of the picture where depth is estimated; None: depth says more, and sooner.
     """
     file = file or network(seen is not None)
+    middle = slice(SIDE // 2 - CLICK_PX, SIDE // 2 + CLICK_PX + 1)
     longer = max(rgbd.depth.shape)
     radius = int(FIRST_WINDOW * longer / 2)
     salient = [salient_about(seen, pixel, first_window(rgbd.depth.shape))] * len(SALIENT) if seen else []
     found, objects = probability_in_window(click_planes(rgbd, pixel, radius, salient), file)
     for number in range(ROUNDS):
-        side, part = 2 * radius + 1, region_at_click(found)
+        side, part = 2 * radius + 1, region_at(found > 0.5, (middle, middle))
         reach = np.abs(np.argwhere(part) - (SIDE - 1) / 2).max() * side / SIDE if part.any() else side / 4
         wanted = WINDOW * reach + MARGIN_PX if part.any() else side / 2
         wanted = float(np.clip(wanted, SMALLEST_WINDOW, LARGEST_WINDOW * longer))
@@ -141,12 +143,3 @@ def object_probability(
     rows, columns = (slice(max(radius - at, 0), max(radius - at, 0) + n) for at, n in zip(pixel, out[span].shape))
     out[span] = large[rows, columns]
     return out, -(-side // SIDE), max(objects or [float(out[square_about(pixel, NEAR_PX)].max())])
-
-
-def region_at_click(found: Float32Array) -> BoolArray:
-    """SIDE x SIDE, True on the connected region above one half at the middle; all False where there is none."""
-    _, labels = cv2.connectedComponents((found > 0.5).astype(np.uint8), connectivity=8)
-    near = slice(SIDE // 2 - CLICK_PX, SIDE // 2 + CLICK_PX + 1)
-    counts = np.bincount(labels[near, near].ravel())
-    counts[0] = 0
-    return np.asarray(labels == int(counts.argmax())) & bool(counts.any())

@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 
 from dlama.errors import MaskError
-from dlama.geometry.holes import box_around, dilate_mask, disc, erode_mask, morphological_open
+from dlama.geometry.holes import box_around, dilate_mask, disc, erode_mask, morphological_open, region_at
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
 from dlama.perception.masks.borders import decide_by_color
@@ -166,13 +166,10 @@ class PhotoMasker:
         if level is None:
             return None
         row, column = pixel[0] - window[0].start, pixel[1] - window[1].start
-        _, labels = cv2.connectedComponents((level > 0.5).astype(np.uint8), connectivity=8)
         near = square_about((row, column), CLICK_PX)
-        counts = np.bincount(labels[near].ravel())
-        counts[0] = 0
-        if not counts.any():
+        part = region_at(level > 0.5, near)
+        if not part.any():
             return None
-        part = labels == int(counts.argmax())
         mask = np.zeros(self.rgbd.depth.shape, np.bool_)
         mask[window] = part
         cut_off = rim_share(mask, window)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.holes import box_around, dilate_mask, larger_box, sides_of
-from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
+from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.perception.shadows.ground import EDGE_PX
 
 WINDOW_PX = 5
@@ -83,10 +83,15 @@ def sky_lost(occlusion: Float32Array) -> NDArray[np.float64]:
 
 def smooth_level(rgbd: RGBD, surface: BoolArray) -> Float32Array:
     """H x W natural logarithm of luma, averaged over the visible surface in a window of WINDOW_PX."""
-    level = np.log(cv2.cvtColor(rgbd.color, cv2.COLOR_RGB2GRAY).astype(np.float32) + 4)
+    level = log_luma(rgbd.color)
     inside = surface.astype(np.float32)
     total, count = (cv2.blur(each, (WINDOW_PX, WINDOW_PX)) for each in (level * inside, inside))
     return np.asarray(np.where(count > 0, total / np.maximum(count, 1e-6), level), np.float32)
+
+
+def log_luma(color: UInt8Array) -> Float32Array:
+    """H x W logarithm of the luma (0..255, 4 more: of black it is finite) of a picture (H x W x 3)."""
+    return np.asarray(np.log(cv2.cvtColor(color, cv2.COLOR_RGB2GRAY).astype(np.float32) + 4), np.float32)
 
 
 def robust_fit(design: NDArray[np.float64], value: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -18,6 +18,7 @@ from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
 from dlama.perception.kernels.shadows import DIRECTIONS_A_TASK, cast_shapes
 from dlama.perception.shadows.ground import StandingObject, light_offsets
+from dlama.perception.shadows.lit_surface import log_luma
 
 SLOPES = np.array((0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.72, 0.86, 1.0, 1.2, 1.45, 1.75, 2.1, 2.6, 3.2))
 """Tried lengths of a shadow over the object's height."""
@@ -113,7 +114,7 @@ class Search:
 
 def divergence_of(color: UInt8Array, seen: BoolArray) -> tuple[NDArray[np.float64], float]:
     """H x W divergence of the clipped gradient of log luma between pixels that are seen, and the gradient's RMS."""
-    level = np.log(cv2.cvtColor(color, cv2.COLOR_RGB2GRAY).astype(np.float32) + 4)
+    level = log_luma(color)
     smooth = gaussian_mean(level, seen.astype(np.float32), BLUR_PX)
     inner = erode_square(seen, 3)
     out, squares = np.zeros(seen.shape), []
