@@ -75,14 +75,26 @@ class Writer:
         )
         self.put(topic, "sensor_msgs/msg/CompressedImage", seconds, message)
 
-    def info(self, topic: str, frame: str, camera: Camera, distortion: float = 0.0) -> None:
-        K = camera.K.copy()
-        K[:2, 2] -= 0.5
+    def info(
+        self,
+        topic: str,
+        frame: str,
+        camera: Camera,
+        distortion: tuple[float, ...] = (0.0,) * 5,
+        model: str = "plumb_bob",
+        rectified: Camera | None = None,
+        uncalibrated: bool = False,
+    ) -> None:
+        """camera: K; rectified: P, default as K."""
+        K, P = (each.K.copy() for each in (camera, rectified or camera))
+        for matrix in (K, P):
+            matrix[:2, 2] -= 0.5
+            matrix *= not uncalibrated
         roi = self.make("sensor_msgs/msg/RegionOfInterest", x_offset=0, y_offset=0, height=0, width=0, do_rectify=False)
         message = self.make(
             "sensor_msgs/msg/CameraInfo", header=self.head(frame, 1.0), height=camera.height, width=camera.width,
-            distortion_model="plumb_bob", d=np.array([distortion, 0, 0, 0, 0]), k=K.ravel(), r=np.eye(3).ravel(),
-            p=np.eye(3, 4).ravel(), binning_x=0, binning_y=0, roi=roi,
+            distortion_model=model, d=np.array(distortion), k=K.ravel(), r=np.eye(3).ravel(),
+            p=np.hstack([P, np.zeros((3, 1))]).ravel(), binning_x=0, binning_y=0, roi=roi,
         )  # fmt: skip
         self.put(topic, "sensor_msgs/msg/CameraInfo", 1.0, message)
 

@@ -16,7 +16,7 @@ from dlama.datasets.captures.ros_messages import Transforms
 from dlama.datasets.diagnosis import diagnose
 from dlama.datasets.layouts import detect, open_dataset
 from dlama.datasets.sequences.loading import open_frames
-from dlama.errors import FileError, MissingExtraError
+from dlama.errors import CameraError, FileError, MissingExtraError
 from dlama.geometry.camera import Camera
 from dlama.geometry.poses import invert_pose, rotation_deg
 from posed_folders import LENS, WORLD, cameras, check_frames, damage, read_or_refuse, truth
@@ -166,6 +166,62 @@ def test_what_a_bag_lacks_is_said(tmp_path: Path, caplog: pytest.LogCaptureFixtu
         (tmp_path / "e.bag").write_bytes(data)
         with pytest.raises(FileError, match=r"e.bag: is no readable bag"):
             open_frames(tmp_path / "e.bag")
+
+
+def small_bag(path: Path, color: str, values: np.ndarray, encoding: str, late: float = 0.0, **info: Any) -> Path:
+    """One frame with depth registered to it."""
+    with Writer(path, "ros1") as bag:
+        bag.info(f"{color}/camera_info", OPTICAL, info.pop("camera", LENS), **info)
+        bag.image(
+            f"{color}/image_rect_color" if "rectified" in info else f"{color}/image_raw", OPTICAL, 1.0, values, encoding
+        )
+        bag.image(f"{color}/depth_rect", OPTICAL, 1.0 + late, truth()[0].depth, "32FC1")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("model", "terms"), [("equidistant", (0.0,) * 4), ("rational_polynomial", (0.5, 0, 0, 0, 0, 0.2, 0, 0))]
+)
+def test_distortion_of_other_models_is_warned_of(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, model: str, terms: tuple[float, ...]
+) -> None:
+    """Closed form: a fisheye lens draws a ray at r (z = 1) at atan r; k1 and k4 of the rational model at r (1 + k1 r2) /
+    (1 + k4 r2)."""
+    open_frames(small_bag(tmp_path / "a.bag", "/c", truth()[0].color, "rgb8", distortion=terms, model=model))
+    shifts = []
+    for u, v in ((0, 0), (96, 0), (0, 72), (96, 72)):
+        off = np.array([u - LENS.cx + 0.5, v - LENS.cy + 0.5])
+        r = float(np.hypot(*(off / (LENS.fx, LENS.fy))))
+        drawn = np.arctan(r) if model == "equidistant" else r * (1 + 0.5 * r**2) / (1 + 0.2 * r**2)
+        shifts.append(np.hypot(*off) * abs(drawn / r - 1))
+    assert f"moves the picture's corners by {max(shifts):.1f} px; it is not undone" in caplog.text
+
+
+def test_rectified_pictures_have_the_camera_of_the_rectified_ones(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Law of sensor_msgs/CameraInfo: P is the camera of the rectified pictures, in which nothing is distorted."""
+    raw = Camera(96, 72, 70.0, 70.0, 40.0, 30.0)
+    info = {"camera": raw, "rectified": LENS, "distortion": (-0.3, 0.1, 0.0, 0.0, 0.0)}
+    (frame,) = open_frames(small_bag(tmp_path / "a.bag", "/direct/rgb", truth()[0].color, "rgb8", **info))
+    assert np.allclose(frame.load().camera.K, LENS.K) and "distortion" not in caplog.text
+
+
+def test_what_cannot_be_read_of_a_bag_is_named(tmp_path: Path) -> None:
+    """One line each: an encoding, a camera that was not calibrated, depth that comes too late."""
+    color = truth()[0].color
+    with pytest.raises(
+        FileError, match=r"of pictures it has /c/depth_rect; /c/image_raw has the encoding bayer_rggb8, which"
+    ):
+        open_frames(small_bag(tmp_path / "a.bag", "/c", color[..., 0].copy(), "bayer_rggb8"))
+    with pytest.raises(FileError, match=r"1 without depth within 0.02 s"):
+        open_frames(small_bag(tmp_path / "b.bag", "/c", color, "rgb8", late=0.03))
+    with Writer(tmp_path / "c.bag", "ros1") as bag:
+        bag.info("/c/camera_info", OPTICAL, LENS, uncalibrated=True)
+        bag.image("/c/image_raw", OPTICAL, 1.0, color, "rgb8")
+        bag.image("/c/depth", OPTICAL, 1.0, truth()[0].depth, "32FC1")
+    with pytest.raises(CameraError, match=r"K is zero everywhere: the camera was not calibrated"):
+        open_frames(tmp_path / "c.bag")
 
 
 def test_without_the_package_it_says_which(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

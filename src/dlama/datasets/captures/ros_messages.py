@@ -8,7 +8,6 @@ b), 0 missing). Camera frames have OpenCV's axes ("optical", REP 103); transform
 from __future__ import annotations
 
 import struct
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -29,6 +28,9 @@ PACKED = {"yuv422": cv2.COLOR_YUV2RGB_UYVY, "yuv422_yuy2": cv2.COLOR_YUV2RGB_YUY
 DEPTHS = {"16UC1": np.uint16, "mono16": np.uint16, "32FC1": np.float32}
 """Encodings of depth."""
 MILLIMETRES = np.float32(1000)
+OPENCV_MODELS, OPENCV_TERMS = ("plumb_bob", "rational_polynomial"), (4, 5, 8, 12, 14)
+FISHEYE, FISHEYE_TERMS = ("equidistant", "fisheye"), 4
+"""Distortion models, and how many terms they have (sensor_msgs/distortion_models.hpp; calib3d of OpenCV)."""
 DEPTH_HEADER = 12
 """Bytes before the PNG of packed depth."""
 BETWEEN_S = 0.25
@@ -195,14 +197,30 @@ class Transforms:
         return invert_pose(poses[0]) @ poses[1]
 
 
-def intrinsics_of_info(info: Any) -> list[list[float]]:
-    """The matrix K of a CameraInfo of ROS 1 (K) or 2 (k), 3 x 3."""
-    found = info.k if hasattr(info, "k") else info.K
-    return np.asarray(found, np.float64).reshape(3, 3).tolist()
+def intrinsics_of_info(info: Any, rectified: bool = False) -> list[list[float]]:
+    """Intrinsics of a CameraInfo of ROS 1 (K, P) or 2 (k, p), 3 x 3: K, or of rectified pictures the left part of P."""
+    name, columns = ("p", 4) if rectified else ("k", 3)
+    found = getattr(info, name if hasattr(info, name) else name.upper())
+    return np.asarray(found, np.float64).reshape(3, columns)[:, :3].tolist()
 
 
-def distortion_of_info(info: Any) -> Mapping[str, float]:
-    """k1, k2, p1, p2, k3 of a CameraInfo with the model plumb_bob (RealSense: Brown Conrady of any kind); empty for others."""
+def is_rectified(topic: str) -> bool:
+    """Whether pictures of a topic are free of distortion, by its name (image_proc: image_rect, image_rect_color)."""
+    return any("rect" in part.split("_") or "rectified" in part for part in topic.split("/"))
+
+
+def distortion_px_of_info(info: Any) -> float:
+    """How far the distortion of a CameraInfo moves the worst corner: plumb_bob (RealSense: Brown Conrady of any kind),
+    rational_polynomial (Azure Kinect) and equidistant (fisheye lenses); 0 for others."""
     found = np.asarray(info.d if hasattr(info, "d") else info.D, np.float64).ravel()
-    known = info.distortion_model == "plumb_bob" or "Brown Conrady" in info.distortion_model
-    return dict(zip(("k1", "k2", "p1", "p2", "k3"), found.tolist())) if known else {}
+    model = info.distortion_model
+    K = np.array(intrinsics_of_info(info))
+    corners = np.array([(x, y, 1.0) for x in (0, info.width) for y in (0, info.height)])
+    rays = corners @ np.linalg.inv(K).T
+    if model in FISHEYE and found.size == FISHEYE_TERMS:
+        moved, _ = cv2.fisheye.projectPoints(rays[:, None], np.zeros(3), np.zeros(3), K, found)
+    elif (model in OPENCV_MODELS or "Brown Conrady" in model) and found.size in OPENCV_TERMS:
+        moved, _ = cv2.projectPoints(rays, np.zeros(3), np.zeros(3), K, found)
+    else:
+        return 0.0
+    return float(np.linalg.norm(moved[:, 0] - corners[:, :2], axis=1).max())

@@ -27,18 +27,19 @@ from dlama.datasets.captures.ros_messages import (
     Transforms,
     color_of,
     depth_of,
-    distortion_of_info,
+    distortion_px_of_info,
     intrinsics_of_info,
     is_color,
     is_depth,
+    is_rectified,
     seconds_of,
     times_to_match,
 )
-from dlama.datasets.posed.nerfstudio import SHOWS_PX, distortion_px
+from dlama.datasets.posed.nerfstudio import SHOWS_PX
 from dlama.datasets.posed.posed_frames import LOG, FrameFiles, Lens, PosedFrame
 from dlama.datasets.posed.registered_depth import register_depth
 from dlama.datasets.text_tables import nearest_in_time
-from dlama.errors import FileError, any_error, import_extra
+from dlama.errors import CameraError, FileError, any_error, import_extra
 from dlama.files.fields import FileFields
 from dlama.geometry.rgbd import Float32Array, UInt8Array
 
@@ -72,7 +73,7 @@ def list_frames(scene: str, path: Path) -> list[PosedFrame]:
         stamp = float(color.stamps[number])
         near, pose = nearest_in_time(of_depth, matched[number], NEAREST_S), transforms.root_from(color.frame, stamp)
         if near is None:
-            return "without depth"
+            return f"without depth within {NEAREST_S:g} s"
         if pose is None:
             return "without a pose"
         metres: Any = partial(read_depth_message, path, depth.name, depth.places[near])
@@ -123,7 +124,7 @@ class Bag:
             store = types.get_typestore(types.Stores.ROS1_NOETIC if is_old else types.Stores.ROS2_HUMBLE)
             self.reader = highlevel.AnyReader([path], default_typestore=store)
             self.reader.open()
-            self.units = dict[str, float]()
+            self.units, self.unread = dict[str, float](), dict[str, str]()
             self.topics, self.infos, self.transforms = self._list_topics()
 
     def __del__(self) -> None:
@@ -144,6 +145,8 @@ class Bag:
                     first.setdefault(topic, message)
                     frame = realsense.stream_of(topic) or message.header.frame_id
                     heads.setdefault(topic, []).append((seconds_of(message), place, frame))
+                else:
+                    self.unread.setdefault(topic, getattr(message, "encoding", "no pixels"))
             elif kind == INFO:
                 infos.setdefault(topic, message)
             elif unit := realsense.unit_of_option(topic, message):
@@ -207,7 +210,10 @@ class Bag:
         depths = [found for found, message in self.topics.values() if self._has_depth(found.name, message)]
         if not colors or not depths:
             found = ", ".join(sorted(self.topics)) or "none"
-            raise FileError(f"{self.path}: a colour and a depth topic are expected; of pictures it has {found}")
+            unread = "".join(
+                f"; {topic} has the encoding {code}, which is not read" for topic, code in self.unread.items()
+            )
+            raise FileError(f"{self.path}: a colour and a depth topic are expected; of pictures it has {found}{unread}")
         pairs = [(color, depth) for color in colors for depth in depths]
         color, depth = min(pairs, key=lambda pair: (pair[0].frame != pair[1].frame, *map(self._rank, pair)))
         if len(pairs) > 1:
@@ -243,9 +249,15 @@ class Bag:
         if info is None:
             raise FileError(f"{self.path}, {topic.name}: has no camera_info next to it; one is expected")
         where = f"{self.path}, camera_info of {topic.name}"
-        intrinsics = FileFields(where, {"K": intrinsics_of_info(info)}).intrinsics("K")
+        rectified = is_rectified(topic.name)
+        name, matrix = "P" if rectified else "K", intrinsics_of_info(info, rectified)
+        if not any(map(any, matrix)):
+            raise CameraError(
+                f"{where}: {name} is zero everywhere: the camera was not calibrated; intrinsics are expected"
+            )
+        intrinsics = FileFields(where, {name: matrix}).intrinsics(name)
         hw = int(info.height), int(info.width)
-        moved = distortion_px(intrinsics, hw, FileFields(where, dict(distortion_of_info(info))))
+        moved = 0.0 if rectified else distortion_px_of_info(info)
         if moved > SHOWS_PX:
             LOG.warning("%s: distortion moves the picture's corners by %.1f px; it is not undone", where, moved)
         return Lens(where, intrinsics, 0.0, hw)
