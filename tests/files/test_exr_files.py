@@ -135,3 +135,22 @@ def test_lossy_colours_are_no_depth_and_a_lossy_z_is_exact(tmp_path: Path) -> No
     OpenEXR.File(header, dict.fromkeys("RGB", depth)).write(str(tmp_path / "rgb.exr"))
     with pytest.raises(DepthError, match=r"negative .*lossy compression does that .*save it as ZIP"):
         read_depth(tmp_path / "rgb.exr")
+
+
+def test_depth_is_found_among_the_passes_of_a_renderer(tmp_path: Path) -> None:
+    """Oracle: the number that each channel is filled with. Normals and positions have a Z that is no depth."""
+
+    def saved(*names: str) -> Path:
+        planes = {name: np.full((2, 3), 1 + number, np.float32) for number, name in enumerate(names)}
+        header = {"type": OpenEXR.scanlineimage, "compression": OpenEXR.ZIP_COMPRESSION}
+        OpenEXR.File(header, planes).write(str(tmp_path / "passes.exr"))
+        return tmp_path / "passes.exr"
+
+    normals, places = ("View.Normal.X", "View.Normal.Y", "View.Normal.Z"), ("P.X", "P.Y", "P.Z")
+    path = saved(*normals, "View.Depth.Z", *places, "View.Mist.Z")
+    assert (read_depth(path) == 4).all() and (read_depth(path, channel="View.Mist.Z") == 8).all()
+    assert (read_depth(saved("R", "G", "View.Mist.Z", *normals)) == 3).all()
+    for names in ((*normals, "A"), ("X", "Y", "Z")):
+        with pytest.raises(FileError, match="none of which is plainly depth; choose one with channel"):
+            read_depth(saved(*names))
+    assert (read_depth(saved("X", "Y", "Z"), channel="Z") == 3).all()

@@ -6,7 +6,7 @@ import io
 import struct
 import warnings
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,7 @@ from dlama.geometry.rgbd import Float32Array
 
 HALF_MAX = 65504.0
 """The largest half float; where a writer clamps, this is what infinity becomes."""
-CHANNEL_ORDER = ("z", "depth", "*.z", "*depth*", "r", "y")
+CHANNEL_ORDER = ("z", "depth", "*depth.z", "*.z", "*depth*", "r", "y")
 """Which channel of an EXR is depth: the first of these that is there (without regard to case), else the only one."""
 LINES_PER_CHUNK = {0: 1, 1: 1, 2: 1, 3: 16, 4: 32, 5: 16, 6: 32, 7: 32, 8: 32, 9: 256}
 """By compression: none, RLE, ZIPS, ZIP, PIZ, PXR24, B44, B44A, DWAA, DWAB."""
@@ -121,7 +121,7 @@ def _depth_channel(file: Path, channels: dict[str, np.ndarray], expected: str | 
             raise FileError(f"{file}: has no channel '{expected}'; it has {known}")
         return expected
     for rule in CHANNEL_ORDER:
-        fits = [name for name in channels if _fits(name.lower(), rule)]
+        fits = [name for name in channels if _fits(name.lower(), rule) and not _is_of_vector(name, channels)]
         if len(fits) > 1:
             raise FileError(f"{file}: depth may be any of {', '.join(fits)}; choose one with `channel`")
         if fits:
@@ -130,6 +130,12 @@ def _depth_channel(file: Path, channels: dict[str, np.ndarray], expected: str | 
     if len(channels) != 1:
         raise FileError(f"{file}: has the channels {known}, none of which is plainly depth; choose one with `channel`")
     return next(iter(channels))
+
+
+def _is_of_vector(name: str, channels: Collection[str]) -> bool:
+    """Whether a channel is one of X, Y and Z, which are all there: of normals, positions or motion Z is no depth."""
+    axes = next((axes for axes in ("xyz", "XYZ") if name[-1] in axes), "")
+    return bool(axes) and all(name[:-1] + axis in channels for axis in axes)
 
 
 def _fits(name: str, rule: str) -> bool:
