@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
+from dlama.arguments import check_word
 from dlama.completion.options import typed_options
 from dlama.errors import InputError
 from dlama.inpainters import FILLER_NAMES
@@ -63,8 +64,7 @@ def one_of(*names: str) -> Parse:
     """One of these words."""
 
     def parse(name: str, value: Any) -> str:
-        if not isinstance(value, str) or value not in names:
-            raise InputError(f"`{name}` is {value!r}; one of {', '.join(names)} is expected")
+        check_word(value, name, names)
         return str(value)
 
     return parse

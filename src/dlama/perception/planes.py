@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from dlama.geometry.camera import Camera
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.perception.kernels import planes as plane_kernels
@@ -124,6 +125,12 @@ def fit_plane(u: np.ndarray, v: np.ndarray, w: np.ndarray, near: np.ndarray) -> 
     weight = TOLERANCE / near
     design = np.stack([u, v, np.ones_like(u)], 1) * weight[:, None]
     return np.asarray(np.linalg.lstsq(design, w * weight, rcond=None)[0], np.float64)
+
+
+def plane_normal(plane: NDArray[np.float64], camera: Camera) -> NDArray[np.float64]:
+    """3: the normal, in camera axes, of a plane w = a u + b v + c; its length is 1 over the camera's distance from it (1/m)."""
+    a, b, c = plane
+    return np.array([a * camera.fx, b * camera.fy, a * camera.cx + b * camera.cy + c])
 
 
 def plane_values(planes: NDArray[np.float64], hw: tuple[int, int], step: float = 1.0, top: int = 0) -> Float32Array:

@@ -30,7 +30,7 @@ from dlama.geometry.frames.choosing import choose_frames
 from dlama.geometry.frames.merging import nearest_depth_around
 from dlama.geometry.frames.stored import Layer, StoredView, unpack_bits
 from dlama.geometry.holes import dilate_square, morphological_open, square
-from dlama.geometry.projection import lift, project, unproject
+from dlama.geometry.projection import lift, project_to_pixels, unproject
 from dlama.geometry.rgbd import BoolArray, UInt8Array
 from dlama.geometry.scene import Scene, contribution
 from dlama.geometry.view import View
@@ -84,11 +84,8 @@ def new_points(scene: Scene, place: int) -> BoolArray:
 
 def _is_redundant(points: np.ndarray, scene: Scene, other: View, earlier: bool) -> BoolArray:
     """N, True at points that another frame saw through, or shows itself if it comes earlier."""
-    pixels, z = project(points, other.camera)
-    width, height = other.camera.wh
-    inside = (z > 0) & (pixels >= 0).all(1) & (pixels[:, 0] < width) & (pixels[:, 1] < height)
-    x, y = np.where(inside[:, None], pixels, 0).astype(np.intp).T
-    there = np.where(other.hole, 0, other.depth)[y, x]
+    y, x, z, inside = project_to_pixels(points, other.camera)
+    there = other.known_depth[y, x]
     near = nearest_depth_around(other)[y, x]
     limit = np.maximum(FLOOR * z, SIGMAS * np.hypot(scene.noise[0], scene.noise[1] * z**2))
     through = inside & (near > 0) & (z < near - 2 * limit)

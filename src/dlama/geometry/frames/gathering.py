@@ -237,5 +237,5 @@ def drop_seen_depth(one: Layer, frame: View) -> Layer:
 def is_seen_by(frame: View, view: View) -> BoolArray:
     """H x W, True at points of a layer on a surface that a frame measured, or in front of it."""
     row, column, z, inside = project_to_pixels(world_points(view), frame.camera)
-    there = np.where(frame.hole, 0, frame.depth)[row, column]
+    there = frame.known_depth[row, column]
     return view.valid & inside & (z <= there * (1 + AGREES))

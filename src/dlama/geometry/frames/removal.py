@@ -261,7 +261,7 @@ def compare_with_mask(points: np.ndarray, masked: View, mask: BoolArray) -> tupl
     """Points (H x W x 3) compared with a masked frame, H x W each: shown outside its mask, on a line of sight of its mask
     (grown by RIM_PX), in its view."""
     row, column, z, inside = project_to_pixels(points, masked.camera)
-    there = np.where(masked.hole, 0, masked.depth)[row, column]
+    there = masked.known_depth[row, column]
     shown = inside & (np.abs(there - z) <= AGREES * z) & ~mask[row, column]
     return shown, inside & dilate_mask(mask, RIM_PX)[row, column], inside
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.inpainters.choice.judge import STRIDE
+from dlama.inpainters.networks.view_tensors import levels_of
 
 BASE_KERNEL = (0.054489, 0.244201, 0.402620, 0.244201, 0.054489)
 """A Gaussian of sigma 1 over the means of STRIDE x STRIDE pixels."""
@@ -44,7 +45,7 @@ def mix_colors(
         mixture += crop_and_resize(weight, seen_hw, hw)[..., None] * (
             color / np.float32(255) - resize_to_view(one, seen_hw, hw)
         )
-    return np.round(np.clip(mixture, 0, 1) * 255).astype(np.uint8)
+    return levels_of(mixture)
 
 
 def shrink_to_base(picture: Float32Array) -> Float32Array:

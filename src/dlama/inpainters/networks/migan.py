@@ -19,7 +19,7 @@ from dlama.geometry.view import View
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill, Painter
 from dlama.inpainters.networks.engine import Engine, open_engine
-from dlama.inpainters.networks.view_tensors import DepthPlane, color_from_planes, color_planes
+from dlama.inpainters.networks.view_tensors import DepthPlane, color_from_planes, color_planes, levels_of
 from dlama.inpainters.opencv import telea
 
 SHIPPED = Path(__file__).parents[2] / "assets" / "migan" / "migan-512.onnx"
@@ -66,7 +66,7 @@ def fill_depth(view: View, diffused: Float32Array, network: Engine) -> Float32Ar
     """H x W metres by way of 256 grey levels of inverse depth, 255 = the nearest pixel, 0 = far."""
     plane = DepthPlane.of(view)
     start = np.where(view.hole, inverse_depth(diffused) / np.float32(plane.scale), plane.values)
-    grey = np.repeat(np.round(np.clip(start, 0, 1) * 255).astype(np.uint8)[..., None], 3, 2)
+    grey = np.repeat(levels_of(start)[..., None], 3, 2)
     levels = fill_picture(grey, grey, view.hole, network).astype(np.float32).mean(2)
     values = np.where(view.hole & ~find_cracks(view.hole), smooth_quantised(levels) / 255, start)
     if not view.far.any():  # level 0 is then no sky, only farther than a step can tell

@@ -61,6 +61,11 @@ def color_planes(picture: UInt8Array) -> Float32Array:
     return (picture.transpose(2, 0, 1) / np.float32(255)).astype(np.float32)
 
 
+def levels_of(values: np.ndarray) -> UInt8Array:
+    """Values of 0..1, clipped, as levels of 8 bit."""
+    return np.asarray(np.round(np.clip(values, 0, 1) * 255).astype(np.uint8))
+
+
 def color_from_planes(planes: Float32Array) -> UInt8Array:
     """H x W x 3 colours of 3 x H x W planes."""
-    return np.ascontiguousarray(np.round(np.clip(planes, 0, 1) * 255).astype(np.uint8).transpose(1, 2, 0))
+    return np.ascontiguousarray(levels_of(planes).transpose(1, 2, 0))

@@ -13,7 +13,7 @@ import numpy as np
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.perception.diagnosis.finding import Finding, Observed, certainty
-from dlama.perception.planes import TOLERANCE, find_planes
+from dlama.perception.planes import TOLERANCE, find_planes, plane_normal
 
 UNITS = {1.0: "metres", 1000.0: "millimetres", 5000.0: "1/5000 m (TUM)", 256.0: "1/256 m (KITTI)", 10000.0: "1/10000 m",
          100.0: "centimetres"}  # fmt: skip
@@ -135,7 +135,7 @@ def floor_and_ceiling(
     above: list[float] = []
     for a, b, c in find_planes(w, known, 0):
         a, b, c = a / step, b / step, c + (a + b) * 0.5 * (1 - 1 / step)
-        normal = np.array([a * camera.fx, b * camera.fy, a * camera.cx + b * camera.cy + c])
+        normal = plane_normal(np.array([a, b, c]), camera)
         far = 1 / max(float(np.linalg.norm(normal)), 1e-9)
         on_plane = np.abs(a * u + b * v + c - w[known]) < TOLERANCE * w[known]
         if on_plane.mean() > FLOOR_SHARE and abs(normal[1]) * far > UPRIGHT:

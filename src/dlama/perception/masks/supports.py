@@ -11,7 +11,7 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.holes import dilate_mask
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
-from dlama.perception.planes import find_planes, label_known, noise_level
+from dlama.perception.planes import find_planes, label_known, noise_level, plane_normal
 
 SMALLEST_SUPPORT = 0.03
 """Least share of the picture of a supporting plane."""
@@ -97,8 +97,7 @@ def find_supports(found: Planes, seeds: list[tuple[int, int]], box: BoolArray | 
 
 def is_level(found: Planes, number: int, camera: Camera) -> bool:
     """Whether plane `number` faces up, in a camera that is held upright."""
-    a, b, c = found.planes[number]
-    normal = np.array([a * camera.fx, b * camera.fy, a * camera.cx + b * camera.cy + c])
+    normal = plane_normal(found.planes[number], camera)
     return bool(normal[1] >= LEVEL * np.linalg.norm(normal))
 
 

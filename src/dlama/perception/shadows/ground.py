@@ -11,7 +11,7 @@ from dlama.geometry.holes import dilate_mask
 from dlama.geometry.projection import rays
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.perception.masks.supports import Planes
-from dlama.perception.planes import plane_values
+from dlama.perception.planes import plane_normal, plane_values
 
 EDGE_PX = 2
 """Pixels round the object that are mixes of it and its surroundings."""
@@ -78,9 +78,7 @@ def find_ground(rgbd: RGBD, mask: BoolArray, found: Planes) -> Ground | None:
     number = int(counts.argmax())
     if number < 1 or counts[number] < 10:
         return None
-    camera = rgbd.camera
-    a, b, c = found.planes[number - 1]
-    normal = np.array([a * camera.fx, b * camera.fy, a * camera.cx + b * camera.cy + c])
+    normal = plane_normal(found.planes[number - 1], rgbd.camera)
     surface = found.label == number
     if rgbd.estimate is not None:  # estimated ground bends
         value = plane_values(found.planes[number - 1 : number], mask.shape)[0]

@@ -14,6 +14,7 @@ import torch
 from torch import Tensor, nn
 
 from dlama.files.atomic_write import new_file
+from dlama.inpainters.networks.view_tensors import levels_of
 from dlama.training.data.batches import Batch, composite, hole_planes, network_input
 from dlama.training.losses.pixels import TOLERANCE
 from dlama.training.settings import NetworkSettings, TrainSettings
@@ -125,7 +126,7 @@ def _panels(truth: np.ndarray, filled: np.ndarray, hole: np.ndarray, first: int,
     shown = []
     for picture in (truth, filled, truth):
         part = picture[first:] if first == planes - 1 else picture[first : first + 3]
-        levels = np.round(np.clip(part, 0, 1) * 255).astype(np.uint8).transpose(1, 2, 0)
+        levels: np.ndarray = levels_of(part).transpose(1, 2, 0)
         if levels.shape[2] == 1:  # near is red, far is blue
             levels = np.asarray(cv2.applyColorMap(levels, cv2.COLORMAP_TURBO))[..., ::-1]
         shown.append(np.array(levels))

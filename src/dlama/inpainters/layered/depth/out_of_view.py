@@ -187,6 +187,11 @@ def normals(planes: NDArray[np.float64], camera: Camera) -> NDArray[np.float64]:
     return np.asarray(n / np.maximum(np.linalg.norm(n, axis=1, keepdims=True), LEAST_LENGTH), np.float64)
 
 
+def matrix_of_cells(camera: Camera) -> NDArray[np.float64]:
+    """3 x 3: K of cells, of which the first has its centre at 0."""
+    return np.array([[camera.fx, 0, camera.cx - 0.5], [0, camera.fy, camera.cy - 0.5], [0, 0, 1]])
+
+
 def estimate_up(normal: NDArray[np.float64], cells: NDArray[np.int64]) -> NDArray[np.float64]:
     """Up in camera axes: the normal (K x 3) of the level plane with most cells (K), else the camera's own."""
     level = np.flatnonzero((np.abs(normal[:, 1]) > LEVEL) & (cells > 0))
@@ -210,7 +215,7 @@ def vanishing_points(
     upright = np.linalg.norm(direction, axis=1) > UPRIGHT
     main = direction[upright][cells[upright].argmax()] if upright.any() else np.cross(up, [0.0, 0.0, 1.0])
     direction = np.where(upright[:, None], direction, main)
-    K = np.array([[camera.fx, 0, camera.cx - 0.5], [0, camera.fy, camera.cy - 0.5], [0, 0, 1]])
+    K = matrix_of_cells(camera)
     points = [d @ K.T for d in (direction, np.cross(normal, direction))]
     along, across = (p / np.maximum(np.linalg.norm(p, axis=1, keepdims=True), LEAST_LENGTH) for p in points)
     return along, across

@@ -19,6 +19,7 @@ from dlama.inpainters.layered.depth.out_of_view import (
     cells_near,
     cells_of_planes,
     estimate_up,
+    matrix_of_cells,
     normals,
 )
 
@@ -95,7 +96,7 @@ def edge_directions(
     second = np.cross(normal, first)
     turn = np.arange(TURNS)[:, None] * (np.pi / 2 / TURNS)
     one, other = np.cos(turn) * first + np.sin(turn) * second, np.cos(turn) * second - np.sin(turn) * first
-    K = np.array([[camera.fx, 0, camera.cx - 0.5], [0, camera.fy, camera.cy - 0.5], [0, 0, 1]])
+    K = matrix_of_cells(camera)
     points = np.stack([one @ K.T, other @ K.T], 1)
     score = np.maximum(*(agreement(points[:, k], rows, columns, across) for k in (0, 1))).mean(1)
     best = int(score.argmax())
