@@ -1,4 +1,4 @@
-"""Inverse depth is told from depth (oracle: worlds whose depth is known, and its closed form 1 / z)."""
+"""Inverse depth, and sky at a far plane, are told from depth (oracle: worlds whose depth is known, its closed form 1 / z)."""
 
 from __future__ import annotations
 
@@ -9,9 +9,12 @@ import cv2
 import numpy as np
 import pytest
 
+from box_frame import CAMERA, WORLD, small_frame
+from dlama.datasets.diagnosis import diagnose
 from dlama.errors import DlamaError
-from dlama.files.rasters.depth import read_depth
+from dlama.files.rasters.depth import read_depth, write_depth_exr
 from dlama.files.rasters.depth_checks import FEWEST, SHARE, straighter_share
+from dlama.files.rgbd import read_rgbd
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import Float32Array
 from dlama.worlds.dataset import world
@@ -60,3 +63,35 @@ def test_no_false_alarms_on_real_depth(data_dir: Path) -> None:
                 read_depth(path)
             except DlamaError as error:
                 assert "depth_scale" in str(error) or "8-bit" in str(error)
+
+
+@pytest.mark.parametrize("far_plane", [100, 1000, 65504, 99999.9])
+def test_sky_at_a_renderers_far_plane_is_warned_of(tmp_path: Path, far_plane: float) -> None:
+    """Oracle: the option that is advised, taken literally, makes exactly the sky far. doctor says the same."""
+    small_frame(tmp_path)
+    depth = WORLD.rgbd(CAMERA).depth.copy()
+    sky = np.zeros(depth.shape, bool)
+    sky[:5] = True
+    depth[sky] = far_plane
+    write_depth_exr(tmp_path / "d.exr", depth)
+    files = tmp_path / "image.png", tmp_path / "d.exr"
+    with pytest.warns(UserWarning, match=r"d\.exr: 10\.4% of the depth is exactly .* `far=[\d.]+`$") as caught:
+        assert not read_rgbd(*files, fov=60).far.any()
+    advised = float(str(caught[0].message).rpartition("=")[2].strip("`"))
+    assert np.array_equal(read_rgbd(*files, fov=60, far=advised).far, sky)
+    assert [one.mend for one in diagnose(*files, fov=60) if one.check == "far-plane"] == [f"give `far={advised:.9g}`"]
+
+
+@pytest.mark.parametrize("change", ["a wall at 90 m", "one pixel", "a hill behind", "far already"])
+def test_what_is_no_far_plane_passes(tmp_path: Path, change: str) -> None:
+    """pytest makes a warning an error."""
+    small_frame(tmp_path)
+    depth = WORLD.rgbd(CAMERA).depth.copy()
+    depth[:5] = {"a wall at 90 m": 90, "far already": np.inf}.get(change, 1000)
+    if change == "a hill behind":
+        depth[5, 0] = 501
+    if change == "one pixel":
+        depth[:5] = 4
+        depth[0, :2] = 1000
+    write_depth_exr(tmp_path / "d.exr", depth)
+    read_rgbd(tmp_path / "image.png", tmp_path / "d.exr", fov=60)

@@ -16,6 +16,7 @@ from dlama.files.atomic_write import PathLike
 from dlama.files.cameras import camera_for
 from dlama.files.photos.depth import PhotoDepth, read_photo_depth
 from dlama.files.rasters.depth import check_depth_options, read_depth
+from dlama.files.rasters.depth_checks import warn_of_far_plane
 from dlama.files.rasters.images import read_stored
 from dlama.files.rasters.pictures import read_color
 from dlama.files.rasters.turned_pairs import refuse_turned, warn_of_turn
@@ -107,6 +108,8 @@ def read_rgbd(
     color = read_color(image)
     hw = color.shape[:2]
     metres = read_depth(depth, depth_scale=depth_scale, depth_range=depth_range, channel=channel, far=far)
+    if far is None:
+        warn_of_far_plane(depth, metres)
     refuse_turned(image, depth, hw, (metres.shape[0], metres.shape[1]))
     warn_of_turn(image, depth)
     if metres.shape != hw:

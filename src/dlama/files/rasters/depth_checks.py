@@ -8,6 +8,7 @@ import numpy as np
 
 from dlama.files.atomic_write import PathLike
 from dlama.geometry.rgbd import Float32Array
+from dlama.perception.diagnosis.depth_scale import find_far_plane
 
 FEWEST_VOTES = 500
 """Small pictures, which one curved object can fill, are not judged by fewer."""
@@ -33,6 +34,18 @@ def warn_of_inverse(path: PathLike, depth: Float32Array) -> None:
         warnings.warn(
             f"{path}: looks like inverse depth or disparity ({100 * straight:.0f} % of {votes} slanted places run straight, "
             "where depth bends): metric depth is expected, such as depth = scale / value",
+            UserWarning,
+            stacklevel=4,
+        )
+
+
+def warn_of_far_plane(path: PathLike, depth: Float32Array) -> None:
+    """Warn (UserWarning) where a renderer wrote sky at its camera's far plane (depth: H x W metres): it would be a wall."""
+    found = find_far_plane(depth)
+    if found is not None:
+        warnings.warn(
+            f"{path}: {found[1]:.1%} of the depth is exactly {found[0]:.9g} m, far behind all else; if that is sky, give "
+            f"`far={found[0]:.9g}`",
             UserWarning,
             stacklevel=4,
         )

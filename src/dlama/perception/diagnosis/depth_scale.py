@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dlama.geometry.camera import Camera
-from dlama.geometry.rgbd import BoolArray, Float32Array
+from dlama.geometry.rgbd import BoolArray, Float32Array, is_valid
 from dlama.perception.diagnosis.finding import Finding, Observed, certainty
 from dlama.perception.planes import TOLERANCE, find_planes, plane_normal
 
@@ -46,6 +46,10 @@ TOP = 0.99
 """Values up to this share of FULL, and others at FULL: depth was cut off there."""
 CUT_OFF = 0.65
 """Largest probability of a unit of such depth: it may have been stretched from any range."""
+
+CLIP_M, CLIP_RATIO, CLIP_SHARE = 100.0, 2.0, 0.001
+"""Least depth of a renderer's far plane, how far it lies behind all else, and share of the pixels that are exactly there: of 240
+depth maps of sensors, scanners and renderers none has that, at any depth."""
 
 
 class Extent(NamedTuple):
@@ -110,6 +114,27 @@ def check_value_range(seen: Observed) -> list[Finding]:
     what = f"{seen.names[1]}: values span 0..{FULL} exactly, as normalised depth does; its unit is lost"
     mend = f"save metres; depth_scale={scale:.3g} would make this a usual scene, a guess ({FULL / scale:.2g} m at most)"
     return [Finding("normalised-depth", "fault", 0.85, what, mend)]
+
+
+def find_far_plane(depth: np.ndarray) -> tuple[float, float] | None:
+    """Metres at which a renderer put all that it does not show, and the share (0..1) of the pixels with depth (H x W metres) that
+    are exactly there; None: all seems measured."""
+    known = depth[is_valid(depth)]
+    farthest = known.max(initial=0)
+    rest = known[known < farthest]
+    share = 1 - rest.size / max(1, known.size)
+    if farthest < CLIP_M or share < CLIP_SHARE or not rest.size or farthest < CLIP_RATIO * rest.max():
+        return None
+    return float(farthest), share
+
+
+def check_far_plane(seen: Observed) -> list[Finding]:
+    """Reports sky that was written at the far plane of a renderer's camera."""
+    found = find_far_plane(seen.depth)
+    if found is None:
+        return []
+    what = f"{seen.names[1]}: {found[1]:.1%} of the depth is exactly {found[0]:.9g} m, far behind all else, as sky is rendered"
+    return [Finding("far-plane", "fault", 0.95, what, f"give `far={found[0]:.9g}`")]
 
 
 def measure_extent(seen: Observed) -> Extent | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dlama.perception.diagnosis.depth_code import check_depth_code
-from dlama.perception.diagnosis.depth_scale import check_depth_unit, check_value_range
+from dlama.perception.diagnosis.depth_scale import check_depth_unit, check_far_plane, check_value_range
 from dlama.perception.diagnosis.finding import Finding, Observed
 from dlama.perception.diagnosis.lens import check_lens
 from dlama.perception.diagnosis.masks import check_mask_coverage
@@ -22,4 +22,4 @@ def run_checks(seen: Observed) -> list[Finding]:
         normalised = [] if code else normalised
     unit = [] if lens or code or normalised else check_depth_unit(seen)
     masks = check_mask_coverage(seen) + ([] if registration else check_mask_registration(seen))
-    return [*lens, *registration, *code, *normalised, *unit, *masks]
+    return [*lens, *registration, *code, *normalised, *unit, *check_far_plane(seen), *masks]
