@@ -133,6 +133,17 @@ def first_line(error: BaseException) -> str:
     return next(iter(str(error).splitlines()), type(error).__name__)
 
 
+def system_reason(error: OSError) -> str:
+    """Why, in words: "no space left on device"."""
+    return (error.strerror or str(error)).lower()
+
+
+def describe_system_error(error: OSError) -> str:
+    """The files that an error of the system is about, if it names any, and why."""
+    names = [str(name) for name in (error.filename, error.filename2) if name is not None]
+    return ": ".join([*names, system_reason(error)])
+
+
 @contextmanager
 def system_errors(kind: type[DlamaError]) -> Iterator[None]:
     """Decorator, or context: an error of the system (no permission, no space, a broken disk) becomes one of `kind`.
@@ -144,8 +155,7 @@ def system_errors(kind: type[DlamaError]) -> Iterator[None]:
     except OSError as error:
         if isinstance(error, DlamaError):
             raise
-        names = [str(name) for name in (error.filename, error.filename2) if name is not None]
-        raise kind(": ".join([*names, (error.strerror or str(error)).lower()])) from error
+        raise kind(describe_system_error(error)) from error
 
 
 @contextmanager

@@ -7,7 +7,7 @@ import os
 from collections.abc import Mapping
 from pathlib import Path
 
-from dlama.errors import OutputError
+from dlama.errors import OutputError, system_reason
 from dlama.files.atomic_write import check_name
 
 Inputs = Mapping[str, Path | str | None]
@@ -62,7 +62,7 @@ def check_place(output: Path) -> None:
     except OSError as error:
         if isinstance(error, OutputError):
             raise
-        wrong = (error.strerror or str(error)).lower()
+        wrong = system_reason(error)
     if wrong:
         raise OutputError(f"{output}: cannot be written: {wrong}")
 

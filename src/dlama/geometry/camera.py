@@ -186,6 +186,11 @@ class Camera:
         focal, centre = (self.fx * across, self.fy * down), (self.cx * across, self.cy * down)
         return Camera(width, height, *focal, *centre, self.world_from_cam)
 
+    def with_larger_pixels(self, step: float, width: int, height: int) -> Camera:
+        """The camera with pixels exactly `step` times as large, width x height of them; its border may differ."""
+        smaller = {name: getattr(self, name) / step for name in ("fx", "fy", "cx", "cy")}
+        return dataclasses.replace(self, width=width, height=height, **smaller)
+
     def same_lens_as(self, other: Camera) -> bool:
         """True if size and intrinsics are equal (within 1e-9 px)."""
         mine = (self.fx, self.fy, self.cx, self.cy)

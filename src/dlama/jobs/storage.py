@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import IO, Any
 
-from dlama.errors import FileError, MissingExtraError, OutputError, first_line, import_extra
+from dlama.errors import FileError, MissingExtraError, OutputError, first_line, import_extra, system_reason
 from dlama.files.atomic_write import new_file
 from dlama.files.drafts import DRAFT, hold, name_of, remove
 
@@ -150,7 +150,7 @@ class Output:
             root.mkdir(parents=True, exist_ok=True)
             draft.mkdir()
         except OSError as error:
-            raise OutputError(f"{root}: cannot be written: {(error.strerror or str(error)).lower()}") from error
+            raise OutputError(f"{root}: cannot be written: {system_reason(error)}") from error
         try:
             with hold(draft):
                 yield draft

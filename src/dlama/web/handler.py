@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any, Protocol
 from urllib.parse import parse_qs, unquote, urlsplit
 
-from dlama.errors import DlamaError
+from dlama.errors import DlamaError, system_reason
 from dlama.web import api
 from dlama.web.answers import Blob, Limits, PageError, field_of, hide_paths, use_page_words
 from dlama.web.visits import Visit, Visits
@@ -130,7 +130,7 @@ class Handler(BaseHTTPRequestHandler):
         except (ConnectionError, TimeoutError):  # the visitor's end
             raise
         except OSError as error:  # of this machine's disk: full, read-only, broken
-            reason = (error.strerror or str(error)).lower()
+            reason = system_reason(error)
             self._refuse(HTTPStatus.INSUFFICIENT_STORAGE, f"the server cannot keep that: {reason}")
         except Exception as error:
             traceback.print_exc()

@@ -16,7 +16,7 @@ from http.server import ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
-from dlama.errors import InputError
+from dlama.errors import InputError, system_reason
 from dlama.web.answers import Limits
 from dlama.web.completions.runs import warnings_by_thread
 from dlama.web.handler import LOOPBACK, TYPES, Handler
@@ -106,7 +106,7 @@ def open_server(host: str, port: int, token: str | None, limits: Limits) -> Iter
         try:
             server = Server((host, port), visits, token, limits)
         except OSError as error:
-            reason = (error.strerror or str(error)).lower()
+            reason = system_reason(error)
             raise InputError(f"`host` is {host}, `port` is {port}: {reason}; give another host or port") from error
         try:
             yield server

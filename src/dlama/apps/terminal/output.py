@@ -26,7 +26,7 @@ from dlama.apps.terminal.streams import (
     show_any_text,
     signals_raise,
 )
-from dlama.errors import DlamaError
+from dlama.errors import DlamaError, describe_system_error, system_reason
 from dlama.progress import show_progress
 from dlama.workers.progress import log_messages, write_line_every
 
@@ -132,16 +132,10 @@ def _explain(error: OSError) -> int | None:
     if isinstance(error, BrokenPipeError):  # `dlama --help | head`
         return None
     if error.filename is None and error.errno in STREAM_ERRORS:
-        print_line("error", f"output cannot be written: {reason(error)}")
+        print_line("error", f"output cannot be written: {system_reason(error)}")
         return CANNOT_WRITE
-    names = [str(name) for name in (error.filename, error.filename2) if name is not None]
-    print_line("error", ": ".join([*names, reason(error)]))
+    print_line("error", describe_system_error(error))
     return BAD_INPUT
-
-
-def reason(error: OSError) -> str:
-    """Why, in words: "no space left on device"."""
-    return (error.strerror or str(error)).lower()
 
 
 def print_line(kind: str, message: str) -> None:

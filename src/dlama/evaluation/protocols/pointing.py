@@ -18,6 +18,7 @@ from dlama.datasets.frames import RemovalTruth
 from dlama.errors import MaskError
 from dlama.evaluation.metrics.masks import box_of, innermost_pixel, largest_region
 from dlama.geometry.rgbd import BoolArray, UInt8Array
+from dlama.perception.masks.borders import is_object
 from dlama.perception.masks.prompt import Box, Point
 from dlama.perception.monocular import estimate_depth
 from dlama.perception.object_masks import MaskSession
@@ -89,4 +90,4 @@ def grabcut(color: UInt8Array, box: Box) -> BoolArray:
     cv2.setRNGSeed(0)
     models = np.zeros((1, 65)), np.zeros((1, 65))
     cv2.grabCut(np.ascontiguousarray(color), state, clipped, *models, GRABCUT_ROUNDS, cv2.GC_INIT_WITH_RECT)
-    return np.asarray((state == cv2.GC_FGD) | (state == cv2.GC_PR_FGD))
+    return is_object(state)

@@ -6,7 +6,6 @@ size, which drops the least recently used. Its coarse depth is held for every fr
 
 from __future__ import annotations
 
-import dataclasses
 import threading
 from collections import OrderedDict
 from collections.abc import Callable
@@ -130,6 +129,4 @@ def coarse_depth(layer: Layer) -> Float32Array:
 
 def coarse_camera(camera: Camera) -> Camera:
     """The camera whose pixels are those blocks."""
-    width, height = (-(-size // BLOCK) for size in camera.wh)
-    lens = {name: getattr(camera, name) / BLOCK for name in ("fx", "fy", "cx", "cy")}
-    return dataclasses.replace(camera, width=width, height=height, **lens)
+    return camera.with_larger_pixels(BLOCK, *(-(-size // BLOCK) for size in camera.wh))

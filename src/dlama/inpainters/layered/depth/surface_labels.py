@@ -6,7 +6,6 @@ intersect, and may be hidden by known pixels but not hide them (the visibility l
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -276,6 +275,4 @@ def cells_with_holes(hole: BoolArray, wh: tuple[int, int]) -> BoolArray:
 
 def with_larger_pixels(camera: Camera, step: float) -> Camera:
     """The camera with pixels exactly `step` times as large; its picture has a whole number of them, so its border differs."""
-    width, height = max(1, round(camera.width / step)), max(1, round(camera.height / step))
-    smaller = {name: getattr(camera, name) / step for name in ("fx", "fy", "cx", "cy")}
-    return dataclasses.replace(camera, width=width, height=height, **smaller)
+    return camera.with_larger_pixels(step, *(max(1, round(size / step)) for size in camera.wh))
