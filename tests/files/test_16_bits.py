@@ -13,8 +13,9 @@ import pytest
 import tifffile
 from PIL import Image
 
-from box_frame import pixels, small_frame
+from box_frame import CAMERA, WORLD, pixels, small_frame
 from dlama.apps.cli import main
+from dlama.completion.stereo.stereo import stereo
 from dlama.completion.verbs import remove, view
 from dlama.errors import FileError
 from dlama.files.rasters.depth import read_depth
@@ -22,8 +23,10 @@ from dlama.files.rasters.images import has_16_bits
 from dlama.files.rasters.pictures import read_color, read_mask
 from dlama.files.results.completion import write
 from dlama.files.rgbd import read_rgbd
+from dlama.geometry.camera import StereoRig
 from dlama.geometry.codes import Origin
 from dlama.geometry.rgbd import RGBD
+from worlds import moved
 
 WORDS = r"16 bits a channel; colours are worked on, filled and written in 8"
 
@@ -64,6 +67,28 @@ def test_a_removal_gives_measured_pixels_of_a_plate_back(
     assert (meta["inputs"]["image"]["bits"], meta["image_png_bits"]) == (16, 16)
     assert ("bits" in other["inputs"]["image"], other["image_png_bits"]) == (False, 8)
     assert "bits" not in meta["inputs"]["depth"]
+
+
+def test_both_plates_of_a_pair_are_given_back(tmp_path: Path) -> None:
+    """Oracle: the plates, wherever the eye itself measured; what was filled or transferred has their size of numbers too."""
+    rig = StereoRig(CAMERA, moved(CAMERA, shift=(0.4, 0, 0)))
+    plates, files = [], {}
+    for name, camera in (("left", rig.left), ("right", rig.right)):
+        high = WORLD.rgbd(camera).color.astype(np.uint16)
+        plates.append(high << 8 | np.random.default_rng(4).integers(0, 256, high.shape).astype(np.uint16))
+        files[name] = tmp_path / f"{name}.tif"
+        tifffile.imwrite(files[name], plates[-1], photometric="rgb")
+    pictures = [(plate >> 8).astype(np.uint8) for plate in plates]
+    disparity = (CAMERA.fx * rig.baseline_m / WORLD.rgbd(rig.left).depth).astype(np.float32)
+    mask = WORLD.trace(rig.left)[1] == 1
+    done = stereo(*pictures, rig, disparity=disparity, mask=mask, filler="telea")
+    out = write(done, tmp_path / "out", only=["image"], inputs=files)
+    assert json.loads((out / "meta.json").read_text())["image_png_bits"] == {"": 16, "right/": 16}
+    for plate, view_of_eye, place in zip(plates, done.views, (out, out / "right")):
+        found = cv2.imread(str(place / "image.png"), cv2.IMREAD_UNCHANGED)[..., ::-1]
+        measured = view_of_eye.origin == Origin.MEASURED.value
+        assert np.array_equal(found >> 8, view_of_eye.color) and 0.5 < measured.mean() < 1
+        assert np.array_equal(found[measured], plate[measured])
 
 
 def test_another_view_and_another_picture_have_8_bits(tmp_path: Path) -> None:

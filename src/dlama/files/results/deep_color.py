@@ -10,7 +10,7 @@ from dlama.completion.completion import Completion, StereoCompletion
 from dlama.files.atomic_write import PathLike
 from dlama.files.rasters.images import has_16_bits, read_stored
 from dlama.files.rasters.pictures import rgb_of
-from dlama.geometry.codes import Origin, has_code
+from dlama.geometry.codes import Origin, from_source, has_code
 from dlama.geometry.rgbd import UInt16Array
 from dlama.geometry.view import View
 
@@ -35,7 +35,10 @@ def deep_color(view: View, plate: PathLike) -> UInt16Array | None:
     None where the view's measured colours are not those of the file, as where a colour profile was applied. Raises FileError.
     """
     stored = rgb_of(read_stored(plate).values)
-    measured = has_code(view.origin, Origin.MEASURED, Origin.ESTIMATED, Origin.DEPTH_FILLED)
-    if stored.shape != view.color.shape or not ((stored >> 8) == view.color)[measured].all():
+    if stored.shape != view.color.shape:
         return None
+    same, measured = (stored >> 8 == view.color).all(axis=2), from_source(view.origin)
+    if not same[measured].all():
+        return None
+    measured |= has_code(view.origin, Origin.DEPTH_FILLED) & same  # of a pair some come from the other picture
     return np.where(measured[..., None], stored, view.color * np.uint16(TO_16_BITS))
