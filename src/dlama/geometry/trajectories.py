@@ -58,6 +58,13 @@ def dolly(camera: Camera, metres: float) -> Camera:
     return camera.at(pose)
 
 
+def move_sideways(camera: Camera, metres: float) -> Camera:
+    """The camera moved to its right (negative: left)."""
+    pose = camera.world_from_cam.copy()
+    pose[:3, 3] += metres * pose[:3, 0]
+    return camera.at(pose)
+
+
 def orbit_path(camera: Camera, count: int, pivot: float = PIVOT_M, degrees: float = 15.0) -> list[Camera]:
     """A swing to the right, to the left and back, `degrees` to either side; it ends where it begins and can be repeated."""
     return [orbit(camera, degrees * math.sin(turn), 0.0, pivot) for turn in _turns(count)]

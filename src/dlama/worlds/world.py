@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from dlama.errors import InputError
 from dlama.geometry.camera import Camera, Float64Array, StereoRig
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, make_read_only
-from dlama.geometry.trajectories import orbit
+from dlama.geometry.trajectories import move_sideways, orbit
 from dlama.worlds.raycast.bounding_boxes import boxes_by_depth, shadow_cells
 from dlama.worlds.raycast.shape_rows import BLOCKED, COLUMNS, GROUP, LEVELS, LIT, OBJECT_GROUP, SIDE
 from dlama.worlds.raycast.tiles import cast_rays
@@ -111,9 +111,7 @@ class World:
     def rig(self, baseline: float = BASELINE_M, size: int = SIZE, fov: float = FOV_DEG) -> StereoRig:
         """The first camera as the left one, and a right one `baseline` metres from it."""
         left = self.camera(0.0, size, fov)
-        pose = left.world_from_cam.copy()
-        pose[:3, 3] += baseline * pose[:3, 0]
-        return StereoRig(left, left.at(pose))
+        return StereoRig(left, move_sideways(left, baseline))
 
     def frame(self, camera: Camera, *, object: bool = True) -> RGBD:
         """The frame this camera takes; without the object its shadow goes, too. Sky has depth +inf; nothing is missing."""

@@ -106,12 +106,10 @@ def write(
         for file in writers:
             (folder / file).parent.mkdir(exist_ok=True)
         results = run_writers(writers)
-        if "depth" in names:
-            clipped = {place: results[f"{place}depth.png"] for place in views_by_folder(completion)}
-            meta["depth_png_clipped_pixels"] = clipped if len(clipped) > 1 else clipped[""]
-        if "image" in names:
-            bits = {place: results[f"{place}image.png"] for place in views_by_folder(completion)}
-            meta["image_png_bits"] = bits if len(bits) > 1 else bits[""]
+        for name, field in (("depth", "depth_png_clipped_pixels"), ("image", "image_png_bits")):
+            if name in names:
+                found = {place: results[f"{place}{name}.png"] for place in views_by_folder(completion)}
+                meta[field] = found if len(found) > 1 else found[""]
         write_meta(folder, meta, seconds or {}, time.perf_counter() - started)
     return target
 

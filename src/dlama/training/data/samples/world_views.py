@@ -15,7 +15,7 @@ import numpy as np
 from dlama.errors import InputError
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD, UInt8Array
-from dlama.geometry.trajectories import dolly, orbit
+from dlama.geometry.trajectories import dolly, move_sideways, orbit
 from dlama.training.data.photos import Photo, square_crop
 from dlama.worlds.dataset import world
 from dlama.worlds.world import Raycast, World
@@ -142,13 +142,6 @@ def _random_move(rng: np.random.Generator, cameras: list[Camera]) -> tuple[Camer
         orbit(last, sign * float(rng.uniform(SMALLEST_TURN, 15)), float(rng.uniform(*PITCH_DEG))),
     )
     return (*cameras[:-1], moved[int(rng.integers(len(moved)))])
-
-
-def move_sideways(camera: Camera, metres: float) -> Camera:
-    """The camera moved to its right (negative: left)."""
-    pose = camera.world_from_cam.copy()
-    pose[:3, 3] += metres * pose[:3, 0]
-    return camera.at(pose)
 
 
 def _draw_photos(rng: np.random.Generator, count: int) -> list[int]:
