@@ -6,6 +6,7 @@ import json
 import re
 import shutil
 import time
+import warnings
 from pathlib import Path
 
 import pytest
@@ -28,6 +29,18 @@ def test_quiet_prints_nothing(frame: Path, capsys: pytest.CaptureFixture[str]) -
     out = run(frame, *words, "--quiet")
     assert capsys.readouterr() == ("", "")
     assert (out / "meta.json").is_file()
+
+
+def test_the_same_warning_is_printed_once(capsys: pytest.CaptureFixture[str]) -> None:
+    """What is said of each frame of a folder; Python's own rule forgets what it has shown wherever filters change."""
+    with terminal.report_result("view", Report(json=True)) as result:
+        for number in range(4):
+            with warnings.catch_warnings():
+                warnings.warn("rgb: has 16 bits" if number < 3 else "rgb: is turned", UserWarning, stacklevel=1)
+        result.add("done")
+    shown = capsys.readouterr()
+    assert shown.err == "warning: rgb: has 16 bits\nwarning: rgb: is turned\n"
+    assert json.loads(shown.out)["warnings"] == ["rgb: has 16 bits", "rgb: is turned"]
 
 
 def test_warnings_name_flags(frame: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,7 @@ from dlama.completion.verbs import remove, view
 from dlama.errors import FileError
 from dlama.files.rasters.depth import read_depth
 from dlama.files.rasters.images import has_16_bits
-from dlama.files.rasters.pictures import read_color, read_mask
+from dlama.files.rasters.pictures import read_color, read_color_of_camera, read_mask
 from dlama.files.results.completion import write
 from dlama.files.rgbd import read_rgbd
 from dlama.geometry.camera import StereoRig
@@ -139,3 +140,10 @@ def test_a_tiff_of_other_numbers_is_described(tmp_path: Path, kind: type, shape:
     for read in (read_color, read_depth):
         with pytest.raises(FileError, match=rf"a\.tif: .*{words}.* 32-bit floats are read"):
             read(tmp_path / "a.tif")
+
+
+def test_frames_of_a_folder_are_warned_of_by_the_folder(tmp_path: Path) -> None:
+    """So that one line stands for all of them; results of sequences have 8 bits throughout."""
+    plate = plate_of(tmp_path)
+    with pytest.warns(UserWarning, match=rf"^{re.escape(str(tmp_path))}: its pictures have {WORDS}$"):
+        assert np.array_equal(read_color_of_camera(tmp_path / "plate.tif"), plate >> 8)

@@ -64,8 +64,10 @@ def report_result(verb: str, report: Report) -> Iterator[Result]:
     result, warned, started = Result(), [], time.perf_counter()
 
     def show(message: Warning | str, *_: Any, **__: Any) -> None:
-        line = WITH_FLAGS.get()(str(message))
-        warned.append(" ".join(line.split()))
+        line = " ".join(WITH_FLAGS.get()(str(message)).split())
+        if line in warned:  # of each frame of a folder
+            return
+        warned.append(line)
         if not report.quiet:
             print_line("warning", line)
 

@@ -45,7 +45,7 @@ def read_color(path: PathLike) -> UInt8Array:
     """
     check_arguments(read_color, locals())
     stored = read_stored(path)
-    warn_of_16_bits(stored, path, "has")
+    _warn_of_16_bits(stored, f"{path}: has", " (image.png of a picture's own view keeps 16 where they were measured)")
     _warn_of_alpha(stored, path)
     return srgb_of(stored, path)
 
@@ -58,24 +58,23 @@ def read_color_of_camera(path: PathLike) -> UInt8Array:
             f"{path}: EXIF says the picture is turned (orientation {stored.orientation}), its camera would not fit; "
             "clear the tag (exiftool -Orientation= FILE)"
         )
-    warn_of_16_bits(stored, Path(path).parent, "its pictures have")
+    _warn_of_16_bits(stored, f"{Path(path).parent}: its pictures have")
     return srgb_of(stored, path)
-
-
-def warn_of_16_bits(stored: StoredPicture, path: PathLike, has: str) -> None:
-    """Warn (UserWarning) that colours of 16 bits are shortened; path, has: what the line is about, and its verb."""
-    if stored.values.dtype == np.uint16:
-        warnings.warn(
-            f"{path}: {has} 16 bits a channel; colours are worked on, filled and written in 8 (image.png of a picture's own view "
-            "keeps 16 where they were measured)",
-            UserWarning,
-            stacklevel=3,
-        )
 
 
 def srgb_of(stored: StoredPicture, path: PathLike) -> UInt8Array:
     """A stored picture as `read_color` gives it. FileError."""
     return rgb_to_srgb(eight_bit_rgb(stored.values, path), stored.profile, path)
+
+
+def _warn_of_16_bits(stored: StoredPicture, whose: str, kept: str = "") -> None:
+    """Warn (UserWarning) that colours of 16 bits are shortened; whose: what the line begins with, kept: what it ends with."""
+    if stored.values.dtype == np.uint16:
+        warnings.warn(
+            f"{whose} 16 bits a channel; colours are worked on, filled and written in 8{kept}",
+            UserWarning,
+            stacklevel=3,
+        )
 
 
 def _warn_of_alpha(stored: StoredPicture, path: PathLike) -> None:
