@@ -369,7 +369,7 @@ def test_a_completion_is_cancelled(pages: Pages) -> None:
 
 
 def test_loading_again_in_the_middle_loses_nothing(pages: Pages, frame: Path) -> None:
-    """The picture, the marks and the result are there again."""
+    """The picture, the marks, the camera, the method and the result are there again."""
     page = pages.open()
     hand_in(page, frame)
     click(page, 30, 24)
@@ -378,11 +378,49 @@ def test_loading_again_in_the_middle_loses_nothing(pages: Pages, frame: Path) ->
     page.locator("#marker").wait_for()
     playwright.expect(page.locator("#undo")).to_be_enabled()
     playwright.expect(page.locator("#fov")).to_have_value("60")
+    slide(page, "yaw", "12")
+    slide(page, "grow", "2")
+    page.locator("#method summary").click()
+    page.select_option("#filler", "telea")
     with page.expect_response("**/api/complete"):
         page.locator("#complete").click()
     page.reload()
     page.locator("#pane-result").wait_for()
-    playwright.expect(page.locator("#command")).to_contain_text("--click 30,24")
+    playwright.expect(page.locator("#command")).to_contain_text("--filler telea")
+    for name, value in (("yaw", "12"), ("grow", "2"), ("filler", "telea")):
+        playwright.expect(page.locator(f"#{name}")).to_have_value(value)
+    playwright.expect(page.locator('output[for="yaw"]')).to_have_text("12°")
+
+
+def test_a_copy_of_a_tab_is_another_visit(pages: Pages, frame: Path) -> None:
+    """Browsers copy what a tab has stored (oracle: the numbers that both send); closing the copy leaves the first as it was."""
+    page, sent = pages.open(), []
+    hand_in(page, frame)
+    page.context.on("request", lambda request: sent.append(request.headers.get("x-dlama-visit")))
+    with page.context.expect_page() as opened:
+        page.evaluate("window.open(location.href)")
+    opened.value.locator("[data-example=street]").click()
+    opened.value.locator("#marker").wait_for()
+    of_copy = set(filter(None, sent))
+    opened.value.close(run_before_unload=True)
+    sent.clear()
+    page.locator("#tab-preview").click()
+    page.locator("#preview[src]").wait_for()
+    assert len(of_copy) == 1 and set(filter(None, sent)).isdisjoint(of_copy)
+
+
+def test_a_broken_connection_loses_no_result(pages: Pages) -> None:
+    """For two seconds nothing is answered (oracle: the result is shown)."""
+    page = pages.open()
+    page.locator("[data-example=street]").click()
+    page.locator("#marker").wait_for()
+    with page.expect_response("**/api/complete"):
+        page.locator("#complete").click()
+    page.context.set_offline(True)
+    page.wait_for_timeout(2000)
+    page.context.set_offline(False)
+    page.locator("#after[src]").wait_for()
+    playwright.expect(page.locator("#general")).to_be_hidden()
 
 
 @pytest.mark.parametrize("width", [1280, 390])

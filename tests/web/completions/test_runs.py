@@ -17,7 +17,7 @@ from dlama.progress import begin_stage
 from dlama.web import api
 from dlama.web.answers import PageError
 from dlama.web.completions import results
-from dlama.web.completions.runs import Run, warnings_by_thread, warnings_of_thread
+from dlama.web.completions.runs import ONE_AT_A_TIME, Run, warnings_by_thread, warnings_of_thread
 from dlama.web.visits import Visit, Visits
 
 
@@ -139,6 +139,23 @@ def test_a_completion_can_be_cancelled(visit: Visit) -> None:
     run.join()
     assert results.run(visit, {})["state"] == "cancelled" and visit.result is None
     assert completed(visit, yaw=1).done.views
+
+
+def test_a_result_stays_until_the_next_one_is_there(visit: Visit, frame: Path) -> None:
+    """Cancelled or failed, the second run leaves the first result (oracle: the same object), which can be taken home."""
+    open_frame(visit, frame)
+    first = completed(visit, yaw=1)
+    with ONE_AT_A_TIME:  # it cannot end before it is cancelled
+        results.complete(visit, {"yaw": 2, "filler": "telea"})
+        results.cancel(visit, {})
+    assert results.run(visit, {})["state"] == "cancelled" and visit.result is first
+    visit.run = Run(lambda: (_ for _ in ()).throw(InputError("pivot is 3; more is expected")), 1)
+    visit.run.start()
+    visit.run.join()
+    with pytest.raises(InputError, match="pivot is 3"):
+        results.run(visit, {})
+    assert visit.result is first and results.package(visit, {}).data[:2] == b"PK"
+    assert completed(visit, yaw=3) is not first
 
 
 def test_filling_from_all_sides_is_a_run_of_its_own(visit: Visit, frame: Path) -> None:

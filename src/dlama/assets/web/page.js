@@ -258,8 +258,20 @@ $("start-over").addEventListener("click", () => server.inTurn(async () => {
   showUploads({});
   noSource();
 }));
-addEventListener("pagehide", () => server.leave());
+addEventListener("pagehide", () => server.leave({ ...request(), shadow: $("shadow").checked, grow: $("grow").value, candidate: $("candidate").value }));
+addEventListener("pageshow", (event) => { if (event.persisted) server.comeBack(); });
 setInterval(() => { if (source) server.ask("alive").catch(() => {}); }, 60000);
+
+// The camera, the method and the options of the mask as they were before the page was loaded again.
+function restore({ pivot, shadow, candidate, ...values }) {
+  $("auto-pivot").checked = pivot === "auto";
+  if (pivot !== "auto") $("pivot").value = pivot;
+  for (const [name, value] of Object.entries(values)) $(name).value = value;
+  $("grow").nextElementSibling.textContent = `${values.grow} px`;
+  $("shadow").checked = shadow;
+  if (candidate) offer([candidate], "candidate");
+  showMove();
+}
 
 async function start(message = "") {
   try {
@@ -270,6 +282,7 @@ async function start(message = "") {
     if (message) { $("general").textContent = message; $("general").hidden = false; }
     if (!begun.state) return;
     showUploads(begun.state.files);
+    if (begun.form) restore(begun.form);
     if (begun.state.source) {
       await showSource(begun.state);
       marker.setMarks(begun.state.marks ?? []);

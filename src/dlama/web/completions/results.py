@@ -43,7 +43,7 @@ def complete(visit: Visit, fields: Fields) -> dict[str, Any]:
     started.finish = lambda done: Result(  # made in the run's thread, so that `run` finds it whole
         done, source, request, marks if mask is not None else None, mask, about, tuple(started.warnings)
     )
-    visit.run, visit.result = started, None
+    visit.run = started
     started.start()
     return started.progress()
 
