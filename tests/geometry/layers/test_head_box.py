@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dlama.geometry.camera import Camera
-from dlama.geometry.layers.head_box import PARALLAX, TOWARDS, HeadBox, way_to_back
+from dlama.geometry.layers.head_box import PARALLAX, TOWARDS, WIDEST, HeadBox, way_to_back
 from dlama.geometry.projection import lift, project
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import View
@@ -68,3 +68,10 @@ def test_the_wide_camera_holds_what_the_others_see() -> None:
         points = 3 * corners @ camera.world_from_cam[:3, :3].T + camera.world_from_cam[:3, 3]
         pixels, _ = project(points, wide)
         assert (pixels >= -1e-6).all() and (pixels <= np.array(wide.wh) + 1e-6).all()
+
+
+@pytest.mark.parametrize("fov", [150, 179])
+def test_a_wide_lens_has_a_wide_camera_of_bounded_size(fov: float) -> None:
+    """Corners that other cameras of the box see lie behind the middle one: its picture is as large as it may be, no more."""
+    box = HeadBox(Camera.from_fov(120, 80, fov), 3.0, 12.0, 0.2)
+    assert box.wide().wh == (120 + 2 * int(WIDEST * 120), 80 + 2 * int(WIDEST * 80))

@@ -111,8 +111,11 @@ class HeadBox:
             for metres in (0.5 * self.pivot, self.pivot, 100 * self.pivot):
                 points = transform_points(camera.world_from_cam, metres * corners)
                 pixels, _ = project(points, middle)
-                margin = np.maximum(margin, np.maximum(-pixels, pixels - (width, height)).max(0))
-        x, y = (min(math.ceil(pad), int(WIDEST * side)) for pad, side in zip(margin, (width, height)))
+                outside = np.maximum(-pixels, pixels - (width, height))
+                margin = np.maximum(
+                    margin, np.where(np.isnan(outside), np.inf, outside).max(0)
+                )  # nan: behind the camera
+        x, y = (math.ceil(min(pad, int(WIDEST * side))) for pad, side in zip(margin, (width, height)))
         return middle.cropped(-x, -y, width + 2 * x, height + 2 * y)
 
     def sample(self, count: int, seed: int = 0) -> list[Camera]:

@@ -71,7 +71,7 @@ class Crown:
         out = np.where(self.hidden & morphological_close(self.leaf, self.square(GAPS / 2)), known, OUTSIDE)
         own = self.unseen & morphological_close(self.unseen_crown | within, self.square(2))
         state = np.where(own, UNDECIDED, known).astype(np.int32)
-        if self.quilt(state, (within | self.behind) & ~own, rng):
+        if own.any() and self.quilt(state, (within | self.behind) & ~own, rng):
             inside = self.depth_inside(own | within) > self.rim(state, own)
             out = np.where(own & inside, state, out)
         return out.astype(np.int32)
