@@ -25,7 +25,6 @@ from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, paste
 from dlama.geometry.scene import Scene, replace_frame
 from dlama.geometry.view import View
-from dlama.geometry.visibility import project_depth
 from dlama.inpainters.filling import FillReport
 from dlama.models.network_file import make_room
 from dlama.perception.monocular import estimate_depth
@@ -97,9 +96,9 @@ def take_estimate(
     removals = tuple(background(one.load()) if of_camera(one) else one for one in scene.removals)
     plan = replace_measured(plan, dataclasses.replace(replace_frame(plan.measured, place, clean), removals=removals))
     law = plan.context.near(view.camera).law.cropped(view, rows, columns)
-    lawful, moved = project_depth(part, depth, changed & removed[box], law)
+    lawful, moved = law.project(part.camera, depth, changed & removed[box])
     fills = tuple(with_depth(one.load(), lawful, changed, box) if of_camera(one) else one for one in scene.fills)
-    return plan, dataclasses.replace(replace_frame(scene, place, own), removals=removals, fills=fills), moved
+    return plan, dataclasses.replace(replace_frame(scene, place, own), removals=removals, fills=fills), int(moved.sum())
 
 
 def with_depth(one: View, depth: Float32Array, where: BoolArray, box: tuple[slice, slice]) -> View:

@@ -25,7 +25,7 @@ from dlama.geometry.holes import box_around, dilate_view_holes
 from dlama.geometry.rendering import Mode, render, render_fills
 from dlama.geometry.scene import Scene, replace_frame
 from dlama.geometry.view import View
-from dlama.geometry.visibility import Law, project_depth
+from dlama.geometry.visibility import Law
 from dlama.inpainters.confidence import LARGEST_CONFIDENCE
 from dlama.inpainters.filling import FillReport, inpaint, paste_part
 from dlama.progress import begin_stage
@@ -125,7 +125,7 @@ def close_holes(law: Law, view: View, earlier: View, *, measured: bool = False) 
     projected onto the law once more. measured: what `earlier` shows of measurements stays marked as such (REPROJECTED).
     """
     closed = view.hole & ~earlier.hole
-    depth, moved = project_depth(view, np.where(closed, earlier.depth, view.depth), closed, law)
+    depth, moved = law.project(view.camera, np.where(closed, earlier.depth, view.depth), closed)
     of_color = closed & view.color_hole
     again = has_code(earlier.origin, *SEEN_AGAIN) & (not measured)
     origin = np.where(of_color, np.where(again, np.uint8(Origin.FILLED), earlier.origin), np.uint8(Origin.DEPTH_FILLED))
@@ -141,7 +141,7 @@ def close_holes(law: Law, view: View, earlier: View, *, measured: bool = False) 
     )
     if view.frame is not None and earlier.frame is not None:
         known = known.with_planes(frame=np.where(of_color, earlier.frame, view.frame))
-    return known, FillReport(0, moved, 0, {})
+    return known, FillReport(0, int(moved.sum()), 0, {})
 
 
 def complete_frame(

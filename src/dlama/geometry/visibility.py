@@ -113,21 +113,6 @@ def subtract_noise(depth: Float32Array, noise: tuple[float, float]) -> Float32Ar
     return np.where(depth > 0, np.maximum(nearest, np.float32(1e-3)), np.float32(0))
 
 
-def project_depth(view: View, depth: Float32Array, where: BoolArray, law: Law) -> tuple[Float32Array, int]:
-    """Proposed depth of a view's pixels, projected onto the law.
-
-    Args:
-        view: whose camera sees the depth.
-        depth: H x W, metres.
-        where: H x W, True = proposed; all other pixels stay as they are.
-        law: measurements of the source cameras.
-    Returns:
-        H x W metres, and how many pixels moved.
-    """
-    lawful, moved = law.project(view.camera, depth, where)
-    return lawful, int(moved.sum())
-
-
 def violations(view: View, law: Law) -> BoolArray:
     """H x W, True at the filled pixels of a view that break the law."""
     return law.violations(view.camera, view.depth, view.filled)

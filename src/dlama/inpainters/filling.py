@@ -21,7 +21,6 @@ from dlama.geometry.holes import box_around, larger_box, sides_of
 from dlama.geometry.kernels.jit import begin_job
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import View
-from dlama.geometry.visibility import project_depth
 from dlama.inpainters.confidence import features_of_known, judge_fill
 from dlama.inpainters.context import FillContext
 
@@ -156,7 +155,7 @@ def _fill_whole(view: View, inpainter: Inpainter, context: FillContext, seed: in
     """`inpaint` with the filler seeing the whole view."""
     hole, known = view.hole, begin_job(features_of_known, view)
     fill = check_fill(inpainter(view, context, seed), view)
-    depth, moved = project_depth(view, fill.depth, hole, context.law)
+    depth, moved = context.law.project(view.camera, fill.depth, hole)
     color = np.where(view.color_hole[..., None], fill.color, view.color)
     filled_origin = np.where(view.color_hole, np.uint8(Origin.FILLED), np.uint8(Origin.DEPTH_FILLED))
     confidence, errors = judge_fill(view, color, depth, known())
@@ -171,4 +170,4 @@ def _fill_whole(view: View, inpainter: Inpainter, context: FillContext, seed: in
         errors=errors,
     )
     left = int(context.law.violations(view.camera, filled.depth, hole).sum())
-    return filled, FillReport(int(hole.sum()), fill.law_moves + moved, left, fill.notes, fill.choice)
+    return filled, FillReport(int(hole.sum()), fill.law_moves + int(moved.sum()), left, fill.notes, fill.choice)

@@ -20,7 +20,7 @@ from dlama.geometry.rendering import Mode, render
 from dlama.geometry.rgbd import UInt8Array
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
-from dlama.geometry.visibility import Law, project_depth
+from dlama.geometry.visibility import Law
 from dlama.inpainters.confidence import judge_fill
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.layered.depth.surfaces import continue_surfaces
@@ -73,7 +73,7 @@ def continue_depth(view: View, context: FillContext, seed: int) -> View:
         return view
     proposed = depth_from_inverse(continue_surfaces(view, context, seed).inverse_depth)
     view = dataclasses.replace(view, depth=np.where(view.valid, proposed, view.depth))
-    depth, _ = project_depth(view, np.where(depth_only, proposed, view.depth), depth_only, context.law)
+    depth, _ = context.law.project(view.camera, np.where(depth_only, proposed, view.depth), depth_only)
     confidence, errors = judge_fill(view, view.color, depth)
     return dataclasses.replace(
         view,

@@ -14,7 +14,7 @@ import numpy as np
 from dlama.geometry.projection import depth_from_inverse, inverse_depth
 from dlama.geometry.rgbd import BoolArray
 from dlama.geometry.view import View
-from dlama.geometry.visibility import Law, project_depth
+from dlama.geometry.visibility import Law
 from dlama.inpainters.choice.guesses import GUESSES, Guess, GuessMaker, guess_of_filler, make_guesses, makers_of
 from dlama.inpainters.choice.judge import Verdict, is_judge, open_judge, run_judge
 from dlama.inpainters.choice.mixing import choose_depth, crop_and_resize, enlarge_maps, mix_colors, softmax
@@ -79,14 +79,21 @@ def fill_by_choice(view: View, law: Law, guesses: tuple[Guess, ...], judge: Netw
         color = np.where(view.color_hole[..., None], mixture, view.color)
     w = np.stack([one.inverse_depth for one in guesses])
     taken = choose_depth(verdict.depth, list(w), view.hole, hw)
-    depth, moved = project_depth(view, depth_from_inverse(np.take_along_axis(w, taken[None], 0)[0]), view.hole, law)
+    chosen = depth_from_inverse(np.take_along_axis(w, taken[None], 0)[0])
+    depth, moved = law.project(view.camera, chosen, view.hole)
     if len(guesses) > 1:  # a single guess comes back as it is
         color = blend_with_low_frequency(
             view, color, view.color_hole, inverse_depth(np.where(view.hole, depth, view.depth))
         )
     about = notes(view, guesses, verdict, hw, taken, judge)
     first = number_by_weight(verdict, hw, view.hole.shape)
-    return Fill(color, depth, moved, about, np.where(view.color_hole, first, (1 + taken) * view.hole).astype(np.uint8))
+    return Fill(
+        color,
+        depth,
+        int(moved.sum()),
+        about,
+        np.where(view.color_hole, first, (1 + taken) * view.hole).astype(np.uint8),
+    )
 
 
 def number_by_weight(verdict: Verdict, hw: tuple[int, int], view_hw: tuple[int, int]) -> np.ndarray:

@@ -15,7 +15,6 @@ from dlama.errors import InputError
 from dlama.geometry.projection import depth_from_inverse, inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import View
-from dlama.geometry.visibility import project_depth
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Inpainter, Painter
 from dlama.inpainters.layered.depth.surface_labels import Surfaces
@@ -61,7 +60,7 @@ class PreparedView:
         """A guess from colours (H x W x 3) and metres (H x W), of which the holes are used."""
         view = self.view
         if depth is not self.depth:
-            depth, _ = project_depth(view, depth, view.hole, self.context.law)
+            depth, _ = self.context.law.project(view.camera, depth, view.hole)
         w = inverse_depth(np.where(view.hole, depth, view.depth))
         return Guess(name, np.where(view.color_hole[..., None], color, view.color), w)
 

@@ -15,7 +15,6 @@ from dlama.geometry.kernels.jit import begin_job
 from dlama.geometry.projection import depth_from_inverse, inverse_depth
 from dlama.geometry.rgbd import Float32Array
 from dlama.geometry.view import View
-from dlama.geometry.visibility import project_depth
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.layered.depth.foliage import copy_leaves
 from dlama.inpainters.layered.depth.surface_labels import GRID, CoarseView, Surfaces, upsample_labels
@@ -27,8 +26,8 @@ from dlama.perception.planes import KnownSurfaces
 def continue_lawfully(view: View, context: FillContext, seed: int) -> tuple[Surfaces, Float32Array, int]:
     """The surfaces continued into the holes, their depth projected onto the visibility law, and how many pixels that moved."""
     surfaces = continue_surfaces(view, context, seed)
-    depth, moved = project_depth(view, depth_from_inverse(surfaces.inverse_depth), view.hole, context.law)
-    return surfaces, depth, moved
+    depth, moved = context.law.project(view.camera, depth_from_inverse(surfaces.inverse_depth), view.hole)
+    return surfaces, depth, int(moved.sum())
 
 
 def continue_surfaces(view: View, context: FillContext, seed: int = 0) -> Surfaces:
