@@ -105,7 +105,7 @@ def photo3d(
     start = scene_of(rgbd)
     check_memory([one.camera for one in start.frames])
     source = start.middle_frame.load()
-    warn_of_scale(source)
+    warn_of_scale(source.depth)
     step = step_for(Scene((source,)), HIDDEN_PIXELS)
     clock = Clock()
     with clock("prepare"):

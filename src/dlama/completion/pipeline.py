@@ -64,7 +64,7 @@ def complete(
     again, start = may_estimate_again(rgbd), scene_of(rgbd, chosen.settings.clip)
     source = start.frames[0].load()
     check_memory((*(one.camera for one in start.frames if isinstance(one, View)), *cameras))
-    warn_of_scale(source)
+    warn_of_scale(source.depth)
     make_room(source.camera.width * source.camera.height)
     clock = Clock()
     with clock("prepare"):

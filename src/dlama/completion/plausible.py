@@ -9,7 +9,7 @@ import numpy as np
 
 from dlama.geometry.camera import Camera
 from dlama.geometry.projection import px_from_px
-from dlama.geometry.rgbd import PLAUSIBLE_M, RGBD, BoolArray, is_valid
+from dlama.geometry.rgbd import PLAUSIBLE_M, RGBD, BoolArray, Float32Array, is_valid
 from dlama.geometry.view import View
 from dlama.perception.diagnosis.masks import looks_inverted
 
@@ -21,9 +21,9 @@ EVERY = 4
 """Rows and columns between the pixels of which a median is taken."""
 
 
-def warn_of_scale(rgbd: RGBD | View) -> None:
-    """Depth that can hardly be metres."""
-    median = median_depth(rgbd)
+def warn_of_scale(depth: Float32Array) -> None:
+    """Depth (H x W) that can hardly be metres."""
+    median = median_depth(depth)
     if median > PLAUSIBLE_M[1]:
         _warn(
             f"the median depth is {median:.4g} m: metres are expected; divide millimetres by 1000 (`depth_scale=1000` of a file)"
@@ -64,7 +64,7 @@ def warn_of_unknown(rgbd: RGBD | View, warped: Sequence[View]) -> None:
     ]
     if not odd:  # of nothing at all meta.json speaks
         return
-    median = median_depth(rgbd)
+    median = median_depth(rgbd.depth)
     _warn(
         f"{100 * max(odd):.0f} % of the view is unknown, with a median depth of {median:.3g} m: if the scene is not that "
         "near or far, its scale is wrong (see `depth_scale`: TUM 5000, KITTI 256, millimetres 1000); else move the camera less"
@@ -81,9 +81,9 @@ def share_out_of_view(source: Camera, target: Camera) -> float:
     return 1 - float(inside.sum()) / columns.size
 
 
-def median_depth(rgbd: RGBD | View) -> float:
-    """Metres, of some of the valid pixels; 0 where there are none."""
-    some = rgbd.depth[::EVERY, ::EVERY]
+def median_depth(depth: Float32Array) -> float:
+    """Metres, of some of the valid pixels (depth: H x W); 0 where there are none."""
+    some = depth[::EVERY, ::EVERY]
     valid = some[is_valid(some)]
     return float(np.median(valid)) if valid.size else 0.0
 

@@ -87,16 +87,16 @@ class FillReport:
     """As of Fill."""
 
 
-def check_fill(fill: Fill, view: View) -> Fill:
-    """The fill, if it fits this view; else InputError (no Fill), ShapeError or DepthError: a fault of the filler."""
+def check_fill(fill: Fill, hole: BoolArray) -> Fill:
+    """The fill, if it fits this hole (H x W); else InputError (no Fill), ShapeError or DepthError: a fault of the filler."""
     check(fill, Fill, "what the filler returned")
-    hw = view.camera.hw
+    hw = hole.shape
     expected = {"color": (*hw, 3), "depth": hw, "errors": (*hw, 2), "choice": hw}
     for name, shape in expected.items():
         array = getattr(fill, name)
         if np.shape(array) != shape and not (array is None and name in ("errors", "choice")):
             raise ShapeError(f"the filler's {name} has shape {np.shape(array)}; {shape} is expected for this view")
-    wrong = int((~(np.asarray(fill.depth)[view.hole] >= 0)).sum())
+    wrong = int((~(np.asarray(fill.depth)[hole] >= 0)).sum())
     if wrong:
         raise DepthError(
             f"the filler's depth is NaN or negative in {wrong} pixels of the hole; metres, or infinity for sky, are expected"
@@ -154,7 +154,7 @@ def paste_part(view: View, part: View, rows: slice, columns: slice) -> View:
 def _fill_whole(view: View, inpainter: Inpainter, context: FillContext, seed: int) -> tuple[View, FillReport]:
     """`inpaint` with the filler seeing the whole view."""
     hole, known = view.hole, begin_job(features_of_known, view)
-    fill = check_fill(inpainter(view, context, seed), view)
+    fill = check_fill(inpainter(view, context, seed), hole)
     depth, moved = context.law.project(view.camera, fill.depth, hole)
     color = np.where(view.color_hole[..., None], fill.color, view.color)
     filled_origin = np.where(view.color_hole, np.uint8(Origin.FILLED), np.uint8(Origin.DEPTH_FILLED))

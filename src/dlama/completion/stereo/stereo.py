@@ -131,7 +131,7 @@ def stereo(
     with clock("match"):
         matches = find_matches(left, right, disparity=disparity, matcher=matcher, max_disparity=max_disparity)
         pair = pair_of_matches((left, right), matches, rig, far)
-    warn_of_scale(pair.left)
+    warn_of_scale(pair.left.depth)
     warn_of_disparity(pair.left)
     found = mask(pair.left) if callable(mask) else mask
     masks = masks_of_pair(found, mask_right, matches.disparities[0], rig)
