@@ -90,6 +90,11 @@ def test_pictures_of_a_pattern(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     deep = list(Pictures(f"{tmp_path}/**/rgb/*.png", "{folder}/../depth/{stem}.exr"))
     assert [row["id"] for row in deep] == ["s1/rgb/1", "s1/rgb/2", "s2/rgb/1"]
     assert deep[2]["depth"] == f"{tmp_path}/s2/rgb/../depth/1.exr"
+    for name in ("shot [A]/rgb/1.png", "shot A/rgb/3.png"):
+        (tmp_path / name).parent.mkdir(parents=True)
+        (tmp_path / name).touch()
+    assert [row["image"] for row in Pictures("shot [A]/rgb/*.png")] == ["shot [A]/rgb/1.png"]
+    assert [row["image"] for row in Pictures("s[12]/rgb/1.png")] == ["s1/rgb/1.png", "s2/rgb/1.png"]
     with pytest.raises(InputError, match=r"images is 'x/\*.png'; no picture is called so"):
         list(Pictures("x/*.png"))
     with pytest.raises(InputError, match=r"depths is '\{steam\}.png'; \{stem\}, \{name\} and \{folder\}"):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import glob
 import os
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,11 +27,12 @@ class Pictures:
     def __iter__(self) -> Iterator[dict[str, Any]]:
         """A row's id is the picture's path below the fixed folders of the pattern, without suffix. InputError: no picture."""
         root, empty = _fixed_folders(self.images), True
-        for path in sorted(glob.glob(self.images, recursive=True)):  # noqa: PTH207  (keeps the pattern's own form of paths)
+        pattern = glob.escape(root) + self.images[len(root) :]
+        for path in sorted(glob.glob(pattern, recursive=True)):  # noqa: PTH207  (keeps the pattern's own form of paths)
             if Path(path).is_dir():
                 continue
             empty = False
-            row = {"id": Path(os.path.relpath(path, root)).with_suffix("").as_posix(), "image": path}
+            row = {"id": Path(os.path.relpath(path, root or ".")).with_suffix("").as_posix(), "image": path}
             patterns = {"depth": self.depths, "mask": self.masks}
             yield row | {role: fill_pattern(pattern, path, role) for role, pattern in patterns.items() if pattern}
         if empty:
@@ -47,7 +49,6 @@ def fill_pattern(pattern: str, image: str, role: str) -> str:
 
 
 def _fixed_folders(pattern: str) -> str:
-    """The folders of a pattern before its first wild one."""
-    parts = Path(pattern).parts[:-1]
-    count = next((number for number, part in enumerate(parts) if glob.has_magic(part)), len(parts))
-    return str(Path(*parts[:count])) if count else "."
+    """The longest beginning of a pattern, up to a slash, that is a folder as it stands: `shot [A]/` is no class of letters."""
+    ends = [slash.end() for slash in re.finditer(r"[/\\]" if os.name == "nt" else "/", pattern)]
+    return next((pattern[:end] for end in reversed(ends) if Path(pattern[:end]).is_dir()), "")
