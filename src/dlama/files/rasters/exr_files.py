@@ -45,6 +45,7 @@ def read_exr(path: PathLike, channel: str | None = None) -> Float32Array:
         if values.dtype == object:
             raise FileError(f"{file}: is a deep EXR, with several depths a pixel; flatten it")
         values = _in_display_window(file, header, np.array(values))
+        _warn_of_aspect(file, float(header.get("pixelAspectRatio", 1)))
     result = plane_of(file, values).astype(np.float32)
     if values.dtype == np.float16:
         result[result >= HALF_MAX] = np.inf
@@ -111,6 +112,17 @@ def _in_display_window(file: Path, header: Mapping[str, Any], values: np.ndarray
             stacklevel=5,
         )
     return out
+
+
+def _warn_of_aspect(file: Path, ratio: float) -> None:
+    """Warn (UserWarning) of pixels that are not square: a field of view alone makes the wrong camera."""
+    if ratio > 0 and abs(ratio - 1) > 0.01:
+        warnings.warn(
+            f"{file}: its pixels are {ratio:.4g} times as wide as high (anamorphic): give `fx` and `fy`, fx = fy / {ratio:.4g}, "
+            "or make picture and depth square",
+            UserWarning,
+            stacklevel=5,
+        )
 
 
 def _depth_channel(file: Path, channels: dict[str, np.ndarray], expected: str | None) -> str:
