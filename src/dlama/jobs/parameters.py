@@ -12,7 +12,6 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
-from dlama.arguments import check_word
 from dlama.completion.options import typed_options
 from dlama.errors import InputError
 from dlama.inpainters import FILLER_NAMES
@@ -64,7 +63,8 @@ def one_of(*names: str) -> Parse:
     """One of these words."""
 
     def parse(name: str, value: Any) -> str:
-        check_word(value, name, names)
+        if not isinstance(value, str) or value not in names:
+            raise InputError(f"`{name}` is {value!r}; one of {', '.join(names)} is expected")
         return str(value)
 
     return parse
