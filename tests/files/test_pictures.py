@@ -8,12 +8,13 @@ import cv2
 import imageio.v3 as imageio
 import numpy as np
 import pytest
+import tifffile
 from PIL import Image
 
 from dlama.errors import FileError, MaskError, ShapeError
 from dlama.files.rasters.depth import write_depth_png
 from dlama.files.rasters.exr_files import write_exr
-from dlama.files.rasters.images import read_stored
+from dlama.files.rasters.images import picture_hw, read_stored
 from dlama.files.rasters.pictures import (
     read_color,
     read_mask,
@@ -260,6 +261,11 @@ def test_files_of_a_result_given_as_a_picture_say_what_goes_where(tmp_path: Path
             FileError, match=f"is no readable PNG, JPEG, WebP, TIFF or HEIC picture, but {kind}: save it as PNG"
         ):
             read_color(tmp_path / "picture.png")
+    heads = {"DPX": b"SDPX", "Cineon": b"\x80\x2a\x5f\xd7", "a raw file of a camera": b"\0\0\0\x18ftypcrx "}
+    for kind, head in {**heads, "a video": b"\0\0\0\x14ftypqt  "}.items():
+        (tmp_path / "picture.png").write_bytes(head + bytes(99))
+        with pytest.raises(FileError, match=f"HEIC picture, but {kind}: save it as PNG"):
+            read_color(tmp_path / "picture.png")
     write_exr(tmp_path / "plate.exr", {name: np.ones((4, 4), np.float32) for name in "RGB"})
     with pytest.raises(FileError, match=r"plate\.exr: is no readable .* picture, but OpenEXR: save it as PNG"):
         read_color(tmp_path / "plate.exr")
@@ -277,3 +283,19 @@ def test_a_png_with_a_wrong_checksum_is_refused(tmp_path: Path) -> None:
     for read in (read_color, read_mask):
         with pytest.raises(FileError, match=r"a\.png: is damaged \(wrong checksum of the IDAT chunk at byte 33\)"):
             read(path)
+
+
+def test_the_preview_of_a_raw_file_is_not_taken_for_the_picture(tmp_path: Path) -> None:
+    """Laid out as NEF and DNG are, by tifffile: the thumbnail first, the sensor in a SubIFD. It was read as the picture.
+    A small TIFF that says so of itself alone is one."""
+    sensor = np.random.default_rng(0).integers(0, 16384, (140, 190)).astype(np.uint16)
+    with tifffile.TiffWriter(tmp_path / "a.nef") as raw:
+        raw.write(COLOR, photometric="rgb", subfiletype=1, subifds=1)
+        raw.write(sensor, photometric="minisblack", subfiletype=0)
+    for read in (read_color, picture_hw):
+        with pytest.raises(
+            FileError, match=r"a\.nef: is a raw file of a camera; develop it, and save it as TIFF or PNG"
+        ):
+            read(tmp_path / "a.nef")
+    tifffile.imwrite(tmp_path / "small.tif", COLOR, photometric="rgb", subfiletype=1)
+    assert np.array_equal(read_color(tmp_path / "small.tif"), COLOR)

@@ -26,7 +26,7 @@ from dlama.files.rasters.orientation import (
     decoder_orientation,
     reset_orientation,
 )
-from dlama.files.rasters.sixteen_bits import bits_of, bits_of_png, decode_16_bits, describe_tiff
+from dlama.files.rasters.sixteen_bits import bits_of, bits_of_png, decode_16_bits, describe_tiff, is_preview
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".mpo", ".webp", ".tif", ".tiff", ".heic", ".heif")
 EXIF_FOLDER = 0x8769
@@ -46,6 +46,10 @@ OTHER_PICTURES = {
     "PPM": rb"P[1-7]\s",
     "PSD": rb"8BPS",
     "PDF": rb"%PDF",
+    "DPX": rb"SDPX|XPDS",
+    "Cineon": rb"\x80\x2a\x5f\xd7",
+    "a raw file of a camera": rb"....ftypcrx|FUJIFILMCCD",
+    "a video": rb"....ftyp(qt  |isom|iso2|mp4|M4V)",
     "SVG": rb"(<\?xml|<svg)",
 }
 """Kinds of pictures that are not read, and how their files begin."""
@@ -204,6 +208,8 @@ def _open(file: Path, data: bytes) -> Iterator[Image.Image]:
             "TIFF",
         )  # Pillow loads the forty others where the first is not this file's
         with _heic(file) if HEIC.match(head) else Image.open(source, formats=formats) as picture:
+            if is_preview(picture):
+                raise FileError(f"{file}: is a raw file of a camera; develop it, and save it as TIFF or PNG")
             check_pixels(file, picture.width, picture.height)
             yield picture
 

@@ -40,6 +40,12 @@ def decode_16_bits(picture: Image.Image, file: Path, data: bytes) -> np.ndarray:
     return np.ascontiguousarray(values[..., order])
 
 
+def is_preview(picture: Image.Image) -> bool:
+    """Whether a TIFF's first picture is a small one of another that it holds, as in raw files of cameras (NEF, DNG, ARW)."""
+    tags: Any = getattr(picture, "tag_v2", {})
+    return bool(tags.get(254, 0) & 1) and 330 in tags  # NewSubfileType: of reduced resolution; SubIFDs
+
+
 def describe_tiff(file: Path) -> str:
     """What numbers a TIFF holds that cannot be opened, and which can be; "" for what is none."""
     with contextlib.suppress(Exception), file.open("rb") as stream:  # a damaged one is no more than that
