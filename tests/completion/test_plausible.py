@@ -10,6 +10,7 @@ import pytest
 from box_frame import CAMERA, WORLD
 from dlama.completion.plausible import share_out_of_view
 from dlama.completion.verbs import remove, view
+from dlama.errors import InputTypeError
 from dlama.files.cameras import camera_for
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
@@ -67,6 +68,17 @@ def test_what_a_turn_alone_leaves_unknown(degrees: float) -> None:
 def test_millimetres_as_metres() -> None:
     with pytest.warns(UserWarning, match=r"median depth is \d+ m: metres are expected; divide millimetres by 1000"):
         view(scaled(1000), yaw=5, filler="telea")
+
+
+def test_depth_that_is_missing_everywhere() -> None:
+    with pytest.warns(UserWarning, match="no pixel has a depth"):
+        view(scaled(0), yaw=5, filler="telea")
+
+
+def test_no_mask_removes_nothing_and_is_refused() -> None:
+    """Law: a mask that a search did not find is no removal in silence."""
+    with pytest.raises(InputTypeError, match="mask is None; a bool array H x W is expected"):
+        remove(GOOD, None)  # type: ignore[arg-type]
 
 
 def test_a_field_of_view_in_radians() -> None:

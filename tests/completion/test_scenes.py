@@ -176,6 +176,7 @@ def test_a_target_that_sees_nothing_says_so(recipe: str) -> None:
 @fillers
 @recipes
 @pytest.mark.parametrize("metres", [0, np.inf])
+@pytest.mark.filterwarnings("ignore:no pixel has a depth")
 def test_pictures_of_nothing_and_of_sky_only(recipe: str, filler: str, metres: float) -> None:
     """Law: without any depth nothing is visible; with nothing but sky (10 m to the paper) the rest is filled."""
     frame = RGBD(np.full((12, 16, 3), 99, np.uint8), np.full((12, 16), metres, np.float32), Camera.from_fov(16, 12, 60))

@@ -174,6 +174,15 @@ def test_a_mask_that_is_no_array_is_refused() -> None:
         check_mask([[True, False]], (1, 2))  # type: ignore[arg-type]
 
 
+def test_a_mask_of_numbers_is_told_how_it_becomes_one() -> None:
+    """Round trip: the advice of the message gives a mask that is taken."""
+    for mask in (np.array([[0, 255]], np.uint8), np.array([[0, 1.0]])):
+        with pytest.raises(MaskError) as refused:
+            check_mask(mask, (1, 2))
+        advice = str(refused.value).rpartition(": ")[2]
+        assert check_mask(eval(advice, {"mask": mask}), (1, 2)).tolist() == [[False, True]]
+
+
 @pytest.mark.parametrize("kernel", [square(2), square(3), square(4), disc(2)])
 def test_opened_and_closed_by_places_of_the_kernel(kernel: np.ndarray) -> None:
     """Literal twin: opened is what the kernel covers wherever it lies within the mask; closed the same of what is not mask."""

@@ -12,7 +12,7 @@ from dlama.errors import DepthError, InputError, ShapeError
 from dlama.geometry.camera import Camera
 from dlama.geometry.cloud import Mesh, PointCloud, concatenate
 from dlama.geometry.codes import HoleType, Origin, from_source
-from dlama.geometry.rgbd import RGBD
+from dlama.geometry.rgbd import RGBD, check_color
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 
@@ -244,3 +244,21 @@ def test_nouns_share_what_nobody_can_write_to() -> None:
     assert dataclasses.replace(view, hole=np.ones((2, 3), np.bool_)).color is view.color
     with pytest.raises(ValueError, match="read-only"):
         view.color[0, 0] = 1
+
+
+@pytest.mark.parametrize(
+    "usual",
+    [
+        lambda color: color.transpose(2, 0, 1),
+        lambda color: color / 255,
+        lambda color: color.astype(np.float32),
+        lambda color: np.dstack([color, color[..., :1]]),
+    ],
+)
+def test_what_a_wrong_picture_is_told_makes_a_right_one(usual) -> None:
+    """Round trip: the advice of the message, done to the array that was given, gives the picture back."""
+    picture = np.random.default_rng(0).integers(0, 256, (5, 7, 3), np.uint8)
+    with pytest.raises(ShapeError) as refused:
+        check_color(usual(picture))
+    advice = str(refused.value).rpartition(": ")[2]
+    np.testing.assert_array_equal(eval(advice, {"color": usual(picture), "np": np}), picture)

@@ -22,9 +22,13 @@ EVERY = 4
 
 
 def warn_of_scale(depth: Float32Array) -> None:
-    """Depth (H x W) that can hardly be metres."""
+    """Depth (H x W) that can hardly be metres, or that is missing everywhere."""
     median = median_depth(depth)
-    if median > PLAUSIBLE_M[1]:
+    if not (depth > 0).any():
+        _warn(
+            "no pixel has a depth (0 and NaN are missing): nothing is known from elsewhere, and filled depth is a guess"
+        )
+    elif median > PLAUSIBLE_M[1]:
         _warn(
             f"the median depth is {median:.4g} m: metres are expected; divide millimetres by 1000 (`depth_scale=1000` of a file)"
         )

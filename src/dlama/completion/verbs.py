@@ -9,7 +9,7 @@ from dlama.arguments import check_arguments
 from dlama.completion.completion import Completion
 from dlama.completion.options import OptionKeywords, Unpack, take_options
 from dlama.completion.pipeline import complete
-from dlama.errors import InputError
+from dlama.errors import InputError, InputTypeError
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD, BoolArray, is_valid
 from dlama.geometry.scene import Scene
@@ -115,5 +115,7 @@ def remove(
         True
     """
     check_arguments(remove, locals())
+    if mask is None:  # which `complete` takes
+        raise InputTypeError("`mask` is None; a bool array H x W is expected, True = remove (`view` removes nothing)")
     target = target_camera(rgbd, camera, yaw=yaw, pitch=pitch, pivot=pivot, dolly=dolly)
     return complete(rgbd, [target], mask=mask, progress=progress, **options)

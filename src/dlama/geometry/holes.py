@@ -229,7 +229,10 @@ def check_mask(mask: ArrayLike, hw: tuple[int, int]) -> BoolArray:
     """The mask as an array. MaskError unless it is a bool picture of that size that removes something and leaves something."""
     mask = as_array(mask, "mask", "a bool array H x W")
     if mask.dtype != np.bool_ or mask.ndim != 2:
-        raise MaskError(f"`mask` is {mask.dtype} with shape {mask.shape}; bool H x W is expected, True = remove")
+        advice = "; of 0 and 255, or 0 and 1: mask > 0" if mask.ndim == 2 and mask.dtype.kind in "uif" else ""
+        raise MaskError(
+            f"`mask` is {mask.dtype} with shape {mask.shape}; bool H x W is expected, True = remove{advice}"
+        )
     if mask.shape != hw:
         raise MaskError(
             f"`mask` is {mask.shape[1]}x{mask.shape[0]} and the picture {hw[1]}x{hw[0]}; both must have the same size"

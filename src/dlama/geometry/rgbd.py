@@ -125,8 +125,23 @@ def check_color(color: ArrayLike, name: str = "colour") -> UInt8Array:
     """The picture as an array; ShapeError, which calls it `name`, unless it is uint8 H x W x 3 with a pixel or more."""
     array = as_array(color, name, "a picture")
     if array.dtype != np.uint8 or array.ndim != 3 or array.shape[2] != 3 or not array.size:
-        raise ShapeError(f"{name} is {array.dtype} {array.shape}; uint8 H x W x 3 is expected")
+        raise ShapeError(f"{name} is {array.dtype} {array.shape}; uint8 H x W x 3 is expected{_color_advice(array)}")
     return array
+
+
+def _color_advice(array: np.ndarray) -> str:
+    """What makes a picture of a usual array that is none."""
+    if array.ndim == 2:
+        return "; of a grey picture: np.stack([color] * 3, axis=-1)"
+    if array.ndim != 3:
+        return ""
+    if array.shape[0] == 3 != array.shape[2]:
+        return "; of C x H x W: color.transpose(1, 2, 0)"
+    if array.shape[2] == 4:
+        return "; of a picture with opacity: color[..., :3]"
+    if array.shape[2] == 3 and array.dtype.kind == "f" and array.size:
+        return f"; of such numbers: {'(color * 255)' if array.max() <= 1 else 'color'}.round().astype(np.uint8)"
+    return ""
 
 
 def _is_level(color: UInt8Array, level: int) -> BoolArray:
