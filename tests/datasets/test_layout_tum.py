@@ -89,6 +89,11 @@ def test_intrinsics_come_from_the_option_or_the_folder_or_not_at_all(tmp_path: P
         open_dataset(root)
     for camera in (tmp_path / "mine.json", str(tmp_path / "mine.json"), LENS):
         assert np.allclose(open_dataset(root, camera=camera).frames[0].load().camera.K, LENS.K)
+    rows = f"data: [{LENS.fx}, 0., {LENS.cx - 0.5}, 0., {LENS.fy}, {LENS.cy - 0.5}, 0., 0., 1.]"
+    matrix, size = f"camera_matrix:\n  rows: 3\n  cols: 3\n  {rows}\n", "image_width: 96\nimage_height: 72\n"
+    for text in (size + matrix, matrix):  # ROS puts the first pixel's centre at 0
+        (tmp_path / "mine.yaml").write_text(text, "utf-8")
+        assert np.allclose(open_dataset(root, camera=tmp_path / "mine.yaml").frames[0].load().camera.K, LENS.K)
     (tmp_path / "mine.json").rename(tmp_path / "data/camera.json")
     assert open_dataset(tmp_path / "data").frames[0].scene == "seq"
 

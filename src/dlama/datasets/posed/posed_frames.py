@@ -19,6 +19,7 @@ from dlama.datasets.frames import Frame
 from dlama.datasets.text_tables import read_matrix
 from dlama.errors import CameraError, FileError, ShapeError
 from dlama.files.atomic_write import PathLike
+from dlama.files.camera_yaml import SUFFIXES, read_yaml_fields
 from dlama.files.cameras import make_camera, read_camera
 from dlama.files.fields import FileFields, Intrinsics, read_json_fields
 from dlama.files.rasters.depth import read_depth
@@ -183,12 +184,16 @@ def lens_for(folder: Path, root: Path, camera: CameraOption, names: Sequence[str
 
 
 def read_lens(path: Path) -> Lens:
-    """Our camera JSON (its pose is not used), Open3D's camera_intrinsic.json, or a text file with a 3x3 or 4x4 K.
+    """Our camera JSON (its pose is not used), the YAML of ROS or OpenCV, Open3D's camera_intrinsic.json, or a text file with a
+    3x3 or 4x4 K.
 
-    Open3D's and the text file's first pixel has its centre at 0.0. Raises FileError, CameraError.
+    The first pixel of all but the first has its centre at 0.0. Raises FileError, CameraError.
     """
     if path.suffix.lower() == ".txt":
         return text_lens(path, (3, 3))
+    if path.suffix.lower() in SUFFIXES:
+        fields = read_yaml_fields(path)
+        return Lens(str(path), fields.intrinsics("K"), 0.0, fields.size(None) if "width" in fields else None)
     fields = read_json_fields(path)
     if "intrinsic_matrix" in fields:
         return _of_open3d(fields)
