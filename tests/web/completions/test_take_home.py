@@ -9,14 +9,18 @@ import zipfile
 from pathlib import Path
 from typing import Any
 
+import cv2
+import numpy as np
 import pytest
 from handing_in import completed, hand_in, open_frame
 
 import dlama
+from box_frame import pixels
 from dlama.apps.cli import main
 from dlama.errors import InputError
 from dlama.web import api
 from dlama.web.completions import take_home
+from dlama.web.completions.runs import warnings_by_thread
 from dlama.web.visits import Result, Visit
 
 CLICK = {"kind": "click", "at": [30, 24]}
@@ -85,6 +89,29 @@ def test_command_and_python_lines_write_the_same_bytes(
         else:
             exec(compile(how["python"], "lines", "exec"), {})
         same_files(mine, files_below(place / "out"), meta=kind == "command")
+
+
+def test_a_plate_of_16_bits_is_taken_home_in_16(
+    frame: Path, visit: Visit, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Oracles: the Python lines, run in a folder with the plate; the plate itself, where it was measured; known stages."""
+    color = pixels(frame / "image.png").astype(np.uint16) << 8 | 5
+    cv2.imwrite(str(frame / "image.png"), color[..., ::-1])
+    with warnings_by_thread():
+        told = open_frame(visit, frame)
+    assert any("has 16 bits a channel" in line for line in told["warnings"])
+    api.mark(visit, {"marks": [CLICK]})
+    result = completed(visit)
+    packed, lines = unpacked(result, visit), take_home.how(result)["python"]
+    assert lines.endswith("dlama.write(done, 'out', inputs={'image': 'image.png'})\n")
+    mine = cv2.imdecode(np.frombuffer(packed["out/image.png"], np.uint8), cv2.IMREAD_UNCHANGED)[..., ::-1]
+    known = result.done.view.origin == dlama.Origin.MEASURED
+    assert known.any() and np.array_equal(mine[known], color[known])
+    assert "read" in json.loads(packed["out/meta.json"])["seconds"]
+    monkeypatch.chdir(frame)
+    with pytest.warns(UserWarning, match="16 bits"):
+        exec(compile(lines, "lines", "exec"), {})
+    assert (frame / "out" / "image.png").read_bytes() == packed["out/image.png"]
 
 
 @pytest.mark.slow

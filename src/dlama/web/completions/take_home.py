@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import dlama
+from dlama.files.rasters.images import has_16_bits
 from dlama.files.rasters.pictures import write_mask
 from dlama.files.results.completion import RESULTS, file_names
 from dlama.files.results.meta_json import as_json
@@ -123,7 +124,15 @@ def python_lines(result: Result) -> str:
         else:
             lines += mask_lines(result)
             lines.append(f"done = dlama.remove({', '.join(['rgbd', 'mask', *move, *method])})")
-    return "\n".join([*lines, f"dlama.write(done, {OUT!r})", ""])
+    plates = plates_of(source)
+    return "\n".join([*lines, f"dlama.write(done, {OUT!r}{f', inputs={plates!r}' if plates else ''})", ""])
+
+
+def plates_of(source: Source) -> dict[str, str]:
+    """Role -> name, of the pictures with 16 bits a channel, which `write` looks at once more."""
+    roles = {"picture": "image"} if source.pair is None else {"picture": "left", "right": "right"}
+    files = {role: source.files[each] for each, role in roles.items() if each in source.files}
+    return {role: upload.name for role, upload in files.items() if has_16_bits(upload.path)}
 
 
 def mask_lines(result: Result) -> list[str]:
@@ -161,7 +170,8 @@ def write_result(result: Result, folder: Path, only: tuple[str, ...] | None = No
     if result.object_mask and not needs_mask_file(result):
         result.done.meta["object_mask"] = result.object_mask
     lens_from = hide_paths(result.source.job.intrinsics_from, names)
-    out = dlama.write(result.done, folder / OUT, only=only, inputs=inputs, intrinsics_from=lens_from)
+    seconds = result.source.job.stages
+    out = dlama.write(result.done, folder / OUT, only=only, inputs=inputs, intrinsics_from=lens_from, seconds=seconds)
     meta = json.loads((out / "meta.json").read_text("utf-8"))
     for entry in meta["inputs"].values():
         entry["path"] = names[Path(entry["path"])]
