@@ -163,3 +163,17 @@ def test_anamorphic_pixels_are_warned_of(tmp_path: Path) -> None:
         UserWarning, match=r"d\.exr: its pixels are 2 times as wide as high .*give `fx` and `fy`, fx = fy / 2,"
     ):
         assert np.array_equal(read_depth(write(tmp_path / "d.exr", squeezed)), WHOLE)
+
+
+def test_a_part_that_cannot_be_decoded_is_damage(tmp_path: Path) -> None:
+    """The library drops it with a remark: grey colours of the other part were taken for the depth, or no channel was left."""
+    noise = np.random.default_rng(0).integers(1, 50, (64, 96)).astype(np.float32)
+    whole = (0, 0, 95, 63)
+    colour, depth = part(whole, whole, dict.fromkeys("RGB", noise), "rgba"), part(whole, whole, {"Z": noise}, "depth")
+    for name, parts in (("two.exr", [colour, depth]), ("one.exr", [depth])):
+        path = write(tmp_path / name, *parts)
+        data = bytearray(path.read_bytes())
+        data[-400:-300] = bytes(100)
+        path.write_bytes(data)
+        with pytest.raises(FileError, match=rf"{name}: is damaged$"):
+            read_depth(path)

@@ -39,6 +39,9 @@ def read_exr(path: PathLike, channel: str | None = None) -> Float32Array:
         any_error(FileError, f"{file}: is damaged or no OpenEXR file"),
         OpenEXR.File(_name_or_bytes(file), separate_channels=True) as exr,
     ):
+        with OpenEXR.File(_name_or_bytes(file), header_only=True) as headers:
+            if len(exr.parts) < len(headers.parts):  # the library leaves out what it cannot decode
+                raise FileError(f"{file}: is damaged")
         planes = _planes(exr.parts)
         chosen = _depth_channel(file, {name: values for name, (_, values) in planes.items()}, channel)
         header, values = planes[chosen]
