@@ -216,10 +216,26 @@ def test_the_yaml_of_ros_and_of_opencv(tmp_path: Path) -> None:
     assert read_camera(tmp_path / "cv.yml", hw=(480, 640)).same_view_as(camera)
 
 
+NUMBERS = {"d": [0.0] * 5, "k": [500.5, 0.0, 319.5, 0.0, 501.0, 239.5, 0.0, 0.0, 1.0], "r": [1.0, 0.0]}
+PRINTED = "header:\n  stamp:\n    sec: 1\n  frame_id: optical\nheight: 480\nwidth: 640\ndistortion_model: plumb_bob\n"
+
+
+@pytest.mark.parametrize("times", [1, 2])
+def test_the_message_that_ros_prints(tmp_path: Path, times: int) -> None:
+    """Oracle: the numbers of CameraInfo, printed as rostopic echo (one line a list) and ros2 topic echo (one a number) do."""
+    old = PRINTED + "".join(f"{name.upper()}: {found}\n" for name, found in NUMBERS.items())
+    new = PRINTED + "".join(
+        f"{name}:\n{''.join(f'- {one}{chr(10)}' for one in found)}" for name, found in NUMBERS.items()
+    )
+    for text in (old, new):
+        camera = read_camera(saved(tmp_path / "info.yaml", f"{text}roi:\n  height: 0\n---\n" * times), hw=(480, 640))
+        assert (camera.wh, camera.fx, camera.fy, camera.cx, camera.cy) == ((640, 480), 500.5, 501, 320, 240)
+
+
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("camera_matrix:", "K:", "camera_matrix has 0 numbers; 9 are expected"),
+        ("camera_matrix:", "matrix:", "camera_matrix has 0 numbers; 9 are expected"),
         ("[500.5, 0.0", "[oops, 0.0", "cannot be read; the YAML of a camera is expected, as ROS"),
         ("[500.5, 0.0", "[500.5", "camera_matrix has 8 numbers"),
         ("[500.5, 0.0", "[500.5, 1.0", "no skew"),

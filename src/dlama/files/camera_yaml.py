@@ -1,8 +1,11 @@
-"""The YAML of ROS (camera_info) or of OpenCV's calibration in; the fields of a camera file out."""
+"""The YAML of ROS (camera_info: a calibration file or a printed message) or of OpenCV in; the fields of a camera file out."""
 
 from __future__ import annotations
 
+import itertools
+import re
 import warnings
+from collections.abc import Sequence
 from typing import Any
 
 import cv2
@@ -16,6 +19,10 @@ SUFFIXES = (".yaml", ".yml")
 MOST_BYTES = 2**20
 HEAD = "%YAML:1.0\n---\n"
 """How OpenCV's YAML begins; ROS leaves it away."""
+MATRIX, DISTORTION = ("camera_matrix", "K", "k"), ("distortion_coefficients", "D", "d")
+"""Names of the fields: of calibration files; of a message that `rostopic echo` or `ros2 topic echo` prints."""
+BLOCK_LIST = re.compile(r"^(\w+):[ ]*\n((?:[ ]*- [^\n]*\n)+)", re.MULTILINE)
+"""A list with one number a line, as ROS 2 prints it and OpenCV does not read it."""
 
 
 def read_yaml_fields(path: PathLike) -> FileFields:
@@ -29,11 +36,11 @@ def read_yaml_fields(path: PathLike) -> FileFields:
     )
     try:
         text = file.read_bytes()[:MOST_BYTES].decode("utf-8-sig")
-        body = "\n".join(line for line in text.splitlines() if not line.startswith(("%", "---")))
+        body = BLOCK_LIST.sub(_as_flow_list, _first_document(text))
         modes = cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY | cv2.FILE_STORAGE_FORMAT_YAML
         storage = cv2.FileStorage(f"{HEAD}{body}\n", modes)
-        matrix, distortion = (_numbers(storage.getNode(name)) for name in ("camera_matrix", "distortion_coefficients"))
-        size = {name: _numbers(storage.getNode(f"image_{name}")) for name in ("width", "height")}
+        matrix, distortion = (_first_numbers(storage, names) for names in (MATRIX, DISTORTION))
+        size = {name: _first_numbers(storage, (f"image_{name}", name)) for name in ("width", "height")}
     except (cv2.error, SystemError, ValueError) as error:
         raise FileError(f"{file}: cannot be read; {expected}") from error
     if len(matrix) != 9:
@@ -47,6 +54,21 @@ def read_yaml_fields(path: PathLike) -> FileFields:
         )
     values: dict[str, Any] = {"K": [matrix[0:3], matrix[3:6], matrix[6:9]], "pixel_center": 0.0}
     return FileFields(file, values | {name: found[0] for name, found in size.items() if found})
+
+
+def _first_document(text: str) -> str:
+    """The lines up to the next `---`, without those of the head."""
+    lines = itertools.dropwhile(lambda line: not line or line.startswith(("%", "---")), text.splitlines())
+    return "".join(f"{line}\n" for line in itertools.takewhile(lambda line: not line.startswith("---"), lines))
+
+
+def _as_flow_list(found: re.Match[str]) -> str:
+    return f"{found[1]}: [{', '.join(line.strip()[2:] for line in found[2].splitlines())}]\n"
+
+
+def _first_numbers(storage: cv2.FileStorage, names: Sequence[str]) -> list[float]:
+    """Those of the first of the fields that the file has."""
+    return next(filter(None, (_numbers(storage.getNode(name)) for name in names)), [])
 
 
 def _numbers(node: Any) -> list[float]:
