@@ -344,6 +344,17 @@ def test_a_mask_is_not_taken_for_the_other_picture_of_a_pair(pages: Pages) -> No
     playwright.expect(page.locator('.under [data-fact="depth"]')).to_contain_text("% missing")
 
 
+def test_a_yaml_file_is_the_camera(pages: Pages, frame: Path, tmp_path: Path) -> None:
+    """Oracle: the role that the list of files shows."""
+    page = pages.open()
+    (tmp_path / "info.yaml").write_text(
+        "image_width: 64\nimage_height: 48\nk: [50., 0., 31.5, 0., 50., 23.5, 0., 0., 1.]\n"
+    )
+    page.set_input_files("#files", [frame / "image.png", frame / "depth.png", tmp_path / "info.yaml"])
+    page.locator("#marker").wait_for()
+    playwright.expect(page.locator('#uploads [data-role="camera"]')).to_contain_text("info.yaml")
+
+
 def test_two_visitors_do_not_see_each_other(pages: Pages, frame: Path) -> None:
     """Each has its own picture."""
     first, second = pages.open(), pages.open()

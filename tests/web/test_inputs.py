@@ -83,6 +83,19 @@ def test_what_was_found_is_told(visit: Visit, frame: Path) -> None:
     assert visit.source.rgbd.depth.max() == pytest.approx(8)
 
 
+def test_the_camera_of_ros_is_taken(visit: Visit, frame: Path, tmp_path: Path) -> None:
+    """By hand: K of camera_info, whose first pixel has its centre at 0."""
+    (tmp_path / "cam.yaml").write_text(
+        "image_width: 64\nimage_height: 48\ncamera_matrix:\n  data: [50., 0., 31.5, 0., 50., 23.5, 0., 0., 1.]\n",
+        "utf-8",
+    )
+    hand_in(visit, "camera", tmp_path / "cam.yaml")
+    open_frame(visit, frame, fov="")
+    assert visit.source is not None
+    camera = visit.source.rgbd.camera
+    assert (camera.fx, camera.cx, camera.cy) == (50, 32, 24)
+
+
 @pytest.mark.parametrize(
     ("fields", "field"),
     [

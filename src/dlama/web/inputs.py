@@ -26,7 +26,7 @@ from dlama.web.answers import Fields, PageError, field_of, use_page_words
 ROLES: dict[str, tuple[str, ...]] = {
     "picture": SUFFIXES,
     "depth": (".png", ".tif", ".tiff", ".exr", ".pfm", ".npy", ".npz"),
-    "camera": (".json", ".txt"),
+    "camera": (".json", ".txt", ".yaml", ".yml"),
     "right": SUFFIXES,
     "calib": (".txt", ".json"),
 }

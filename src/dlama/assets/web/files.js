@@ -9,6 +9,7 @@ export function rolesOf(list, have, endings) {
     const kind = ending(file.name), name = file.name.toLowerCase();
     if (NUMBERS_ONLY.includes(kind)) found.depth = file;
     else if (kind === ".txt") found.calib = file;
+    else if ([".yaml", ".yml"].includes(kind)) found.camera = file;
     else if (kind === ".json") found[/calib|stereo/.test(name) ? "calib" : "camera"] = file;
     else if (endings.picture.includes(kind)) pictures.push(file);
     else left.push(file);

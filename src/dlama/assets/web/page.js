@@ -20,7 +20,7 @@ async function taken(files) {
   clearErrors();
   const have = Object.fromEntries(all("#uploads li").map((item) => [item.dataset.role, true]));
   const { found, left, masks } = rolesOf(files, have, settings.roles);
-  if (left.length) return failed(new server.Failure(`${left[0].name}: is no file that this page takes (PNG, JPEG, WebP, TIFF, HEIC; EXR, PFM, NPY, NPZ; JSON, TXT)`, ""), "");
+  if (left.length) return failed(new server.Failure(`${left[0].name}: is no file that this page takes (PNG, JPEG, WebP, TIFF, HEIC; EXR, PFM, NPY, NPZ; JSON, YAML, TXT)`, ""), "");
   if (found.picture && files.length === 1 && have.picture) await server.ask("start_over");
   for (const [role, file] of Object.entries(found)) if (!(await send(role, file))) return;
   await read();
