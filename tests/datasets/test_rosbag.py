@@ -16,6 +16,7 @@ from dlama.datasets.captures.ros_messages import Transforms
 from dlama.datasets.diagnosis import diagnose
 from dlama.datasets.layouts import detect, open_dataset
 from dlama.datasets.sequences.loading import open_frames
+from dlama.datasets.sequences.sequence import sequence
 from dlama.errors import CameraError, FileError, MissingExtraError
 from dlama.geometry.camera import Camera
 from dlama.geometry.poses import invert_pose, rotation_deg
@@ -222,6 +223,16 @@ def test_what_cannot_be_read_of_a_bag_is_named(tmp_path: Path) -> None:
         bag.image("/c/depth", OPTICAL, 1.0, truth()[0].depth, "32FC1")
     with pytest.raises(CameraError, match=r"K is zero everywhere: the camera was not calibrated"):
         open_frames(tmp_path / "c.bag")
+
+
+def test_float_depth_in_millimetres_is_warned_of(tmp_path: Path) -> None:
+    """Oracle: 32FC1 of millimetres, which a bag calls metres (a file with such depth is refused)."""
+    with Writer(tmp_path / "a.bag", "ros1") as bag:
+        bag.info("/c/camera_info", OPTICAL, LENS)
+        bag.image("/c/image_raw", OPTICAL, 1.0, truth()[0].color, "rgb8")
+        bag.image("/c/depth", OPTICAL, 1.0, truth()[0].depth * np.float32(1000), "32FC1")
+    with pytest.warns(UserWarning, match=r"the median depth is \d+ m: metres are expected; divide millimetres by 1000"):
+        sequence(tmp_path / "a.bag", tmp_path / "out", filler="telea")
 
 
 def test_without_the_package_it_says_which(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

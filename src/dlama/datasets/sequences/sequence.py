@@ -12,6 +12,7 @@ from dlama import __version__
 from dlama.arguments import check_arguments
 from dlama.completion.memory import check_memory
 from dlama.completion.options import Options
+from dlama.completion.plausible import warn_of_scale
 from dlama.completion.report import share
 from dlama.completion.start import Plan, plan_for
 from dlama.completion.steps import CompletedView, complete_frame, complete_view, frames_to_fill
@@ -113,6 +114,9 @@ def sequence(
     kept = [names[number] for number in given.numbers]
     cameras = cameras_for(views, given)
     check_memory([given.frames[0].camera] * (2 * MOST_FRAMES))
+    first = given.frames[0].load().depth
+    if first.any():
+        warn_of_scale(first)
     numbered = masks_by_number(masks or {}, names, damaged)
     plan, start, _ = plan_for(given, options, numbered or None)
     steps = steps_for(plan, start, kept, cameras)
