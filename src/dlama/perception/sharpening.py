@@ -21,6 +21,8 @@ from dlama.perception.kernels.edge_median import MOST, joint_median, take_most_a
 LARGEST = 1024
 """Longer side of the picture, in pixels, in which edges are moved. In a larger one each pixel then takes, of the values found
 round it, the one with the most similar colour."""
+MEDIAN_PX = 5
+"""Side of the square whose median each moved pixel takes in the end, whatever the colours."""
 
 
 @dataclass(frozen=True)
@@ -39,6 +41,11 @@ class Sharpening:
     """Least slope of a ramp over the mean slope within 1.5 radii: ground is not steeper than its surroundings."""
     reach: float = 4.0
     """px round a ramp that are replaced, too."""
+    second_radius: float = 4.0
+    """Half the window of a second median, in which all vote: on a texture neighbours choose different depths in the first one,
+    and seen from elsewhere a surface is torn between them."""
+    second_color_sigma: float = 60.0
+    """As `color_sigma`, of the second median."""
 
 
 def sharpen_depth(
@@ -57,13 +64,28 @@ def sharpen_depth(
     blurred = dilate_square(ramp, 2 * round(how.reach * size) + 1)
     if not ramp.any() or ramp.all():
         return values
-    radius = max(2, round(how.radius * size))
-    step = max(1, math.ceil((2 * radius + 1) / 15))
     smooth = cv2.GaussianBlur(color, (0, 0), 0.7).astype(np.float32)
+    out = _median(values, blurred, ~ramp, smooth, how.radius * size, how.color_sigma, how.space_sigma * size)
+    radius = how.second_radius * size
+    out = _median(out, blurred, np.ones_like(blurred), smooth, radius, how.second_color_sigma, radius / 1.5)
+    return np.where(blurred, cv2.medianBlur(out, MEDIAN_PX), out)
+
+
+def _median(
+    values: Float32Array,
+    blurred: BoolArray,
+    votes: BoolArray,
+    color: Float32Array,
+    radius: float,
+    color_sigma: float,
+    space_sigma: float,
+) -> Float32Array:
+    """`joint_median` in all rows, of a window of at most 15 x 15 voters."""
+    px = max(2, round(radius))
+    step = max(1, math.ceil((2 * px + 1) / 15))
     out, room = np.empty_like(values), np.empty((len(values), 2, MOST), np.float32)
-    marks = np.ascontiguousarray(values), blurred, ~ramp, smooth
-    sigmas = float(how.color_sigma), float(how.space_sigma * size)
-    in_bands(joint_median, len(values), *marks, radius, step, *sigmas, room, out)
+    marks = np.ascontiguousarray(values), blurred, votes, color
+    in_bands(joint_median, len(values), *marks, px, step, float(color_sigma), float(space_sigma), room, out)
     return out
 
 
