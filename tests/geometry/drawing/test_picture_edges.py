@@ -60,6 +60,26 @@ def test_edges_in_their_place_are_left_alone() -> None:
     assert placed.depth is view.depth and not placed.mixed.any() and not placed.misaligned.any()
 
 
+@pytest.mark.parametrize("size", [1, 8], ids=["160 px", "1280 px"])
+def test_behind_an_edge_of_estimated_depth_is_a_halo(size: int) -> None:
+    """Closed form: columns of the wall next to the table, two of a picture of 1024 px; none is seen from elsewhere."""
+    halo = max(1, round(size * WIDTH / 512))
+    exact = frame(EDGE)
+    wh = WIDTH * size, HEIGHT * size
+    color, depth = (cv2.resize(one, wh, interpolation=cv2.INTER_NEAREST) for one in (exact.color, exact.depth))
+    color[:, EDGE * size : EDGE * size + halo] = 255
+    source = RGBD(color, depth, Camera.from_fov(*wh, 60), estimate={"estimator": "a network"})
+    placed = align_edges(View.from_rgbd(source))
+    expected = np.zeros(wh, np.bool_)
+    expected[EDGE * size : EDGE * size + halo] = True
+    np.testing.assert_array_equal(placed.mixed, expected.T)
+    np.testing.assert_array_equal(placed.depth, depth)
+    side = np.eye(4)
+    side[0, 3] = 0.1
+    aside = dlama.render(source, dataclasses.replace(source.camera, world_from_cam=side))
+    assert aside.color[~aside.hole].min(1).max() < 200 and not dlama.render(source, source.camera).hole.any()
+
+
 @pytest.mark.parametrize("edge", [EDGE - 3, EDGE + 2, torn()], ids=["table too small", "too large", "torn"])
 def test_pixels_go_to_the_surface_they_look_like(edge: np.ndarray | int) -> None:
     """Oracle: the scene itself, whose edge is where the picture has it; planes are continued, not copied."""

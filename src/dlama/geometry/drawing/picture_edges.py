@@ -47,6 +47,9 @@ RIM, MIXED, CONTRAST, SPREADS = 1, 0.3, 40.0, 2.0
 difference of the sides (root of the sum over channels); the least deviation from their own side, in standard deviations."""
 UNLIKE = 60.0
 """Colour difference (root of the sum over channels) from which two colours have no similarity."""
+BEHIND, OF = 2, 1024
+"""Pixels behind an edge of estimated depth, of a picture whose longer side is the second, whose colours are not those of their
+surface: what stands before it is mixed in, and sharpening and JPEG leave a halo there."""
 
 
 class DepthProfile(NamedTuple):
@@ -84,7 +87,7 @@ class AlignedDepth(NamedTuple):
     depth: Float32Array
     """H x W metres; pixels near misaligned edges have the depth of the surface of their colour."""
     mixed: BoolArray
-    """H x W, True behind an edge where the colour is mixed with the occluder's."""
+    """H x W, True behind an edge where the colour is mixed with the occluder's, or may be (`behind_edges`)."""
     misaligned: BoolArray
     """H x W, True within the reach of misaligned edges; all False where edges are aligned."""
 
@@ -95,7 +98,7 @@ def align_edges(view: View) -> AlignedDepth:
     reach = edge_uncertainty(view)
     if not reach:
         none = np.zeros(view.hole.shape, np.bool_)
-        return AlignedDepth(view.depth, none, none)
+        return AlignedDepth(view.depth, behind_edges(view) if Origin.ESTIMATED in view.origins else none, none)
     grid = MapGrid.of(view.depth)
     depth, known = grid.sample_map(view.depth), grid.sample_map(view.valid)
     ratio = edge_ratio(view.camera, grid.columns.pixel)
@@ -105,6 +108,14 @@ def align_edges(view: View) -> AlignedDepth:
     moved = grid.enlarge(placed.depth != depth) & view.valid
     depth = np.where(moved, grid.enlarge(placed.depth), view.depth)
     return AlignedDepth(depth, grid.enlarge(placed.mixed), grid.enlarge(placed.misaligned) & view.valid)
+
+
+def behind_edges(view: View) -> BoolArray:
+    """H x W, True at valid pixels within BEHIND px behind a depth edge."""
+    reach = max(1, round(BEHIND * max(view.hole.shape) / OF))
+    w = inverse_depth(np.where(view.valid, view.depth, np.float32(0)))
+    nearest = np.asarray(cv2.dilate(w, np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)), np.float32)
+    return view.valid & (nearest - w > 2 * JUMP * nearest) & near_jumps(w, reach)
 
 
 def move_edges(color: UInt8Array, depth: Float32Array, known: BoolArray, reach: int, ratio: float) -> AlignedDepth:
