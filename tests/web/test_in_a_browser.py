@@ -431,7 +431,7 @@ def test_a_broken_connection_loses_no_result(pages: Pages) -> None:
         page.context.set_offline(True)
         page.wait_for_timeout(2000)
         page.context.set_offline(False)
-    playwright.expect(page.locator("#after[src]")).to_be_visible()
+    playwright.expect(page.locator("#after[src]")).to_be_visible(timeout=PATIENCE)
     playwright.expect(page.locator("#general")).to_be_hidden()
 
 
