@@ -22,7 +22,7 @@ LARGEST = 1024
 """Longer side of the picture, in pixels, in which edges are moved. In a larger one each pixel then takes, of the values found
 round it, the one with the most similar colour."""
 MEDIAN_PX = 5
-"""Side of the square whose median each moved pixel takes in the end, whatever the colours."""
+"""Side of the square whose median each moved pixel takes in the end, without regard to colours."""
 
 
 @dataclass(frozen=True)
