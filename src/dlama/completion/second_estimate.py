@@ -37,7 +37,7 @@ LARGEST = 2048
 """Longer side in px of the picture that is estimated: surfaces behind an object need no finer edges."""
 FEWEST = 200
 """Pixels that two estimates are fitted in, at least."""
-AGREES = 0.1
+AGREES = 0.15
 """Median relative difference of inverse depth in the ring, up to which the second estimate is taken."""
 LEAST = 1e-3
 """Inverse depth (1/m) below which a surface is not placed."""
