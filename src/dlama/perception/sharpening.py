@@ -21,8 +21,6 @@ from dlama.perception.kernels.edge_median import MOST, joint_median, take_most_a
 LARGEST = 1024
 """Longer side of the picture, in pixels, in which edges are moved. In a larger one each pixel then takes, of the values found
 round it, the one with the most similar colour."""
-MEDIAN_PX = 5
-"""Side of the square whose median each moved pixel takes in the end, without regard to colours."""
 
 
 @dataclass(frozen=True)
@@ -41,11 +39,13 @@ class Sharpening:
     """Least slope of a ramp over the mean slope within 1.5 radii: ground is not steeper than its surroundings."""
     reach: float = 4.0
     """px round a ramp that are replaced, too."""
-    second_radius: float = 4.0
-    """Half the window of a second median, in which all vote: on a texture neighbours choose different depths in the first one,
-    and seen from elsewhere a surface is torn between them."""
-    second_color_sigma: float = 60.0
-    """As `color_sigma`, of the second median."""
+    further: int = 2
+    """Further medians, in which moved pixels vote, too: on a texture neighbours choose different depths in the first one, and
+    seen from elsewhere a surface is torn between them."""
+    further_radius: float = 4.0
+    """Half the window of these."""
+    further_color_sigma: float = 60.0
+    """As `color_sigma`, of these."""
 
 
 def sharpen_depth(
@@ -66,9 +66,10 @@ def sharpen_depth(
         return values
     smooth = cv2.GaussianBlur(color, (0, 0), 0.7).astype(np.float32)
     out = _median(values, blurred, ~ramp, smooth, how.radius * size, how.color_sigma, how.space_sigma * size)
-    radius = how.second_radius * size
-    out = _median(out, blurred, np.ones_like(blurred), smooth, radius, how.second_color_sigma, radius / 1.5)
-    return np.where(blurred, cv2.medianBlur(out, MEDIAN_PX), out)
+    radius, all_vote = how.further_radius * size, np.ones_like(blurred)
+    for _ in range(how.further):
+        out = _median(out, blurred, all_vote, smooth, radius, how.further_color_sigma, radius / 1.5)
+    return out
 
 
 def _median(
