@@ -16,7 +16,7 @@ from box_frame import CAMERA, WORLD
 from dlama.errors import DepthError, FileError, InputError, ShapeError
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import Origin
-from dlama.geometry.drawing import picture_edges
+from dlama.geometry.drawing import grid_mesh
 from dlama.geometry.rgbd import RGBD, UInt8Array
 from dlama.models.records import CATALOGUE
 from dlama.perception.depth_networks import DepthPrediction
@@ -53,7 +53,7 @@ def quiet(color: UInt8Array, camera: Camera | None = CAMERA, **options: Any) -> 
 @pytest.fixture
 def no_halo(monkeypatch: pytest.MonkeyPatch) -> None:
     """Estimated depth is drawn as measured depth is, halos behind its edges as well."""
-    monkeypatch.setattr(picture_edges, "behind_edges", lambda view: np.zeros(view.hole.shape, np.bool_))
+    monkeypatch.setattr(grid_mesh, "behind_edges", lambda view: np.zeros(view.hole.shape, np.bool_))
 
 
 @pytest.mark.usefixtures("no_halo")

@@ -7,7 +7,8 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from dlama.geometry.camera import Camera
-from dlama.geometry.drawing.picture_edges import align_edges, edge_ratio
+from dlama.geometry.codes import Origin
+from dlama.geometry.drawing.picture_edges import align_edges, behind_edges, edge_ratio
 from dlama.geometry.kernels import depth_edges as edges
 from dlama.geometry.kernels.jit import as_input, in_bands
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, paste
@@ -52,6 +53,8 @@ def remove_flying_pixels(view: View, step: float = 0.0) -> tuple[Float32Array, B
     """Depth without holes and flying pixels (0), its edges aligned with the picture; the flying pixels; and inverse depth with
     a margin, for `depth_edges`. step: in inverse depth (1/m), up to which neighbours are one surface at least."""
     placed, mixed, _ = align_edges(view)
+    if Origin.ESTIMATED in view.origins:
+        mixed = mixed | behind_edges(view)
     unknown = view.hole | mixed
     w = edges.inverse_with_margin(placed, unknown)
     depth, fly = np.empty_like(placed), np.empty_like(view.hole)

@@ -87,7 +87,7 @@ class AlignedDepth(NamedTuple):
     depth: Float32Array
     """H x W metres; pixels near misaligned edges have the depth of the surface of their colour."""
     mixed: BoolArray
-    """H x W, True behind an edge where the colour is mixed with the occluder's, or may be (`behind_edges`)."""
+    """H x W, True behind an edge where the colour is mixed with the occluder's."""
     misaligned: BoolArray
     """H x W, True within the reach of misaligned edges; all False where edges are aligned."""
 
@@ -98,7 +98,7 @@ def align_edges(view: View) -> AlignedDepth:
     reach = edge_uncertainty(view)
     if not reach:
         none = np.zeros(view.hole.shape, np.bool_)
-        return AlignedDepth(view.depth, behind_edges(view) if Origin.ESTIMATED in view.origins else none, none)
+        return AlignedDepth(view.depth, none, none)
     grid = MapGrid.of(view.depth)
     depth, known = grid.sample_map(view.depth), grid.sample_map(view.valid)
     ratio = edge_ratio(view.camera, grid.columns.pixel)
