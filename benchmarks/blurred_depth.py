@@ -1,8 +1,8 @@
 """Views from true depth that is blurred as an estimate is, and sharpened: what edges of estimated depth cost, without its errors.
 
-    python benchmarks/blurred_depth.py run ../shared -o now.jsonl [--split tune]
-    python benchmarks/blurred_depth.py compare before.jsonl now.jsonl
+    python benchmarks/blurred_depth.py ../shared -o now.jsonl [--split tune] [--against before.jsonl]
 
+`--against` prints the change of each measure from the figures of an earlier run, in % as `bench.py compare` does.
 Streets of the split and 24 procedural worlds. An estimate that is off everywhere moves all pixels of a view, and no measure
 then sees a torn edge; here only edges are wrong. `torn`: pixels of the sharpened depth that differ from three neighbours of four.
 """
@@ -36,6 +36,7 @@ COARSE = 80
 WORLDS = {"tune": 1400, "validate": 2400}
 """First number of the worlds of a split."""
 FAR_M = 5000.0
+METHOD = Method("dlama", "auto")
 MEASURES = (
     "torn", "band depth", "whole lpips", "whole mse", "seen lpips", "seen mse", "unseen lpips", "unseen mse",
 )  # fmt: skip
@@ -66,7 +67,7 @@ def measure(truth: Truth) -> dict[str, float]:
     reference = target_reference(truth, SETTINGS)
     shown = reference.within(np.ones(truth.target.color.shape[:2], np.bool_))
     source, blurred, sharp = sharpened(truth.source)
-    view = run_method(Method("dlama", "auto"), source, truth.target.camera, None).view()
+    view = run_method(METHOD, source, truth.target.camera, None).view()
     mine = np.where(shown[..., None], view.color, reference.color)
     squared, distance = mse_map(reference.color, mine), lpips_map(reference.color, mine, shown)
     w = inverse_depth(truth.source.depth)
@@ -82,38 +83,31 @@ def measure(truth: Truth) -> dict[str, float]:
     return found | {"whole lpips": float(distance[shown].mean()), "whole mse": float(squared[shown].mean())}
 
 
-def run(asked: argparse.Namespace) -> None:
-    with asked.output.open("a", encoding="utf-8") as stream:
-        for case in cases(asked.split, asked.shared):
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")
-                found = measure(dataclasses.replace(case.load(), exposure_varies=False))
-            row = {"case": case.name, "domain": case.domain, "method": "dlama/auto", "measures": found}
-            stream.write(json.dumps(row) + "\n")
-            stream.flush()
-
-
-def compare(asked: argparse.Namespace) -> None:
-    (before, domains), (now, _) = table_of(rows_of(asked.before)), table_of(rows_of(asked.now))
-    base, mine = before["dlama/auto"], now["dlama/auto"]
+def compare(before: Path, now: Path) -> None:
+    """Print the change of each measure, from one file to the other."""
+    (base, domains), (mine, _) = (table_of(rows_of(path)) for path in (before, now))
     for name in MEASURES:
-        print(f"{name:14} {change_in_words(paired(base, mine, name, [one for one in mine if one in base], domains))}")
+        pairs = paired(base[METHOD.label], mine[METHOD.label], name, list(mine[METHOD.label]), domains)
+        print(f"{name:14} {change_in_words(pairs)}")
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    verbs = parser.add_subparsers(required=True)
-    runs = verbs.add_parser("run")
-    runs.add_argument("shared", type=Path)
-    runs.add_argument("-o", "--output", type=Path, required=True)
-    runs.add_argument("--split", choices=tuple(WORLDS), default="tune")
-    runs.set_defaults(call=run)
-    compares = verbs.add_parser("compare")
-    compares.add_argument("before", type=Path)
-    compares.add_argument("now", type=Path)
-    compares.set_defaults(call=compare)
+    parser.add_argument("shared", type=Path)
+    parser.add_argument("-o", "--output", type=Path, required=True)
+    parser.add_argument("--split", choices=tuple(WORLDS), default="tune")
+    parser.add_argument("--against", type=Path, help="output of an earlier run on the same split")
     asked = parser.parse_args()
-    asked.call(asked)
+    with asked.output.open("w", encoding="utf-8") as stream:
+        for case in cases(asked.split, asked.shared):
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                found = measure(dataclasses.replace(case.load(), exposure_varies=False))
+            row = {"case": case.name, "domain": case.domain, "method": METHOD.label, "measures": found}
+            stream.write(json.dumps(row) + "\n")
+            stream.flush()
+    if asked.against:
+        compare(asked.against, asked.output)
 
 
 if __name__ == "__main__":
