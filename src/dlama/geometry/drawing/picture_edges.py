@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import Origin
 from dlama.geometry.drawing.map_grid import MapGrid
-from dlama.geometry.holes import fill_with_nearest, nearest_along_colors
+from dlama.geometry.holes import dilate_square, fill_with_nearest, nearest_along_colors, square
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.kernels.picture_edges import ROOM, find_mixed, fit_planes
 from dlama.geometry.once import once
@@ -114,7 +114,7 @@ def behind_edges(view: View) -> BoolArray:
     """H x W, True at valid pixels within BEHIND px behind a depth edge."""
     reach = max(1, round(BEHIND * max(view.hole.shape) / OF))
     w = inverse_depth(np.where(view.valid, view.depth, np.float32(0)))
-    nearest = np.asarray(cv2.dilate(w, np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)), np.float32)
+    nearest = np.asarray(cv2.dilate(w, square(2 * reach + 1)), np.float32)
     return view.valid & (nearest - w > 2 * JUMP * nearest) & near_jumps(w, reach)
 
 
@@ -177,14 +177,12 @@ def edge_ratio(camera: Camera, pixels: float = 1.0) -> float:
 
 def near_jumps(w: Float32Array, reach: int) -> BoolArray:
     """H x W, True within `reach` px of a jump of inverse depth (H x W, known everywhere)."""
-    square = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
-    return np.asarray(cv2.dilate(jumps(w).astype(np.uint8), square) > 0)
+    return dilate_square(jumps(w), 2 * reach + 1)
 
 
 def jumps(w: Float32Array) -> BoolArray:
     """H x W, True where inverse depth (H x W, known everywhere) jumps to a neighbour."""
-    around = np.ones((3, 3), np.uint8)
-    high, low = cv2.dilate(w, around), cv2.erode(w, around)
+    high, low = cv2.dilate(w, square(3)), cv2.erode(w, square(3))
     return np.asarray(high - low > JUMP * high)
 
 
