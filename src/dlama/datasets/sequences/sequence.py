@@ -114,9 +114,7 @@ def sequence(
     kept = [names[number] for number in given.numbers]
     cameras = cameras_for(views, given)
     check_memory([given.frames[0].camera] * (2 * MOST_FRAMES))
-    first = given.frames[0].load().depth
-    if first.any():
-        warn_of_scale(first)
+    warn_of_first_frame(given)
     numbered = masks_by_number(masks or {}, names, damaged)
     plan, start, _ = plan_for(given, options, numbered or None)
     steps = steps_for(plan, start, kept, cameras)
@@ -142,6 +140,13 @@ def sequence(
         draft.write_text(as_json(meta), encoding="utf-8")
     state.end()
     return meta
+
+
+def warn_of_first_frame(scene: Scene) -> None:
+    """Warn of depth that can hardly be metres; a frame without any is no fault."""
+    depth = scene.frames[0].load().depth
+    if depth.any():
+        warn_of_scale(depth)
 
 
 def settings_of(plan: Plan, model: str | Path | None, recipe: str, seed: int) -> dict[str, Any]:
