@@ -256,6 +256,7 @@ SEQUENCE = {
     "recipe": Reach("--recipe paper", "sequence.recipe", "paper"),
     "dilate": Reach("--dilate 5", "sequence.dilate", 5),
     "seed": Reach("--seed 9", "sequence.seed", 9),
+    "min_confidence": Reach("--min-confidence 0.5", "sequence.min_confidence", 0.5),
 }
 VIDEO = {
     "source": instead("other", "read_scene_of.dataset", Path("other"), "scene.npz"),

@@ -134,6 +134,35 @@ def test_a_killed_run_goes_on(room: Path, tmp_path: Path, monkeypatch: pytest.Mo
     assert dlama.sequence(room, tmp_path / "other", seed=1)["views_from_earlier_run"] == 0
 
 
+def test_what_is_less_sure_stays_open(room: Path, tmp_path: Path) -> None:
+    """Law: open in pictures, depth and the scene exactly where a fill had less confidence; all else keeps its bits."""
+    views = {"left": moved(LENS, (0, 0, 0), (-0.6, 0, 0)), "right": moved(LENS, (0, 10, 0), (0.5, 0, 0))}
+    options: dict[str, Any] = {"frames": "1:2", "views": views, "only": ["scene"]}
+    dlama.sequence(room, tmp_path / "whole", **options)
+    least = 0.75
+    meta = dlama.sequence(room, tmp_path / "out", min_confidence=least, **options)
+    whole, kept = (dlama.read_scene(tmp_path / name / "scene.npz") for name in ("whole", "out"))
+    for before, after in zip(whole.fills, kept.fills, strict=True):
+        before, after = before.load(), after.load()
+        unsure = before.valid & (before.confidence < least)
+        np.testing.assert_array_equal(after.hole, before.hole | unsure)
+        np.testing.assert_array_equal(after.depth, np.where(unsure, 0, before.depth))
+    opened = 0
+    for name, left_open in meta["left_open_share"].items():
+        images, depths, holes, origins = (
+            [np.array(Image.open(tmp_path / run / kind / f"{name}.png")) for run in ("whole", "out")]
+            for kind in ("images", "depth", "hole", "origin")
+        )
+        now_open = (origins[0] >= Origin.DEPTH_FILLED) & (depths[1] == 0)
+        assert left_open == round(float(now_open.mean()), 6)
+        assert not images[1][now_open & (origins[1] == Origin.UNKNOWN)].any()
+        np.testing.assert_array_equal(holes[0], holes[1])
+        for first, second in (images, depths):
+            np.testing.assert_array_equal(first[~now_open], second[~now_open])
+        opened += int(now_open.sum())
+    assert opened > 100 and meta["min_confidence"] == least
+
+
 def test_views_of_a_path_and_of_a_file(room: Path, tmp_path: Path) -> None:
     """A list of cameras with names; a path by name (oracle: the true depth)."""
     camera = moved(LENS, (0, 1, 0), (0.05, 0.02, 0))

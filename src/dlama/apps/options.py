@@ -244,7 +244,7 @@ class Method(LibraryOptions):
     """How the scene is completed."""
 
 
-@options_as_fields("filler", "model", "recipe", "dilate", "seed")
+@options_as_fields("filler", "model", "recipe", "dilate", "seed", "min_confidence")
 class SequenceMethod(LibraryOptions):
     """How a sequence is completed."""
 

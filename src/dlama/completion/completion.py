@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, TypeVar
 
 from dlama.completion.recipes import check_confidence
@@ -13,7 +13,7 @@ from dlama.geometry.codes import from_filler
 from dlama.geometry.figures.false_color import depth_limits, depth_picture, hole_picture
 from dlama.geometry.figures.html import Figured, Panel
 from dlama.geometry.figures.show import show_html
-from dlama.geometry.frames.stored import Layer
+from dlama.geometry.frames.stored import Layer, StoredView
 from dlama.geometry.fusion import scene_cloud, scene_mesh
 from dlama.geometry.rgbd import Float32Array, UInt8Array
 from dlama.geometry.scene import Scene
@@ -89,13 +89,9 @@ class Completion(Figured):
         if check_confidence(min_confidence) == 0:
             return self
         views = tuple(above_confidence(view, min_confidence) for view in self.views)
-        frames, fills = (
-            tuple(layer_above(layer, min_confidence) for layer in layers)
-            for layers in (self.scene.frames, self.scene.fills)
-        )
         opened = [float((new.hole & ~old.hole).mean()) for new, old in zip(views, self.views)]
         meta = self.meta | {"min_confidence": min_confidence, "left_open_share": [round(share, 6) for share in opened]}
-        return replace(self, views=views, scene=replace(self.scene, frames=frames, fills=fills), meta=meta)
+        return replace(self, views=views, scene=scene_above(self.scene, min_confidence), meta=meta)
 
     @cached_property
     def completed(self) -> PointCloud:
@@ -125,6 +121,16 @@ class StereoCompletion(Completion):
     """How well the two completed views agree, over the whole picture."""
 
 
+def scene_above(scene: Scene, min_confidence: float) -> Scene:
+    """The scene with filled pixels below that confidence left open, in frames and fills."""
+    if min_confidence == 0:
+        return scene
+    frames, fills = (
+        tuple(layer_above(layer, min_confidence) for layer in layers) for layers in (scene.frames, scene.fills)
+    )
+    return replace(scene, frames=frames, fills=fills)
+
+
 def above_confidence(view: View, min_confidence: float) -> View:
     """The view with filled pixels below that confidence left open."""
     filled = from_filler(view.origin) & ~view.hole
@@ -133,7 +139,15 @@ def above_confidence(view: View, min_confidence: float) -> View:
 
 
 def layer_above(layer: Layer, min_confidence: float) -> Layer:
-    """The same of a layer of a scene: itself where it has no such pixel."""
+    """The same of a layer of a scene: itself where it has no such pixel; a stored one is read when it is needed."""
     view = layer.load()
     kept = above_confidence(view, min_confidence)
-    return layer if kept is view else kept
+    if kept is view:
+        return layer
+    if isinstance(layer, StoredView):
+        return StoredView(layer.camera, partial(_load_above, layer, min_confidence), layer.cache, kept)
+    return kept
+
+
+def _load_above(stored: StoredView, min_confidence: float) -> View:
+    return above_confidence(stored.load(), min_confidence)

@@ -122,7 +122,7 @@ def write_view(folder: Path, name: str, view: View) -> None:
     frame = np.zeros(view.hole.shape, np.uint16) if view.frame is None else view.frame
     write_color(folder / "images" / f"{name}.png", view.color)
     write_depth_png(folder / "depth" / f"{name}.png", view.depth)
-    write_mask(folder / "hole" / f"{name}.png", view.filled)
+    write_mask(folder / "hole" / f"{name}.png", view.filled | view.color_hole)
     write_codes(folder / "origin" / f"{name}.png", view.origin, ORIGIN_PALETTE)
     save_picture(folder / "source" / f"{name}.png", Image.fromarray(frame * np.uint16(view.origin > 0)))
 

@@ -10,6 +10,7 @@ from typing import Any
 
 from dlama import __version__
 from dlama.arguments import check_arguments
+from dlama.completion.completion import above_confidence, scene_above
 from dlama.completion.memory import check_memory
 from dlama.completion.options import Options
 from dlama.completion.plausible import warn_of_scale
@@ -46,6 +47,8 @@ class StepResults:
     """View -> share of its pixels that were filled, in colour and depth."""
     depth_filled: dict[str, float] = field(default_factory=dict)
     """The same, in depth alone: their colours were measured, and no frame had a depth."""
+    left_open: dict[str, float] = field(default_factory=dict)
+    """View -> share of its pixels that are open, filled with too little confidence."""
     reused: int = 0
     """Steps that an earlier run had done."""
 
@@ -55,6 +58,7 @@ class StepResults:
         return {
             "filled_share": {name: self.filled[name] for name in order},
             "depth_filled_share": {name: self.depth_filled[name] for name in order},
+            "left_open_share": {name: self.left_open[name] for name in order},
         }
 
 
@@ -75,6 +79,7 @@ def sequence(
     recipe: str = "dlama",
     dilate: int | None = None,
     seed: int = 0,
+    min_confidence: float = 0.0,
     only: Sequence[str] | None = None,
     also: Sequence[str] = (),
     align: bool = False,
@@ -82,11 +87,11 @@ def sequence(
 ) -> dict[str, Any]:
     """Complete a data set of posed frames: what one frame lacks comes from the others, only the rest is filled, once.
 
-    Writes a data set in nerfstudio's layout: transforms.json, images/, depth/ (mm), hole/ (255 = filled), origin/, source/ (the
-    frame each pixel comes from); scene.glb, meta.json, sparse/0 (a COLMAP model as text), and a video of the views; scene.npz
-    and scene.ply where they are asked for. A killed run resumes at the frame it was at. A frame that cannot be read, comes
-    twice or contradicts all others is warned of and left out. Pixels are read when they are needed: memory hardly grows with
-    the number of frames.
+    Writes a data set in nerfstudio's layout: transforms.json, images/, depth/ (mm), hole/ (255 = filled or open), origin/,
+    source/ (the frame each pixel comes from); scene.glb, meta.json, sparse/0 (a COLMAP model as text), a video of the views;
+    and scene.npz and scene.ply where they are asked for. A killed run resumes at the frame it was at. A frame that cannot be
+    read, comes twice or contradicts all others is warned of and left out. Pixels are read when they are needed: memory hardly
+    grows with the number of frames.
 
     Args:
         dataset: The folder of posed frames, in any layout that `dlama evaluate` reads; or a scene.npz.
@@ -96,7 +101,7 @@ def sequence(
         views: "frames": at the frames' own cameras; "orbit", "spiral" or "dolly": a path of 24 cameras from the middle frame; a
             JSON file with a list of cameras; or cameras by name.
         layout, scene, camera, depth_range: Of the data set, as in `dlama evaluate`; `scene` of several.
-        filler, model, recipe, dilate, seed: As in `complete`.
+        filler, model, recipe, dilate, seed, min_confidence: As in `complete`.
         only: What of scene, points, mesh, colmap and video is written next to the views; None: mesh, colmap and video.
         also: More of them. "scene" is the file that `dlama view` and `dlama video` read.
         align: Poses are made to agree with the pictures first, where they do not; the results then have the new poses.
@@ -108,7 +113,9 @@ def sequence(
     """
     check_arguments(sequence, locals())
     started, target, chosen = time.perf_counter(), Path(output), check_results(only, also)
-    options = Options(filler=filler, model=model, recipe=recipe, dilate=dilate, seed=seed)
+    options = Options(
+        filler=filler, model=model, recipe=recipe, dilate=dilate, seed=seed, min_confidence=min_confidence
+    )
     clip = options.settings.clip
     names, given, damaged = read_scene_of(dataset, frames, layout, scene, camera, depth_range, clip, align)
     kept = [names[number] for number in given.numbers]
@@ -118,10 +125,10 @@ def sequence(
     numbered = masks_by_number(masks or {}, names, damaged)
     plan, start, _ = plan_for(given, options, numbered or None)
     steps = steps_for(plan, start, kept, cameras)
-    settings = settings_of(plan, model, recipe, seed)
+    settings = settings_of(plan, options)
     views_by_name = {"views": [(step.name, step.shown) for step in steps]}
     state = SequenceState(target, settings | views_by_name, start, __version__)
-    done = complete_steps(plan, start, steps, state, target, progress)
+    done = complete_steps(plan, start, steps, state, target, progress, min_confidence)
     ordered = cameras or {name: frame.camera for name, frame in zip(kept, given.frames)}
     meta = {
         "dlama": __version__,
@@ -149,14 +156,15 @@ def warn_of_first_frame(scene: Scene) -> None:
         warn_of_scale(depth)
 
 
-def settings_of(plan: Plan, model: str | Path | None, recipe: str, seed: int) -> dict[str, Any]:
+def settings_of(plan: Plan, options: Options) -> dict[str, Any]:
     """What views are completed by, for meta.json and for a run that resumes."""
     return {
         "filler": plan.filler,
-        "model": None if model is None else str(model),
-        "recipe": recipe,
+        "model": None if options.model is None else str(options.model),
+        "recipe": options.recipe,
         "dilate": plan.recipe.dilate,
-        "seed": seed,
+        "seed": options.seed,
+        "min_confidence": options.min_confidence,
     }
 
 
@@ -204,8 +212,13 @@ def complete_steps(
     state: SequenceState,
     target: Path,
     progress: Progress | None,
+    min_confidence: float,
 ) -> StepResults:
-    """The steps one after the other, each kept as soon as it is done, and its view written into `target`. Raises OutputError."""
+    """The steps one after the other, each kept as soon as it is done, and its view written into `target`. Raises OutputError.
+
+    Fills below `min_confidence` are left out of what is written and of the scene; while the steps last they are in it, so
+    that every surface is filled once.
+    """
     resumed = state.begin()
     for folder in FOLDERS:
         (target / folder).mkdir(exist_ok=True)
@@ -217,14 +230,17 @@ def complete_steps(
             found, larger = complete_step(plan, done.scene, step)
             added = StepChange.by(step, found.view, done.scene, larger)
             if step.shown:
-                write_view(target, step.name, added.view)
+                write_view(target, step.name, above_confidence(added.view, min_confidence))
             added = state.keep(number, added)
         done.scene, done.reused = added.to(done.scene, step), done.reused + earlier
         if step.shown:
-            done.filled[step.name] = share(added.view.filled)
-            done.depth_filled[step.name] = share(added.view.origin == Origin.DEPTH_FILLED.value)
+            shown = above_confidence(added.view, min_confidence)
+            done.filled[step.name] = share(shown.filled)
+            done.depth_filled[step.name] = share(shown.origin == Origin.DEPTH_FILLED.value)
+            done.left_open[step.name] = share(shown.hole)
         if progress is not None:
             progress(number + 1, len(steps), step.name if step.shown else f"{step.name} (on the way)", earlier)
+    done.scene = scene_above(done.scene, min_confidence)
     return done
 
 
