@@ -52,6 +52,7 @@ def test_pairs(seed: int) -> None:
     assert checks(left, turned) == ["unrectified-pair"]
     assert checks(left, right[:, ::-1]) == checks(left[:, ::-1], right) == ["mirrored-pair"]
     assert checks(left, right[::-1, ::-1]) == ["turned-pair"]
+    assert checks(left, np.ascontiguousarray(right[..., ::-1])) == ["channels-pair"]
 
 
 def test_rows_that_are_off_are_counted() -> None:

@@ -49,6 +49,17 @@ def test_swapped_pictures() -> None:
     assert "swapped" in str(find_pair_fault(right, left, KNOWN))
 
 
+def test_exchanged_channels() -> None:
+    """Oracle: the corruption, red and blue of either picture; another white balance and grey pictures raise no doubt."""
+    left, right = demo()
+    assert "BGR read as RGB" in str(find_pair_fault(left, right[..., ::-1], KNOWN))
+    assert "BGR read as RGB" in str(find_pair_fault(left[..., ::-1], right, KNOWN))
+    warm = np.clip(right * np.array([1.2, 1, 0.7]), 0, 255).astype(np.uint8)
+    assert find_pair_fault(left, warm, KNOWN) is None
+    grey = [np.repeat(each[..., 1:2], 3, 2) for each in (left, right)]
+    assert find_pair_fault(*grey, KNOWN) is None
+
+
 @pytest.mark.parametrize("corrupt", [lambda p: np.roll(p, 3, 0), lambda p: turned(p, 1), lambda p: turned(p, -0.7)])
 def test_rows_that_do_not_match(corrupt) -> None:
     """Oracle: the corruption; a shift of 3 px and turns of about a degree."""

@@ -1,5 +1,5 @@
-"""Two pictures of a supposed rectified pair in; whether they are swapped, mirrored, turned, identical, unrectified or
-unrelated, and their exposure, out."""
+"""Two pictures of a supposed rectified pair in; whether they are swapped, mirrored, turned, identical, unrectified,
+unrelated or of exchanged channels, and their exposure, out."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ MENDS = {
     "mirrored": "flip it back (some front cameras mirror what they record)",
     "turned": "turn it back",
     "swapped": "give them the other way round",
+    "channels": "exchange its red and blue: cv2.cvtColor(picture, cv2.COLOR_BGR2RGB)",
 }
 
 

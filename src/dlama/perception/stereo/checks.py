@@ -1,12 +1,12 @@
 """Two pictures of a supposed rectified pair in; the fault, in one line, out.
 
-They may be swapped, mirrored, turned, identical, not rectified, or of different scenes.
+They may be swapped, mirrored, turned, identical, not rectified, of exchanged channels, or of different scenes.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
@@ -36,6 +36,9 @@ ROW_OFFSET_PX = (0.8, 1.5)
 """Median and upper quartile of vertical offsets above which rows do not match; of rectified pairs they are 0 and 0.4 at most."""
 SHARED, SWAPPED = 0.5, 0.4
 """Shares of matched corners: fewer within SAME_ROW are chance, more with negative disparity are a swapped pair."""
+COLORED, EXCHANGED = 4.0, -0.7
+"""Least standard deviation of red minus blue, levels, and its correlation in pairs with exchanged channels (they have -0.9 or
+less, others 0.9 or more)."""
 AGREEING = 0.1
 """Share of pixels with a disparity below which matching has failed."""
 
@@ -52,6 +55,8 @@ class Corners:
     """Corners in the picture that has fewer."""
     mirrored: int = 0
     """How many match where the right picture is flipped left to right; 0 where many match as it is."""
+    warmth: Float64Array = field(default_factory=lambda: np.zeros((0, 2)))
+    """N x 2 levels, red minus blue around each, in the left and in the right picture."""
 
 
 Described = tuple[Sequence[cv2.KeyPoint], UInt8Array]
@@ -75,7 +80,16 @@ def match_corners(left: UInt8Array, right: UInt8Array) -> Corners:
     if len(matched) < FEW * found:
         flipped = describe_corners(finder, right[:, ::-1])
         mirrored = len(match_described(here, flipped)) if len(flipped[0]) >= 2 else 0
-    return Corners(np.array(offsets, np.float64).reshape(-1, 2), np.array(turns, np.float64), found, mirrored)
+    warmth = [warmth_at(left, [one for one, _ in matched]), warmth_at(right, [other for _, other in matched])]
+    offsets_px = np.array(offsets, np.float64).reshape(-1, 2)
+    return Corners(offsets_px, np.array(turns, np.float64), found, mirrored, np.stack(warmth, 1))
+
+
+def warmth_at(picture: UInt8Array, corners: Sequence[cv2.KeyPoint]) -> Float64Array:
+    """N levels, red minus blue around corners of a picture (H x W x 3, RGB)."""
+    x, y = np.array([corner.pt for corner in corners]).reshape(-1, 2).astype(int).T
+    colors = cv2.blur(picture, (5, 5))[y, x].astype(np.float64)
+    return np.asarray(colors[:, 0] - colors[:, 2])
 
 
 def describe_corners(finder: cv2.ORB, picture: UInt8Array) -> Described:
@@ -113,8 +127,8 @@ def find_pair_fault(left: UInt8Array, right: UInt8Array, left_disparity: Float32
 
 
 def diagnose_corners(corners: Corners, height: int, doffs: float = 0.0) -> tuple[str, str] | None:
-    """Fault of pictures `height` px high by their corners: "mirrored", "turned", "unrelated", "identical", "unrectified" or
-    "swapped", and a line about it; None: none.
+    """Fault of pictures `height` px high by their corners: "mirrored", "turned", "unrelated", "identical", "unrectified",
+    "swapped" or "channels", and a line about it; None: none.
 
     doffs: px, the negated disparity of a point at infinity (`StereoRig.doffs`).
     """
@@ -145,6 +159,11 @@ def diagnose_corners(corners: Corners, height: int, doffs: float = 0.0) -> tuple
         return "swapped", (
             f"{(across < -1).mean():.0%} of the corners lie farther to the right in the right picture; are left and right "
             "swapped?"
+        )
+    warmth = corners.warmth[near]
+    if (warmth.std(0) > COLORED).all() and np.asarray(np.corrcoef(warmth.T))[0, 1] < EXCHANGED:
+        return "channels", (
+            "what is red in one picture is blue in the other one: the channels of one are the other way round (BGR read as RGB)"
         )
     return None
 
