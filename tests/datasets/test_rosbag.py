@@ -212,9 +212,9 @@ def test_what_cannot_be_read_of_a_bag_is_named(tmp_path: Path) -> None:
     """One line each: an encoding, a camera that was not calibrated, depth that comes too late."""
     color = truth()[0].color
     with pytest.raises(
-        FileError, match=r"of pictures it has /c/depth_rect; /c/image_raw has the encoding bayer_rggb8, which"
+        FileError, match=r"of pictures it has /c/depth_rect; /c/image_raw has the encoding bayer_rggb16, which"
     ):
-        open_frames(small_bag(tmp_path / "a.bag", "/c", color[..., 0].copy(), "bayer_rggb8"))
+        open_frames(small_bag(tmp_path / "a.bag", "/c", color[..., 0].astype(np.uint16), "bayer_rggb16"))
     with pytest.raises(FileError, match=r"1 without depth within 0.02 s"):
         open_frames(small_bag(tmp_path / "b.bag", "/c", color, "rgb8", late=0.03))
     with Writer(tmp_path / "c.bag", "ros1") as bag:
@@ -223,6 +223,37 @@ def test_what_cannot_be_read_of_a_bag_is_named(tmp_path: Path) -> None:
         bag.image("/c/depth", OPTICAL, 1.0, truth()[0].depth, "32FC1")
     with pytest.raises(CameraError, match=r"K is zero everywhere: the camera was not calibrated"):
         open_frames(tmp_path / "c.bag")
+
+
+@pytest.mark.parametrize("encoding", ["bayer_rggb8", "bayer_bggr8", "bayer_gbrg8", "bayer_grbg8"])
+def test_pictures_as_a_colour_sensor_sees_them(tmp_path: Path, encoding: str) -> None:
+    """Closed form: any interpolation of a mosaic gives back one colour all over; a step of brightness stays where it is."""
+    picture = np.full((72, 96, 3), (200, 120, 40), np.uint8)
+    picture[:, 48:] //= 2
+    channel = np.array(["rgb".index(letter) for letter in encoding[6:10]]).reshape(2, 2)
+    mosaic = np.take_along_axis(picture, np.tile(channel, (36, 48))[..., None], 2)[..., 0]
+    (frame,) = open_frames(small_bag(tmp_path / "a.bag", "/c", mosaic, encoding))
+    read = frame.load().color
+    away = np.abs(np.arange(96) - 47.5) > 3
+    np.testing.assert_array_equal(read[2:-2, away], picture[2:-2, away])
+
+
+def test_a_grey_picture_in_place_of_one_that_is_not_read(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """One line: the colour topic's encoding is unknown, so that the infrared camera's picture is taken; depth has 64 bits."""
+    color, depth = truth()[0].color, truth()[0].depth
+    with Writer(tmp_path / "a.bag", "ros1") as bag:
+        for topic, values, encoding in (
+            ("/c/image_raw", color.astype(np.uint16), "rgb16"),
+            ("/c/ir/image_raw", color[..., 0].copy(), "mono8"),
+            ("/c/depth", depth.astype(np.float64), "64FC1"),
+        ):
+            bag.info(f"{topic.rsplit('/', 1)[0]}/camera_info", OPTICAL, LENS)
+            bag.image(topic, OPTICAL, 1.0, values, encoding)
+    (frame,) = open_frames(tmp_path / "a.bag")
+    assert (
+        "/c/ir/image_raw, which is grey, is taken for the picture; /c/image_raw has the encoding rgb16" in caplog.text
+    )
+    np.testing.assert_array_equal(frame.load().depth, depth)
 
 
 def test_float_depth_in_millimetres_is_warned_of(tmp_path: Path) -> None:

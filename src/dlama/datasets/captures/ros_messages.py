@@ -1,7 +1,7 @@
 """Messages of ROS 1 and 2 in; pictures, depth, intrinsics and poses out. The messages are objects with the fields of their types.
 
-sensor_msgs/Image, CompressedImage and CameraInfo; depth as of REP 118 (16UC1: millimetres, 0 missing; 32FC1: metres, NaN
-missing), also packed by compressed_depth_image_transport (12 bytes: a kind and two numbers a, b; of 32FC1 depth = a / (code -
+sensor_msgs/Image, CompressedImage and CameraInfo; depth as of REP 118 (16UC1: millimetres, 0 missing; 32FC1, 64FC1: metres,
+NaN missing), also packed by compressed_depth_image_transport (12 bytes: a kind and two numbers a, b; of 32FC1 depth = a / (code -
 b), 0 missing). Camera frames have OpenCV's axes ("optical", REP 103); transforms are those of tf2_msgs/TFMessage.
 """
 
@@ -25,7 +25,10 @@ CHANNELS = {"rgb8": "RGB", "bgr8": "BGR", "rgba8": "RGBA", "bgra8": "BGRA", "8UC
 """Encodings of colour pictures -> their channels in order (sensor_msgs/image_encodings.hpp)."""
 PACKED = {"yuv422": cv2.COLOR_YUV2RGB_UYVY, "yuv422_yuy2": cv2.COLOR_YUV2RGB_YUY2, "YUYV": cv2.COLOR_YUV2RGB_YUY2}
 """Encodings of colour pictures of which two pixels share their chroma."""
-DEPTHS = {"16UC1": np.uint16, "mono16": np.uint16, "32FC1": np.float32}
+BAYER = {"bayer_rggb8": cv2.COLOR_BayerRGGB2RGB, "bayer_bggr8": cv2.COLOR_BayerBGGR2RGB,
+         "bayer_gbrg8": cv2.COLOR_BayerGBRG2RGB, "bayer_grbg8": cv2.COLOR_BayerGRBG2RGB}  # fmt: skip
+"""Encodings of colour pictures as the sensor sees them, one channel a pixel; named by the first two rows."""
+DEPTHS = {"16UC1": np.uint16, "mono16": np.uint16, "32FC1": np.float32, "64FC1": np.float64}
 """Encodings of depth."""
 MILLIMETRES = np.float32(1000)
 OPENCV_MODELS, OPENCV_TERMS = ("plumb_bob", "rational_polynomial"), (4, 5, 8, 12, 14)
@@ -70,7 +73,7 @@ def is_depth(message: Any) -> bool:
 def is_color(message: Any) -> bool:
     """Whether an Image or a CompressedImage holds a picture."""
     return (
-        message.encoding in {*CHANNELS, *PACKED}
+        message.encoding in {*CHANNELS, *PACKED, *BAYER}
         if hasattr(message, "encoding")
         else "compressedDepth" not in message.format
     )
@@ -82,6 +85,8 @@ def color_of(message: Any, where: str) -> UInt8Array:
         return np.asarray(picture_of_bytes(bytes(message.data), where).convert("RGB"))
     if message.encoding in PACKED:
         return np.asarray(cv2.cvtColor(_pixels(message, np.uint8, 2, where), PACKED[message.encoding]), np.uint8)
+    if message.encoding in BAYER:
+        return np.asarray(cv2.cvtColor(_pixels(message, np.uint8, 1, where), BAYER[message.encoding]), np.uint8)
     channels = CHANNELS[message.encoding]
     pixels = _pixels(message, np.uint8, len(channels), where)
     order = [channels.index(name) for name in "RGB"] if len(channels) > 1 else [0, 0, 0]

@@ -208,22 +208,24 @@ class Bag:
         """The colour and the depth topic: those of one camera frame first, then by name. FileError."""
         colors = [found for found, message in self.topics.values() if is_color(message) and not is_depth(message)]
         depths = [found for found, message in self.topics.values() if self._has_depth(found.name, message)]
+        unread = [f"{topic} has the encoding {code}, which is not read" for topic, code in self.unread.items()]
         if not colors or not depths:
-            found = ", ".join(sorted(self.topics)) or "none"
-            unread = "".join(
-                f"; {topic} has the encoding {code}, which is not read" for topic, code in self.unread.items()
-            )
-            raise FileError(f"{self.path}: a colour and a depth topic are expected; of pictures it has {found}{unread}")
+            found = "; ".join([", ".join(sorted(self.topics)) or "none", *unread])
+            raise FileError(f"{self.path}: a colour and a depth topic are expected; of pictures it has {found}")
         pairs = [(color, depth) for color in colors for depth in depths]
         color, depth = min(pairs, key=lambda pair: (pair[0].frame != pair[1].frame, *map(self._rank, pair)))
         if len(pairs) > 1:
             LOG.info("%s: %s and %s are taken of %d topics", self.path, color.name, depth.name, len(self.topics))
+        if unread and self._is_grey(color):
+            LOG.warning("%s: %s, which is grey, is taken for the picture; %s", self.path, color.name, "; ".join(unread))
         return color, depth
 
     def _rank(self, topic: Topic) -> tuple[bool, bool, int, str]:
         """Pictures in colour before infrared ones, those with a camera_info first, then those of which there are most."""
-        grey = getattr(self.topics[topic.name][1], "encoding", "") in ("mono8", "8UC1")
-        return grey or "infra" in topic.name, self._info(topic) is None, -len(topic.stamps), topic.name
+        return self._is_grey(topic), self._info(topic) is None, -len(topic.stamps), topic.name
+
+    def _is_grey(self, topic: Topic) -> bool:
+        return "infra" in topic.name or getattr(self.topics[topic.name][1], "encoding", "") in ("mono8", "8UC1")
 
     def _has_depth(self, topic: str, message: Any) -> bool:
         return is_depth(message) and not self._is_infrared(topic, message)
