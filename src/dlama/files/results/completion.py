@@ -102,7 +102,8 @@ def write(
     }
     make_room(main_view(completion).hole.size)
     with new_directory(target) as folder:
-        writers = chosen_writers(folder, completion, names, mask, inputs or {})
+        plates = {role: path for role, path in (inputs or {}).items() if "bits" in meta["inputs"][role]}
+        writers = chosen_writers(folder, completion, names, mask, plates)
         for file in writers:
             (folder / file).parent.mkdir(exist_ok=True)
         results = run_writers(writers)
@@ -186,12 +187,12 @@ def chosen_writers(
     completion: Completion,
     names: Sequence[str],
     mask: BoolArray | None,
-    inputs: Mapping[str, PathLike],
+    plates: Mapping[str, PathLike],
 ) -> dict[str, Writer]:
     """File -> what writes it, of the results in `names`; the longest first, so that both threads end together."""
     writers = scene_writers(folder, completion)
     for place, view in views_by_folder(completion).items():
-        plate = find_plate(completion, view, place, inputs) if "image" in names else None
+        plate = find_plate(completion, view, place, plates) if "image" in names else None
         writers |= view_writers(folder / place, view, place, choice_of(completion, view), plate)
     writers["preview.png"] = lambda: write_preview(folder / "preview.png", completion)
     if mask is not None:

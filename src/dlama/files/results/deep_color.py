@@ -8,7 +8,7 @@ import numpy as np
 
 from dlama.completion.completion import Completion, StereoCompletion
 from dlama.files.atomic_write import PathLike
-from dlama.files.rasters.images import has_16_bits, read_stored
+from dlama.files.rasters.images import read_stored
 from dlama.files.rasters.pictures import rgb_of
 from dlama.geometry.codes import Origin, from_source, has_code
 from dlama.geometry.rgbd import UInt16Array
@@ -18,15 +18,15 @@ TO_16_BITS = 257
 """255 becomes 65535; the high byte of the product is the number itself."""
 
 
-def find_plate(completion: Completion, view: View, place: str, inputs: Mapping[str, PathLike]) -> PathLike | None:
+def find_plate(completion: Completion, view: View, place: str, plates: Mapping[str, PathLike]) -> PathLike | None:
     """The input with 16 bits a channel that a view shows from its own camera; None: there is none.
 
-    place: the sub-folder that the view is written to.
+    place: the sub-folder that the view is written to; plates: role -> file of the inputs with 16 bits a channel.
     """
     pair = isinstance(completion, StereoCompletion)
     role = ("right" if place else "left") if pair else "image"
     own = pair or view.camera.same_view_as(completion.source.camera)
-    return inputs[role] if own and role in inputs and has_16_bits(inputs[role]) else None
+    return plates.get(role) if own else None
 
 
 def deep_color(view: View, plate: PathLike) -> UInt16Array | None:
