@@ -267,7 +267,9 @@ def test_files_of_a_result_given_as_a_picture_say_what_goes_where(tmp_path: Path
         with pytest.raises(FileError, match=f"HEIC picture, but {kind}: save it as PNG"):
             read_color(tmp_path / "picture.png")
     write_exr(tmp_path / "plate.exr", {name: np.ones((4, 4), np.float32) for name in "RGB"})
-    with pytest.raises(FileError, match=r"plate\.exr: is no readable .* picture, but OpenEXR: save it as PNG"):
+    with pytest.raises(
+        FileError, match=r"plate\.exr: is no readable .* picture, but OpenEXR: convert its linear light to sRGB"
+    ):
         read_color(tmp_path / "plate.exr")
     with pytest.raises(FileError, match="no such file; addresses are for `dlama batch` alone"):
         read_color("https:/somewhere/a.jpg")

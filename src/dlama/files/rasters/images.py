@@ -53,6 +53,8 @@ OTHER_PICTURES = {
     "SVG": rb"(<\?xml|<svg)",
 }
 """Kinds of pictures that are not read, and how their files begin."""
+LINEAR = ("OpenEXR", "Radiance HDR")
+"""Those of them whose numbers are proportional to light, which an ordinary picture's are not."""
 NO_RGB = ("CMYK", "YCbCr", "LAB", "HSV")
 """Pillow's modes of colours that become RGB when they are read."""
 SEVERAL = {"TIFF": "page", "WEBP": "frame"}
@@ -284,7 +286,8 @@ def _describe_file(file: Path) -> str:
         head = stream.read(12)
     found = next((kind for kind, begins in OTHER_PICTURES.items() if re.match(begins, head, re.DOTALL)), None)
     if found is not None:
-        return f", but {found}: save it as PNG"
+        linear = "convert its linear light to sRGB, and save it as 16-bit PNG"
+        return f", but {found}: {linear if found in LINEAR else 'save it as PNG'}"
     if head[:4] in TIFF_HEADS:
         return describe_tiff(file)
     suffix = file.suffix.lower()
