@@ -57,7 +57,7 @@ def test_png_there_and_back(tmp_path: Path) -> None:
     depth=hnp.arrays(
         np.float32,
         hnp.array_shapes(min_dims=2, max_dims=2, max_side=9),
-        elements=st.sampled_from([0, np.inf, 0.5, 3.25, 99]),
+        elements=st.sampled_from([0, np.inf, 0.5, 3.25, 40]),
     )
 )
 def test_exr_and_npy_there_and_back_exactly(tmp_path_factory: pytest.TempPathFactory, depth: np.ndarray) -> None:

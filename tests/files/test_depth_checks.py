@@ -8,6 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from PIL import Image
 
 from box_frame import CAMERA, WORLD, small_frame
 from dlama.datasets.diagnosis import diagnose
@@ -18,7 +19,7 @@ from dlama.files.rgbd import read_rgbd
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import Float32Array
 from dlama.worlds.dataset import world
-from worlds import Plane, World
+from worlds import Plane, Sphere, World
 
 STREET = World((Plane((0, 1.5, 0), (0, 1, 0)), Plane((0, 0, 9), (0, 0, 1)), Plane((-3, 0, 0), (1, 0, 0))))
 
@@ -39,6 +40,24 @@ def test_inverse_depth_is_warned_of(tmp_path: Path) -> None:
         read_depth(tmp_path / "depth.png")
     with pytest.warns(UserWarning, match=r"inverse\.png: looks like inverse depth.*metric depth is expected"):
         read_depth(tmp_path / "inverse.png")
+
+
+def test_millimetres_of_a_close_range_scanner_are_warned_of(tmp_path: Path) -> None:
+    """Oracle: a part on a table, 0.3 to 0.4 m away, in float millimetres; with its unit, in metres, and a landscape there is
+    no word."""
+    table = Plane((0, 0, 350), (0.2, 0.3, -1))
+    part = World((table, Sphere((20, 0, 330), 40))).rgbd(Camera.from_fov(64, 48, 60)).depth
+    for name, depth in (("part", part), ("metres", part / 1000), ("landscape", np.geomspace(10, 400, part.size))):
+        np.save(tmp_path / f"{name}.npy", depth.reshape(part.shape))
+    with pytest.warns(UserWarning, match=r"part\.npy: nearly all of the depth is 2\d\d to 4\d\d m.*`depth_scale=1000`"):
+        read_depth(tmp_path / "part.npy")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert read_depth(tmp_path / "part.npy", depth_scale=1000).max() == part.max() / 1000
+        read_depth(tmp_path / "metres.npy")
+        read_depth(tmp_path / "landscape.npy")
+    Image.new("RGB", (64, 48)).save(tmp_path / "image.png")
+    assert "1000 of a close-range scanner" in diagnose(tmp_path / "image.png", tmp_path / "part.npy", fov=60)[0].mend
 
 
 def test_generated_worlds() -> None:

@@ -12,7 +12,7 @@ from PIL import Image
 from dlama.arguments import is_finite
 from dlama.errors import DepthError, FileError, system_errors
 from dlama.files.atomic_write import PathLike
-from dlama.files.rasters.depth_checks import warn_of_inverse
+from dlama.files.rasters.depth_checks import warn_of_inverse, warn_of_millimetres
 from dlama.files.rasters.exr_files import read_exr, write_exr
 from dlama.files.rasters.float_files import read_array, read_pfm, write_pfm
 from dlama.files.rasters.images import SUFFIXES, existing_file, read_stored
@@ -61,9 +61,11 @@ def read_depth(
     option = f"`depth_scale={scale:g}`" if depth_range is None else f"`depth_range={depth_range:g}`"
     _check_not_all_far(path, depth, option)
     depth[depth > FAR_METRES] = np.inf
-    _check_plausible(path, depth, scale, depth_range)
+    median = _check_plausible(path, depth, scale, depth_range)
     if depth_range is None:
         warn_of_inverse(path, depth)
+    if values.dtype.kind == "f" and (depth_scale or depth_range) is None:
+        warn_of_millimetres(path, depth, median)
     return depth if far is None else mark_far(depth, far, f"{path}: ")
 
 
@@ -212,14 +214,15 @@ def _check_not_all_far(path: PathLike, depth: Float32Array, option: str) -> None
         )
 
 
-def _check_plausible(path: PathLike, depth: Float32Array, scale: float, depth_range: float | None) -> None:
+def _check_plausible(path: PathLike, depth: Float32Array, scale: float, depth_range: float | None) -> float:
+    """The median depth; DepthError."""
     valid = depth[_valid(depth)]
     if not valid.size:
         far = int(np.isposinf(depth).sum())
         raise DepthError(f"{path}: no pixel has a depth ({depth.size - far} of {depth.size} missing, {far} far)")
     median = float(np.median(valid))
     if PLAUSIBLE_M[0] <= median <= PLAUSIBLE_M[1]:
-        return
+        return median
     raise DepthError(f"{path}: the median depth is {median:.4g} m, {_scale_advice(median, scale, depth_range)}")
 
 

@@ -19,6 +19,8 @@ SLOPE, EDGE = 0.1, 0.6
 FEWEST, SHARE = 0.005, 0.8
 """Votes per pixel of the picture below which nothing is reported, and the share of them that must agree: of 200 depth maps of a
 Kinect and of a renderer none is taken for inverse depth, and 152 of them are found when they are."""
+CLOSE_RANGE = 50.0, 5.0
+"""Least median depth in metres, and largest ratio of far to near, of what may be a close-range scanner's millimetres."""
 CLEARER = 0.5
 """How much straighter one reading must be than the other to be a vote."""
 
@@ -34,6 +36,21 @@ def warn_of_inverse(path: PathLike, depth: Float32Array) -> None:
         warnings.warn(
             f"{path}: looks like inverse depth or disparity ({100 * straight:.0f} % of {votes} slanted places run straight, "
             "where depth bends): metric depth is expected, such as depth = scale / value",
+            UserWarning,
+            stacklevel=4,
+        )
+
+
+def warn_of_millimetres(path: PathLike, depth: Float32Array, median: float) -> None:
+    """Warn (UserWarning) of floats read as metres that begin far away and end not much farther, as a close-range scanner's
+    millimetres do."""
+    if median < CLOSE_RANGE[0] or np.isposinf(depth).any():
+        return
+    near, far = np.percentile(depth[depth > 0], (2, 98))
+    if far < CLOSE_RANGE[1] * near:
+        warnings.warn(
+            f"{path}: nearly all of the depth is {near:.3g} to {far:.3g} m: if these are millimetres, give `depth_scale=1000`, "
+            "if centimetres `depth_scale=100`; `depth_scale=1` says that they are metres",
             UserWarning,
             stacklevel=4,
         )

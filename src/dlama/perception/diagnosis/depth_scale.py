@@ -82,7 +82,7 @@ def check_depth_unit(seen: Observed) -> list[Finding]:
     confidence = certainty(margin, 2.0)
     if seen.units is None:
         return [Finding("depth-scale", "fault", confidence, what, "check the unit of depth")]
-    mend = f"give `depth_scale={best:g}`"
+    mend = f"give `depth_scale={best:g}`" + ", or 1000 of a close-range scanner" * (units == 1 and 1 < best != 1000)
     if cut_off := share_cut_off(seen):
         what += f"; they end at {FULL}, which {cut_off:.1%} have"
         mend += f", or {FULL} over the metres at which depth was cut off (10 m: `depth_scale={FULL / 10:g}`)"
