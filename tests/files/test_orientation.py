@@ -145,6 +145,18 @@ def test_a_half_turn_of_one_of_them_is_warned_of(tmp_path: Path) -> None:
             read_rgbd(image, depth, fov=60)
 
 
+def test_a_quarter_turn_that_fits_is_not_in_doubt(tmp_path: Path) -> None:
+    """Closed form: a phone's photo, 6 x 4 stored and 4 x 6 shown, with depth and mask of 4 x 6: in no other way do they fit."""
+    image, *_ = rgbd_files(tmp_path, (6, 1, 1))
+    depth = write(tmp_path / "shown.tif", np.full((6, 4), 2000, np.uint16), 1)
+    mask = write(tmp_path / "shown.png", np.eye(6, 4).astype(np.uint8) * 255, 1)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        read_rgbd(image, depth, fov=60)
+        JobInputs().read_mask_file(mask, {}, image)
+    assert not any(found.check == "orientation" for found in dlama.diagnose(image, depth, mask, fov=60))
+
+
 @pytest.mark.parametrize("turned", [0, 2])
 def test_a_mask_turned_otherwise_than_its_picture_is_warned_of(tmp_path: Path, turned: int) -> None:
     """Law: as of depth, a tag that only one of the two has is named, by the verbs and by the doctor."""

@@ -30,7 +30,7 @@ from dlama.files.rasters.depth import MILLIMETRES
 from dlama.files.rasters.images import SUFFIXES, orientation_of, read_stored
 from dlama.files.rasters.orientation import apply_orientation
 from dlama.files.rasters.pictures import read_color, read_mask
-from dlama.files.rasters.turned_pairs import check_mask_fits, orientation_difference
+from dlama.files.rasters.turned_pairs import check_mask_fits, doubtful_turn, orientation_difference
 from dlama.files.rgbd import read_rgbd
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD, BoolArray, describe_depth_range, percent
@@ -157,7 +157,7 @@ def _examine_picture(
             removed = read_mask(mask, **masking)
             check_mask_fits(removed, mask, image)
     found, rgbd = check_orientation(rgbd, image, depth)
-    if mask is not None and (differs := orientation_difference(image, mask)):
+    if mask is not None and (differs := doubtful_turn(image, mask)):
         found.append(Finding("orientation", "note", 0.5, differs, CLEAR_TAG))
     found += _compare_with_exif(rgbd.camera, image)
     whole = depth.suffix.lower() in SUFFIXES
@@ -171,9 +171,9 @@ def _examine_picture(
 
 def check_orientation(rgbd: RGBD, image: Path, depth: Path) -> tuple[list[Finding], RGBD]:
     """Where only one of the two files is turned by its tag: a fault, and the frame as it is stored, if their edges fit so."""
-    turns = [orientation_of(image), orientation_of(depth)]
-    if turns[0] == turns[1]:
+    if not doubtful_turn(image, depth):
         return [], rgbd
+    turns = [orientation_of(image), orientation_of(depth)]
     color, metres = (
         apply_orientation(rgbd.color, UNTURNED[turns[0]]),
         apply_orientation(rgbd.depth, UNTURNED[turns[1]]),

@@ -9,6 +9,9 @@ from dlama.files.atomic_write import PathLike
 from dlama.files.rasters.images import orientation_of, picture_hw
 from dlama.geometry.rgbd import BoolArray
 
+QUARTER_TURNS = (5, 6, 7, 8)
+"""EXIF orientations that exchange width and height."""
+
 
 def orientation_difference(one: PathLike, other: PathLike) -> str:
     """How the EXIF orientations of two pictures of the same pixels differ, in words; "": they do not. Raises FileError."""
@@ -20,6 +23,15 @@ def orientation_difference(one: PathLike, other: PathLike) -> str:
     return found + ("has none" if 1 in turned else f"by {turned[1]}")
 
 
+def doubtful_turn(picture: PathLike, other: PathLike) -> str:
+    """As `orientation_difference`, of two that fit as they are shown; "" also where they would not as they are stored, since a
+    quarter turn of one exchanges its sides. Raises FileError."""
+    turned, (height, width) = (orientation_of(picture), orientation_of(other)), picture_hw(picture)
+    if height != width and (turned[0] in QUARTER_TURNS) != (turned[1] in QUARTER_TURNS):
+        return ""
+    return orientation_difference(picture, other)
+
+
 def refuse_turned(picture: PathLike, other: PathLike, hw: tuple[int, int], other_hw: tuple[int, int]) -> None:
     """ShapeError where two pictures of the same pixels have exchanged sides, and the orientation of one of them explains it."""
     if hw != other_hw == hw[::-1] and (found := orientation_difference(picture, other)):
@@ -29,9 +41,9 @@ def refuse_turned(picture: PathLike, other: PathLike, hw: tuple[int, int], other
         )
 
 
-def warn_of_turn(one: PathLike, other: PathLike) -> None:
-    """Warn (UserWarning) where the EXIF orientations of two pictures of the same pixels differ. Raises FileError."""
-    if found := orientation_difference(one, other):
+def warn_of_turn(picture: PathLike, other: PathLike) -> None:
+    """Warn (UserWarning) where a picture and its mask or depth fit in two ways by their EXIF orientations. Raises FileError."""
+    if found := doubtful_turn(picture, other):
         warnings.warn(
             f"{found}; if both were made of the same stored pixels, clear the tag (exiftool -Orientation= FILE)",
             UserWarning,
