@@ -5,13 +5,15 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+import numpy as np
 import pytest
+from PIL import Image
 from running import refused
 
 from dlama.apps.cli import VERBS, main
 from dlama.apps.terminal.flags import flags_of
 from dlama.apps.terminal.output import errors_as_lines
-from dlama.apps.verbs.sequence import mask_files
+from dlama.apps.verbs.sequence import mask_files, read_masks
 from dlama.errors import CameraError, DlamaError, InputError, MaskError
 
 
@@ -139,3 +141,18 @@ def test_a_folder_of_masks_is_one_and_holds_some(tmp_path: Path) -> None:
     for folder, words in ((tmp_path / "none", "a folder of masks"), (tmp_path, "which holds no picture")):
         with pytest.raises(InputError, match=f"masks is {folder}.*{words}"):
             mask_files((), folder)
+
+
+def test_black_masks_among_others_are_passed_over(tmp_path: Path) -> None:
+    """As a segmenter of videos writes them where the object is out of view; all of them black, or 1 for 255, are refused."""
+    mask = np.zeros((4, 6), np.uint8)
+    files = {name: tmp_path / f"{name}.png" for name in ("black", "marked")}
+    Image.fromarray(mask).save(files["black"])
+    mask[1, 2] = 255
+    Image.fromarray(mask).save(files["marked"])
+    assert [name for name, found in read_masks(files).items() if found.any()] == ["marked"]
+    with pytest.raises(MaskError, match=r"black.png: the mask is empty"):
+        read_masks({"black": files["black"]})
+    Image.fromarray(mask // 255).save(files["black"])
+    with pytest.raises(MaskError, match=r"its largest value is 1; 255 means remove"):
+        read_masks(files)

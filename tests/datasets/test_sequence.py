@@ -17,7 +17,7 @@ from dlama.apps.cli import main
 from dlama.datasets.posed.nerfstudio import write_transforms, write_view
 from dlama.datasets.sequences import sequence as module
 from dlama.datasets.sequences.camera_paths import VIEWS_OF_PATH
-from dlama.datasets.sequences.loading import open_frames, slice_frames
+from dlama.datasets.sequences.loading import masks_by_number, open_frames, slice_frames
 from dlama.errors import FileError, InputError
 from dlama.files.cameras import camera_as_json
 from dlama.geometry.camera import Camera
@@ -102,6 +102,35 @@ def test_a_thing_is_removed_from_all_frames(room: Path, tmp_path: Path) -> None:
         truth = World(SHAPES).trace(done.camera)[0]
         assert np.median(np.abs(done.depth - truth)[ball] / truth[ball]) < 0.02
         np.testing.assert_array_equal(done.color, same.load().color)
+
+
+def test_masks_of_all_frames_of_a_video(room: Path, tmp_path: Path) -> None:
+    """As a segmenter leaves them: of frames that are not chosen, without the object, of the larger pictures (oracle: those masks
+    alone that count)."""
+    mask, empty = WORLD.trace(CAMERAS["img-1"])[1] == 3, np.zeros(LENS.hw, bool)
+    dlama.sequence(room, tmp_path / "alone", frames="1:3", masks={"img-1": mask})
+    masks = {"img-0": mask, "img-1": mask.repeat(3, 0).repeat(3, 1), "img-2": empty, "img-3": empty}
+    with pytest.warns(UserWarning, match=r"1 mask of frames that are left out: not used \(img-0\)"):
+        meta = dlama.sequence(room, tmp_path / "all", frames="1:3", masks=masks)
+    assert meta["masked_frames"] == ["img-1"]
+    for file in (tmp_path / "alone").glob("*/*.png"):
+        assert file.read_bytes() == (tmp_path / "all" / file.parent.name / file.name).read_bytes(), file
+    for wrong, words in (
+        ({"img-0": mask}, "mask is for frame img-0, which is left out: frames is 1:3"),
+        ({"img-1": empty}, "mask is empty"),
+        ({"img-1": mask[:40]}, "mask is 64x40 and the picture 64x48"),
+    ):
+        with pytest.raises(InputError, match=words):
+            dlama.sequence(room, tmp_path / "none", frames="1:3", masks=wrong)
+
+
+def test_names_of_frames_are_no_places(tmp_path: Path) -> None:
+    """Law: a mask of frame "3", which is not chosen, is not that of the fourth of those that are."""
+    mask = np.ones((2, 2), bool)
+    with pytest.warns(UserWarning, match="1 mask of frames that are left out: not used .3."):
+        assert masks_by_number(
+            {"3": mask, "8": mask}, ["0", "4", "8", "12"], {}, {"3": "it contradicts all others"}
+        ) == {2: mask}
 
 
 def killed_after(count: int) -> Callable[..., None]:

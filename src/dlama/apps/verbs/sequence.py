@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from tyro.conf import Positional
 
@@ -26,6 +26,9 @@ from dlama.apps.places import check_folder_apart
 from dlama.apps.terminal.output import SHOWN, bar_or_lines, report_result
 from dlama.errors import InputError, format_count
 from dlama.workers.progress import progress_line
+
+if TYPE_CHECKING:
+    from dlama.geometry.rgbd import BoolArray
 
 
 @dataclass(frozen=True)
@@ -67,7 +70,7 @@ def sequence(
         dataset: The folder of posed frames with depth, in any layout that `dlama evaluate` reads; or a scene.npz.
         output: Directory for the results, a data set in nerfstudio's layout, and scene.glb; a killed run continues.
         mask: An object to remove from all frames, in one or several of them: a frame's name or its place from 0, and its mask.
-        masks: The same: a folder of masks with the names of their frames.
+        masks: The same: a folder of masks with the names of their frames; those of no object (black) are passed over.
         views: Which cameras are completed: the frames' own, a path from the middle frame, or those of a file (a list of cameras
             as --to of dlama view takes one, each with an optional name).
         only: What is written next to the views, of scene, points, mesh, colmap, video (.mp4 with the extra video, else .webp).
@@ -78,7 +81,7 @@ def sequence(
         check_folder_apart(output, {"data set": dataset, "folder of masks": masks})
         files, how = mask_files(mask, masks), masking.settings()
         masking.check_with(*files.values())
-        found = {frame: dlama.read_mask(path, **how) for frame, path in files.items()}
+        found = read_masks(files, **how)
         with show_progress("sequence", report) as progress:
             options = {"masks": found, "views": views, **vars(source)}
             options |= {"only": names_in(only), "also": names_in(also) or ()}
@@ -99,6 +102,21 @@ def mask_files(named: Sequence[str], folder: Path | None) -> dict[str, Path]:
     if folder is not None:
         files |= {frame: file for frame, file in _masks_in(folder).items() if frame not in files}
     return files
+
+
+def read_masks(files: Mapping[str, Path], **how: Any) -> dict[str, BoolArray]:
+    """Frame -> mask, without those in which nothing is marked. FileError, MaskError, also where nothing is marked in any."""
+    from dlama.files.rasters.pictures import EmptyMaskError
+
+    found, empty = dict[str, "BoolArray"](), None
+    for frame, path in files.items():
+        try:
+            found[frame] = dlama.read_mask(path, **how)
+        except EmptyMaskError as error:
+            empty = error
+    if empty is not None and not found:
+        raise empty
+    return found
 
 
 def _masks_in(folder: Path) -> dict[str, Path]:

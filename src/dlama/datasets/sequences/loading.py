@@ -11,12 +11,16 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TypeVar
 
+import cv2
+import numpy as np
+
+from dlama.arguments import as_array
 from dlama.completion.start import clip_frame
 from dlama.datasets.easysynth.listing import sequence_folders
 from dlama.datasets.frames import Frame
 from dlama.datasets.layouts import layout_of, list_dataset
-from dlama.datasets.posed.posed_frames import CameraOption
-from dlama.errors import DlamaError, FileError, InputError, first_line, system_errors
+from dlama.datasets.posed.posed_frames import SAME_PROPORTIONS, CameraOption
+from dlama.errors import DlamaError, FileError, InputError, first_line, format_count, system_errors
 from dlama.files.atomic_write import PathLike
 from dlama.files.scenes.scene_npz import read_scene
 from dlama.geometry.frames.alignment import Features, detect_features, estimate_poses, with_pose
@@ -99,18 +103,32 @@ def read_views(
 
 
 def masks_by_number(
-    masks: Mapping[str, BoolArray], names: Sequence[str], damaged: Mapping[str, str] = MappingProxyType({})
+    masks: Mapping[str, BoolArray],
+    names: Sequence[str],
+    damaged: Mapping[str, str] = MappingProxyType({}),
+    others: Mapping[str, str] = MappingProxyType({}),
 ) -> dict[int, BoolArray]:
-    """Number of a frame -> mask, of frames by name or by place; damaged: name -> why, of those that are left out.
+    """Number of a frame -> mask, of frames by name or by place; without masks that are empty, unless all are.
 
-    Raises InputError: no such frame, or a place where frames are left out, which moves the places behind.
+    damaged, others: name -> why, of frames that are left out, `damaged` of those that have no place either; masks of both are
+    warned of. Raises InputError: no mask is left, no such frame, or a place where frames are damaged, which moves the places.
     """
+    given = {name: as_array(mask, "mask", "a bool array H x W") for name, mask in masks.items()}
+    given = {name: mask for name, mask in given.items() if mask.any()} or given
+    why = {**damaged, **others}
+    unused = [name for name in given if name in why]
+    if unused and len(unused) == len(given):
+        raise InputError(f"`mask` is for frame {unused[0]}, which is left out: {why[unused[0]]}")
+    if unused:
+        listed = ", ".join(unused[:3]) + ", ..." * (len(unused) > 3)
+        what = f"{format_count(len(unused), 'mask')} of frames that are left out: not used ({listed})"
+        warnings.warn(what, UserWarning, stacklevel=3)
     found: dict[int, BoolArray] = {}
-    for name, mask in masks.items():
+    for name, mask in given.items():
+        if name in unused:
+            continue
         if name in names:
             number = list(names).index(name)
-        elif name in damaged:
-            raise InputError(f"`mask` is for frame {name}, which is left out: {damaged[name]}")
         elif damaged and re.fullmatch(r"\d+", name):
             raise InputError(
                 f"`mask` is for the frame in place {name}, frames are left out ({', '.join(list(damaged)[:3])}); name the frame"
@@ -126,6 +144,35 @@ def masks_by_number(
             raise InputError(f"mask: frame {names[number]} has two; one mask a frame is expected")
         found[number] = mask
     return found
+
+
+def fit_masks(masks: Mapping[int, BoolArray], scene: Scene) -> dict[int, BoolArray]:
+    """Masks by number of a frame, those of larger pictures in the size to which these were shrunk for the frame."""
+    return {number: shrink_mask(mask, scene.frames[scene.place_of(number)].camera.hw) for number, mask in masks.items()}
+
+
+def shrink_mask(mask: BoolArray, hw: tuple[int, int]) -> BoolArray:
+    """A mask of more pixels and the same proportions at the size hw, True where any part of a pixel is; any other as it is."""
+    height, width = mask.shape if mask.ndim == 2 else (0, 0)
+    if mask.dtype != np.bool_ or height <= hw[0] or abs(width / height * hw[0] / hw[1] - 1) > SAME_PROPORTIONS:
+        return mask
+    return np.asarray(cv2.resize(mask * np.uint8(255), hw[::-1], interpolation=cv2.INTER_AREA) > 0)
+
+
+def names_left_out(
+    dataset: PathLike,
+    which: str | None,
+    layout: str | None,
+    scene: str | None,
+    camera: CameraOption,
+    depth_range: float | None,
+) -> dict[str, str]:
+    """Name -> why, of the frames that `which` does not choose."""
+    if which is None:
+        return {}
+    every = open_frames(dataset, layout, camera=camera, depth_range=depth_range, scene=scene)
+    chosen = {frame.name for frame in slice_frames(every, which)}
+    return {frame.name: f"`frames` is {which}" for frame in every if frame.name not in chosen}
 
 
 @system_errors(FileError)

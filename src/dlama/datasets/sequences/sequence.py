@@ -20,7 +20,7 @@ from dlama.completion.steps import CompletedView, complete_frame, complete_view,
 from dlama.datasets.posed.nerfstudio import FOLDERS, write_transforms, write_view
 from dlama.datasets.posed.posed_frames import CameraOption
 from dlama.datasets.sequences.camera_paths import cameras_for
-from dlama.datasets.sequences.loading import masks_by_number, read_scene_of
+from dlama.datasets.sequences.loading import fit_masks, masks_by_number, names_left_out, read_scene_of
 from dlama.datasets.sequences.results import check_results, write_views_video, write_whole
 from dlama.datasets.sequences.state import SequenceState, Step, StepChange
 from dlama.errors import OutputError, system_errors
@@ -97,7 +97,8 @@ def sequence(
         dataset: The folder of posed frames, in any layout that `dlama evaluate` reads; or a scene.npz.
         output: Directory for the results.
         frames: Which frames: `FIRST:END:STEP`, places from 0.
-        masks: A frame's name, or its place from 0 -> H x W bool, True = remove: an object that is removed from all frames.
+        masks: A frame's name, or its place from 0 -> H x W bool, True = remove: an object that is removed from all frames. Those
+            of larger pictures are shrunk, as the frames are, empty ones and those of frames that are not chosen passed over.
         views: "frames": at the frames' own cameras; "orbit", "spiral" or "dolly": a path of 24 cameras from the middle frame; a
             JSON file with a list of cameras; or cameras by name.
         layout, scene, camera, depth_range: Of the data set, as in `dlama evaluate`; `scene` of several.
@@ -113,21 +114,18 @@ def sequence(
     """
     check_arguments(sequence, locals())
     started, target, chosen = time.perf_counter(), Path(output), check_results(only, also)
-    options = Options(
-        filler=filler, model=model, recipe=recipe, dilate=dilate, seed=seed, min_confidence=min_confidence
-    )
-    clip = options.settings.clip
-    names, given, damaged = read_scene_of(dataset, frames, layout, scene, camera, depth_range, clip, align)
+    method = Options(filler=filler, model=model, recipe=recipe, dilate=dilate, seed=seed, min_confidence=min_confidence)
+    source = frames, layout, scene, camera, depth_range
+    names, given, damaged = read_scene_of(dataset, *source, method.settings.clip, align)
     kept = [names[number] for number in given.numbers]
     cameras = cameras_for(views, given)
-    check_memory([given.frames[0].camera] * (2 * MOST_FRAMES))
-    warn_of_first_frame(given)
-    numbered = masks_by_number(masks or {}, names, damaged)
-    plan, start, _ = plan_for(given, options, numbered or None)
-    steps = steps_for(plan, start, kept, cameras)
-    settings = settings_of(plan, options)
-    views_by_name = {"views": [(step.name, step.shown) for step in steps]}
-    state = SequenceState(target, settings | views_by_name, start, __version__)
+    check_first_frame(given)
+    others = dict.fromkeys(set(names) - set(kept), "it contradicts all others")
+    others |= names_left_out(dataset, *source) if masks else {}
+    numbered = fit_masks(masks_by_number(masks or {}, names, damaged, others), given)
+    plan, start, _ = plan_for(given, method, numbered or None)
+    steps, settings = steps_for(plan, start, kept, cameras), settings_of(plan, method)
+    state = SequenceState(target, settings | {"views": [(step.name, step.shown) for step in steps]}, start, __version__)
     done = complete_steps(plan, start, steps, state, target, progress, min_confidence)
     ordered = cameras or {name: frame.camera for name, frame in zip(kept, given.frames)}
     meta = {
@@ -137,20 +135,26 @@ def sequence(
         **settings,
         "aligned": align,
         "decisions": {name: dict(decision) for name, decision in plan.decisions.items()},
-        "masked_frames": sorted(masks or {}),
+        "masked_frames": [names[number] for number in sorted(numbered)],
         **done.shares(ordered),
         "views_from_earlier_run": done.reused,
         **write_views(target, done.scene, ordered, names, chosen),
         "seconds": round(time.perf_counter() - started, 3),
     }
-    with new_file(target / "meta.json") as draft:
-        draft.write_text(as_json(meta), encoding="utf-8")
+    write_meta(target / "meta.json", meta)
     state.end()
     return meta
 
 
-def warn_of_first_frame(scene: Scene) -> None:
-    """Warn of depth that can hardly be metres; a frame without any is no fault."""
+def write_meta(path: Path, meta: Mapping[str, Any]) -> None:
+    """Write meta.json. Raises OutputError."""
+    with new_file(path) as draft:
+        draft.write_text(as_json(meta), encoding="utf-8")
+
+
+def check_first_frame(scene: Scene) -> None:
+    """InputError where frames of its size are too large for the memory; warns of depth that can hardly be metres."""
+    check_memory([scene.frames[0].camera] * (2 * MOST_FRAMES))
     depth = scene.frames[0].load().depth
     if depth.any():
         warn_of_scale(depth)

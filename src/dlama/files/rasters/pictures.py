@@ -149,10 +149,15 @@ def read_mask(
         mask = ~mask
     if not mask.any():
         hint = f" (its largest value is {largest}; 255 means remove)" if 0 < largest <= HIGHEST_BLACK else ""
-        raise MaskError(f"{path}: the mask is empty, nothing is to be removed{hint}; see `mask_polarity`")
+        kind = MaskError if hint else EmptyMaskError
+        raise kind(f"{path}: the mask is empty, nothing is to be removed{hint}; see `mask_polarity`")
     if mask.all():
         raise MaskError(f"{path}: the mask is full, nothing would be known; see `mask_polarity`")
     return mask
+
+
+class EmptyMaskError(MaskError):
+    """A mask in which nothing is marked."""
 
 
 @system_errors(FileError)
