@@ -124,6 +124,27 @@ def test_calib_txt(tmp_path: Path) -> None:
     assert camera_as_json(read_camera(path)) == camera_as_json(rig.left)
 
 
+KITTI = """P0: 7.18856e+02 0 6.071928e+02 0 0 7.18856e+02 1.852157e+02 0 0 0 1 0
+P1: 7.18856e+02 0 6.071928e+02 -3.861448e+02 0 7.18856e+02 1.852157e+02 0 0 0 1 0
+P2: 7.18856e+02 0 6.071928e+02 4.538225e+01 0 7.18856e+02 1.852157e+02 -1.130887e-01 0 0 1 3.779761e-03
+P3: 7.18856e+02 0 6.071928e+02 -3.372877e+02 0 7.18856e+02 1.852157e+02 2.369057e+00 0 0 1 4.915215e-03
+"""
+"""Of its odometry sequence 00, as published, with fewer digits."""
+
+
+@pytest.mark.parametrize("raw", [False, True])
+def test_calibrations_of_kitti(tmp_path: Path, raw: bool) -> None:
+    """Oracle: the baseline of its colour cameras as its paper has it, 0.54 m (0.532 by calibration), and the first pixel at 0."""
+    text = f"calib_time: 09-Jan-2012 13:57:47\n{KITTI.replace('P', 'P_rect_0')}" if raw else KITTI
+    rig = read_stereo_calib(saved(tmp_path / "calib.txt", text), hw=(376, 1241))
+    assert rig.baseline_m == pytest.approx(0.5323, abs=1e-4) and rig.doffs == 0
+    assert (rig.left.fx, rig.left.cx, rig.left.cy) == (718.856, pytest.approx(607.6928), pytest.approx(185.7157))
+    assert read_camera(tmp_path / "calib.txt", hw=(376, 1241)).cx == rig.left.cx
+    for wrong in (KITTI.replace("-3.372877e+02", "x"), KITTI.replace("P3", "P5")):
+        with pytest.raises(FileError, match=r"no calib.txt of Middlebury or KITTI"):
+            read_stereo_calib(saved(tmp_path / "calib.txt", wrong), hw=(376, 1241))
+
+
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
@@ -134,7 +155,7 @@ def test_calib_txt(tmp_path: Path) -> None:
         ("cam0=[994.978", "cam0=[0", "cam0 is singular"),
         ("width=741", "width=740", "camera is 740x500 and the picture 741x500"),
         ("width=741\n", "", "'width' is missing"),
-        ("doffs=31.086", "doffs", "no Middlebury calib.txt"),
+        ("doffs=31.086", "doffs", "no calib.txt of Middlebury or KITTI"),
         ("; 0 0 1]\ndoffs", "; 0 0]\ndoffs", "cam1 is .*3x3"),
         ("ndisp=70", "baseline=193.001", "field 'baseline' is given twice"),
         ("baseline=193.001", "baseline=1e-300", "baseline is 1e-303 m; a distance of 1e-06 to 1e"),

@@ -46,7 +46,7 @@ DOFFS_TOLERANCE = 0.01
 
 @system_errors(FileError)
 def read_camera(path: PathLike, *, hw: tuple[int, int] | None = None) -> Camera:
-    """A camera from our JSON, the left one of a Middlebury calib.txt, or the YAML of ROS (camera_info) or OpenCV.
+    """A camera from our JSON, the left one of a calib.txt of Middlebury or KITTI, or the YAML of ROS or OpenCV.
 
     JSON: `width, height` and `fx, fy, cx, cy` in pixels, or `K` (3x3) in the place of these four; optional `pixel_center` (where
     the file puts the first pixel's centre: 0.5, the default, or 0.0) and `world_from_cam` (4x4). `hw` is the size the picture
@@ -98,13 +98,12 @@ def read_cameras(path: PathLike) -> dict[str, Camera]:
 
 @system_errors(FileError)
 def read_stereo_calib(path: PathLike, *, hw: tuple[int, int] | None = None) -> StereoRig:
-    """A rectified pair from a Middlebury calib.txt or from JSON; the left camera is the world.
+    """A rectified pair from a calib.txt of Middlebury or KITTI or from JSON; the left camera is the world.
 
-    calib.txt: `cam0`, `cam1`, `baseline` in mm, `doffs`; first pixel's centre at 0.0. JSON: `left_K`, `right_K`,
-    `baseline_m`, `doffs`, `pixel_center` (default 0.5), `width`, `height`. Of the right K and doffs (px, cx of the right
-    minus cx of the left) one may be left out; where both are given they must agree within 0.01 px. A file without a size
-    takes `hw`. Raises FileError, CameraError; warns of a principal point outside the picture.
-    """
+    calib.txt: `cam0`, `cam1`, `baseline` in mm, `doffs`, or KITTI's `P2`, `P3`; first pixel's centre at 0.0. JSON: `left_K`,
+    `right_K`, `baseline_m`, `doffs`, `pixel_center` (default 0.5), `width`, `height`. Of the right K and doffs (px, cx of the
+    right minus cx of the left) one may be left out; where both are given they must agree within 0.01 px. A file without a size
+    takes `hw`. Raises FileError, CameraError; warns of a principal point outside the picture."""
     check_arguments(read_stereo_calib, locals())
     if _is_calib_txt(path):
         fields, left_K, right_K, center = read_calib_txt(path), "cam0", "cam1", 0.0

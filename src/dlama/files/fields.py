@@ -1,9 +1,10 @@
-"""JSON and Middlebury calib.txt in; named fields out, each checked as it is asked for, errors naming file and field."""
+"""JSON and calib.txt of Middlebury or KITTI in; named fields out, each checked as it is asked for; errors name file and field."""
 
 from __future__ import annotations
 
 import json
 import math
+import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -186,23 +187,38 @@ def _find_repeated(names: Iterable[str]) -> str:
 
 
 def read_calib_txt(path: PathLike) -> FileFields:
-    """The fields of a Middlebury calib.txt: lines `name=number` or `name=[a b c; d e f; g h i]`. Raises FileError."""
+    """The fields of a Middlebury calib.txt: lines `name=number` or `name=[a b c; d e f; g h i]`; the same of one of KITTI.
+    Raises FileError."""
     file = existing_file(path)
     pairs: list[tuple[str, Any]] = []
     try:
-        for line in file.read_text(encoding="utf-8-sig").splitlines():
+        text = file.read_text(encoding="utf-8-sig")
+        if kitti := _kitti_fields(text):
+            return FileFields(file, kitti)
+        for line in text.splitlines():
             if line.strip():
                 name, value = line.split("=", 1)
                 pairs.append((name.strip(), _calib_value(value.strip())))
     except ValueError as error:
         raise FileError(
-            f"{file}: is no Middlebury calib.txt, lines 'name=value' are expected ({str(error)[:200]})"
+            f"{file}: is no calib.txt of Middlebury or KITTI, lines 'name=value' are expected ({str(error)[:200]})"
         ) from error
     if len(dict(pairs)) < len(pairs):
         raise FileError(
             f"{file}: field '{_find_repeated(name for name, _ in pairs)}' is given twice; each field is expected once"
         )
     return FileFields(file, dict(pairs))
+
+
+def _kitti_fields(text: str) -> dict[str, Any]:
+    """cam0, cam1 (px) and baseline (mm) of KITTI's colour cameras: P2 and P3, or P_rect_02 and P_rect_03, 3 x 4 each; {}: there
+    are none. ValueError: other numbers."""
+    found = re.findall(r"^P(?:_rect_0)?([23]):(.*)", text, re.MULTILINE)
+    if [name for name, _ in found] != ["2", "3"]:
+        return {}
+    left, right = (np.array(numbers.split(), np.float64).reshape(3, 4) for _, numbers in found)
+    baseline = 1000 * float((left[0, 3] - right[0, 3]) / max(left[0, 0], 1e-9))
+    return {"cam0": left[:, :3].tolist(), "cam1": right[:, :3].tolist(), "baseline": baseline}
 
 
 def _calib_value(text: str) -> float | list[list[float]]:

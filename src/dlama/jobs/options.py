@@ -158,7 +158,7 @@ class Pair(Group):
     """Of stereo pairs."""
 
     calib: Path | None = shown("CALIB")
-    """Middlebury calib.txt, or JSON with left_K, right_K, baseline_m, doffs, pixel_center."""
+    """calib.txt of Middlebury or KITTI, or JSON with left_K, right_K, baseline_m, doffs, pixel_center."""
     right_view: Literal["given", "synthesised"] | None = shown("given|synthesised", "the recipe's")
     """Whether the right picture stays as it is, or is made from the left one."""
     disparity_scale: float | None = shown("UNITS", "256 for 16-bit files, 1 for float files")

@@ -37,7 +37,7 @@ def stereo(
     Args:
         left: The left picture.
         right: The right picture, rectified: same size, same rows.
-        calib: Middlebury calib.txt, or JSON with left_K, right_K, baseline_m, doffs, pixel_center.
+        calib: calib.txt of Middlebury or KITTI, or JSON with left_K, right_K, baseline_m, doffs, pixel_center.
         output: Directory for the results, made if need be: the left view at the top, the right one in right/.
         mask: The object in the left picture: black and white, 255 = remove; --click or --box say it in place of that file.
         mask_right: The object in the right picture.
