@@ -85,10 +85,12 @@ def existing_file(path: PathLike) -> Path:
     try:
         kind, size = file.is_dir(), file.stat().st_size
         special = not (kind or file.is_file())
+        if not (kind or special):
+            file.open("rb").close()
     except FileNotFoundError:
         fetched = "; addresses are for `dlama batch` alone" if ADDRESS.match(str(path)) else ""
         raise FileError(f"{printable_name(path)}: no such file{fetched}") from None
-    except (OSError, ValueError) as error:  # a name too long, with NUL, behind a closed folder, in a circle of links
+    except (OSError, ValueError) as error:  # closed, in a closed folder or a circle of links, too long, with NUL
         raise FileError(
             f"{printable_name(path)}: cannot be read ({getattr(error, 'strerror', '') or error})"
         ) from error
