@@ -204,13 +204,8 @@ def _open(file: Path, data: bytes) -> Iterator[Image.Image]:
             head = stream.read(12)
         source = io.BytesIO(data) if data else file
         first = "JPEG" if head[:2] == b"\xff\xd8" else "WEBP" if head[8:] == b"WEBP" else "PNG"
-        formats = (
-            first,
-            "PNG",
-            "JPEG",
-            "WEBP",
-            "TIFF",
-        )  # Pillow loads the forty others where the first is not this file's
+        # Pillow loads the forty others where the first is not this file's
+        formats = (first, "PNG", "JPEG", "WEBP", "TIFF")
         with _heic(file) if HEIC.match(head) else Image.open(source, formats=formats) as picture:
             if is_preview(picture):
                 raise FileError(f"{file}: is a raw file of a camera; develop it, and save it as TIFF or PNG")
