@@ -103,6 +103,13 @@ def test_what_lacks_only_depth_is_no_unknown(frame: Path, capsys: pytest.Capture
     assert line in capsys.readouterr().out
 
 
+def test_what_is_left_open_is_reported(frame: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Oracle: pixels of depth.png that are 0."""
+    out = run(frame, "remove", "image.png", "depth.png", "mask.png", "--fov", 60, "--min-confidence", 1, *FAST)
+    left_open = (pixels(out / "depth.png") == 0).mean()
+    assert left_open > 0.01 and f", {left_open:.1%} left open, filler telea" in capsys.readouterr().out
+
+
 def test_json_of_worlds_and_evaluate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Each says where its results lie (oracle: the disk)."""
     made = tmp_path / "made"

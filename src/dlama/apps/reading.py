@@ -175,6 +175,8 @@ def summary_line(meta: dict[str, Any], place: object, seconds: float) -> str:
     why = f" ({', '.join(shares)})" if shares else ""
     if depth_only >= SHOWN:
         why += f", {depth_only:.1%} lacked only depth"
+    if "left_open_share" in meta:
+        why += f", {statistics.fmean(meta['left_open_share']):.1%} left open"
     if meta["nothing_visible"]:
         why = "; nothing of the scene is visible from there, so nothing could be filled"
     ran = meta.get("notes", {}).get("guesses")

@@ -138,13 +138,23 @@ def summary_line(meta: dict[str, Any], output: Path, seconds: float) -> str:
     out = f", {len(meta['left_out'])} left out ({', '.join(list(meta['left_out'])[:3])})" if meta["left_out"] else ""
     earlier = f", {meta['views_from_earlier_run']} from an earlier run" if meta["views_from_earlier_run"] else ""
     alone = f", {depth:.1%} in depth alone" if depth >= SHOWN else ""
+    if meta["min_confidence"]:
+        alone += f", {sum(meta['left_open_share'].values()) / max(len(shares), 1):.1%} left open"
     how = f"{mean:.1%} filled{alone}{earlier}, filler {meta['filler']}, {seconds:.1f} s"
     return f"{output}: {format_count(len(shares), 'view')} of {format_count(count, 'frame')}{out}, {how}"
 
 
 def summary_values(meta: dict[str, Any], output: Path) -> dict[str, Any]:
     """The same, JSON-ready."""
-    names = ("filler", "filled_share", "depth_filled_share", "left_out", "views_from_earlier_run", "masked_frames")
+    names = (
+        "filler",
+        "filled_share",
+        "depth_filled_share",
+        "left_open_share",
+        "left_out",
+        "views_from_earlier_run",
+        "masked_frames",
+    )
     return {"output": str(output), "frames": meta["frames"]["names"], **{name: meta[name] for name in names}}
 
 
