@@ -184,12 +184,17 @@ def test_what_is_less_sure_stays_open(room: Path, tmp_path: Path) -> None:
         )
         now_open = (origins[0] >= Origin.DEPTH_FILLED) & (depths[1] == 0)
         assert left_open == round(float(now_open.mean()), 6)
-        assert not images[1][now_open & (origins[1] == Origin.UNKNOWN)].any()
+        black = now_open & (origins[1] == Origin.UNKNOWN)
+        assert not images[1][black].any()
+        np.testing.assert_array_equal(np.array(Image.open(tmp_path / "out" / "masks" / f"{name}.png")) == 0, black)
         np.testing.assert_array_equal(holes[0], holes[1])
         for first, second in (images, depths):
             np.testing.assert_array_equal(first[~now_open], second[~now_open])
         opened += int(now_open.sum())
     assert opened > 100 and meta["min_confidence"] == least
+    for run, kinds in (("whole", set()), ("out", {"masks"})):
+        frames = json.loads((tmp_path / run / "transforms.json").read_text())["frames"]
+        assert {Path(each["mask_path"]).parent.name for each in frames if "mask_path" in each} == kinds
 
 
 def test_views_of_a_path_and_of_a_file(room: Path, tmp_path: Path) -> None:

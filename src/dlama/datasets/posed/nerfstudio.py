@@ -113,24 +113,31 @@ def distortion_px(intrinsics: Intrinsics, hw: tuple[int, int], fields: FileField
     return float(np.hypot(fx * across, fy * down).max())
 
 
-FOLDERS = ("images", "depth", "hole", "origin", "source")
+FOLDERS, MASKS = ("images", "depth", "hole", "origin", "source"), "masks"
 """Of each view one picture in each."""
 
 
-def write_view(folder: Path, name: str, view: View) -> None:
-    """The five pictures of one view; the folders must be there. Raises OutputError."""
+def write_view(folder: Path, name: str, view: View, masked: bool = False) -> None:
+    """The five pictures of one view and, if `masked`, where it has a colour (255); the folders are there. Raises OutputError."""
     frame = np.zeros(view.hole.shape, np.uint16) if view.frame is None else view.frame
     write_color(folder / "images" / f"{name}.png", view.color)
     write_depth_png(folder / "depth" / f"{name}.png", view.depth)
     write_mask(folder / "hole" / f"{name}.png", view.filled | view.color_hole)
     write_codes(folder / "origin" / f"{name}.png", view.origin, ORIGIN_PALETTE)
     save_picture(folder / "source" / f"{name}.png", Image.fromarray(frame * np.uint16(view.origin > 0)))
+    if masked:
+        write_mask(folder / MASKS / f"{name}.png", ~view.color_hole)
 
 
 def write_transforms(
-    folder: Path, cameras: Mapping[str, Camera], source_frames: Sequence[str], more: Mapping[str, Any]
+    folder: Path,
+    cameras: Mapping[str, Camera],
+    source_frames: Sequence[str],
+    more: Mapping[str, Any],
+    masked: bool = False,
 ) -> Path:
-    """transforms.json of the views by name, with further fields that trainers do not look at. Raises OutputError."""
+    """transforms.json of the views by name, with further fields that trainers do not look at; masked: the views are. Raises
+    OutputError."""
     first = next(iter(cameras.values()))
     shared = first if all(camera.same_lens_as(first) for camera in cameras.values()) else None
     fields: dict[str, Any] = {"camera_model": "OPENCV"}
@@ -143,6 +150,7 @@ def write_transforms(
             "depth_file_path": f"depth/{name}.png",
             "hole_file_path": f"hole/{name}.png",
             "source_file_path": f"source/{name}.png",
+            **({"mask_path": f"{MASKS}/{name}.png"} if masked else {}),
             **({} if shared is not None else _lens_fields(camera)),
             "transform_matrix": (camera.world_from_cam @ CV_FROM_GL).tolist(),
         }

@@ -17,7 +17,7 @@ from dlama.completion.plausible import warn_of_scale
 from dlama.completion.report import share
 from dlama.completion.start import Plan, plan_for
 from dlama.completion.steps import CompletedView, complete_frame, complete_view, frames_to_fill
-from dlama.datasets.posed.nerfstudio import FOLDERS, write_transforms, write_view
+from dlama.datasets.posed.nerfstudio import FOLDERS, MASKS, write_transforms, write_view
 from dlama.datasets.posed.posed_frames import CameraOption
 from dlama.datasets.sequences.camera_paths import cameras_for
 from dlama.datasets.sequences.loading import fit_masks, masks_by_number, names_left_out, read_scene_of
@@ -138,7 +138,7 @@ def sequence(
         "masked_frames": [names[number] for number in sorted(numbered)],
         **done.shares(ordered),
         "views_from_earlier_run": done.reused,
-        **write_views(target, done.scene, ordered, names, chosen),
+        **write_views(target, done.scene, ordered, names, chosen, min_confidence > 0),
         "seconds": round(time.perf_counter() - started, 3),
     }
     write_meta(target / "meta.json", meta)
@@ -184,13 +184,14 @@ def about_frames(names: Sequence[str], kept: Sequence[str], given: Scene, damage
 
 
 def write_views(
-    target: Path, scene: Scene, cameras: Mapping[str, Camera], names: Sequence[str], chosen: Sequence[str]
+    target: Path, scene: Scene, cameras: Mapping[str, Camera], names: Sequence[str], chosen: Sequence[str], masked: bool
 ) -> dict[str, Any]:
     """What is made of all views, written: transforms.json and those of RESULTS in `chosen`; for meta.json: what was left out.
 
-    cameras: of the views, by name; names: of the frames. Raises OutputError.
+    cameras: of the views, by name; names: of the frames; masked: whether views have masks. Raises OutputError.
     """
-    write_transforms(target, cameras, names, {"ply_file_path": "scene.ply"} if "points" in chosen else {})
+    points = {"ply_file_path": "scene.ply"} if "points" in chosen else {}
+    write_transforms(target, cameras, names, points, masked)
     about = write_whole(target, scene, cameras, chosen)
     if "video" in chosen:
         about["video"] = write_views_video(target, list(cameras))
@@ -224,7 +225,8 @@ def complete_steps(
     that every surface is filled once.
     """
     resumed = state.begin()
-    for folder in FOLDERS:
+    masked = min_confidence > 0
+    for folder in (*FOLDERS, MASKS) if masked else FOLDERS:
         (target / folder).mkdir(exist_ok=True)
     done = StepResults(scene)
     for number, step in enumerate(steps):
@@ -234,7 +236,7 @@ def complete_steps(
             found, larger = complete_step(plan, done.scene, step)
             added = StepChange.by(step, found.view, done.scene, larger)
             if step.shown:
-                write_view(target, step.name, above_confidence(added.view, min_confidence))
+                write_view(target, step.name, above_confidence(added.view, min_confidence), masked)
             added = state.keep(number, added)
         done.scene, done.reused = added.to(done.scene, step), done.reused + earlier
         if step.shown:
