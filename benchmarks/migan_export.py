@@ -14,7 +14,7 @@ The noise that the published file adds is constant and belongs to a size, 512 x 
 below LEAST_NOISE is left out: together with the step before, a call takes 0.68 of the time.
 Weights of the large convolutions are stored in half precision and computed with in single precision.
 
-The file that ships (src/dlama/assets/migan/migan-512.onnx) was made by
+The file that tuning begins at (`painter`; what that makes of it ships) was made by
 
     python benchmarks/migan_export.py migan_pipeline_v2.onnx -o migan-512.onnx
 

@@ -69,18 +69,19 @@ def truth(migan_pipeline: Path, example: tuple[np.ndarray, np.ndarray]) -> np.nd
 
 
 @pytest.mark.slow
-def test_the_file_that_ships(
+def test_the_file_that_training_begins_at(
     migan_pipeline: Path, example: tuple[np.ndarray, np.ndarray], truth: np.ndarray, tmp_path: Path
 ) -> None:
-    """It is what the command in the docstring makes, to the byte; half precision costs a tenth of a grey level; at most 15 MB."""
+    """Half precision costs a tenth of a grey level; the tuned file that ships has its graph, at most 15 MB of it."""
     shipped = model_file("migan")
     assert shipped is not None and shipped.stat().st_size < 15e6
     made = migan_export.export_migan(
         migan_pipeline, tmp_path / "migan-512.onnx", migan_export.migan_metadata(migan_pipeline, "MIT")
     )
-    assert made.read_bytes() == shipped.read_bytes()
+    graphs = [onnx.load(path).graph for path in (made, shipped)]
+    assert graphs[0].node == graphs[1].node
     picture, hole = example
-    filled = open_engine(shipped).fill(picture[None], hole)[0]
+    filled = open_engine(made).fill(picture[None], hole)[0]
     assert np.array_equal(filled[:, ~hole], picture[:, ~hole])
     error = abs(np.clip(filled, 0, 1) - truth)[:, hole] * 255
     assert error.mean() < 0.1 and np.percentile(error, 99) < 1

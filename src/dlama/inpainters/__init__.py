@@ -139,7 +139,7 @@ def _pair(file: Path) -> Inpainter:
     return pair_filler(file)
 
 
-MIGAN = "migan/migan-512.onnx"
+MIGAN = "migan/migan-512-tuned.onnx"
 FILLERS: dict[str, FillerRecord] = {
     "layered": FillerRecord(_layered),
     "layered-patches": FillerRecord(_layered_patches, needs_model=True, shipped=MIGAN),

@@ -236,4 +236,4 @@ def test_the_shipped_migan_continues_a_wall(height: int, width: int) -> None:
     after, report = inpaint(view, find_filler("migan"), NOTHING)
     unchanged(view, after)
     assert abs(after.color[taken].astype(float) - 128).mean() < 15
-    assert report.notes["model"] == "migan-512.onnx" and report.law_violations == 0
+    assert report.notes["model"] == "migan-512-tuned.onnx" and report.law_violations == 0

@@ -37,6 +37,9 @@ SOFT, WIDE = 4.0, 1e3
 """Sharpness of the vote by patch difference, and width of its Gaussian over patch centres (pixels)."""
 SHARP, NARROW = 8.0, 1.4
 """The same in the last round: only the best patches count, near their centre, since means of many are blurred."""
+PULL, PULL_PX = 0.6, 3.0
+"""Share by which each round but the last brings what it painted back to a network's guess, of the differences averaged over so
+many pixels (sigma): the guess has the structure, patches the texture. Other guesses are poorer than the patches."""
 BAND = 512
 """Patches per task."""
 LARGEST_MATCHED = 3_000_000
@@ -74,11 +77,13 @@ def complete_picture(
     *,
     label: NDArray[np.int32] | None = None,
     effort: Effort = THOROUGH,
+    pull: float = 0.0,
 ) -> UInt8Array:
     """H x W x 3: the picture with its hole painted from known patches; known pixels as they are.
 
     picture, guess: H x W x 3 uint8 RGB; hole: H x W; label: H x W, the surface of each pixel, hole or not: patches of another
-    one cost more. Where no patch of 7 x 7 px is known the guess comes back. The same seed gives the same bits.
+    one cost more; pull: 0, or PULL where the guess is a network's. Where no patch of 7 x 7 px is known the guess comes back. The
+    same seed gives the same bits.
     """
     out = np.where(hole[..., None], guess, picture)
     label = np.zeros(hole.shape, np.int32) if label is None else label.astype(np.int32)
@@ -88,7 +93,7 @@ def complete_picture(
     rng = np.random.default_rng(seed)
     coarser: Search | None = None
     for i in reversed(range(len(levels))):
-        search = Search.of(levels[i], rng, penalty_weights(max(hole.shape) / 2**i))
+        search = Search.of(levels[i], rng, penalty_weights(max(hole.shape) / 2**i), pull)
         matched = levels[i].hole.size <= LARGEST_MATCHED and (i > 0 or effort.at_full_size)
         if coarser is None:
             search.compare_all(rng, effort.pairs)
@@ -135,6 +140,10 @@ class Search:
     """N weights of the targets' patches."""
     box: tuple[slice, slice]
     """Rows and columns that hold all targets."""
+    guess: Float32Array
+    """Colours of the guess in the rows and columns of `box`, of the picture where it is known,"""
+    pull: float
+    """and the share by which what is painted is brought back to them."""
     around: Float32Array
     """N, how many patches cover the pixel at a target's centre."""
     weights: Float32Array
@@ -145,7 +154,7 @@ class Search:
     """N differences of the two."""
 
     @classmethod
-    def of(cls, level: Level, rng: np.random.Generator, weights: Float32Array) -> Search:
+    def of(cls, level: Level, rng: np.random.Generator, weights: Float32Array, pull: float = 0.0) -> Search:
         """The initial search."""
         touched = dilate_by_patch(level.hole)
         targets = places(touched)
@@ -167,6 +176,8 @@ class Search:
             number,
             trust,
             box,
+            level.values[box][..., :3].copy(),
+            pull,
             around,
             weights,
             random,
@@ -231,12 +242,21 @@ class Search:
             )
 
     def vote(self, *, last: bool) -> None:
-        """Set the hole's values by a vote of the matched patches; sharp in the last round."""
+        """Set the hole's values by a vote of the matched patches; sharp in the last round, else drawn to the guess."""
         if last:
             self._paint(SHARP, NARROW, np.ones_like(self.trust))
         else:
             self._paint(SOFT, WIDE, self.trust)
+            if self.pull:
+                self._pull_to_guess()
             self._weigh()
+
+    def _pull_to_guess(self) -> None:
+        """Bring the hole's colours nearer to the guess, but for their detail."""
+        rows, columns = self.pixels.T
+        top, left = (side.start for side in self.box)
+        step = cv2.GaussianBlur(self.guess - self.values[self.box][..., :3], (0, 0), PULL_PX)
+        self.values[rows, columns, :3] += self.pull * step[rows - top, columns - left]
 
     def _paint(self, sharpness: float, width_px: float, trust: Float32Array) -> None:
         """Set the hole's values. A patch weighs exp(-sharpness cost / (2 mean cost about it)), times the trust in it (N), times a

@@ -30,7 +30,7 @@ from dlama.inpainters.layered.depth_first import find_occluders
 from dlama.inpainters.layered.filler import inverse_of_filled, paint_surfaces
 from dlama.inpainters.layered.remaining_shadows import find_remaining_shadow
 from dlama.inpainters.networks.migan import migan_filler
-from dlama.inpainters.patchmatch.completion import QUICK, complete_picture
+from dlama.inpainters.patchmatch.completion import PULL, QUICK, complete_picture
 from dlama.inpainters.patchmatch.filler import blend_with_guess, guess_coarsely
 
 REPAINTED = (HoleType.OBJECT, HoleType.DISOCCLUDED, HoleType.OUT_OF_VIEW)
@@ -59,7 +59,8 @@ def layered_patches_filler(model: str | Path) -> Inpainter:
             if removed.any():
                 guess = guess_coarsely(network.paint, color, removed | hidden, seed)
                 notes["guess"] = network.notes()
-            done = complete_picture(color, hole | hidden, guess, seed, label=label, effort=QUICK)
+            pull = PULL if removed.any() else 0.0
+            done = complete_picture(color, hole | hidden, guess, seed, label=label, effort=QUICK, pull=pull)
             if removed.any():
                 done = blend_with_guess(done, guess, removed, view.color_hole | hidden)
             if others.any():
