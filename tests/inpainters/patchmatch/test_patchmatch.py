@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 
+import cv2
 import numpy as np
 import pytest
 
@@ -19,7 +20,7 @@ from dlama.geometry.visibility import Law
 from dlama.inpainters import AUTO, FILLER_NAMES, FILLERS, find_filler
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Painter, inpaint
-from dlama.inpainters.patchmatch.completion import QUICK, complete_picture, nearest_source
+from dlama.inpainters.patchmatch.completion import PULL, QUICK, complete_picture, nearest_source
 from dlama.inpainters.patchmatch.pyramid import build_pyramid, describe_pixels, halve
 
 ROWS, COLUMNS = np.indices((96, 128))
@@ -48,6 +49,20 @@ def test_a_pattern_goes_on_whatever_the_guess() -> None:
     np.testing.assert_array_equal(done[~HOLE], wall[~HOLE])
     wrong = np.abs(done.astype(int) - wall).max(-1)[HOLE]
     assert (wrong <= 12).mean() > 0.9
+
+
+def test_the_structure_of_a_networks_guess_stays() -> None:
+    """Law: drawn to the guess, what is painted has the guess's large shapes where it has not alone, in the picture's own grain."""
+    grain = np.random.default_rng(3).normal(0, 12, (96, 128, 1))
+    light = (COLUMNS // 20 % 2)[..., None]
+    picture = np.clip(np.where(light, 170, 90) + grain + np.zeros(3), 0, 255).astype(np.uint8)
+    guess = np.where(HOLE[..., None], np.where((ROWS > 50)[..., None], 170, 90), picture).astype(np.uint8)
+    off = {}
+    for pull in (0.0, PULL):
+        done = complete_picture(picture, HOLE, guess, pull=pull).astype(np.float32)
+        off[pull] = np.abs(cv2.blur(done - guess, (9, 9)))[HOLE].mean()
+        assert 6 < (done - cv2.blur(done, (5, 5)))[HOLE].std() < 18
+    assert off[PULL] < 0.7 * off[0.0]
 
 
 def test_nothing_is_painted_that_the_picture_does_not_show() -> None:
