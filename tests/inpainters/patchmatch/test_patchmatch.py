@@ -52,7 +52,7 @@ def test_a_pattern_goes_on_whatever_the_guess() -> None:
 
 
 def test_the_structure_of_a_networks_guess_stays() -> None:
-    """Law: drawn to the guess, what is painted has the guess's large shapes where it has not alone, in the picture's own grain."""
+    """Law: drawn to the guess, what is painted has the guess's large shapes, which it has not alone, in the picture's grain."""
     grain = np.random.default_rng(3).normal(0, 12, (96, 128, 1))
     light = (COLUMNS // 20 % 2)[..., None]
     picture = np.clip(np.where(light, 170, 90) + grain + np.zeros(3), 0, 255).astype(np.uint8)

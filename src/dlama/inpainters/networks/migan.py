@@ -1,8 +1,8 @@
 """MI-GAN: a view with holes in; colour, and depth as a grey picture, out. The network ships in the package.
 
-Cracks are closed by diffusion first: the network collapses on them. The generator that ships (`benchmarks/migan_export.py` made
-it) fills crops of 512 x 512. Depth is 8-bit inverse depth, and still better than diffusion's (street s03, yaw 20: 0.11 m of mean
-error, Telea 0.43); its steps are smoothed away by as much as a step cannot tell.
+Cracks are closed by diffusion first: the network collapses on them. The generator that ships (`benchmarks/migan_export.py`,
+tuned by `benchmarks/painter.py`) fills crops of up to 512 x 512. Depth is 8-bit inverse depth, and still better than diffusion's;
+its steps are smoothed away by as much as a step cannot tell.
 """
 
 from __future__ import annotations
