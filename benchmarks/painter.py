@@ -21,8 +21,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from dlama.evaluation.metrics.lpips import Lpips
-from dlama.geometry.holes import box_around
+from bench import lpips_map
 from dlama.geometry.rgbd import UInt8Array
 from dlama.training.data.photos import folder_photos, split_photos
 from painter_crops import Crop, outlines_of, photo_crop, world_crop, write_worlds
@@ -33,7 +32,7 @@ SIDE, BATCH, LARGE_SIDE, LARGE_BATCH, LARGE = 256, 4, 384, 2, 0.2
 """Pixels and number of crops of a batch, and of so large a share of all batches."""
 OF_WORLDS = 0.3
 """Share of crops."""
-MEASURED_PHOTOS, MEASURED_WORLDS, MARGIN, SHOWN_EVERY = 48, 32, 48, 4
+MEASURED_PHOTOS, MEASURED_WORLDS, SHOWN_EVERY = 48, 32, 4
 
 
 class Crops:
@@ -81,19 +80,18 @@ def fill(generator: Generator, crop: Crop) -> UInt8Array:
     return np.where(crop.hole[..., None], painted, crop.truth).astype(np.uint8)
 
 
-def errors(filled: UInt8Array, crop: Crop, lpips: Lpips) -> tuple[float, float, float]:
+def errors(filled: UInt8Array, crop: Crop) -> tuple[float, float, float]:
     """Mean absolute and squared error in levels, and LPIPS, in the hole."""
-    truth, box = crop.truth.astype(np.uint8), box_around(crop.hole, MARGIN)
+    truth = crop.truth.astype(np.uint8)
     off = (filled.astype(np.float32) - truth)[crop.hole]
-    mine, true = (np.ascontiguousarray(one[box]) for one in (filled, truth))
-    return float(np.abs(off).mean()), float(np.square(off).mean()), lpips.region(mine, true, crop.hole[box])
+    distance = lpips_map(truth, filled, crop.hole)[crop.hole]
+    return float(np.abs(off).mean()), float(np.square(off).mean()), float(distance.mean())
 
 
 def measure(run: Run, crops: Sequence[Crop], sheet: Path) -> str:
     """The errors of photos and of worlds, and a picture of known, filled and true crops."""
-    lpips = Lpips()
     filled = [fill(run.averaged, crop) for crop in crops]
-    found = np.array([errors(one, crop, lpips) for one, crop in zip(filled, crops)])
+    found = np.array([errors(one, crop) for one, crop in zip(filled, crops)])
     rows = [
         np.hstack([cv2.resize(each, (SIDE, SIDE)) for each in (np.where(crop.hole[..., None], 0, crop.color), one, crop.truth)])
         for one, crop in list(zip(filled, crops))[::SHOWN_EVERY]

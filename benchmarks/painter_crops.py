@@ -15,7 +15,7 @@ import numpy as np
 
 from dlama.errors import MaskError
 from dlama.files.atomic_write import new_file
-from dlama.geometry.holes import box_around
+from dlama.geometry.holes import box_around, dilate_square
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.perception.masks.salient import saliency
 from dlama.training.data.photos import Photo, square_crop
@@ -139,7 +139,7 @@ def put_outline(hole: UInt8Array, outline: BoolArray, rng: np.random.Generator) 
 def dilate_randomly(hole: UInt8Array, sides: tuple[int, int], rng: np.random.Generator) -> BoolArray:
     """A hole dilated by a square."""
     side = int(rng.integers(*sides))
-    return np.asarray(cv2.dilate(np.ascontiguousarray(hole), np.ones((side, side), np.uint8)) > 0)
+    return dilate_square(np.ascontiguousarray(hole), side)
 
 
 def vary_light(picture: UInt8Array, rng: np.random.Generator) -> Float32Array:

@@ -38,11 +38,11 @@ class Generator(nn.Module):
         super().__init__()
         graph = onnx.load(path).graph
         constants = {one.name: numpy_helper.to_array(one) for one in graph.initializer}
-        self.names = {one.output[0]: one.input[0] for one in graph.node if one.op_type == "Cast"}
+        names = {one.output[0]: one.input[0] for one in graph.node if one.op_type == "Cast"}
         self.nodes = [
             (
                 one.op_type,
-                [self.names.get(name, name) for name in one.input],
+                [names.get(name, name) for name in one.input],
                 one.output[0],
                 {each.name: onnx.helper.get_attribute_value(each) for each in one.attribute},
             )

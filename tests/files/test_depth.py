@@ -52,12 +52,13 @@ def test_png_there_and_back(tmp_path: Path) -> None:
     assert np.array_equal(imageio.imread(tmp_path / "d.png")[1:], np.rint(METRES[1:].astype(np.float64) * 1000))
 
 
+@pytest.mark.filterwarnings("ignore:.*if these are millimetres")
 @settings(max_examples=30, deadline=None)
 @given(
     depth=hnp.arrays(
         np.float32,
         hnp.array_shapes(min_dims=2, max_dims=2, max_side=9),
-        elements=st.sampled_from([0, np.inf, 0.5, 3.25, 40]),
+        elements=st.sampled_from([0, np.inf, 0.5, 3.25, 99]),
     )
 )
 def test_exr_and_npy_there_and_back_exactly(tmp_path_factory: pytest.TempPathFactory, depth: np.ndarray) -> None:

@@ -103,7 +103,8 @@ def read_stereo_calib(path: PathLike, *, hw: tuple[int, int] | None = None) -> S
     calib.txt: `cam0`, `cam1`, `baseline` in mm, `doffs`, or KITTI's `P2`, `P3`; first pixel's centre at 0.0. JSON: `left_K`,
     `right_K`, `baseline_m`, `doffs`, `pixel_center` (default 0.5), `width`, `height`. Of the right K and doffs (px, cx of the
     right minus cx of the left) one may be left out; where both are given they must agree within 0.01 px. A file without a size
-    takes `hw`. Raises FileError, CameraError; warns of a principal point outside the picture."""
+    takes `hw`. Raises FileError, CameraError; warns of a principal point outside the picture.
+    """
     check_arguments(read_stereo_calib, locals())
     if _is_calib_txt(path):
         fields, left_K, right_K, center = read_calib_txt(path), "cam0", "cam1", 0.0

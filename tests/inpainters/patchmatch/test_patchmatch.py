@@ -20,8 +20,9 @@ from dlama.geometry.visibility import Law
 from dlama.inpainters import AUTO, FILLER_NAMES, FILLERS, find_filler
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Painter, inpaint
-from dlama.inpainters.patchmatch.completion import PULL, QUICK, complete_picture, nearest_source
+from dlama.inpainters.patchmatch.completion import QUICK, complete_picture
 from dlama.inpainters.patchmatch.pyramid import build_pyramid, describe_pixels, halve
+from dlama.inpainters.patchmatch.search import nearest_source
 
 ROWS, COLUMNS = np.indices((96, 128))
 HOLE = (np.abs(ROWS - 50) < 14) & (np.abs(COLUMNS - 60) < 17)
@@ -58,11 +59,11 @@ def test_the_structure_of_a_networks_guess_stays() -> None:
     picture = np.clip(np.where(light, 170, 90) + grain + np.zeros(3), 0, 255).astype(np.uint8)
     guess = np.where(HOLE[..., None], np.where((ROWS > 50)[..., None], 170, 90), picture).astype(np.uint8)
     off = {}
-    for pull in (0.0, PULL):
-        done = complete_picture(picture, HOLE, guess, pull=pull).astype(np.float32)
-        off[pull] = np.abs(cv2.blur(done - guess, (9, 9)))[HOLE].mean()
+    for guided in (False, True):
+        done = complete_picture(picture, HOLE, guess, guided=guided).astype(np.float32)
+        off[guided] = np.abs(cv2.blur(done - guess, (9, 9)))[HOLE].mean()
         assert 6 < (done - cv2.blur(done, (5, 5)))[HOLE].std() < 18
-    assert off[PULL] < 0.7 * off[0.0]
+    assert off[True] < 0.7 * off[False]
 
 
 def test_nothing_is_painted_that_the_picture_does_not_show() -> None:

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from dlama.inpainters.patchmatch import kernels
-from dlama.inpainters.patchmatch.completion import Search
 from dlama.inpainters.patchmatch.kernels import HALF
 from dlama.inpainters.patchmatch.pyramid import Level, dilate_by_patch, whole_patches
+from dlama.inpainters.patchmatch.search import Search
 
 LEAN = np.array([3.0, 0.5, 7.0, 2000.0], np.float32)
 RNG = np.random.default_rng(4)

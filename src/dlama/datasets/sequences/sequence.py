@@ -89,9 +89,8 @@ def sequence(
 
     Writes a data set in nerfstudio's layout: transforms.json, images/, depth/ (mm), hole/ (255 = filled or open), origin/,
     source/ (the frame each pixel comes from); scene.glb, meta.json, sparse/0 (a COLMAP model as text), a video of the views;
-    and scene.npz and scene.ply where they are asked for. A killed run resumes at the frame it was at. A frame that cannot be
-    read, comes twice or contradicts all others is warned of and left out. Pixels are read when they are needed: memory hardly
-    grows with the number of frames.
+    scene.npz and scene.ply where asked for. A killed run resumes at the frame it was at. A frame that cannot be read, comes
+    twice or contradicts all others is warned of and left out. Memory hardly grows with the number of frames.
 
     Args:
         dataset: The folder of posed frames, in any layout that `dlama evaluate` reads; or a scene.npz.

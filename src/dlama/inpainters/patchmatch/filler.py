@@ -18,7 +18,7 @@ from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill, Paint, Painter
 from dlama.inpainters.networks.migan import migan_filler
 from dlama.inpainters.opencv import telea
-from dlama.inpainters.patchmatch.completion import PULL, complete_picture
+from dlama.inpainters.patchmatch.completion import complete_picture
 from dlama.inpainters.spreading import spread_by_two, spread_small
 from dlama.models.network_file import make_room
 
@@ -97,7 +97,7 @@ def patchmatch_filler(model: str | Path) -> Painter:
         if not hole.any():
             return picture
         guess = guess_coarsely(network.paint, picture, hole, seed)
-        return blend_with_guess(complete_picture(picture, hole, guess, seed, pull=PULL), guess, hole)
+        return blend_with_guess(complete_picture(picture, hole, guess, seed, guided=True), guess, hole)
 
     def notes() -> dict[str, Any]:
         return {"guess": network.notes()}

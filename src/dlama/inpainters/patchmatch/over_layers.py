@@ -30,7 +30,7 @@ from dlama.inpainters.layered.depth_first import find_occluders
 from dlama.inpainters.layered.filler import inverse_of_filled, paint_surfaces
 from dlama.inpainters.layered.remaining_shadows import find_remaining_shadow
 from dlama.inpainters.networks.migan import migan_filler
-from dlama.inpainters.patchmatch.completion import PULL, QUICK, complete_picture
+from dlama.inpainters.patchmatch.completion import QUICK, complete_picture
 from dlama.inpainters.patchmatch.filler import blend_with_guess, guess_coarsely
 
 REPAINTED = (HoleType.OBJECT, HoleType.DISOCCLUDED, HoleType.OUT_OF_VIEW)
@@ -55,13 +55,12 @@ def layered_patches_filler(model: str | Path) -> Inpainter:
             color = paint_surfaces(view, surfaces, w, context, seed, detail=not context.misplaced_edges)
         if hole.any():
             label, hidden = exclude_from_patches(view, surfaces, depth, context.law, hole)
-            guess = color
-            if removed.any():
+            guess, guided = color, bool(removed.any())
+            if guided:
                 guess = guess_coarsely(network.paint, color, removed | hidden, seed)
                 notes["guess"] = network.notes()
-            pull = PULL if removed.any() else 0.0
-            done = complete_picture(color, hole | hidden, guess, seed, label=label, effort=QUICK, pull=pull)
-            if removed.any():
+            done = complete_picture(color, hole | hidden, guess, seed, label=label, effort=QUICK, guided=guided)
+            if guided:
                 done = blend_with_guess(done, guess, removed, view.color_hole | hidden)
             if others.any():
                 done = blend_with_guess(done, guess, others)

@@ -1,0 +1,224 @@
+"""A level of the pyramid in; the known patch matched to each patch at the hole, and the hole painted by their vote, out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from dlama.geometry.holes import box_around
+from dlama.geometry.kernels.jit import in_bands
+from dlama.geometry.rgbd import BoolArray, Float32Array
+from dlama.inpainters.patchmatch import kernels
+from dlama.inpainters.patchmatch.pyramid import Level, dilate_by_patch
+
+NEAR = 16.0
+"""Radius in px of the first random search in all rounds but the first."""
+CERTAIN = 1.3
+"""Base of the weight of a patch, which falls with each pixel that its centre lies deeper in the hole."""
+SOFT, WIDE = 4.0, 1e3
+"""Sharpness of the vote by patch difference, and width of its Gaussian over patch centres (pixels)."""
+SHARP, NARROW = 8.0, 1.4
+"""The same in the last round: only the best patches count, near their centre, since means of many are blurred."""
+PULL, PULL_PX = 0.6, 3.0
+"""Share by which each round but the last brings what it painted back to a network's guess, of the differences averaged over so
+many pixels (sigma): the guess has the structure, patches the texture. Other guesses are poorer than the patches."""
+BAND = 512
+"""Patches per task."""
+DRAWN = 65536
+"""Random numbers drawn per level."""
+
+
+@dataclass
+class Search:
+    """The search on one level: patches that touch the hole, and the known patch matched to each; mutable."""
+
+    values: Float32Array
+    """H x W x 5, as of Level; those of the hole change."""
+    sources: BoolArray
+    """H x W."""
+    label: NDArray[np.int32]
+    """H x W, the surface of each pixel."""
+    pixels: NDArray[np.int32]
+    """M x 2, pixels of the hole."""
+    targets: NDArray[np.int32]
+    """N x 2, centres of patches that touch the hole."""
+    number: NDArray[np.int32]
+    """H x W, of each target, else -1."""
+    trust: Float32Array
+    """N weights of the targets' patches."""
+    box: tuple[slice, slice]
+    """Rows and columns that hold all targets."""
+    guess: Float32Array | None
+    """Colours of the guess in the rows and columns of `box`, of the picture where it is known; None: it is no guide."""
+    around: Float32Array
+    """N, how many patches cover the pixel at a target's centre."""
+    weights: Float32Array
+    random: NDArray[np.float64]
+    found: NDArray[np.int32]
+    """N x 2, centre of the matched known patch."""
+    cost: Float32Array
+    """N differences of the two."""
+
+    @classmethod
+    def of(cls, level: Level, rng: np.random.Generator, weights: Float32Array, guided: bool = False) -> Search:
+        """The initial search."""
+        touched = dilate_by_patch(level.hole)
+        targets = places(touched)
+        number = np.full(level.hole.shape, -1, np.int32)
+        number[touched] = np.arange(len(targets))
+        depth = cv2.distanceTransform(level.hole.astype(np.uint8), cv2.DIST_L2, 3)[touched]
+        trust = (CERTAIN ** -np.minimum(depth, 200)).astype(np.float32)
+        pixels = places(level.hole)
+        box = box_around(touched, 0)
+        around = sum_over_patch(touched[box].astype(np.float32))[touched[box]]
+        random = rng.uniform(-1, 1, (DRAWN, 2))
+        found, cost = np.zeros_like(targets), np.full(len(targets), np.inf, np.float32)
+        return cls(
+            level.values,
+            level.sources,
+            level.label,
+            pixels,
+            targets,
+            number,
+            trust,
+            box,
+            level.values[box][..., :3].copy() if guided else None,
+            around,
+            weights,
+            random,
+            found,
+            cost,
+        )
+
+    def compare_all(self, rng: np.random.Generator, pairs: int) -> None:
+        """Compare every target with every known patch, or with as many random ones as `pairs` allow."""
+        sources = places(self.sources)
+        most = max(1, pairs // len(self.targets))
+        if len(sources) > most:
+            sources = sources[np.sort(rng.permutation(len(sources))[:most])]
+        used = np.zeros(self.sources.shape, np.float32)
+        self._run(
+            kernels.search_rows,
+            self.values,
+            self.targets,
+            sources,
+            self.weights,
+            used,
+            self.label,
+            self.found,
+            self.cost,
+        )
+
+    def start_from(self, coarser: Search, compare: bool) -> None:
+        """Start with the matches and colours of the coarser level (half the size); with its costs, too, or `compare` anew."""
+        parent = self.targets // 2
+        above = coarser.number[parent[:, 0], parent[:, 1]]
+        moved = 2 * (coarser.found[above] - parent) + self.targets
+        moved = np.where((above >= 0)[:, None], moved, self.targets)
+        self.found[:] = nearest_source(self.sources, moved)
+        if compare:
+            self.cost[:] = 1
+            self._paint(SOFT, WIDE, self.trust)
+            self._weigh()
+        else:
+            self.cost[:] = np.where(above >= 0, coarser.cost[above], coarser.cost.mean())
+
+    def match(self, turn: int, matchings: int) -> None:
+        """Improve the matches so many times, by propagation from neighbours and random search."""
+        used = self._count_uses()
+        for step in range(matchings):
+            reach = float(max(self.sources.shape)) if step == 0 else NEAR
+            now = self.found.copy()
+            self._run(
+                kernels.match_rows,
+                self.values,
+                self.targets,
+                self.number,
+                self.sources,
+                self.weights,
+                used,
+                self.label,
+                self.random,
+                104729 * (turn * matchings + step),
+                reach,
+                now,
+                self.found,
+                self.cost,
+            )
+
+    def vote(self, *, last: bool) -> None:
+        """Set the hole's values by a vote of the matched patches; sharp in the last round, else drawn to the guess."""
+        if last:
+            self._paint(SHARP, NARROW, np.ones_like(self.trust))
+        else:
+            self._paint(SOFT, WIDE, self.trust)
+            if self.guess is not None:
+                self._pull_to(self.guess)
+            self._weigh()
+
+    def _pull_to(self, guess: Float32Array) -> None:
+        """Bring the hole's colours nearer to the guess, but for their detail."""
+        rows, columns = self.pixels.T
+        top, left = (side.start for side in self.box)
+        step = cv2.GaussianBlur(guess - self.values[self.box][..., :3], (0, 0), PULL_PX)
+        self.values[rows, columns, :3] += PULL * step[rows - top, columns - left]
+
+    def _paint(self, sharpness: float, width_px: float, trust: Float32Array) -> None:
+        """Set the hole's values. A patch weighs exp(-sharpness cost / (2 mean cost about it)), times the trust in it (N), times a
+        Gaussian of its centre's distance (width_px)."""
+        touched = self.number[self.box] >= 0
+        costs = np.zeros(touched.shape, np.float32)
+        costs[touched] = self.cost
+        mean = sum_over_patch(costs)[touched] / self.around
+        weights = np.exp(-0.5 * sharpness * self.cost / (mean + 1e-3)) * trust
+        step = np.arange(-kernels.HALF, kernels.HALF + 1, dtype=np.float32)
+        near = np.exp(-(step[:, None] ** 2 + step**2) / (2 * width_px**2))
+        out = np.empty((len(self.pixels), self.values.shape[2]), np.float32)
+        rows = self.values, self.pixels, self.number, self.found, weights, near, out
+        in_bands(kernels.vote_rows, len(self.pixels), *rows, band=BAND)
+        self.values[self.pixels[:, 0], self.pixels[:, 1]] = out
+
+    def _weigh(self) -> None:
+        self._run(
+            kernels.cost_rows,
+            self.values,
+            self.targets,
+            self.found,
+            self.weights,
+            self._count_uses(),
+            self.label,
+            self.cost,
+        )
+
+    def _count_uses(self) -> Float32Array:
+        """H x W: how many times each known pixel is used."""
+        width = self.sources.shape[1]
+        flat = self.found[:, 0].astype(np.int64) * width + self.found[:, 1]
+        times = np.bincount(flat, minlength=self.sources.size).reshape(self.sources.shape)
+        return np.asarray(cv2.blur(times.astype(np.float32), (kernels.SIDE, kernels.SIDE)), np.float32)
+
+    def _run(self, kernel: Callable[..., None], *arguments: Any) -> None:
+        in_bands(kernel, len(self.targets), *arguments, band=BAND)
+
+
+def nearest_source(sources: BoolArray, places: NDArray[np.int32]) -> NDArray[np.int32]:
+    """N x 2: the known patch nearest to each place (N x 2, row and column; those beyond the border count as on it)."""
+    found = np.clip(places, 0, np.array(sources.shape) - 1).astype(np.int32)
+    in_bands(kernels.nearest_rows, len(found), sources, found, band=BAND)
+    return found
+
+
+def places(where: BoolArray) -> NDArray[np.int32]:
+    """N x 2, row and column of each True pixel."""
+    return np.argwhere(where).astype(np.int32, order="C")
+
+
+def sum_over_patch(plane: Float32Array) -> Float32Array:
+    """H x W: sums of a plane (H x W) over the patch round each pixel; beyond the border is 0."""
+    side = (kernels.SIDE, kernels.SIDE)
+    return np.asarray(cv2.boxFilter(plane, cv2.CV_32F, side, normalize=False, borderType=cv2.BORDER_CONSTANT))
