@@ -24,7 +24,7 @@ from dlama.models.network_file import make_room
 
 GUESS_SIDE = 768
 """Longer side in pixels of the picture that the painter sees: detail comes from patches."""
-DIFFERS = 20.0
+DIFFERS = 26.0
 """Levels by which patches differ from their guess where the mean of both is taken."""
 DISTANCE = 10.0
 """Levels added to the distances from the smooth estimate by which patches and a network's guess are weighed."""
