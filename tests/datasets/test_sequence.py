@@ -223,12 +223,15 @@ def test_a_scene_file_goes_on(room: Path, tmp_path: Path) -> None:
 def test_auto_is_the_filler_that_suits_the_scene(
     room: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Law: `patchmatch` where the scene's depth was estimated, `layered` where it was measured, in sequence and in video; the
-    last line and meta.json say which."""
+    """Law: `patchmatch` where the scene's depth was estimated, `layered-patches` where it was measured, in sequence and in
+    video; the last line and meta.json say which."""
     monkeypatch.chdir(tmp_path)
     guessed = dataclasses.replace(frame("img-1"), estimate={"estimator": "mine"})
     dlama.write(dlama.complete(guessed, [guessed.camera]), "one", only=["scene"])
-    for source, depth, filler in (("one/scene.npz", "estimated", "patchmatch"), (str(room), "measured", "layered")):
+    for source, depth, filler in (
+        ("one/scene.npz", "estimated", "patchmatch"),
+        (str(room), "measured", "layered-patches"),
+    ):
         main(["sequence", source, "-o", depth, "--only", "scene", *(["--frames", "1:2"] * (depth == "measured"))])
         assert f", filler {filler}, " in capsys.readouterr().out
         meta = json.loads(Path(depth, "meta.json").read_text())

@@ -27,7 +27,7 @@ from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
-from dlama.inpainters import AUTO, auto_filler, find_filler
+from dlama.inpainters import AUTO, ESTIMATED, MEASURED, find_filler
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Inpainter
 from dlama.inpainters.grey_depth import with_grey_depth
@@ -121,10 +121,8 @@ def _read_and_clip(read: Callable[[], RGBD], clip: float | None) -> RGBD:
     return read().clip_depth(clip)
 
 
-def choose_filler(
-    scene: Scene, filler: str | Inpainter = AUTO, model: str | Path | None = None, *, removes: bool = False
-) -> FillerChoice:
-    """The filler as given; for `auto` the one that suits the depth of the scene, and whether an object is removed from it.
+def choose_filler(scene: Scene, filler: str | Inpainter = AUTO, model: str | Path | None = None) -> FillerChoice:
+    """The filler as given; for `auto` the one that suits the depth of the scene.
 
     InputError: a model for `auto`.
     """
@@ -132,9 +130,7 @@ def choose_filler(
         return FillerChoice(filler, "as given")
     refuse_model_of_auto(filler, model)
     profile = DepthProfile.of(scene)
-    removed = removes or bool(scene.removals)
-    name = auto_filler(estimated=profile.estimated, misplaced=profile.from_depth_camera, removed=removed)
-    return FillerChoice(name, profile.reason + "; an object is removed" * removed)
+    return FillerChoice(ESTIMATED if profile.estimated else MEASURED, profile.reason)
 
 
 def refuse_model_of_auto(filler: str | Inpainter, model: str | Path | None) -> None:
@@ -183,7 +179,7 @@ def plan_for(
 
     Raises InputError, MaskError, as `complete`.
     """
-    recipe, choice = options.settings, choose_filler(scene, options.filler, options.model, removes=mask is not None)
+    recipe, choice = options.settings, choose_filler(scene, options.filler, options.model)
     inpainter, decisions, dilation = find_filler(choice.filler, options.model), choice.decision, NO_DILATION
     if mask is not None:
         removal = remove_object(scene, mask, recipe.dilate)

@@ -38,18 +38,8 @@ class FillerRecord:
 
 AUTO = "auto"
 """The default: the filler that suits the depth."""
-EXACT, CAMERA, ESTIMATED = "layered", "layered-patches", "patchmatch"
-"""Its choices: for depth that fits its picture (rendered, scanned); for depth cameras and removed objects; for estimated depth,
-whose planes are bent and torn."""
-
-
-def auto_filler(*, estimated: bool = False, misplaced: bool = False, removed: bool = False) -> str:
-    """The filler that AUTO chooses.
-
-    estimated: the depth is that of a network. misplaced: its edges are misaligned with the picture, as a depth camera's are.
-    removed: an object is removed.
-    """
-    return ESTIMATED if estimated else CAMERA if misplaced or removed else EXACT
+MEASURED, ESTIMATED = "layered-patches", "patchmatch"
+"""Its choices: for measured and rendered depth; for estimated depth, whose planes are bent and torn."""
 
 
 def find_filler(filler: str | Inpainter, model: str | Path | None = None) -> Inpainter:
@@ -151,7 +141,7 @@ FILLERS: dict[str, FillerRecord] = {
     "joint": FillerRecord(_joint, needs_model=True),
     "pair": FillerRecord(_pair, needs_model=True),
 }
-"""Name -> record; the default for exact depth comes first."""
+"""Name -> record."""
 
 FILLER_NAMES = (AUTO, *FILLERS)
 """Names for users; the default comes first."""

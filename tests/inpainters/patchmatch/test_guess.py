@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dlama.geometry.rgbd import BoolArray, UInt8Array
-from dlama.inpainters.patchmatch.filler import DIFFERS, DISTANCE, GUESS_SIDE, blend_with_guess, guess_coarsely
+from dlama.inpainters.patchmatch.filler import AGREE, DIFFERS, DISTANCE, GUESS_SIDE, blend_with_guess, guess_coarsely
 
 TELEA = 3
 """Levels by which OpenCV's Telea is off on one colour (5), as half of the smooth estimate."""
@@ -94,3 +94,21 @@ def test_hidden_pixels_are_no_evidence() -> None:
     hidden[:20] = True
     out = blend_with_guess(patches, network, hole, hidden)
     np.testing.assert_allclose(out[35:55, 35:55], 220 - 120 * DISTANCE / (2 * DISTANCE + 120), atol=TELEA)
+
+
+def test_a_share_is_the_same_everywhere() -> None:
+    """Closed form: at a quarter, 100 and 104 levels give 101, 100 and 180 give 120, whether they differ by little or by far."""
+    hole = square_hole(96, 20, 70)
+    for guess, mean in ((104, 101), (180, 120)):
+        out = blend_with_guess(in_hole(100, hole, 50), in_hole(guess, hole, 50), hole, guess_share=0.25)
+        assert (out[hole] == mean).all() and (out[~hole] == 50).all()
+
+
+@pytest.mark.parametrize(("spread", "counts"), [(0.0, 0.0), (AGREE, 0.5), (1e6, 1.0)])
+def test_patches_that_agree_are_kept(spread: float, counts: float) -> None:
+    """Closed form: patches and guess are as far from the known colours, so that their mean is taken; of the way to it
+    spread^2 / (spread^2 + AGREE^2) is gone."""
+    hole = square_hole(96, 20, 70)
+    painted, guess = in_hole(80, hole, 100), in_hole(120, hole, 100)
+    out = blend_with_guess(painted, guess, hole, hole, spread=np.where(hole, np.float32(spread), np.float32(0)))
+    np.testing.assert_allclose(out[35:55, 35:55], 80 + 20 * counts, atol=TELEA)

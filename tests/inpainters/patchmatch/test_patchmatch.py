@@ -204,14 +204,26 @@ def test_over_layers_depth_is_that_of_layered_and_colours_are_the_pictures() -> 
     assert "migan" in str(fills[1].notes["guess"]) and fills[1].notes["planes"] == fills[0].notes["planes"]
 
 
+def test_the_network_paints_dis_occlusions_and_nothing_else() -> None:
+    """Law: of a view of exact depth, all but the dis-occlusions has the colours of `layered`, to the bit; without any the network
+    does not run."""
+    rgbd, _ = camera_frame(0, brick_wall())
+    for move, some in ((dlama.orbit(rgbd.camera, 15), True), (dlama.orbit(rgbd.camera, 15, pivot=1e-6), False)):
+        done, plain = (dlama.complete(rgbd, [move], filler=name) for name in ("auto", "layered"))
+        uncovered = done.views[0].hole_type == HoleType.DISOCCLUDED.value
+        differs = (done.views[0].color != plain.views[0].color).any(-1)
+        assert differs.any() == uncovered.any() == some and not (differs & ~uncovered).any()
+        assert ("migan" in str(done.meta)) == some
+
+
 def test_auto_is_the_filler_that_suits_the_depth() -> None:
-    """Law: layered where depth fits its picture, over it patches where a depth camera measured it or an object is removed,
-    patchmatch where it was estimated; meta data say which; a name is that name."""
+    """Law: layered-patches where depth was measured, patchmatch where it was estimated; meta data say which and why; a name is
+    that name."""
     assert FILLER_NAMES[0] == AUTO and set(FILLER_NAMES) == {AUTO, *FILLERS}
     plain = np.random.default_rng(0).integers(60, 70, (144, 128, 3), np.uint8)
-    for off, name in ((0, "layered"), (4, "layered-patches")):
+    for off in (0, 4):
         rgbd, hole = camera_frame(off, plain)
-        assert dlama.view(rgbd, yaw=5).meta["filler"] == name
+        assert dlama.view(rgbd, yaw=5).meta["filler"] == "layered-patches"
         assert dlama.remove(rgbd, hole).meta["filler"] == "layered-patches"
         assert dlama.remove(rgbd, hole, filler="layered").meta["filler"] == "layered"
     rgbd = RGBD(brick_wall(), np.full((96, 128), 3, np.float32), Camera.from_fov(128, 96, 60))

@@ -84,12 +84,14 @@ def test_one_lucky_patch_tells_the_others() -> None:
 @pytest.mark.parametrize(("sharpness", "width_px"), [(4.0, 1e3), (8.0, 1.4)])
 def test_votes_are_the_weighted_mean_of_a_literal_twin(sharpness: float, width_px: float) -> None:
     """Twin: exp(-sharpness cost / 2 mean cost about the patch) times trust times a Gaussian, over all patches that cover the
-    pixel."""
+    pixel; their spread is numpy's."""
     level = Level(VALUES.copy(), HOLE, whole_patches(HOLE), LABEL)
     search = Search.of(level, np.random.default_rng(0), LEAN)
     found, costs, trust = search.found, search.cost, RNG.uniform(1, 9, len(TARGETS)).astype(np.float32)
     found[:], costs[:] = SOURCES[RNG.integers(0, len(SOURCES), len(TARGETS))], RNG.uniform(1, 9, len(TARGETS))
     search._paint(sharpness, width_px, trust)
+    spread = search.spread_of_votes()
+    assert (spread[~HOLE] == 0).all()
     np.testing.assert_array_equal(search.targets, TARGETS)
     np.testing.assert_array_equal(search.values[~HOLE], VALUES[~HOLE])
 
@@ -107,3 +109,4 @@ def test_votes_are_the_weighted_mean_of_a_literal_twin(sharpness: float, width_p
         weight = np.exp(-sharpness * costs[patch] / (2 * mean[patch]) - off / (2 * width_px**2)) * trust[patch]
         held = np.array([VALUES[found[t, 0] - j, found[t, 1] - i] for t, (j, i) in zip(patch, places)])
         np.testing.assert_allclose(search.values[row, column], np.average(held, axis=0, weights=weight), rtol=2e-3)
+        np.testing.assert_allclose(spread[row, column], np.sqrt(held[:, :3].var(0).mean()), rtol=1e-4)

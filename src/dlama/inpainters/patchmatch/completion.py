@@ -59,7 +59,21 @@ def complete_picture(
     effort: Effort = THOROUGH,
     guided: bool = False,
 ) -> UInt8Array:
-    """H x W x 3: the picture with its hole painted from known patches; known pixels as they are.
+    """H x W x 3: the picture with its hole painted from known patches; known pixels as they are. See `match_picture`."""
+    return match_picture(picture, hole, guess, seed, label=label, effort=effort, guided=guided)[0]
+
+
+def match_picture(
+    picture: UInt8Array,
+    hole: BoolArray,
+    guess: UInt8Array,
+    seed: int = 0,
+    *,
+    label: NDArray[np.int32] | None = None,
+    effort: Effort = THOROUGH,
+    guided: bool = False,
+) -> tuple[UInt8Array, Search | None]:
+    """The completed picture (H x W x 3), and the search on its own level; None: no patch is known.
 
     picture, guess: H x W x 3 uint8 RGB; hole: H x W; label: H x W, the surface of each pixel, hole or not: patches of another
     one cost more; guided: the guess is a network's, whose structure stays. Where no patch of 7 x 7 px is known the guess comes
@@ -69,7 +83,7 @@ def complete_picture(
     label = np.zeros(hole.shape, np.int32) if label is None else label.astype(np.int32)
     levels = build_pyramid(picture, hole, guess, label) if hole.any() else []
     if not levels or not levels[0].sources.any():
-        return out
+        return out, None
     rng = np.random.default_rng(seed)
     coarser: Search | None = None
     for i in reversed(range(len(levels))):
@@ -83,7 +97,7 @@ def complete_picture(
         improve(search, effort, matched, finest=i == 0)
         coarser = search
     out[hole] = np.clip(np.round(search.values[hole][:, :3]), 0, 255)
-    return out
+    return out, search
 
 
 def improve(search: Search, effort: Effort, matched: bool, finest: bool) -> None:

@@ -239,6 +239,41 @@ def vote_rows(
 
 
 @kernel
+def spread_rows(
+    first: Whole,
+    last: Whole,
+    values: Float32Array,
+    pixels: Places,
+    number: NDArray[np.int32],
+    found: Places,
+    out: Float32Array,
+) -> None:
+    """Standard deviation of the colours that the patches over hole pixels [first, last) give them, mean over the channels; as of
+    `vote_rows`, all patches alike. out: M levels."""
+    height, width, _ = values.shape
+    for p in range(first, last):
+        row, column = int(pixels[p, 0]), int(pixels[p, 1])
+        top, bottom = max(-HALF, -row), min(HALF, height - 1 - row)
+        left, right = max(-HALF, -column), min(HALF, width - 1 - column)
+        count = squares = a = b = c = 0.0
+        for j in range(top, bottom + 1):
+            for i in range(left, right + 1):
+                t = int(number[row + j, column + i])
+                if t >= 0:
+                    source_row, source_column = int(found[t, 0]) - j, int(found[t, 1]) - i
+                    red, green, blue = (
+                        np.float64(values[source_row, source_column, 0]),
+                        np.float64(values[source_row, source_column, 1]),
+                        np.float64(values[source_row, source_column, 2]),
+                    )
+                    count += 1
+                    a, b, c = a + red, b + green, c + blue
+                    squares += red * red + green * green + blue * blue
+        variance = squares / count - (a * a + b * b + c * c) / (count * count)
+        out[p] = np.sqrt(max(variance, 0.0) / 3)
+
+
+@kernel
 def nearest_rows(first: Whole, last: Whole, sources: BoolArray, places: Places) -> None:
     """The places [first, last), in the picture, moved to the nearest pixel of `sources` (H x W, one or more True)."""
     height, width = sources.shape

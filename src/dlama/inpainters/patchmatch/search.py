@@ -161,6 +161,15 @@ class Search:
                 self._pull_to(self.guess)
             self._weigh()
 
+    def spread_of_votes(self) -> Float32Array:
+        """H x W: by how many levels the patches over a hole pixel differ there (standard deviation), 0 elsewhere."""
+        out = np.empty(len(self.pixels), np.float32)
+        rows = self.values, self.pixels, self.number, self.found, out
+        in_bands(kernels.spread_rows, len(self.pixels), *rows, band=BAND)
+        spread = np.zeros(self.sources.shape, np.float32)
+        spread[self.pixels[:, 0], self.pixels[:, 1]] = out
+        return spread
+
     def _pull_to(self, guess: Float32Array) -> None:
         """Bring the hole's colours nearer to the guess, but for their detail."""
         rows, columns = self.pixels.T
