@@ -1,11 +1,13 @@
 """Photos and worlds in -> pictures with a hole, and what belongs there, for tuning the painter (`painter`), out.
 
-Photos get holes of the outlines of other photos' salient objects, or a strip beside one, as a moved camera uncovers; the truth is
-the photo. Worlds get an object removed; the truth is the world without it.
+Photos get holes of the outlines of other photos' salient objects, or a strip beside one, as a moved camera uncovers, or what a
+turned camera does not see; the truth is the photo. Worlds get an object removed; the truth is the world without it. Views are of
+photos and worlds from another place, as small as a painter sees them. Depth of worlds and views is painted, too, in grey.
 """
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -13,18 +15,30 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from dlama.errors import MaskError
+from dlama.errors import DlamaError, MaskError
 from dlama.files.atomic_write import new_file
-from dlama.geometry.holes import box_around, dilate_square
+from dlama.geometry.holes import box_around, dilate_square, shrink_known
+from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+from dlama.inpainters.layered.depth.surfaces import continue_lawfully
+from dlama.inpainters.layered.depth_first import find_occluders
 from dlama.perception.masks.salient import saliency
 from dlama.training.data.photos import Photo, square_crop
 from dlama.training.data.samples.world_views import WorldSet
+from guess_crops import FillTask, photo_tasks, pipeline_tasks
 from world_cases import world_case
 
 WORLD_SIDE, STORED_SIDE, AROUND = 512, 384, 60
 """Pixels of a world's picture, and of the square of it that is kept; their middles are at most so far apart."""
-FIRST_WORLD = 50_000
+VIEW_SIDE = 256
+"""Pixels of a view."""
+FIRST_WORLD, MANY = 50_000, 20_000
+OF_PHOTOS, TURNED, GREY = 0.6, 0.3, 0.25
+"""Shares of views that are of photos, of photos' holes that a turned camera leaves, of stored crops that show depth."""
+VIEW_SHARES, FOV_DEG, TURN_DEG = (0.02, 0.6), (50, 80), (40, 12)
+"""Hole of a view, in pictures; degrees of a turned camera's field of view, and by which it turns aside and up at most."""
+FARTHEST = 0.05
+"""Inverse depth, of the nearest one's, that is white in a grey picture of metres."""
 OUTLINE_SHARES, HOLE_SHARES = (0.02, 0.6), (0.01, 0.4)
 """Of a photo, that an object covers whose outline is kept; of a crop."""
 LONGER_SIDES = 0.12, 0.75
@@ -45,7 +59,9 @@ class Crop(NamedTuple):
     truth: Float32Array
     """The same as it is without what the hole hides."""
     hole: BoolArray
-    """S x S."""
+    """S x S, what is painted."""
+    counted: BoolArray
+    """S x S, the part of the hole whose truth is known: not what is hidden from the painter only."""
 
 
 def outlines_of(photos: Sequence[Photo]) -> list[BoolArray]:
@@ -77,8 +93,69 @@ def write_worlds(folder: Path, count: int, photos: Sequence[Photo]) -> None:
             for side, off in zip((rows, columns), rng.integers(-AROUND, AROUND + 1, 2))
         )
         box = np.s_[top : top + STORED_SIDE, left : left + STORED_SIDE]
-        with new_file(folder / f"{number:04}.npz") as draft, draft.open("wb") as stream:
-            np.savez(stream, color=case.source.color[box], truth=case.without.color[box], mask=case.mask[box])
+        mask, scale = case.mask[box], inverse_depth(case.source.depth).max()
+        planes = {"color": case.source.color[box], "truth": case.without.color[box], "hole": mask, "counted": mask}
+        near = {"near": case.source.depth, "true_near": case.without.depth}
+        planes |= {name: (inverse_depth(depth[box]) / scale).astype(np.float16) for name, depth in near.items()}
+        write_planes(folder / f"{number:04}.npz", planes)
+
+
+def write_views(folder: Path, count: int, photos: Sequence[Photo], first: int = 0, step: int = 1) -> None:
+    """Views of photos and of worlds as a painter sees them, VIEW_SIDE pixels wide. OutputError."""
+    folder.mkdir(parents=True, exist_ok=True)
+    sets = [WorldSet("train", WORLD_SIDE, tuple(photos)), WorldSet("train", WORLD_SIDE)]
+    for number in range(first, count, step):
+        rng = np.random.default_rng([number, 3])
+        while True:
+            try:
+                with warnings.catch_warnings():
+                    warnings.simplefilter("ignore")
+                    tasks = draw_tasks(photos, sets[int(rng.integers(2))], rng)
+            except DlamaError:  # a photo of which no depth is estimated
+                continue
+            if (
+                tasks
+                and VIEW_SHARES[0] < tasks[0].view.color_hole.mean() < VIEW_SHARES[1]
+                and tasks[0].view.valid.any()
+            ):
+                write_planes(folder / f"{number:04}.npz", planes_of_view(tasks[0]))
+                break
+
+
+def draw_tasks(photos: Sequence[Photo], worlds: WorldSet, rng: np.random.Generator) -> list[FillTask]:
+    """A photo from another place and back, or a world from another place."""
+    if rng.random() < OF_PHOTOS:
+        return photo_tasks(photos[int(rng.integers(len(photos)))], WORLD_SIDE, rng)
+    views = worlds.views_of_world(FIRST_WORLD + int(rng.integers(MANY)))
+    if not views.pairs:
+        return []
+    source, target = views.pairs[0]
+    return pipeline_tasks(views.frame(source), views.cameras[target], None, (views.frame(target),))
+
+
+def planes_of_view(task: FillTask) -> dict[str, np.ndarray]:
+    """What a painter sees of a view, small, and the truth."""
+    view, size = task.view, (VIEW_SIDE, VIEW_SIDE)
+    surfaces, depth, _ = continue_lawfully(view, task.context, 0)
+    hidden = view.color_hole | find_occluders(view, surfaces, depth, task.context.law)
+    color, share = shrink_known(view.color, ~hidden, size)
+    hole, scale = share < 0.5, inverse_depth(view.known_depth).max()
+    near, true_near = (inverse_depth(each) / scale for each in (view.known_depth, task.truth.depth))
+    _, hole_share = shrink_known(near, view.color_hole, size)
+    return {
+        "color": np.clip(np.round(color), 0, 255).astype(np.uint8),
+        "truth": cv2.resize(task.truth.color, size, interpolation=cv2.INTER_AREA),
+        "hole": hole,
+        "counted": hole & (hole_share > 0),
+        "near": shrink_known(near, ~hidden, size)[0][..., 0].astype(np.float16),
+        "true_near": cv2.resize(np.minimum(true_near, 2), size, interpolation=cv2.INTER_AREA).astype(np.float16),
+    }
+
+
+def write_planes(path: Path, planes: dict[str, np.ndarray]) -> None:
+    """A file of `stored_crop`. OutputError."""
+    with new_file(path) as draft, draft.open("wb") as stream:
+        np.savez(stream, **planes)
 
 
 def photo_crop(photos: Sequence[Photo], outlines: Sequence[BoolArray], side: int, rng: np.random.Generator) -> Crop:
@@ -86,24 +163,57 @@ def photo_crop(photos: Sequence[Photo], outlines: Sequence[BoolArray], side: int
     while True:
         picture = photos[int(rng.integers(len(photos)))].load()
         if min(picture.shape[:2]) >= side:
-            color = vary_light(square_crop(picture, side, rng), rng)
-            return Crop(color, color, random_hole(outlines, side, rng))
+            turned = rng.random() < TURNED
+            square = square_crop(picture, min(picture.shape[:2]), rng) if turned else square_crop(picture, side, rng)
+            color = vary_light(cv2.resize(square, (side, side), interpolation=cv2.INTER_AREA), rng)
+            hole = unseen_when_turned(side, rng) if turned else random_hole(outlines, side, rng)
+            return Crop(color, color, hole, hole)
 
 
-def world_crop(files: Sequence[Path], side: int, rng: np.random.Generator) -> Crop:
-    """A square of a world of `write_worlds`."""
+def unseen_when_turned(side: int, rng: np.random.Generator) -> BoolArray:
+    """side x side: what a camera that is turned does not see of the view of another one, at the same place."""
+    columns, rows = np.meshgrid(*[np.linspace(-1, 1, side)] * 2)
+    while True:
+        slope = np.tan(np.radians(rng.uniform(*FOV_DEG) / 2))
+        yaw, pitch = (np.radians(rng.uniform(-each, each)) for each in TURN_DEG)
+        rays = np.stack([columns * slope, rows * slope, np.ones_like(rows)])
+        turn = cv2.Rodrigues(np.array([pitch, 0, 0]))[0] @ cv2.Rodrigues(np.array([0, yaw, 0]))[0]
+        x, y, z = np.tensordot(turn, rays, 1)
+        hole = (z <= 0) | (np.maximum(np.abs(x), np.abs(y)) > slope * z)
+        if VIEW_SHARES[0] < hole.mean() < VIEW_SHARES[1]:
+            return hole
+
+
+def stored_crop(files: Sequence[Path], side: int, rng: np.random.Generator) -> Crop:
+    """A square of a world of `write_worlds` or of a view of `write_views`: its colours, or its depth as a grey picture."""
     while True:
         with np.load(files[int(rng.integers(len(files)))]) as stored:
-            planes = [stored["color"], stored["truth"], stored["mask"].astype(np.uint8)]
-        if side < STORED_SIDE and rng.random() < WHOLE:
-            ways = cv2.INTER_AREA, cv2.INTER_AREA, cv2.INTER_NEAREST
-            planes = [cv2.resize(plane, (side, side), interpolation=how) for plane, how in zip(planes, ways)]
-        top, left = rng.integers(0, len(planes[0]) - side + 1, 2)
-        color, truth, mask = (plane[top : top + side, left : left + side] for plane in planes)
-        hole = dilate_randomly(mask, WORLD_GROWTH, rng)
-        if HOLE_SHARES[0] < hole.mean() < HOLE_SHARES[1]:
-            gain = np.float32(rng.uniform(*BRIGHTER))
-            return Crop(np.minimum(color * gain, 255), np.minimum(truth * gain, 255), hole)
+            grey = rng.random() < GREY
+            pictures = [grey_picture(stored[name], rng) for name in ("near", "true_near")] if grey else []
+            pictures = pictures or [stored["color"], stored["truth"]]
+            masks = [stored[name].astype(np.uint8) for name in ("hole", "counted")]
+        given = len(masks[0])
+        if side < given and rng.random() < WHOLE:
+            pictures = [cv2.resize(one, (side, side), interpolation=cv2.INTER_AREA) for one in pictures]
+            masks = [cv2.resize(one, (side, side), interpolation=cv2.INTER_NEAREST) for one in masks]
+        top, left = rng.integers(0, len(masks[0]) - side + 1, 2)
+        box = np.s_[top : top + side, left : left + side]
+        if given != VIEW_SIDE:
+            masks = [dilate_randomly(masks[0], WORLD_GROWTH, rng)] * 2
+        hole, counted = (one[box] > 0 for one in masks)
+        if counted.any() and (given == VIEW_SIDE or HOLE_SHARES[0] < counted.mean() < HOLE_SHARES[1]):
+            gain = np.float32(1 if grey else rng.uniform(*BRIGHTER))
+            return Crop(*(np.minimum(one[box] * gain, 255).astype(np.float32) for one in pictures), hole, counted)
+
+
+def grey_picture(near: np.ndarray, rng: np.random.Generator) -> Float32Array:
+    """S x S x 3: inverse depth (1 = the nearest) as grey levels: white near, or, as in the paper, white far."""
+    near = near.astype(np.float32)
+    if rng.random() < 0.5:
+        grey = np.minimum(near, 1)
+    else:
+        grey = np.minimum(FARTHEST / np.maximum(near, FARTHEST), 1)
+    return np.repeat(np.round(255 * grey)[..., None], 3, 2)
 
 
 def random_hole(outlines: Sequence[BoolArray], side: int, rng: np.random.Generator) -> BoolArray:

@@ -142,29 +142,29 @@ class Run:
         for name, part in self.parts.items():
             part.load_state_dict(state[name])
 
-    def learn(self, batch: tuple[Tensor, Tensor, Tensor], rng: np.random.Generator) -> list[float]:
+    def learn(self, batch: tuple[Tensor, Tensor, Tensor, Tensor], rng: np.random.Generator) -> list[float]:
         """One step of both networks; the absolute difference, LPIPS and both judgements."""
-        color, truth, hole = batch
+        color, truth, hole, counted = batch
         painted = self.generator.fill(color, hole)
-        filled = torch.where(hole > 0, painted, truth)
-        share = hole.mean()
-        absolute = ((painted - truth).abs() * hole).sum() / (3 * hole.sum())
+        filled = torch.where(counted > 0, painted, truth)
+        share = counted.mean()
+        absolute = ((painted - truth).abs() * counted).sum() / (3 * counted.sum())
         distance = self.perceptual(*moved_alike((filled, truth), rng)) / share
         loss = ABSOLUTE * absolute + PERCEPTUAL * distance
         weight = min(1.0, max(0.0, (self.step - ALONE) / RISING))
         judged = torch.zeros(())
         if weight:
             with torch.no_grad():
-                _, real_features = self.discriminator(truth, hole)
-            scores, features = self.discriminator(filled, hole)
-            judged = mean_in(functional.softplus(-scores), hole)
+                _, real_features = self.discriminator(truth, counted)
+            scores, features = self.discriminator(filled, counted)
+            judged = mean_in(functional.softplus(-scores), counted)
             off = [(one - other).abs().mean() for one, other in zip(features, real_features)]
             loss = loss + weight * (JUDGEMENT * judged + FEATURES * torch.stack(off).mean() / share)
         self.optimizer.zero_grad()
         loss.backward()
         nn.utils.clip_grad_norm_(self.generator.parameters(), 1.0)
         self.optimizer.step()
-        opposed = self._learn_to_tell(truth, filled.detach(), hole)
+        opposed = self._learn_to_tell(truth, filled.detach(), counted)
         kept = min(AVERAGED, (1 + self.step) / (10 + self.step))
         with torch.no_grad():
             for mean, now in zip(self.averaged.parameters(), self.generator.parameters()):

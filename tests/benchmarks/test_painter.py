@@ -7,7 +7,17 @@ import pytest
 
 from dlama.inpainters.networks.migan import SHIPPED
 from dlama.training.data.photos import Photo
-from painter_crops import HOLE_SHARES, outlines_of, photo_crop, world_crop, write_worlds
+from painter_crops import (
+    HOLE_SHARES,
+    VIEW_SHARES,
+    VIEW_SIDE,
+    outlines_of,
+    photo_crop,
+    stored_crop,
+    unseen_when_turned,
+    write_views,
+    write_worlds,
+)
 
 pytest.importorskip("torch")
 pytest.importorskip("onnx")
@@ -73,7 +83,7 @@ def test_steps_bring_the_painting_nearer_to_the_truth(planes):
     truth = torch.from_numpy(rng.random((1, 3, 4, 4), np.float32)).repeat_interleave(32, 2).repeat_interleave(32, 3)
     hole = torch.zeros(1, 1, 128, 128)
     hole[..., 40:90, 40:90] = 1
-    errors = [run.learn((truth, truth, hole), rng)[0] for _ in range(12)]
+    errors = [run.learn((truth, truth, hole, hole), rng)[0] for _ in range(12)]
     assert errors[-1] < 0.7 * errors[0]
     now = dict(run.generator.named_parameters())
     assert noise and all(torch.equal(now[name], before) for name, before in noise.items())
@@ -89,13 +99,43 @@ def test_crops_of_photos_and_worlds(tmp_path):
     assert len(outlines) == 1 and abs(outlines[0].shape[0] - 120) < 30 and abs(outlines[0].shape[1] - 100) < 30
     for _ in range(20):
         crop = photo_crop(photos, outlines, 128, rng)
-        assert crop.color.shape == (128, 128, 3) and HOLE_SHARES[0] < crop.hole.mean() < HOLE_SHARES[1]
+        assert crop.color.shape == (128, 128, 3) and HOLE_SHARES[0] < crop.hole.mean() < VIEW_SHARES[1]
         np.testing.assert_array_equal(crop.color, crop.truth)
     write_worlds(tmp_path, 2, photos)
     files = sorted(tmp_path.glob("*.npz"))
     assert len(files) == 2
     with np.load(files[1]) as stored:
         changed = (stored["color"] != stored["truth"]).any(2)
-        assert changed[stored["mask"]].mean() > 0.5
-    crop = world_crop(files[1:], 256, rng)
+        assert changed[stored["hole"]].mean() > 0.5
+        nearer = stored["near"] > stored["true_near"]
+        assert nearer[stored["hole"]].mean() > 0.9 and stored["near"].max() <= 1 and (stored["true_near"] >= 0).all()
+    crop = stored_crop(files[1:], 256, rng)
     assert crop.hole.any() and crop.truth.max() <= 255 and not (crop.color == crop.truth)[crop.hole].all()
+
+
+def test_a_turned_camera_sees_what_lies_ahead_of_both() -> None:
+    """Law: the hole has a fitting size and reaches the border; what is seen has no hole in it, as two pyramids meet convexly."""
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        hole = unseen_when_turned(64, rng)
+        assert VIEW_SHARES[0] < hole.mean() < VIEW_SHARES[1]
+        assert all((np.diff(line.astype(int)) < 0).sum() <= 1 for line in (*hole, *hole.T))
+
+
+@pytest.mark.slow
+def test_crops_of_views(tmp_path):
+    """Law: what is not hidden from the painter is as in the truth, in colour and depth; the truth of what counts is known."""
+    rows, columns = np.indices((300, 280))
+    picture = np.stack([rows // 2, columns // 2, (rows + columns) // 4], 2).astype(np.uint8)
+    picture[90:210, 80:180] = 230, 40, 30
+    write_views(tmp_path, 3, [Photo("a", lambda: picture)])
+    files = sorted(tmp_path.glob("*.npz"))
+    assert len(files) == 3
+    for file in files:
+        crop = stored_crop([file], VIEW_SIDE, np.random.default_rng(0))
+        assert crop.color.shape == (VIEW_SIDE, VIEW_SIDE, 3)
+        assert crop.counted.any() and not (crop.counted & ~crop.hole).any()
+        with np.load(file) as stored:
+            seen = ~stored["hole"]
+            assert np.median(np.abs(stored["color"].astype(int) - stored["truth"])[seen]) <= 2
+            assert np.median(np.abs(stored["near"].astype(float) - stored["true_near"])[seen]) < 0.01
