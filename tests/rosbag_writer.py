@@ -84,17 +84,20 @@ class Writer:
         model: str = "plumb_bob",
         rectified: Camera | None = None,
         uncalibrated: bool = False,
+        region: tuple[int, int, int, int] = (0, 0, 0, 0),
+        binning: tuple[int, int] = (0, 0),
     ) -> None:
-        """camera: K; rectified: P, default as K."""
+        """camera: K; rectified: P, default as K; region: x, y, width, height."""
         K, P = (each.K.copy() for each in (camera, rectified or camera))
         for matrix in (K, P):
             matrix[:2, 2] -= 0.5
             matrix *= not uncalibrated
-        roi = self.make("sensor_msgs/msg/RegionOfInterest", x_offset=0, y_offset=0, height=0, width=0, do_rectify=False)
+        cut = dict(zip(("x_offset", "y_offset", "width", "height"), region))
+        roi = self.make("sensor_msgs/msg/RegionOfInterest", **cut, do_rectify=False)
         message = self.make(
             "sensor_msgs/msg/CameraInfo", header=self.head(frame, 1.0), height=camera.height, width=camera.width,
             distortion_model=model, d=np.array(distortion), k=K.ravel(), r=np.eye(3).ravel(),
-            p=np.hstack([P, np.zeros((3, 1))]).ravel(), binning_x=0, binning_y=0, roi=roi,
+            p=np.hstack([P, np.zeros((3, 1))]).ravel(), binning_x=binning[0], binning_y=binning[1], roi=roi,
         )  # fmt: skip
         self.put(topic, "sensor_msgs/msg/CameraInfo", 1.0, message)
 

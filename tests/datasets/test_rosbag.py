@@ -208,6 +208,17 @@ def test_rectified_pictures_have_the_camera_of_the_rectified_ones(
     assert np.allclose(frame.load().camera.K, LENS.K) and "distortion" not in caplog.text
 
 
+def test_a_part_of_the_sensor_has_its_own_camera(tmp_path: Path) -> None:
+    """Law of sensor_msgs/CameraInfo: K is the whole sensor's; a ray of column u of the picture is of column binning u + offset
+    there, of pixels counted from 0."""
+    whole = Camera(300, 200, 2 * LENS.fx, 3 * LENS.fy, 120.5, 110.5)
+    info = {"camera": whole, "region": (40, 20, 192, 216), "binning": (2, 3)}
+    (frame,) = open_frames(small_bag(tmp_path / "a.bag", "/c", truth()[0].color, "rgb8", **info))
+    found = frame.load().camera
+    assert np.allclose((found.fx, found.fy), (LENS.fx, LENS.fy)) and found.wh == (96, 72)
+    assert np.allclose(2 * (found.cx - 0.5) + 40, 120) and np.allclose(3 * (found.cy - 0.5) + 20, 110)
+
+
 def test_what_cannot_be_read_of_a_bag_is_named(tmp_path: Path) -> None:
     """One line each: an encoding, a camera that was not calibrated, depth that comes too late."""
     color = truth()[0].color

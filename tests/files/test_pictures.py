@@ -80,6 +80,15 @@ def test_16_bit_keeps_the_high_byte(tmp_path: Path, suffix: str, channels: int) 
         assert np.array_equal(read_color(tmp_path / f"c{suffix}"), wanted)
 
 
+def test_transparent_colours_of_a_palette_are_warned_of(tmp_path: Path) -> None:
+    """Truth: one of two colours of the palette is transparent, and covers a quarter of the picture."""
+    picture = Image.fromarray((np.indices((10, 20))[1] < 5).astype(np.uint8))
+    picture.putpalette([9, 8, 7, 200, 100, 50])
+    picture.save(tmp_path / "cut.png", transparency=1)
+    with pytest.warns(UserWarning, match=r"transparent pixels \(25 %\)"):
+        assert read_color(tmp_path / "cut.png")[0, 0].tolist() == [200, 100, 50]
+
+
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
 def test_transparent_pixels_are_warned_of(tmp_path: Path, dtype: type) -> None:
     """Oracle: the share of the alpha that OpenCV wrote; the cut-out's black counted as measured without a word."""

@@ -209,6 +209,17 @@ def intrinsics_of_info(info: Any, rectified: bool = False) -> list[list[float]]:
     return np.asarray(found, np.float64).reshape(3, columns)[:, :3].tolist()
 
 
+def intrinsics_of_picture(info: Any, rectified: bool = False) -> tuple[list[list[float]], tuple[int, int]]:
+    """`intrinsics_of_info` of the picture that was sent, and its height and width: CameraInfo says those of the whole sensor,
+    from which a region (roi, zeros: all) was cut and then reduced (binning_x, binning_y, 0: 1), as image_geometry reads it."""
+    roi = info.roi
+    hw = (roi.height, roi.width) if roi.height and roi.width else (info.height, info.width)
+    by = np.array([max(info.binning_x, 1), max(info.binning_y, 1), 1])[:, None]
+    K = np.array(intrinsics_of_info(info, rectified))
+    K[:2, 2] -= roi.x_offset, roi.y_offset
+    return (K / by).tolist(), (int(hw[0] // by[1, 0]), int(hw[1] // by[0, 0]))
+
+
 def is_rectified(topic: str) -> bool:
     """Whether pictures of a topic are free of distortion, by its name (image_proc: image_rect, image_rect_color)."""
     return any("rect" in part.split("_") or "rectified" in part for part in topic.split("/"))

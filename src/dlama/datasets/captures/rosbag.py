@@ -28,7 +28,7 @@ from dlama.datasets.captures.ros_messages import (
     color_of,
     depth_of,
     distortion_px_of_info,
-    intrinsics_of_info,
+    intrinsics_of_picture,
     is_color,
     is_depth,
     is_rectified,
@@ -252,13 +252,12 @@ class Bag:
             raise FileError(f"{self.path}, {topic.name}: has no camera_info next to it; one is expected")
         where = f"{self.path}, camera_info of {topic.name}"
         rectified = is_rectified(topic.name)
-        name, matrix = "P" if rectified else "K", intrinsics_of_info(info, rectified)
+        name, (matrix, hw) = "P" if rectified else "K", intrinsics_of_picture(info, rectified)
         if not any(map(any, matrix)):
             raise CameraError(
                 f"{where}: {name} is zero everywhere: the camera was not calibrated; intrinsics are expected"
             )
         intrinsics = FileFields(where, {name: matrix}).intrinsics(name)
-        hw = int(info.height), int(info.width)
         moved = 0.0 if rectified else distortion_px_of_info(info)
         if moved > SHOWS_PX:
             LOG.warning("%s: distortion moves the picture's corners by %.1f px; it is not undone", where, moved)

@@ -251,7 +251,7 @@ def _check_sums(file: Path, data: bytes) -> None:
 def _values(picture: Image.Image, file: Path, data: bytes) -> np.ndarray:
     mode = picture.mode
     if mode in ("P", "PA"):
-        picture = picture.convert("RGB")
+        picture = picture.convert("RGBA" if picture.has_transparency_data else "RGB")
     elif mode == "1":
         picture = picture.convert("L")
     elif mode in NO_RGB:
