@@ -276,6 +276,7 @@ ROWS: dict[str, Callable[[], Figures]] = {
     "surface-bilinear-types": lambda: rendering("surface", True, fine=False),
     "view-512-telea": lambda: view(demo_frame, "telea", 3),
     "view-512-layered": lambda: view(demo_frame, "layered", 3),
+    "view-512-auto": lambda: view(demo_frame, "auto", 3),
     "view-kinect": lambda: view(kinect_frame, "auto", 2),
     "view-1080p": lambda: view(lambda: demo_frame(1920, 1080), "auto"),
     "view-4k": lambda: view(lambda: demo_frame(3840, 2160), "auto"),
