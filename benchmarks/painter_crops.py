@@ -164,7 +164,7 @@ def photo_crop(photos: Sequence[Photo], outlines: Sequence[BoolArray], side: int
         picture = photos[int(rng.integers(len(photos)))].load()
         if min(picture.shape[:2]) >= side:
             turned = rng.random() < TURNED
-            square = square_crop(picture, min(picture.shape[:2]), rng) if turned else square_crop(picture, side, rng)
+            square = square_crop(picture, min(picture.shape[:2]) if turned else side, rng)
             color = vary_light(cv2.resize(square, (side, side), interpolation=cv2.INTER_AREA), rng)
             hole = unseen_when_turned(side, rng) if turned else random_hole(outlines, side, rng)
             return Crop(color, color, hole, hole)
@@ -192,16 +192,16 @@ def stored_crop(files: Sequence[Path], side: int, rng: np.random.Generator) -> C
             pictures = [grey_picture(stored[name], rng) for name in ("near", "true_near")] if grey else []
             pictures = pictures or [stored["color"], stored["truth"]]
             masks = [stored[name].astype(np.uint8) for name in ("hole", "counted")]
-        given = len(masks[0])
-        if side < given and rng.random() < WHOLE:
+        of_world = len(masks[0]) == STORED_SIDE
+        if side < len(masks[0]) and rng.random() < WHOLE:
             pictures = [cv2.resize(one, (side, side), interpolation=cv2.INTER_AREA) for one in pictures]
             masks = [cv2.resize(one, (side, side), interpolation=cv2.INTER_NEAREST) for one in masks]
         top, left = rng.integers(0, len(masks[0]) - side + 1, 2)
         box = np.s_[top : top + side, left : left + side]
-        if given != VIEW_SIDE:
+        if of_world:
             masks = [dilate_randomly(masks[0], WORLD_GROWTH, rng)] * 2
         hole, counted = (one[box] > 0 for one in masks)
-        if counted.any() and (given == VIEW_SIDE or HOLE_SHARES[0] < counted.mean() < HOLE_SHARES[1]):
+        if counted.any() and (not of_world or HOLE_SHARES[0] < counted.mean() < HOLE_SHARES[1]):
             gain = np.float32(1 if grey else rng.uniform(*BRIGHTER))
             return Crop(*(np.minimum(one[box] * gain, 255).astype(np.float32) for one in pictures), hole, counted)
 

@@ -202,22 +202,17 @@ class Transforms:
         return invert_pose(poses[0]) @ poses[1]
 
 
-def intrinsics_of_info(info: Any, rectified: bool = False) -> list[list[float]]:
-    """Intrinsics of a CameraInfo of ROS 1 (K, P) or 2 (k, p), 3 x 3: K, or of rectified pictures the left part of P."""
+def intrinsics_of_info(info: Any, rectified: bool = False) -> tuple[list[list[float]], tuple[int, int]]:
+    """Intrinsics of the picture that a CameraInfo of ROS 1 (K, P) or 2 (k, p) came with, 3 x 3, and its height and width: K, or
+    of rectified pictures the left part of P. The message has those of the whole sensor, from which a region (roi, zeros: all)
+    was cut and then reduced (binning_x, binning_y, 0: 1), as image_geometry reads it."""
     name, columns = ("p", 4) if rectified else ("k", 3)
     found = getattr(info, name if hasattr(info, name) else name.upper())
-    return np.asarray(found, np.float64).reshape(3, columns)[:, :3].tolist()
-
-
-def intrinsics_of_picture(info: Any, rectified: bool = False) -> tuple[list[list[float]], tuple[int, int]]:
-    """`intrinsics_of_info` of the picture that was sent, and its height and width: CameraInfo says those of the whole sensor,
-    from which a region (roi, zeros: all) was cut and then reduced (binning_x, binning_y, 0: 1), as image_geometry reads it."""
-    roi = info.roi
-    hw = (roi.height, roi.width) if roi.height and roi.width else (info.height, info.width)
-    by = np.array([max(info.binning_x, 1), max(info.binning_y, 1), 1])[:, None]
-    K = np.array(intrinsics_of_info(info, rectified))
+    K, roi = np.array(found, np.float64).reshape(3, columns)[:, :3], info.roi
     K[:2, 2] -= roi.x_offset, roi.y_offset
-    return (K / by).tolist(), (int(hw[0] // by[1, 0]), int(hw[1] // by[0, 0]))
+    height, width = (roi.height, roi.width) if roi.height and roi.width else (info.height, info.width)
+    across, down = max(int(info.binning_x), 1), max(int(info.binning_y), 1)
+    return (K / np.array([[across], [down], [1]])).tolist(), (int(height) // down, int(width) // across)
 
 
 def is_rectified(topic: str) -> bool:
@@ -230,8 +225,9 @@ def distortion_px_of_info(info: Any) -> float:
     rational_polynomial (Azure Kinect) and equidistant (fisheye lenses); 0 for others."""
     found = np.asarray(info.d if hasattr(info, "d") else info.D, np.float64).ravel()
     model = info.distortion_model
-    K = np.array(intrinsics_of_info(info))
-    corners = np.array([(x, y, 1.0) for x in (0, info.width) for y in (0, info.height)])
+    matrix, (height, width) = intrinsics_of_info(info)
+    K = np.array(matrix)
+    corners = np.array([(x, y, 1.0) for x in (0, width) for y in (0, height)])
     rays = corners @ np.linalg.inv(K).T
     if model in FISHEYE and found.size == FISHEYE_TERMS:
         moved, _ = cv2.fisheye.projectPoints(rays[:, None], np.zeros(3), np.zeros(3), K, found)

@@ -28,7 +28,7 @@ from dlama.datasets.captures.ros_messages import (
     color_of,
     depth_of,
     distortion_px_of_info,
-    intrinsics_of_picture,
+    intrinsics_of_info,
     is_color,
     is_depth,
     is_rectified,
@@ -252,7 +252,7 @@ class Bag:
             raise FileError(f"{self.path}, {topic.name}: has no camera_info next to it; one is expected")
         where = f"{self.path}, camera_info of {topic.name}"
         rectified = is_rectified(topic.name)
-        name, (matrix, hw) = "P" if rectified else "K", intrinsics_of_picture(info, rectified)
+        name, (matrix, hw) = "P" if rectified else "K", intrinsics_of_info(info, rectified)
         if not any(map(any, matrix)):
             raise CameraError(
                 f"{where}: {name} is zero everywhere: the camera was not calibrated; intrinsics are expected"

@@ -10,6 +10,7 @@ keep their scale. Frequently used ones are penalised, so that no small piece is 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,6 +50,19 @@ THOROUGH, QUICK = Effort(6, 400_000, 2, 4_000_000, True), Effort(4, 100_000, 1, 
 removals -1 and -1 %)."""
 
 
+class Completed(NamedTuple):
+    """A completed picture, and how."""
+
+    color: UInt8Array
+    """H x W x 3."""
+    search: Search | None
+    """On the picture's own level; None: no patch is known."""
+
+    def spread_of_votes(self) -> Float32Array | None:
+        """As of Search; None: no patch is known."""
+        return None if self.search is None else self.search.spread_of_votes()
+
+
 def complete_picture(
     picture: UInt8Array,
     hole: BoolArray,
@@ -58,22 +72,8 @@ def complete_picture(
     label: NDArray[np.int32] | None = None,
     effort: Effort = THOROUGH,
     guided: bool = False,
-) -> UInt8Array:
-    """H x W x 3: the picture with its hole painted from known patches; known pixels as they are. See `match_picture`."""
-    return match_picture(picture, hole, guess, seed, label=label, effort=effort, guided=guided)[0]
-
-
-def match_picture(
-    picture: UInt8Array,
-    hole: BoolArray,
-    guess: UInt8Array,
-    seed: int = 0,
-    *,
-    label: NDArray[np.int32] | None = None,
-    effort: Effort = THOROUGH,
-    guided: bool = False,
-) -> tuple[UInt8Array, Search | None]:
-    """The completed picture (H x W x 3), and the search on its own level; None: no patch is known.
+) -> Completed:
+    """The picture with its hole painted from known patches; known pixels as they are.
 
     picture, guess: H x W x 3 uint8 RGB; hole: H x W; label: H x W, the surface of each pixel, hole or not: patches of another
     one cost more; guided: the guess is a network's, whose structure stays. Where no patch of 7 x 7 px is known the guess comes
@@ -83,7 +83,7 @@ def match_picture(
     label = np.zeros(hole.shape, np.int32) if label is None else label.astype(np.int32)
     levels = build_pyramid(picture, hole, guess, label) if hole.any() else []
     if not levels or not levels[0].sources.any():
-        return out, None
+        return Completed(out, None)
     rng = np.random.default_rng(seed)
     coarser: Search | None = None
     for i in reversed(range(len(levels))):
@@ -97,7 +97,7 @@ def match_picture(
         improve(search, effort, matched, finest=i == 0)
         coarser = search
     out[hole] = np.clip(np.round(search.values[hole][:, :3]), 0, 255)
-    return out, search
+    return Completed(out, search)
 
 
 def improve(search: Search, effort: Effort, matched: bool, finest: bool) -> None:

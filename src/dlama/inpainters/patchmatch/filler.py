@@ -75,17 +75,11 @@ def blend_with_guess(
     by = min(1.0, GUESS_SIDE / max(hole.shape))
     size = max(1, round(width * by)), max(1, round(height * by))
     first, second = (shrink(colors[box], size) for colors in (painted, guess))
-    differs = DIFFERS if unknown is None else NETWORK_DIFFERS
-    share = np.minimum(blurred_difference(second, first) / differs, 1)
     if guess_share is not None:
-        share[:] = guess_share
-    elif unknown is None:
-        share *= 0.5
+        share = np.full(size[::-1], guess_share, np.float32)
     else:
-        known, part = shrink_known(painted[box], ~unknown[box], size)
-        smooth = spread_small(known, part >= 0.5, spread_by_two, SPREAD_SIDE)
-        mine, others = (DISTANCE + blurred_difference(colors, smooth) for colors in (first, second))
-        share *= mine / (mine + others)
+        smooth = None if unknown is None else spread_known(painted[box], ~unknown[box], size)
+        share = weigh_guess(first, second, smooth)
     if spread is not None:
         mean = blur_within(spread[box], there) ** 2
         share *= cv2.resize(mean / (mean + AGREE**2), size, interpolation=cv2.INTER_AREA)
@@ -94,6 +88,21 @@ def blend_with_guess(
     blended = painted[box] + cv2.resize(step, (width, height), interpolation=cv2.INTER_LINEAR)
     out[box][there] = np.clip(np.round(blended[there]), 0, 255)
     return out
+
+
+def weigh_guess(painted: Float32Array, guess: Float32Array, smooth: Float32Array | None) -> Float32Array:
+    """h x w weights of a guess (h x w x 3) in what is painted: half where the two differ; or, of a network's guess, more where it
+    is nearer to `smooth`, the colours that are spread from the known pixels."""
+    if smooth is None:
+        return np.float32(0.5) * np.minimum(blurred_difference(guess, painted) / DIFFERS, 1)
+    mine, others = (DISTANCE + blurred_difference(colors, smooth) for colors in (painted, guess))
+    return np.minimum(blurred_difference(guess, painted) / NETWORK_DIFFERS, 1) * (mine / (mine + others))
+
+
+def spread_known(picture: UInt8Array, known: BoolArray, wh: tuple[int, int]) -> Float32Array:
+    """h x w x 3: the colours of the known pixels (H x W) at a size that is no larger, spread to all."""
+    small, share = shrink_known(picture, known, wh)
+    return spread_small(small, share >= 0.5, spread_by_two, SPREAD_SIDE)
 
 
 def shrink(picture: UInt8Array, wh: tuple[int, int]) -> Float32Array:
@@ -123,7 +132,7 @@ def patchmatch_filler(model: str | Path) -> Painter:
         if not hole.any():
             return picture
         guess = guess_coarsely(network.paint, picture, hole, seed)
-        painted = complete_picture(picture, hole, guess, seed, guided=True)
+        painted = complete_picture(picture, hole, guess, seed, guided=True).color
         return blend_with_guess(painted, guess, hole, guess_share=GUESS_SHARE)
 
     def notes() -> dict[str, Any]:

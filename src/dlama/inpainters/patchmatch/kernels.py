@@ -25,6 +25,12 @@ Places = NDArray[np.int32]
 
 
 @piece
+def steps_inside(row: Whole, column: Whole, height: Whole, width: Whole) -> tuple[Whole, Whole, Whole, Whole]:
+    """First and last step in rows, and in columns, from the centre of a patch that stays in the picture."""
+    return max(-HALF, -row), min(HALF, height - 1 - row), max(-HALF, -column), min(HALF, width - 1 - column)
+
+
+@piece
 def difference(
     values: Float32Array, row: Whole, column: Whole, source_row: Whole, source_column: Whole, limit: Real
 ) -> Real:
@@ -44,8 +50,7 @@ def difference(
                 break
             at, other = at + width * CHANNELS, other + width * CHANNELS
         return total / (SIDE * SIDE)
-    top, bottom = max(-HALF, -row), min(HALF, height - 1 - row)
-    left, right = max(-HALF, -column), min(HALF, width - 1 - column)
+    top, bottom, left, right = steps_inside(row, column, height, width)
     pixels = (bottom - top + 1) * (right - left + 1)
     for j in range(top, bottom + 1):
         for i in range(left, right + 1):
@@ -219,8 +224,7 @@ def vote_rows(
     height, width, _ = values.shape
     for p in range(first, last):
         row, column = int(pixels[p, 0]), int(pixels[p, 1])
-        top, bottom = max(-HALF, -row), min(HALF, height - 1 - row)
-        left, right = max(-HALF, -column), min(HALF, width - 1 - column)
+        top, bottom, left, right = steps_inside(row, column, height, width)
         total = a = b = c = d = e = np.float32(0)  # sums of the CHANNELS: in registers they take two thirds of the time
         for j in range(top, bottom + 1):
             for i in range(left, right + 1):
@@ -253,8 +257,7 @@ def spread_rows(
     height, width, _ = values.shape
     for p in range(first, last):
         row, column = int(pixels[p, 0]), int(pixels[p, 1])
-        top, bottom = max(-HALF, -row), min(HALF, height - 1 - row)
-        left, right = max(-HALF, -column), min(HALF, width - 1 - column)
+        top, bottom, left, right = steps_inside(row, column, height, width)
         count = squares = a = b = c = 0.0
         for j in range(top, bottom + 1):
             for i in range(left, right + 1):

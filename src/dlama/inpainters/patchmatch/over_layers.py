@@ -29,7 +29,7 @@ from dlama.inpainters.layered.depth_first import find_occluders
 from dlama.inpainters.layered.filler import inverse_of_filled, paint_surfaces
 from dlama.inpainters.layered.remaining_shadows import find_remaining_shadow
 from dlama.inpainters.networks.migan import migan_filler
-from dlama.inpainters.patchmatch.completion import QUICK, complete_picture, match_picture
+from dlama.inpainters.patchmatch.completion import QUICK, complete_picture
 from dlama.inpainters.patchmatch.filler import GUESS_SIDE, blend_with_guess, guess_coarsely
 
 COPIED = (HoleType.DISOCCLUDED, HoleType.OUT_OF_VIEW)
@@ -95,12 +95,11 @@ def copy_patches(
     removed = copied & (view.hole_type == HoleType.OBJECT.value)
     if not removed.any():
         done = complete_picture(color, copied, color, seed, label=surfaces.label, effort=QUICK)
-        return blend_with_guess(done, color, copied)
+        return blend_with_guess(done.color, color, copied)
     near = hidden & ~view.color_hole & removed.ravel()[nearest_known(copied)[1]]
     start = np.where((removed | near)[..., None], guess, color)
-    done, search = match_picture(color, copied | near, start, seed, effort=QUICK, guided=True)
-    spread = None if search is None else search.spread_of_votes()
-    done = blend_with_guess(done, start, removed, view.color_hole | near, spread=spread)
+    done = complete_picture(color, copied | near, start, seed, effort=QUICK, guided=True)
+    out = blend_with_guess(done.color, start, removed, view.color_hole | near, spread=done.spread_of_votes())
     if (copied & ~removed).any():
-        done = blend_with_guess(done, start, copied & ~removed)
-    return np.where(near[..., None], color, done)
+        out = blend_with_guess(out, start, copied & ~removed)
+    return np.where(near[..., None], color, out)
