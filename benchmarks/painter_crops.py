@@ -25,7 +25,7 @@ from dlama.inpainters.layered.depth_first import find_occluders
 from dlama.perception.masks.salient import saliency
 from dlama.training.data.photos import Photo, square_crop
 from dlama.training.data.samples.world_views import WorldSet
-from guess_crops import FillTask, photo_tasks, pipeline_tasks
+from view_tasks import FillTask, photo_task, pipeline_tasks
 from world_cases import world_case
 
 WORLD_SIDE, STORED_SIDE, AROUND = 512, 384, 60
@@ -125,12 +125,12 @@ def write_views(folder: Path, count: int, photos: Sequence[Photo], first: int = 
 def draw_tasks(photos: Sequence[Photo], worlds: WorldSet, rng: np.random.Generator) -> list[FillTask]:
     """A photo from another place and back, or a world from another place."""
     if rng.random() < OF_PHOTOS:
-        return photo_tasks(photos[int(rng.integers(len(photos)))], WORLD_SIDE, rng)
+        return [photo_task(photos[int(rng.integers(len(photos)))], WORLD_SIDE, rng)]
     views = worlds.views_of_world(FIRST_WORLD + int(rng.integers(MANY)))
     if not views.pairs:
         return []
     source, target = views.pairs[0]
-    return pipeline_tasks(views.frame(source), views.cameras[target], None, (views.frame(target),))
+    return pipeline_tasks(views.frame(source), views.cameras[target], (views.frame(target),))
 
 
 def planes_of_view(task: FillTask) -> dict[str, np.ndarray]:

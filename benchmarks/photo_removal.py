@@ -1,7 +1,7 @@
 """Things removed from single photos without depth, filler beside filler; prints a table, writes a sheet of pictures.
 
     python benchmarks/photo_removal.py ../shared
-    python benchmarks/photo_removal.py ../shared --seed 8 --photos 40 --sheet sheet.jpg
+    python benchmarks/photo_removal.py ../shared --photos 0 --sheet docs/images/photo-removal.jpg
 
 Truth: the street's pictures without their object, the bin without its things, and photos that lose the shape of the thing that
 stands out of another photo: what it hides is known. Measured over what was filled, the truth pasted outside it. The seed draws
@@ -29,11 +29,11 @@ from dlama.files.rasters.pictures import read_color
 from dlama.geometry.codes import Origin
 from dlama.geometry.rgbd import BoolArray, UInt8Array
 
-FILLERS = ("telea", "layered", "migan", "choice", "patchmatch")
+FILLERS = ("telea", "layered", "migan", "patchmatch")
 SHARES = (0.04, 0.35)
 """Of a picture, that the shape of a thing may take."""
-SIDE = 300
-"""Height of the sheet's pictures in pixels."""
+SIDE = 216
+"""Width of the sheet's pictures in pixels."""
 Score = tuple[float, float, float]
 """Squared error of the colours, LPIPS, seconds of processor time."""
 
@@ -137,14 +137,12 @@ def print_table(scores: dict[tuple[str, str], list[Score]], fillers: Sequence[st
 
 
 def write_sheet(rows: list[list[UInt8Array]], file: Path) -> None:
-    """All cases below each other, each picture SIDE pixels high."""
+    """All cases below each other, each picture SIDE pixels wide."""
     lines = []
     for row in rows:
-        size = SIDE * row[0].shape[1] // row[0].shape[0], SIDE
+        size = SIDE, SIDE * row[0].shape[0] // row[0].shape[1]
         lines.append(np.concatenate([cv2.resize(one, size, interpolation=cv2.INTER_AREA) for one in row], 1))
-    width = max(line.shape[1] for line in lines)
-    padded = [np.pad(line, ((0, 0), (0, width - line.shape[1]), (0, 0)), constant_values=255) for line in lines]
-    cv2.imwrite(str(file), np.concatenate(padded)[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 88])
+    cv2.imwrite(str(file), np.concatenate(lines)[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 88])
 
 
 if __name__ == "__main__":

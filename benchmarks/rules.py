@@ -61,9 +61,8 @@ def _no_cut_crowns() -> None:
 
 
 def _low_frequency() -> None:
-    for place in ("inpainters.layered.filler", "inpainters.layered.depth_first", "inpainters.choice.filler"):
-        with contextlib.suppress(ImportError, AssertionError):
-            _replace(place, "blend_with_low_frequency", lambda view, color, *rest, **more: color)
+    for place in ("inpainters.layered.filler", "inpainters.layered.depth_first", "inpainters.patchmatch.over_layers"):
+        _replace(place, "blend_with_low_frequency", lambda view, color, *rest, **more: color)
 
 
 def _remaining_shadows() -> None:
@@ -112,10 +111,6 @@ def _chords() -> None:
         "distance_from",
         lambda there, chords=None: distances.distance_from(there),
     )
-
-
-def _priors() -> None:
-    _replace("inpainters.choice.filler", "with_priors", lambda verdict, names, planes: verdict)
 
 
 def _depth_camera() -> None:
@@ -225,7 +220,6 @@ RULES: dict[str, Callable[[], None]] = {
     "seams": _seams,
     "whole-occluders": _whole_occluders,
     "occluders": _occluders,
-    "priors": _priors,
     "depth-camera": _depth_camera,
 }
 """Name -> what turns the rule off."""

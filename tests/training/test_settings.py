@@ -65,7 +65,6 @@ def test_what_a_file_leaves_out_keeps_its_default():
         lambda: LossSettings(adversarial=-1.0),
         lambda: LossSettings(adversarial=-1),
         lambda: LossSettings(perceptual=float("nan")),
-        lambda: NetworkSettings("choice", start="judge.onnx"),
         lambda: LossSettings(trunk="resnet50-dilated"),
         lambda: LossSettings(trunk="random", trunk_weights="x.pth"),
         lambda: LoopSettings(batch=0),
@@ -152,7 +151,7 @@ def test_resuming_with_other_settings_is_refused():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [name for name in PRESETS if name != "choice"])
+@pytest.mark.parametrize("name", PRESETS)
 def test_presets_say_their_flop(name):
     """Oracle: a real pass at an eighth of the size; two for each weight and pixel of a convolution, transforms left out."""
     torch = pytest.importorskip("torch", reason="the networks need torch: pip install 'dlama[train]'")

@@ -229,46 +229,6 @@ def _ffc_entries(prefix: str, s: GeneratorSettings) -> Iterator[tuple[str, tuple
     yield from _norm(f"{prefix}.bn_g", wide)
 
 
-@dataclass(frozen=True)
-class JudgeSettings:
-    """Sizes of the judge of guesses (`nets.judge`)."""
-
-    context_planes: int = 10
-    """Planes that all guesses share; the last one is 1 in the hole, the fourth is inverse depth."""
-    guess_planes: int = 4
-    """Planes of a guess: three of colour, one of inverse depth."""
-    width: int = 24
-    """Channels of a guess."""
-
-
-JUDGE_STRIDE, JUDGE_MULTIPLE = 4, 16
-"""The judge's maps are so many times smaller than the picture, whose sides are multiples of JUDGE_MULTIPLE."""
-JUDGE_LOG_BOUNDS, JUDGE_APART = (-7.0, 1.0), 4
-"""Bounds of the logarithms of its expected errors; factor of a guess's difference from the mean guess."""
-JUDGE_HEADS, JUDGE_ERRORS = 3, 2
-"""Logits of a guess: of its base colour, of its detail, of its depth. Logarithms of expected absolute errors: of colour (mean
-over channels, 0..1), of depth (relative, 1 at most)."""
-
-
-def judge_shapes(s: JudgeSettings) -> dict[str, tuple[int, ...]]:
-    """Name -> shape of the judge's tensors."""
-    w, t, middle, coarse = s.width, 2 * s.width, 3 * s.width, 4 * s.width
-    square = JUDGE_STRIDE, JUDGE_STRIDE
-    shapes: dict[str, tuple[int, ...]] = {"of_guess.weight": (w, 2 * s.guess_planes, *square)}
-    shapes["of_context.weight"] = (w, s.context_planes, *square)
-    for name, own, shared in (("join1", w, 2 * w), ("join2", w, t), ("join3", w, 2 * w)):
-        shapes |= {f"{name}.own.weight": (w, own, 1, 1), f"{name}.shared.weight": (w, shared, 1, 1)}
-    blocks = {"block1": w, "block2": w, "trunk.block1": middle, "trunk.block2": coarse, "trunk.block3": coarse}
-    for name, n in (blocks | {"trunk.blend1": middle, "trunk.blend2": t}).items():
-        shapes |= {f"{name}.{part}.weight": (n, n, 3, 3) for part in ("first", "second")}
-    shapes |= {"trunk.enter.weight": (t, 3 * w, 1, 1), "trunk.up1.weight": (middle, coarse, 1, 1)}
-    shapes |= {"trunk.up2.weight": (t, middle, 1, 1), "trunk.down1.weight": (middle, t, 3, 3)}
-    shapes |= {"trunk.down2.weight": (coarse, middle, 3, 3), "head.weight": (JUDGE_HEADS, w, 3, 3)}
-    shapes["errors.weight"] = (JUDGE_ERRORS, t + 2 * w, 3, 3)
-    biased = [name for name in shapes if name != "of_guess.weight" and not name.endswith("shared.weight")]
-    return shapes | {name.replace("weight", "bias"): shapes[name][:1] for name in biased}
-
-
 def _norm(prefix: str, channels: int) -> Iterator[tuple[str, tuple[int, ...]]]:
     for name in ("weight", "bias", "running_mean", "running_var"):
         yield f"{prefix}.{name}", (channels,)

@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-Planes = Literal["rgb", "rgbd", "stereo", "stereo-two-masks", "choice"]
+Planes = Literal["rgb", "rgbd", "stereo", "stereo-two-masks"]
 """The keys of PLANES."""
 
 
@@ -30,8 +30,6 @@ class PlanesKind:
     """Mask planes."""
     has_depth: bool = False
     """Whether the last plane of the output is inverse depth."""
-    guesses: int = 0
-    """Guesses that a sample brings along: the network judges them and paints nothing."""
 
 
 PLANES: dict[str, PlanesKind] = {
@@ -52,13 +50,6 @@ PLANES: dict[str, PlanesKind] = {
         views=2,
         masks=2,
     ),
-    "choice": PlanesKind(
-        5,
-        4,
-        "colour and depth with the best of several guesses (the judge of filler `choice`)",
-        has_depth=True,
-        guesses=4,
-    ),
 }
 
 
@@ -74,8 +65,6 @@ class SampleKind:
     """The kind of dataset case that samples can be made of: frame, removal, stereo (see `data.cases.TrainingCase`)."""
     cases_required: bool = False
     """Whether there are no samples without such cases."""
-    crops: bool = False
-    """Whether samples are crops with guesses, made beforehand (`data.samples.guesses`)."""
     worlds: bool = False
     """Whether the samples that no case gives are made of procedural worlds; shares are `data.cases` and 1 less that."""
 
@@ -86,6 +75,5 @@ SAMPLES: dict[str, SampleKind] = {
     "frame": SampleKind(cases="frame", cases_required=True),
     "removal": SampleKind(photos=True, cases="removal", worlds=True),
     "stereo": SampleKind(views=(2,), photos=True, cases="stereo", worlds=True),
-    "guesses": SampleKind(crops=True),
 }
 """Names are those of `data.mixture` in settings files; `sketch` are the scenes of `data.samples.toy_scenes`."""

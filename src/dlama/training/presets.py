@@ -98,26 +98,10 @@ def _big() -> TrainSettings:
     )
 
 
-def _choice() -> TrainSettings:
-    intervals = LoopSettings(log_every=20, validate_every=200, sheet_every=400, checkpoint_every=200)
-    return TrainSettings(
-        "choice",
-        network=NetworkSettings("choice", width=24),
-        loss=LossSettings(
-            adversarial=0.0, feature_matching=0.0, perceptual=15.0, trunk="lpips", l1_known=0.0, l1_hole=30.0, depth_l1=0.0,
-            depth_gradient=0.0, depth_normal=0.0, depth_law=0.0, depth_choice=10.0, expected_error=0.1,
-        ),
-        optimiser=OptimiserSettings(generator_rate=2e-3, warm_up=30, decay="cosine", clip=10.0, average=0.98),
-        data=DataSettings(size=192, mixture={"guesses": 1.0}, held_out=40, workers=0),
-        loop=replace(intervals, steps=900, batch=8, precision="bf16", accelerator="cpu"),
-    )  # fmt: skip
-
-
 PRESETS: dict[str, Preset] = {
     "tiny": Preset("one minute on a CPU: does the whole loop work?", _tiny(), 2.8, "60 on one EPYC core"),
     "mini-rgbd": Preset("colour and depth, on a CPU", _mini("rgbd", "world"), 12.6, MINI),
     "mini-stereo": Preset("both pictures of a pair, on a CPU", _mini("stereo", "stereo"), 14.2, MINI),
-    "choice": Preset("the judge of filler `choice`, on a CPU", _choice(), 7.8, "4 on one EPYC core"),
     "small-rgbd": Preset("colour and depth, on one GPU", _small("rgbd", "world"), 53.0, SMALL),
     "small-stereo": Preset("both pictures of a pair, on one GPU", _small("stereo", "stereo"), 56.3, SMALL),
     "big-rgbd": Preset("colour and depth in big-lama's shape; start from its weights", _big(), 444.8, BIG),

@@ -14,10 +14,8 @@ from dlama.errors import InputError
 from dlama.nets.architecture import (
     DiscriminatorSettings,
     GeneratorSettings,
-    JudgeSettings,
     count_parameters,
     generator_shapes,
-    judge_shapes,
 )
 from dlama.training.kinds import PLANES, SAMPLES, Planes, PlanesKind
 
@@ -31,8 +29,7 @@ class NetworkSettings:
 
     planes: Planes = "rgbd"
     """rgb: 4 -> 3; rgbd: 5 -> 4 (colour, depth, mask last); stereo: 7 -> 6 (left, right, one mask, the union of both);
-    stereo-two-masks: 8 -> 6 (left, right, left mask, right mask); choice: the judge of several guesses, whose only size is
-    `width`."""
+    stereo-two-masks: 8 -> 6 (left, right, left mask, right mask)."""
     width: int = 32
     """Generator's channels after the stem (ngf)."""
     blocks: int = 6
@@ -51,8 +48,6 @@ class NetworkSettings:
 
     def __post_init__(self) -> None:
         check_word(self.planes, "network.planes", PLANES)
-        if self.kind.guesses and self.start is not None:
-            raise InputError(f"`network.start` is {self.start!r}; a judge of guesses begins with random weights")
         _ = self.generator, self.discriminator  # raises ShapeError on impossible sizes
 
     @property
@@ -67,11 +62,6 @@ class NetworkSettings:
         return GeneratorSettings(planes_in, planes_out, self.width, self.downsamplings, self.blocks, self.global_ratio)
 
     @property
-    def judge(self) -> JudgeSettings:
-        """The same of the judge of guesses."""
-        return JudgeSettings(width=self.width)
-
-    @property
     def discriminator(self) -> DiscriminatorSettings:
         """The architecture as `dlama.nets` takes it; its input are all planes of the output together."""
         return DiscriminatorSettings(self.kind.outputs, self.discriminator_width, self.discriminator_layers)
@@ -79,7 +69,7 @@ class NetworkSettings:
     @property
     def parameters(self) -> int:
         """How many trained numbers the network that is exported has."""
-        return count_parameters(judge_shapes(self.judge) if self.kind.guesses else generator_shapes(self.generator))
+        return count_parameters(generator_shapes(self.generator))
 
     @property
     def views(self) -> int:
@@ -124,10 +114,6 @@ class LossSettings:
     """1 - cosine between normals: planes are flat in inverse depth too."""
     depth_law: float = 30.0
     """By how much filled depth is nearer than the visibility law allows."""
-    depth_choice: float = 0.0
-    """Of choice: difference of normalised inverse depth that the judge's weights of the guesses make one expect."""
-    expected_error: float = 0.0
-    """Of choice: negative logarithm of the likelihood (Laplace) of the result's errors under the expected ones."""
     trunk: str = "auto"
     """Network of the perceptual term: resnet50-dilated, random (frozen random weights, no file); lpips (the distance of the
     evaluation, from the file that ships, in place of equation 5); auto: resnet50-dilated with `trunk_weights`, else random."""
@@ -195,7 +181,7 @@ class DataSettings:
     size: int = 256
     """Height and width of a sample in pixels."""
     mixture: Mapping[str, float] = field(default_factory=lambda: {"world": 1.0})
-    """Kind of sample -> its share: sketch, world, frame, removal, stereo, guesses."""
+    """Kind of sample -> its share: sketch, world, frame, removal, stereo."""
     cases: float = 0.5
     """Share of the samples of kinds removal and stereo that is made of the dataset's cases (frames with and without an object,
     stereo pairs); the rest, and all where the data has no such cases, are made of worlds."""

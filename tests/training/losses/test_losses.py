@@ -241,9 +241,8 @@ def test_every_term_has_a_weight():
     assert used_terms(LossSettings(**nothing), NetworkSettings("rgbd")) == []
     for name, term in GENERATOR_TERMS.items():
         weights = LossSettings(**nothing | {name: 2.0})
-        assert used_terms(weights, NetworkSettings("choice")) == [name]
-        assert used_terms(weights, NetworkSettings("rgbd")) == ([] if term.of_choice else [name])
-        assert used_terms(weights, NetworkSettings("rgb")) == ([] if term.of_depth or term.of_choice else [name])
+        assert used_terms(weights, NetworkSettings("rgbd")) == [name]
+        assert used_terms(weights, NetworkSettings("rgb")) == ([] if term.of_depth else [name])
     of_depth = [name for name, term in GENERATOR_TERMS.items() if term.of_depth]
     assert of_depth == ["depth_l1", "depth_gradient", "depth_normal", "depth_law"]
 
@@ -302,7 +301,7 @@ def test_the_random_trunk_is_always_the_same():
     torch.set_rng_state(state)
 
 
-@pytest.mark.parametrize("planes", [name for name, kind in PLANES.items() if not kind.guesses])
+@pytest.mark.parametrize("planes", PLANES)
 @pytest.mark.parametrize("split", ["train", "held_out"])
 def test_sketches_keep_the_contract(planes, split):
     """Oracle: the contract's own check; the same index and random numbers give the same sample."""

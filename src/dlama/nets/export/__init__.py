@@ -1,5 +1,5 @@
 """Checked weights and metadata in; an ONNX file out. Needs numpy and onnx, no torch.
 
 onnx_graph   a graph, node by node
-generator, judge   dlama's own networks
+generator    dlama's own network
 """

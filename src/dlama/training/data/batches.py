@@ -32,10 +32,6 @@ class Batch(TypedDict, total=False):
     """B x M x H x W: 1 = hole; M is 2 for stereo-two-masks (left, right), else 1. The last planes of `input`."""
     known_depth: Tensor
     """B x 1 x H x W: 1 where the target's depth is true, 0 where no truth is known."""
-    context: Tensor
-    """B x 5 x H x W, of choice only: the other planes that the judge sees (`inpainters.choice.planes.CONTEXT`)."""
-    guesses: Tensor
-    """B x 4K x H x W, of choice only: colour and inverse depth of each guess."""
     limit: Tensor
     """B x 1 x H x W: the visibility law; normalised inverse depth must not be larger than this, +inf where anything goes."""
 
@@ -43,17 +39,7 @@ class Batch(TypedDict, total=False):
 def keys_of(network: NetworkSettings) -> dict[str, int]:
     """Key of Batch -> number of planes, for samples of such a network."""
     expected = {"input": network.kind.inputs, "target": network.kind.outputs, "mask": network.masks}
-    if network.kind.guesses:
-        shared, own = network.judge.context_planes, network.judge.guess_planes
-        expected |= {"context": shared - network.kind.inputs, "guesses": own * network.kind.guesses}
     return expected | ({"known_depth": 1, "limit": 1} if network.has_depth else {})
-
-
-def network_input(batch: Batch) -> Tensor:
-    """What the network takes: the input, and behind it the context and guesses of kind choice."""
-    if "guesses" not in batch:
-        return batch["input"]
-    return torch.cat([batch["input"], batch["context"], batch["guesses"]], 1)
 
 
 def check_sample(sample: Sample, network: NetworkSettings, size: int) -> None:

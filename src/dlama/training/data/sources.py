@@ -16,7 +16,6 @@ from dlama.training.data.cases import KIND_NAMES, TrainingCase, split_cases, tra
 from dlama.training.data.pack_format import read_pack
 from dlama.training.data.photos import Photo, folder_photos, split_photos
 from dlama.training.data.samples.dataset import DatasetPairs, DatasetRemovals, DatasetViews
-from dlama.training.data.samples.guesses import GuessSamples, holds_crops
 from dlama.training.data.samples.toy_scenes import ToyScenes
 from dlama.training.data.samples.world_views import WorldSet
 from dlama.training.data.samples.worlds import WorldPairs, WorldRemovals, WorldSamples
@@ -66,8 +65,6 @@ class TrainingData:
 
     photos: tuple[Photo, ...] = ()
     cases: tuple[TrainingCase, ...] = ()
-    crops: tuple[Path, ...] = ()
-    """Folders of crops with guesses."""
 
     def of(self, kind: str) -> tuple[TrainingCase, ...]:
         """The cases of one kind: frame, removal, stereo."""
@@ -111,12 +108,11 @@ def find_training_data(data: Sequence[Path]) -> TrainingData:
     """The photos and cases of folders of pictures, datasets and packs. InputError, FileError."""
     photos: list[Photo] = []
     cases: list[TrainingCase] = []
-    crops = tuple(path for path in map(Path, data) if holds_crops(path))
-    for path in (path for path in map(Path, data) if path not in crops):
+    for path in map(Path, data):
         more_photos, more_cases = read_pack(path) if path.is_file() else _in_folder(path)
         photos += more_photos
         cases += more_cases
-    return TrainingData(tuple(photos), tuple(cases), crops)
+    return TrainingData(tuple(photos), tuple(cases))
 
 
 def _in_folder(path: Path) -> tuple[Sequence[Photo], Sequence[TrainingCase]]:
@@ -145,8 +141,7 @@ def _check_use(kinds: set[str], data: Sequence[Path], found: TrainingData) -> No
         needed = _missing_files(kind, found)
         if needed:
             raise InputError(f"data.mixture has {kind!r}, which needs {needed}, but `data` names {named}")
-    of_crops = found.crops and any(SAMPLES[kind].crops for kind in kinds)
-    if data and not (of_crops or _takes_photos(found, kinds) or _cases_of_kinds(found, kinds)):
+    if data and not (_takes_photos(found, kinds) or _cases_of_kinds(found, kinds)):
         raise InputError(f"data.mixture is {', '.join(sorted(kinds))}, which has no use for `data`: {named}")
 
 
@@ -155,8 +150,6 @@ def _missing_files(kind: str, found: TrainingData) -> str:
     samples = SAMPLES[kind]
     if samples.cases_required and not found.of(str(samples.cases)):
         return "a posed data set"
-    if samples.crops and not found.crops:
-        return "a folder of crops with guesses (benchmarks/choice.py makes one)"
     return ""
 
 
@@ -174,7 +167,7 @@ def _split(found: TrainingData, kinds: set[str], split: Split) -> TrainingData:
     """The photos and cases of one split that these kinds use."""
     photos = split_photos(found.photos, split) if _takes_photos(found, kinds) else ()
     used = _cases_of_kinds(found, kinds)
-    return TrainingData(photos, split_cases(used, split) if used else (), found.crops)
+    return TrainingData(photos, split_cases(used, split) if used else ())
 
 
 def _worlds(settings: TrainSettings, found: TrainingData, split: Split) -> WorldSet:
@@ -202,6 +195,5 @@ MAKERS: dict[str, Callable[[TrainSettings, TrainingData, Split], SampleSource]] 
     "frame": lambda settings, found, _: DatasetViews(found.of("frame"), settings.network, settings.data.size),
     "removal": _cases_and_worlds(DatasetRemovals, WorldRemovals, "removal"),
     "stereo": _cases_and_worlds(DatasetPairs, WorldPairs, "stereo"),
-    "guesses": lambda settings, found, split: GuessSamples(found.crops, settings.network, split, settings.data.size),
 }
 """Source of each kind in `kinds.SAMPLES`."""

@@ -12,25 +12,17 @@ from pathlib import Path
 import numpy as np
 
 from dlama import __version__
-from dlama.inpainters.choice.judge import judge_metadata
 from dlama.inpainters.networks.contract import DEPTH_PLANE, generator_metadata
 from dlama.nets.checkpoints import read_generator
 from dlama.nets.export.generator import export_onnx
-from dlama.nets.export.judge import export_judge
 from dlama.nets.generator import Generator
-from dlama.nets.judge import GuessMixer
 from dlama.nets.safetensors_file import write_safetensors
 from dlama.training.settings import TrainSettings
 
 
-def export(generator: Generator | GuessMixer, folder: Path, name: str, licence: str) -> tuple[Path, Path]:
+def export(generator: Generator, folder: Path, name: str, licence: str) -> tuple[Path, Path]:
     """Write both files; returns the paths of NAME.safetensors and NAME.onnx, which is made of the former. OutputError."""
     weights, network = folder / f"{name}.safetensors", folder / f"{name}.onnx"
-    if isinstance(generator, GuessMixer):
-        judge = generator.judge
-        numbers = {key: np.array(tensor.detach().cpu().numpy()) for key, tensor in judge.state_dict().items()}
-        write_safetensors(weights, numbers, {"licence": licence})
-        return weights, export_judge(judge.settings, numbers, network, judge_metadata(weights, licence))
     state = {key: np.array(tensor.detach().cpu().numpy()) for key, tensor in generator.state_dict().items()}
     write_safetensors(weights, state, {"activation": generator.settings.activation, "licence": licence})
     written = read_generator(weights)
@@ -70,7 +62,6 @@ def model_card(
 def _files(settings: TrainSettings) -> list[str]:
     """What the network does, its files and their licence."""
     file = f"{settings.name}.onnx"
-    named = "" if settings.network.kind.guesses else " under LaMa's published names"
     return [
         f"# {settings.name}",
         "",
@@ -79,7 +70,7 @@ def _files(settings: TrainSettings) -> list[str]:
         "| file | what |",
         "|---|---|",
         f"| {file} | the network with its contract, for `--model {file}` |",
-        f"| {settings.name}.safetensors | the same weights{named} |",
+        f"| {settings.name}.safetensors | the same weights under LaMa's published names |",
         "",
         f"Licence of the weights: {settings.licence}.",
         "",

@@ -15,9 +15,8 @@ from dlama.errors import DlamaError, InputError
 from dlama.models.cache import user_path
 from dlama.nets.checkpoints import read_generator
 from dlama.nets.generator import Discriminator, Generator, generator_from_state
-from dlama.nets.judge import GuessMixer
 from dlama.nets.surgery import widen
-from dlama.training.data.batches import Batch, network_input
+from dlama.training.data.batches import Batch
 from dlama.training.losses.perceptual import LpipsLoss, PerceptualLoss, perceptual_loss
 from dlama.training.losses.pixels import widen_half
 from dlama.training.losses.terms import LossInputs, Terms, discriminator_terms, generator_terms
@@ -40,7 +39,7 @@ class TrainingModule(pl.LightningModule):
         self.automatic_optimization = False
         self.settings = settings
         torch.manual_seed(settings.loop.seed)
-        self.generator: Generator | GuessMixer = initial_generator(settings.network)
+        self.generator: Generator = initial_generator(settings.network)
         self.discriminator = Discriminator(settings.network.discriminator) if settings.loss.uses_discriminator else None
         self.average = moving_average(self.generator)
         self.perceptual: PerceptualLoss | LpipsLoss | None = (
@@ -96,7 +95,7 @@ class TrainingModule(pl.LightningModule):
         """One step of the generator, then one of the discriminator on the same output; undone where gradients are not finite."""
         optimisers = self.raw_optimisers
         self._set_rates(optimisers)
-        output = self(network_input(batch))
+        output = self(batch["input"])
         terms = self._generator_terms(output, batch)
         norms = {"gradient_norm": self._descend(optimisers[0], self.generator, terms)}
         good = bool(norms["gradient_norm"].isfinite())
@@ -171,15 +170,13 @@ def rate_factor(settings: TrainSettings, step: int) -> float:
     return rise * (0.01 + 0.99 * (1 + math.cos(math.pi * share)) / 2)
 
 
-def initial_generator(network: NetworkSettings) -> Generator | GuessMixer:
+def initial_generator(network: NetworkSettings) -> Generator:
     """The generator in train mode: new weights drawn from torch's random numbers, or those of the file `network.start`.
 
     Raises:
         FileError: `network.start` is no file with one generator in it.
         InputError: it is another network than the settings describe, planes apart.
     """
-    if network.kind.guesses:
-        return GuessMixer(network.judge, network.kind.guesses)
     if network.start is None:
         return Generator(network.generator)
     weights = read_generator(user_path(network.start))

@@ -15,7 +15,7 @@ from torch import Tensor, nn
 
 from dlama.files.atomic_write import new_file
 from dlama.inpainters.networks.view_tensors import levels_of
-from dlama.training.data.batches import Batch, composite, hole_planes, network_input
+from dlama.training.data.batches import Batch, composite, hole_planes
 from dlama.training.losses.pixels import TOLERANCE
 from dlama.training.settings import NetworkSettings, TrainSettings
 
@@ -37,8 +37,8 @@ def metric_names(network: NetworkSettings) -> list[str]:
 @torch.no_grad()
 def outputs_of(network: nn.Module, batch: Batch, settings: TrainSettings, device: torch.device) -> Tensor:
     """The network's outputs (B x P x H x W, float32) on the CPU, computed in batches as large as the run's."""
-    parts = [network(part.to(device)).float().cpu() for part in network_input(batch).split(settings.loop.batch)]
-    return torch.cat(parts)[:, : batch["target"].shape[1]]
+    parts = [network(part.to(device)).float().cpu() for part in batch["input"].split(settings.loop.batch)]
+    return torch.cat(parts)
 
 
 def scores_of(network: nn.Module, batch: Batch, settings: TrainSettings, device: torch.device) -> dict[str, float]:
