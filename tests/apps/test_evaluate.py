@@ -129,7 +129,7 @@ def test_bad_words_are_refused_before_anything_runs(
         ("--fillers", "best"): "--fillers is 'best'; one of none, layered",
         ("--recipes", "best"): "--recipes is 'best'; one of dlama, paper",
         ("--model", "lama"): "--model is 'lama'; FILLER=FILE is expected",
-        ("--model", "telea=a.onnx"): "FILLER one of layered-patches, lama, migan, patchmatch, choice, joint",
+        ("--model", "telea=a.onnx"): "FILLER one of layered-patches, lama, migan, patchmatch, joint",
         ("--model", "lama=a.onnx"): "lama is not among --fillers",
         ("--fillers", "lama", "--model", "lama=no.onnx"): "no.onnx: no such file",
         ("--protocol", "vpi", "--yaws", "15"): "no case is left of made; its yaws are ±10, ±20",

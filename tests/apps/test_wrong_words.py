@@ -57,7 +57,6 @@ from dlama.errors import CameraError, DlamaError, InputError, MaskError
             "view a.png b.png --yaw 1 --only disparity -o out",
             "disparity is to be written, which only a stereo pair has",
         ),
-        ("view a.png b.png --yaw 1 --also choice -o out", "choice is to be written, which filler 'auto' does not make"),
         (
             "remove a.png b.png --click 3,3 --mask-class 9,9,9 -o out",
             "--mask-class says how a mask file is read, and none",

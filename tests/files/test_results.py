@@ -26,7 +26,7 @@ from dlama.geometry.rgbd import RGBD
 from dlama.geometry.trajectories import orbit
 
 CAMERA = Camera.from_fov(56, 40, 60)
-EVERY = tuple(name for name in RESULTS if name not in ("disparity", "choice", "mask"))
+EVERY = tuple(name for name in RESULTS if name not in ("disparity", "mask"))
 """What a removal by a filler that does not choose has; a mask is written where it is given."""
 
 

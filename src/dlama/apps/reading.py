@@ -179,8 +179,7 @@ def summary_line(meta: dict[str, Any], place: object, seconds: float) -> str:
         why += f", {statistics.fmean(meta['left_open_share']):.1%} left open"
     if meta["nothing_visible"]:
         why = "; nothing of the scene is visible from there, so nothing could be filled"
-    ran = meta.get("notes", {}).get("guesses")
-    how = f", filler {meta['filler']}" + (f" ({', '.join(ran)})" if ran else "")
+    how = f", filler {meta['filler']}"
     if estimate := meta.get("depth_estimate"):
         how += f", depth {describe_depth_source(estimate)}"
     if pointed := meta.get("object_mask"):

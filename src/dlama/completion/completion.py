@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any, TypeVar
 
@@ -15,7 +15,7 @@ from dlama.geometry.figures.html import Figured, Panel
 from dlama.geometry.figures.show import show_html
 from dlama.geometry.frames.stored import Layer, StoredView
 from dlama.geometry.fusion import scene_cloud, scene_mesh
-from dlama.geometry.rgbd import Float32Array, UInt8Array
+from dlama.geometry.rgbd import Float32Array
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.perception.stereo.agreement import StereoConsistency
@@ -39,9 +39,6 @@ class Completion(Figured):
     """The source view as given."""
     meta: dict[str, Any]
     """Recipe, filler, hole shares, law moves and violations, seconds per stage; JSON-ready (docs/reference/formats.md)."""
-    choices: tuple[UInt8Array | None, ...] = field(default=(), kw_only=True)
-    """For each view H x W: 1 + the number of the guess (`notes.guesses` of meta) that counts most in a filled pixel, 0 =
-    known; None for fillers that do not choose. Empty where nobody keeps them."""
 
     def __repr__(self) -> str:
         sizes = sorted({f"{view.camera.width}x{view.camera.height}" for view in self.views})

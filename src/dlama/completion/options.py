@@ -58,9 +58,8 @@ class Options:
     filler: str | Inpainter = field(default=AUTO, metadata=_typed(str, "NAME", AUTO))
     """What fills the holes: layered continues planes and sky from behind, telea diffuses; migan runs a network that comes with
     the package, patchmatch adds patches of the picture to what that one guesses, layered-patches mixes it with layered and with
-    patches; auto is layered-patches, or patchmatch where depth is estimated; choice lets another one judge the guesses of four
-    (with model: of a fifth); lama, joint and pair (stereo only) run that of model. In Python also a function (view, context,
-    seed) -> Fill."""
+    patches; auto is layered-patches, or patchmatch where depth is estimated; lama, joint and pair (stereo only) run that of
+    model. In Python also a function (view, context, seed) -> Fill."""
     model: str | Path | None = field(default=None, metadata=_typed(str, "FILE|NAME", "none"))
     """Network of a filler that runs one: an ONNX or LaMa file, or a name of `dlama models list`."""
     recipe: str | Recipe = field(default="dlama", metadata=_typed(str, "|".join(RECIPE_NAMES), "dlama"))

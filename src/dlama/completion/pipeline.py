@@ -17,17 +17,17 @@ from dlama.completion.options import OptionKeywords, Options, Unpack, options_of
 from dlama.completion.plausible import warn_of_scale, warn_of_unknown
 from dlama.completion.report import Clock, Record, about_depth, expected_errors, meta_data
 from dlama.completion.start import choose_filler, may_estimate_again, plan_for, scene_of
-from dlama.completion.steps import CompletedView, complete_views, fill
+from dlama.completion.steps import complete_views, fill
 from dlama.errors import InputError
 from dlama.geometry.camera import Camera
 from dlama.geometry.frames.gathering import FrameSource
 from dlama.geometry.fusion import fuse
 from dlama.geometry.rendering import render
-from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
+from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.inpainters import AUTO, find_filler
-from dlama.inpainters.filling import FillReport, Inpainter
+from dlama.inpainters.filling import Inpainter
 from dlama.models.network_file import make_room
 from dlama.progress import Progress, take_progress
 
@@ -76,19 +76,7 @@ def complete(
         warn_of_unknown(source, warped)
     record = Record([report for _, report in fills], clock.seconds, grown_mask, [one.grown for one in completed])
     meta = about_depth(rgbd, start) | meta_data(plan, scene.frames[0].load(), warped, record) | expected_errors(views)
-    choices = tuple(choice_of(one, fills) for one in completed)
-    completion = Completion(views, warped, scene, source, meta, choices=choices)
-    return completion.with_min_confidence(chosen.min_confidence)
-
-
-def choice_of(completed: CompletedView, fills: Sequence[tuple[Camera, FillReport]]) -> UInt8Array | None:
-    """H x W: the number of the guess that counts most in each pixel (`Fill.choice`), of a filler that chooses; else None.
-
-    Where nothing was left to fill, that of the view of the same camera that was filled before.
-    """
-    own = (completed.view.camera, completed.reports[1])
-    same = (report.choice for camera, report in (own, *fills) if camera.same_view_as(own[0]))
-    return next((choice for choice in same if choice is not None), None)
+    return Completion(views, warped, scene, source, meta).with_min_confidence(chosen.min_confidence)
 
 
 KEYS, CAMERAS_PER_KEY = 9, 5

@@ -111,12 +111,6 @@ def _patchmatch(file: Path) -> Inpainter:
     return patchmatch_filler(file)
 
 
-def _choice(file: Path) -> Inpainter:
-    from dlama.inpainters.choice.filler import choice_filler
-
-    return choice_filler(file)
-
-
 def _joint(file: Path) -> Inpainter:
     from dlama.inpainters.networks.lama import joint_filler
 
@@ -137,7 +131,6 @@ FILLERS: dict[str, FillerRecord] = {
     "lama": FillerRecord(_lama, needs_model=True, source="`dlama models pull big-lama` gets one"),
     "migan": FillerRecord(_migan, needs_model=True, shipped=MIGAN),
     "patchmatch": FillerRecord(_patchmatch, needs_model=True, shipped=MIGAN),
-    "choice": FillerRecord(_choice, needs_model=True, shipped="choice/choice.onnx"),
     "joint": FillerRecord(_joint, needs_model=True),
     "pair": FillerRecord(_pair, needs_model=True),
 }

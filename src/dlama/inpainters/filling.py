@@ -37,9 +37,6 @@ class Fill:
     """Pixels the filler itself already moved to keep the visibility law."""
     notes: dict[str, Any] = field(default_factory=dict)
     """What the filler adds to meta.json (planes found, model, provider ...)."""
-    choice: UInt8Array | None = None
-    """H x W, of a filler that chooses among guesses: 1 + the number of the guess with the largest weight (in
-    `notes["guesses"]`), 0 = known."""
     errors: Float32Array | None = None
     """H x W x 2 expected errors of the filler itself, see `View.errors`; None: the confidence network estimates them."""
 
@@ -83,18 +80,16 @@ class FillReport:
     """Filled pixels that still break it (0, or a bug)."""
     notes: dict[str, Any]
     """The filler's own."""
-    choice: UInt8Array | None = None
-    """As of Fill."""
 
 
 def check_fill(fill: Fill, hole: BoolArray) -> Fill:
     """The fill, if it fits this hole (H x W); else InputError (no Fill), ShapeError or DepthError: a fault of the filler."""
     check(fill, Fill, "what the filler returned")
     hw = hole.shape
-    expected = {"color": (*hw, 3), "depth": hw, "errors": (*hw, 2), "choice": hw}
+    expected = {"color": (*hw, 3), "depth": hw, "errors": (*hw, 2)}
     for name, shape in expected.items():
         array = getattr(fill, name)
-        if np.shape(array) != shape and not (array is None and name in ("errors", "choice")):
+        if np.shape(array) != shape and not (array is None and name == "errors"):
             raise ShapeError(f"the filler's {name} has shape {np.shape(array)}; {shape} is expected for this view")
     wrong = int((~(np.asarray(fill.depth)[hole] >= 0)).sum())
     if wrong:
@@ -123,12 +118,7 @@ def inpaint(view: View, inpainter: Inpainter, context: FillContext, seed: int = 
     if np.prod(sides_of(box)) > WORTH_CROPPING * hole.size:
         return _fill_whole(view, inpainter, context, seed)
     part, report = _fill_whole(view.cropped(rows, columns), inpainter, context.cropped(view, rows, columns), seed)
-    choice = report.choice
-    if choice is not None:
-        whole = np.zeros(hole.shape, np.uint8)
-        whole[rows, columns] = choice
-        choice = whole
-    return paste_part(view, part, rows, columns), dataclasses.replace(report, choice=choice)
+    return paste_part(view, part, rows, columns), report
 
 
 def box_with_context(hole: BoolArray) -> tuple[slice, slice]:
@@ -170,4 +160,4 @@ def _fill_whole(view: View, inpainter: Inpainter, context: FillContext, seed: in
         errors=errors,
     )
     left = int(context.law.violations(view.camera, filled.depth, hole).sum())
-    return filled, FillReport(int(hole.sum()), fill.law_moves + int(moved.sum()), left, fill.notes, fill.choice)
+    return filled, FillReport(int(hole.sum()), fill.law_moves + int(moved.sum()), left, fill.notes)

@@ -35,9 +35,7 @@ def check_options(
     options = {name: given[name] for name in METHOD if given.get(name) is not None}
     checks: list[Callable[[], Any]] = [
         lambda: options_of(options),
-        lambda: _check_results(
-            check_results(given.get("only"), given.get("also") or ()), removes, pair, one("filler", AUTO)
-        ),
+        lambda: _check_results(check_results(given.get("only"), given.get("also") or ()), removes, pair),
         lambda: one("filler", AUTO) == AUTO or callable(given["filler"]) or model_file(given["filler"], one("model")),
         lambda: check_depth_options(one("depth_scale"), one("depth_range"), one("far")),
         lambda: one("fov") is None or Camera.from_fov(2, 2, given["fov"]),
@@ -49,14 +47,12 @@ def check_options(
     raise_all(checks)
 
 
-def _check_results(names: tuple[str, ...], removes: bool, pair: bool, filler: Any) -> None:
+def _check_results(names: tuple[str, ...], removes: bool, pair: bool) -> None:
     """A result by name that the job does not have."""
     if "mask" in names and not removes:
         raise InputError("`mask` is to be written, and no object is removed whose mask it would be")
     if "disparity" in names and not pair:
         raise InputError("disparity is to be written, which only a stereo pair has")
-    if "choice" in names and filler != "choice" and not callable(filler):
-        raise InputError(f"choice is to be written, which filler {filler!r} does not make: `filler=choice` does")
 
 
 def _check_move(given: Mapping[str, Any]) -> None:

@@ -43,7 +43,7 @@ class Results(Group):
 
     only: str | None = shown("NAME,...", "image,depth,origin,confidence,mesh,preview")
     """What is written next to meta.json, of image, depth, hole, origin, confidence, disparity, points, mesh, scene, preview,
-    choice, mask (disparity of pairs, mask of a removed object)."""
+    mask (disparity of pairs, mask of a removed object)."""
     also: str | None = shown("NAME,...")
     """More of these names: scene (scene.npz, which view, video and show read), points, hole ..."""
 

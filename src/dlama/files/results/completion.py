@@ -21,9 +21,9 @@ from dlama.files.results.preview import write_preview
 from dlama.files.scenes import clouds, textured_mesh
 from dlama.files.scenes import scene_npz as scenes
 from dlama.geometry.codes import Origin
-from dlama.geometry.figures.false_color import CHOICE_PALETTE, HOLE_PALETTE, ORIGIN_PALETTE
+from dlama.geometry.figures.false_color import HOLE_PALETTE, ORIGIN_PALETTE
 from dlama.geometry.projection import round_depth
-from dlama.geometry.rgbd import BoolArray, UInt8Array
+from dlama.geometry.rgbd import BoolArray
 from dlama.geometry.view import View
 from dlama.models.network_file import make_room
 from dlama.progress import Progress, begin_stage, take_progress
@@ -42,7 +42,6 @@ RESULTS: dict[str, tuple[str, ...]] = {
     "mesh": ("scene.glb",),
     "scene": ("scene.npz",),
     "preview": ("preview.png",),
-    "choice": ("choice.png",),
     "mask": ("mask.png",),
 }
 """What `write` can be asked for by name -> its files, where the completion has them; meta.json is always written."""
@@ -74,7 +73,7 @@ def write(
         completion: What `view`, `remove`, `stereo` or `complete` gave.
         directory: Files of the same names in it are replaced, all others stay.
         only: Which of "image", "depth", "hole", "origin", "confidence", "disparity" (of pairs), "points", "mesh", "scene",
-            "preview", "choice" and "mask"; None: image, depth, origin, confidence, mesh and preview. meta.json is always written.
+            "preview" and "mask"; None: image, depth, origin, confidence, mesh and preview. meta.json is always written.
         also: More of them. "scene" is the file that `read_scene` and `dlama view` read.
         inputs: Role -> file; path and SHA-256 of each go into meta.json. Where "image" (of a pair "left", "right") has 16 bits a
             channel, image.png of its own view has them too, wherever it was measured.
@@ -121,7 +120,7 @@ def file_names(completion: Completion, only: Sequence[str] | None = None, also: 
     files = [*scene_writers(Path(), completion), "preview.png", "mask.png"]
     files += ["background.ply"] if completion.scene.removals else []
     for place, view in views_by_folder(completion).items():
-        files += view_writers(Path(), view, place, choice_of(completion, view))
+        files += view_writers(Path(), view, place)
     return sorted(["meta.json", *(file for file in files if file.rpartition("/")[2] in chosen)])
 
 
@@ -176,12 +175,6 @@ def main_view(completion: Completion) -> View:
     return views_by_folder(completion)[""]
 
 
-def choice_of(completion: Completion, view: View) -> UInt8Array | None:
-    """Which guess counts most in each pixel of a view of the completion; None where its filler does not choose."""
-    found = [choice for one, choice in zip(completion.views, completion.choices) if one is view]
-    return found[0] if found else None
-
-
 def chosen_writers(
     folder: Path,
     completion: Completion,
@@ -193,7 +186,7 @@ def chosen_writers(
     writers = scene_writers(folder, completion)
     for place, view in views_by_folder(completion).items():
         plate = find_plate(completion, view, place, plates) if "image" in names else None
-        writers |= view_writers(folder / place, view, place, choice_of(completion, view), plate)
+        writers |= view_writers(folder / place, view, place, plate)
     writers["preview.png"] = lambda: write_preview(folder / "preview.png", completion)
     if mask is not None:
         writers["mask.png"] = lambda: pictures.write_mask(folder / "mask.png", mask)
@@ -201,9 +194,7 @@ def chosen_writers(
     return {file: writer for file, writer in writers.items() if file.rpartition("/")[2] in chosen}
 
 
-def view_writers(
-    folder: Path, view: View, place: str, choice: UInt8Array | None, plate: PathLike | None = None
-) -> dict[str, Writer]:
+def view_writers(folder: Path, view: View, place: str, plate: PathLike | None = None) -> dict[str, Writer]:
     """The pictures of one view; plate: its file with 16 bits a channel, if it has one."""
     writers: dict[str, Writer] = {
         "image.png": lambda: write_image(folder / "image.png", view, plate),
@@ -217,8 +208,6 @@ def view_writers(
         "origin.png": lambda: pictures.write_codes(folder / "origin.png", view.origin, ORIGIN_PALETTE),
         "confidence.png": lambda: pictures.write_grey(folder / "confidence.png", view.confidence),
     }
-    if choice is not None:
-        writers["choice.png"] = lambda: pictures.write_codes(folder / "choice.png", choice, CHOICE_PALETTE)
     return {f"{place}{name}": writer for name, writer in writers.items()}
 
 

@@ -21,8 +21,6 @@ HOLE_PALETTE: tuple[RGB, ...] = (
 )
 """RGB by HoleType code: none, crack, disoccluded, flying, out of view, sensor, object (Okabe and Ito's colours, which
 the colour-blind tell apart)."""
-CHOICE_PALETTE: tuple[RGB, ...] = ((0, 0, 0), *HOLE_PALETTE[2:], (86, 180, 233), (230, 159, 0), (160, 160, 160))
-"""RGB by the number of a guess: 0 known, then the guesses in the order that meta.json names them."""
 ORIGIN_PALETTE: tuple[RGB, ...] = (
     (0, 0, 0),
     (235, 235, 235),

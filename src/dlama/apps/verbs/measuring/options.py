@@ -54,7 +54,7 @@ class Methods:
         "telea",
         NO_FILL,
     )
-    """Of none (holes stay), layered, layered-patches, telea, lama, migan, patchmatch, choice, joint, pair."""
+    """Of none (holes stay), layered, layered-patches, telea, lama, migan, patchmatch, joint, pair."""
     model: Annotated[tuple[str, ...], option("FILLER=FILE|NAME ...")] = ()
     """The network of a filler that runs one: an ONNX file, a LaMa checkpoint, or a name of `dlama models list`."""
     seed: Seed = 0
