@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dlama.inpainters.networks.migan import SHIPPED
+from dlama.inpainters import model_file
 from dlama.training.data.photos import Photo
 from painter_crops import (
     HOLE_SHARES,
@@ -21,6 +21,8 @@ from painter_crops import (
 
 pytest.importorskip("torch")
 pytest.importorskip("onnx")
+
+SHIPPED = model_file("migan")
 
 
 @pytest.fixture(scope="module")

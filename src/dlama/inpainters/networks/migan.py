@@ -22,8 +22,6 @@ from dlama.inpainters.networks.engine import Engine, open_engine
 from dlama.inpainters.networks.view_tensors import DepthPlane, color_from_planes, color_planes, levels_of
 from dlama.inpainters.opencv import telea
 
-SHIPPED = Path(__file__).parents[2] / "assets" / "migan" / "migan-512-tuned.onnx"
-"""The generator that comes with the package."""
 CRACK_SIDE = 3
 """Holes that a square of this side does not fit into are cracks."""
 SMOOTHING = 3.0

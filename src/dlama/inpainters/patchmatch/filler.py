@@ -20,7 +20,7 @@ from dlama.inpainters.filling import Fill, Paint, Painter
 from dlama.inpainters.networks.migan import migan_filler
 from dlama.inpainters.opencv import telea
 from dlama.inpainters.patchmatch.completion import complete_picture
-from dlama.inpainters.spreading import spread_by_two, spread_small
+from dlama.inpainters.spreading import spread_small
 from dlama.models.network_file import make_room
 
 GUESS_SIDE = 768
@@ -37,8 +37,6 @@ DISTANCE = 10.0
 """Levels added to the distances from the smooth estimate by which patches and a network's guess are weighed."""
 BLEND_PX = 3
 """Sigma in pixels over which differences are averaged: texture of one kind is no difference."""
-SPREAD_SIDE = 256
-"""Longer side in pixels in which the smooth estimate is made."""
 
 
 def guess_coarsely(paint: Paint, picture: UInt8Array, hole: BoolArray, seed: int, side: int = GUESS_SIDE) -> UInt8Array:
@@ -102,7 +100,7 @@ def weigh_guess(painted: Float32Array, guess: Float32Array, smooth: Float32Array
 def spread_known(picture: UInt8Array, known: BoolArray, wh: tuple[int, int]) -> Float32Array:
     """h x w x 3: the colours of the known pixels (H x W) at a size that is no larger, spread to all."""
     small, share = shrink_known(picture, known, wh)
-    return spread_small(small, share >= 0.5, spread_by_two, SPREAD_SIDE)
+    return spread_small(small, share >= 0.5)
 
 
 def shrink(picture: UInt8Array, wh: tuple[int, int]) -> Float32Array:

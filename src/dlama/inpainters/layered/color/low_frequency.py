@@ -19,7 +19,7 @@ from dlama.geometry.kernels.jit import begin_job
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import View
 from dlama.inpainters.sky import Sky
-from dlama.inpainters.spreading import spread_by_two, spread_small
+from dlama.inpainters.spreading import spread_small
 from dlama.perception.planes import SKY
 
 LARGEST_SHARE = 0.7
@@ -36,8 +36,6 @@ Lower heights look clearer and err more. Squared error of street, +-10 to +-40, 
 a weight of .2 at all heights, LPIPS .1 % less."""
 WIDE = 0.1
 """Sigma of the blur within one surface, over the picture's longer side."""
-GUESSED = 256
-"""Longer side of the picture in which both estimates are made; only low frequencies are used."""
 GRID = 64
 """Longer side of the grid for that blur."""
 PIECE = 1 << 17
@@ -152,4 +150,4 @@ def smooth_guess(view: View) -> Float32Array:
     where = unseen_colors(view)
     if not where.any():
         return np.zeros((0, 3), np.float32)
-    return spread_small(view.color, ~view.hole, spread_by_two, GUESSED, where)
+    return spread_small(view.color, ~view.hole, where)
