@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+from types import SimpleNamespace
+from typing import cast
 
 import cv2
 import numpy as np
@@ -20,7 +22,9 @@ from dlama.geometry.visibility import Law
 from dlama.inpainters import AUTO, FILLER_NAMES, FILLERS, find_filler
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Painter, inpaint
+from dlama.inpainters.layered.depth.surface_labels import Surfaces
 from dlama.inpainters.patchmatch.completion import QUICK, complete_picture
+from dlama.inpainters.patchmatch.over_layers import copy_patches
 from dlama.inpainters.patchmatch.pyramid import build_pyramid, describe_pixels, halve
 from dlama.inpainters.patchmatch.search import nearest_source
 
@@ -218,6 +222,32 @@ def test_the_network_paints_dis_occlusions_and_nothing_else() -> None:
         differs = (done.views[0].color != plain.views[0].color).any(-1)
         assert differs.any() == uncovered.any() == some and not (differs & ~uncovered).any()
         assert ("migan" in str(done.meta)) == some
+
+
+def test_what_patches_begin_from() -> None:
+    """Closed form: where no patch is known the beginning comes back: behind a removed object the network's guess, out of view its
+    mean with the surfaces' colours, in dis-occlusions these."""
+    hole, colors = (ROWS % 4 == 0) | (COLUMNS % 4 == 0), (np.full((96, 128, 3), level, np.uint8) for level in (40, 81))
+    color, guess = colors
+    view = View.from_rgbd(RGBD(color, np.full((96, 128), 3, np.float32), Camera.from_fov(128, 96, 60)))
+    levels = {HoleType.OBJECT: 81, HoleType.OUT_OF_VIEW: 60, HoleType.DISOCCLUDED: 40}
+    for number, kind in enumerate(levels):
+        view = view.without(hole & (number == ROWS // 32), kind)
+    surfaces = cast(Surfaces, SimpleNamespace(label=np.zeros((96, 128), np.int32)))
+    done = copy_patches(view, surfaces, color, guess, view.color_hole, view.color_hole, 0)
+    for kind, level in levels.items():
+        assert (done[view.hole_type == kind.value] == level).all()
+    np.testing.assert_array_equal(done[~view.color_hole], color[~view.color_hole])
+
+
+def test_the_network_runs_where_a_depth_camera_did_not_see() -> None:
+    """Law: out of view alone is enough where depth edges are off; of exact depth the network paints nothing there."""
+    plain = np.random.default_rng(0).integers(60, 70, (144, 128, 3), np.uint8)
+    for off in (0, 4):
+        rgbd, _ = camera_frame(off, plain)
+        done = dlama.complete(rgbd, [dlama.orbit(rgbd.camera, 15, pivot=1e-6)])
+        assert (done.views[0].hole_type == HoleType.OUT_OF_VIEW.value).any()
+        assert ("migan" in str(done.meta)) == (off > 0)
 
 
 def test_auto_is_the_filler_that_suits_the_depth() -> None:

@@ -5,7 +5,7 @@ whole view and of the picture's own texture: each errs elsewhere. It does not se
 the remaining shadow of a removed object: a table would extend to where the chair before it was. Patches of the picture are copied
 over the surfaces' smooth colours behind a removed object, there from any surface and from MI-GAN's guess on, and in all pictures
 of a depth camera: planes of such depth are inexact and hold several materials, so that texture copied within a plane leaves
-seams.
+seams. Out of a depth camera's view patches begin from the mean of surfaces and guess, since such planes end in the wrong places.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dlama.geometry.codes import HoleType, has_code
 from dlama.geometry.holes import nearest_known
@@ -48,10 +49,11 @@ def layered_patches_filler(model: str | Path) -> Inpainter:
         smooth = begin_guess(view)
         surfaces, depth, moved = continue_lawfully(view, context, seed)
         notes: dict[str, Any] = {"planes": len(surfaces.planes)}
-        removed, uncovered = (
-            view.color_hole & (view.hole_type == kind.value) for kind in (HoleType.OBJECT, HoleType.DISOCCLUDED)
+        removed, uncovered, unseen = (
+            view.color_hole & (view.hole_type == kind.value)
+            for kind in (HoleType.OBJECT, HoleType.DISOCCLUDED, HoleType.OUT_OF_VIEW)
         )
-        hidden, guessed = view.color_hole, (removed | uncovered).any()
+        hidden, guessed = view.color_hole, (removed | uncovered | (unseen & context.misplaced_edges)).any()
         if guessed:
             hidden = hidden | find_occluders(view, surfaces, depth, context.law)
             if removed.any():
@@ -92,14 +94,18 @@ def copy_patches(
     surfaces: as continued; color: H x W x 3, painted but for removed objects; guess: H x W x 3, the network's; hidden: H x W,
     what it did not see.
     """
-    removed = copied & (view.hole_type == HoleType.OBJECT.value)
-    if not removed.any():
-        done = complete_picture(color, copied, color, seed, label=surfaces.label, effort=QUICK)
-        return blend_with_guess(done.color, color, copied)
-    near = hidden & ~view.color_hole & removed.ravel()[nearest_known(copied)[1]]
-    start = np.where((removed | near)[..., None], guess, color)
-    done = complete_picture(color, copied | near, start, seed, effort=QUICK, guided=True)
-    out = blend_with_guess(done.color, start, removed, view.color_hole | near, spread=done.spread_of_votes())
+    removed, unseen = (copied & (view.hole_type == kind.value) for kind in (HoleType.OBJECT, HoleType.OUT_OF_VIEW))
+    start, near = color.copy(), np.zeros_like(removed)
+    label: NDArray[np.int32] | None = surfaces.label
+    if removed.any():
+        near = hidden & ~view.color_hole & removed.ravel()[nearest_known(copied)[1]]
+        start[removed | near], label = guess[removed | near], None
+    if unseen.any():
+        start[unseen] = (color[unseen].astype(np.uint16) + guess[unseen]) // 2
+    done = complete_picture(color, copied | near, start, seed, label=label, effort=QUICK, guided=True)
+    out = done.color
+    if removed.any():
+        out = blend_with_guess(out, start, removed, view.color_hole | near, spread=done.spread_of_votes())
     if (copied & ~removed).any():
         out = blend_with_guess(out, start, copied & ~removed)
     return np.where(near[..., None], color, out)
