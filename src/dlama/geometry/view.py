@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dlama.arguments import check
 from dlama.geometry.camera import Camera
@@ -273,3 +274,20 @@ class View(Figured, Facts):
             origin=select(self.origin, keep),
             **self._kept(keep),
         )
+
+    def subsample(self, step: int) -> View:
+        """Every `step`-th pixel (`sampled_pixels`) as a view, whose camera differs by its size alone; itself, at 1."""
+        if step == 1:
+            return self
+        at = sampled_pixels(self.hole.shape, step)
+        names = ("color", "depth", "hole", "hole_type", "origin", "confidence")
+        planes: dict[str, Any] = {name: freeze(getattr(self, name)[at]) for name in names}
+        height, width = planes["hole"].shape
+        return View(dataclasses.replace(self.camera, width=width, height=height), **planes)
+
+
+def sampled_pixels(hw: tuple[int, ...], step: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """h x 1 rows and 1 x w columns of every `step`-th pixel of a picture, those in the middle of squares of `step` x `step`; the
+    last square may cross the border."""
+    rows, columns = (np.minimum(np.arange(step // 2, n + step // 2, step), n - 1) for n in hw)
+    return rows[:, None], columns[None]

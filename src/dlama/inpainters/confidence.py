@@ -9,7 +9,6 @@ pixel, but not the filler's name. It was trained on procedural worlds (src/dlama
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 from pathlib import Path
 from typing import NamedTuple
@@ -22,8 +21,8 @@ from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.holes import erode_square, fill_with_nearest, nearest_known
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.projection import inverse_depth
-from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, freeze
-from dlama.geometry.view import View
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+from dlama.geometry.view import View, sampled_pixels
 from dlama.models.perceptron import Perceptron, read_arrays
 
 DEPTH_WITHIN = 0.05
@@ -140,9 +139,9 @@ def features_of_known(view: View) -> KnownFeatures:
     No feature depends on the picture's size in pixels or on the scene's scale. Of a large view some pixels are judged.
     """
     step = -(-max(view.hole.shape) // JUDGED)
-    if not view.hole[places(view, step)].any():
+    if not view.hole[sampled_pixels(view.hole.shape, step)].any():
         step = 1
-    view = every_pixel(view, step)
+    view = view.subsample(step)
     hole = view.hole
     rows = np.empty((FEATURES, np.count_nonzero(hole)), np.float32)
     diagonal = float(np.hypot(*hole.shape))
@@ -180,32 +179,14 @@ def features_of_known(view: View) -> KnownFeatures:
     return KnownFeatures(view, step, rows, rim, typical, mean)
 
 
-def places(view: View, step: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Rows and columns of every `step`-th pixel, those in the middle of their squares; the last may cross the border."""
-    rows, columns = (np.minimum(np.arange(step // 2, n + step // 2, step), n - 1) for n in view.hole.shape)
-    return rows[:, None], columns[None]
-
-
-def every_pixel(view: View, step: int) -> View:
-    """Every `step`-th pixel of a view, as a view; its camera is the view's but for the size."""
-    if step == 1:
-        return view
-    at = places(view, step)
-    planes = {
-        name: freeze(getattr(view, name)[at])
-        for name in ("color", "depth", "hole", "hole_type", "origin", "confidence")
-    }
-    height, width = planes["hole"].shape
-    return View(dataclasses.replace(view.camera, width=width, height=height), **planes)
-
-
 def feature_rows(
     view: View, color: UInt8Array, depth: Float32Array, known: KnownFeatures | None = None
 ) -> Float32Array:
     """FEATURES x N of the N hole pixels that are judged, row by row, arguments as of `judge_fill`."""
     judged, step, rows, rim, typical, mean = known or features_of_known(view)
     if step > 1:
-        color, depth = color[places(view, step)], depth[places(view, step)]
+        at = sampled_pixels(view.hole.shape, step)
+        color, depth = color[at], depth[at]
     view, hole, diagonal = judged, judged.hole, float(np.hypot(*judged.hole.shape))
     w = inverse_depth(np.where(hole, depth, view.depth))
     rows[9] = w[hole] == 0

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
+import pytest
 
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType, Origin
@@ -17,10 +18,19 @@ from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill, Painter
+from dlama.inpainters.layered import depth_first
 from dlama.inpainters.layered.color.low_frequency import blend_with_low_frequency
 from dlama.inpainters.layered.depth.surface_labels import Surfaces
 from dlama.inpainters.layered.depth.surfaces import continue_lawfully
-from dlama.inpainters.layered.depth_first import BAND, MIXED_PX, NEARER, find_occluders, paint_over_depth, seams
+from dlama.inpainters.layered.depth_first import (
+    BAND,
+    MIXED_PX,
+    NEARER,
+    find_occluders,
+    find_occluders_coarsely,
+    paint_over_depth,
+    seams,
+)
 from dlama.inpainters.layered.filler import layered
 
 NOTHING = FillContext(Law(()))
@@ -106,6 +116,31 @@ def test_ground_that_comes_towards_the_camera_hides_nothing() -> None:
     box[85:95, 100:110] = True
     found = find_occluders(view, surfaces, filled, NOTHING.law)
     assert found[box].all() and not found[~dilate_mask(box, MIXED_PX)].any()
+
+
+def test_occluders_for_a_coarse_picture_are_those_of_every_nth_pixel(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Law: a view whose pixels are squares of 3 x 3 has the occluders of the view of its middles, as squares; a box on ground
+    whose plane is inclined, next to a dis-occlusion."""
+    monkeypatch.setattr(depth_first, "OCCLUDERS_SIDE", 160)
+    camera, rows = Camera.from_fov(160, 120, 90), np.arange(120) + 0.5
+    ground = np.where(rows > 70, 1.5 * camera.fy / np.maximum(rows - camera.cy, 1), 9).astype(np.float32)
+    depth, hole = np.repeat(ground[:, None], 160, 1), np.zeros((120, 160), bool)
+    depth[85:95, 100:110], hole[75:85, 40:120] = 1, True
+    view = View.from_rgbd(RGBD(np.zeros((*depth.shape, 3), np.uint8), depth, camera))
+    view = view.without(hole, HoleType.DISOCCLUDED)
+    surfaces, filled, _ = continue_lawfully(view, NOTHING, 0)
+
+    def enlarge(plane: np.ndarray) -> np.ndarray:
+        return plane.repeat(3, 0).repeat(3, 1)
+
+    inverse, label, leaves = (enlarge(each) for each in (surfaces.inverse_depth, surfaces.label, surfaces.leaves))
+    large = View.from_rgbd(RGBD(enlarge(view.color), enlarge(depth), Camera.from_fov(480, 360, 90)))
+    large = large.without(enlarge(hole), HoleType.DISOCCLUDED)
+    planes = surfaces.planes / (3, 3, 1)
+    found = find_occluders_coarsely(large, Surfaces(inverse, label, planes, leaves), enlarge(filled), NOTHING.law)
+    expected = find_occluders(view, surfaces, filled, NOTHING.law)
+    np.testing.assert_array_equal(found, enlarge(expected))
+    assert expected.any()
 
 
 def test_a_thing_that_stands_before_the_hole_is_an_occluder_as_a_whole() -> None:

@@ -10,7 +10,7 @@ from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.holes import dilate_mask, morphological_open, nearest_known, regions_touching, square
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array
-from dlama.geometry.view import View
+from dlama.geometry.view import View, sampled_pixels
 from dlama.geometry.visibility import Law
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill, Inpainter, Painter
@@ -23,6 +23,8 @@ from dlama.perception.planes import plane_values_at
 
 BAND = 24
 """Pixels round a hole in which an occluder is hidden from the painter."""
+OCCLUDERS_SIDE = 640
+"""Longer side in pixels of a view in which occluders are found for a coarse picture."""
 OCCLUDER_REACH = 0.25
 """Distance from the hole, over the picture's longer side, in which the rest of that occluder is hidden, too: a network that
 sees the stripes of a barrel continues them into the hole next to it."""
@@ -97,6 +99,22 @@ def find_occluders(view: View, surfaces: Surfaces, depth: Float32Array, law: Law
     return (
         adjacent | (dilate_mask(regions_touching(candidates & ~background, adjacent), MIXED_PX) & view.valid)
     ) & ~background
+
+
+def find_occluders_coarsely(view: View, surfaces: Surfaces, depth: Float32Array, law: Law) -> BoolArray:
+    """The same of a view without a removed object, from every n-th pixel of it, OCCLUDERS_SIDE at most: for a painter that sees
+    no more."""
+    step = -(-max(view.hole.shape) // OCCLUDERS_SIDE)
+    at = sampled_pixels(view.hole.shape, step)
+    if step == 1 or not view.color_hole[at].any():
+        return find_occluders(view, surfaces, depth, law)
+    a, b, c = surfaces.planes.T  # in the sampled pixels' columns and rows, whose centres lie at 0.5
+    aside = step // 2 + 0.5 - 0.5 * step
+    planes = np.stack([step * a, step * b, c + aside * (a + b)], 1)
+    coarse = Surfaces(surfaces.inverse_depth[at], surfaces.label[at], planes, surfaces.leaves[at])
+    found = find_occluders(view.subsample(step), coarse, depth[at], law)
+    height, width = view.hole.shape
+    return found.repeat(step, 0).repeat(step, 1)[:height, :width] & view.valid
 
 
 def find_background(view: View, law: Law) -> BoolArray:

@@ -26,7 +26,7 @@ from dlama.inpainters.filling import Fill, Inpainter
 from dlama.inpainters.layered.color.low_frequency import begin_guess, blend_with_low_frequency
 from dlama.inpainters.layered.depth.surface_labels import Surfaces
 from dlama.inpainters.layered.depth.surfaces import continue_lawfully
-from dlama.inpainters.layered.depth_first import find_occluders
+from dlama.inpainters.layered.depth_first import find_occluders, find_occluders_coarsely
 from dlama.inpainters.layered.filler import inverse_of_filled, paint_surfaces
 from dlama.inpainters.layered.remaining_shadows import find_remaining_shadow
 from dlama.inpainters.networks.migan import migan_filler
@@ -55,10 +55,10 @@ def layered_patches_filler(model: str | Path) -> Inpainter:
         )
         hidden, guessed = view.color_hole, (removed | uncovered | (unseen & context.misplaced_edges)).any()
         if guessed:
-            hidden = hidden | find_occluders(view, surfaces, depth, context.law)
+            find, side = (find_occluders, GUESS_SIDE) if removed.any() else (find_occluders_coarsely, VIEW_SIDE)
+            hidden = hidden | find(view, surfaces, depth, context.law)
             if removed.any():
                 hidden |= find_remaining_shadow(view, surfaces.label, context.law)
-            side = GUESS_SIDE if removed.any() else VIEW_SIDE
             guessing = begin_job(guess_coarsely, network.paint, view.color, hidden, seed, side)
         w = inverse_of_filled(view, surfaces, depth)
         color = view.color
