@@ -31,8 +31,8 @@ class Recipe:
     mode: Mode = "surface"
     """How clouds are rendered: a cut triangle mesh, or nearest pixels."""
     dilate: int | None = None
-    """Radius in px by which an object mask grows before its pixels leave the cloud (disc kernel); None: 3, and 3 more where a
-    depth camera took the pictures."""
+    """Radius in px by which an object mask grows before its pixels leave the cloud (disc kernel); None: 3, in proportion
+    more in pictures wider than 1024 px."""
     dilate_holes: int = 0
     """Radius in px by which the holes of the new view grow (disc kernel)."""
     clip: float | None = None

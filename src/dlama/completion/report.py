@@ -13,7 +13,6 @@ import numpy as np
 
 from dlama.completion.start import NO_DILATION, Dilation, Plan
 from dlama.geometry.codes import HoleType, from_filler
-from dlama.geometry.drawing.picture_edges import DepthProfile
 from dlama.geometry.rendering import find_flying_pixels
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
@@ -104,7 +103,7 @@ def about_depth(rgbd: object, scene: Scene) -> dict[str, Any]:
     noise."""
     if isinstance(rgbd, RGBD):
         return depth_source(rgbd)
-    about: dict[str, Any] = {"depth": "estimated" if DepthProfile.of(scene).estimated else "measured"}
+    about: dict[str, Any] = {"depth": "estimated" if scene.has_estimated_depth else "measured"}
     if len(scene.frames) > 1:
         about["frames"] = {
             "numbers": list(scene.numbers),

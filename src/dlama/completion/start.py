@@ -19,7 +19,6 @@ from dlama.completion.recipes import Recipe
 from dlama.errors import InputError
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType
-from dlama.geometry.drawing.picture_edges import DepthProfile
 from dlama.geometry.frames import gathering
 from dlama.geometry.frames.gathering import FrameSource
 from dlama.geometry.frames.removal import remove_object
@@ -129,8 +128,9 @@ def choose_filler(scene: Scene, filler: str | Inpainter = AUTO, model: str | Pat
     if filler != AUTO:
         return FillerChoice(filler, "as given")
     refuse_model_of_auto(filler, model)
-    profile = DepthProfile.of(scene)
-    return FillerChoice(ESTIMATED if profile.estimated else MEASURED, profile.reason)
+    if scene.has_estimated_depth:
+        return FillerChoice(ESTIMATED, "a network estimated the depth")
+    return FillerChoice(MEASURED, "the depth was measured")
 
 
 def refuse_model_of_auto(filler: str | Inpainter, model: str | Path | None) -> None:

@@ -69,6 +69,11 @@ class Scene:
         """The frame in the middle, from which cameras move."""
         return self.frames[len(self.frames) // 2]
 
+    @property
+    def has_estimated_depth(self) -> bool:
+        """True if a network estimated the depth of a frame."""
+        return any(Origin.ESTIMATED in frame.origins for frame in self.frames)
+
     @cached_property
     def unfilled(self) -> Scene:
         """The scene as measured, without removed objects and without any fill, also of sensor holes."""
@@ -92,7 +97,7 @@ class Scene:
         Args:
             mask: H x W bool, True = remove, of a scene of one frame; or number of a frame -> its mask, for one frame or several.
                 The other frames' masks follow from the object's shape.
-            dilate: px by which the mask grows; None: 3, and 3 more where a depth camera took the pictures.
+            dilate: px by which the mask grows; None: 3, in proportion more in pictures wider than 1024 px.
         Raises:
             MaskError: an empty or full mask, or one of another size; InputError: a frame that is not in the scene.
         """

@@ -17,7 +17,7 @@ from dlama.datasets.posed.view_pairs import posed_dataset
 from dlama.errors import InputError
 from dlama.files.scenes.scene_npz import read_layer, read_scene
 from dlama.geometry.camera import Camera
-from dlama.geometry.codes import Origin, from_source
+from dlama.geometry.codes import from_source
 from dlama.geometry.rgbd import RGBD, Float32Array
 
 LAYOUT = "scene"
@@ -36,7 +36,7 @@ def scene_file(path: Path, *, limit: int | None = None) -> Dataset:
         raise InputError(
             f"{path}: is a scene without what was removed from it; one of frames as they were taken is expected"
         )
-    if any(Origin.ESTIMATED in layer.origins for layer in found.frames):
+    if found.has_estimated_depth:
         warnings.warn(f"{path}: its depth is estimated from pictures; it is no truth", UserWarning, stacklevel=2)
     frames = [
         PosedFrame(

@@ -28,7 +28,6 @@ from dlama.files.atomic_write import PathLike, new_file
 from dlama.files.results.meta_json import as_json
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import Origin
-from dlama.geometry.drawing.picture_edges import DepthProfile
 from dlama.geometry.frames.choosing import MOST_FRAMES
 from dlama.geometry.rgbd import BoolArray
 from dlama.geometry.scene import Scene
@@ -176,7 +175,7 @@ def about_frames(names: Sequence[str], kept: Sequence[str], given: Scene, damage
     left out."""
     contradict = [name for name in names if name not in kept and name not in damaged]
     return {
-        "depth": "estimated" if DepthProfile.of(given).estimated else "measured",
+        "depth": "estimated" if given.has_estimated_depth else "measured",
         "frames": {"names": list(kept), "gains": [list(gain) for gain in given.gains], "noise": list(given.noise)},
         "left_out": dict(damaged) | dict.fromkeys(contradict, "see warnings"),
     }

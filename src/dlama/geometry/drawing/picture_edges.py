@@ -21,7 +21,6 @@ from dlama.geometry.kernels.picture_edges import ROOM, find_mixed, fit_planes
 from dlama.geometry.once import once
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
-from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 
 JUMP = 0.06
@@ -37,7 +36,7 @@ LEAST_EDGES = 40
 REACHED = 0.8
 """Quantile of the offsets that is the reach."""
 CLEARLY = 2
-"""Least misalignment of a depth camera in px: the soft edges of a rendered picture may have one."""
+"""Least misalignment in px, at its own size, of an enlarged depth map that is more than its coarseness."""
 WIDER = 3
 """Pixels beyond that reach that move, too, if colours agree: a fifth of the edges are farther off."""
 FARTHEST, CONTRARY = 30.0, 2.0
@@ -50,35 +49,6 @@ UNLIKE = 60.0
 BEHIND, OF = 2, 1024
 """Pixels behind an edge of estimated depth, of a picture whose longer side is the second, whose colours are not those of their
 surface: what stands before it is mixed in, and sharpening and JPEG leave a halo there."""
-
-
-class DepthProfile(NamedTuple):
-    """How the depth of a scene was made. The filler and the growth of masks are chosen by it alone."""
-
-    estimated: bool
-    """A network estimated it from the picture."""
-    edges_off_px: int
-    """Misalignment of its edges with the picture, px (`edge_uncertainty`)."""
-
-    @property
-    def from_depth_camera(self) -> bool:
-        """Whether a depth camera measured it: its edges are clearly misaligned."""
-        return self.edges_off_px >= CLEARLY
-
-    @staticmethod
-    @once
-    def of(scene: Scene) -> DepthProfile:
-        """The profile of a scene, by its first frame before any removal."""
-        estimated = any(Origin.ESTIMATED in frame.origins for frame in scene.frames)
-        return DepthProfile(estimated, edge_uncertainty(scene.original(0).load()))
-
-    @property
-    def reason(self) -> str:
-        """The reason in words, for choices by it."""
-        if self.estimated:
-            return "a network estimated the depth"
-        place = f"{self.edges_off_px} px off the picture's" if self.edges_off_px else "on the picture's"
-        return f"depth edges lie {place}"
 
 
 class AlignedDepth(NamedTuple):
