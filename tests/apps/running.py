@@ -10,25 +10,36 @@ import pytest
 from box_frame import pixels
 from dlama.apps.cli import main
 
-__all__ = ["FAST", "pixels", "refused", "run"]
+__all__ = ["FAST", "error_line", "pixels", "refused", "run"]
 FAST = ["--filler", "telea"]
+
+
+def words_in(folder: Path, *words: object) -> list[str]:
+    """`WORDS -o folder/out` with files named relative to the folder."""
+    known = [str(folder / str(word)) if (folder / str(word)).is_file() else str(word) for word in words]
+    return [*known, "-o", str(folder / "out")]
 
 
 def run(folder: Path, *words: object) -> Path:
     """`dlama WORDS -o folder/out` with files named relative to the folder; returns the output directory."""
-    known = [str(folder / str(word)) if (folder / str(word)).is_file() else str(word) for word in words]
-    main([*known, "-o", str(folder / "out")])
+    main(words_in(folder, *words))
     return folder / "out"
 
 
-def refused(capsys: pytest.CaptureFixture[str], folder: Path, *words: object) -> str:
-    """The one line that the command prints on bad input; it exits with 2 and leaves nothing behind."""
-    before = sorted(folder.rglob("*"))
+def error_line(capsys: pytest.CaptureFixture[str], *words: str) -> str:
+    """The one line that `dlama WORDS` prints on bad input; it prints nothing else and exits with 2."""
     with pytest.raises(SystemExit) as stop:
-        run(folder, *words)
+        main(list(words))
     captured = capsys.readouterr()
     assert stop.value.code == 2
     assert captured.out == ""
     assert re.fullmatch(r"error: [^\n]+\n", captured.err), captured.err
-    assert sorted(folder.rglob("*")) == before
     return captured.err
+
+
+def refused(capsys: pytest.CaptureFixture[str], folder: Path, *words: object) -> str:
+    """`error_line` of `dlama WORDS -o folder/out`, which leaves nothing behind."""
+    before = sorted(folder.rglob("*"))
+    line = error_line(capsys, *words_in(folder, *words))
+    assert sorted(folder.rglob("*")) == before
+    return line

@@ -52,20 +52,8 @@ def test_worlds_say_what_to_do_next(tmp_path: Path, capsys: pytest.CaptureFixtur
 @pytest.mark.slow
 def test_evaluate_end_to_end(small_worlds: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Oracles: the header, regions and modalities; every recipe with every filler; a second run does nothing."""
-    words = [
-        "--yaws",
-        "20",
-        "--protocol",
-        "vpi",
-        "ori",
-        "sii",
-        "--limit",
-        "2",
-        "--fillers",
-        "telea",
-        "none",
-        "--no-variants",
-    ]
+    cases = ["--protocol", "vpi", "ori", "sii", "--yaws", "20", "--limit", "2"]
+    words = [*cases, "--fillers", "telea", "none", "--no-variants"]
     rows = evaluated(small_worlds, tmp_path / "out", *words)
     assert {path.name for path in (tmp_path / "out").iterdir()} == {*FILES, "cases", "panels"}
     first = (tmp_path / "out" / "results.csv").read_bytes()

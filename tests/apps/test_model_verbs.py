@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from running import error_line
 
 from dlama.apps import cli
 from dlama.apps.model_files import model_for
@@ -44,15 +45,6 @@ def cache_dir(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "cache"
 
 
-def refused(capsys: pytest.CaptureFixture[str], *words: str) -> str:
-    """The one line of an error that ends with exit code 2."""
-    with pytest.raises(SystemExit) as ended:
-        cli.main(["models", *words])
-    told = capsys.readouterr().err
-    assert ended.value.code == 2 and told.startswith("error: ") and told.count("\n") == 1
-    return told
-
-
 def test_json_says_what_the_lines_say(capsys: pytest.CaptureFixture[str], cache_dir: Path) -> None:
     """Oracle: the catalogue; one object a command, nothing else on standard output; --quiet prints nothing."""
     cache_dir.mkdir()
@@ -68,10 +60,7 @@ def test_json_says_what_the_lines_say(capsys: pytest.CaptureFixture[str], cache_
     assert set(table) == set(CATALOGUE) and said["list"]["directory"] == str(cache_dir)
     assert table[name]["here"] and table[name]["licence"] == CATALOGUE[name].licence
     assert said["info"]["name"] == name and said["info"]["urls"] == list(CATALOGUE[name].urls)
-    with pytest.raises(SystemExit) as ended:
-        cli.main(["models", "verify", name, "--json"])
-    shown = capsys.readouterr()
-    assert ended.value.code == 2 and shown.err.startswith("error: ")
+    error_line(capsys, "models", "verify", name, "--json")
 
 
 def test_list_and_info(capsys: pytest.CaptureFixture[str], cache_dir: Path) -> None:
@@ -87,16 +76,18 @@ def test_list_and_info(capsys: pytest.CaptureFixture[str], cache_dir: Path) -> N
 
 def test_errors_are_one_line(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     """Unknown name, missing file, damaged file, a target that is no ONNX file, a file that is no weights."""
-    assert "known: big-lama" in refused(capsys, "info", "lama")
-    assert "`dlama models pull u2netp`" in refused(capsys, "verify", "u2netp")
+    assert "known: big-lama" in error_line(capsys, "models", "info", "lama")
+    assert "`dlama models pull u2netp`" in error_line(capsys, "models", "verify", "u2netp")
     (tmp_path / "cache").mkdir()
     (tmp_path / "cache" / "u2netp.onnx").write_bytes(b"short")
-    assert "cut short: 5 bytes, expected 4574861" in refused(capsys, "verify")
-    assert "ends in .onnx" in refused(capsys, "convert", "a.ckpt", "-o", str(tmp_path / "a.pt"))
-    assert "no such file, and no model" in refused(capsys, "convert", "a.ckpt", "-o", str(tmp_path / "a.onnx"))
+    assert "cut short: 5 bytes, expected 4574861" in error_line(capsys, "models", "verify")
+    assert "ends in .onnx" in error_line(capsys, "models", "convert", "a.ckpt", "-o", str(tmp_path / "a.pt"))
+    assert "no such file, and no model" in error_line(
+        capsys, "models", "convert", "a.ckpt", "-o", str(tmp_path / "a.onnx")
+    )
     (tmp_path / "b.ckpt").write_bytes(b"nonsense")
-    assert "b.ckpt: neither a torch archive" in refused(
-        capsys, "convert", str(tmp_path / "b.ckpt"), "-o", str(tmp_path / "b.onnx")
+    assert "b.ckpt: neither a torch archive" in error_line(
+        capsys, "models", "convert", str(tmp_path / "b.ckpt"), "-o", str(tmp_path / "b.onnx")
     )
     assert not (tmp_path / "b.onnx").exists()
 
@@ -107,7 +98,7 @@ def test_pull_of_what_is_here(
     """Nobody is asked, the file is checked, and its hash pinned when none is published."""
     toy = dataclasses.replace(CATALOGUE["u2netp"], name="toy", file="toy.onnx", sha256=None, bytes=None, urls=())
     monkeypatch.setitem(CATALOGUE, "toy", toy)
-    assert "nobody serves this file" in refused(capsys, "pull", "toy")
+    assert "nobody serves this file" in error_line(capsys, "models", "pull", "toy")
     (cache_dir / "toy.onnx").write_bytes(b"toy")
     cli.main(["models", "pull", "toy"])
     assert capsys.readouterr().out.startswith(f"{cache_dir / 'toy.onnx'}: sha256 ")

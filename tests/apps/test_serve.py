@@ -14,8 +14,8 @@ import urllib.request
 from pathlib import Path
 
 import pytest
+from running import error_line
 
-from dlama.apps.cli import main
 from dlama.apps.terminal.streams import signals_raise
 from dlama.apps.verbs.serve import address_of, serve_until_interrupted
 from dlama.web.answers import Limits
@@ -79,11 +79,7 @@ def test_a_signal_in_the_midst_of_a_connection_ends_the_server(monkeypatch: pyte
 )
 def test_what_cannot_be_served(words: list[str], told: str, capsys: pytest.CaptureFixture[str]) -> None:
     """One line, exit code 2."""
-    with pytest.raises(SystemExit) as stop:
-        main(["serve", *words])
-    assert stop.value.code == 2
-    line = capsys.readouterr().err
-    assert line.startswith("error: ") and told in line and line.count("\n") == 1
+    assert told in error_line(capsys, "serve", *words)
 
 
 def test_addresses() -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
-from running import refused
+from running import error_line, refused
 
 from dlama.apps.cli import VERBS, main
 from dlama.apps.terminal.flags import flags_of
@@ -82,11 +82,7 @@ def test_one_line_says_what_is_wrong(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], words: str, message: str
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(SystemExit) as stop:
-        main(words.split())
-    told = capsys.readouterr()
-    assert stop.value.code == 2 and told.out == ""
-    assert told.err.startswith("error: ") and told.err.count("\n") == 1 and message in told.err
+    assert message in error_line(capsys, *words.split())
     assert list(tmp_path.iterdir()) == []
 
 
