@@ -68,17 +68,8 @@ class Canvas:
         if self.errors is not None and other.errors is not None:
             paste(other.errors, where, self.errors)
 
-    def put_errors(self, view: View, where: BoolArray, rows: np.ndarray, columns: np.ndarray) -> None:
-        """The expected errors of a layer's pixels (rows, columns: N) in the pixels of `where` (H x W, N True); both have some."""
-        assert self.errors is not None and view.errors is not None
-        self.errors[where] = view.errors[rows, columns]
-
-    def shares_errors(self, view: View) -> bool:
-        """Whether the canvas and the layer both have expected errors."""
-        return self.errors is not None and view.errors is not None
-
-    def pair_errors(self, view: View) -> tuple[Float32Array, Float32Array]:
-        """Expected errors of the layer and of the canvas, for kernels: both without rows unless both have some."""
-        if self.errors is None or view.errors is None:
+    def pair_errors(self, errors: Float32Array | None) -> tuple[Float32Array, Float32Array]:
+        """Expected errors of a layer and of the canvas, for kernels: both without rows unless both have some."""
+        if self.errors is None or errors is None:
             return freeze(np.empty((0, 0, 2), np.float32)), np.empty((0, 0, 2), np.float32)
-        return view.errors, self.errors
+        return errors, self.errors

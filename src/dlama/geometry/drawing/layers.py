@@ -177,9 +177,10 @@ def draw_as_points(grid: Grid, canvas: Canvas) -> None:
     pixels = layer.color.reshape(-1, 3), layer.origin.ravel(), layer.confidence.ravel()
     nearest = nearest.reshape(rows, columns)
     in_bands(shading.shade_points, rows, nearest, *pixels, *canvas.buffers(), band=light_band(columns))
-    if canvas.shares_errors(layer):
+    errors, out_errors = canvas.pair_errors(layer.errors)
+    if len(out_errors):
         drawn = nearest > 0
-        canvas.put_errors(layer, drawn, *np.divmod(raster.LARGEST - (nearest[drawn] & raster.LARGEST), width))
+        out_errors[drawn] = errors[np.divmod(raster.LARGEST - (nearest[drawn] & raster.LARGEST), width)]
 
 
 def draw_as_surface(grid: Grid, joined: UInt8Array, canvas: Canvas, count: NDArray[np.int32] = ALL) -> None:
@@ -188,7 +189,7 @@ def draw_as_surface(grid: Grid, joined: UInt8Array, canvas: Canvas, count: NDArr
     wbuf, where = rasterize_surface(grid.depth, joined, grid.surface.rim, layer.camera, grid.camera, count)
     smooth = grid.surface.smooth if grid.fine else np.zeros_like(joined)
     found = wbuf, where, joined, smooth, layer.color, grid.knots
-    errors, out_errors = canvas.pair_errors(layer)
+    errors, out_errors = canvas.pair_errors(layer.errors)
     planes = layer.origin, layer.confidence, errors, *canvas.buffers(), out_errors
     in_bands(shading.shade_surface, rows, *found, *planes)
     if grid.fine:
@@ -234,7 +235,8 @@ def draw_far(grid: Grid, canvas: Canvas) -> None:
     pixels = layer.color, grid.knots, layer.origin, layer.confidence
     columns = np.flatnonzero(far[rows[0] : rows[-1] + 1].any(0))
     spans = far_spans(matrix, (columns[0], columns[-1]), (rows[0], rows[-1]), camera.hw)
-    empty = canvas.depth == 0 if canvas.shares_errors(layer) else None
+    errors, out_errors = canvas.pair_errors(layer.errors)
+    empty = canvas.depth == 0 if len(out_errors) else None
     sky = far, spans, far_blocks(far, grid.fine)
     band = light_band(camera.width)
     in_bands(shading.shade_far, camera.height, matrix, *sky, *pixels, *canvas.buffers(), band=band)
@@ -243,7 +245,7 @@ def draw_far(grid: Grid, canvas: Canvas) -> None:
         row, column = np.nonzero(drawn)
         x, y, ahead = matrix @ np.stack([column + 0.5, row + 0.5, np.ones(len(row))])
         rows, columns = (np.clip(part / ahead, 0, n - 1).astype(np.intp) for part, n in zip((y, x), layer.camera.hw))
-        canvas.put_errors(layer, drawn, rows, columns)
+        out_errors[drawn] = errors[rows, columns]
 
 
 def far_spans(
