@@ -22,7 +22,7 @@ from dlama.geometry.codes import HoleType
 from dlama.geometry.frames import gathering
 from dlama.geometry.frames.gathering import FrameSource
 from dlama.geometry.frames.removal import remove_object
-from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
+from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
@@ -148,18 +148,9 @@ def filler_of_recipe(filler: Inpainter, recipe: Recipe) -> Inpainter:
     return with_grey_depth(filler, recipe.clip) if recipe.eight_bit_depth and recipe.clip is not None else filler
 
 
-def context_of(scene: Scene, recipe: Recipe, object_depth: Float32Array | None = None) -> FillContext:
-    """What fillers know of a scene besides a view; nothing, where the recipe knows no law.
-
-    object_depth: H x W metres that count as measured at the removed object's pixels; None: its own.
-    """
-    if not recipe.law:
-        return FillContext(Law(()))
-    if object_depth is None:
-        return FillContext.of(scene)
-    removed = (one.load() for one in scene.removals)
-    removals = tuple(replace(one, depth=np.where(one.hole, one.depth, object_depth)) for one in removed)
-    return FillContext.of(replace(scene, removals=removals))
+def context_of(scene: Scene, recipe: Recipe) -> FillContext:
+    """What fillers know of a scene besides a view; nothing, where the recipe knows no law."""
+    return FillContext.of(scene) if recipe.law else FillContext(Law(()))
 
 
 def describe_padding(scene: Scene) -> dict[str, dict[str, Any]]:

@@ -116,6 +116,15 @@ def without_object(pair: MatchedPair, recipe: Recipe) -> tuple[Scene, Dilation]:
     return removal.scene, Dilation(removal.pixels, removal.known_pixels_given_up)
 
 
+def with_object_depth(scene: Scene, depth: Float32Array | None) -> Scene:
+    """The scene with its removed object at this depth (H x W metres), behind which all is filled; None: as it is."""
+    if depth is None:
+        return scene
+    removed = (one.load() for one in scene.removals)
+    removals = tuple(one.with_planes(depth=np.where(one.hole, one.depth, depth)) for one in removed)
+    return dataclasses.replace(scene, removals=removals)
+
+
 def default_far(rig: StereoRig) -> float:
     """Metres from which half a pixel of disparity cannot be distinguished from infinity."""
     return rig.left.fx * rig.baseline_m / FAR_PX

@@ -48,6 +48,7 @@ from dlama.completion.stereo.pair import (
     default_far,
     depth_in_metres,
     masks_of_pair,
+    with_object_depth,
     without_object,
 )
 from dlama.completion.stereo.published import complete_pair_one_by_one
@@ -188,14 +189,15 @@ def choose_right_view(asked: RightView | None, recipe: Recipe, removing: bool) -
 
 def complete_pair_together(pair: MatchedPair, draft: Plan, clock: Clock) -> CompletedPair:
     """Both views completed: each first by what the other camera measured, then what neither did, filled in the left view."""
-    clean, object_depth, gain = pair.without_bleeding(), pair.object_depth, color_gain(pair)
+    clean, gain = pair.without_bleeding(), color_gain(pair)
     recipe, filler = draft.recipe, draft.inpainter
     scene, grown_mask = without_object(clean, recipe)
     right_before = right_as_given(clean, recipe)
-    context = context_of(scene, recipe, object_depth)
+    lawful = with_object_depth(scene, pair.object_depth)
+    context = context_of(lawful, recipe)
     plan = dataclasses.replace(draft, inpainter=left_filler(filler, pair, recipe), measured=scene, context=context)
-    both = dataclasses.replace(scene, fills=(right_before,))  # what the right picture measured counts for the law too
-    context = context_of(both, recipe, object_depth)
+    both = dataclasses.replace(lawful, fills=(right_before,))  # what the right picture measured counts for the law too
+    context = context_of(both, recipe)
 
     with clock("exchange"):
         other = right_before if pair.masks is None else continue_depth(right_before, context, plan.seed)
