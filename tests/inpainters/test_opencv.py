@@ -105,3 +105,13 @@ def test_what_sixteen_bits_rely_on() -> None:
     levels = np.where(block(), 0, 41234).astype(np.uint16)
     out = cv2.inpaint(levels, block().astype(np.uint8), 3, cv2.INPAINT_TELEA)
     assert abs(out.astype(int) - 41234).max() <= STEPS
+
+
+def test_a_single_row_is_filled_from_itself() -> None:
+    """Law: one colour stays that colour but for Telea's rounding, and the same call gives the same bits, which OpenCV's own call
+    of one row does not."""
+    hole = np.random.default_rng(0).random((1, 40)) < 0.5
+    assert (np.abs(paint(np.full((1, 40, 3), 90, np.uint8), hole).astype(int) - 90) <= 2).all()
+    row = np.random.default_rng(1).integers(0, 256, (1, 40, 3), np.uint8)
+    first, *others = (paint(row, hole) for _ in range(20))
+    assert all((other == first).all() for other in others) and (first[~hole] == row[~hole]).all()
