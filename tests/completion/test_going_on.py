@@ -16,7 +16,6 @@ from dlama.errors import InputError
 from dlama.files.scenes.scene_npz import write_npz
 from dlama.geometry.camera import StereoRig
 from dlama.geometry.codes import HoleType, Origin
-from dlama.geometry.holes import dilate_view_holes
 from dlama.geometry.trajectories import orbit
 from dlama.geometry.view import View
 from dlama.inpainters import find_filler
@@ -83,18 +82,6 @@ def test_without_can_be_called_again_and_again() -> None:
         measured = view.origin == Origin.REPROJECTED
         points = dlama.lift(view.without(~measured, HoleType.NONE)).points
         assert not (BALL.distance(points) < 1e-3).any()
-
-
-def test_growing_holes_keeps_frame_and_errors() -> None:
-    """Law: outside what is given up they keep their bits, there they are 0."""
-    view = View.from_rgbd(street())
-    numbers = np.full(view.hole.shape, 3, np.uint16)
-    view = dataclasses.replace(view, frame=numbers, errors=np.ones((*view.hole.shape, 2), np.float32))
-    larger = dilate_view_holes(view, 2)
-    given_up = larger.hole & ~view.hole
-    assert given_up.any() and larger.frame is not None and larger.errors is not None
-    np.testing.assert_array_equal(larger.frame, np.where(given_up, 0, 3))
-    np.testing.assert_array_equal(larger.errors[..., 0], np.where(given_up, 0, 1))
 
 
 def test_a_hole_comes_from_no_frame() -> None:

@@ -1,4 +1,4 @@
-"""Masks and holes: growing, shrinking and the nearest pixel by brute force; masks refused with a reason; types carried."""
+"""Masks and holes: growing, shrinking and the nearest pixel by brute force; masks refused with a reason."""
 
 from __future__ import annotations
 
@@ -10,14 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dlama.errors import InputError, InputTypeError, MaskError
-from dlama.geometry.camera import Camera
-from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.holes import (
     box_mean,
     check_mask,
     dilate_mask,
     dilate_square,
-    dilate_view_holes,
     disc,
     distance_to,
     erode_mask,
@@ -31,8 +28,6 @@ from dlama.geometry.holes import (
     regions_touching,
     square,
 )
-from dlama.geometry.rgbd import RGBD
-from dlama.geometry.view import View
 
 
 def random_mask(seed: int, height: int = 14, width: int = 17) -> np.ndarray:
@@ -97,47 +92,6 @@ def test_a_good_mask_comes_back_itself() -> None:
     """Law: one pixel to remove and one to keep is enough."""
     mask = np.eye(4, 6, dtype=bool)
     assert check_mask(mask, (4, 6)) is mask
-
-
-def a_view(hole_type: np.ndarray) -> View:
-    """A measured view with holes of the given types."""
-    rng = np.random.default_rng(0)
-    height, width = hole_type.shape
-    color = rng.integers(1, 256, (height, width, 3), np.uint8)
-    view = View.from_rgbd(RGBD(color, np.full((height, width), 2, np.float32), Camera.from_fov(width, height, 60)))
-    for kind in HoleType:
-        view = view.without((hole_type == kind) & (hole_type > 0), kind)
-    return view
-
-
-@pytest.mark.parametrize("seed", range(6))
-@pytest.mark.parametrize("radius", [1, 3])
-def test_grown_holes_take_the_type_of_the_nearest(seed: int, radius: int) -> None:
-    """Brute force (distances within the 3 % of OpenCV's 5 x 5 mask); given-up pixels are empty, all others untouched."""
-    rng = np.random.default_rng(seed)
-    types = np.where(random_mask(seed), rng.integers(1, len(HoleType), (14, 17)), 0).astype(np.uint8)
-    view = a_view(types)
-    out = dilate_view_holes(view, radius)
-    np.testing.assert_array_equal(out.hole, grown_by_hand(view.hole, radius))
-    given_up = out.hole & ~view.hole
-    for name in ("color", "depth", "origin", "confidence"):
-        np.testing.assert_array_equal(getattr(out, name)[~given_up], getattr(view, name)[~given_up])
-        assert not getattr(out, name)[given_up].any()
-    np.testing.assert_array_equal(out.hole_type[~given_up], view.hole_type[~given_up])
-    rows, columns = np.nonzero(view.hole)
-    for row, column in zip(*np.nonzero(given_up)):
-        away = np.hypot(rows - row, columns - column)
-        nearest = types[rows, columns][away <= 1.03 * away.min()]
-        assert out.hole_type[row, column] in nearest
-
-
-def test_nothing_grows_by_nothing() -> None:
-    """Law: no hole, or radius 0, gives the view back itself."""
-    whole = a_view(np.zeros((5, 6), np.uint8))
-    holed = a_view(np.eye(5, 6, dtype=np.uint8))
-    assert dilate_view_holes(whole, 3) is whole
-    assert dilate_view_holes(holed, 0) is holed
-    assert (holed.origin[~holed.hole] == Origin.MEASURED).all()
 
 
 def test_nearest_known_by_brute_force() -> None:

@@ -21,7 +21,7 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType, Origin, has_code
 from dlama.geometry.frames.choosing import choose_frames
 from dlama.geometry.fusion import fuse
-from dlama.geometry.holes import box_around, dilate_view_holes
+from dlama.geometry.holes import box_around, dilate_mask, fill_with_nearest
 from dlama.geometry.rendering import Mode, render, render_fills
 from dlama.geometry.scene import Scene, replace_frame
 from dlama.geometry.view import View
@@ -92,6 +92,17 @@ def measured_view(plan: Plan, scene: Scene, camera: Camera) -> View:
         object_seen = render(Scene((first,), fills=tuple(others)), camera, plan.recipe.mode, types=False)
         view = view.without(~object_seen.hole & ~view.hole, HoleType.OBJECT)
     return view
+
+
+def dilate_holes(view: View, radius: int) -> tuple[View, Dilation]:
+    """The view with its holes dilated by `radius` px, and how they grew; a pixel given up takes the type of the nearest one."""
+    given_up = dilate_mask(view.hole, radius) & ~view.hole
+    grown = Dilation(int(view.hole.sum()), int(given_up.sum()))
+    if not given_up.any():
+        return view, grown
+    larger = view.without(given_up, HoleType.DISOCCLUDED)
+    types = np.where(given_up, fill_with_nearest(view.hole_type, view.hole), view.hole_type)
+    return dataclasses.replace(larger, hole_type=types), grown
 
 
 def show_earlier_fill(plan: Plan, scene: Scene, view: View) -> tuple[View, FillReport]:
@@ -167,9 +178,7 @@ def complete_view(
 ) -> tuple[CompletedView, Scene]:
     """The view of one camera, completed, and the scene with what was filled for it. clock: counts seconds by stage."""
     with clock("render"):
-        shown = measured_view(plan, scene, camera)
-        before = dilate_view_holes(shown, plan.recipe.dilate_holes)
-        grown = Dilation(int(shown.hole.sum()), int((before.hole & ~shown.hole).sum()))
+        before, grown = dilate_holes(measured_view(plan, scene, camera), plan.recipe.dilate_holes)
         known, taken_over = show_earlier_fill(plan, scene, before)
     with clock("fill"):
         view, filled = fill(plan, known, scene)

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dlama.arguments import as_array
 from dlama.errors import InputError, MaskError
-from dlama.geometry.codes import HoleType
 from dlama.geometry.kernels.along_colors import nearest_by_color
 from dlama.geometry.rgbd import BoolArray, Float32Array
-from dlama.geometry.view import View
 
 LARGE = 24
 """Radius in px from which a mask is dilated by a distance transform, whose time does not depend on the radius."""
@@ -242,13 +238,3 @@ def check_mask(mask: ArrayLike, hw: tuple[int, int]) -> BoolArray:
     if mask.all():
         raise MaskError("`mask` is full: it leaves nothing to fill from (is its polarity 'known'?)")
     return mask
-
-
-def dilate_view_holes(view: View, radius: int) -> View:
-    """The view with its holes dilated by `radius` px; a pixel given up takes the type of the nearest hole pixel."""
-    given_up = dilate_mask(view.hole, radius) & ~view.hole
-    if not given_up.any():
-        return view
-    larger = view.without(given_up, HoleType.DISOCCLUDED)
-    types = np.where(given_up, fill_with_nearest(view.hole_type, view.hole), view.hole_type)
-    return dataclasses.replace(larger, hole_type=types)
