@@ -63,9 +63,23 @@ def text_matrix(matrix: np.ndarray, digits: int = 9) -> str:
 def text_K(camera: Camera, size: int = 3) -> str:
     """K with the first pixel's centre at 0.0, as text, in the corner of an identity."""
     K = np.eye(size)
-    K[:3, :3] = camera.K
-    K[:2, 2] -= 0.5
+    K[:3, :3] = opencv_K(camera)
     return text_matrix(K)
+
+
+def opencv_K(camera: Camera) -> np.ndarray:
+    """K with the first pixel's centre at 0.0."""
+    return camera.K - [[0, 0, 0.5], [0, 0, 0.5], [0, 0, 0]]
+
+
+def write_numbered(root: Path, step: int = 1, digits: int = 9) -> Path:
+    """The four frames as 7-Scenes and tsdf-fusion number them, each `step` after the one before; poses in so many digits."""
+    for number, frame in enumerate(truth()):
+        name = f"frame-{step * number:06d}"
+        write_picture(root / f"{name}.color.png", frame.color)
+        write_codes16(root / f"{name}.depth.png", frame.depth)
+        (root / f"{name}.pose.txt").write_text(text_matrix(frame.camera.world_from_cam, digits))
+    return root
 
 
 def check_frames(dataset: Dataset, *, half_unit_m: float = 0.00051, far: bool = False, range_m: float = np.inf) -> None:
@@ -109,6 +123,13 @@ def check_on_surfaces(frame: RGBD, within_m: float) -> None:
     assert WORLD.distance(points).max() < within_m
 
 
+def check_registered(read: RGBD, true: RGBD) -> None:
+    """Depth of another camera beside: of most pixels, and of nine in ten of these within 2 % of the true depth."""
+    assert read.color.shape == true.color.shape and read.valid.mean() > 0.7
+    error = np.abs(read.depth - true.depth)[read.valid]
+    assert np.percentile(error, 90) < 0.02 * np.median(true.depth)
+
+
 def check_pair(pair: object) -> None:
     """Source and target are different frames of the world, of cameras that turned by what stands in TURNS."""
     assert isinstance(pair, ViewTruth) and pair.exposure_varies
@@ -117,12 +138,6 @@ def check_pair(pair: object) -> None:
 
 def without_pose(camera: Camera) -> Camera:
     return dataclasses.replace(camera, world_from_cam=np.eye(4))
-
-
-def damage(data: bytearray, rng: np.random.Generator) -> None:
-    """Six bytes after the first twenty become others."""
-    for place in rng.integers(20, len(data), 6):
-        data[place] = rng.integers(0, 256)
 
 
 def read_or_refuse(path: Path) -> None:

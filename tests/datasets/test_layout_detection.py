@@ -18,7 +18,7 @@ from dlama.datasets.posed.view_pairs import Overlaps, posed_dataset, view_pairs
 from dlama.errors import FileError, InputError
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
-from posed_folders import LENS, text_K, text_matrix, truth, write_codes16, write_picture
+from posed_folders import LENS, text_K, text_matrix, truth, write_numbered
 
 MARKS = {
     "easysynth": ("CameraRig.json", "CameraPoses.csv", "Camera/ColorImage/"),
@@ -98,10 +98,7 @@ def test_no_such_folder(tmp_path: Path) -> None:
 
 
 def scene(root: Path) -> Path:
-    for number, frame in enumerate(truth()):
-        write_picture(root / f"frame-{number:06d}.color.png", frame.color)
-        write_codes16(root / f"frame-{number:06d}.depth.png", frame.depth)
-        (root / f"frame-{number:06d}.pose.txt").write_text(text_matrix(frame.camera.world_from_cam))
+    write_numbered(root)
     (root / "camera-intrinsics.txt").write_text(text_K(LENS))
     return root
 

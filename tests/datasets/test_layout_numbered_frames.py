@@ -15,16 +15,11 @@ from dlama.datasets.posed.registered_depth import register_depth, warp_depth
 from dlama.errors import CameraError, FileError, ShapeError
 from dlama.files.cameras import write_camera
 from dlama.geometry.camera import Camera
-from posed_folders import LENS, check_frames, text_K, text_matrix, truth, write_codes16, write_picture
+from posed_folders import LENS, check_frames, text_K, text_matrix, truth, write_numbered
 
 
-def written(root: Path, suffix: str = ".png") -> Path:
-    for number, frame in enumerate(truth()):
-        name = f"frame-{3 * number:06d}"
-        write_picture(root / f"{name}.color{suffix}", frame.color)
-        write_codes16(root / f"{name}.depth.png", frame.depth)
-        (root / f"{name}.pose.txt").write_text(text_matrix(frame.camera.world_from_cam, 7))
-    return root
+def written(root: Path) -> Path:
+    return write_numbered(root, step=3, digits=7)
 
 
 def test_seven_scenes_with_a_camera(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from dlama.completion.verbs import view
 from dlama.datasets.frames import RemovalTruth
 from dlama.datasets.layouts import open_dataset
 from dlama.errors import DlamaError, FileError, MaskError, ShapeError
-from posed_folders import LENS, truth, without_pose, write_codes16, write_picture
+from posed_folders import LENS, opencv_K, truth, without_pose, write_codes16, write_picture
 from whole_picture import check_same
 
 
@@ -48,9 +48,7 @@ def written(root: Path, **changes: Any) -> Path:
         write_picture(root / f"{name}.color.png", np.where(mask[..., None] & (name == "with"), 7, frame.color))
         write_codes16(root / f"{name}.depth.png", metres, 5000)
     save_mask(root / "object_mask.png", mask)
-    K = LENS.K
-    K[:2, 2] -= 0.5
-    camera = {"width": 96, "height": 72, "K": K.tolist(), "depth_scale": 0.0002, **changes}
+    camera = {"width": 96, "height": 72, "K": opencv_K(LENS).tolist(), "depth_scale": 0.0002, **changes}
     (root / "camera.json").write_text(json.dumps(camera))
     return root
 

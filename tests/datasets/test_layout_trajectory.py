@@ -12,7 +12,7 @@ from dlama.datasets.layouts import open_dataset
 from dlama.datasets.posed.posed_frames import read_lens
 from dlama.datasets.posed.trajectory_log import read_log
 from dlama.errors import CameraError, FileError
-from posed_folders import LENS, check_frames, text_matrix, truth, write_codes16, write_picture
+from posed_folders import LENS, check_frames, opencv_K, text_matrix, truth, write_codes16, write_picture
 
 OPEN3D_LOG = """0 0 1
 1.00000000 -0.00000000 -0.00000000 -0.00000000
@@ -41,9 +41,7 @@ def written(root: Path, colors: str = "image", log: str = "trajectory.log") -> P
         text += f"{number} {number} {number + 1}\n" + text_matrix(frame.camera.world_from_cam, 8)
     (root / log).parent.mkdir(exist_ok=True)
     (root / log).write_text(text)
-    K = LENS.K
-    K[:2, 2] -= 0.5
-    intrinsic = {"width": LENS.width, "height": LENS.height, "intrinsic_matrix": K.T.ravel().tolist()}
+    intrinsic = {"width": LENS.width, "height": LENS.height, "intrinsic_matrix": opencv_K(LENS).T.ravel().tolist()}
     (root / "camera_intrinsic.json").write_text(json.dumps(intrinsic))
     return root
 

@@ -292,11 +292,6 @@ def test_a_matrix_for_another_size_or_unit_is_warned_of(tmp_path: Path, K: list,
         read_camera(path)
 
 
-def test_the_pixel_centre_of_a_camera_file_is_its_own(tmp_path: Path) -> None:
-    with pytest.raises(CameraError, match="camera and pixel_center contradict each other"):
-        camera_for((480, 640), camera=saved(tmp_path / "c.json", PLAIN), pixel_center=0.0)
-
-
 def test_a_camera_of_meta_json_is_a_camera_file(tmp_path: Path) -> None:
     meta = {**PLAIN, "pixel_center": 0.5, "intrinsics_from": "fov"}
     assert read_camera(saved(tmp_path / "c.json", meta)).fx == 500
@@ -331,6 +326,7 @@ def test_no_intrinsics_teach_fov(tmp_path: Path) -> None:
     [
         ({"camera": "c.json", "fov": 60}, "camera and fov contradict"),
         ({"camera": "c.json", "cx": 3}, "camera and cx contradict"),
+        ({"camera": "c.json", "pixel_center": 0.0}, "camera and pixel_center contradict each other"),
         ({"fov": 60, "fx": 500}, "fov and fx contradict"),
         ({"fov": 60, "fy": 500}, "fov and fy contradict"),
         ({"fy": 500}, "fy is given without fx"),

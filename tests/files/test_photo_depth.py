@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from damaged import damaged_copies
 from depth_photos import (
     apple_xmp,
     dynamic_depth,
@@ -222,26 +223,17 @@ def test_damaged_depth_is_one_line(tmp_path: Path, kind: str) -> None:
     """Cut or spoilt anywhere: depth, none, or a DlamaError that names the file; nothing else."""
     if kind == "heic":
         pytest.importorskip("pillow_heif", reason="pillow-heif is not installed (extra heic)")
-    path, spoilt = tmp_path / "whole.jpg", tmp_path / "spoilt.jpg"
+    path, codes = tmp_path / "whole.jpg", CODES.astype(np.uint16) * 257
     match kind:
         case "apple":
             apple_jpeg(path)
         case "heic":
             heic_with_depth(path, COLOR, CODES, APPLE)
+        case "gdepth":
+            put(path, gdepth(COLOR, CODES, 0.4, 6, "RangeLinear", True))
         case _:
-            codes = CODES.astype(np.uint16) * 257
-            put(
-                path,
-                gdepth(COLOR, CODES, 0.4, 6, "RangeLinear", True)
-                if kind == "gdepth"
-                else dynamic_depth(COLOR, codes, 0.4, 6),
-            )
-    whole, rng = path.read_bytes(), np.random.default_rng(1)
-    for number in range(60):
-        data = bytearray(whole[: rng.integers(16, len(whole))] if number % 2 else whole)
-        for place in rng.integers(12, len(data), 4):
-            data[place] = rng.integers(0, 256)
-        spoilt.write_bytes(data)
+            put(path, dynamic_depth(COLOR, codes, 0.4, 6))
+    for spoilt in damaged_copies(path, 60):
         try:
             read_photo_depth(spoilt)
         except DlamaError as error:
