@@ -113,20 +113,25 @@ def test_projection_moves_outwards_and_only_what_is_unlawful(seed: int) -> None:
     assert not moved_again.any()
 
 
+def two_frames(seed: int) -> tuple[tuple[RGBD, RGBD], Camera, np.ndarray, np.ndarray]:
+    """Two source frames whose cameras stand aside, a third camera, and random depth there."""
+    rng = np.random.default_rng(seed)
+    one, two = random_frame(rng), random_frame(rng)
+    two = RGBD(two.color, two.depth, beside(rng, one.camera, *two.camera.hw))
+    target = beside(rng, one.camera)
+    return (one, two), target, *proposal(rng, target)
+
+
 def test_projection_onto_two_laws_keeps_both() -> None:
     """Twin: two source cameras, whose laws push each other's pixels; each is checked alone, on five pairs."""
     pushed = 0
     for seed in range(5):
-        rng = np.random.default_rng(seed)
-        one, two = random_frame(rng), random_frame(rng)
-        two = RGBD(two.color, two.depth, beside(rng, one.camera, *two.camera.hw))
-        law = Law.of(Scene((View.from_rgbd(one), View.from_rgbd(two))))
+        frames, target, depth, where = two_frames(seed)
+        law = Law.of(Scene(tuple(map(View.from_rgbd, frames))))
         assert len(law.measured) == 2
-        target = beside(rng, one.camera)
-        depth, where = proposal(rng, target)
         out, moved_pixels = law.project(target, depth, where)
         assert (out >= depth).all()
-        for frame in (one, two):
+        for frame in frames:
             still, unsure = twin.broken(target, out, where, frame.camera, frame.depth)
             assert not (still & ~unsure).any()
         pushed += moved_pixels.sum()
@@ -160,18 +165,14 @@ def test_two_laws_send_a_point_to_and_fro_until_both_are_kept() -> None:
     """Twin: marches under one law and the other in turn. What they find at a finite depth is never given up as sky."""
     turns, compared = 0, 0
     for seed in range(3):
-        rng = np.random.default_rng(seed)
-        one, two = random_frame(rng), random_frame(rng)
-        two = RGBD(two.color, two.depth, beside(rng, one.camera, *two.camera.hw))
-        target = beside(rng, one.camera)
-        depth, where = proposal(rng, target)
-        law = Law(((one.camera, one.depth), (two.camera, two.depth)))
+        frames, target, depth, where = two_frames(seed)
+        law = Law(tuple((frame.camera, frame.depth) for frame in frames))
         out, _ = law.project(target, depth, where)
         for row, column in zip(*np.nonzero(law.violations(target, depth, where))):
             at, before, rounds = float(depth[row, column]), 0.0, 0
             while before != at < np.inf:
                 before, rounds = at, rounds + 1
-                for frame in (one, two):
+                for frame in frames:
                     at = twin.march(target, row, column, at, frame.camera, frame.depth)[1] if at < np.inf else at
             if at < np.inf:
                 assert out[row, column] <= at * 1.01

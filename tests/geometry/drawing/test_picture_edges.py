@@ -3,7 +3,6 @@ forms)."""
 
 from __future__ import annotations
 
-import dataclasses
 from functools import partial
 
 import cv2
@@ -23,6 +22,7 @@ from dlama.geometry.view import View
 from dlama.inpainters import context as filling_context
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill
+from worlds import moved
 
 WIDTH, HEIGHT, EDGE = 160, 144, 80
 TABLE, WALL = (200, 160, 90), (40, 60, 130)
@@ -74,9 +74,7 @@ def test_behind_an_edge_of_estimated_depth_is_a_halo(size: int) -> None:
     expected = np.zeros(wh, np.bool_)
     expected[EDGE * size : EDGE * size + halo] = True
     np.testing.assert_array_equal(found, expected.T)
-    side = np.eye(4)
-    side[0, 3] = 0.1
-    aside = dlama.render(source, dataclasses.replace(source.camera, world_from_cam=side))
+    aside = dlama.render(source, moved(source.camera, shift=(0.1, 0, 0)))
     assert aside.color[~aside.hole].min(1).max() < 200 and not dlama.render(source, source.camera).hole.any()
 
 
@@ -95,9 +93,7 @@ def test_the_own_view_is_untouched_and_no_fringe_is_seen_from_elsewhere() -> Non
     home = dlama.render(source, source.camera)
     np.testing.assert_array_equal(home.color, source.color)
     np.testing.assert_array_equal(home.depth, source.depth)
-    side = np.eye(4)
-    side[0, 3] = 0.1
-    view = dlama.render(source, dataclasses.replace(CAMERA, world_from_cam=side))
+    view = dlama.render(source, moved(CAMERA, shift=(0.1, 0, 0)))
     wall = ~view.hole & (view.depth > 1.5)
     like_table = np.abs(view.color.astype(int) - TABLE).sum(2) < np.abs(view.color.astype(int) - WALL).sum(2)
     assert not (like_table & wall).any() and not (~like_table & ~view.hole & ~wall).any()
@@ -170,14 +166,10 @@ def test_fillers_know_of_misplaced_edges_however_frames_are_kept(
         return Fill(view.color, np.full(view.hole.shape, np.inf, np.float32))
 
     def source(off: float) -> RGBD:
-        pose = np.eye(4)
-        pose[0, 3] = off
-        return frame(torn(), dataclasses.replace(CAMERA, world_from_cam=pose))
+        return frame(torn(), moved(CAMERA, shift=(off, 0, 0)))
 
     frames = [partial(source, off) if read_anew else source(off) for off in (0.0, 0.002)]
-    side = np.eye(4)
-    side[0, 3] = 0.1
-    dlama.complete(frames, [dataclasses.replace(CAMERA, world_from_cam=side)], filler=recording)
+    dlama.complete(frames, [moved(CAMERA, shift=(0.1, 0, 0))], filler=recording)
     assert contexts and contexts[-1].misplaced_edges
 
 
