@@ -40,6 +40,24 @@ def closed_form(plane: Plane, camera: Camera) -> np.ndarray:
     return np.linalg.inv(camera.K).T @ normal / (normal @ plane.point)
 
 
+def floor_and_wall(camera: Camera) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Inverse depth (0 = sky), where there is a surface, and which of the two it is."""
+    depth, number = World((FLOOR, WALL)).trace(camera)
+    return inverse_depth(depth.astype(np.float32)), np.isfinite(depth), number
+
+
+def check_floor_and_wall(
+    planes: np.ndarray, label: np.ndarray, number: np.ndarray, camera: Camera, share: float, within: float
+) -> None:
+    """Of each surface's pixels more than a share have one label, whose plane is `within` 1/m of the true one there."""
+    for index, plane in enumerate((FLOOR, WALL)):
+        mine = label[number == index]
+        k = np.bincount(mine[mine > 0]).argmax()
+        assert (mine == k).mean() > share
+        exact, got = (plane_values(p[None], camera.hw)[0] for p in (closed_form(plane, camera), planes[k - 1]))
+        assert abs(exact - got)[number == index].max() < within
+
+
 def samples(seed: int, count: int = 60) -> tuple[np.ndarray, ...]:
     """u, v, w of random samples on two planes, a third of them off both."""
     rng = np.random.default_rng(seed)
@@ -139,30 +157,11 @@ def test_local_triples_are_free_near_and_repeatable() -> None:
 def test_floor_and_wall_are_found_as_what_they_are() -> None:
     """Closed form: inverse depth n . K^-1 (u, v, 1) / n . p, to 1e-4 of the largest value in the picture."""
     camera = Camera.from_fov(120, 90, 70)
-    depth, number = World((FLOOR, WALL)).trace(camera)
-    w = inverse_depth(depth.astype(np.float32))
-    planes = find_planes(w, np.isfinite(depth), seed=3)
+    w, surface, number = floor_and_wall(camera)
+    planes = find_planes(w, surface, seed=3)
     assert len(planes) == 2
-    label = label_known(w, np.isfinite(depth), np.isposinf(depth), planes)
-    for index, plane in enumerate((FLOOR, WALL)):
-        mine = label[number == index]
-        k = np.bincount(mine[mine > 0]).argmax()
-        assert (mine == k).mean() > 0.97, "at the crease a pixel may lie on both"
-        exact, got = (plane_values(p[None], camera.hw)[0] for p in (closed_form(plane, camera), planes[k - 1]))
-        assert abs(exact - got)[number == index].max() < 1e-4 * w.max()
-
-
-def test_labels_of_sky_holes_and_things_on_no_plane() -> None:
-    """Closed form: sky is SKY, what is no surface SMOOTH, a bump off the plane SMOOTH, the rest 1."""
-    w = plane_values(np.array([[0.001, 0.002, 0.3]]), (20, 30))[0]
-    surface, far = np.ones(w.shape, bool), np.zeros(w.shape, bool)
-    far[:4], surface[:4], surface[5] = True, False, False
-    bumpy = w.copy()
-    bumpy[8:10, 3:7] *= 1.1
-    label = label_known(bumpy, surface, far, np.array([[0.001, 0.002, 0.3]]))
-    expected = np.ones(w.shape)
-    expected[:4], expected[5], expected[8:10, 3:7] = SKY, SMOOTH, SMOOTH
-    np.testing.assert_array_equal(label, expected)
+    label = label_known(w, surface, ~surface, planes)  # at the crease a pixel may lie on both
+    check_floor_and_wall(planes, label, number, camera, share=0.97, within=1e-4 * w.max())
 
 
 def test_no_plane_where_there_is_none_and_never_too_many() -> None:
@@ -191,8 +190,7 @@ def test_noise_is_the_deviation_that_was_put_in(sigma: float) -> None:
     """Closed form: none on floor, wall and sky as they are; on them with Gaussian noise its standard deviation, to 6 %
     though a thirtieth of the picture is blown into pieces."""
     camera = Camera.from_fov(320, 240, 70)
-    depth, _ = World((FLOOR, WALL)).trace(camera)
-    w, surface = inverse_depth(depth.astype(np.float32)), np.isfinite(depth)
+    w, surface, _ = floor_and_wall(camera)
     assert noise_level(w, surface) == 0
     rng = np.random.default_rng(0)
     noisy = (w + rng.normal(0, sigma, w.shape)).astype(np.float32)
@@ -207,18 +205,12 @@ def test_planes_under_the_noise_of_a_matched_pair() -> None:
     """Closed form: a tenth of a pixel of noise at 3 to 20 px of disparity, the floor's and the wall's planes still found,
     to 1 % of the largest value, their pixels theirs; without being told of the noise far fewer pixels lie on any."""
     camera = Camera.from_fov(320, 240, 70)
-    depth, number = World((FLOOR, WALL)).trace(camera)
-    w, surface = inverse_depth(depth.astype(np.float32)), np.isfinite(depth)
+    w, surface, number = floor_and_wall(camera)
     sigma = 0.1 / 20 * float(w.max())
     noisy = (w + np.random.default_rng(1).normal(0, sigma, w.shape)).astype(np.float32)
     planes = find_planes(noisy, surface, 0, sigma)
     label = label_known(noisy, surface, ~surface, planes, sigma)
-    for index, plane in enumerate((FLOOR, WALL)):
-        mine = label[number == index]
-        k = np.bincount(mine[mine > 0]).argmax()
-        assert (mine == k).mean() > 0.9
-        exact, got = (plane_values(p[None], camera.hw)[0] for p in (closed_form(plane, camera), planes[k - 1]))
-        assert abs(exact - got)[number == index].max() < 0.01 * w.max()
+    check_floor_and_wall(planes, label, number, camera, share=0.9, within=0.01 * w.max())
     untold = label_known(noisy, surface, ~surface, find_planes(noisy, surface, 0))
     assert (untold[surface] > 0).mean() < 0.8 < (label[surface] > 0).mean() - 0.15
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 import pytest
 
@@ -11,18 +9,10 @@ from dlama.completion.stereo import disparities as pairs
 from dlama.completion.stereo.pair import AS_NEAR, OBJECT_REACH, largest_object_disparity, remove_bleeding
 from dlama.completion.stereo.stereo import stereo
 from dlama.geometry.camera import Camera, StereoRig
-from worlds import Box, Plane, World
-
-
-def moved(camera: Camera, metres: float) -> Camera:
-    """The camera so far to its right."""
-    pose = np.eye(4)
-    pose[0, 3] = metres
-    return dataclasses.replace(camera, world_from_cam=pose)
-
+from worlds import Box, Plane, World, moved
 
 CAMERA = Camera.from_fov(96, 72, 60)
-RIG = StereoRig(CAMERA, moved(CAMERA, 0.3))
+RIG = StereoRig(CAMERA, moved(CAMERA, shift=(0.3, 0, 0)))
 WALL, BOX = Plane((0, 0, 4), (0, 0, -1)), Box((-0.3, -0.4, 2), (0.3, 0.5, 2.2))
 
 

@@ -34,6 +34,13 @@ class Probe:
         return sum(height * width for *_, height, width in self.sizes)
 
 
+def calls_for(hole: np.ndarray) -> Probe:
+    """The network after filling this hole in an empty picture."""
+    probe = Probe()
+    fill_crops(np.zeros((1, 1, *hole.shape), np.float32), hole, probe, Layout())
+    return probe
+
+
 @pytest.mark.parametrize("layout", [SMALL, Layout()], ids=["tiled", "whole"])
 @pytest.mark.parametrize("transposed", [False, True])
 def test_every_size_from_1_to_70(layout: Layout, transposed: bool) -> None:
@@ -102,27 +109,21 @@ def test_a_small_hole_costs_little() -> None:
     """Closed form: one compact hole of 5 % costs a quarter of the picture at most; two far apart cost two crops."""
     hole = np.zeros((512, 512), bool)
     hole[200:314, 180:294] = True
-    probe = Probe()
-    fill_crops(np.zeros((1, 1, 512, 512), np.float32), hole, probe, Layout())
+    probe = calls_for(hole)
     assert len(probe.sizes) == 1 and probe.pixels <= 512 * 512 / 4
     yy, xx = np.mgrid[:512, :512]
-    probe = Probe()
-    disc = (yy - 250) ** 2 + (xx - 260) ** 2 < 65**2
-    fill_crops(np.zeros((1, 1, 512, 512), np.float32), disc, probe, Layout())
+    probe = calls_for((yy - 250) ** 2 + (xx - 260) ** 2 < 65**2)
     assert len(probe.sizes) == 1 and probe.pixels <= 512 * 512 / 4
     hole[:] = False
     hole[5, 5] = hole[500, 500] = True
-    probe = Probe()
-    fill_crops(np.zeros((1, 1, 512, 512), np.float32), hole, probe, Layout())
+    probe = calls_for(hole)
     assert len(probe.sizes) == 2 and probe.pixels < 512 * 512 / 20
 
 
 def test_scattered_holes_cost_no_more_than_the_picture() -> None:
     """Law: salt everywhere is one call of the whole picture."""
     hole = np.random.default_rng(1).random((512, 512)) < 0.01
-    probe = Probe()
-    fill_crops(np.zeros((1, 1, 512, 512), np.float32), hole, probe, Layout())
-    assert probe.sizes == [(1, 1, 512, 512)]
+    assert calls_for(hole).sizes == [(1, 1, 512, 512)]
 
 
 def test_groups_share_out_the_hole() -> None:
@@ -192,9 +193,7 @@ def test_a_crop_has_context_on_every_side(side: int, least: int) -> None:
     """Closed form: 48 px, or 40 % of the hole's side where that is more, and no more than sizes in steps of 8 px need."""
     hole = np.zeros((640, 640), bool)
     hole[300 : 300 + side, 310 : 310 + side] = True
-    probe = Probe()
-    fill_crops(np.zeros((1, 1, 640, 640), np.float32), hole, probe, Layout())
-    assert [all(least <= n < least + 8 for n in size[2:]) for size in probe.sizes] == [True]
+    assert [all(least <= n < least + 8 for n in size[2:]) for size in calls_for(hole).sizes] == [True]
 
 
 def test_what_pads_a_hole_is_a_hole() -> None:

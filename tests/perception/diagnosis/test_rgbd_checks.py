@@ -148,7 +148,6 @@ def test_masks_of_half_the_picture() -> None:
         (Camera(640, 480, 1052, 1052, 640, 480), "intrinsics-size"),
         (Camera(640, 480, 526, 526, 240, 320), "principal-point"),
         (Camera(640, 480, 526, 526, 450, 240), "principal-point"),
-        (Camera(640, 480, 526, 526, 240, 320), "principal-point"),
         (Camera(640, 480, 0.8, 0.8, 320, 240), "focal-length"),
         (Camera(640, 480, 526, 400, 320, 240), "pixel-shape"),
         (Camera(640, 480, 100, 100, 320, 240), "field-of-view"),

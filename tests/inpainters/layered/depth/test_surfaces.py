@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numba import njit
 
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType
@@ -23,17 +22,6 @@ from reference import extension as twin
 from worlds import Box, Plane, World, moved
 
 SEEDS = first_quick(range(8), 4)
-
-
-@njit
-def compiled_rim_cost(value, label, known, known_label, rim):  # type: ignore[no-untyped-def]
-    """Pieces of kernels can be called by compiled code only."""
-    return kernels.rim_cost(value, label, known, known_label, rim)
-
-
-@njit
-def compiled_pair_cost(value, other, potts):  # type: ignore[no-untyped-def]
-    return kernels.pair_cost(value, other, potts)
 
 
 def holed(seed: int, height: int = 9, width: int = 11) -> tuple[np.ndarray, np.ndarray]:
@@ -105,19 +93,9 @@ def test_unary_costs_equal_their_twin(seed: int) -> None:
     ],
 )
 def test_rim_cost_by_case(value: float, label: int, known: float, known_label: int, expected: float) -> None:
-    """Table: continuing is free, else meeting costs RIM[0]; being hidden, hidden sky and standing in front add RIM[1..3] in
-    full from a step of 13 %, nothing up to 3 %. The twin says the same."""
-    assert compiled_rim_cost(value, label, known, known_label, RIM) == pytest.approx(expected)
+    """Table, of the twin: continuing is free, else meeting costs RIM[0]; being hidden, hidden sky and standing in front add
+    RIM[1..3] in full from a step of 13 %, nothing up to 3 %."""
     assert twin.rim_cost(value, label, known, known_label, RIM) == pytest.approx(expected)
-
-
-@pytest.mark.parametrize(
-    ("one", "other", "jump"), [(0.5, 0.5, 0), (0.5, 0.475, 0.5), (0.1, 0.9, 1), (0, 0.5, 1), (0, 0, 0)]
-)
-def test_pair_cost_grows_with_the_jump(one: float, other: float, jump: float) -> None:
-    """Closed form: potts, and 1 more from a step of 10 % on; symmetric."""
-    assert compiled_pair_cost(one, other, 0.1) == pytest.approx(0.1 + jump)
-    assert compiled_pair_cost(other, one, 0.1) == pytest.approx(0.1 + jump)
 
 
 def random_problem(seed: int, hole: np.ndarray, labels: int = 3) -> tuple[np.ndarray, np.ndarray]:
