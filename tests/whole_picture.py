@@ -10,14 +10,15 @@ from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import View
 
 
-def check_same(done: Completion, frame: RGBD) -> None:
-    """The view is the frame, measured everywhere but where depth is missing, which alone is filled."""
+def check_same(done: Completion, frame: RGBD, clip_m: float = np.inf) -> None:
+    """The view is the frame (cut at `clip_m`), measured everywhere but where depth is missing, which alone is filled."""
     known = ~frame.missing
     np.testing.assert_array_equal(done.view.color, frame.color)
-    np.testing.assert_array_equal(done.view.depth[known], frame.depth[known])
-    assert (done.view.origin[known] == Origin.MEASURED).all() and (done.view.confidence[known] == 1).all()
+    np.testing.assert_array_equal(done.view.depth[known], np.minimum(frame.depth, np.float32(clip_m))[known])
+    np.testing.assert_array_equal(done.view.origin, np.where(known, Origin.MEASURED, Origin.DEPTH_FILLED))
+    np.testing.assert_array_equal(done.view.confidence == 1, known)
     np.testing.assert_array_equal(done.warped[0].hole, frame.missing)
-    assert not done.view.hole.any()
+    assert not done.view.hole.any() and (done.view.depth > 0).all()
 
 
 def assert_same_view(one: View, other: View) -> None:

@@ -32,30 +32,6 @@ from worlds import moved, pixels_of, points_of
 
 @fillers
 @recipes
-def test_own_view_keeps_every_measured_pixel(recipe: str, filler: str) -> None:
-    """Law: at yaw 0 every measured pixel, sky too, is the source's bit for bit; only the sensor holes were filled."""
-    done = completed(recipe, filler, False, 0.0)
-    frame, clip = street(), RECIPES[recipe].clip or np.inf
-    measured = ~frame.missing
-    np.testing.assert_array_equal(done.view.color[measured], frame.color[measured])
-    np.testing.assert_array_equal(done.view.depth[measured], np.minimum(frame.depth, np.float32(clip))[measured])
-    np.testing.assert_array_equal(done.view.origin[measured], Origin.MEASURED)
-    np.testing.assert_array_equal(done.warped[0].hole, frame.missing)
-    np.testing.assert_array_equal(done.view.confidence == 1, measured)
-    assert not done.view.hole.any() and (done.view.depth > 0).all()
-
-
-@fillers
-@recipes
-def test_own_view_fills_only_the_depth_of_sensor_holes(recipe: str, filler: str) -> None:
-    """Law: a sensor hole's colour was measured: untouched; its origin says DEPTH_FILLED."""
-    done, frame = completed(recipe, filler, False, 0.0), street()
-    np.testing.assert_array_equal(done.view.color, frame.color)
-    np.testing.assert_array_equal(done.view.origin[frame.missing], Origin.DEPTH_FILLED)
-
-
-@fillers
-@recipes
 def test_the_cloud_of_the_own_view_counts_by_origin(recipe: str, filler: str) -> None:
     """Closed form: measured are the valid pixels, depth-filled the sensor holes less the sky among them; nothing else."""
     done = completed(recipe, filler, False, 0.0)
