@@ -103,16 +103,6 @@ def _occluders() -> None:
     _replace("inpainters.layered.depth_first", "is_in_front", lambda view, *rest: np.zeros_like(view.hole))
 
 
-def _chords() -> None:
-    from dlama.inpainters.layered.depth import distances
-
-    _replace(
-        "inpainters.layered.depth.surface_labels",
-        "distance_from",
-        lambda there, chords=None: distances.distance_from(there),
-    )
-
-
 def _depth_camera() -> None:
     """What depth edges beside the picture's change: their place, halo, softening, solid planes."""
     _replace("geometry.drawing.picture_edges", "edge_uncertainty", lambda view: 0)
@@ -215,7 +205,6 @@ RULES: dict[str, Callable[[], None]] = {
     "plane-edges": _plane_edges,
     "order": _of_coarse("out_of_order", lambda self: np.zeros((len(self.candidates) - 1, *self.hole.shape), np.bool_)),
     "relief": _of_coarse("with_relief", lambda self: self.label),
-    "chords": _chords,
     "ending-cost": _ending_cost,
     "seams": _seams,
     "whole-occluders": _whole_occluders,

@@ -16,7 +16,7 @@ from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.layered.depth.cut_objects import CutObjects
-from dlama.inpainters.layered.depth.distances import distance_from, mean_chords
+from dlama.inpainters.layered.depth.distances import mean_chords
 from dlama.inpainters.layered.depth.surface_labels import (
     IN_FRONT,
     LEAST_INVERSE_DEPTH,
@@ -112,15 +112,6 @@ def test_chords_of_a_pillar_are_its_height_and_width() -> None:
     there[5:35, 10:14] = there[45:55, 10:14] = True
     assert mean_chords(there) == pytest.approx((25, 4))
     assert mean_chords(np.zeros_like(there)) == (0, 0)
-
-
-def test_a_pillar_is_far_to_its_sides_and_near_above() -> None:
-    """Closed form: distances to a surface as wide as any are Euclidean; sideways of a narrow one they count three times."""
-    there = np.zeros((80, 80), bool)
-    there[20:60, 38:42] = True
-    plain, narrow = distance_from(there), distance_from(there, mean_chords(there))
-    assert plain[40, 51] == pytest.approx(10, abs=0.6) and narrow[40, 51] == pytest.approx(30, abs=1.5)
-    assert plain[10, 40] == narrow[10, 40] == pytest.approx(10, abs=0.6)
 
 
 def test_what_stands_out_of_a_wall_a_little_belongs_to_it() -> None:

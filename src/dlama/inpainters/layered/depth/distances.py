@@ -6,15 +6,12 @@ import cv2
 import numpy as np
 
 from dlama.geometry.camera import Camera
-from dlama.geometry.holes import distance_to
 from dlama.geometry.projection import rays
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.visibility import Law
 
 CHORD = 25.0
-"""Mean visible run of a surface in a direction, in cells, from which it is assumed to continue at no extra cost."""
-NARROWEST = 3.0
-"""Largest factor on distances that lead out of a narrow surface: a pillar continues upwards and not sideways."""
+"""Geometric mean of a solid plane's mean visible runs along rows and columns, in cells, at least."""
 FAR_SAMPLES = 256
 """Number of far directions that represent a source camera's."""
 
@@ -29,17 +26,6 @@ def mean_chords(there: BoolArray) -> tuple[float, float]:
         length = (ends[1::2] - ends[::2]).astype(np.float64)
         chords.append(float((length**2).sum() / max(length.sum(), 1)))
     return chords[0], chords[1]
-
-
-def distance_from(there: BoolArray, chords: tuple[float, float] = (CHORD, CHORD)) -> Float32Array:
-    """h x w distance to the nearest True of `there`, in cells; rows and columns count more where its chords are short."""
-    along, across = (float(np.clip(CHORD / max(length, 1e-6), 1, NARROWEST)) for length in chords)
-    if along == across == 1:
-        return distance_to(there)
-    height, width = there.shape
-    wh = max(1, round(width * across)), max(1, round(height * along))
-    larger = cv2.resize((~there).astype(np.uint8), wh, interpolation=cv2.INTER_NEAREST)
-    return enlarge(np.asarray(cv2.distanceTransform(larger, cv2.DIST_L2, 5), np.float32), (width, height))
 
 
 def angle_to_far(camera: Camera, law: Law) -> Float32Array:

@@ -15,19 +15,13 @@ from numpy.typing import NDArray
 
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType
-from dlama.geometry.holes import fill_with_nearest
+from dlama.geometry.holes import distance_to, fill_with_nearest
 from dlama.geometry.kernels.jit import begin_job
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import View
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.layered.depth.cut_objects import CutObjects, find_cut_objects
-from dlama.inpainters.layered.depth.distances import (
-    CHORD,
-    angle_to_far,
-    distance_from,
-    enlarge,
-    mean_chords,
-)
+from dlama.inpainters.layered.depth.distances import CHORD, angle_to_far, enlarge, mean_chords
 from dlama.inpainters.layered.depth.out_of_view import (
     FOLLOWED,
     PlaneLines,
@@ -201,18 +195,18 @@ class CoarseView:
     def distance_to_known(self, context: FillContext) -> Float32Array:
         """L x h x w, cells to the nearest known cell of each label (a large number if there is none).
 
-        In view, cells count more in directions in which a surface never continues: a pillar next to the hole ends there. For
-        the sky the angle to where a source camera saw it counts, too, also outside this view. Out of view and above the horizon
-        it counts at most one full jump more than the nearest label.
+        In view, what stands out of a plane a little counts as that plane. For the sky the angle to where a source camera saw it
+        counts, too, also outside this view. Out of view and above the horizon it counts at most one full jump more than the
+        nearest label.
         """
         out = np.full(self.candidates.shape, 1e3, np.float32)
         surrounded = self.with_relief()
         for number in range(len(self.candidates)):
             there = ~self.hole & (self.label == number - 1)
             if there.any():
-                plain = distance_from(there)
+                plain = distance_to(there)
                 there = ~self.hole & (surrounded == number - 1)
-                within = distance_from(there, mean_chords(there)) if there.any() else np.float32(1e3)
+                within = distance_to(there) if there.any() else np.float32(1e3)
                 out[number] = np.where(self.hole_in_view, within, plain)
         if context.sky is not None:
             coarser = with_larger_pixels(self.camera, 4)  # smooth: a quarter of the cells is enough
