@@ -53,9 +53,8 @@ def pull_push(colors: np.ndarray, known: BoolArray) -> Float32Array:
     mean: np.ndarray = sums / np.maximum(weight, 1e-6)[..., None]
     for sums, weight in reversed(levels[1:-1]):
         share = np.minimum(weight, 1)[..., None]
-        mean = sums / np.maximum(weight, 1e-6)[..., None] * share + cv2.pyrUp(mean, dstsize=weight.shape[::-1]) * (
-            1 - share
-        )
+        coarse = cv2.pyrUp(mean, dstsize=weight.shape[::-1])
+        mean = sums / np.maximum(weight, 1e-6)[..., None] * share + coarse * (1 - share)
     if len(levels) > 1:
         mean = cv2.pyrUp(mean, dstsize=known.shape[::-1])
     out = np.asarray(mean, np.float32)

@@ -102,8 +102,8 @@ def find_occluders(view: View, surfaces: Surfaces, depth: Float32Array, law: Law
 
 
 def find_occluders_coarsely(view: View, surfaces: Surfaces, depth: Float32Array, law: Law) -> BoolArray:
-    """The same of a view without a removed object, from every n-th pixel of it, OCCLUDERS_SIDE at most: for a painter that sees
-    no more."""
+    """H x W, as of `find_occluders`, of a view without a removed object: found in every n-th pixel, OCCLUDERS_SIDE at most
+    a side, for a painter that sees no finer picture."""
     step = -(-max(view.hole.shape) // OCCLUDERS_SIDE)
     at = sampled_pixels(view.hole.shape, step)
     if step == 1 or not view.color_hole[at].any():
