@@ -1,148 +1,176 @@
-"""Many frames: dlama beside nearest-wins of points and Open3D's TSDF (VoxelBlockGrid) with Telea, on held-out frames.
+"""Posed frames of one scene in; how well held-out frames come out, by number of source frames, next to nearest-wins, out.
 
-python benchmarks/sequence.py DATASET --held 5 11 17 --counts 1 4 --width 320 -o sequence.md
-python benchmarks/sequence.py worlds:3 --held 3 --counts 1 2 4 -o worlds.md        # generated, poses are exact
+    python benchmarks/sequence.py DATASET --held 5 11 17 --counts 1 4 --width 320
+    python benchmarks/sequence.py worlds:3 --held 3 --counts 1 2 4        # generated, poses are exact
+
+A held-out frame is the truth; its sources are the frames nearest to it in the sequence, on both sides in turn, its direct
+neighbours left out in long ones. Its pixels are sorted by how many of the sources see them, from the true depths: one, several or
+none. Colours are compared after one gain a channel, fitted for each method where a source sees: the frames differ in exposure.
+Poses are aligned first, that of the truth too and for all methods alike: where it is off by some pixels, SSIM rewards blur.
 """
 
 from __future__ import annotations
 
 import argparse
-import dataclasses
 import time
-from collections.abc import Sequence
-from multiprocessing import TimeoutError, get_context
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
 import numpy as np
 
+from dlama.completion.pipeline import complete
 from dlama.datasets.frames import Frame
 from dlama.datasets.sequences.loading import open_frames
-from dlama.evaluation.protocols.methods import ProtocolSettings
+from dlama.evaluation.metrics.pictures import channel_gain
+from dlama.evaluation.metrics.regions import Regions, source_visibility
+from dlama.evaluation.protocols.methods import Measure, ProtocolSettings
+from dlama.evaluation.protocols.scores import Reference
 from dlama.geometry.camera import Camera
+from dlama.geometry.cloud import concatenate
 from dlama.geometry.frames.alignment import align_frames
-from dlama.geometry.rgbd import RGBD
+from dlama.geometry.projection import lift
+from dlama.geometry.rendering import render
+from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
+from dlama.training.data.crops import resize_frame
 from dlama.worlds.dataset import open_dataset_or_worlds
-from held_out_frames import (
-    METHODS,
-    SynthesisedView,
-    fill_with_telea,
-    score_sequence,
-    sort_along_orbit,
-    source_distance,
-    table,
-)
 
-VOXEL_M = 0.01
-TRUNCATION = 4.0
-"""Voxels."""
-TRIES, PATIENCE_S = 5, 60
-"""How often the TSDF is begun, and how long it may take."""
+APART, DENSE = 2, 30
+"""Places between a held-out frame and its nearest sources, in sequences of so many frames; of fewer neighbours are sources."""
+SHOWN = ("ssim", "lpips", "mse", "mae")
+REGIONS = ("whole", "seen by one", "seen by several", "seen by none")
+SETTINGS = ProtocolSettings()
 
 
-def tsdf(sources: Sequence[RGBD], camera: Camera) -> SynthesisedView:
-    """Open3D's VoxelBlockGrid of all frames (TSDF), ray cast from the camera, and Telea's filling."""
-    import open3d as o3d
+@dataclass(frozen=True, eq=False)
+class SynthesisedView:
+    """What a method makes of the sources at a camera."""
 
-    core, far, weight = o3d.core, 20.0, 1.0
-    kinds = (core.float32, core.float32, core.float32)
-    grid = o3d.t.geometry.VoxelBlockGrid(
-        ("tsdf", "weight", "color"), kinds, ((1), (1), (3)), voxel_size=VOXEL_M, block_resolution=16, block_count=20000
-    )
-    for each in sources:
-        depth = o3d.t.geometry.Image(core.Tensor(np.where(np.isfinite(each.depth), each.depth, 0).astype(np.float32)))
-        color = o3d.t.geometry.Image(core.Tensor(each.color.astype(np.float32)))
-        lens, pose = (core.Tensor(matrix) for matrix in matrices(each.camera))
-        blocks = grid.compute_unique_block_coordinates(depth, lens, pose, 1.0, far, TRUNCATION)
-        grid.integrate(blocks, depth, color, lens, lens, pose, 1.0, far, TRUNCATION)
-    lens, pose = (core.Tensor(matrix) for matrix in matrices(camera))
-    found = grid.ray_cast(
-        grid.hashmap().key_tensor(), lens, pose, *camera.wh, ["depth", "color"], 1.0, 0.1, far, weight, TRUNCATION
-    )
-    shown = found["depth"].numpy()[..., 0]
-    return fill_with_telea(
-        found["color"].numpy().round().clip(0, 255).astype(np.uint8), shown.astype(np.float32), shown <= 0
-    )
+    color: UInt8Array
+    depth: Float32Array
+    hole: BoolArray
+    """H x W, True = it was unknown before filling."""
 
 
-def matrices(camera: Camera) -> tuple[np.ndarray, np.ndarray]:
-    """Open3D's intrinsic matrix (first pixel's centre at 0.0), and world to camera."""
-    lens = camera.K.copy()
-    lens[:2, 2] -= 0.5
-    return lens, np.ascontiguousarray(camera.cam_from_world)
+@dataclass(frozen=True)
+class Row:
+    """One number."""
+
+    frames: int
+    method: str
+    measure: Measure
 
 
-def resized(rgbd: RGBD, width: int | None) -> RGBD:
-    """The frame at another width: colours by area means, depth from the nearest pixel."""
-    if width is None:
-        return rgbd
-    camera = rgbd.camera.resized(width, round(width * rgbd.camera.height / rgbd.camera.width))
-    color = cv2.resize(rgbd.color, camera.wh, interpolation=cv2.INTER_AREA)
-    return RGBD(color, cv2.resize(rgbd.depth, camera.wh, interpolation=cv2.INTER_NEAREST), camera)
+def run_dlama(sources: Sequence[RGBD], camera: Camera) -> SynthesisedView:
+    """dlama, as it stands."""
+    done = complete(list(sources), [camera])
+    return SynthesisedView(done.view.color, done.view.depth, done.warped[0].color_hole)
 
 
-class InItsOwnProcess:
-    """The TSDF in another process, which is replaced where it does not answer: VoxelBlockGrid.integrate of Open3D 0.19 waits for
-    itself now and then, on few cores, whatever else runs."""
-
-    def __init__(self) -> None:
-        self._pool = get_context("spawn").Pool(1)
-
-    def __call__(self, sources: Sequence[RGBD], camera: Camera) -> SynthesisedView:
-        for _ in range(TRIES):
-            try:
-                made, seconds = self._pool.apply_async(timed_tsdf, (sources, camera)).get(PATIENCE_S)
-                return dataclasses.replace(made, seconds=seconds)
-            except TimeoutError:
-                self._pool.terminate()
-                self._pool = get_context("spawn").Pool(1)
-        raise SystemExit(f"Open3D did not answer within {PATIENCE_S} s, {TRIES} times; --without-tsdf leaves it out")
+def run_z_buffer(sources: Sequence[RGBD], camera: Camera) -> SynthesisedView:
+    """All points of all frames, the nearest one to the camera in each pixel, and Telea's filling of colour and of 8-bit depth."""
+    view = render(concatenate([lift(each) for each in sources]), camera, "points")
+    mask, known = view.hole.astype(np.uint8), ~view.hole & np.isfinite(view.depth)
+    filled = np.asarray(cv2.inpaint(np.ascontiguousarray(view.color), mask, 3, cv2.INPAINT_TELEA), np.uint8)
+    top = float(view.depth[known].max()) if known.any() else 1.0
+    levels = np.clip(np.where(known, view.depth, 0) / top * 255, 0, 255).astype(np.uint8)
+    guessed = np.asarray(cv2.inpaint(levels, mask, 3, cv2.INPAINT_TELEA), np.float32) / 255 * top
+    return SynthesisedView(filled, np.where(view.hole, guessed, view.depth).astype(np.float32), view.hole)
 
 
-def timed_tsdf(sources: Sequence[RGBD], camera: Camera) -> tuple[SynthesisedView, float]:
-    """The same, and its seconds of processor time."""
-    started = time.process_time()
-    made = tsdf(sources, camera)
-    return made, time.process_time() - started
+METHODS: dict[str, Callable[[Sequence[RGBD], Camera], SynthesisedView]] = {
+    "dlama": run_dlama,
+    "nearest wins": run_z_buffer,
+}
 
 
-def scenes_of(dataset: str) -> dict[str, list[Frame]]:
-    """The frames of each scene of a folder or of generated worlds, in order."""
+def scenes_of(dataset: str) -> Iterator[list[Frame]]:
+    """The frames of each scene of a folder or of generated worlds, along the orbit where there is one."""
     if Path(dataset).is_dir():
-        return {Path(dataset).name: list(open_frames(dataset))}
+        yield list(open_frames(dataset))
+        return
     frames = open_dataset_or_worlds(dataset).frames
-    names = dict.fromkeys(one.scene for one in frames)
-    return {name: sort_along_orbit([one for one in frames if one.scene == name]) for name in names}
+    for name in dict.fromkeys(one.scene for one in frames):
+        own = {one.yaw: one for one in frames if one.scene == name}
+        yield sorted(own.values(), key=lambda one: one.yaw or 0)
+
+
+def score_sequence(frames: Sequence[RGBD], held_out: Sequence[int], counts: Sequence[int]) -> Iterator[Row]:
+    """The numbers of every held-out frame (places), with every number of sources, by every method."""
+    apart = APART if len(frames) >= DENSE else 1
+    for place in held_out:
+        truth = frames[place]
+        around = [place + side * step for step in range(apart, len(frames)) for side in (1, -1)]
+        near = [frames[one] for one in around if 0 <= one < len(frames)]
+        for count in counts:
+            if len(near) < count:
+                continue
+            regions = visibility_by_count(near[:count], truth)
+            for method, make in METHODS.items():
+                started = time.process_time()
+                made = make(near[:count], truth.camera)
+                yield Row(count, method, Measure("whole", "time", "seconds", time.process_time() - started))
+                yield from (Row(count, method, measure) for measure in measures_of(made, truth, regions))
+
+
+def visibility_by_count(sources: Sequence[RGBD], truth: RGBD) -> Regions:
+    """H x W of the truth each: pixels that one, several or none of the sources see, and `seen` by any; of known depth only."""
+    seen = [source_visibility(source, truth, None, SETTINGS.seen_tolerance) for source in sources]
+    count = sum(each.seen.astype(np.int64) for each in seen)
+    known = np.any([each.seen | each.unseen for each in seen], axis=0)
+    return {
+        "seen by one": count == 1,
+        "seen by several": count > 1,
+        "seen by none": known & (count == 0),
+        "seen": np.asarray(count > 0),
+    }
+
+
+def measures_of(made: SynthesisedView, truth: RGBD, regions: Regions) -> list[Measure]:
+    """The numbers of one view."""
+    usable = regions["seen"] & ~made.hole
+    gain = channel_gain(made.color, truth.color, usable) if usable.any() else (1.0, 1.0, 1.0)
+    reference = Reference(truth.color, truth.depth, regions, SETTINGS, gain=gain)
+    found = [Measure("whole", "rgb", "hole_share", 100 * float(made.hole.mean()))]
+    return [*found, *reference.color_measures(made.color), *reference.metre_measures(made.depth)]
+
+
+def table(rows: Sequence[Row], region: str) -> str:
+    """Means over the held-out frames as a Markdown table: a line for each number of sources and method."""
+
+    def mean(own: Sequence[Row], region: str, metric: str, digits: int) -> str:
+        found = [row.measure for row in own if row.measure.region == region and row.measure.metric == metric]
+        values = [one.value for one in found if one.modality != "depth"]
+        return f"{np.mean(values):.{digits}f}" if values else "-"
+
+    head = ("frames", "method", "hole %", "SSIM", "LPIPS", "MSE", "depth MAE (m)", "s (processor)")
+    lines = [f"| {' | '.join(head)} |", "|---" * len(head) + "|"]
+    for count, method in dict.fromkeys((row.frames, row.method) for row in sorted(rows, key=lambda row: row.frames)):
+        own = [row for row in rows if (row.frames, row.method) == (count, method)]
+        scores = [mean(own, region, name, 0 if name == "mse" else 4) for name in SHOWN]
+        cells = [mean(own, "whole", "hole_share", 1), *scores, mean(own, "whole", "seconds", 1)]
+        lines.append(f"| {count} | {method} | {' | '.join(cells)} |")
+    return "\n".join(lines)
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("dataset", help="a folder, or worlds:N")
     parser.add_argument("--held", type=int, nargs="+", default=[6, 15, 24, 33, 42])
     parser.add_argument("--counts", type=int, nargs="+", default=[1, 2, 4, 8])
     parser.add_argument("--width", type=int)
     parser.add_argument("--given-poses", action="store_true", help="leave the data set's poses as they are")
-    parser.add_argument("--without-tsdf", action="store_true")
-    parser.add_argument("-o", "--output", type=Path)
     options = parser.parse_args()
-    methods = dict(METHODS)
-    if not options.without_tsdf:
-        methods["TSDF + Telea"] = InItsOwnProcess()
-    rows = []
-    for name, listed in scenes_of(options.dataset).items():
+    rows: list[Row] = []
+    for listed in scenes_of(options.dataset):
         loaded = [each.load() for each in listed]
-        frames = [resized(each, options.width) for each in (loaded if options.given_poses else align_frames(loaded))]
-        names = [f"{name}/{each.name}" for each in listed]
-        apart = source_distance(listed)
-        rows += score_sequence(frames, options.held, names, ProtocolSettings(), methods, options.counts, apart=apart)
-    parts = [
-        f"**{region}**\n\n{table(rows, region)}"
-        for region in ("whole", "seen by one", "seen by several", "seen by none")
-    ]
-    text = "\n\n".join(parts) + "\n"
-    print(text)
-    if options.output is not None:
-        options.output.write_text(text, encoding="utf-8")
+        frames = loaded if options.given_poses else align_frames(loaded)
+        if options.width:
+            frames = [resize_frame(each, options.width / each.camera.width) for each in frames]
+        rows += score_sequence(frames, options.held, options.counts)
+    for region in REGIONS:
+        print(f"**{region}**\n\n{table(rows, region)}\n")
 
 
 if __name__ == "__main__":

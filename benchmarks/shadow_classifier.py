@@ -28,7 +28,6 @@ from dlama.models.network_file import NetworkFile
 from dlama.perception.shadows.classifier import CLIP, PARTS, SHADOW, Classifier, LikelyShadows, find_likely_shadows
 from dlama.perception.shadows.features import candidate_features, cast_interiors, color_shares, pixel_features
 from dlama.perception.shadows.network import NETWORK
-from logistic import logistic_weights
 from shadow_crops import ShadowCrops, write_shadow_crops
 
 TRAIN_SEED, PAVED_SEED, HELD_OUT_SEED = 50_000, 55_000, 90_000
@@ -40,6 +39,22 @@ RIDGE = 3.0
 
 Crop = tuple[np.ndarray, np.ndarray]
 """Planes, and the share of each pixel that is shadow (-1: does not count)."""
+
+
+def logistic_weights(features: np.ndarray, right: np.ndarray, ridge: float) -> np.ndarray:
+    """F + 1 weights, the constant last, that make log odds of features: the least sum of log losses and ridge / 2 times squared
+    weights (not the constant's); by Newton's method.
+
+    features: N x F, each of about unit spread. right: N, 0 or 1.
+    """
+    design = np.c_[features, np.ones(len(features))]
+    costs = ridge * np.r_[np.ones(features.shape[1]), 1e-6]
+    weights = np.zeros(design.shape[1])
+    for _ in range(30):
+        predicted = 1 / (1 + np.exp(-design @ weights))
+        curve = (design * (predicted * (1 - predicted))[:, None]).T @ design + np.diag(costs)
+        weights -= np.linalg.solve(curve, design.T @ (predicted - right) + costs * weights)
+    return weights
 
 
 def logistic(features: np.ndarray, right: np.ndarray) -> Classifier:

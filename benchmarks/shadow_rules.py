@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+from clicks import interval
 from dlama.datasets.frames import RemovalTruth
 from dlama.evaluation.metrics.masks import SMALLEST_SHADOW_PX, darkened_by_shadow, outside_contact_band
 from dlama.geometry.holes import iou
@@ -51,13 +52,6 @@ def score(found: BoolArray, true: BoolArray, mask: BoolArray) -> float:
     return iou(found, true)
 
 
-def interval(values: np.ndarray, rounds: int = 1000) -> tuple[float, float]:
-    """95 % of the mean of N values."""
-    rng = np.random.default_rng(0)
-    low, high = np.quantile(values[rng.integers(0, len(values), (rounds, len(values)))].mean(1), (0.025, 0.975))
-    return float(low), float(high)
-
-
 def main(argv: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("shared", type=Path)
@@ -82,7 +76,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         for rows in scores.values():
             values = np.array(rows)
             change = values[:, number] - values[:, 0]
-            low, high = interval(change)
+            low, high = interval(change[:, None].tolist())
             cells.append(f"{change.mean():+.3f} ({low:+.3f}, {high:+.3f})" if rule else f"{values[:, 0].mean():.3f}")
         print(
             f"| {rule or '(all rules)'} | "

@@ -1,6 +1,6 @@
 """A good picture with depth, or frames with poses, in; the same spoilt as people spoil it, and the checks that name it, out.
 
-Used by the tests of the diagnosis and by benchmarks/doctor.py.
+Used by the tests of the diagnosis.
 """
 
 from __future__ import annotations

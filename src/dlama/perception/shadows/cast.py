@@ -18,7 +18,7 @@ from dlama.perception.shadows.search import CastShape, best_direction, pixels_of
 FEATURES = "strength over next best", "strength", "step", "even and clear", "contrast", "off in colour", "over pattern"
 """Features of a cast shape from which its probability follows: `shape_features`."""
 WEIGHTS = 3.027, 1.401, 0.903, 3.322, 0.765, -1.893, 0.079, -1.249
-"""Of FEATURES, and a constant; fitted on 120 worlds by `python benchmarks/shadows.py train`."""
+"""Of FEATURES, and a constant; fitted on 120 procedural worlds by logistic regression."""
 SMALLEST_PX = 25
 """Fewer points of an object, or pixels of a shape or its ring, are ignored."""
 LEAST_PROBABILITY = 0.15
@@ -97,8 +97,7 @@ def shape_features(rgbd: RGBD, shape: BoolArray, ring: BoolArray, found: CastSha
 
 
 def cast_shadow_probability(features: NDArray[np.float64]) -> float:
-    """Probability (0..1) that a cast shape is the object's shadow: a logistic regression, fitted on worlds
-    (`benchmarks/shadows.py`)."""
+    """Probability (0..1) that a cast shape is the object's shadow: a logistic regression."""
     return float(1 / (1 + np.exp(-(features @ np.array(WEIGHTS[:-1]) + WEIGHTS[-1]))))
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from logistic import logistic_weights
+from shadow_classifier import logistic_weights
 
 
 def test_no_other_weights_are_better() -> None:
