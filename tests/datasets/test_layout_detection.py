@@ -12,7 +12,7 @@ import pytest
 
 from dlama.datasets.frames import Dataset
 from dlama.datasets.layouts import LAYOUTS, detect, open_dataset
-from dlama.datasets.posed.numbered_frames import numbered_frames
+from dlama.datasets.posed.numbered_frames import numbered_files
 from dlama.datasets.posed.posed_frames import PosedFrame, lens_for, posed_frame
 from dlama.datasets.posed.view_pairs import Overlaps, posed_dataset, view_pairs
 from dlama.errors import FileError, InputError
@@ -138,7 +138,8 @@ def test_a_tenth_of_a_pair_must_overlap(
 ) -> None:
     """Closed form: docs/reference/formats.md says at least 10 %."""
     root = scene(tmp_path)
-    frames = numbered_frames("s", root, lens_for(root, root, LENS, (), ""), posed_frame)
+    lens = lens_for(root, root, LENS, (), "")
+    frames = [posed_frame("s", name, files) for name, files in numbered_files(root, lens)]
     assert Overlaps(frames).share(0, 0) == pytest.approx(1.0)
     monkeypatch.setattr(Overlaps, "share", lambda *_: share)
     assert len(view_pairs(frames, dataset="d")) == listed

@@ -203,6 +203,11 @@ def files_in(folder: Path, suffixes: Iterable[str]) -> list[Path]:
     )
 
 
+def files_by_stem(folder: Path, suffixes: Iterable[str]) -> dict[str, Path]:
+    """The name without its ending -> file, of a folder that may be missing."""
+    return {path.stem: path for path in files_in(folder, suffixes)} if folder.is_dir() else {}
+
+
 def natural_order(name: str) -> list[tuple[int, int, str]]:
     """A sorting key that counts: frame 2 comes before frame 10."""
     return [(0, int(part), "") if part.isdecimal() else (1, 0, part) for part in re.split(r"(\d+)", name) if part]

@@ -52,17 +52,23 @@ class FileFields:
             )
         return int(value)
 
+    def numbers(self, name: str, count: int) -> list[float]:
+        """So many finite numbers; raises CameraError."""
+        return [float(value) for value in self._array(name, (count,), f"{count} finite numbers are expected")]
+
     def matrix(self, name: str, shape: tuple[int, int]) -> Float64Array:
         """A matrix of finite numbers; raises CameraError."""
+        return self._array(name, shape, f"a {shape[0]}x{shape[1]} matrix of finite numbers is expected")
+
+    def _array(self, name: str, shape: tuple[int, ...], expected: str) -> Float64Array:
         value = self._field(name)
-        expected = f"a {shape[0]}x{shape[1]} matrix of finite numbers is expected"
         try:
-            matrix = np.array(value, np.float64)
-        except (TypeError, ValueError, OverflowError) as error:
-            raise CameraError(f"{self.path}: {name} is {_format_value(value)}; {expected}") from error
-        if matrix.shape != shape or not np.isfinite(matrix).all():
+            array = np.array(value, np.float64)
+        except (TypeError, ValueError, OverflowError):
+            array = np.full(shape, np.nan)
+        if array.shape != shape or not np.isfinite(array).all():
             raise CameraError(f"{self.path}: {name} is {_format_value(value)}; {expected}")
-        return matrix
+        return array
 
     def intrinsics(self, name: str) -> Intrinsics:
         """fx, fy, cx, cy of a matrix fx 0 cx / 0 fy cy / 0 0 1; raises CameraError for any other."""

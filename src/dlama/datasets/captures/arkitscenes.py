@@ -12,9 +12,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from dlama.datasets.captures.captured_frames import captured_frames, files_by_stem, files_of_capture
-from dlama.datasets.posed.posed_frames import FrameFiles, Lens, PosedFrame
-from dlama.datasets.text_tables import natural_order, nearest_in_time, pose_at, read_rows
+from dlama.datasets.captures.captured_frames import files_of_capture
+from dlama.datasets.posed.posed_frames import FrameFiles, Lens, PosedFrame, posed_frames
+from dlama.datasets.text_tables import files_by_stem, nearest_in_time, pose_at, read_rows
 from dlama.errors import FileError
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.poses import invert_pose, make_pose
@@ -54,7 +54,7 @@ def list_frames(scene: str, folder: Path) -> list[PosedFrame]:
         own = _lens(lenses[lens_names[lens]])
         return files_of_capture(colors[name], depths[name], own, poses[pose], levels.get(name))
 
-    return captured_frames(scene, folder, ((name, files(name)) for name in sorted(depths, key=natural_order)))
+    return posed_frames(scene, folder, ((name, files(name)) for name in depths))
 
 
 def _seconds(name: str) -> float:

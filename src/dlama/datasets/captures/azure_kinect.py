@@ -18,8 +18,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from dlama.datasets.captures.captured_frames import capture_files, captured_frames
-from dlama.datasets.posed.posed_frames import LOG, FrameFiles, Lens, PosedFrame
+from dlama.datasets.captures.captured_frames import MOST_ENLARGED
+from dlama.datasets.posed.posed_frames import LOG, FrameFiles, Lens, PosedFrame, posed_frames
 from dlama.datasets.posed.registered_depth import register_depth
 from dlama.datasets.text_tables import nearest_in_time, pose_at
 from dlama.errors import FileError
@@ -85,16 +85,16 @@ def list_frames(scene: str, path: Path) -> list[PosedFrame]:
         if near is None:
             return "without depth"
         metres = partial(undistorted_depth, path, near, depth, depth_camera)
-        return capture_files(
+        return FrameFiles(
             (f"{path}, picture {place}", f"{path}, depth {near}"),
             partial(undistorted_color, path, place, color, color_camera),
             partial(register_depth, metres, depth_camera.lens, color_camera.lens, color_from_depth),
             color_camera.lens,
             np.eye(4),
-            range_m=np.inf,
+            enlarged=MOST_ENLARGED,
         )
 
-    return captured_frames(scene, path, ((f"{place:06d}", files(place)) for place in range(len(times))))
+    return posed_frames(scene, path, ((f"{place:06d}", files(place)) for place in range(len(times))))
 
 
 def _track(path: Path, tags: Sequence[dict[str, str]], name: str) -> int:
@@ -124,17 +124,13 @@ def _camera(
     inner, pose = (found.part(name, found.values.get(name)) for name in ("Intrinsics", "Rt"))
     if inner.values.get("ModelType") != MODEL:
         raise FileError(f"{inner.path}: ModelType is {inner.values.get('ModelType')!r}; {MODEL} is expected")
-    values = FileFields(inner.path, {"ModelParameters": [list(inner.entries("ModelParameters", "numbers"))[:14]]})
-    cx, cy, fx, fy, k1, k2, k3, k4, k5, k6, _, _, p2, p1 = values.matrix("ModelParameters", (1, 14))[0].tolist()
+    values = FileFields(inner.path, {"ModelParameters": inner.entries("ModelParameters", "numbers")[:14]})
+    cx, cy, fx, fy, k1, k2, k3, k4, k5, k6, _, _, p2, p1 = values.numbers("ModelParameters", 14)
     if found.number("SensorWidth") * 9 == found.number("SensorHeight") * 16:  # a calibration of 16:9 in a sensor of 4:3
         cy, fy = (cy * 2304 + 384) / 3072, fy * 2304 / 3072
     (width, height), (left, top) = modes[hw[1], hw[0]]
     intrinsics = (fx * width, fy * height, cx * width - left, cy * height - top)
-    rotation, translation = (
-        FileFields(pose.path, {name: [pose.values.get(name)]}).matrix(name, (1, count))[0]
-        for name, count in (("Rotation", 9), ("Translation", 3))
-    )
-    matrix = make_pose(rotation.reshape(3, 3), translation)
+    matrix = make_pose(np.reshape(pose.numbers("Rotation", 9), (3, 3)), pose.numbers("Translation", 3))
     lens = Lens(str(inner.path), intrinsics, 0.5, (int(hw[0]), int(hw[1])))
     return Kinect(lens, (k1, k2, p1, p2, k3, k4, k5, k6), pose_at(str(pose.path), matrix))
 

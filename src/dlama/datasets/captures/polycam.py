@@ -12,10 +12,10 @@ from pathlib import Path
 
 import numpy as np
 
-from dlama.datasets.captures.captured_frames import captured_frames, files_by_stem, files_of_capture
+from dlama.datasets.captures.captured_frames import files_of_capture
 from dlama.datasets.posed.nerfstudio import CV_FROM_GL
-from dlama.datasets.posed.posed_frames import FrameFiles, Lens, PosedFrame
-from dlama.datasets.text_tables import natural_order, pose_at
+from dlama.datasets.posed.posed_frames import FrameFiles, Lens, PosedFrame, posed_frames
+from dlama.datasets.text_tables import files_by_stem, pose_at
 from dlama.files.fields import read_json_fields
 
 FOLDER = "keyframes"
@@ -52,7 +52,7 @@ def list_frames(scene: str, folder: Path) -> list[PosedFrame]:
             return "without depth"
         return files_of_capture(pictures[name], depths[name], *_camera(cameras[name]), levels.get(name), MEDIUM_CODE)
 
-    return captured_frames(scene, inside, ((name, files(name)) for name in sorted(cameras, key=natural_order)))
+    return posed_frames(scene, inside, ((name, files(name)) for name in cameras))
 
 
 def _camera(path: Path) -> tuple[Lens, np.ndarray]:

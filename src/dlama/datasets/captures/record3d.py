@@ -15,9 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from dlama.datasets.captures.captured_frames import capture_files, captured_frames
+from dlama.datasets.captures.captured_frames import lidar_frame
 from dlama.datasets.posed.nerfstudio import CV_FROM_GL
-from dlama.datasets.posed.posed_frames import FrameFiles, Lens, PosedFrame
+from dlama.datasets.posed.posed_frames import FrameFiles, Lens, PosedFrame, posed_frames
 from dlama.datasets.text_tables import pose_of
 from dlama.errors import FileError, import_extra
 from dlama.files.fields import FileFields, json_fields
@@ -50,27 +50,27 @@ def list_frames(scene: str, place: Path) -> list[PosedFrame]:
             return "without a picture"
         if depth not in present:
             return "without depth"
-        numbers = FileFields(fields.path, {"pose": [poses[number]]}).matrix("pose", (1, 7))[0].tolist()
-        return capture_files(
+        numbers = FileFields(fields.path, {"pose": poses[number]}).numbers("pose", 7)
+        return lidar_frame(
             (f"{place}: {color}", f"{place}: {depth}"),
             partial(color_of_member, place, color),
             partial(array_of_member, place, depth, "<f4", depth_hw),
             _lens(fields, number, size),
             pose_of(f"{fields.path}: poses[{number}]", numbers[4:], numbers[:4]) @ CV_FROM_GL,
-            partial(array_of_member, place, levels, "u1", depth_hw) if levels in present else None,
+            confidence=partial(array_of_member, place, levels, "u1", depth_hw) if levels in present else None,
         )
 
-    return captured_frames(scene, place, ((f"{number:06d}", files(number)) for number in range(len(poses))))
+    return posed_frames(scene, place, ((f"{number:06d}", files(number)) for number in range(len(poses))))
 
 
 def _lens(fields: FileFields, number: int, hw: tuple[int, int]) -> Lens:
     each = fields.values.get("perFrameIntrinsicCoeffs")
     if isinstance(each, list) and number < len(each):
-        row = FileFields(fields.path, {"perFrameIntrinsicCoeffs": [each[number]]})
-        fx, fy, cx, cy = row.matrix("perFrameIntrinsicCoeffs", (1, 4))[0].tolist()
+        row = FileFields(fields.path, {"perFrameIntrinsicCoeffs": each[number]})
+        fx, fy, cx, cy = row.numbers("perFrameIntrinsicCoeffs", 4)
         return Lens(str(fields.path), (fx, fy, cx, cy), 0.5, hw)
-    columns = FileFields(fields.path, {"K": [fields.values.get("K")]}).matrix("K", (1, 9)).reshape(3, 3)
-    return Lens(str(fields.path), FileFields(fields.path, {"K": columns.T.tolist()}).intrinsics("K"), 0.5, hw)
+    K = fields.numbers("K", 9)
+    return Lens.of_matrix(str(fields.path), [K[row::3] for row in range(3)], 0.5, hw)
 
 
 def color_of_member(place: Path, name: str) -> UInt8Array:

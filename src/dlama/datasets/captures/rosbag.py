@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from dlama.datasets.captures import realsense
-from dlama.datasets.captures.captured_frames import capture_files, captured_frames
+from dlama.datasets.captures.captured_frames import MOST_ENLARGED
 from dlama.datasets.captures.ros_messages import (
     Topic,
     Track,
@@ -36,7 +36,7 @@ from dlama.datasets.captures.ros_messages import (
     times_to_match,
 )
 from dlama.datasets.posed.nerfstudio import SHOWS_PX
-from dlama.datasets.posed.posed_frames import LOG, FrameFiles, Lens, PosedFrame
+from dlama.datasets.posed.posed_frames import LOG, FrameFiles, Lens, PosedFrame, posed_frames
 from dlama.datasets.posed.registered_depth import register_depth
 from dlama.datasets.text_tables import nearest_in_time
 from dlama.errors import CameraError, FileError, any_error, import_extra
@@ -87,9 +87,9 @@ def list_frames(scene: str, path: Path) -> list[PosedFrame]:
             metres = partial(register_depth, metres, depth_lens, lens, found)
         names = f"{path}, {color.name} {number}", f"{path}, {depth.name} {near}"
         picture = partial(read_color_message, path, color.name, color.places[number])
-        return capture_files(names, picture, metres, lens, pose, range_m=np.inf)
+        return FrameFiles(names, picture, metres, lens, pose, enlarged=MOST_ENLARGED)
 
-    return captured_frames(scene, path, ((f"{number:06d}", files(number)) for number in range(len(color.stamps))))
+    return posed_frames(scene, path, ((f"{number:06d}", files(number)) for number in range(len(color.stamps))))
 
 
 def read_color_message(path: Path, topic: str, place: int) -> UInt8Array:

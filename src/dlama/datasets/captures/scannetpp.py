@@ -17,9 +17,9 @@ from pathlib import Path
 
 import numpy as np
 
-from dlama.datasets.captures.captured_frames import capture_files, captured_frames, files_by_stem
-from dlama.datasets.posed.posed_frames import FrameFiles, Lens, PosedFrame
-from dlama.datasets.text_tables import natural_order, pose_at
+from dlama.datasets.captures.captured_frames import lidar_frame
+from dlama.datasets.posed.posed_frames import FrameFiles, Lens, PosedFrame, posed_frames
+from dlama.datasets.text_tables import files_by_stem, natural_order, pose_at
 from dlama.errors import FileError, import_extra
 from dlama.files.fields import read_json_fields
 from dlama.files.rasters.depth import read_depth
@@ -64,9 +64,9 @@ def list_frames(scene: str, folder: Path) -> list[PosedFrame]:
             return "without depth"
         pose = pose_at(f"{fields.path}: aligned_pose", fields.matrix("aligned_pose", (4, 4)))
         lens = Lens(str(fields.path), fields.intrinsics("intrinsic"), 0.5)
-        return capture_files((f"{inside}, picture {name}", f"{inside}, depth {name}"), picture, metres, lens, pose)
+        return lidar_frame((f"{inside}, picture {name}", f"{inside}, depth {name}"), picture, metres, lens, pose)
 
-    return captured_frames(scene, inside, ((name, files(name)) for name in sorted(listed.values, key=natural_order)))
+    return posed_frames(scene, inside, ((name, files(name)) for name in sorted(listed.values, key=natural_order)))
 
 
 def _pictures(folder: Path) -> Callable[[int], Callable[[], UInt8Array] | None]:

@@ -8,15 +8,15 @@ pictures. Format: github.com/strayrobots/scanner (format.md).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from dlama.datasets.captures.captured_frames import capture_files, captured_frames, files_by_stem, levels_of_png
-from dlama.datasets.posed.posed_frames import FrameFiles, Lens, PosedFrame
-from dlama.datasets.text_tables import Row, matrix_of, pose_of, read_rows
+from dlama.datasets.captures.captured_frames import levels_of_png, lidar_frame
+from dlama.datasets.posed.posed_frames import FrameFiles, Lens, PosedFrame, posed_frames
+from dlama.datasets.text_tables import Row, files_by_stem, matrix_of, pose_of, read_rows
 from dlama.errors import FileError
 from dlama.files.rasters.depth import read_depth
 from dlama.files.rasters.video_frames import count_video_frames, read_video_frame
@@ -39,30 +39,24 @@ def list_frames(scene: str, folder: Path) -> list[PosedFrame]:
     pictures = count_video_frames(folder / VIDEO)
     depths, levels = (files_by_stem(folder / name, (".png",)) for name in ("depth", "confidence"))
 
-    def listed() -> Iterator[tuple[str, FrameFiles | str]]:
-        for place, row in enumerate(rows):
-            values = dict(zip(names, row.numbers(", ".join(names), len(names))))
-            name = f"{int(values.get('frame', place)):06d}"
-            if place >= pictures:
-                yield name, "without a picture in the video"
-            elif name not in depths:
-                yield name, "without depth"
-            else:
-                pose = pose_of(row.at(0), [values[each] for each in BARE[:3]], [values[each] for each in BARE[3:]])
-                fx, fy, cx, cy = (values.get(each, np.nan) for each in LENS_COLUMNS)
-                yield (
-                    name,
-                    capture_files(
-                        (f"{folder / VIDEO}, picture {place}", str(depths[name])),
-                        partial(read_video_frame, folder / VIDEO, place),
-                        partial(read_depth, depths[name]),
-                        shared or Lens(row.at(0), (fx, fy, cx, cy), 0.5),
-                        pose,
-                        partial(levels_of_png, levels[name]) if name in levels else None,
-                    ),
-                )
+    def listed(place: int, row: Row) -> tuple[str, FrameFiles | str]:
+        values = dict(zip(names, row.numbers(", ".join(names), len(names))))
+        name = f"{int(values.get('frame', place)):06d}"
+        if place >= pictures:
+            return name, "without a picture in the video"
+        if name not in depths:
+            return name, "without depth"
+        fx, fy, cx, cy = (values.get(each, np.nan) for each in LENS_COLUMNS)
+        return name, lidar_frame(
+            (f"{folder / VIDEO}, picture {place}", str(depths[name])),
+            partial(read_video_frame, folder / VIDEO, place),
+            partial(read_depth, depths[name]),
+            shared or Lens(row.at(0), (fx, fy, cx, cy), 0.5),
+            pose_of(row.at(0), [values[each] for each in BARE[:3]], [values[each] for each in BARE[3:]]),
+            confidence=partial(levels_of_png, levels[name]) if name in levels else None,
+        )
 
-    return captured_frames(scene, folder, listed())
+    return posed_frames(scene, folder, (listed(place, row) for place, row in enumerate(rows)))
 
 
 def _odometry(path: Path) -> tuple[Sequence[str], list[Row]]:

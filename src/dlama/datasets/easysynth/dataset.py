@@ -11,8 +11,6 @@ import numpy as np
 from dlama.datasets.easysynth.frames import (
     RenderedFrame,
     class_mask,
-    load_depth,
-    load_frame,
     load_removal,
     load_stereo,
     load_view,
@@ -25,7 +23,7 @@ from dlama.datasets.easysynth.listing import (
     sequence_folders,
 )
 from dlama.datasets.frames import Case, Dataset, Gamma, Protocol, Truth
-from dlama.datasets.posed.posed_frames import PosedFrame
+from dlama.datasets.posed.posed_frames import PosedFrame, posed_frame
 from dlama.datasets.text_tables import check_folder
 from dlama.errors import CameraError, FileError
 from dlama.files.semantic_classes import CLASSES_FILE, RGB, class_color
@@ -122,17 +120,10 @@ def _scenes(root: Path) -> list[tuple[Path, list[Path]]]:
 
 def _frames(scene: str, sequence: RenderedSequence) -> Iterator[PosedFrame]:
     for camera, by_id in sequence.cameras.items():
-        first = next(iter(by_id.values()))
-        for identity, files in by_id.items():
-            yaw = 0.0 if files is first else orbit_yaw(first.world_from_cam, files.world_from_cam)
-            yield PosedFrame(
-                scene,
-                sequence.name_of(camera, identity),
-                partial(load_frame, files),
-                yaw,
-                world_from_cam=files.world_from_cam,
-                load_depth=partial(load_depth, files),
-            )
+        first = next(iter(by_id.values())).files
+        for identity, frame in by_id.items():
+            yaw = 0.0 if frame.files is first else orbit_yaw(first.world_from_cam, frame.files.world_from_cam)
+            yield posed_frame(scene, sequence.name_of(camera, identity), frame.files, yaw)
 
 
 def _cases(sequences: list[RenderedSequence], removal_object: str | None) -> Iterator[_Case]:
@@ -164,9 +155,9 @@ def _vpi(sequence: RenderedSequence, without: RenderedSequence | None, color: RG
     for camera, by_id in sequence.cameras.items():
         truths = {} if without is None else _same_poses(sequence, without, camera)
         source, *targets = by_id
-        start = by_id[source].world_from_cam
+        start = by_id[source].files.world_from_cam
         for identity in targets:
-            goal = by_id[identity].world_from_cam
+            goal = by_id[identity].files.world_from_cam
             yaw = orbit_yaw(start, goal)
             angle = round(_rotation_deg(start, goal), 3) if yaw is None else yaw
             load = partial(load_view, by_id[source], by_id[identity], truths.get(identity), color)
@@ -177,10 +168,10 @@ def _ori(sequence: RenderedSequence, without: RenderedSequence, color: RGB) -> I
     """Frames that show the object: for this alone semantic pictures are read while listing."""
     for camera, by_id in sequence.cameras.items():
         for identity, truth in _same_poses(sequence, without, camera).items():
-            files = by_id[identity]
-            if files.semantic is not None and files.semantic.exists() and not class_mask(files, color).any():
+            frame = by_id[identity]
+            if frame.semantic is not None and frame.semantic.exists() and not class_mask(frame, color).any():
                 continue
-            yield "ori", sequence.name_of(camera, identity), partial(load_removal, files, truth, color), None
+            yield "ori", sequence.name_of(camera, identity), partial(load_removal, frame, truth, color), None
 
 
 def _sii(
@@ -208,15 +199,15 @@ def _same_poses(sequence: RenderedSequence, without: RenderedSequence, camera: s
     if camera not in without.cameras:
         raise FileError(f"{without.folder}: has no camera '{camera}', which {sequence.folder} has")
     truths = {}
-    for identity, files in without.cameras[camera].items():
+    for identity, frame in without.cameras[camera].items():
         mine = sequence.cameras[camera].get(identity)
         if mine is None:
             continue
-        difference = float(np.abs(mine.world_from_cam - files.world_from_cam).max())
+        difference = float(np.abs(mine.files.world_from_cam - frame.files.world_from_cam).max())
         if difference > SAME_POSE:
             raise FileError(
                 f"{without.folder / camera / POSES}: the pose of frame {identity} differs by {difference:.3g} from that in "
                 f"{sequence.folder.name}; the same cameras are expected with and without the object"
             )
-        truths[identity] = files
+        truths[identity] = frame
     return truths

@@ -5,23 +5,22 @@ The shadow that an object casts is what differs between a frame with it and one 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
 import numpy as np
 
-from dlama.datasets.easysynth.text_files import Sensor
 from dlama.datasets.frames import Gamma, RemovalTruth, StereoTruth, ViewTruth
+from dlama.datasets.posed.posed_frames import FrameFiles, load_rgbd
 from dlama.errors import CameraError, DepthError, FileError, MaskError
 from dlama.files.rasters.images import read_stored
-from dlama.files.rasters.pictures import read_classes, srgb_of
+from dlama.files.rasters.pictures import read_classes
 from dlama.files.semantic_classes import RGB
-from dlama.geometry.camera import Camera, Float64Array, StereoRig
+from dlama.geometry.camera import StereoRig
 from dlama.geometry.holes import box_around, box_mean, dilate_mask, larger_box, sides_of
 from dlama.geometry.projection import disparity_from_depth
-from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 
 EDGE_PX = 3
 """Round the mask colour is a mix of object and background (anti-aliasing, JPEG ringing), neither object nor shadow."""
@@ -76,36 +75,20 @@ SRGB_LINEAR_BELOW = 0.04045
 class RenderedFrame:
     """Where one frame lies, and how it is to be read."""
 
+    files: FrameFiles
     color: Path
-    depth: Callable[[], Float32Array]
-    """Reads H x W metres."""
     semantic: Path | None
-    sensor: Sensor
-    world_from_cam: Float64Array
-    """4x4, OpenCV axes, metres."""
 
 
-def load_frame(files: RenderedFrame) -> RGBD:
-    """Colour, depth and camera of one frame. Raises FileError, DepthError, CameraError, ShapeError."""
-    color = srgb_of(read_stored(files.color), files.color)
-    return RGBD(color, files.depth(), files.sensor.camera(color.shape[:2], files.world_from_cam))
-
-
-def load_depth(files: RenderedFrame) -> tuple[Float32Array, Camera]:
-    """The depth of `load_frame` (H x W, metres) and its camera, without the colour."""
-    depth = files.depth()
-    return depth, files.sensor.camera(depth.shape[:2], files.world_from_cam)
-
-
-def class_mask(files: RenderedFrame, color: RGB) -> BoolArray:
+def class_mask(frame: RenderedFrame, color: RGB) -> BoolArray:
     """H x W, True where the frame's semantic picture shows exactly this colour (perhaps nowhere). Raises FileError."""
-    if files.semantic is None:
+    if frame.semantic is None:
         raise FileError(
-            f"{files.color.parent.parent / 'SemanticImage'}: no such folder; removal needs the object's mask"
+            f"{frame.color.parent.parent / 'SemanticImage'}: no such folder; removal needs the object's mask"
         )
-    if files.semantic.suffix.lower() in (".jpg", ".jpeg"):
-        raise FileError(f"{files.semantic}: JPEG mixes the colours of the classes; render SemanticImage as PNG")
-    return (read_classes(files.semantic) == np.array(color, np.uint8)).all(axis=2)
+    if frame.semantic.suffix.lower() in (".jpg", ".jpeg"):
+        raise FileError(f"{frame.semantic}: JPEG mixes the colours of the classes; render SemanticImage as PNG")
+    return (read_classes(frame.semantic) == np.array(color, np.uint8)).all(axis=2)
 
 
 def load_view(
@@ -114,8 +97,8 @@ def load_view(
     """VPI: source and true target; the object's mask and `without` as well, where the source shows the object."""
     mask = None if object_color is None or without is None else class_mask(source, object_color)
     if mask is None or without is None or not mask.any():
-        return ViewTruth(load_frame(source), load_frame(target))
-    return ViewTruth(load_frame(source), load_frame(target), mask, load_frame(without))
+        return ViewTruth(load_rgbd(source.files), load_rgbd(target.files))
+    return ViewTruth(load_rgbd(source.files), load_rgbd(target.files), mask, load_rgbd(without.files))
 
 
 def load_removal(source: RenderedFrame, without: RenderedFrame, object_color: RGB) -> RemovalTruth:
@@ -123,7 +106,7 @@ def load_removal(source: RenderedFrame, without: RenderedFrame, object_color: RG
 
     Raises MaskError where the frame does not show the object.
     """
-    frame, truth, mask = load_frame(source), load_frame(without), _object_mask(source, object_color)
+    frame, truth, mask = load_rgbd(source.files), load_rgbd(without.files), _object_mask(source, object_color)
     return RemovalTruth(frame, truth, mask, shadow=cast_shadow(frame.color, truth.color, mask))
 
 
@@ -137,7 +120,7 @@ def load_stereo(
 
     Raises MaskError where a view does not show the object, CameraError where the pair is not rectified.
     """
-    one, other = load_frame(left), load_frame(right)
+    one, other = load_rgbd(left.files), load_rgbd(right.files)
     try:
         rig = StereoRig(one.camera, other.camera)
     except CameraError as error:
@@ -146,14 +129,14 @@ def load_stereo(
     if without is None or object_color is None:
         return StereoTruth(one.color, other.color, rig, *disparities)
     masks = _object_mask(left, object_color), _object_mask(right, object_color)
-    truths = load_frame(without[0]), load_frame(without[1])
+    truths = load_rgbd(without[0].files), load_rgbd(without[1].files)
     return StereoTruth(one.color, other.color, rig, *disparities, *masks, *truths)
 
 
-def _object_mask(files: RenderedFrame, color: RGB) -> BoolArray:
-    mask = class_mask(files, color)
+def _object_mask(frame: RenderedFrame, color: RGB) -> BoolArray:
+    mask = class_mask(frame, color)
     if not mask.any():
-        raise MaskError(f"{files.semantic}: no pixel shows the object's class ({','.join(map(str, color))})")
+        raise MaskError(f"{frame.semantic}: no pixel shows the object's class ({','.join(map(str, color))})")
     return mask
 
 

@@ -11,8 +11,12 @@ from pathlib import Path
 from dlama.datasets.easysynth.frames import RenderedFrame, read_png_depth
 from dlama.datasets.easysynth.text_files import Pose, RigCamera, read_poses, read_rig
 from dlama.datasets.frames import Gamma
+from dlama.datasets.posed.posed_frames import FrameFiles
+from dlama.datasets.text_tables import folders_in
 from dlama.errors import CameraError, DepthError, FileError, InputError
 from dlama.files.rasters.depth import read_depth
+from dlama.files.rasters.images import picture_hw
+from dlama.files.rasters.pictures import read_color_of_camera
 from dlama.geometry.camera import StereoRig
 from dlama.geometry.rgbd import Float32Array
 
@@ -82,9 +86,7 @@ def _is_sequence(folder: Path) -> bool:
 
 
 def _folders(root: Path) -> list[Path]:
-    if not root.is_dir():
-        return []
-    return sorted(each for each in root.iterdir() if each.is_dir() and not each.name.startswith("."))
+    return sorted(folders_in(root)) if root.is_dir() else []
 
 
 def _camera(
@@ -97,13 +99,15 @@ def _camera(
     semantics = _pictures(place / SEMANTIC, list(poses)) if (place / SEMANTIC).is_dir() else {}
     frames = {}
     for identity, pose in poses.items():
-        sensor = pose.sensor or (rig.sensor if rig else None)
-        if sensor is None:
+        lens = pose.lens or (rig.lens if rig else None)
+        if lens is None:
             raise FileError(
                 f"{folder / RIG}: no such file, or no camera '{place.name}' in it; {table} has no intrinsics"
             )
-        depth = partial(read, depths[identity])
-        frames[identity] = RenderedFrame(colors[identity], depth, semantics.get(identity), sensor, pose.world_from_cam)
+        color, depth = colors[identity], depths[identity]
+        reading = partial(read_color_of_camera, color), partial(read, depth), lens, pose.world_from_cam
+        files = FrameFiles((str(color), str(depth)), *reading, partial(picture_hw, color), has_far=True)
+        frames[identity] = RenderedFrame(files, color, semantics.get(identity))
     return frames
 
 
@@ -115,7 +119,7 @@ def _poses(folder: Path, place: Path, rig: RigCamera | None) -> tuple[Path, dict
         raise FileError(f"{place / POSES}: no such file")
     poses = read_poses(folder / POSES)
     return folder / POSES, {
-        identity: Pose(pose.world_from_cam @ rig.rig_from_cam, pose.sensor) for identity, pose in poses.items()
+        identity: Pose(pose.world_from_cam @ rig.rig_from_cam, pose.lens) for identity, pose in poses.items()
     }
 
 
@@ -175,11 +179,7 @@ def _by_number(folder: Path) -> dict[int, Path]:
 def _is_rectified(left: RenderedFrame, right: RenderedFrame) -> bool:
     """By the sensors' sizes: pictures are not opened here."""
     try:
-        cameras = [
-            each.sensor.camera((round(each.sensor.height), round(each.sensor.width)), each.world_from_cam)
-            for each in (left, right)
-        ]
-        StereoRig(*cameras)
+        StereoRig(*(frame.files.lens.camera(frame.files.world_from_cam) for frame in (left, right)))
     except CameraError:
         return False
     return True

@@ -15,11 +15,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dlama.datasets.posed.posed_frames import Lens
 from dlama.datasets.text_tables import Row, read_rows
 from dlama.errors import CameraError, FileError
 from dlama.files.fields import FileFields, json_fields
 from dlama.files.semantic_classes import unreal_text
-from dlama.geometry.camera import Camera, Float64Array
+from dlama.geometry.camera import Float64Array
 from dlama.geometry.poses import QUATERNION_TOLERANCE, make_pose, quaternion_from_rotation, rotation_from_quaternion
 
 OPENCV_FROM_UNREAL = np.array([[0.0, 1, 0], [0, 0, -1], [1, 0, 0]])
@@ -29,40 +30,6 @@ UNREAL_HEADER = ("id", "tx", "ty", "tz", "qx", "qy", "qz", "qw", "t")
 """EasySynth 1.2 and later, and its branch for Unreal 4.27: centimetres, Unreal axes, no intrinsics."""
 METRIC_HEADER = ("id", "tx", "ty", "tz", "qw", "qx", "qy", "qz", "fx", "fy", "cx", "cy")
 """EasySynth 1.0 and 1.1: metres, x right, y down, z forward (its README), intrinsics in pixels."""
-PROPORTION_TOLERANCE = 0.01
-"""Relative difference of width / height up to which sensor and picture show the same field of view."""
-
-
-@dataclass(frozen=True)
-class Sensor:
-    """Intrinsics in pixels of a sensor of a size, first pixel's centre at (0.5, 0.5)."""
-
-    fx: float
-    fy: float
-    cx: float
-    cy: float
-    width: float
-    height: float
-    source: Path
-    """The file that says so."""
-
-    def camera(self, hw: tuple[int, int], world_from_cam: ArrayLike) -> Camera:
-        """The camera of a picture of size `hw`; intrinsics scaled where the sensor has another size.
-
-        Raises CameraError when sensor and picture differ in proportions: then the crop is not known.
-        """
-        across, down = hw[1] / self.width, hw[0] / self.height
-        if abs(across / down - 1) > PROPORTION_TOLERANCE:
-            raise CameraError(
-                f"{self.source}: the sensor is {self.width:g}x{self.height:g} and the picture {hw[1]}x{hw[0]}; both must "
-                "have the same proportions, else how wide the camera sees is not known"
-            )
-        try:
-            size = round(self.width), round(self.height)
-            whole = Camera(*size, self.fx, self.fy, self.cx, self.cy, np.asarray(world_from_cam))
-            return whole.resized(hw[1], hw[0])
-        except CameraError as error:
-            raise CameraError(f"{self.source}: {error}") from error
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +38,7 @@ class Pose:
 
     world_from_cam: Float64Array
     """4x4, OpenCV axes, metres."""
-    sensor: Sensor | None
+    lens: Lens | None
     """What the line itself says (dialect of 1.0 and 1.1); None: CameraRig.json says it."""
 
 
@@ -79,7 +46,7 @@ class Pose:
 class RigCamera:
     """One camera of CameraRig.json."""
 
-    sensor: Sensor
+    lens: Lens
     rig_from_cam: Float64Array
     """4x4, OpenCV axes, metres."""
 
@@ -142,14 +109,15 @@ def _metric_pose(row: Row) -> Pose:
     rotation = rotation_from_quaternion(_quaternion(row, METRIC_HEADER))
     pose = make_pose(rotation, _numbers(row, METRIC_HEADER, "tx", "ty", "tz"))
     names = ("fx", "fy", "cx", "cy")
-    lens = _numbers(row, METRIC_HEADER, *names)
-    for name, value in zip(names, lens):
+    intrinsics = _numbers(row, METRIC_HEADER, *names)
+    for name, value in zip(names, intrinsics):
         if value <= 0:
             raise FileError(
                 f"{row.at(METRIC_HEADER.index(name))}: {name} is {value:g}; a number of pixels > 0 is expected"
             )
-    fx, fy, cx, cy = lens
-    return Pose(pose, Sensor(fx, fy, cx, cy, 2 * cx, 2 * cy, row.path))  # cx, cy are written as half the picture
+    fx, fy, cx, cy = intrinsics
+    hw = max(1, round(2 * cy)), max(1, round(2 * cx))  # cx, cy are written as half the picture
+    return Pose(pose, Lens(str(row.path), (fx, fy, cx, cy), 0.5, hw, scales=True))
 
 
 def _numbers(row: Row, header: tuple[str, ...], *names: str) -> list[float]:
@@ -170,17 +138,17 @@ def _rig_camera(path: Path, name: str, values: Any) -> RigCamera:
     where = f"{path}: cameras.{name}"
     if not isinstance(values, Mapping):
         raise FileError(f"{where} is no object; intrinsics, rotation, translation and sensor_size are expected")
-    fields = FileFields(where, {key: [value] for key, value in values.items()})
-    fx, skew, cx, below, fy, cy, left, under, last = fields.matrix("intrinsics", (1, 9))[0]
+    fields = FileFields(where, dict(values))
+    fx, skew, cx, below, fy, cy, left, under, last = fields.numbers("intrinsics", 9)
     if any((skew, below, left, under)) or last not in (0, 1) or min(fx, fy) <= 0:
         raise CameraError(
             f"{where}.intrinsics is {values['intrinsics']}; fx 0 cx 0 fy cy 0 0 0 (or 1 at the end) is expected, fx, fy > 0"
         )
-    quaternion = fields.matrix("rotation", (1, 4))[0]
+    quaternion = fields.numbers("rotation", 4)
     if abs(np.linalg.norm(quaternion) - 1) > QUATERNION_TOLERANCE:
         raise CameraError(f"{where}.rotation is {values['rotation']}; a quaternion x y z w of length 1 is expected")
-    width, height = fields.matrix("sensor_size", (1, 2))[0]
-    if width <= 0 or height <= 0:
-        raise CameraError(f"{where}.sensor_size is {values['sensor_size']}; width and height > 0 are expected")
-    sensor = Sensor(float(fx), float(fy), float(cx), float(cy), float(width), float(height), path)
-    return RigCamera(sensor, opencv_pose(fields.matrix("translation", (1, 3))[0], quaternion))
+    width, height = fields.numbers("sensor_size", 2)
+    if width < 1 or height < 1:
+        raise CameraError(f"{where}.sensor_size is {values['sensor_size']}; width and height >= 1 are expected")
+    lens = Lens(str(path), (fx, fy, cx, cy), 0.5, (round(height), round(width)), scales=True)
+    return RigCamera(lens, opencv_pose(fields.numbers("translation", 3), quaternion))

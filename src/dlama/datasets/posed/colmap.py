@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dlama.datasets.posed.posed_frames import Lens, PosedFrame, files_of, posed_frame, report_left_out
+from dlama.datasets.posed.posed_frames import FrameFiles, Lens, PosedFrame, files_of, posed_frames
 from dlama.datasets.text_tables import pose_at, read_rows
 from dlama.errors import CameraError, FileError
 from dlama.files.atomic_write import new_file
@@ -27,17 +27,9 @@ from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.cloud import PointCloud
 from dlama.geometry.poses import invert_pose, make_pose, quaternion_from_rotation, rotation_from_quaternion
 
-MODELS = {0: "SIMPLE_PINHOLE", 1: "PINHOLE", 2: "SIMPLE_RADIAL", 3: "RADIAL", 4: "OPENCV"}
 PARAMETERS = {"SIMPLE_PINHOLE": 3, "PINHOLE": 4, "SIMPLE_RADIAL": 4, "RADIAL": 5, "OPENCV": 8}
+"""How many each model has, in the order of their numbers in binary files."""
 NO_DISTORTION = 1e-6
-
-
-@dataclass(frozen=True)
-class ColmapCamera:
-    """One entry of cameras."""
-
-    intrinsics: Intrinsics
-    hw: tuple[int, int]
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +37,7 @@ class ColmapImage:
     """One entry of images."""
 
     name: str
-    camera: ColmapCamera
+    lens: Lens
     world_from_cam: Float64Array
 
 
@@ -62,7 +54,7 @@ def read_model(folder: Path) -> list[ColmapImage]:
     return sorted(images, key=lambda image: image.name)
 
 
-def _text_cameras(path: Path) -> dict[int, ColmapCamera]:
+def _text_cameras(path: Path) -> dict[int, Lens]:
     cameras = {}
     for row in read_rows(path):
         if len(row.words) < 4:
@@ -71,7 +63,8 @@ def _text_cameras(path: Path) -> dict[int, ColmapCamera]:
             )
         numbers = [row.number(place) for place in range(4, len(row.words))]
         size = int(row.number(3)), int(row.number(2))
-        cameras[int(row.number(0))] = ColmapCamera(_pinhole(row.at(1), row.words[1], numbers), size)
+        lens = Lens(str(path.parent), _pinhole(row.at(1), row.words[1], numbers), 0.5, size)
+        cameras[int(row.number(0))] = lens
     return cameras
 
 
@@ -91,7 +84,7 @@ def _pinhole(where: str, model: str, numbers: list[float]) -> Intrinsics:
     return fx, fy, cx, cy
 
 
-def _text_images(path: Path, cameras: Mapping[int, ColmapCamera]) -> list[ColmapImage]:
+def _text_images(path: Path, cameras: Mapping[int, Lens]) -> list[ColmapImage]:
     found, points = [], 0
     for row in read_rows(path):  # a name may hold blanks, so more than ten words may be an image too
         if len(row.words) < 10 or (len(row.words) > 10 and row.line == points):
@@ -107,7 +100,7 @@ def _image(
     where: str,
     name: str,
     camera: int,
-    cameras: Mapping[int, ColmapCamera],
+    cameras: Mapping[int, Lens],
     xyzw: Float64Array,
     shift: Float64Array,
 ) -> ColmapImage:
@@ -130,11 +123,14 @@ class _Bytes:
 
     def take(self, kinds: str) -> tuple[float, ...]:
         """The next fields, of `struct` kinds such as "idd"; FileError where the file ends before."""
-        size = struct.calcsize("<" + kinds)
-        if self.at + size > len(self.data):
-            raise FileError(f"{self.path}: ends early, at byte {len(self.data)}; it is truncated, or no COLMAP file")
-        self.at += size
-        return struct.unpack_from("<" + kinds, self.data, self.at - size)
+        try:
+            found = struct.unpack_from("<" + kinds, self.data, self.at)
+        except struct.error as error:
+            raise FileError(
+                f"{self.path}: ends early, at byte {len(self.data)}; it is truncated, or no COLMAP file"
+            ) from error
+        self.at += struct.calcsize("<" + kinds)
+        return found
 
     def text(self) -> str:
         """The next name, up to its NUL; FileError where none comes."""
@@ -144,33 +140,23 @@ class _Bytes:
         start, self.at = self.at, end + 1
         return self.data[start:end].decode("utf-8", "replace")
 
-    def skip(self, count: int) -> None:
-        """Pass over so many bytes; FileError where there are fewer."""
-        if count < 0 or self.at + count > len(self.data):
-            raise FileError(f"{self.path}: ends early, at byte {len(self.data)}; it is truncated, or no COLMAP file")
-        self.at += count
 
-
-def _binary_cameras(path: Path) -> dict[int, ColmapCamera]:
-    data, cameras = _Bytes(path), dict[int, ColmapCamera]()
+def _binary_cameras(path: Path) -> dict[int, Lens]:
+    data, cameras = _Bytes(path), dict[int, Lens]()
     for _ in range(int(data.take("Q")[0])):
         number, kind, width, height = (int(one) for one in data.take("iiQQ"))
-        model = MODELS.get(kind, f"number {kind}")
-        if model not in PARAMETERS:
-            raise CameraError(
-                f"{path}: camera model {model}; one of {', '.join(PARAMETERS)} is expected, undistort first"
-            )
-        numbers = list(data.take("d" * PARAMETERS[model]))
-        cameras[number] = ColmapCamera(_pinhole(str(path), model, numbers), (height, width))
+        model = dict(enumerate(PARAMETERS)).get(kind, f"number {kind}")
+        numbers = list(data.take("d" * PARAMETERS.get(model, 0)))
+        cameras[number] = Lens(str(path.parent), _pinhole(str(path), model, numbers), 0.5, (height, width))
     return cameras
 
 
-def _binary_images(path: Path, cameras: Mapping[int, ColmapCamera]) -> list[ColmapImage]:
+def _binary_images(path: Path, cameras: Mapping[int, Lens]) -> list[ColmapImage]:
     data, found = _Bytes(path), []
     for _ in range(int(data.take("Q")[0])):
         _, w, x, y, z, tx, ty, tz, camera = data.take("idddddddi")
         name = data.text()
-        data.skip(24 * int(data.take("Q")[0]))
+        data.take(f"{24 * int(data.take('Q')[0])}x")  # its points
         found.append(_image(str(path), name, int(camera), cameras, np.array([x, y, z, w]), np.array([tx, ty, tz])))
     return found
 
@@ -224,18 +210,16 @@ def list_frames(scene: str, folder: Path) -> list[PosedFrame]:
     model = model_folder(folder)
     assert model is not None
     images = read_model(model)
-    frames = []
-    for image in images:
+
+    def files(image: ColmapImage) -> FrameFiles | str:
         depth = depth_of(folder, image)
-        if depth is not None:
-            lens = Lens(str(model), image.camera.intrinsics, 0.5, image.camera.hw)
-            units = 1000.0 if depth.suffix == ".png" else 1.0
-            files = files_of(folder / "images" / image.name, depth, lens, image.world_from_cam, units, has_far=True)
-            name = Path(image.name).with_suffix("").as_posix().replace("/", "_")
-            frames.append(posed_frame(scene, name, files))
-    without = f"without depth/NAME.png (millimetres) or {DENSE}/NAME{DENSE_KINDS[0]}"
-    report_left_out(folder, frames, len(images), {without: len(images) - len(frames)})
-    return frames
+        if depth is None:
+            return f"without depth/NAME.png (millimetres) or {DENSE}/NAME{DENSE_KINDS[0]}"
+        units, color = 1000.0 if depth.suffix == ".png" else 1.0, folder / "images" / image.name
+        return files_of(color, depth, image.lens, image.world_from_cam, units, has_far=True)
+
+    names = [Path(image.name).with_suffix("").as_posix().replace("/", "_") for image in images]
+    return posed_frames(scene, folder, ((name, files(image)) for name, image in zip(names, images)))
 
 
 def depth_of(folder: Path, image: ColmapImage) -> Path | None:

@@ -20,14 +20,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from dlama.datasets.posed.posed_frames import (
-    Lens,
-    PosedFrame,
-    files_of,
-    posed_frame,
-    report_left_out,
-    units_per_metre,
-)
+from dlama.datasets.posed.posed_frames import FrameFiles, Lens, PosedFrame, files_of, posed_frames, units_per_metre
 from dlama.datasets.text_tables import pose_at
 from dlama.errors import CameraError
 from dlama.files.atomic_write import new_file
@@ -60,22 +53,18 @@ def list_frames(scene: str, folder: Path) -> list[PosedFrame]:
     listed = fields.entries("frames", "frames")
     units = units_per_metre(fields, UNIT, DEPTH_UNIT)
     units_of_exr = units_per_metre(fields, UNIT, 1.0)
-    frames = []
-    for number, each in enumerate(listed):
+
+    def listing(number: int, each: object) -> tuple[str, FrameFiles | str]:
         frame = fields.part(f"frames[{number}]", each)
-        if "depth_file_path" in frame:
-            exr = Path(frame.text("depth_file_path")).suffix.lower() == ".exr"
-            frames.append(_frame(scene, folder, frame, fields, units_of_exr if exr else units))
-    report_left_out(fields.path, frames, len(listed), {"without a depth_file_path": len(listed) - len(frames)})
-    return frames
+        if "depth_file_path" not in frame:
+            return "", "without a depth_file_path"
+        color, depth = (Path(frame.text(name)) for name in ("file_path", "depth_file_path"))
+        pose = pose_at(f"{frame.path}: transform_matrix", frame.matrix("transform_matrix", (4, 4)) @ CV_FROM_GL)
+        lens = lens_of(FileFields(frame.path, {**fields.values, **frame.values}))
+        own = units_of_exr if depth.suffix.lower() == ".exr" else units
+        return color.stem, files_of(folder / color, folder / depth, lens, pose, own, has_far=True)
 
-
-def _frame(scene: str, folder: Path, frame: FileFields, shared: FileFields, units: float) -> PosedFrame:
-    color, depth = (Path(frame.text(name)) for name in ("file_path", "depth_file_path"))
-    pose = pose_at(f"{frame.path}: transform_matrix", frame.matrix("transform_matrix", (4, 4)) @ CV_FROM_GL)
-    lens = lens_of(FileFields(frame.path, {**shared.values, **frame.values}))
-    files = files_of(folder / color, folder / depth, lens, pose, units, has_far=True)
-    return posed_frame(scene, color.stem, files)
+    return posed_frames(scene, fields.path, (listing(number, each) for number, each in enumerate(listed)))
 
 
 def lens_of(fields: FileFields) -> Lens:

@@ -10,7 +10,7 @@ centre at 0.0 (the fusion code rounds projections to whole pixels). Format: gith
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -25,7 +25,7 @@ from dlama.datasets.posed.posed_frames import (
     PosedFrame,
     files_of,
     lens_for,
-    posed_frame,
+    posed_frames,
 )
 from dlama.datasets.posed.registered_depth import register_depth
 from dlama.datasets.text_tables import files_in, read_pose
@@ -59,15 +59,16 @@ def has_numbered_frames(root: Path) -> bool:
 def seven_scenes_frames(scene: str, folder: Path, root: Path, camera: CameraOption) -> list[PosedFrame]:
     """The frames of one sequence of 7-Scenes. Raises FileError, CameraError."""
     if camera is None:
-        return numbered_frames(scene, folder, DEPTH_LENS, _registered_frame)
-    return numbered_frames(scene, folder, lens_for(folder, root, camera, CAMERA_NAMES, ""), posed_frame)
+        numbered = ((name, _register(files)) for name, files in numbered_files(folder, DEPTH_LENS))
+        return posed_frames(scene, folder, numbered)
+    return posed_frames(scene, folder, numbered_files(folder, lens_for(folder, root, camera, CAMERA_NAMES, "")))
 
 
 def tsdf_fusion_frames(scene: str, folder: Path, root: Path, camera: CameraOption) -> list[PosedFrame]:
     """The frames of one sequence, whose K lies in its folder or in the one above. Raises FileError, CameraError."""
     advice = f"the layout needs a {TSDF_INTRINSICS}"
     lens = lens_for(folder, folder.parent, camera, (TSDF_INTRINSICS,), advice)
-    return numbered_frames(scene, folder, lens, posed_frame)
+    return posed_frames(scene, folder, numbered_files(folder, lens))
 
 
 class NumberedLayout(NamedTuple):
@@ -86,11 +87,8 @@ def frame_name(path: Path) -> str:
     return path.name.split(".")[0]
 
 
-def numbered_frames(
-    scene: str, folder: Path, lens: Lens, make: Callable[[str, str, FrameFiles], PosedFrame]
-) -> list[PosedFrame]:
-    """The frames of one folder in the order of their numbers, each made of its files and its pose; raises FileError."""
-    frames = []
+def numbered_files(folder: Path, lens: Lens) -> Iterator[tuple[str, FrameFiles]]:
+    """The frames of one folder by name in the order of their numbers; raises FileError."""
     for pose in files_in(folder, (".txt",)):
         if pose.name.endswith(".pose.txt"):
             name = frame_name(pose)
@@ -98,13 +96,11 @@ def numbered_frames(
             color = next((each for each in colors if each.is_file()), None)
             if color is None:
                 raise FileError(f"{colors[0]}: no such file (nor {colors[1].name}), but {pose.name} is there")
-            files = files_of(color, folder / f"{name}.depth.png", lens, read_pose(pose))
-            frames.append(make(scene, name, files))
-    return frames
+            yield name, files_of(color, folder / f"{name}.depth.png", lens, read_pose(pose))
 
 
-def _registered_frame(scene: str, name: str, files: FrameFiles) -> PosedFrame:
+def _register(files: FrameFiles) -> FrameFiles:
     """The picture as it is, and the depth moved into the colour camera."""
     depth = partial(register_depth, files.depth, DEPTH_LENS, COLOR_LENS, COLOR_FROM_DEPTH)
     pose = files.world_from_cam @ invert_pose(COLOR_FROM_DEPTH)
-    return posed_frame(scene, name, replace(files, depth=depth, lens=COLOR_LENS, world_from_cam=pose))
+    return replace(files, depth=depth, lens=COLOR_LENS, world_from_cam=pose)

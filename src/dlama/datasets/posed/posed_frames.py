@@ -6,11 +6,11 @@ The camera's intrinsics (`Lens`) come from the option `camera`, or from a camera
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
@@ -37,6 +37,8 @@ CameraOption = PathLike | Camera | None
 LOG = logging.getLogger("dlama")
 SAME_PROPORTIONS = 0.02
 """Relative difference of width / height up to which colour and depth of two sizes show the same field of view."""
+SENSOR_PROPORTIONS = 0.01
+"""The same of a picture and the sensor that its intrinsics are for."""
 
 
 @dataclass(frozen=True)
@@ -51,6 +53,8 @@ class Lens:
     """Where they put the first pixel's centre: 0.5 or 0.0."""
     hw: tuple[int, int] | None = None
     """The picture size they are for; None: the picture's."""
+    scales: bool = False
+    """Whether pictures of other sizes and the same proportions have them too, scaled."""
 
     @classmethod
     def of_matrix(
@@ -58,6 +62,11 @@ class Lens:
     ) -> Lens:
         """Of a 3x3 matrix; raises CameraError that begins with the source for one that is none of a pinhole camera."""
         return cls(source, FileFields(source, {"the matrix K": K}).intrinsics("the matrix K"), center, hw)
+
+    def camera(self, world_from_cam: Float64Array, hw: tuple[int, ...] | None = None) -> Camera:
+        """The camera at a pose, of a picture of that size where they are for none; raises CameraError."""
+        height, width = self.hw or hw or ()
+        return make_camera(self.source, (height, width), self.intrinsics, self.pixel_center, world_from_cam)
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,10 +118,29 @@ class PosedFrame(Frame):
     """Reads the depth of `load` (H x W, metres), or a smaller one, and its camera without the colour; picklable."""
 
 
-def posed_frame(scene: str, name: str, files: FrameFiles) -> PosedFrame:
+def posed_frame(scene: str, name: str, files: FrameFiles, yaw: float | None = None) -> PosedFrame:
     """A frame whose pixels are read when they are needed."""
     load, depth = partial(load_rgbd, files), partial(load_depth, files)
-    return PosedFrame(scene, name, load, world_from_cam=files.world_from_cam, load_depth=depth)
+    return PosedFrame(scene, name, load, yaw, world_from_cam=files.world_from_cam, load_depth=depth)
+
+
+def posed_frames(scene: str, place: PathLike, listed: Iterable[tuple[str, FrameFiles | str]]) -> list[PosedFrame]:
+    """The frames of a scene; listed: name and files of each, or why it is left out, which a line reports.
+
+    Raises FileError where none is kept.
+    """
+    frames, left_out = list[PosedFrame](), Counter[str]()
+    for name, files in listed:
+        if isinstance(files, str):
+            left_out[files] += 1
+        else:
+            frames.append(posed_frame(scene, name, files))
+    count, reasons = len(frames) + left_out.total(), ", ".join(f"{left_out[why]} {why}" for why in left_out)
+    if not frames:
+        raise FileError(f"{place}: none of its {count} frames can be used" + (f" ({reasons})" if reasons else ""))
+    if reasons:
+        LOG.warning("%s: %d of %d frames are left out (%s)", place, left_out.total(), count, reasons)
+    return frames
 
 
 def load_rgbd(files: FrameFiles) -> RGBD:
@@ -235,7 +263,9 @@ def _of_open3d(fields: FileFields) -> Lens:
 def _camera(files: FrameFiles, color_hw: tuple[int, ...], depth_hw: tuple[int, ...]) -> Camera:
     """The camera at the depth's size; ShapeError, with the names of picture and depth, for sizes that cannot belong together."""
     lens, names = files.lens, files.names
-    if lens.hw is not None and lens.hw != tuple(color_hw):
+    if lens.hw is not None and lens.scales:
+        _check_proportions(lens, lens.hw, color_hw)
+    elif lens.hw is not None and lens.hw != tuple(color_hw):
         raise ShapeError(
             f"{names[0]}: is {color_hw[1]}x{color_hw[0]}, and {lens.source} is for {lens.hw[1]}x{lens.hw[0]}; "
             "both must be the same"
@@ -246,9 +276,16 @@ def _camera(files: FrameFiles, color_hw: tuple[int, ...], depth_hw: tuple[int, .
             f"{names[0]}: is {color_hw[1]}x{color_hw[0]} and {names[1]} {depth_hw[1]}x{depth_hw[0]}; colour of the "
             "same size, or bigger with the same proportions, is expected"
         )
-    hw = color_hw[0], color_hw[1]
-    camera = make_camera(lens.source, hw, lens.intrinsics, lens.pixel_center, files.world_from_cam)
-    return camera.resized(depth_hw[1], depth_hw[0])
+    return lens.camera(files.world_from_cam, color_hw).resized(depth_hw[1], depth_hw[0])
+
+
+def _check_proportions(lens: Lens, hw: tuple[int, int], color_hw: tuple[int, ...]) -> None:
+    """CameraError where sensor (hw) and picture differ in proportions: then the crop is not known."""
+    if abs(color_hw[1] / hw[1] * hw[0] / color_hw[0] - 1) > SENSOR_PROPORTIONS:
+        raise CameraError(
+            f"{lens.source}: the sensor is {hw[1]}x{hw[0]} and the picture {color_hw[1]}x{color_hw[0]}; both must have the "
+            "same proportions, else how wide the camera sees is not known"
+        )
 
 
 def shrink_color(color: UInt8Array, hw: tuple[int, ...]) -> UInt8Array:
@@ -256,12 +293,3 @@ def shrink_color(color: UInt8Array, hw: tuple[int, ...]) -> UInt8Array:
     if color.shape[:2] == tuple(hw):
         return color
     return np.asarray(cv2.resize(color, (hw[1], hw[0]), interpolation=cv2.INTER_AREA), np.uint8)
-
-
-def report_left_out(place: PathLike, kept: Sequence[Any], listed: int, why: Mapping[str, int]) -> None:
-    """A line on frames that were left out, and why; FileError where none is kept."""
-    reasons = ", ".join(f"{count} {reason}" for reason, count in why.items() if count)
-    if not kept:
-        raise FileError(f"{place}: none of its {listed} frames can be used" + (f" ({reasons})" if reasons else ""))
-    if reasons:
-        LOG.warning("%s: %d of %d frames are left out (%s)", place, listed - len(kept), listed, reasons)

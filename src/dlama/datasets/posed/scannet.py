@@ -13,15 +13,15 @@ import numpy as np
 
 from dlama.datasets.posed.posed_frames import (
     CameraOption,
+    FrameFiles,
     Lens,
     PosedFrame,
     files_of,
     lens_for,
-    posed_frame,
-    report_left_out,
+    posed_frames,
     text_lens,
 )
-from dlama.datasets.text_tables import files_in, pose_at, read_matrix
+from dlama.datasets.text_tables import files_by_stem, files_in, pose_at, read_matrix
 from dlama.errors import CameraError, FileError
 
 FOLDERS = ("color", "depth", "pose")
@@ -44,18 +44,15 @@ def _lens(folder: Path, root: Path, camera: CameraOption) -> Lens:
 def list_frames(scene: str, folder: Path, root: Path, camera: CameraOption) -> list[PosedFrame]:
     """The frames of one scene. Raises FileError, CameraError."""
     lens = _lens(folder, root, camera)
-    colors = {path.stem: path for path in files_in(folder / "color", (".jpg", ".jpeg", ".png"))}
-    poses = files_in(folder / "pose", (".txt",))
-    frames, lost = [], 0
-    for path in poses:
+    colors = files_by_stem(folder / "color", (".jpg", ".jpeg", ".png"))
+
+    def files(path: Path) -> FrameFiles | str:
         if path.stem not in colors:
             raise FileError(f"{folder / 'color' / path.stem}.jpg: no such file, but {path} is there")
         pose = read_matrix(path, (4, 4), finite=False)
         if not np.isfinite(pose).all():
-            lost += 1
-            continue
+            return "without a pose: tracking was lost"
         depth = folder / "depth" / f"{path.stem}.png"
-        files = files_of(colors[path.stem], depth, lens, pose_at(f"{path}:1:1", pose))
-        frames.append(posed_frame(scene, path.stem, files))
-    report_left_out(folder, frames, len(poses), {"without a pose: tracking was lost": lost})
-    return frames
+        return files_of(colors[path.stem], depth, lens, pose_at(f"{path}:1:1", pose))
+
+    return posed_frames(scene, folder, ((path.stem, files(path)) for path in files_in(folder / "pose", (".txt",))))

@@ -8,19 +8,11 @@ Format: cvg.cit.tum.de/data/datasets/rgbd-dataset/file_formats.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from dlama.datasets.posed.posed_frames import (
-    CameraOption,
-    PosedFrame,
-    files_of,
-    lens_for,
-    posed_frame,
-    report_left_out,
-)
+from dlama.datasets.posed.posed_frames import CameraOption, FrameFiles, PosedFrame, files_of, lens_for, posed_frames
 from dlama.datasets.text_tables import Row, nearest_in_time, pose_of, read_rows
 from dlama.errors import FileError
 from dlama.geometry.camera import Float64Array
@@ -43,44 +35,30 @@ def looks_like(root: Path) -> bool:
 def list_frames(scene: str, folder: Path, root: Path, camera: CameraOption) -> list[PosedFrame]:
     """The frames of one sequence. Raises FileError, CameraError."""
     lens = lens_for(folder, root, camera, ("camera.json",), ADVICE)
-    color, depth, poses = (Timeline.read(folder / name, count) for name, count in zip(LISTINGS, (2, 2, 8)))
-    frames = []
-    for time, row in zip(color.times.tolist(), color.rows):
-        depth_row, pose_row = depth.nearest(time), poses.nearest(time)
-        if depth_row is not None and pose_row is not None:
-            _, *numbers = pose_row.numbers("time tx ty tz qx qy qz qw", 8)
-            pose = pose_of(pose_row.at(4), numbers[:3], numbers[3:])
-            files = files_of(folder / row.words[1], folder / depth_row.words[1], lens, pose, UNITS_PER_METRE)
-            frames.append(posed_frame(scene, Path(row.words[1]).stem, files))
-    without = {f"without depth or a pose within {NEAREST_S:g} s": len(color.rows) - len(frames)}
-    report_left_out(folder, frames, len(color.rows), without)
-    return frames
+    (times, rows), *others = (_listing(folder / name, count) for name, count in zip(LISTINGS, (2, 2, 8)))
+
+    def files(time: float, row: Row) -> FrameFiles | str:
+        places = [nearest_in_time(each, time, NEAREST_S) for each, _ in others]
+        near = [each[place] for (_, each), place in zip(others, places) if place is not None]
+        if len(near) < len(others):
+            return f"without depth or a pose within {NEAREST_S:g} s"
+        depth, pose = near
+        _, *numbers = pose.numbers("time tx ty tz qx qy qz qw", 8)
+        at = pose_of(pose.at(4), numbers[:3], numbers[3:])
+        return files_of(folder / row.words[1], folder / depth.words[1], lens, at, UNITS_PER_METRE)
+
+    listed = zip(times.tolist(), rows)
+    return posed_frames(scene, folder, ((Path(row.words[1]).stem, files(time, row)) for time, row in listed))
 
 
-@dataclass(frozen=True, eq=False)
-class Timeline:
-    """The lines of a listing in order of time."""
-
-    times: Float64Array
-    """Seconds, ascending."""
-    rows: tuple[Row, ...]
-
-    @classmethod
-    def read(cls, path: Path, count: int) -> Timeline:
-        """A listing of lines with `count` values, the time first; raises FileError."""
-        rows: dict[float, Row] = {}
-        for row in read_rows(path):
-            row.need(count, "time and file name" if count == 2 else "time tx ty tz qx qy qz qw")
-            time, *_ = [
-                row.number(index) for index in range(count if count == 8 else 1)
-            ]  # unused lines are checked too
-            if time in rows:
-                raise FileError(f"{row.at(0)}: the time {row.words[0]} stands in line {rows[time].line} too")
-            rows[time] = row
-        times = sorted(rows)
-        return cls(np.array(times, np.float64), tuple(rows[time] for time in times))
-
-    def nearest(self, time: float) -> Row | None:
-        """The line nearest in time, the earlier of two as near; None if it is farther than NEAREST_S."""
-        place = nearest_in_time(self.times, time, NEAREST_S)
-        return None if place is None else self.rows[place]
+def _listing(path: Path, count: int) -> tuple[Float64Array, list[Row]]:
+    """The times of a listing, s, ascending, and its lines of `count` values, the time first; raises FileError."""
+    rows: dict[float, Row] = {}
+    for row in read_rows(path):
+        row.need(count, "time and file name" if count == 2 else "time tx ty tz qx qy qz qw")
+        time, *_ = [row.number(index) for index in range(count if count == 8 else 1)]  # unused lines are checked too
+        if time in rows:
+            raise FileError(f"{row.at(0)}: the time {row.words[0]} stands in line {rows[time].line} too")
+        rows[time] = row
+    times = sorted(rows)
+    return np.array(times), [rows[time] for time in times]
