@@ -53,7 +53,7 @@ def test_options_without_clicks_load_no_masks() -> None:
     """What points at an object is loaded where something is pointed at."""
     probe = """import sys
 from dlama.jobs.early import check_options
-for given in ({}, {"clicks": [(3, 4)]}):
+for given in ({}, {"click": [(3, 4)]}):
     check_options(given)
     print("dlama.perception.object_masks" in sys.modules)
 """

@@ -40,7 +40,9 @@ class Reach:
         return found
 
     def fits(self, arrived: Any) -> bool:
-        """Whether that is the value wanted."""
+        """Whether that is the value wanted; a path may come as text."""
+        if isinstance(self.value, Path) and isinstance(arrived, str):
+            return self.value == Path(arrived)
         return bool(self.value(arrived)) if callable(self.value) else bool(arrived == self.value)
 
 

@@ -111,14 +111,18 @@ def calls(loaded: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Call
 
 def _spy_on_jobs(spy: Callable[..., None]) -> None:
     """view, remove, stereo and demo: reading, the three functions, writing."""
-    done = SimpleNamespace(meta={})
+    done = object.__new__(dlama.Completion)
+    object.__setattr__(done, "meta", {})
     about = {"field_of_view": {"from": "fov"}, "estimator": "a network", "scale": {"rule": "assumed"}}
-    spy("dlama.apps.reading.write_depth")
-    spy("dlama.jobs.inputs.read_rgbd", SimpleNamespace(estimate=about, depth=np.ones((3, 4))))
+    spy("dlama.jobs.verbs.write_depth")
+    rgbd = dlama.RGBD(
+        np.zeros((3, 4, 3), np.uint8), np.ones((3, 4), np.float32), dlama.Camera.from_fov(4, 3, 60), estimate=about
+    )
+    spy("dlama.jobs.inputs.read_rgbd", rgbd)
     for module in ("early", "inputs"):
         spy(f"dlama.jobs.{module}.picture_hw", (300, 400))
     spy("dlama.jobs.inputs.camera_for", ("camera", "words"))
-    spy("dlama.read_camera", "target")
+    spy("dlama.jobs.verbs.read_camera", "target")
     spy("dlama.jobs.inputs.read_stereo_calib", "rig")
     spy("dlama.jobs.inputs.read_disparity", lambda path, **_: Path(path).name)
     for place in ("dlama.jobs.inputs", "dlama"):
@@ -128,9 +132,10 @@ def _spy_on_jobs(spy: Callable[..., None]) -> None:
     for place in ("options", "verbs.measuring.evaluating"):
         spy(f"dlama.apps.{place}.model_for", lambda model: Path("cache", str(model)))
     for verb in ("view", "remove"):
-        spy(f"dlama.{verb}", done)
-    spy("dlama.stereo", lambda mask, **_: (mask("left") if callable(mask) else None, done)[1])
+        spy(f"dlama.jobs.verbs.{verb}", done)
+    spy("dlama.jobs.verbs.stereo", lambda mask, **_: (mask("left") if callable(mask) else None, done)[1])
     spy("dlama.jobs.inputs.write")
+    spy("dlama.apps.reading.file_names", [])
     spy("dlama.jobs.inputs.file_names", [])
     found = SimpleNamespace(mask="mask", masker="rgbd", chosen="object", notes=(), about={})
     spy("dlama.perception.object_masks.find_mask", found)

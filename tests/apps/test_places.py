@@ -11,9 +11,8 @@ import pytest
 from running import error_line
 
 import dlama
-import dlama.apps.reading  # these bind their readers before the fixture replaces them
-import dlama.datasets.layouts
-import dlama.jobs.inputs
+import dlama.datasets.layouts  # these bind their readers before the fixture replaces them
+import dlama.jobs.verbs
 from box_frame import small_frame
 from dlama.apps import cli
 from dlama.apps.cli import VERBS, main
@@ -26,7 +25,6 @@ WORK = (
     "dlama.jobs.inputs.read_rgbd",
     "dlama.jobs.inputs.read_color",
     "dlama.jobs.inputs.read_mask",
-    "dlama.apps.reading.read_color",
 )
 """What every job on pictures does first."""
 
@@ -47,8 +45,8 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
     for name in WORK:
         monkeypatch.setattr(name, worked)
-    for name in ("view", "remove", "stereo", "find_mask"):
-        monkeypatch.setattr(dlama, name, worked)
+    for name in ("view", "remove", "stereo"):
+        monkeypatch.setattr(dlama.jobs.verbs, name, worked)
     return tmp_path
 
 

@@ -38,7 +38,7 @@ from dlama.errors import CameraError, DlamaError, InputError, MaskError
         ("photo.png", "'photo.png' is no verb of dlama; One of view, remove, "),
         (
             "view a.png b.png --yaw nan --pitch inf -o out",
-            "--yaw is nan; a finite angle in degrees, at most 1e+06, is expected; --pitch is inf",
+            "--yaw is nan; a finite number is expected; --pitch is inf; a finite number is expected",
         ),
         ("view a.png b.png --yaw nan --fov 500 -o out", "--fov is 500 degrees; a field of view between 0 and 180"),
         (

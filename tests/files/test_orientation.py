@@ -134,7 +134,7 @@ def test_a_quarter_turn_of_one_of_them_is_named(tmp_path: Path) -> None:
     with pytest.raises(
         ShapeError, match=r"mask.png is shown turned by its EXIF orientation 6, .*has none.*4x6 and .*6x4"
     ):
-        JobInputs().read_mask_file(mask, {}, image)
+        JobInputs().read_mask_file({"mask": mask, "image": image}, "mask", "image")
 
 
 def test_a_half_turn_of_one_of_them_is_warned_of(tmp_path: Path) -> None:
@@ -153,7 +153,7 @@ def test_a_quarter_turn_that_fits_is_not_in_doubt(tmp_path: Path) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         read_rgbd(image, depth, fov=60)
-        JobInputs().read_mask_file(mask, {}, image)
+        JobInputs().read_mask_file({"mask": mask, "image": image}, "mask", "image")
     assert not any(found.check == "orientation" for found in dlama.diagnose(image, depth, mask, fov=60))
 
 
@@ -163,10 +163,10 @@ def test_a_mask_turned_otherwise_than_its_picture_is_warned_of(tmp_path: Path, t
     image, depth, mask = rgbd_files(tmp_path, tuple(3 if place == turned else 1 for place in range(3)))  # type: ignore[arg-type]
     name = (image, depth, mask)[turned].name
     with pytest.warns(UserWarning, match=rf"{name} is shown turned by its EXIF orientation 3.*clear the tag"):
-        JobInputs().read_mask_file(mask, {}, image)
+        JobInputs().read_mask_file({"mask": mask, "image": image}, "mask", "image")
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        JobInputs().read_mask_file(mask, {}, mask)
+        JobInputs().read_mask_file({"mask": mask, "image": mask}, "mask", "image")
     if turned == 2:
         assert any(
             name in found.what for found in dlama.diagnose(image, depth, mask, fov=60) if found.check == "orientation"

@@ -95,7 +95,7 @@ def test_values_as_typed_and_from_json(name: str, typed: Any, value: Any) -> Non
     ("given", "message"),
     [
         ({"yaw": "five"}, "yaw is 'five'; a number is expected"),
-        ({"yaw": "nan"}, "yaw is 'nan'; a number is expected"),
+        ({"yaw": "nan"}, "yaw is 'nan'; a finite number is expected"),
         ({"yaw": True}, "yaw is True; a number is expected"),
         ({"yaw": 1, "seed": 1.5}, "seed is 1.5; a whole number is expected"),
         ({"yaw": 1, "sharpen": "maybe"}, "sharpen is 'maybe'; true or false is expected"),

@@ -32,6 +32,8 @@ from dlama.apps.options import (
     Reading,
     Report,
     Results,
+    check_of_object,
+    given_options,
     option,
     split_depth_and_mask,
 )
@@ -93,25 +95,8 @@ def view(
         output: Directory for the results, made if need be; files of the same names are replaced.
     """
     with command("view", report) as this:
-        target, how = move.required().settings(), method.settings()
-        picture = None if image.suffix.lower() == ".npz" else image
-        this.check(
-            output,
-            results,
-            {"image": image, "depth": depth},
-            picture,
-            target,
-            lens.settings(),
-            reading.settings(),
-            estimating.settings(),
-            how,
-        )
-        given = (
-            this.scene(image, depth, (lens, reading, estimating))
-            if picture is None
-            else this.rgbd(image, depth, lens, reading, estimating)
-        )
-        this.write(dlama.view(given, **target, **how), output, results)
+        files = {"image": image, "depth": depth}
+        this.run("view", output, files, move, lens, reading, estimating, method, results)
 
 
 def remove(
@@ -141,21 +126,9 @@ def remove(
         output: Directory for the results, made if need be; files of the same names are replaced.
     """
     with command("remove", report) as this:
-        target, how = move.settings(), method.settings()
-        depth, file = split_depth_and_mask(depth_and_mask, pointing.given, mask)
-        if file is not None:
-            pointing.check_with(file)
-        masking.check_with(file)
-        options = target, lens.settings(), reading.settings(), estimating.settings(), pointing.settings(), how
-        this.check(output, results, {"image": image, "depth": depth, "mask": file}, image, *options, removes=True)
-        of_file = this.optional_mask(file, masking, image)  # before depth is estimated, which takes longer
-        rgbd = this.rgbd(image, depth, lens, reading, estimating)
-        object_mask = (
-            this.pointed(rgbd, pointing, image)
-            if of_file is None
-            else this.add_shadow(rgbd, of_file, pointing.with_shadow)
-        )
-        this.write(dlama.remove(rgbd, object_mask, **target, **how), output, results)
+        files = {"image": image} | split_depth_and_mask(depth_and_mask, vars(pointing), mask)
+        check_of_object(given_options(masking, pointing), files["mask"])
+        this.run("remove", output, files, move, lens, reading, estimating, masking, pointing, method, results)
 
 
 def demo(method: Method, results: Results, report: Report, output: DEMO_FOLDER = Path("dlama-demo")) -> None:

@@ -6,27 +6,19 @@ Nothing here imports what computes, so that --help is quick; a test holds the na
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, get_type_hints
 
 from tyro.conf import arg
 
-import dlama
 from dlama.apps.model_files import model_for
 from dlama.completion.options import field_texts, typed_options
 from dlama.errors import InputError
 from dlama.jobs import options as groups
 from dlama.jobs.options import Shown
-from dlama.jobs.parameters import (
-    check_move,
-    check_one_target,
-    is_pointed,
-    known_depths,
-    mask_and_pointing,
-    mask_settings,
-)
+from dlama.jobs.parameters import MASKING, is_pointed
 
 
 def option(metavar: str, default: str | None = "none", **others: Any) -> Any:
@@ -74,13 +66,7 @@ def as_flags(cls: type[T]) -> type[T]:
 
 
 @as_flags
-class Results(groups.Results):
-    """Which files are written."""
-
-    def settings(self) -> dict[str, tuple[str, ...]]:
-        """As keyword arguments of `write`: those that are given."""
-        given = {"only": names_in(self.only), "also": names_in(self.also)}
-        return {name: names for name, names in given.items() if names is not None}
+class Results(groups.Results): ...
 
 
 @dataclass(frozen=True)
@@ -94,116 +80,69 @@ class Report:
 
 
 @as_flags
-class Move(groups.Move):
-    """Where the new camera stands."""
-
-    def required(self) -> Move:
-        """The move, if there is one; raises InputError."""
-        check_move(to=self.to, yaw=self.yaw, pitch=self.pitch, dolly=self.dolly)
-        return self
-
-    def settings(self) -> dict[str, Any]:
-        """As keyword arguments of the verbs in Python; raises InputError when --to and an orbit were both given."""
-        check_one_target(self.to, yaw=self.yaw, pitch=self.pitch, dolly=self.dolly)
-        return {
-            "camera": self.target(),
-            "yaw": self.yaw or 0.0,
-            "pitch": self.pitch or 0.0,
-            "pivot": self.pivot,
-            "dolly": self.dolly or 0.0,
-        }
-
-    def target(self) -> dlama.Camera | None:
-        """The camera of --to."""
-        return None if self.to is None else dlama.read_camera(self.to)
+class Move(groups.Move): ...
 
 
 @as_flags
-class Lens(groups.Lens):
-    """The camera that took the picture."""
+class Lens(groups.Lens): ...
 
 
 @as_flags
-class Reading(groups.Reading):
-    """How the depth file is read."""
+class Reading(groups.Reading): ...
 
 
-def changed_options(group: Any) -> list[str]:
-    """Names of the options of a group that are not at their defaults."""
-    default = type(group)()
-    return [name for name, value in vars(group).items() if value != getattr(default, name)]
+@as_flags
+class Estimating(groups.Estimating): ...
 
 
-def split_depth_and_mask(
-    files: Sequence[Path], pointed: bool = False, named: Path | None = None
-) -> tuple[Path | None, Path | None]:
-    """The depth file, if there is one, and the mask, which comes last or is `named`; no mask where the object is pointed at.
-    InputError."""
-    if named is not None:
-        if pointed:
-            raise mask_and_pointing(named)
-        if len(files) > 1:
-            raise InputError(f"the mask is given twice, as {files[-1]} and by --mask {named}; one is expected")
-        return (files[0] if files else None), named
-    if pointed:
-        if len(files) > 1:
-            raise mask_and_pointing(files[1])
-        return (files[0] if files else None), None
-    if not files or (len(files) == 1 and files[0].suffix.lower() in DEPTH_ONLY):
-        raise InputError("no object to remove is given: give a mask file, --click X,Y on the object, or --box X,Y,W,H")
-    if not 1 <= len(files) <= 2:
+@as_flags
+class Masking(groups.Masking): ...
+
+
+@as_flags
+class Pointing(groups.Pointing): ...
+
+
+@as_flags
+class Pair(groups.Pair): ...
+
+
+def given_options(*groups: Any) -> dict[str, Any]:
+    """The options of some groups that differ from their defaults, by name; a network as the ONNX file that runs."""
+    found: dict[str, Any] = {}
+    for group in groups:
+        for one in dataclasses.fields(group):
+            value = getattr(group, one.name)
+            if value != one.default:
+                found[one.name] = model_for(value) if one.name == "model" else value
+    return found
+
+
+def split_depth_and_mask(files: Sequence[Path], given: Mapping[str, Any], named: Path | None) -> dict[str, Path | None]:
+    """The depth file and the mask, where they are given: the mask comes last or is `named`, and is left away where the options
+    that are given point at the object. InputError."""
+    if len(files) > 2:
         raise InputError(f"{len(files)} files follow the picture; a mask, or depth and a mask are expected")
-    return (files[0] if len(files) == 2 else None), files[-1]
+    if named is not None and len(files) == 2:
+        raise InputError(f"the mask is given twice, as {files[-1]} and by --mask {named}; one is expected")
+    depth, mask = (*files, None, None)[:2]
+    if named is None and len(files) == 1 and not is_pointed(given) and files[0].suffix.lower() not in DEPTH_ONLY:
+        depth, mask = None, files[0]
+    return {"depth": depth, "mask": mask or named}
 
 
-@as_flags
-class Estimating(groups.Estimating):
-    """Depth of a picture that comes without."""
-
-    def settings(self) -> dict[str, Any]:
-        """As keyword arguments of read_rgbd."""
-        return super().settings() | {"metres_at": known_depths(self.metres_at)}
-
-
-@as_flags
-class Masking(groups.Masking):
-    """How a mask file is read."""
-
-    def check_with(self, *masks: Path | None) -> None:
-        """InputError for an option of mask files where none is given."""
-        if any(mask is not None for mask in masks):
-            return
-        for name in changed_options(self):
+def check_of_object(given: Mapping[str, Any], *masks: Path | None) -> None:
+    """InputError for options of mask files where none is given, and of clicks and boxes where neither is, or a mask file is."""
+    mask = next(filter(None, masks), None)
+    for name in given:
+        if name in MASKING and mask is None:
             raise InputError(f"`{name}` says how a mask file is read, and none is given")
-
-
-@as_flags
-class Pointing(groups.Pointing):
-    """Points at the object, in place of a mask file."""
-
-    @property
-    def given(self) -> bool:
-        """Whether anything is pointed at. InputError, before anything is read, for words that are no pixels."""
-        self.settings()
-        return is_pointed(dataclasses.asdict(self))
-
-    def check_with(self, mask: Path | None) -> None:
-        """InputError for options of clicks and boxes where neither is given, or a mask file is."""
-        of_clicks = ("masker", "mask_model", "candidate", *(() if mask else ("with_shadow",)))
-        for name in changed_options(self):
-            if name in of_clicks:
-                instead = f"a mask file ({mask}) is given; leave one of them away" if mask else "neither is given"
-                raise InputError(f"`{name}` is for clicks and boxes, and {instead}")
-
-    @property
-    def needs_depth(self) -> bool:
-        """Whether the object is found in depth."""
-        by_color = self.salient or self.object_class is not None or self.masker not in (None, "rgbd")
-        return self.with_shadow or not by_color
-
-    def settings(self) -> dict[str, Any]:
-        """As keyword arguments of find_mask; raises InputError."""
-        return mask_settings(super().settings())
+    if is_pointed(given):
+        return
+    for name in ("masker", "mask_model", "candidate", *(() if mask else ("with_shadow",))):
+        if name in given:
+            instead = f"a mask file ({mask}) is given; leave one of them away" if mask else "neither is given"
+            raise InputError(f"`{name}` is for clicks and boxes, and {instead}")
 
 
 def options_as_fields(*names: str) -> Callable[[type[T]], type[T]]:

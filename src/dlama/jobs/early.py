@@ -17,7 +17,7 @@ from dlama.files.results.completion import check_results
 from dlama.geometry.camera import Camera
 from dlama.geometry.trajectories import PIVOT_M, dolly, orbit
 from dlama.inpainters import AUTO, model_file
-from dlama.jobs.parameters import METHOD
+from dlama.jobs.parameters import METHOD, POINTING, mask_settings
 
 
 def check_options(
@@ -25,7 +25,7 @@ def check_options(
 ) -> None:
     """Raise InputError for options of view, remove, stereo or depth that cannot be, all of them in one message.
 
-    given: by name, as `jobs.parameters` has them; points as `mask_settings` gives them. image: the picture that is pointed at.
+    given: by name, as `jobs.parameters` reads them. image: the picture that is pointed at.
     removes: whether the job removes an object, whose mask can be written; pair: whether it has two pictures, and a disparity.
     """
 
@@ -64,16 +64,18 @@ def _check_move(given: Mapping[str, Any]) -> None:
 
 def _check_pointing(given: Mapping[str, Any], image: Path | None) -> None:
     """What points at an object, held against the size of the picture."""
-    if not {"clicks", "masker", "candidate"} & set(given):
+    pointing = {name: given[name] for name in POINTING if name in given and name != "object_class"}
+    if not pointing:
         return
     from dlama.perception.masks.prompt import Prompt
     from dlama.perception.object_masks import check_names
 
-    check_names(given.get("masker"), given.get("mask_model"), given.get("candidate", "object"))
+    find = mask_settings(pointing)
+    check_names(find["masker"], find["mask_model"], find["candidate"])
     hw = _size(image)
-    if hw is not None and (given.get("clicks") or given.get("not_clicks") or given.get("box")):
-        on, not_on = (tuple(map(tuple, given.get(name, ()))) for name in ("clicks", "not_clicks"))
-        Prompt(hw, on, not_on, given.get("box"))
+    if hw is not None and (find["clicks"] or find["not_clicks"] or find["box"]):
+        on, not_on = (tuple(map(tuple, find[name])) for name in ("clicks", "not_clicks"))
+        Prompt(hw, on, not_on, find["box"])
 
 
 def _check_scale(given: Mapping[str, Any], image: Path | None) -> None:

@@ -1,11 +1,12 @@
-"""The files of one job in, or what points at an object in them; what was read from them, timed, and written with hashes, out."""
+"""The parameters of one job in; what its files hold, read and timed, and at last its result, written with hashes, out."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,32 +19,75 @@ from dlama.files.rasters.pictures import read_color, read_mask
 from dlama.files.rasters.turned_pairs import check_mask_fits
 from dlama.files.results.completion import file_names, write
 from dlama.files.rgbd import read_rgbd
+from dlama.files.scenes.scene_npz import read_scene
 from dlama.files.semantic_classes import semantic_picture
 from dlama.geometry.camera import StereoRig
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
+from dlama.geometry.scene import Scene
+from dlama.jobs.parameters import (
+    ESTIMATING,
+    LENS,
+    MASKING,
+    NETWORKS,
+    POINTING,
+    READING,
+    RESULTS,
+    is_pointed,
+    mask_settings,
+)
 from dlama.models.network_file import close_networks
 from dlama.progress import begin_stage
 
 if TYPE_CHECKING:
     from dlama.perception.object_masks import ObjectMask
 
+Parameters = Mapping[str, Any]
+"""Of a job, by name, as `jobs.parameters` reads them; those that are given."""
+Mask = BoolArray | Callable[[RGBD], BoolArray]
+"""H x W, True = remove; or what finds it in a picture with its depth."""
 
-def find_pointed(
-    picture: RGBD | UInt8Array, image: Path, settings: Mapping[str, Any], object_class: str | None = None
-) -> ObjectMask:
-    """The object in a picture, read from `image`: by `settings` of find_mask, or of a semantic class. InputError and its kin."""
+
+def select(p: Parameters, names: Collection[str]) -> dict[str, Any]:
+    """Those of these parameters that are given; network files as paths."""
+    found = {name: p[name] for name in names if name in p}
+    return {name: Path(value) if name in NETWORKS and Path(value).is_file() else value for name, value in found.items()}
+
+
+def path_of(p: Parameters, name: str) -> Path | None:
+    """A file, where it is given."""
+    return Path(p[name]) if name in p else None
+
+
+def refuse_of_pictures(p: Parameters, kind: str, taken: Collection[str] = ()) -> None:
+    """InputError: a depth file, or parameters (but those `taken`) that say how a picture is read, with an image that is none but
+    `kind`."""
+    image = Path(p["image"])
+    if "depth" in p:
+        raise InputError(f"{image}: is {kind}, which has its depth; {p['depth']} does not apply to it")
+    for name in p:
+        if name in {**LENS, **READING, **ESTIMATING} and name not in taken:
+            raise InputError(f"`{name}` does not apply to {kind} ({image.name or image}); it is for pictures")
+
+
+def find_pointed(picture: RGBD | UInt8Array, image: Path, p: Parameters) -> tuple[ObjectMask, dict[str, Any]]:
+    """The object in a picture, read from `image`, that the parameters point at, or of a semantic class; and how it was looked
+    for. InputError and its kin."""
     from dlama.perception import object_masks
 
+    given = select(p, POINTING)
+    object_class = given.pop("object_class", None)
+    settings = mask_settings(given)
     if object_class is None:
         close_networks()  # the network of masks and those of fillers need the memory in turn
         found = object_masks.find_mask(picture, **settings)
         close_networks()
-        return found
+        return found, settings
     if settings["clicks"] or settings["not_clicks"] or settings["box"] or settings["masker"]:
         raise InputError("`object_class` and other ways to point at an object contradict each other; give one of them")
     mask = read_mask(semantic_picture(image), mask_class=object_class)
     with_shadow = settings["with_shadow"]
-    return object_masks.complete_mask(picture, {"object": mask}, "object", f"class {object_class}", with_shadow)
+    found = object_masks.complete_mask(picture, {"object": mask}, "object", f"class {object_class}", with_shadow)
+    return found, settings
 
 
 @dataclass
@@ -85,12 +129,20 @@ class JobInputs:
             yield
         begin_stage("complete")
 
-    def read_picture(
-        self, image: Path, depth: Path | None, lens: Mapping[str, Any], options: Mapping[str, Any]
-    ) -> RGBD:
-        """A picture, its depth (estimated, where there is no file) and its camera; lens and options as of `read_rgbd`."""
-        camera_file = lens.get("camera")
-        self.inputs |= {"image": image} | ({"camera": Path(camera_file)} if camera_file else {})
+    def read_source(self, p: Parameters) -> RGBD | Scene:
+        """The picture with its depth (estimated, where there is no file) and its camera; or a scene. InputError and its kin."""
+        if Path(p["image"]).suffix.lower() != ".npz":
+            return self.read_picture(p)
+        refuse_of_pictures(p, "a scene")
+        self.inputs["scene"] = Path(p["image"])
+        with self.reading(self.inputs["scene"]):
+            return read_scene(self.inputs["scene"])
+
+    def read_picture(self, p: Parameters) -> RGBD:
+        """As `read_source`, of a picture."""
+        image, depth, camera_file = Path(p["image"]), path_of(p, "depth"), path_of(p, "camera")
+        lens, options = select(p, LENS), select(p, READING) | select(p, ESTIMATING)
+        self.inputs |= {"image": image} | ({"camera": camera_file} if camera_file else {})
         if depth is None:
             with self.reading(image, stage="read_and_estimate_depth"):
                 rgbd = read_rgbd(image, **lens, **options)
@@ -101,32 +153,41 @@ class JobInputs:
             camera, self.intrinsics_from = camera_for(picture_hw(image), image=image, **lens)
             return read_rgbd(image, depth, camera=camera, **options)
 
-    def read_mask_file(
-        self, path: Path, options: Mapping[str, Any], picture: Path | None, role: str = "mask"
-    ) -> BoolArray:
-        """A mask of a picture, True = remove; options as of `read_mask`."""
-        self.inputs[role] = path
+    def read_color(self, p: Parameters) -> UInt8Array:
+        """The picture alone, H x W x 3."""
+        self.inputs["image"] = Path(p["image"])
+        with self.reading(self.inputs["image"]):
+            return read_color(p["image"])
+
+    def read_removed(self, p: Parameters, picture: str, mask: BoolArray | None = None) -> Mask | None:
+        """The mask of the object to remove from a picture (image, left): of its file, or `mask`, or what finds it, and its
+        shadow, in the picture with its depth; None: no object is named."""
+        if is_pointed(p):
+            return partial(self._find, image=Path(p.get(picture, "")), p=p)
+        if mask is None and "mask" in p:
+            mask = self.read_mask_file(p, "mask", picture)
+        self.removed = mask
+        return mask if mask is None or not p.get("with_shadow") else partial(self._add_shadow, mask=mask)
+
+    def read_mask_file(self, p: Parameters, role: str, picture: str) -> BoolArray:
+        """The mask file of that role, which is of a picture (image, left, right), True = remove."""
+        path = self.inputs[role] = Path(p[role])
         with self.reading(path):
-            mask = read_mask(path, **options)
-            if picture is not None and picture.is_file():
-                check_mask_fits(mask, path, picture)
-            self.removed = mask if role == "mask" else self.removed
+            mask = read_mask(path, **select(p, MASKING))
+            if picture in p and Path(p[picture]).is_file():
+                check_mask_fits(mask, path, Path(p[picture]))
             return mask
 
-    def find_pointed(
-        self, rgbd: RGBD, image: Path, settings: Mapping[str, Any], object_class: str | None = None
-    ) -> BoolArray:
+    def _find(self, rgbd: RGBD, image: Path, p: Parameters) -> BoolArray:
         """The mask of what is pointed at in a picture, read from `image`; how it was found goes into meta.json."""
         begin_stage("find mask")
         with self.timed("find_mask"):
-            found = find_pointed(rgbd, image, settings, object_class)
+            found, settings = find_pointed(rgbd, image, p)
         self.object_mask, self.removed = {**settings, **found.about}, found.mask
         return found.mask
 
-    def add_shadow(self, rgbd: RGBD, mask: BoolArray, with_shadow: bool) -> BoolArray:
-        """The mask of a file, with the shadow that its object casts where that is asked for; how much goes into meta.json."""
-        if not with_shadow:
-            return mask
+    def _add_shadow(self, rgbd: RGBD, mask: BoolArray) -> BoolArray:
+        """The mask of a file, with the shadow that its object casts; how much goes into meta.json."""
         from dlama.perception.object_masks import complete_mask
 
         begin_stage("find mask")
@@ -135,30 +196,29 @@ class JobInputs:
         self.object_mask, self.removed = {"with_shadow": True, **found.about}, found.mask
         return found.mask
 
-    def optional_disparity(self, path: Path | None, scale: float | None) -> Float32Array | None:
-        """A disparity, where one is given."""
-        if path is None:
-            if scale is not None:
+    def read_disparity_file(self, p: Parameters) -> Float32Array | None:
+        """The disparity, where one is given."""
+        if "disparity" not in p:
+            if "disparity_scale" in p:
                 raise InputError(
                     "`disparity_scale` is given without `disparity`; the file it belongs to is expected too"
                 )
             return None
-        self.inputs["disparity"] = path
-        with self.reading(path):
-            return read_disparity(path, scale=scale)
+        self.inputs["disparity"] = Path(p["disparity"])
+        with self.reading(self.inputs["disparity"]):
+            return read_disparity(self.inputs["disparity"], scale=p.get("disparity_scale"))
 
-    def pair(self, left: Path, right: Path, calib: Path) -> tuple[UInt8Array, UInt8Array, StereoRig]:
+    def read_pair(self, p: Parameters) -> tuple[UInt8Array, UInt8Array, StereoRig]:
         """The pictures of a rectified pair and the cameras that took them."""
+        left, right, calib = (Path(p[role]) for role in ("left", "right", "calib"))
         self.inputs |= {"left": left, "right": right, "calib": calib}
         self.intrinsics_from = f"calib {calib.name}"
         with self.reading(left, right, calib):
             pictures = read_color(left), read_color(right)
             return *pictures, read_stereo_calib(calib, hw=pictures[0].shape[:2])
 
-    def write_completion(
-        self, done: Completion, output: Path, only: Sequence[str] | None = None, also: Sequence[str] = ()
-    ) -> list[str]:
-        """What `only` and `also` name of the result to its directory; the names of its files."""
+    def write_completion(self, done: Completion, output: Path, p: Parameters) -> list[str]:
+        """The result to its directory; the names of its files."""
         if self.object_mask:
             done.meta["object_mask"] = self.object_mask
         addresses: dict[str, Any] = {"input_addresses": self.addresses} if self.addresses else {}
@@ -166,12 +226,11 @@ class JobInputs:
             write(
                 done,
                 output,
-                only=only,
-                also=also,
+                **select(p, RESULTS),
                 inputs=self.inputs,
                 intrinsics_from=self.intrinsics_from,
                 seconds=dict(self.stages),
                 mask=self.removed,
                 **addresses,
             )
-        return file_names(done, only, also)
+        return file_names(done, **select(p, RESULTS))

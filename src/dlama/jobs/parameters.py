@@ -9,10 +9,11 @@ import math
 import os
 import re
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
-from dlama.completion.options import typed_options
+from dlama.completion.options import raise_all, typed_options
 from dlama.errors import InputError
 from dlama.inpainters import FILLER_NAMES
 from dlama.jobs import options
@@ -36,10 +37,10 @@ def number(name: str, value: Any) -> float:
         if isinstance(value, bool):
             raise ValueError
         found = float(value)
-        if not math.isfinite(found):
-            raise ValueError
     except (TypeError, ValueError, OverflowError):
         raise InputError(f"`{name}` is {value!r}; a number is expected") from None
+    if not math.isfinite(found):
+        raise InputError(f"`{name}` is {value!r}; a finite number is expected")
     return found
 
 
@@ -197,8 +198,11 @@ KNOWN = tuple(dict.fromkeys(name for names in VERBS.values() for name in names))
 """Every parameter of every verb."""
 
 
-def check_parameters(verb: str, given: Mapping[str, Any], loaded: bool = False) -> dict[str, Any]:
-    """The values of a job's parameters. InputError: an unknown verb or parameter, a value that cannot be, one that is missing.
+def check_parameters(
+    verb: str, given: Mapping[str, Any], loaded: bool = False, *further: Callable[[dict[str, Any]], object]
+) -> dict[str, Any]:
+    """The values of a job's parameters. InputError: an unknown verb or parameter, one that is missing; and, all of them in one
+    message, values that cannot be, contradictions, and what `further` checks of the values raise.
 
     loaded: its inputs come from a data set, so none need be named.
     """
@@ -211,38 +215,43 @@ def check_parameters(verb: str, given: Mapping[str, Any], loaded: bool = False) 
     for name in NEEDED[verb]:
         if name not in given and not loaded:
             raise InputError(f"`{name}` is missing; {verb} needs {', '.join(NEEDED[verb])}")
-    found = {name: known[name](name, value) for name, value in given.items()}
-    orbit = {name: found.get(name) for name in ("yaw", "pitch", "dolly")}
-    if verb == "view":
-        check_move(to=found.get("to"), **orbit)
-    check_one_target(found.get("to"), **orbit)
+    return read_parameters(known, given, lambda _: _check_target(verb, given), _check_object, *further)
+
+
+def read_parameters(
+    known: Mapping[str, Parse], given: Mapping[str, Any], *checks: Callable[[dict[str, Any]], object]
+) -> dict[str, Any]:
+    """The values of parameters of the `known` names, which the checks take; InputError, which says all that is wrong."""
+    found: dict[str, Any] = {}
+
+    def read(name: str) -> None:
+        found[name] = known[name](name, given[name])
+
+    raise_all([*(partial(read, name) for name in given), *(partial(check, found) for check in checks)])
     return found
 
 
-def check_move(**moves: Any) -> None:
-    """InputError where no camera move is given."""
-    if all(value is None for value in moves.values()):
+def _check_target(verb: str, given: Mapping[str, Any]) -> None:
+    """InputError where no camera move is given, or a target camera and an orbit were both given."""
+    moves = [name for name in ("yaw", "pitch", "dolly") if name in given]
+    if verb == "view" and not moves and "to" not in given:
         raise InputError(
             "no camera move is given: give `yaw=DEG` (positive: to the right), `pitch=DEG`, `dolly=METRES` or `to=TARGET.json`"
         )
+    if "to" in given and moves:
+        raise InputError(f"`to=TARGET.json` and `{moves[0]}` contradict each other; give one of them")
 
 
-def check_one_target(to: Any, **orbit: Any) -> None:
-    """InputError where a target camera and an orbit were both given."""
-    given = [name for name, value in orbit.items() if value is not None]
-    if to is not None and given:
-        raise InputError(f"`to=TARGET.json` and `{given[0]}` contradict each other; give one of them")
+def _check_object(found: Mapping[str, Any]) -> None:
+    """InputError where a mask file was given with clicks or a box."""
+    if "mask" in found and is_pointed(found):
+        raise InputError(f"a mask file ({found['mask']}) and clicks or a box were both given; one of them is expected")
 
 
 def is_pointed(given: Mapping[str, Any]) -> bool:
     """Whether these options say which object is meant."""
     words = ("click", "not_click", "box", "salient", "object_class")
     return any(given.get(name) for name in words) or given.get("masker") == "salient"
-
-
-def mask_and_pointing(mask: object) -> InputError:
-    """The error where a mask file was given with clicks or a box."""
-    return InputError(f"a mask file ({mask}) and clicks or a box were both given; one of them is expected")
 
 
 def mask_settings(given: Mapping[str, Any]) -> dict[str, Any]:

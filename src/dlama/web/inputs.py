@@ -132,16 +132,12 @@ def read_source(files: Mapping[str, Upload], fields: Mapping[str, Any]) -> Sourc
 def read_picture(files: Mapping[str, Upload], fields: Mapping[str, Any]) -> Source:
     """A picture with its depth file, or with estimated depth."""
     options = read_options(fields)
-    depth = files["depth"].path if "depth" in files else None
-    for name in OF_ESTIMATE if depth else OF_DEPTH_FILE:
+    for name in OF_ESTIMATE if "depth" in files else OF_DEPTH_FILE:
         options.pop(name, None)
-    lens = {name: options[name] for name in LENS if name in options}
-    if "camera" in files:
-        lens["camera"] = str(files["camera"].path)
     job = JobInputs()
-    rest = {name: value for name, value in options.items() if name not in lens}
-    rgbd = job.read_picture(files["picture"].path, depth, lens, rest)
     used = {role: files[role] for role in ("picture", "depth", "camera") if role in files}
+    paths = {"image" if role == "picture" else role: upload.path for role, upload in used.items()}
+    rgbd = job.read_picture(options | paths)
     return Source(rgbd, options, job, facts_of(rgbd, options, job.intrinsics_from, used), files=used)
 
 
@@ -151,10 +147,11 @@ def read_pair(files: Mapping[str, Upload], fields: Mapping[str, Any]) -> Source:
         if role not in files:
             raise PageError(f"{what} of the stereo pair is expected", role)
     job = JobInputs()
-    left, right, rig = job.pair(*(files[role].path for role in ("picture", "right", "calib")))
+    used = {role: files[role] for role in ("picture", "right", "calib")}
+    paths = {"left" if role == "picture" else role: upload.path for role, upload in used.items()}
+    left, right, rig = job.read_pair(paths)
     view = dlama.stereo(left, right, rig).views[0]
     rgbd = RGBD(left, view.depth, rig.left)
-    used = {role: files[role] for role in ("picture", "right", "calib")}
     facts = facts_of(rgbd, {}, job.intrinsics_from, used) | {"calib": f"baseline {rig.baseline_m:.4g} m"}
     return Source(rgbd, {}, job, facts, (left, right, rig), used)
 

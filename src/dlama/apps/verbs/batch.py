@@ -19,17 +19,17 @@ from dlama.apps.options import (
     Masking,
     Method,
     Move,
+    Pair,
     Pointing,
     Reading,
     Report,
     Results,
-    as_flags,
+    given_options,
     option,
 )
 from dlama.apps.places import check_folder_apart
 from dlama.apps.terminal.output import bar_or_lines, print_line, report_result
 from dlama.errors import InputError, format_count
-from dlama.jobs import options as groups
 from dlama.jobs.lists.folders import Pictures
 from dlama.jobs.results.result import Totals
 from dlama.jobs.storage import is_address, local_path
@@ -95,11 +95,6 @@ class Running:
     """Run nothing; print how many jobs there are and show the first ten as they would run."""
 
 
-@as_flags
-class Pair(groups.Pair):
-    """Of stereo pairs."""
-
-
 def batch(
     words: Positional[Annotated[tuple[str, ...], option("[JOBS | report OUT]")]] = (),
     /,
@@ -129,7 +124,7 @@ def batch(
         write_page(words[1:], report)
         return
     with report_result("batch", report) as result:
-        defaults = changed_options(move, lens, reading, estimating, masking, pointing, pair, method, results)
+        defaults = given_options(move, lens, reading, estimating, masking, pointing, pair, method, results)
         jobs = source(words, which, defaults)
         if running.dry_run:
             for line in plan_lines(jobs, which.verb, defaults):
@@ -159,17 +154,6 @@ def write_page(words: Sequence[str], report: Report) -> None:
     with report_result("batch report", report) as result:
         page = write_report(words[0])
         result.add(page, report=page)
-
-
-def changed_options(*groups: Any) -> dict[str, Any]:
-    """The options that differ from their defaults, by name."""
-    found: dict[str, Any] = {}
-    for group in groups:
-        for one in dataclasses.fields(group):
-            value = getattr(group, one.name)
-            if value != one.default:
-                found[one.name] = group.network() if one.name == "model" else value
-    return found
 
 
 def source(words: Sequence[str], which: Which, defaults: dict[str, Any]) -> Any:

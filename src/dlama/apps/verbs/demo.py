@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import shutil
 import warnings
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import dlama
-from dlama.apps.options import Lens, Masking, Method, Pointing, Reading, Results
+from dlama.apps.options import Method, Results, given_options
+from dlama.apps.places import check_folder_apart
 from dlama.apps.reading import Command
 from dlama.apps.terminal.output import Result
 from dlama.files.atomic_write import new_directory
@@ -15,60 +18,27 @@ from dlama.files.results.contact_sheet import write_contact_sheet
 from dlama.files.results.preview import demo_legend, demo_panels
 from dlama.files.results.video import write_video
 from dlama.geometry.trajectories import interpolate_cameras
+from dlama.jobs.early import check_options
+from dlama.jobs.parameters import check_parameters
+from dlama.jobs.verbs import perform
 
 ASSETS = dlama.example()
 """Picture, depth, mask, camera and stereo pair; its README names their sources."""
 INPUTS = ("street.jpg", "depth.png", "camera.json", "mask.png", "right.jpg", "calib.txt")
 """What the jobs read."""
-YAW = 20.0
-"""Degrees by which the demo's camera moves to the right."""
-BARREL = "256,345"
-"""A pixel on the barrel."""
 VIDEO_PICTURES, VIDEO_PX, VIDEO_FPS = 16, 256, 12.0
 """Of the demo's video: pictures on the way there, their width, and how many are shown a second."""
-FOV = 90.0
-"""Degrees, of the street's camera."""
-
-
-def demo_view(this: Command, method: Method) -> dlama.Completion:
-    """The street from 20 degrees further right."""
-    rgbd = this.rgbd(ASSETS / "street.jpg", ASSETS / "depth.png", Lens(camera=ASSETS / "camera.json"), Reading())
-    return dlama.view(rgbd, yaw=YAW, **method.settings())
-
-
-def demo_remove(this: Command, method: Method) -> dlama.Completion:
-    """The street without the barrel and its shadow."""
-    rgbd = this.rgbd(ASSETS / "street.jpg", ASSETS / "depth.png", Lens(camera=ASSETS / "camera.json"), Reading())
-    return dlama.remove(rgbd, this.mask(ASSETS / "mask.png", Masking(), ASSETS / "street.jpg"), **method.settings())
-
-
-def demo_stereo(this: Command, method: Method) -> dlama.Completion:
-    """Depth from the stereo pair, and both pictures without the barrel."""
-    pair = this.pair(ASSETS / "street.jpg", ASSETS / "right.jpg", ASSETS / "calib.txt")
-    return dlama.stereo(
-        *pair, mask=this.mask(ASSETS / "mask.png", Masking(), ASSETS / "street.jpg"), **method.settings()
-    )
-
-
-def demo_photo(this: Command, method: Method) -> dlama.Completion:
-    """The street from the photo alone: depth is estimated, the barrel clicked, its shadow taken."""
-    photo = ASSETS / "street.jpg"
-    with warnings.catch_warnings():
-        warnings.filterwarnings(
-            "ignore", "the scale of the estimated depth"
-        )  # meta.json says it; the demo shows no metres
-        rgbd = this.rgbd(photo, None, Lens(fov=FOV), Reading())
-    mask = this.pointed(rgbd, Pointing(click=(BARREL,), with_shadow=True), photo)
-    return dlama.remove(rgbd, mask, **method.settings())
-
-
-JOBS = {
-    "view": ("from 20° further right", demo_view),
-    "remove": ("without the barrel", demo_remove),
-    "stereo": ("stereo, without the barrel", demo_stereo),
-    "photo": ("from the photo alone, the barrel clicked", demo_photo),
+PICTURE = {"image": ASSETS / "street.jpg", "depth": ASSETS / "depth.png", "camera": ASSETS / "camera.json"}
+PAIR = {"left": ASSETS / "street.jpg", "right": ASSETS / "right.jpg", "calib": ASSETS / "calib.txt"}
+MASK = {"mask": ASSETS / "mask.png"}
+PHOTO: dict[str, Any] = {"image": ASSETS / "street.jpg", "fov": 90, "click": "256,345", "with_shadow": True}
+JOBS: dict[str, tuple[str, str, dict[str, Any]]] = {
+    "view": ("from 20° further right", "view", {**PICTURE, "yaw": 20}),
+    "remove": ("without the barrel", "remove", PICTURE | MASK),
+    "stereo": ("stereo, without the barrel", "stereo", PAIR | MASK),
+    "photo": ("from the photo alone, the barrel clicked", "remove", PHOTO),
 }
-"""Sub-directory -> what the joint sheet calls the job, and the job."""
+"""Sub-directory -> what the joint sheet calls the job, its verb and parameters."""
 
 
 def demo_video(path: Path, done: dlama.Completion) -> None:
@@ -84,13 +54,19 @@ def demo(output: Path, method: Method, result: Result, results: Results) -> None
 
     `result` takes a line for each. Raises OutputError, and InputError for options that cannot be; then nothing is left behind.
     """
-    Command().check(output, results, {}, None, method.settings(), pair=True)
+    check_folder_apart(output, {})
+    given, check = given_options(method, results), partial(check_options, pair=True)
+    jobs = {name: check_parameters(verb, own | given, False, check) for name, (_, verb, own) in JOBS.items()}
     panels, completions = [], []
-    with new_directory(output) as folder:
-        for name, (title, complete) in JOBS.items():
+    with new_directory(output) as folder, warnings.catch_warnings():
+        warnings.filterwarnings(
+            "ignore", "the scale of the estimated depth"
+        )  # meta.json says it; the demo shows no metres
+        for name, (title, verb, _) in JOBS.items():
             this = Command()
-            done = complete(this, method)
-            this.write(done, folder / name, results, shown=output / name)
+            done = perform(this, verb, jobs[name], folder / name)
+            assert isinstance(done, dlama.Completion)
+            this.report_completion(done, output / name, jobs[name])
             result.add(this.result.lines[0], **{name: this.result.values})
             panels += demo_panels(title, done)
             completions.append(done)

@@ -5,8 +5,7 @@ from __future__ import annotations
 from tyro.conf import Positional
 
 from dlama.apps.command import command
-from dlama.apps.options import Estimating, Image, Lens, Metres, Output, Reading, Report, Results
-from dlama.apps.terminal.flags import flags_of
+from dlama.apps.options import Estimating, Image, Lens, Metres, Output, Report
 
 
 def depth(
@@ -26,6 +25,4 @@ def depth(
         far: Depth at or beyond this is far (sky).
     """
     with command("depth", report) as this:
-        this.check(output, Results(), {"image": image}, image, {"far": far}, estimating.settings())
-        rgbd = this.rgbd(image, None, lens, Reading(far=far), estimating)
-        this.write_depth(rgbd, output, flags_of(depth))
+        this.run("depth", output, {"image": image}, lens, estimating, far=far)

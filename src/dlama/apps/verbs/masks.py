@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import warnings
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 from tyro.conf import Positional
 
 from dlama.apps.command import command
-from dlama.apps.options import Depth, Estimating, Image, Lens, Pointing, Reading, Report, option
+from dlama.apps.options import Depth, Estimating, Image, Lens, Pointing, Reading, Report, given_options, option
 from dlama.apps.places import check_file_apart
 from dlama.errors import InputError
+from dlama.jobs.parameters import PICTURE, POINTING, is_pointed, read_parameters
 
 ASSUMED = "the (scale of the estimated depth|field of view) is assumed"
 """Warnings of a picture whose depth is estimated; a mask in it depends on neither."""
@@ -38,19 +40,27 @@ def mask(
         output: The mask, 255 = the object; next to it MASK_overlay.png shows it in the picture.
     """
     with command("mask", report) as this:
-        for file in (output, overlay_of(output)):
-            check_file_apart(file, {"image": image, "depth": depth})
-        if not pointing.given:
+        files, overlay = {"image": image, "depth": depth}, overlay_of(output)
+        for file in (output, overlay):
+            check_file_apart(file, files)
+        given = given_options(pointing, lens, reading, estimating)
+        if not is_pointed(given):
             raise InputError(
                 "no object is pointed at: give --click X,Y on it, --box X,Y,W,H round it, --salient or --class NAME"
             )
-        this.check_options(image, reading.settings(), estimating.settings(), pointing.settings())
+        from dlama.jobs.early import check_options
+        from dlama.jobs.inputs import find_pointed
+
+        given |= {name: path for name, path in files.items() if path is not None}
+        p = read_parameters({**PICTURE, **POINTING}, given, partial(check_options, image=image))
         with warnings.catch_warnings():
-            if depth is None and not pointing.with_shadow:
+            if depth is None and "with_shadow" not in p:
                 warnings.filterwarnings("ignore", ASSUMED)
-            picture = this.picture(image, depth, lens, reading, estimating, needs_depth=pointing.needs_depth)
-        found = this.find(picture, pointing, image)
-        this.write_mask(found, picture, output, overlay_of(output))
+            by_color = "salient" in p or "object_class" in p or p.get("masker", "rgbd") != "rgbd"
+            needs_depth = depth is not None or "with_shadow" in p or not by_color
+            picture = this.read_picture(p) if needs_depth else this.read_color(p)
+        found, _ = find_pointed(picture, image, p)
+        this.write_mask(found, picture, output, overlay)
 
 
 def overlay_of(output: Path) -> Path:

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from tyro.conf import Positional
 
 import dlama
 from dlama.apps.command import command
-from dlama.apps.options import Depth, Estimating, Filler, Lens, Output, Reading, Report, Results, names_in, option
+from dlama.apps.options import Depth, Estimating, Filler, Lens, Output, Reading, Report, given_options, names_in, option
+from dlama.apps.places import check_folder_apart
 from dlama.errors import format_count
+from dlama.jobs.parameters import METHOD, PICTURE, read_parameters
 
 
 def photo3d(
@@ -46,24 +49,24 @@ def photo3d(
     from dlama.datasets.layouts import is_capture_file
     from dlama.datasets.sequences.loading import read_scene_of
     from dlama.files.results.photo3d import check_names
+    from dlama.jobs.early import check_options
+    from dlama.jobs.inputs import refuse_of_pictures, select
 
     with command("photo3d", report) as this:
-        how, chosen, more = filler.settings(), names_in(only), names_in(also) or ()
+        chosen, more = names_in(only), names_in(also) or ()
         check_names(chosen, more)
-        posed = image.is_dir() or is_capture_file(image)
-        picture = None if posed or image.suffix.lower() == ".npz" else image
-        options = reading.settings(), estimating.settings(), how
-        this.check(output, Results(), {"image": image, "depth": depth}, picture, *options)
-        given: dlama.RGBD | dlama.Scene
-        if posed:
-            taken: dict[str, Any] = {"camera": lens.camera, "depth_range": reading.depth_range}
-            this.refuse_of_pictures(image, "a data set", depth, (lens, reading, estimating), tuple(taken))
-            given = read_scene_of(image, **taken)[1]
-        elif picture is None:
-            given = this.scene(image, depth, (lens, reading, estimating))
+        check_folder_apart(output, {"image": image, "depth": depth})
+        given = given_options(lens, reading, estimating, filler) | {"image": image}
+        p = read_parameters(
+            PICTURE, given | ({} if depth is None else {"depth": depth}), partial(check_options, image=image)
+        )
+        source: dlama.RGBD | dlama.Scene
+        if image.is_dir() or is_capture_file(image):
+            refuse_of_pictures(p, "a data set", ("camera", "depth_range"))
+            source = read_scene_of(image, camera=lens.camera, depth_range=reading.depth_range)[1]
         else:
-            given = this.rgbd(image, depth, lens, reading, estimating)
-        done = dlama.photo3d(given, angle=angle, distance=distance, **how)
+            source = this.read_source(p)
+        done = dlama.photo3d(source, angle=angle, distance=distance, **select(p, METHOD))
         dlama.write_photo3d(
             done,
             output,

@@ -19,6 +19,8 @@ from dlama.apps.options import (
     Output,
     Report,
     SequenceMethod,
+    check_of_object,
+    given_options,
     names_in,
     option,
 )
@@ -79,8 +81,8 @@ def sequence(
     started = time.perf_counter()
     with report_result("sequence", report) as result:
         check_folder_apart(output, {"data set": dataset, "folder of masks": masks})
-        files, how = mask_files(mask, masks), masking.settings()
-        masking.check_with(*files.values())
+        files, how = mask_files(mask, masks), given_options(masking)
+        check_of_object(how, *files.values())
         found = read_masks(files, **how)
         with show_progress("sequence", report) as progress:
             options = {"masks": found, "views": views, **vars(source)}

@@ -7,9 +7,19 @@ from typing import Annotated, Literal
 
 from tyro.conf import Positional
 
-import dlama
 from dlama.apps.command import command
-from dlama.apps.options import Masking, Method, Metres, Output, Pointing, Report, Results, option
+from dlama.apps.options import (
+    Masking,
+    Method,
+    Metres,
+    Output,
+    Pointing,
+    Report,
+    Results,
+    check_of_object,
+    given_options,
+    option,
+)
 
 
 def stereo(
@@ -50,23 +60,7 @@ def stereo(
     """
     with command("stereo", report) as this:
         files = {"left": left, "right": right, "mask": mask, "mask_right": mask_right, "disparity": disparity}
-        how = method.settings()
-        removes = mask is not None or pointing.given
-        masking.check_with(mask, mask_right)
-        if not pointing.given:
-            pointing.check_with(mask)
-        this.check(output, results, files, left, pointing.settings(), {"far": far}, how, removes=removes, pair=True)
-        pair = this.pair(left, right, calib)
-        known = this.optional_disparity(disparity, disparity_scale)
-        masks = (
-            this.left_mask(mask, masking, pointing, left),
-            this.optional_mask(mask_right, masking, right, "mask_right"),
-        )
-        options = {
-            "right_view": right_view,
-            "matcher": matcher,
-            "max_disparity": max_disparity,
-            "far": far,
-            **how,
-        }
-        this.write(dlama.stereo(*pair, disparity=known, mask=masks[0], mask_right=masks[1], **options), output, results)
+        check_of_object(given_options(masking, pointing), mask, mask_right)
+        others = {"calib": calib, "right_view": right_view, "disparity_scale": disparity_scale, "matcher": matcher}
+        others |= {"max_disparity": max_disparity, "far": far}
+        this.run("stereo", output, files, masking, pointing, method, results, **others)

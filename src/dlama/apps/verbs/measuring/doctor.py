@@ -9,7 +9,7 @@ from typing import Annotated
 from tyro.conf import Positional
 
 import dlama
-from dlama.apps.options import Lens, Masking, Reading, Report, option
+from dlama.apps.options import Lens, Masking, Reading, Report, given_options, option
 from dlama.apps.terminal.flags import flags_of, with_flags
 from dlama.apps.terminal.output import report_result
 
@@ -40,7 +40,7 @@ def doctor(
         layout: How the data set lies on disk, as for dlama evaluate.
     """
     with report_result("doctor", report) as result:
-        options = {**lens.settings(), **reading.settings(), **masking.settings()}
+        options = given_options(lens, reading, masking)
         found = dlama.diagnose(first, second, mask, calib=calib, layout=layout, **options)
         flags = flags_of(doctor)
         for finding in found:
