@@ -292,7 +292,7 @@ def test_a_png_with_a_wrong_checksum_is_refused(tmp_path: Path) -> None:
     end = data.index(b"IEND") - 8  # in front of its length: the checksum of the pixels
     path.write_bytes(data[:end] + bytes([data[end] ^ 1]) + data[end + 1 :])
     for read in (read_color, read_mask):
-        with pytest.raises(FileError, match=r"a\.png: is damaged \(wrong checksum of the IDAT chunk at byte 33\)"):
+        with pytest.raises(FileError, match=r"a\.png: is damaged or truncated \(broken PNG file .*b'IDAT'"):
             read(path)
 
 

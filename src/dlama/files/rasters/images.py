@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import re
 import warnings
-import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -15,7 +14,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from dlama.errors import DlamaError, FileError, any_error, first_line, import_extra, system_errors
+from dlama.errors import FileError, any_error, import_extra, system_errors
 from dlama.files.atomic_write import PathLike
 from dlama.files.rasters.color_profiles import to_srgb
 from dlama.files.rasters.orientation import (
@@ -126,7 +125,9 @@ def read_stored(path: PathLike) -> StoredPicture:
     Raises FileError: missing, damaged, too large or of another kind. MissingExtraError: HEIC, and pillow-heif is not installed.
     """
     file = existing_file(path)
-    try:
+    with any_error(
+        FileError, f"{file}: is damaged or truncated"
+    ):  # decoders raise OSError, SyntaxError, struct.error, ...
         data, tiff_orientation = reset_orientation(file.read_bytes())
         with _open(file, data) as picture:
             if picture.format in SEVERAL and getattr(picture, "n_frames", 1) > 1:
@@ -136,20 +137,13 @@ def read_stored(path: PathLike) -> StoredPicture:
             exif_orientation, focal = _exif(picture)
             orientation = exif_orientation if picture.format != "TIFF" else tiff_orientation
             if picture.format == "PNG":
-                _check_sums(file, data)
+                with _open(file, data) as unread:
+                    unread.verify()  # checksums, which Pillow does not look at as it decodes pixels
             picture.load()
             values, turned = _values(picture, file, data), decoder_orientation(picture)
             profile = None if picture.mode in NO_RGB else picture.info.get("icc_profile")
             turn = orientation if turned == 1 else turned
             return StoredPicture(apply_orientation(values, orientation), turn, focal, profile)
-    except DlamaError:
-        raise
-    except Image.UnidentifiedImageError as error:
-        raise FileError(
-            f"{file}: is no readable PNG, JPEG, WebP, TIFF or HEIC picture{_describe_file(file)}"
-        ) from error
-    except Exception as error:  # decoders raise OSError, SyntaxError, ValueError, struct.error, ... on damaged files
-        raise FileError(f"{file}: is damaged or truncated ({first_line(error)})") from error
 
 
 @system_errors(FileError)
@@ -178,7 +172,7 @@ def has_16_bits(path: PathLike) -> bool:
 
 def _header(file: Path) -> tuple[tuple[int, int], int]:
     """(height, width) as stored, and the orientation."""
-    try:
+    with any_error(FileError, f"{file}: is damaged or truncated"):
         with file.open("rb") as stream:
             tiff = stream.read(4) in TIFF_HEADS | BIG_TIFF_HEADS
         data, orientation = reset_orientation(file.read_bytes()) if tiff else (b"", 1)
@@ -187,12 +181,6 @@ def _header(file: Path) -> tuple[tuple[int, int], int]:
             if turned != 1:
                 return hw if turned < 5 else (hw[1], hw[0]), turned
             return hw, orientation if tiff else _exif(picture)[0]
-    except DlamaError:
-        raise
-    except Exception as error:
-        raise FileError(
-            f"{file}: is no readable PNG, JPEG, WebP, TIFF or HEIC picture{_describe_file(file)}"
-        ) from error
 
 
 @contextmanager
@@ -206,7 +194,13 @@ def _open(file: Path, data: bytes) -> Iterator[Image.Image]:
         first = "JPEG" if head[:2] == b"\xff\xd8" else "WEBP" if head[8:] == b"WEBP" else "PNG"
         # Pillow loads the forty others where the first is not this file's
         formats = (first, "PNG", "JPEG", "WEBP", "TIFF")
-        with _heic(file) if HEIC.match(head) else Image.open(source, formats=formats) as picture:
+        try:
+            opened = _heic(file) if HEIC.match(head) else Image.open(source, formats=formats)
+        except Image.UnidentifiedImageError as error:
+            raise FileError(
+                f"{file}: is no readable PNG, JPEG, WebP, TIFF or HEIC picture{_describe_file(file)}"
+            ) from error
+        with opened as picture:
             if is_preview(picture):
                 raise FileError(f"{file}: is a raw file of a camera; develop it, and save it as TIFF or PNG")
             check_pixels(file, picture.width, picture.height)
@@ -233,19 +227,6 @@ def picture_of_bytes(data: bytes, where: str) -> Image.Image:
         check_pixels(where, *picture.size)
         picture.load()
         return picture
-
-
-def _check_sums(file: Path, data: bytes) -> None:
-    """FileError where a chunk of a PNG has another checksum than its bytes: Pillow decodes pixels without looking at it."""
-    bytes_of, at = memoryview(data), 8
-    while at + 12 <= len(data):
-        end = at + 8 + int.from_bytes(bytes_of[at : at + 4], "big")
-        if end + 4 <= len(data) and zlib.crc32(bytes_of[at + 4 : end]) != int.from_bytes(
-            bytes_of[end : end + 4], "big"
-        ):
-            kind = data[at + 4 : at + 8].decode("latin-1")
-            raise FileError(f"{file}: is damaged (wrong checksum of the {kind} chunk at byte {at})")
-        at = end + 4
 
 
 def _values(picture: Image.Image, file: Path, data: bytes) -> np.ndarray:
