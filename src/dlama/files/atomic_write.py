@@ -18,7 +18,7 @@ import errno
 import os
 import shutil
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from pathlib import Path
 
 from dlama.errors import OutputError
@@ -33,6 +33,18 @@ FULL = (errno.ENOSPC, errno.EFBIG, getattr(errno, "EDQUOT", errno.ENOSPC))
 
 
 @contextmanager
+def writing(place: PathLike, draft: PathLike | None = None) -> Iterator[None]:
+    """Context: an error of the system becomes an OutputError: `place` cannot be written, and why; a `draft` is called `place`."""
+    try:
+        yield
+    except OSError as error:
+        if isinstance(error, OutputError):
+            raise
+        reason = (error.strerror or str(error)).lower() if error.errno else str(error)
+        raise OutputError(f"{place}: cannot be written: {reason.replace(str(draft), str(place))}") from error
+
+
+@contextmanager
 def new_file(path: PathLike) -> Iterator[Path]:
     """A temporary path next to `path` (same suffix) to write to; renamed to `path` on success, removed on failure.
 
@@ -42,21 +54,17 @@ def new_file(path: PathLike) -> Iterator[Path]:
     draft = target.with_name(name_of(DRAFT, target.name))
     nested = in_a_draft(target.absolute())
     try:
-        if target.is_dir():
-            raise IsADirectoryError(f"{target} is a directory")
-        if not nested:
-            remove_abandoned(target.absolute().parent)
-        draft.touch(exist_ok=False)
-        with hold(draft):
-            yield draft
+        with writing(target, draft):
+            if target.is_dir():
+                raise IsADirectoryError(f"{target} is a directory")
             if not nested:
-                _flush(draft)
-            draft.replace(target)
-    except OSError as error:
-        if isinstance(error, OutputError):
-            raise
-        reason = _reason(error).replace(str(draft), str(target))
-        raise OutputError(f"{target}: cannot be written: {reason}") from error
+                remove_abandoned(target.absolute().parent)
+            draft.touch(exist_ok=False)
+            with hold(draft):
+                yield draft
+                if not nested:
+                    _flush(draft)
+                draft.replace(target)
     finally:
         with contextlib.suppress(OSError):
             draft.unlink(missing_ok=True)
@@ -69,30 +77,26 @@ def new_directory(path: PathLike) -> Iterator[Path]:
     Files of the same names are replaced, all others stay. On failure everything goes, also folders that were made on the way.
     Raises OutputError when the place cannot be written, or a file and a folder have the same name.
     """
-    target = check_name(path)
+    target, draft = check_name(path), None
     made: list[Path] = []
-    with ExitStack() as owned:
-        try:
+    try:
+        with writing(target):
             place = Path(os.path.realpath(target))  # a link keeps pointing to its directory
             draft = _draft_directory(place, made)
-            owned.enter_context(hold(draft))
-        except OSError as error:
-            _remove_made(made)
-            raise OutputError(f"{target}: cannot be written: {_reason(error)}") from error
-        try:
+        with hold(draft):
             yield draft
-            try:
+            with writing(target):
                 _place(draft, place)
-            except OSError as error:
-                raise OutputError(f"{target}: cannot be written: {_reason(error)}") from error
-        except BaseException as error:
-            if isinstance(error, OutputError):  # of a file in it: that is known by where it was to lie
-                error.args = tuple(str(one).replace(str(draft), str(target)) for one in error.args)
+    except BaseException as error:
+        if draft is not None:
             shutil.rmtree(draft, ignore_errors=True)
-            _remove_made(made)
-            if isinstance(error, OSError) and error.errno in FULL and error.filename is None:  # of nothing by name
-                raise OutputError(f"{target}: cannot be written: {_reason(error)}") from error
-            raise
+        _remove_made(made)
+        if isinstance(error, OutputError):  # of a file in it: that is known by where it was to lie
+            error.args = tuple(str(one).replace(str(draft), str(target)) for one in error.args)
+        elif isinstance(error, OSError) and error.errno in FULL and error.filename is None:  # of nothing by name
+            with writing(target):
+                raise
+        raise
 
 
 def check_name(path: PathLike) -> Path:
@@ -185,17 +189,13 @@ def _finish_interrupted(target: Path) -> None:
 
 def _move_what_is_missing(old: Path, target: Path) -> None:
     """Move what `old` holds and `target` does not into `target`, then remove `old`."""
-    _move_missing(old, target)
-    shutil.rmtree(old, ignore_errors=True)
-
-
-def _move_missing(old: Path, target: Path) -> None:
     for entry in sorted(old.iterdir()):
         place = target / entry.name
         if _is_folder(entry) and _is_folder(place):
-            _move_missing(entry, place)
+            _move_what_is_missing(entry, place)
         elif not os.path.lexists(place):
             entry.rename(place)
+    shutil.rmtree(old, ignore_errors=True)
 
 
 def _refuse_conflicts(draft: Path, target: Path) -> None:
@@ -266,7 +266,3 @@ def _remove_made(made: list[Path]) -> None:
     for folder in reversed(made):
         with contextlib.suppress(OSError):  # somebody else's file may lie in it by now
             folder.rmdir()
-
-
-def _reason(error: OSError) -> str:
-    return (error.strerror or str(error)).lower() if error.errno else str(error)

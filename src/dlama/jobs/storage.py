@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import IO, Any
 
-from dlama.errors import FileError, MissingExtraError, OutputError, first_line, import_extra, system_reason
-from dlama.files.atomic_write import new_file
+from dlama.errors import FileError, MissingExtraError, OutputError, first_line, import_extra
+from dlama.files.atomic_write import new_file, writing
 from dlama.files.drafts import DRAFT, hold, name_of, remove
 
 MARKER = "meta.json"
@@ -146,11 +146,9 @@ class Output:
             return
         root = Path(local_path(self.place)).absolute()
         draft = root / name_of(DRAFT, "job")
-        try:
+        with writing(root):
             root.mkdir(parents=True, exist_ok=True)
             draft.mkdir()
-        except OSError as error:
-            raise OutputError(f"{root}: cannot be written: {system_reason(error)}") from error
         try:
             with hold(draft):
                 yield draft
@@ -160,17 +158,11 @@ class Output:
     def put(self, folder: Path, name: str) -> None:
         """A whole result, made in `staging`, becomes what lies under a name; an earlier one goes. OutputError."""
         target = self.of(name)
-        try:
+        with writing(target):
             if self.is_remote:
                 self._upload(folder, name)
             else:
                 _swap(folder, Path(target))
-        except OSError as error:
-            if isinstance(error, OutputError):
-                raise
-            raise OutputError(
-                f"{target}: cannot be written: {(error.strerror or first_line(error)).lower()}"
-            ) from error
 
     def _upload(self, folder: Path, name: str) -> None:
         """The marker of an earlier result goes first, that of the new one comes last."""

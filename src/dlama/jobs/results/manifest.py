@@ -17,7 +17,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import IO, Any
 
-from dlama.errors import InputError, OutputError, system_errors, system_reason
+from dlama.errors import InputError, OutputError, system_errors
+from dlama.files.atomic_write import writing
 from dlama.jobs.job import Job, folders_above
 from dlama.jobs.results.result import JobResult, csv_writer
 from dlama.jobs.storage import Output, file_stamp, file_system, is_address
@@ -124,11 +125,9 @@ class Manifest:
             self._new_shard()
         assert self._writer is not None
         place = self._writer.tell()
-        try:
+        with writing(self._shards[-1]):  # an error names no file
             self._writer.write(row.as_json().encode() + b"\n")
             self._writer.flush()
-        except OSError as error:  # which names no file
-            raise OutputError(f"{self._shards[-1]}: cannot be written: {system_reason(error)}") from error
         self._index.execute("insert or replace into rows values (?, ?, ?)", (row.id, len(self._shards) - 1, place))
         self._shard_rows += 1
         if self.output.is_remote:
