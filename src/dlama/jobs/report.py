@@ -6,12 +6,12 @@ Any number of rows: they are gone through once.
 from __future__ import annotations
 
 import base64
-import heapq
 import io
 import random
 import re
 import tarfile
 import time
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -44,10 +44,6 @@ PLACE = re.compile(r"(?:\w+://|[A-Za-z]:)?[^\s:;,']*[/\\][^\s:;,']*")
 NUMBER = re.compile(r"\d+(?:\.\d+)?")
 
 
-Ranked = tuple[float, str, JobResult]
-"""A result, and by what it is ranked: a value, then its id."""
-
-
 @dataclass
 class Group:
     """Failures that say the same, but for names and numbers."""
@@ -65,30 +61,20 @@ class Summary(Totals):
 
     groups: dict[tuple[str, str], Group] = field(default_factory=dict)
     """(kind, message without names) -> the failures that say it."""
-    hosts: dict[str, int] = field(default_factory=dict)
+    hosts: Counter[str] = field(default_factory=Counter)
     """Name -> results that ended there, failed ones too."""
-    finished: dict[int, int] = field(default_factory=dict)
+    finished: Counter[int] = field(default_factory=Counter)
     """Second -> results that ended in it."""
     at_random: list[JobResult] = field(default_factory=list)
     """SHOWN results, each as likely as any other."""
-    holes: list[Ranked] = field(default_factory=list)
-    """A heap of (share, id, result): the SHOWN largest holes."""
-    moves: list[Ranked] = field(default_factory=list)
-    """A heap of (pixels, id, result): the SHOWN with most filled pixels that were moved behind what was measured."""
+    largest_holes: list[JobResult] = field(default_factory=list)
+    """The SHOWN results with the largest holes, the largest first."""
+    most_moves: list[JobResult] = field(default_factory=list)
+    """The SHOWN with most filled pixels that were moved behind what was measured, the most first."""
 
     def groups_by_size(self) -> list[Group]:
         """The largest first."""
         return sorted(self.groups.values(), key=lambda one: (-one.count, one.kind, one.message))
-
-    @property
-    def largest_holes(self) -> list[JobResult]:
-        """The results with the largest holes, the largest first."""
-        return _worst_first(self.holes)
-
-    @property
-    def most_moves(self) -> list[JobResult]:
-        """The results with the most moves of the visibility law, the most first."""
-        return _worst_first(self.moves)
 
 
 def summarise(rows: Iterable[JobResult], seed: int = 0) -> Summary:
@@ -96,10 +82,8 @@ def summarise(rows: Iterable[JobResult], seed: int = 0) -> Summary:
     found, draw = Summary(), random.Random(seed)
     for row in rows:
         found.add(row)
-        second = int(row.finished)
-        found.finished[second] = found.finished.get(second, 0) + 1
-        if row.host:
-            found.hosts[row.host] = found.hosts.get(row.host, 0) + 1
+        found.finished[int(row.finished)] += 1
+        found.hosts.update([row.host] if row.host else [])
         if row.status == "failed":
             _add_failure(found, row)
             continue
@@ -107,15 +91,12 @@ def summarise(rows: Iterable[JobResult], seed: int = 0) -> Summary:
             found.at_random.append(row)
         elif (place := draw.randrange(found.done)) < SHOWN:
             found.at_random[place] = row
-        for kept, value in ((found.holes, row.hole_share), (found.moves, row.law_moves)):
-            heapq.heappush(kept, (value or 0.0, row.id, row))
-            if len(kept) > SHOWN:
-                heapq.heappop(kept)
+        for kept, name in ((found.largest_holes, "hole_share"), (found.most_moves, "law_moves")):
+            if getattr(row, name):
+                kept.append(row)
+                kept.sort(key=lambda one, name=name: (getattr(one, name), one.id), reverse=True)  # type: ignore[misc]
+                del kept[SHOWN:]
     return found
-
-
-def _worst_first(kept: list[Ranked]) -> list[JobResult]:
-    return [row for value, _, row in sorted(kept, key=lambda one: one[:2], reverse=True) if value > 0]
 
 
 def without_names(message: str) -> str:
@@ -142,18 +123,6 @@ def _add_failure(found: Summary, row: JobResult) -> None:
     group.count += 1
     if len(group.examples) < EXAMPLES:
         group.examples.append(row)
-
-
-@dataclass(frozen=True)
-class SheetPicture:
-    """A picture of a contact sheet."""
-
-    name: str
-    caption: str
-    link: str
-    """The result's folder, from the page."""
-    picture: str
-    """A data URL; empty: it has none."""
 
 
 def write_report(out: PathLike) -> str:
@@ -227,17 +196,15 @@ def _bars(width: int, bars: list[tuple[int, int]]) -> list[dict[str, Any]]:
     ]
 
 
-def _sheet(rows: Iterable[JobResult], output: Output) -> list[SheetPicture]:
+def _sheet(rows: Iterable[JobResult], output: Output) -> list[dict[str, str]]:
+    """Name, caption, folder (from the page; empty: it lies elsewhere) and picture of each result."""
     shown = []
     for row in rows:
         parts = [row.verb]
         parts += [] if row.hole_share is None else [f"{row.hole_share:.1%} unknown"]
         parts += [f"{row.law_moves} moved"] if row.law_moves else []
-        shown.append(
-            SheetPicture(
-                row.id, ", ".join(parts), "" if is_address(output.place) else row.folder, _picture(row, output)
-            )
-        )
+        link = "" if is_address(output.place) else row.folder
+        shown.append({"name": row.id, "caption": ", ".join(parts), "link": link, "picture": _picture(row, output)})
     return shown
 
 
