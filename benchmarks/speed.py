@@ -78,7 +78,7 @@ def frames(count: int) -> Figures:
     import dlama
     from dlama.datasets.sequences.loading import read_scene_of
 
-    _, scene, _ = read_scene_of(Path(os.environ["DLAMA_DATA"]) / "data" / "kitchen_sequence", f"0:{count}")
+    scene = read_scene_of(Path(os.environ["DLAMA_DATA"]) / "data" / "kitchen_sequence", f"0:{count}").scene
     cameras = [dlama.orbit(frame.camera, 3.0, 0.0, 2.0) for frame in scene.frames]
     dlama.complete(scene, cameras[:1])
     with (lap := Laps())("cpu"):

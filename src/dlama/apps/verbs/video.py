@@ -53,7 +53,7 @@ def video(
         check_video(output)
         check_file_apart(output, {"what is shown": source})
         options = dict(vars(frames))
-        _, scene, _ = read_scene_of(source, options.pop("frames"), **options)
+        scene = read_scene_of(source, options.pop("frames"), **options).scene
         cameras = path_for(path, scene, seconds, fps, width)
         chosen = choose_filler(scene, filler.filler, filler.model).name
         views = dlama.render_path(scene, cameras, **filler.settings() | {"filler": chosen})

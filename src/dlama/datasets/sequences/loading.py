@@ -9,7 +9,7 @@ from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import cv2
 import numpy as np
@@ -20,6 +20,7 @@ from dlama.datasets.easysynth.listing import sequence_folders
 from dlama.datasets.frames import Frame
 from dlama.datasets.layouts import layout_of, list_dataset
 from dlama.datasets.posed.posed_frames import SAME_PROPORTIONS, CameraOption
+from dlama.datasets.text_tables import check_scenes
 from dlama.errors import DlamaError, FileError, InputError, first_line, format_count, system_errors
 from dlama.files.atomic_write import PathLike
 from dlama.files.scenes.scene_npz import read_scene
@@ -33,6 +34,18 @@ from dlama.progress import begin_stage
 T = TypeVar("T")
 
 
+class LoadedScene(NamedTuple):
+    """The scene of a data set."""
+
+    names: list[str]
+    """Of the frames."""
+    scene: Scene
+    damaged: dict[str, str]
+    """Frames that could not be read, with why."""
+    not_chosen: list[str]
+    """Frames that were not asked for."""
+
+
 def read_scene_of(
     dataset: PathLike,
     which: str | None = None,
@@ -42,8 +55,8 @@ def read_scene_of(
     depth_range: float | None = None,
     clip: float | None = None,
     align: bool = False,
-) -> tuple[list[str], Scene, dict[str, str]]:
-    """The names of the frames, the scene of them, and those that could not be read with why. A scene.npz is one already.
+) -> LoadedScene:
+    """The scene of the frames that `which` chooses. A scene.npz is one already.
 
     clip: metres, as of `complete`. align: poses are made to agree with the pictures, where they do not (`align_frames`).
     """
@@ -58,14 +71,17 @@ def read_scene_of(
         if align:
             raise InputError(f"`align` is on, and {dataset} is a scene; align the frames that it is made of")
         found = read_scene(dataset)
-        return [f"frame-{number:04d}" for number in range(max(found.numbers) + 1)], found, {}
-    chosen = slice_frames(open_frames(dataset, layout, camera=camera, depth_range=depth_range, scene=scene), which)
+        return LoadedScene([f"frame-{number:04d}" for number in range(max(found.numbers) + 1)], found, {}, [])
+    every = open_frames(dataset, layout, camera=camera, depth_range=depth_range, scene=scene)
+    chosen = slice_frames(every, which)
+    kept = {frame.name for frame in chosen}
     views, damaged = read_views(align_poses(chosen) if align else chosen, PixelCache(), clip)
     if not views:
         raise FileError(
             f"{dataset}: not one of its {len(chosen)} frames can be read; the first: {next(iter(damaged.values()))}"
         )
-    return list(views), gather_views(list(views.values()), list(views)), damaged
+    gathered = gather_views(list(views.values()), list(views))
+    return LoadedScene(list(views), gathered, damaged, [frame.name for frame in every if frame.name not in kept])
 
 
 def align_poses(frames: Sequence[Frame]) -> list[Frame]:
@@ -159,22 +175,6 @@ def shrink_mask(mask: BoolArray, hw: tuple[int, int]) -> BoolArray:
     return np.asarray(cv2.resize(mask * np.uint8(255), hw[::-1], interpolation=cv2.INTER_AREA) > 0)
 
 
-def names_left_out(
-    dataset: PathLike,
-    which: str | None,
-    layout: str | None,
-    scene: str | None,
-    camera: CameraOption,
-    depth_range: float | None,
-) -> dict[str, str]:
-    """Name -> why, of the frames that `which` does not choose."""
-    if which is None:
-        return {}
-    every = open_frames(dataset, layout, camera=camera, depth_range=depth_range, scene=scene)
-    chosen = {frame.name for frame in slice_frames(every, which)}
-    return {frame.name: f"`frames` is {which}" for frame in every if frame.name not in chosen}
-
-
 @system_errors(FileError)
 def open_frames(
     path: PathLike,
@@ -216,8 +216,7 @@ def _of_scene(root: Path, frames: Sequence[Frame], scene: str | None) -> tuple[F
     scenes = list(dict.fromkeys(frame.scene for frame in frames))
     if scene is None and len(scenes) > 1:
         raise InputError(f"{root}: holds {len(scenes)} scenes ({', '.join(scenes[:8])}); say which by `scene=NAME`")
-    if scene is not None and scene not in scenes:
-        raise InputError(f"scene '{scene}' is not in this data set; it has {', '.join(scenes)}")
+    check_scenes(scenes, None if scene is None else [scene])
     return tuple(frame for frame in frames if scene in (None, frame.scene))
 
 

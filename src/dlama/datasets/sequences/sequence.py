@@ -20,7 +20,7 @@ from dlama.completion.steps import CompletedView, complete_frame, complete_view,
 from dlama.datasets.posed.nerfstudio import FOLDERS, MASKS, write_transforms, write_view
 from dlama.datasets.posed.posed_frames import CameraOption
 from dlama.datasets.sequences.camera_paths import cameras_for
-from dlama.datasets.sequences.loading import fit_masks, masks_by_number, names_left_out, read_scene_of
+from dlama.datasets.sequences.loading import fit_masks, masks_by_number, read_scene_of
 from dlama.datasets.sequences.results import check_results, write_views_video, write_whole
 from dlama.datasets.sequences.state import SequenceState, Step, StepChange
 from dlama.errors import OutputError, system_errors
@@ -113,13 +113,14 @@ def sequence(
     check_arguments(sequence, locals())
     started, target, chosen = time.perf_counter(), Path(output), check_results(only, also)
     method = Options(filler=filler, model=model, recipe=recipe, dilate=dilate, seed=seed, min_confidence=min_confidence)
-    source = frames, layout, scene, camera, depth_range
-    names, given, damaged = read_scene_of(dataset, *source, method.settings.clip, align)
+    clip = method.settings.clip
+    loaded = read_scene_of(dataset, frames, layout, scene, camera, depth_range, clip, align)
+    names, given, damaged, not_chosen = loaded
     kept = [names[number] for number in given.numbers]
     cameras = cameras_for(views, given)
     check_first_frame(given)
     others = dict.fromkeys(set(names) - set(kept), "it contradicts all others")
-    others |= names_left_out(dataset, *source) if masks else {}
+    others |= dict.fromkeys(not_chosen, f"`frames` is {frames}")
     numbered = fit_masks(masks_by_number(masks or {}, names, damaged, others), given)
     plan, start, _ = plan_for(given, method, numbered or None)
     steps, settings = steps_for(plan, start, kept, cameras), settings_of(plan, method)
