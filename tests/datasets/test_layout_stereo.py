@@ -141,7 +141,10 @@ def test_bad_folders(tmp_path: Path) -> None:
         ({"disparity_scale": None}, r"disp_left\.png: holds 8-bit numbers; say how many"),
         ({"width": 100}, r"calib\.json: the camera is 100x375 and the picture 450x375"),
         ({"K": [[300, 0, 225], [0, 300, 187], [0, 0, 1]]}, r"calib\.json: field 'baseline_m' is missing"),
-        ({"K": [[300, 0, 225], [0, 300, 187], [0, 0, 1]], "baseline_m": -1}, r"baseline_m is -1; a distance > 0"),
+        (
+            {"K": [[300, 0, 225], [0, 300, 187], [0, 0, 1]], "baseline_m": -1},
+            r"calib\.json: the baseline is -1 m; a distance",
+        ),
     ],
 )
 def test_bad_calibrations(tmp_path: Path, data_dir: Path, changes: dict[str, Any], message: str) -> None:

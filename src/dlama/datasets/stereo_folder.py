@@ -9,18 +9,15 @@ Format: vision.middlebury.edu/stereo/data/scenes2014.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-import numpy as np
-
 from dlama.datasets.frames import Case, Dataset, StereoTruth
 from dlama.datasets.text_tables import scene_folders
-from dlama.errors import CameraError, FileError, ShapeError
-from dlama.files.cameras import make_camera, read_stereo_calib
+from dlama.errors import FileError, ShapeError
+from dlama.files.cameras import make_rig, read_stereo_calib
 from dlama.files.fields import FileFields, read_json_fields
 from dlama.files.rasters.depth import read_disparity
 from dlama.files.rasters.pictures import read_color_of_camera
@@ -92,11 +89,9 @@ def load_stereo(files: StereoFiles) -> StereoTruth:
         fields = read_json_fields(files.calib)
         rig, metric = _rig(fields, hw)
         scale = fields.number("disparity_scale") if "disparity_scale" in fields else None
-    disparities: list[Float32Array | None] = []
-    for path in (files.disparity_left, files.disparity_right):
-        disparities.append(None if path is None else _disparity(path, scale, hw))
-    assert disparities[0] is not None
-    return StereoTruth(left, right, rig, disparities[0], disparities[1], metric=metric)
+    disparity = _disparity(files.disparity_left, scale, hw)
+    other = None if files.disparity_right is None else _disparity(files.disparity_right, scale, hw)
+    return StereoTruth(left, right, rig, disparity, other, metric=metric)
 
 
 def _disparity(path: Path, scale: float | None, hw: tuple[int, int]) -> Float32Array:
@@ -109,18 +104,11 @@ def _rig(fields: FileFields, hw: tuple[int, int]) -> tuple[StereoRig, bool]:
     """The rig of a calib.json, and whether it is metric; first pixel's centre at 0.0 unless the file says otherwise."""
     size = fields.size(hw)
     if "K" not in fields:
-        focal, baseline, doffs = float(hw[1]), NOMINAL_BASELINE_M, 0.0
-        intrinsics, center = (focal, focal, hw[1] / 2, hw[0] / 2), 0.5
-    else:
-        intrinsics, center = fields.intrinsics("K"), fields.pixel_center(0.0)
-        baseline, doffs = fields.number("baseline_m"), fields.number("doffs") if "doffs" in fields else 0.0
-    if not (baseline > 0 and math.isfinite(baseline)):
-        raise CameraError(f"{fields.path}: baseline_m is {baseline:g}; a distance > 0 is expected")
-    across = np.eye(4)
-    across[0, 3] = baseline
-    fx, fy, cx, cy = intrinsics
-    left = make_camera(fields.path, size, intrinsics, center)
-    return StereoRig(left, make_camera(fields.path, size, (fx, fy, cx + doffs, cy), center, across)), "K" in fields
+        lens = float(hw[1]), float(hw[1]), hw[1] / 2, hw[0] / 2
+        return make_rig(fields.path, size, (lens, lens), 0.5, NOMINAL_BASELINE_M), False
+    fx, fy, cx, cy = lens = fields.intrinsics("K")
+    right = fx, fy, cx + (fields.number("doffs") if "doffs" in fields else 0.0), cy
+    return make_rig(fields.path, size, (lens, right), fields.pixel_center(0.0), fields.number("baseline_m")), True
 
 
 def _same_size(path: Path, shape: tuple[int, ...], hw: tuple[int, int]) -> None:

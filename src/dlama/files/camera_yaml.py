@@ -16,9 +16,6 @@ from dlama.files.fields import FileFields
 from dlama.files.rasters.images import existing_file
 
 SUFFIXES = (".yaml", ".yml")
-MOST_BYTES = 2**20
-HEAD = "%YAML:1.0\n---\n"
-"""How OpenCV's YAML begins; ROS leaves it away."""
 MATRIX, DISTORTION = ("camera_matrix", "K", "k"), ("distortion_coefficients", "D", "d")
 """Names of the fields: of calibration files; of a message that `rostopic echo` or `ros2 topic echo` prints."""
 BLOCK_LIST = re.compile(r"^(\w+):[ ]*\n((?:[ ]*- [^\n]*\n)+)", re.MULTILINE)
@@ -35,10 +32,10 @@ def read_yaml_fields(path: PathLike) -> FileFields:
         "the YAML of a camera is expected, as ROS (camera_info) and OpenCV write it: camera_matrix, image_width, ..."
     )
     try:
-        text = file.read_bytes()[:MOST_BYTES].decode("utf-8-sig")
+        text = file.read_bytes()[: 2**20].decode("utf-8-sig")
         body = BLOCK_LIST.sub(_as_flow_list, _first_document(text))
         modes = cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY | cv2.FILE_STORAGE_FORMAT_YAML
-        storage = cv2.FileStorage(f"{HEAD}{body}\n", modes)
+        storage = cv2.FileStorage(f"%YAML:1.0\n---\n{body}\n", modes)  # OpenCV's head, which ROS leaves away
         matrix, distortion = (_first_numbers(storage, names) for names in (MATRIX, DISTORTION))
         size = {name: _first_numbers(storage, (f"image_{name}", name)) for name in ("width", "height")}
     except (cv2.error, SystemError, ValueError) as error:

@@ -24,8 +24,6 @@ from dlama.perception.diagnosis.lens import check_lens, looks_like_radians
 
 FILM_DIAGONAL_MM = math.hypot(36, 24)
 """35 mm film; "focal length in 35 mm film" compares diagonals (CIPA DCG-001)."""
-OTHER_UNIT = ("intrinsics-size", "focal-length")
-"""Findings of `check_lens` that a reader warns of: K of a picture of another size, or as shares of it."""
 OPTIONS = "camera options"
 """What messages call a camera that no file gives."""
 NO_INTRINSICS = (
@@ -35,11 +33,6 @@ NO_INTRINSICS = (
 CAMERA_FIELDS = ("width", "height", "fx", "fy", "cx", "cy", "K", "pixel_center", "world_from_cam", "comment",
                  "intrinsics_from")  # fmt: skip
 """The last two say nothing of the camera; meta.json writes the last one."""
-STEREO_FIELDS = ("left_K", "right_K", "baseline_m", "doffs", "pixel_center", "width", "height", "comment")
-BASELINES_M = (1e-6, 1e6)
-"""Metres between the cameras of a pair."""
-SHORTEST_M, LONGEST_M = 1e-3, 20.0
-"""Baselines beyond which the unit is probably another one."""
 DOFFS_TOLERANCE = 0.01
 """Pixels by which doffs may differ from the principal points (published calibrations are rounded)."""
 
@@ -54,12 +47,12 @@ def read_camera(path: PathLike, *, hw: tuple[int, int] | None = None) -> Camera:
     """
     check_arguments(read_camera, locals())
     if _is_calib_txt(path):
-        fields = read_calib_txt(path)
-        return make_camera(path, fields.size(hw), fields.intrinsics("cam0"), 0.0)
-    if Path(path).suffix.lower() in SUFFIXES:
-        fields = read_yaml_fields(path)
-        return make_camera(path, fields.size(hw), fields.intrinsics("K"), 0.0)
-    return _camera_of(read_json_fields(path, CAMERA_FIELDS), hw)
+        fields, name = read_calib_txt(path), "cam0"
+    elif Path(path).suffix.lower() in SUFFIXES:
+        fields, name = read_yaml_fields(path), "K"
+    else:
+        return _camera_of(read_json_fields(path, CAMERA_FIELDS), hw)
+    return make_camera(path, fields.size(hw), fields.intrinsics(name), 0.0)
 
 
 def _camera_of(fields: FileFields, hw: tuple[int, int] | None) -> Camera:
@@ -107,38 +100,38 @@ def read_stereo_calib(path: PathLike, *, hw: tuple[int, int] | None = None) -> S
     """
     check_arguments(read_stereo_calib, locals())
     if _is_calib_txt(path):
-        fields, left_K, right_K, center = read_calib_txt(path), "cam0", "cam1", 0.0
-        name, metre = "baseline", 1000.0
+        fields, center = read_calib_txt(path), 0.0
+        left, right = _left_and_right(fields, "cam0", "cam1")
+        baseline = fields.number("baseline") / 1000
+        unit = f"baseline is {1000 * baseline:g} mm, as calib.txt counts; if it is in metres, write {1e6 * baseline:g}"
+        doubtful = 0 < baseline < 1e-3
     else:
-        fields, left_K, right_K = read_json_fields(path, STEREO_FIELDS), "left_K", "right_K"
-        name, metre, center = "baseline_m", 1.0, fields.pixel_center(0.5)
-    baseline = fields.number(name) / metre
-    if not BASELINES_M[0] <= baseline <= BASELINES_M[1]:
-        raise CameraError(
-            f"{path}: the baseline is {baseline:g} m; a distance of {BASELINES_M[0]:g} to {BASELINES_M[1]:g} m is expected"
-        )
-    if name == "baseline" and baseline < SHORTEST_M:
-        warnings.warn(
-            f"{path}: baseline is {1000 * baseline:g} mm, as calib.txt counts; if it is in metres, write {1e6 * baseline:g}",
-            UserWarning,
-            stacklevel=3,
-        )
-    if name == "baseline_m" and baseline > LONGEST_M:
-        warnings.warn(
-            f"{path}: baseline_m is {baseline:g} m; if it is in millimetres, write {baseline / 1000:g}",
-            UserWarning,
-            stacklevel=3,
-        )
-    left, right = _left_and_right(fields, left_K, right_K)
+        known = ("left_K", "right_K", "baseline_m", "doffs", "pixel_center", "width", "height", "comment")
+        fields = read_json_fields(path, known)
+        center = fields.pixel_center(0.5)
+        left, right = _left_and_right(fields, "left_K", "right_K")
+        baseline = fields.number("baseline_m")
+        unit = f"baseline_m is {baseline:g} m; if it is in millimetres, write {baseline / 1000:g}"
+        doubtful = baseline > 20
+    rig = make_rig(path, fields.size(hw), (left, right), center, baseline)
+    if doubtful:
+        warnings.warn(f"{path}: {unit}", UserWarning, stacklevel=3)
+    return rig
+
+
+def make_rig(
+    source: PathLike, hw: tuple[int, int], lenses: tuple[Intrinsics, Intrinsics], pixel_center: float, baseline: float
+) -> StereoRig:
+    """The pair of two cameras so many metres apart, the left one at the origin; as `make_camera`. CameraError."""
+    if not 1e-6 <= baseline <= 1e6:
+        raise CameraError(f"{source}: the baseline is {baseline:g} m; a distance of 1e-06 to 1e+06 m is expected")
     pose = np.eye(4)
     pose[0, 3] = baseline
-    size = fields.size(hw)
+    left, right = (make_camera(source, hw, lens, pixel_center, at) for lens, at in zip(lenses, (None, pose)))
     try:
-        return StereoRig(make_camera(path, size, left, center), make_camera(path, size, right, center, pose))
+        return StereoRig(left, right)
     except CameraError as error:
-        if str(error).startswith(str(path)):
-            raise
-        raise CameraError(f"{path}: {error}") from error
+        raise CameraError(f"{source}: {error}") from error
 
 
 def write_camera(path: PathLike, camera: Camera) -> None:
@@ -225,7 +218,7 @@ def make_camera(
             stacklevel=2,
         )
     for found in check_lens(camera):
-        if found.check in OTHER_UNIT:
+        if found.check in ("intrinsics-size", "focal-length"):  # K of a picture of another size, or as shares of it
             warnings.warn(f"{source}: {found.what}: {found.mend}", UserWarning, stacklevel=2)
     return camera
 
@@ -276,18 +269,11 @@ def _focal_lengths(
             )
         focal = Camera.from_fov(hw[1], hw[0], fov).fx
         return focal, focal, "fov"
-    film = _exif_focal(image)
+    try:
+        film = None if image is None else read_stored(image).focal_35mm
+    except FileError as error:
+        raise CameraError(f"{NO_INTRINSICS} ({error})") from error
     if film is not None:
         focal = film / FILM_DIAGONAL_MM * math.hypot(*hw)
         return focal, focal, f"EXIF FocalLengthIn35mmFilm ({film:g} mm)"
     raise CameraError(NO_INTRINSICS)
-
-
-def _exif_focal(image: PathLike | None) -> float | None:
-    """EXIF focal length in 35 mm terms; None without a picture, or where its file has none."""
-    if image is None:
-        return None
-    try:
-        return read_stored(image).focal_35mm
-    except FileError as error:
-        raise CameraError(f"{NO_INTRINSICS} ({error})") from error

@@ -6,7 +6,7 @@ import json
 import math
 import re
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -101,17 +101,11 @@ class FileFields:
 
     def text(self, name: str) -> str:
         """A text that is not empty; raises FileError."""
-        value = self.values.get(name)
-        if not isinstance(value, str) or not value:
-            raise FileError(f"{self.path}: {name} is {_format_value(value)[:40]}; a text is expected")
-        return value
+        return str(self._of_kind(name, str, "a text"))
 
     def entries(self, name: str, of: str) -> list[object]:
         """A list with something in it, `of` says of what; raises FileError."""
-        values = self.values.get(name)
-        if not isinstance(values, list) or not values:
-            raise FileError(f"{self.path}: {name} is {_format_value(values)[:40]}; a list of {of} is expected")
-        return values
+        return list(self._of_kind(name, list, f"a list of {of}"))
 
     def part(self, name: str, values: object) -> FileFields:
         """`values` as the fields of an object within this one, whose errors call it `name`; raises FileError."""
@@ -119,6 +113,12 @@ class FileFields:
         if not isinstance(values, dict):
             raise FileError(f"{where} is {_format_value(values)[:40]}; an object with named fields is expected")
         return FileFields(where, values)
+
+    def _of_kind(self, name: str, kind: type, expected: str) -> Any:
+        value = self.values.get(name)
+        if not isinstance(value, kind) or not value:
+            raise FileError(f"{self.path}: {name} is {_format_value(value)[:40]}; {expected} is expected")
+        return value
 
     def _field(self, name: str) -> Any:
         if name not in self.values:
@@ -168,28 +168,22 @@ def json_fields(path: PathLike, text: str) -> FileFields:
 
 def json_value(path: PathLike, text: str) -> Any:
     """What a JSON text holds; raises FileError that names `path`, line and column."""
-    twice: list[str] = []
-
-    def fields(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-        found = dict(pairs)
-        if len(found) < len(pairs):
-            twice.append(_find_repeated(name for name, _ in pairs))
-        return found
-
     try:
-        value = json.loads(text, object_pairs_hook=fields)
+        return json.loads(text, object_pairs_hook=lambda pairs: _each_once(path, pairs))
     except json.JSONDecodeError as error:
         raise FileError(f"{path}:{error.lineno}:{error.colno}: is no JSON ({error.msg})") from error
+    except FileError:
+        raise
     except (ValueError, RecursionError) as error:
         raise FileError(f"{path}: is no JSON ({error})") from error
-    if twice:
-        raise FileError(f"{path}: field '{twice[0]}' is given twice; each field is expected once")
-    return value
 
 
-def _find_repeated(names: Iterable[str]) -> str:
-    """The name that is there more than once."""
-    return Counter(names).most_common(1)[0][0]
+def _each_once(path: PathLike, pairs: Sequence[tuple[str, Any]]) -> dict[str, Any]:
+    """Fields by name. FileError: one is given twice."""
+    ((name, count),) = Counter(name for name, _ in pairs).most_common(1) or [("", 1)]
+    if count > 1:
+        raise FileError(f"{path}: field '{name}' is given twice; each field is expected once")
+    return dict(pairs)
 
 
 def read_calib_txt(path: PathLike) -> FileFields:
@@ -209,11 +203,7 @@ def read_calib_txt(path: PathLike) -> FileFields:
         raise FileError(
             f"{file}: is no calib.txt of Middlebury or KITTI, lines 'name=value' are expected ({str(error)[:200]})"
         ) from error
-    if len(dict(pairs)) < len(pairs):
-        raise FileError(
-            f"{file}: field '{_find_repeated(name for name, _ in pairs)}' is given twice; each field is expected once"
-        )
-    return FileFields(file, dict(pairs))
+    return FileFields(file, _each_once(file, pairs))
 
 
 def _kitti_fields(text: str) -> dict[str, Any]:

@@ -26,10 +26,6 @@ from dlama.geometry.rgbd import RGBD, Float32Array, UInt8Array, mark_far
 from dlama.perception.depth_networks import DepthPrediction
 from dlama.perception.monocular import DEFAULT, Estimator, estimate_depth
 
-OWN_DEPTH = "the photo's own depth"
-"""Stands as the estimator of depth that a photo's file carries."""
-MUCH_AT_LIMIT = 0.05
-"""Share of a photo's depth at its far limit from which that is warned of."""
 SAME_PROPORTIONS = 0.02
 """Relative difference of width / height up to which depth of another size is of the same field of view."""
 
@@ -78,30 +74,17 @@ def read_rgbd(
     """
     check_arguments(read_rgbd, locals())
     check_depth_options(depth_scale, depth_range, far)
-    lens: dict[str, Any] = {
-        "camera": camera,
-        "fx": fx,
-        "fy": fy,
-        "cx": cx,
-        "cy": cy,
-        "fov": fov,
-        "pixel_center": pixel_center,
-    }
+    lens: dict[str, Any] = {"camera": camera, "fx": fx, "fy": fy, "cx": cx, "cy": cy, "fov": fov}
+    lens["pixel_center"] = pixel_center
     of_file = {"depth_scale": depth_scale, "depth_range": depth_range, "channel": channel, "resize_depth": resize_depth}
     options: dict[str, Any] = {"metres_at": metres_at, "camera_height": camera_height, "sharpen": sharpen}
     if depth is None:
-        for name, value in of_file.items():
-            if value is not None:
-                raise InputError(f"`{name}` is given without a depth file; it says how one is read")
-        return estimate_rgbd(image, lens, depth_model, far, options)
-    of_estimate = {
-        "metres_at": len(metres_at) > 0,
-        "camera_height": camera_height is not None,
-        "sharpen": not sharpen,
-        "depth_model": depth_model is not None,
-    }
-    for name, is_given in of_estimate.items():
-        if is_given:
+        for name in (name for name, value in of_file.items() if value is not None):
+            raise InputError(f"`{name}` is given without a depth file; it says how one is read")
+        return _estimate_rgbd(image, lens, depth_model, far, options)
+    of_estimate = {**options, "metres_at": len(metres_at) or None, "sharpen": None if sharpen else False}
+    for name, value in {**of_estimate, "depth_model": depth_model}.items():
+        if value is not None:
             raise InputError(
                 f"`{name}` and a depth file contradict each other: it is for pictures without depth; give one of them"
             )
@@ -117,7 +100,7 @@ def read_rgbd(
     return RGBD(color, metres, camera_for(hw, image=image, **lens)[0])
 
 
-def estimate_rgbd(
+def _estimate_rgbd(
     image: PathLike,
     lens: Mapping[str, Any],
     depth_model: str | Path | Estimator | None,
@@ -129,7 +112,7 @@ def estimate_rgbd(
     lens: the options of `camera_for`; options: the others of `estimate_depth`.
     """
     color = read_color(image)
-    own = find_photo_depth(image) if depth_model is None else None
+    own = _find_photo_depth(image) if depth_model is None else None
     camera, source = _find_camera(image, color.shape[:2], lens, own)
     if own is not None:
         rgbd = _use_photo_depth(image, color, camera, own, options)
@@ -155,7 +138,7 @@ def _find_camera(
     return None, ""
 
 
-def find_photo_depth(image: PathLike) -> PhotoDepth | None:
+def _find_photo_depth(image: PathLike) -> PhotoDepth | None:
     """The depth in a photo's file; None, with a warning, where it cannot be used."""
     try:
         return read_photo_depth(image)
@@ -180,7 +163,7 @@ def _use_photo_depth(
     metric = own.metric if not is_known else own.absolute
     prediction = DepthPrediction(np.maximum(values, np.float32(0)), "inverse depth", metric, notes=dict(own.about))
     rgbd = estimate_depth(color, camera, depth_model=lambda _: prediction, **options).rgbd
-    about = {**(rgbd.estimate or {}), "estimator": OWN_DEPTH}
+    about = {**(rgbd.estimate or {}), "estimator": "the photo's own depth"}
     if about["scale"]["rule"] == "metric model":
         about["scale"] = {**about["scale"], "rule": "photo"}
         if not own.absolute:
@@ -191,7 +174,7 @@ def _use_photo_depth(
                 stacklevel=4,
             )
     limit = own.about.get("at_far_limit_share", 0.0)
-    if limit > MUCH_AT_LIMIT:
+    if limit > 0.05:
         farthest = float(rgbd.depth[np.isfinite(rgbd.depth)].max())
         warnings.warn(
             f"{image}: {limit:.0%} of its depth lie at the farthest that it can say, {farthest:.3g} m, and may be farther; "
