@@ -21,19 +21,17 @@ from dlama.geometry.camera import Float64Array
 from dlama.geometry.poses import invert_pose, slerp
 from dlama.geometry.rgbd import Float32Array, UInt8Array
 
-CHANNELS = {"rgb8": "RGB", "bgr8": "BGR", "rgba8": "RGBA", "bgra8": "BGRA", "8UC3": "BGR", "mono8": "L", "8UC1": "L"}
-"""Encodings of colour pictures -> their channels in order (sensor_msgs/image_encodings.hpp)."""
-PACKED = {"yuv422": cv2.COLOR_YUV2RGB_UYVY, "yuv422_yuy2": cv2.COLOR_YUV2RGB_YUY2, "YUYV": cv2.COLOR_YUV2RGB_YUY2}
-"""Encodings of colour pictures of which two pixels share their chroma."""
-BAYER = {"bayer_rggb8": cv2.COLOR_BayerRGGB2RGB, "bayer_bggr8": cv2.COLOR_BayerBGGR2RGB,
-         "bayer_gbrg8": cv2.COLOR_BayerGBRG2RGB, "bayer_grbg8": cv2.COLOR_BayerGRBG2RGB}  # fmt: skip
-"""Encodings of colour pictures as the sensor sees them, one channel a pixel; named by the first two rows."""
+COLORS: dict[str, tuple[int, int | None]] = {
+    "rgb8": (3, None), "bgr8": (3, cv2.COLOR_BGR2RGB), "8UC3": (3, cv2.COLOR_BGR2RGB),
+    "rgba8": (4, cv2.COLOR_RGBA2RGB), "bgra8": (4, cv2.COLOR_BGRA2RGB),
+    "mono8": (1, cv2.COLOR_GRAY2RGB), "8UC1": (1, cv2.COLOR_GRAY2RGB),
+    "yuv422": (2, cv2.COLOR_YUV2RGB_UYVY), "yuv422_yuy2": (2, cv2.COLOR_YUV2RGB_YUY2), "YUYV": (2, cv2.COLOR_YUV2RGB_YUY2),
+    "bayer_rggb8": (1, cv2.COLOR_BayerRGGB2RGB), "bayer_bggr8": (1, cv2.COLOR_BayerBGGR2RGB),
+    "bayer_gbrg8": (1, cv2.COLOR_BayerGBRG2RGB), "bayer_grbg8": (1, cv2.COLOR_BayerGRBG2RGB),
+}  # fmt: skip
+"""Encodings of colour pictures -> bytes a pixel, and OpenCV's way to RGB (sensor_msgs/image_encodings.hpp)."""
 DEPTHS = {"16UC1": np.uint16, "mono16": np.uint16, "32FC1": np.float32, "64FC1": np.float64}
 """Encodings of depth."""
-MILLIMETRES = np.float32(1000)
-OPENCV_MODELS, OPENCV_TERMS = ("plumb_bob", "rational_polynomial"), (4, 5, 8, 12, 14)
-FISHEYE, FISHEYE_TERMS = ("equidistant", "fisheye"), 4
-"""Distortion models, and how many terms they have (sensor_msgs/distortion_models.hpp; calib3d of OpenCV)."""
 DEPTH_HEADER = 12
 """Bytes before the PNG of packed depth."""
 BETWEEN_S = 0.25
@@ -72,25 +70,16 @@ def is_depth(message: Any) -> bool:
 
 def is_color(message: Any) -> bool:
     """Whether an Image or a CompressedImage holds a picture."""
-    return (
-        message.encoding in {*CHANNELS, *PACKED, *BAYER}
-        if hasattr(message, "encoding")
-        else "compressedDepth" not in message.format
-    )
+    return message.encoding in COLORS if hasattr(message, "encoding") else "compressedDepth" not in message.format
 
 
 def color_of(message: Any, where: str) -> UInt8Array:
     """H x W x 3 RGB. FileError, which begins with `where`."""
     if not hasattr(message, "encoding"):
         return np.asarray(picture_of_bytes(bytes(message.data), where).convert("RGB"))
-    if message.encoding in PACKED:
-        return np.asarray(cv2.cvtColor(_pixels(message, np.uint8, 2, where), PACKED[message.encoding]), np.uint8)
-    if message.encoding in BAYER:
-        return np.asarray(cv2.cvtColor(_pixels(message, np.uint8, 1, where), BAYER[message.encoding]), np.uint8)
-    channels = CHANNELS[message.encoding]
-    pixels = _pixels(message, np.uint8, len(channels), where)
-    order = [channels.index(name) for name in "RGB"] if len(channels) > 1 else [0, 0, 0]
-    return np.ascontiguousarray(pixels[..., order])
+    channels, code = COLORS[message.encoding]
+    pixels = _pixels(message, np.uint8, channels, where)
+    return np.asarray(pixels if code is None else cv2.cvtColor(pixels, code), np.uint8)
 
 
 def depth_of(message: Any, where: str, unit: float | None = None) -> Float32Array:
@@ -106,11 +95,10 @@ def depth_of(message: Any, where: str, unit: float | None = None) -> Float32Arra
             return np.where(known, a / np.where(known, codes.astype(np.float32) - np.float32(b), 1), 0).astype(
                 np.float32
             )
+    metres = codes.astype(np.float32)
     if unit is not None:
-        return codes.astype(np.float32) * np.float32(unit)
-    return codes.astype(np.float32) / (
-        MILLIMETRES if codes.dtype.kind in "ui" or codes.dtype == np.int32 else np.float32(1)
-    )
+        return metres * np.float32(unit)
+    return metres / np.float32(1000) if codes.dtype.kind in "ui" else metres
 
 
 def _pixels(message: Any, kind: type, channels: int, where: str) -> np.ndarray:
@@ -229,9 +217,15 @@ def distortion_px_of_info(info: Any) -> float:
     K = np.array(matrix)
     corners = np.array([(x, y, 1.0) for x in (0, width) for y in (0, height)])
     rays = corners @ np.linalg.inv(K).T
-    if model in FISHEYE and found.size == FISHEYE_TERMS:
+    if model in ("equidistant", "fisheye") and found.size == 4:
         moved, _ = cv2.fisheye.projectPoints(rays[:, None], np.zeros(3), np.zeros(3), K, found)
-    elif (model in OPENCV_MODELS or "Brown Conrady" in model) and found.size in OPENCV_TERMS:
+    elif (model in ("plumb_bob", "rational_polynomial") or "Brown Conrady" in model) and found.size in (
+        4,
+        5,
+        8,
+        12,
+        14,
+    ):
         moved, _ = cv2.projectPoints(rays, np.zeros(3), np.zeros(3), K, found)
     else:
         return 0.0

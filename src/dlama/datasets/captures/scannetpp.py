@@ -25,7 +25,7 @@ from dlama.files.fields import read_json_fields
 from dlama.files.rasters.depth import read_depth
 from dlama.files.rasters.images import existing_file
 from dlama.files.rasters.pictures import read_color_of_camera
-from dlama.files.rasters.video_frames import count_video_frames, read_video_frame
+from dlama.files.rasters.video_frames import read_video_frame, video_times
 from dlama.geometry.rgbd import Float32Array, UInt8Array
 
 POSES, FOLDER = "pose_intrinsic_imu.json", "iphone"
@@ -77,7 +77,7 @@ def _pictures(folder: Path) -> Callable[[int], Callable[[], UInt8Array] | None]:
     video = next((folder / name for name in VIDEOS if (folder / name).is_file()), None)
     if video is None:
         raise FileError(f"{folder}: has neither rgb/ nor {' nor '.join(VIDEOS)} with the colour pictures")
-    count = count_video_frames(video)
+    count = len(video_times(video))
     return lambda number: partial(read_video_frame, video, number) if number < count else None
 
 

@@ -19,7 +19,7 @@ from dlama.datasets.posed.posed_frames import FrameFiles, Lens, PosedFrame, pose
 from dlama.datasets.text_tables import Row, files_by_stem, matrix_of, pose_of, read_rows
 from dlama.errors import FileError
 from dlama.files.rasters.depth import read_depth
-from dlama.files.rasters.video_frames import count_video_frames, read_video_frame
+from dlama.files.rasters.video_frames import read_video_frame, video_times
 
 VIDEO, ODOMETRY, MATRIX = "rgb.mp4", "odometry.csv", "camera_matrix.csv"
 BARE = ("x", "y", "z", "qx", "qy", "qz", "qw")
@@ -36,7 +36,7 @@ def list_frames(scene: str, folder: Path) -> list[PosedFrame]:
     """The frames of one scene. Raises FileError, CameraError."""
     names, rows = _odometry(folder / ODOMETRY)
     shared = _matrix(folder) if not set(LENS_COLUMNS) <= set(names) else None
-    pictures = count_video_frames(folder / VIDEO)
+    pictures = len(video_times(folder / VIDEO))
     depths, levels = (files_by_stem(folder / name, (".png",)) for name in ("depth", "confidence"))
 
     def listed(place: int, row: Row) -> tuple[str, FrameFiles | str]:

@@ -18,8 +18,6 @@ STANDARD, EXTENSION = b"http://ns.adobe.com/xap/1.0/\0", b"http://ns.adobe.com/x
 GUID_AND_SIZES = 40
 """Bytes before the text of an extension segment: GUID (32), whole length and place (4 each)."""
 MULTI_PICTURE = b"MPF\0"
-PICTURES_TAG, BASELINE_TAG = 0xB002, 0xB206
-"""MP Entry; baseline length of a stereo pair, m."""
 ENTRY = 16
 """Bytes of an MP Entry: attribute, size, offset (4 each), two numbers of dependent pictures (2 each)."""
 STEREO = 0x020002
@@ -79,37 +77,32 @@ def list_container_items(data: bytes) -> list[dict[str, str]]:
 
 def list_further_pictures(data: bytes) -> list[Item]:
     """The pictures after the first of a Multi-Picture JPEG; empty for other files. struct.error: its index is damaged."""
-    for start, marker, segment in _segments(data):
-        if marker == 0xE2 and segment.startswith(MULTI_PICTURE):
-            base = start + len(MULTI_PICTURE)  # offsets count from the byte order mark
-            _, entries = _tags(data, base).get(PICTURES_TAG, ("", b""))
-            order = _order(data, base)
-            listed = [
-                struct.unpack_from(order + "III", entries, at) for at in range(0, len(entries) - ENTRY + 1, ENTRY)
-            ]
-            places = [(kind & 0xFFFFFF, base + offset, size) for kind, size, offset in listed if offset]
-            return [Item(kind, data[at : at + size]) for kind, at, size in places]
-    return []
+    base, order, entries = _multi_picture_tag(data, 0xB002)  # MP Entry
+    listed = [struct.unpack_from(order + "III", entries, at) for at in range(0, len(entries) - ENTRY + 1, ENTRY)]
+    places = [(kind & 0xFFFFFF, base + offset, size) for kind, size, offset in listed if offset]
+    return [Item(kind, data[at : at + size]) for kind, at, size in places]
 
 
 def find_baseline(data: bytes) -> float | None:
     """Metres between the cameras of a stereo pair, as one of its two pictures says; None where it does not."""
+    _, order, value = _multi_picture_tag(data, 0xB206)
+    top, bottom = struct.unpack(order + "II", value) if len(value) == 8 else (0, 0)
+    return top / bottom if 0 < bottom < 0xFFFFFFFF and 0 < top < 0xFFFFFFFF else None
+
+
+def _multi_picture_tag(data: bytes, tag: int) -> tuple[int, str, bytes]:
+    """Where the byte order mark of a Multi-Picture index lies, from which offsets count, the order, and the bytes of a tag."""
     for start, marker, segment in _segments(data):
         if marker == 0xE2 and segment.startswith(MULTI_PICTURE):
             base = start + len(MULTI_PICTURE)
-            order, value = _tags(data, base).get(BASELINE_TAG, ("", b""))
-            top, bottom = struct.unpack(order + "II", value) if len(value) == 8 else (0, 0)
-            return top / bottom if 0 < bottom < 0xFFFFFFFF and 0 < top < 0xFFFFFFFF else None
-    return None
+            order = ">" if data[base : base + 2] == b"MM" else "<"
+            return base, order, _tags(data, base, order).get(tag, b"")
+    return 0, "<", b""
 
 
-def _order(data: bytes, base: int) -> str:
-    return ">" if data[base : base + 2] == b"MM" else "<"
-
-
-def _tags(data: bytes, base: int) -> dict[int, tuple[str, bytes]]:
-    """Tag -> byte order and bytes of its value, of the IFDs in a row at a TIFF header."""
-    order, found = _order(data, base), dict[int, tuple[str, bytes]]()
+def _tags(data: bytes, base: int, order: str) -> dict[int, bytes]:
+    """Tag -> bytes of its value, of the IFDs in a row at a TIFF header."""
+    found = dict[int, bytes]()
     (at,) = struct.unpack_from(order + "I", data, base + 4)
     sizes = {1: 1, 2: 1, 3: 2, 4: 4, 5: 8, 7: 1, 9: 4, 10: 8}
     for _ in range(4):
@@ -118,7 +111,7 @@ def _tags(data: bytes, base: int) -> dict[int, tuple[str, bytes]]:
             tag, kind, number = struct.unpack_from(order + "HHI", data, entry)
             size = sizes.get(kind, 1) * number
             place = entry + 8 if size <= 4 else base + struct.unpack_from(order + "I", data, entry + 8)[0]
-            found.setdefault(tag, (order, data[place : place + size]))
+            found.setdefault(tag, data[place : place + size])
         (at,) = struct.unpack_from(order + "I", data, base + at + 2 + 12 * count)
         if not at:
             break

@@ -204,7 +204,12 @@ def _of_google(file: Path, data: bytes) -> PhotoDepth | None:
 def _of_range(file: Path, picture: bytes, packet: Xmp, space: str, source: str) -> PhotoDepth:
     """RangeLinear: depth from near (0) to far (1); RangeInverse: 1 / depth from 1 / near (0) to 1 / far (1)."""
     codes = apply_orientation(_decode(file, picture), orientation_of(file))
-    how, near, far = _range_of(file, packet, space)
+    how = packet.text(f"{space}Format") or "RangeInverse"
+    near, far = packet.number(f"{space}Near"), packet.number(f"{space}Far")
+    if how not in ("RangeInverse", "RangeLinear"):
+        raise DepthError(f"{file}: the depth in it is of format {how!r}; RangeInverse or RangeLinear is expected")
+    if near is None or far is None or not 0 < near < far:
+        raise DepthError(f"{file}: the depth in it reaches from {near} to {far}; 0 < near < far is expected")
     inverse, part = how == "RangeInverse", _levels(codes)
     ends = (1 / near, 1 / far) if inverse else (near, far)
     values = (ends[0] + part * (ends[1] - ends[0])).astype(np.float32)
@@ -222,17 +227,6 @@ def _merge(packets: list[Xmp]) -> Xmp:
         for name, values in packet.found.items():
             found.setdefault(name, []).extend(values)
     return Xmp(found)
-
-
-def _range_of(file: Path, packet: Xmp, space: str) -> tuple[str, float, float]:
-    """How levels become depth, and the depths of the first and the last. DepthError."""
-    how = packet.text(f"{space}Format") or "RangeInverse"
-    near, far = packet.number(f"{space}Near"), packet.number(f"{space}Far")
-    if how not in ("RangeInverse", "RangeLinear"):
-        raise DepthError(f"{file}: the depth in it is of format {how!r}; RangeInverse or RangeLinear is expected")
-    if near is None or far is None or not 0 < near < far:
-        raise DepthError(f"{file}: the depth in it reaches from {near} to {far}; 0 < near < far is expected")
-    return how, near, far
 
 
 def _of_stereo(file: Path, other: Item, orientation: int) -> PhotoDepth:

@@ -25,7 +25,6 @@ MILLIMETRES = 1000.0
 """A metre."""
 FAR_METRES = 1e6
 """A stored depth beyond this is a renderer's word for infinity (Blender writes 1e10 behind everything)."""
-KITTI_SCALE = 256.0
 TINY = 1e-3
 """Negative numbers nearer to 0 are no measurements: compression left them."""
 
@@ -58,10 +57,8 @@ def read_depth(
         scale = depth_scale or MILLIMETRES
         depth = depth_from_mm(values, scale)
     depth[np.isnan(depth)] = 0
-    option = f"`depth_scale={scale:g}`" if depth_range is None else f"`depth_range={depth_range:g}`"
-    _check_not_all_far(path, depth, option)
-    depth[depth > FAR_METRES] = np.inf
     median = _check_plausible(path, depth, scale, depth_range)
+    depth[depth > FAR_METRES] = np.inf
     if depth_range is None:
         warn_of_inverse(path, depth)
     if values.dtype.kind == "f" and (depth_scale or depth_range) is None:
@@ -81,7 +78,7 @@ def read_disparity(path: PathLike, *, scale: float | None = None) -> Float32Arra
     if values.dtype.kind == "f":
         values = np.where(np.isfinite(values) | (values < 0), values, 0)
     elif scale is None:
-        scale = KITTI_SCALE
+        scale = 256.0  # KITTI
     _check_not_negative(path, values, "disparity")
     disparity = (values / (scale or 1.0)).astype(np.float32)
     if not disparity.any():
@@ -202,25 +199,22 @@ def _metres_from_floats(
     return values.astype(np.float32)
 
 
-def _check_not_all_far(path: PathLike, depth: Float32Array, option: str) -> None:
-    """DepthError, which names the option that makes metres of it, where every depth lies beyond what counts as infinity."""
-    valid = depth[_valid(depth)]
-    if valid.size and valid.min() > FAR_METRES:
-        raise DepthError(
-            f"{path}: every depth lies beyond {FAR_METRES:g} m with {option} (the nearest at {valid.min():.4g} m); "
-            "is it the number of units that make a metre, 1000 for millimetres?"
-            if option.startswith("`depth_scale")
-            else f"{path}: every depth lies beyond {FAR_METRES:g} m with {option}; metres are expected"
-        )
-
-
 def _check_plausible(path: PathLike, depth: Float32Array, scale: float, depth_range: float | None) -> float:
-    """The median depth; DepthError."""
+    """The median depth of what is not beyond FAR_METRES; DepthError."""
     valid = depth[_valid(depth)]
+    near = valid[valid <= FAR_METRES]
     if not valid.size:
         far = int(np.isposinf(depth).sum())
         raise DepthError(f"{path}: no pixel has a depth ({depth.size - far} of {depth.size} missing, {far} far)")
-    median = float(np.median(valid))
+    if not near.size:
+        beyond = f"{path}: every depth lies beyond {FAR_METRES:g} m with"
+        raise DepthError(
+            f"{beyond} `depth_scale={scale:g}` (the nearest at {valid.min():.4g} m); is it the number of units that make a "
+            "metre, 1000 for millimetres?"
+            if depth_range is None
+            else f"{beyond} `depth_range={depth_range:g}`; metres are expected"
+        )
+    median = float(np.median(near))
     if PLAUSIBLE_M[0] <= median <= PLAUSIBLE_M[1]:
         return median
     raise DepthError(f"{path}: the median depth is {median:.4g} m, {_scale_advice(median, scale, depth_range)}")

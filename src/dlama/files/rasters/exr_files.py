@@ -7,6 +7,7 @@ import struct
 import warnings
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
+from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
@@ -136,7 +137,7 @@ def _depth_channel(file: Path, channels: dict[str, np.ndarray], expected: str | 
             raise FileError(f"{file}: has no channel '{expected}'; it has {known}")
         return expected
     for rule in CHANNEL_ORDER:
-        fits = [name for name in channels if _fits(name.lower(), rule) and not _is_of_vector(name, channels)]
+        fits = [name for name in channels if fnmatchcase(name.lower(), rule) and not _is_of_vector(name, channels)]
         if len(fits) > 1:
             raise FileError(f"{file}: depth may be any of {', '.join(fits)}; choose one with `channel`")
         if fits:
@@ -151,12 +152,6 @@ def _is_of_vector(name: str, channels: Collection[str]) -> bool:
     """Whether a channel is one of X, Y and Z, which are all there: of normals, positions or motion Z is no depth."""
     axes = next((axes for axes in ("xyz", "XYZ") if name[-1] in axes), "")
     return bool(axes) and all(name[:-1] + axis in channels for axis in axes)
-
-
-def _fits(name: str, rule: str) -> bool:
-    if rule.startswith("*"):
-        return name.endswith(rule[1:]) if not rule.endswith("*") else rule.strip("*") in name
-    return name == rule
 
 
 def _check_grey(file: Path, channels: dict[str, np.ndarray], chosen: str) -> None:

@@ -16,7 +16,7 @@ from dlama.files.rasters.images import LARGEST_PIXELS, check_pixels, existing_fi
 from dlama.geometry.rgbd import Float32Array
 
 PFM_HEADER = re.compile(rb"(P[Ff])\s+(\d{1,18})\s+(\d{1,18})\s+([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)(?:\r\n|\s)")
-PFM_HEADER_BYTES = 512
+HEADER_BYTES = 512
 """The longest header that is looked at."""
 COLMAP_HEAD = re.compile(rb"(\d{1,9})&(\d{1,9})&(\d{1,9})&")
 """Width, height, channels; then float32, little-endian, row by row."""
@@ -30,7 +30,7 @@ def read_pfm(path: PathLike) -> Float32Array:
     """
     file = existing_file(path)
     with file.open("rb") as stream:
-        head = PFM_HEADER.match(stream.read(PFM_HEADER_BYTES))
+        head = PFM_HEADER.match(stream.read(HEADER_BYTES))
     if head is None:
         raise FileError(f"{file}: is no PFM picture (header 'Pf', width, height, scale is expected)")
     kind, width, height, scale = head[1], int(head[2]), int(head[3]), float(head[4])
@@ -38,12 +38,16 @@ def read_pfm(path: PathLike) -> Float32Array:
         raise FileError(f"{file}: is a colour PFM (PF); one channel (Pf) is expected")
     if width < 1 or height < 1 or scale == 0 or not math.isfinite(scale):
         raise FileError(f"{file}: says {width}x{height}, scale {scale}; positive sizes and a scale are expected")
-    check_pixels(file, width, height)
-    held, expected = file.stat().st_size - head.end(), 4 * width * height
+    return _numbers(file, head.end(), (height, width), "<f4" if scale < 0 else ">f4")[::-1].astype(np.float32)
+
+
+def _numbers(file: Path, start: int, hw: tuple[int, int], kind: str) -> np.ndarray:
+    """H x W numbers of four bytes, all that a file holds from `start` on. FileError."""
+    check_pixels(file, hw[1], hw[0])
+    held, expected = file.stat().st_size - start, 4 * hw[0] * hw[1]
     if held != expected:
-        raise FileError(f"{file}: is damaged or truncated ({held} bytes of numbers, {width}x{height} needs {expected})")
-    numbers = np.fromfile(file, "<f4" if scale < 0 else ">f4", offset=head.end(), count=width * height)
-    return numbers.reshape(height, width)[::-1].astype(np.float32)
+        raise FileError(f"{file}: is damaged or truncated ({held} bytes of numbers, {hw[1]}x{hw[0]} needs {expected})")
+    return np.fromfile(file, kind, offset=start).reshape(hw)
 
 
 def write_pfm(path: PathLike, values: Float32Array) -> None:
@@ -60,19 +64,14 @@ def read_colmap_depth(path: PathLike) -> Float32Array:
     """A depth map of COLMAP's dense workspace (`NAME.geometric.bin`): planar depth in the unit of the model; what is not positive
     is missing (0). Raises FileError."""
     file = existing_file(path)
-    data = file.read_bytes()
-    head = COLMAP_HEAD.match(data)
+    with file.open("rb") as stream:
+        head = COLMAP_HEAD.match(stream.read(HEADER_BYTES))
     if head is None:
         raise FileError(f"{file}: is no depth map of COLMAP, which begins with WIDTH&HEIGHT&CHANNELS&")
     width, height, channels = (int(one) for one in head.groups())
     if channels != 1:
         raise FileError(f"{file}: has {channels} channels; a depth map has 1")
-    check_pixels(file, width, height)
-    if len(data) - head.end() != 4 * width * height:
-        raise FileError(
-            f"{file}: holds {len(data) - head.end()} bytes; {width}x{height} pixels take {4 * width * height}"
-        )
-    depth = np.frombuffer(data, "<f4", offset=head.end()).reshape(height, width).astype(np.float32)
+    depth = _numbers(file, head.end(), (height, width), "<f4").astype(np.float32)
     return np.where(np.isfinite(depth) & (depth > 0), depth, np.float32(0))
 
 

@@ -23,14 +23,8 @@ AHEAD = 60
 
 
 @system_errors(FileError)
-def count_video_frames(path: Path) -> int:
-    """How many pictures the first track holds; they are not decoded. FileError, MissingExtraError."""
-    return len(_opened(path, 0).stamps)
-
-
-@system_errors(FileError)
-def video_times(path: Path, track: int) -> Float64Array:
-    """Seconds of the pictures of a track, ascending. FileError, MissingExtraError."""
+def video_times(path: Path, track: int = 0) -> Float64Array:
+    """Seconds of the pictures of a track, ascending; they are not decoded. FileError, MissingExtraError."""
     video = _opened(path, track)
     return np.array(video.stamps, np.float64) * float(video.stream.time_base or 1)
 

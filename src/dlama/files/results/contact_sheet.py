@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
@@ -29,24 +28,6 @@ LINE = 1.35
 """Line height over font size."""
 
 
-class SheetRow(NamedTuple):
-    """Panels next to each other."""
-
-    pictures: list[Image.Image]
-    captions: list[list[str]]
-    """Lines."""
-
-    @property
-    def text_height(self) -> int:
-        """Of the longest caption, px."""
-        return line_height(CAPTION_SIZE) * max(map(len, self.captions))
-
-    @property
-    def height(self) -> int:
-        """Of captions and pictures, px."""
-        return self.text_height + CAPTION_GAP + max(picture.height for picture in self.pictures)
-
-
 def write_contact_sheet(
     path: PathLike, title: str, panels: Sequence[Panel], legend: Sequence[tuple[str, RGB]] = ()
 ) -> None:
@@ -57,25 +38,26 @@ def write_contact_sheet(
     """
     if not panels:
         raise ShapeError(f"{path}: a contact sheet of no panels; at least one is expected")
-    pictures = [fit_panel(caption, array) for caption, array in panels]
-    captions = [wrap_text(caption, PANEL_WIDTH, font(CAPTION_SIZE)) for caption, _ in panels]
+    fitted = [(fit_panel(name, array), wrap_text(name, PANEL_WIDTH, font(CAPTION_SIZE))) for name, array in panels]
     columns = columns_for(len(panels))
-    rows = [SheetRow(pictures[k : k + columns], captions[k : k + columns]) for k in range(0, len(panels), columns)]
-    cell = max(max(picture.width for picture in pictures), PANEL_WIDTH // 2 if columns > 1 else PANEL_WIDTH)
+    rows = [fitted[k : k + columns] for k in range(0, len(panels), columns)]
+    texts = [line_height(CAPTION_SIZE) * max(len(caption) for _, caption in row) + CAPTION_GAP for row in rows]
+    heights = [text + max(picture.height for picture, _ in row) + GAP for text, row in zip(texts, rows)]
+    cell = max(max(picture.width for picture, _ in fitted), PANEL_WIDTH // 2 if columns > 1 else PANEL_WIDTH)
     width = columns * cell + (columns + 1) * GAP
     heading = wrap_text(title, width - 2 * GAP, font(TITLE_SIZE))
     entries = legend_rows(legend, width - 2 * GAP)
     top = GAP + line_height(TITLE_SIZE) * len(heading) + GAP // 2
     bottom = len(entries) * line_height(LEGEND_SIZE) + (GAP if entries else 0)
-    sheet = Image.new("RGB", (width, top + sum(row.height + GAP for row in rows) + bottom), PAPER)
+    sheet = Image.new("RGB", (width, top + sum(heights) + bottom), PAPER)
     draw = ImageDraw.Draw(sheet)
     draw_lines(draw, (GAP, GAP), heading, TITLE_SIZE, INK)
-    for row in rows:
-        for column, (picture, caption) in enumerate(zip(row.pictures, row.captions)):
+    for row, text, height in zip(rows, texts, heights):
+        for column, (picture, caption) in enumerate(row):
             left = GAP + column * (cell + GAP)
             draw_lines(draw, (left, top), caption, CAPTION_SIZE, QUIET_INK)
-            sheet.paste(picture, (left, top + row.text_height + CAPTION_GAP))
-        top += row.height + GAP
+            sheet.paste(picture, (left, top + text))
+        top += height
     draw_legend(draw, entries, top)
     save_picture(path, sheet)
 
