@@ -40,11 +40,7 @@ def _replace(place: str, name: str, value: Any) -> None:
 
 
 def _foliage() -> None:
-    _replace(
-        "inpainters.layered.depth.surfaces",
-        "copy_leaves",
-        lambda view, w, things, seed=0: np.full(w.shape, -1, np.int32),
-    )
+    _replace("inpainters.layered.depth.surfaces", "copy_leaves", lambda *of, seed=0: np.zeros((2, 0), np.intp))
     _no_cut_crowns()
 
 

@@ -15,9 +15,9 @@ from dlama.arguments import check
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import from_source
 from dlama.geometry.kernels import visibility as kernels
-from dlama.geometry.kernels.jit import in_bands
+from dlama.geometry.kernels.jit import as_input, in_bands
 from dlama.geometry.projection import px_from_px
-from dlama.geometry.rgbd import BoolArray, Float32Array, is_valid, paste
+from dlama.geometry.rgbd import BoolArray, Float32Array, is_valid
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 
@@ -44,10 +44,11 @@ class Law:
             if not layer.shows_source:
                 continue
             layer = layer.load()
-            depth = np.where(from_source(layer.origin), layer.depth, np.float32(0))
-            for camera, known in measured:
+            shown = from_source(layer.origin)
+            depth = layer.depth if shown.all() else np.where(shown, layer.depth, np.float32(0))
+            for number, (camera, known) in enumerate(measured):
                 if camera.same_view_as(layer.camera):
-                    paste(depth, known == 0, known)
+                    measured[number] = camera, np.where(known == 0, depth, known)
                     break
             else:
                 measured.append((layer.camera, depth))
@@ -71,7 +72,17 @@ class Law:
         found, width = np.zeros(len(places), np.bool_), depth.shape[1]
         for source, measured in self.measured:
             from_camera = px_from_px(source, camera)
-            in_bands(kernels.violations, len(places), places, values, width, *from_camera, measured, found, band=BAND)
+            in_bands(
+                kernels.violations,
+                len(places),
+                places,
+                values,
+                width,
+                *from_camera,
+                as_input(measured),
+                found,
+                band=BAND,
+            )
         broken[chosen] = found
         return broken
 
@@ -81,8 +92,11 @@ class Law:
 
         A ray that never becomes lawful at a finite depth ends in the far layer (+inf), which is always lawful.
         """
-        out = np.array(depth, np.float32)
+        out = np.asarray(depth, np.float32)
         broken = moved = self.violations(camera, out, where)
+        if not broken.any():
+            return out, moved
+        out = out.copy()
         for number in range(MAX_ROUNDS):
             if not broken.any():
                 return out, moved
@@ -91,9 +105,8 @@ class Law:
             places, values = np.flatnonzero(broken).astype(np.int32), out[broken]
             for source, measured in self.measured:
                 from_camera = px_from_px(source, camera)
-                in_bands(
-                    kernels.push_back, len(places), places, values, out.shape[1], *from_camera, measured, band=BAND
-                )
+                to_source = *from_camera, as_input(measured)
+                in_bands(kernels.push_back, len(places), places, values, out.shape[1], *to_source, band=BAND)
             out[broken] = values
             broken = self.violations(camera, out, broken)  # all others are lawful as they were
         out[broken] = np.inf

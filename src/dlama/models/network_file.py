@@ -78,7 +78,11 @@ class NetworkFile:
         """The onnxruntime session. FileError where the file is no ONNX network."""
         _OPEN.add(self)
         try:
-            return self._onnxruntime_session()
+            session = self._onnxruntime_session()
+            vars(self)["running_on"] = short_name(
+                session.get_providers()[0]
+            )  # it is known when the session is closed, too
+            return session
         except DlamaError:
             raise
         except Exception as error:  # their errors share no base class of their own
@@ -112,11 +116,10 @@ class NetworkFile:
         """Of the file."""
         return sha256_of(self.path)
 
-    @property
+    @cached_property
     def running_on(self) -> str:
         """The provider the session really got, by its short name."""
-        first = self.session.get_providers()[0]
-        return next((name for name, full in PROVIDERS.items() if full == first), first)
+        return short_name(self.session.get_providers()[0])
 
     @property
     def notes(self) -> dict[str, Any]:
@@ -154,6 +157,11 @@ class NetworkFile:
         except Exception as error:
             sizes = {name: array.shape for name, array in feed.items()}
             raise FileError(f"{self.path}: failed on {sizes} ({first_line(error)})") from error
+
+
+def short_name(provider: str) -> str:
+    """Of one of ONNX Runtime's providers, as in PROVIDERS; its own where that has none."""
+    return next((name for name, full in PROVIDERS.items() if full == provider), provider)
 
 
 @system_errors(FileError)

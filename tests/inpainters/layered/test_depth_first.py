@@ -39,7 +39,7 @@ NOTHING = FillContext(Law(()))
 def flat(view: View, metres: float) -> tuple[Surfaces, np.ndarray]:
     """Surfaces without planes, so many metres away everywhere, and that depth."""
     w = np.full(view.depth.shape, 1 / metres, np.float32)
-    return Surfaces(w, np.full(w.shape, -1, np.int32), np.zeros((0, 3)), np.full(w.shape, -1, np.int32)), 1 / w
+    return Surfaces(w, np.full(w.shape, -1, np.int32), np.zeros((0, 3))), 1 / w
 
 
 def step(kind: HoleType = HoleType.DISOCCLUDED) -> View:
@@ -133,11 +133,11 @@ def test_occluders_for_a_coarse_picture_are_those_of_every_nth_pixel(monkeypatch
     def enlarge(plane: np.ndarray) -> np.ndarray:
         return plane.repeat(3, 0).repeat(3, 1)
 
-    inverse, label, leaves = (enlarge(each) for each in (surfaces.inverse_depth, surfaces.label, surfaces.leaves))
+    inverse, label = (enlarge(each) for each in (surfaces.inverse_depth, surfaces.label))
     large = View.from_rgbd(RGBD(enlarge(view.color), enlarge(depth), Camera.from_fov(480, 360, 90)))
     large = large.without(enlarge(hole), HoleType.DISOCCLUDED)
     planes = surfaces.planes / (3, 3, 1)
-    found = find_occluders_coarsely(large, Surfaces(inverse, label, planes, leaves), enlarge(filled), NOTHING.law)
+    found = find_occluders_coarsely(large, Surfaces(inverse, label, planes), enlarge(filled), NOTHING.law)
     expected = find_occluders(view, surfaces, filled, NOTHING.law)
     np.testing.assert_array_equal(found, enlarge(expected))
     assert expected.any()
@@ -154,12 +154,8 @@ def test_a_thing_that_stands_before_the_hole_is_an_occluder_as_a_whole() -> None
     surfaces, filled = flat(view, 3)
     found = find_occluders(view, surfaces, filled, NOTHING.law)
     assert found[box].all() and not found[~dilate_mask(box, MIXED_PX)].any()
-    one_plane = Surfaces(
-        surfaces.inverse_depth,
-        np.where(box | hole, 1, -1).astype(np.int32),
-        np.array([[0, 0, 1 / 3]]),
-        surfaces.leaves,
-    )
+    label = np.where(box | hole, 1, -1).astype(np.int32)
+    one_plane = Surfaces(surfaces.inverse_depth, label, np.array([[0, 0, 1 / 3]]))
     np.testing.assert_array_equal(
         np.flatnonzero(find_occluders(view, one_plane, filled, NOTHING.law).any(0)), np.arange(200 - BAND, 200)
     )
@@ -193,7 +189,7 @@ def test_a_seam_along_an_occluder_hides_it_from_nobody() -> None:
         goes_on[40:120, 200 : 200 + width] = True
         label = np.where(goes_on, 1, -1).astype(np.int32)
         w = np.where(goes_on, 1, 1 / 3).astype(np.float32)
-        surfaces = Surfaces(w, label, np.array([[0, 0, 1.0]]), np.full(w.shape, -1, np.int32))
+        surfaces = Surfaces(w, label, np.array([[0, 0, 1.0]]))
         assert seams(label, hole).any() == hidden
         assert find_occluders(view, surfaces, 1 / w, NOTHING.law)[60:100, 150:198].all() == hidden
 

@@ -111,7 +111,7 @@ def find_occluders_coarsely(view: View, surfaces: Surfaces, depth: Float32Array,
     a, b, c = surfaces.planes.T  # in the sampled pixels' columns and rows, whose centres lie at 0.5
     aside = step // 2 + 0.5 - 0.5 * step
     planes = np.stack([step * a, step * b, c + aside * (a + b)], 1)
-    coarse = Surfaces(surfaces.inverse_depth[at], surfaces.label[at], planes, surfaces.leaves[at])
+    coarse = Surfaces(surfaces.inverse_depth[at], surfaces.label[at], planes)
     found = find_occluders(view.subsample(step), coarse, depth[at], law)
     height, width = view.hole.shape
     return found.repeat(step, 0).repeat(step, 1)[:height, :width] & view.valid

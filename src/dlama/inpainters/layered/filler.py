@@ -6,8 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.codes import HoleType, has_code
-from dlama.geometry.projection import inverse_depth
-from dlama.geometry.rgbd import Float32Array, UInt8Array
+from dlama.geometry.rgbd import UInt8Array
 from dlama.geometry.view import View
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill
@@ -27,40 +26,31 @@ def layered(view: View, context: FillContext, seed: int = 0) -> Fill:
     """Continue planes, sky and smooth surfaces into the holes, project them onto the visibility law, then paint them."""
     guess = begin_guess(view)
     surfaces, depth, moved = continue_lawfully(view, context, seed)
-    w = inverse_of_filled(view, surfaces, depth)
-    color = paint_surfaces(view, surfaces, w, context, seed)
-    painted = view.color_hole & (surfaces.leaves < 0)
+    color = paint_surfaces(view, surfaces, context, seed)
+    painted, w = surfaces.without_leaves(view.color_hole), surfaces.inverse_depth
     color = blend_with_low_frequency(view, color, painted, w, surfaces.label, context.sky, guess)
     return Fill(color, depth, moved, {"planes": len(surfaces.planes)})
 
 
-def paint_surfaces(
-    view: View, surfaces: Surfaces, w: Float32Array, context: FillContext, seed: int, detail: bool = True
-) -> UInt8Array:
-    """H x W x 3: the view's colours, with each surface in its colour holes painted with its own texture; w: H x W inverse depth
-    (1/m), of `inverse_of_filled`; detail: False paints smooth colours alone."""
+def paint_surfaces(view: View, surfaces: Surfaces, context: FillContext, seed: int, detail: bool = True) -> UInt8Array:
+    """H x W x 3: the view's colours, with each surface in its colour holes painted with its own texture; surfaces: of
+    `continue_lawfully`; detail: False paints smooth colours alone."""
     if not view.color_hole.any():
         return view.color
-    label = np.where(np.abs(w - surfaces.inverse_depth) > 0.05 * w, np.int32(SMOOTH), surfaces.label)
+    w, label = surfaces.inverse_depth, surfaces.label.copy()
+    if surfaces.off_surface is not None:
+        label[surfaces.off_surface] = SMOOTH
     label[view.hole & (w == 0)] = SKY
     leafy = paint_leaves(view.color, view, find_leaves(view, surfaces))
     shadow = find_remaining_shadow(view, label, context.law)
-    open_ = view.color_hole & (surfaces.leaves < 0)
+    open_ = surfaces.without_leaves(view.color_hole)
     color = synthesize(leafy, open_, w, label, view.camera, seed=seed, sky=context.sky, spoiled=shadow, detail=detail)
     return blend_at_rim(color, view.color_hole, open_ & ~has_code(view.hole_type, *NOT_BLENDED), w, label, shadow)
 
 
-def inverse_of_filled(view: View, surfaces: Surfaces, depth: Float32Array) -> Float32Array:
-    """H x W inverse depth (1/m): of the holes that of the filled depth (H x W m), elsewhere that of the surfaces."""
-    w = surfaces.inverse_depth.copy()
-    w[view.hole] = inverse_depth(depth[view.hole])
-    return w
-
-
 def find_leaves(view: View, surfaces: Surfaces) -> NDArray[np.intp]:
     """2 x N flat indices: hole pixels whose colour is unknown into which foliage extends, and the known leaf that each copies."""
-    leafy = np.flatnonzero(view.color_hole & (surfaces.leaves >= 0))
-    return np.stack([leafy, surfaces.leaves.ravel()[leafy]])
+    return surfaces.leaves[:, view.color_hole.ravel()[surfaces.leaves[0]]]
 
 
 def paint_leaves(color: UInt8Array, view: View, leaves: NDArray[np.intp]) -> UInt8Array:

@@ -27,7 +27,7 @@ from dlama.inpainters.layered.color.low_frequency import begin_guess, blend_with
 from dlama.inpainters.layered.depth.surface_labels import Surfaces
 from dlama.inpainters.layered.depth.surfaces import continue_lawfully
 from dlama.inpainters.layered.depth_first import find_occluders, find_occluders_coarsely
-from dlama.inpainters.layered.filler import inverse_of_filled, paint_surfaces
+from dlama.inpainters.layered.filler import paint_surfaces
 from dlama.inpainters.layered.remaining_shadows import find_remaining_shadow
 from dlama.inpainters.networks.migan import migan_filler
 from dlama.inpainters.patchmatch.completion import QUICK, complete_picture
@@ -59,17 +59,16 @@ def layered_patches_filler(model: str | Path) -> Inpainter:
             if removed.any():
                 hidden |= find_remaining_shadow(view, surfaces.label, context.law)
             guessing = begin_job(guess_coarsely, network.paint, view.color, hidden, seed, side)
-        w = inverse_of_filled(view, surfaces, depth)
         color = view.color
         if (view.color_hole & ~removed).any():
-            color = paint_surfaces(view, surfaces, w, context, seed, detail=not context.misplaced_edges)
+            color = paint_surfaces(view, surfaces, context, seed, detail=not context.misplaced_edges)
         guess = color
         if guessed:
             guess = guessing()
             notes["guess"] = network.notes()
         if copied.any():
             color = copy_patches(view, surfaces, color, guess, copied, hidden, seed)
-        painted = view.color_hole & (surfaces.leaves < 0)
+        painted, w = surfaces.without_leaves(view.color_hole), surfaces.inverse_depth
         color = blend_with_low_frequency(view, color, painted, w, surfaces.label, context.sky, smooth)
         if uncovered.any():
             color = blend_with_guess(color, guess, uncovered, guess_share=DISOCCLUDED_SHARE)

@@ -65,11 +65,14 @@ def test_leaves_are_copied_from_leaves() -> None:
     w = np.where(view.hole, 0, 1 / np.where(view.hole, 1, view.depth)).astype(np.float32)
     number = np.hypot(ROWS - 80, COLUMNS - BORDER) <= 50
     things = things_of(number & (view.hole | bush), (80, BORDER, 50))
-    leaves = copy_leaves(view, w, things, seed=1)
-    assert (leaves[number & view.hole] >= 0).mean() > 0.5
-    assert not (leaves >= 0)[~view.hole | (np.hypot(ROWS - 80, COLUMNS - BORDER) > 55)].any()
-    assert (bush & ~view.hole).ravel()[leaves[leaves >= 0]].all()
-    np.testing.assert_array_equal(leaves, copy_leaves(view, w, things, seed=1))
+    found = copy_leaves(view, w, things, seed=1)
+    pixels, leaves = found
+    copied = np.zeros(w.shape, bool)
+    copied.ravel()[pixels] = True
+    assert copied.sum() == len(pixels) and copied[number & view.hole].mean() > 0.5
+    assert not copied[~view.hole | (np.hypot(ROWS - 80, COLUMNS - BORDER) > 55)].any()
+    assert (bush & ~view.hole).ravel()[leaves].all()
+    np.testing.assert_array_equal(found, copy_leaves(view, w, things, seed=1))
 
 
 def test_too_narrow_a_strip_shows_no_leaves() -> None:
@@ -78,7 +81,7 @@ def test_too_narrow_a_strip_shows_no_leaves() -> None:
     narrow = view.without(COLUMNS < BORDER - 3, HoleType.SENSOR)
     w = np.where(narrow.hole, 0, 1 / np.where(narrow.hole, 1, narrow.depth)).astype(np.float32)
     number = (np.hypot(ROWS - 80, COLUMNS - BORDER) <= 50) & (narrow.hole_type != HoleType.SENSOR)
-    assert (copy_leaves(narrow, w, things_of(number, (80, BORDER, 50))) < 0).all()
+    assert not copy_leaves(narrow, w, things_of(number, (80, BORDER, 50))).size
 
 
 def test_what_has_no_steps_is_no_leaf() -> None:

@@ -55,26 +55,30 @@ def blend_with_low_frequency(
 
     color: H x W x 3, painted; hole: H x W, the painted pixels, colour holes; w: H x W inverse depth (1/m), filled everywhere;
     label: H x W, surfaces that are blended one by one, over WIDE instead of DETAIL_PX; sky: of the source pictures, defines up;
-    guess: of `begin_guess`, where that was begun before.
+    guess: of `begin_guess`, where that was begun before; what it gives is written to.
     """
     out_of_view = hole & (view.hole_type == HoleType.OUT_OF_VIEW.value)
-    known = w[~view.hole][::16]
+    known = w[~view.hole][::16].copy()
     if not out_of_view.any() or not known.size:
         return color
     places = np.flatnonzero(out_of_view)
     distance = cv2.distanceTransform(view.hole.view(np.uint8), cv2.DIST_L2, 5).ravel()[places]
     middle = max(float(np.median(known)), 1e-6)
     largest = LARGEST_SHARE if label is None else blend_shares(view, out_of_view, label, sky)
-    unsure = 1 - np.exp(-distance / (REACH * max(w.shape)))
-    share = largest * unsure * np.clip(2 * (1 - w.ravel()[places] / middle), 0, 1)
+    share = largest * (1 - np.exp(-distance / (REACH * max(w.shape))))
+    del distance, largest
+    share *= np.clip(2 * (1 - w.ravel()[places] / middle), 0, 1)
     out = color.copy()
     painted = out.reshape(-1, 3)[places]
-    smooth = (guess or begin_guess(view))()[hole[unseen_colors(view)]]
+    step, kept = (guess or begin_guess(view))(), hole[unseen_colors(view)]
+    step = step if kept.all() else step[kept]
     if label is None:
-        step = smooth - blur_among(color, out_of_view)
+        step -= blur_among(color, out_of_view)
     else:
-        step = blur_per_label(np.subtract(smooth, painted, out=smooth), places, label)
-    blend = painted + share[:, None] * step
+        step -= painted
+        blur_per_label(step, places, label)
+    step *= share[:, None]
+    blend = np.add(painted, step, out=step)
     out.reshape(-1, 3)[places] = np.clip(np.rint(blend, out=blend), 0, 255, out=blend)
     return out
 
@@ -98,25 +102,26 @@ def blur_among(color: UInt8Array, where: BoolArray) -> Float32Array:
     return np.asarray(sums[where] / weight[where, None], np.float32)
 
 
-def blur_per_label(values: Float32Array, places: NDArray[np.intp], label: NDArray[np.int32]) -> Float32Array:
-    """N x 3: values at the N flat `places`, blurred among those of one label (H x W) over WIDE, on a coarse grid."""
+def blur_per_label(values: Float32Array, places: NDArray[np.intp], label: NDArray[np.int32]) -> None:
+    """Blur the values (N x 3) at the N flat `places` among those of one label (H x W) over WIDE, on a coarse grid; in place."""
     step = max(1.0, max(label.shape) / GRID)
     height, width = (int(np.ceil(size / step)) for size in label.shape)
     rows, columns = np.divmod(places, label.shape[1])
     x, y = ((columns + 0.5) / step - 0.5).astype(np.float32), ((rows + 0.5) / step - 0.5).astype(np.float32)
     cell = (rows / step).astype(np.int32) * width + (columns / step).astype(np.int32)
     del rows, columns
-    number, out = label.ravel()[places], np.empty_like(values)
+    number = label.ravel()[places]
     for surface in np.unique(number):
         own = np.flatnonzero(number == surface)
-        there, weights = cell[own], (None, *values[own].T)
-        sums = [np.bincount(there, part, height * width).reshape(height, width) for part in weights]
-        wide = cv2.GaussianBlur(np.stack(sums, 2).astype(np.float32), (0, 0), WIDE * max(height, width))
+        there = cell[own].astype(np.intp)
+        sums = [np.bincount(there, None if k is None else values[own, k], height * width) for k in (None, 0, 1, 2)]
+        del there
+        means = np.stack(sums, 1).reshape(height, width, 4).astype(np.float32)
+        wide = cv2.GaussianBlur(means, (0, 0), WIDE * max(height, width))
         mean = wide[..., 1:] / np.maximum(wide[..., :1], np.float32(1e-6))
         for first in range(0, len(own), PIECE):
             some = own[first : first + PIECE]
-            out[some] = sample_bilinear(np.asarray(mean, np.float32), x[some][:, None], y[some][:, None])
-    return out
+            values[some] = sample_bilinear(np.asarray(mean, np.float32), x[some][:, None], y[some][:, None])
 
 
 def sample_bilinear(picture: Float32Array, x: Float32Array, y: Float32Array) -> Float32Array:

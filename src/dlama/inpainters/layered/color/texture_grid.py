@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.camera import Camera
+from dlama.geometry.kernels.jit import BAND
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.inpainters.layered.kernels.cells import shrink, trusted_sources
 
@@ -64,8 +65,8 @@ class TextureGrid:
         cell_size = max(1, -(-max(hole.shape) // WORK_SIZE))
         trusted = trusted_labels(hole, inverse_depth, label)
         if spoiled is not None and spoiled.any():
-            kept = np.where(spoiled, np.int32(UNTRUSTED), trusted)
-            trusted = np.where(np.isin(trusted, labels_in(kept)), kept, trusted)
+            left = np.flatnonzero(count_labels(trusted, ~spoiled, int(label.max()))) + UNTRUSTED
+            trusted[spoiled & is_one_of(trusted, left)] = UNTRUSTED
         cells = shrink(color, inverse_depth, trusted, cell_size)
         return cls(color, hole, inverse_depth, label, camera, trusted, cell_size, *cells)
 
@@ -114,16 +115,33 @@ def trusted_labels(hole: BoolArray, inverse_depth: Float32Array, label: Int32Arr
 
     Trusted pixels are two pixels from holes and nearer surfaces; closer ones count where too few are left (FEW, SHARE_LEFT).
     """
-    trusted = np.where(trusted_sources(hole, inverse_depth, label, 2), label, UNTRUSTED).astype(np.int32)
-    needed = labels_in(label[hole])
-    known = np.bincount(label[~hole] - UNTRUSTED, minlength=label.max() - UNTRUSTED + 1)
+    trusted = np.where(trusted_sources(hole, inverse_depth, label, 2), label, np.int32(UNTRUSTED))
+    largest = int(label.max())
+    needed, known = count_labels(label, hole, largest), count_labels(label, ~hole, largest)
     for reach in (1, 0):
-        left = np.bincount(trusted.ravel() - UNTRUSTED, minlength=len(known))
-        missing = np.setdiff1d(needed, np.flatnonzero(left > np.maximum(FEW, SHARE_LEFT * known)) + UNTRUSTED)
+        enough = count_labels(trusted, ~hole, largest) > np.maximum(FEW, SHARE_LEFT * known)
+        missing = np.flatnonzero((needed > 0) & ~enough) + UNTRUSTED
         if len(missing):
-            near = np.isin(label, missing) & trusted_sources(hole, inverse_depth, label, reach)
+            near = is_one_of(label, missing) & trusted_sources(hole, inverse_depth, label, reach)
             trusted[near] = label[near]
     return trusted
+
+
+def count_labels(label: Int32Array, where: BoolArray, largest: int) -> NDArray[np.int64]:
+    """How many pixels of `where` (H x W) have each label (H x W), from UNTRUSTED to the `largest`."""
+    out = np.zeros(largest - UNTRUSTED + 1, np.int64)
+    for first in range(0, len(label), BAND):  # at full size they are whole numbers of 64 bits
+        rows = slice(first, first + BAND)
+        out += np.bincount(label[rows][where[rows]] - UNTRUSTED, minlength=len(out))
+    return out
+
+
+def is_one_of(label: Int32Array, numbers: NDArray[np.int64]) -> BoolArray:
+    """H x W, True where the label (H x W) is one of the few `numbers`."""
+    out = np.zeros(label.shape, np.bool_)
+    for number in numbers.tolist():
+        out |= label == number
+    return out
 
 
 def labels_in(label: Int32Array) -> NDArray[np.int64]:

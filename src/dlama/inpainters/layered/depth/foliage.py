@@ -132,8 +132,8 @@ class Crown:
         return np.asarray(RAGGED * self.circle[2] * rim, np.float32)
 
 
-def copy_leaves(view: View, w: Float32Array, cut: CutObjects, seed: int = 0) -> NDArray[np.int32]:
-    """H x W: flat index of the known pixel that a hole pixel is copied from, negative for none.
+def copy_leaves(view: View, w: Float32Array, cut: CutObjects, seed: int = 0) -> NDArray[np.intp]:
+    """2 x N flat indices: hole pixels into which foliage extends, in order, and the known leaf that each is copied from.
 
     w: H x W inverse depth of the known pixels; cut: on a grid of cells.
     """
@@ -149,7 +149,8 @@ def copy_leaves(view: View, w: Float32Array, cut: CutObjects, seed: int = 0) -> 
         rows, columns = np.divmod(leaves, leaves.shape[1])
         flat = (rows + first[0]) * w.shape[1] + columns + first[1]
         np.copyto(out[box], flat.astype(np.int32), where=leaves >= 0)
-    return out
+    pixels = np.flatnonzero(out >= 0)
+    return np.stack([pixels, out.ravel()[pixels]])
 
 
 def crown(view: View, w: Float32Array, cut: CutObjects, number: int, box: tuple[slice, slice]) -> Crown:

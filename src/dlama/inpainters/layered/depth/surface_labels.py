@@ -7,7 +7,7 @@ intersect, and may be hidden by known pixels but not hide them (the visibility l
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
@@ -33,7 +33,6 @@ from dlama.inpainters.layered.depth.out_of_view import (
 )
 from dlama.inpainters.layered.depth.plane_edges import align_lines_to_edges
 from dlama.inpainters.layered.kernels import surfaces as surface_kernels
-from dlama.inpainters.layered.kernels.quilt import GAP
 from dlama.perception.planes import SMOOTH, KnownSurfaces, plane_values, plane_values_at
 
 GRID = 256
@@ -66,6 +65,10 @@ LEAST_CELLS = 50
 """Least number of known cells that define the order of surfaces."""
 LEAST_INVERSE_DEPTH = 1e-3
 """Planes end at 1 km: beyond it they are horizon."""
+OFF_SURFACE = 0.05
+"""Relative difference of inverse depth from which a pixel is not on its surface any more."""
+PIECE = 1 << 16
+"""Hole pixels that are worked on at a time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,8 +81,17 @@ class Surfaces:
     """H x W; -1 = no plane, 0 = sky, k = k-th plane."""
     planes: NDArray[np.float64]
     """K x 3, w = a u + b v + c in pixels of the view."""
-    leaves: NDArray[np.int32]
-    """H x W; flat index of the known leaf pixel that a hole pixel is copied from, where foliage extends; negative elsewhere."""
+    leaves: NDArray[np.intp] = field(default_factory=lambda: np.zeros((2, 0), np.intp))
+    """2 x N, as of `copy_leaves`: where foliage extends."""
+    off_surface: BoolArray | None = None
+    """H x W, True in hole pixels whose inverse depth the visibility law moved off that of their label by more than
+    OFF_SURFACE; None: the law was not asked yet."""
+
+    def without_leaves(self, where: BoolArray) -> BoolArray:
+        """`where` (H x W) without the pixels that foliage extends into."""
+        out = where.copy()
+        out.ravel()[self.leaves[0]] = False
+        return out
 
 
 @dataclass(frozen=True, eq=False)
@@ -238,28 +250,29 @@ def upsample_labels(
     leaves_of: Callable[[], NDArray[np.int32]],
 ) -> Surfaces:
     """Label costs (h x w x L) interpolated to every hole pixel; each takes the label of least cost and its inverse depth.
-    Foliage covers it where it extends. leaves_of: gives `copy_leaves`.
+    Foliage covers it where it extends. known: its planes of pixels are taken over; leaves_of: gives `copy_leaves`.
     """
-    w, planes = known.inverse_depth, known.planes
+    places, wh = np.flatnonzero(view.hole), view.camera.wh
     spread = fill_with_nearest(costs, coarse.hole)
     no_plane = coarse.candidates[0]
-    smooth = enlarge(fill_with_nearest(no_plane, coarse.hole & (no_plane > 0)), view.camera.wh)
-    best = np.full(w.shape, np.inf, np.float32)
-    chosen = np.full(w.shape, SMOOTH, np.int32)
+    filled = enlarge(fill_with_nearest(no_plane, coarse.hole & (no_plane > 0)), wh).take(places)
+    best, labels = np.full(len(places), np.inf, np.float32), np.full(len(places), SMOOTH, np.int32)
     for number in range(costs.shape[2]):
-        cost = enlarge(spread[..., number], view.camera.wh)
-        np.copyto(chosen, np.int32(number - 1), where=cost < best)
+        cost = enlarge(spread[..., number], wh).take(places)
+        np.copyto(labels, np.int32(number - 1), where=cost < best)
         np.minimum(best, cost, out=best)
-    rows, columns = np.nonzero(view.hole)
-    labels = chosen[rows, columns]
-    on_plane = np.maximum(0, plane_values_at(planes, labels, rows, columns))
-    out, filled = w.copy(), known.label.copy()
-    out[rows, columns] = np.where(labels == SMOOTH, smooth[rows, columns], np.where(labels > 0, on_plane, 0))
-    filled[rows, columns] = labels
-    leaves = leaves_of()
-    leaf = (leaves >= 0) & (w.ravel()[np.maximum(leaves, 0)] > out)
-    out[leaf], filled[leaf] = w.ravel()[leaves[leaf]], SMOOTH
-    return Surfaces(out, filled, planes, np.where(leaf, leaves, GAP).astype(np.int32))
+    for first in range(0, len(places), PIECE):
+        some = slice(first, first + PIECE)
+        on_plane = plane_values_at(known.planes, labels[some], *np.divmod(places[some], wh[0]))
+        on_plane = np.where(labels[some] > 0, np.maximum(0, on_plane), 0)
+        filled[some] = np.where(labels[some] == SMOOTH, filled[some], on_plane)
+    out, label = known.inverse_depth.ravel(), known.label.ravel()
+    out[places], label[places] = filled, labels
+    pixels, leaves = leaves_of()
+    nearer = out[leaves] > out[pixels]
+    pixels, leaves = pixels[nearer], leaves[nearer]
+    out[pixels], label[pixels] = out[leaves], SMOOTH
+    return Surfaces(known.inverse_depth, known.label, known.planes, np.stack([pixels, leaves]))
 
 
 def cells_with_holes(hole: BoolArray, wh: tuple[int, int]) -> BoolArray:

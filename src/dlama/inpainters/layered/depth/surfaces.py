@@ -17,17 +17,20 @@ from dlama.geometry.rgbd import Float32Array
 from dlama.geometry.view import View
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.layered.depth.foliage import copy_leaves
-from dlama.inpainters.layered.depth.surface_labels import GRID, CoarseView, Surfaces, upsample_labels
-from dlama.inpainters.layered.kernels.quilt import GAP
+from dlama.inpainters.layered.depth.surface_labels import GRID, OFF_SURFACE, CoarseView, Surfaces, upsample_labels
 from dlama.inpainters.missing_depth.along_colors import DepthByColor, fill_along_colors
 from dlama.perception.planes import KnownSurfaces
 
 
 def continue_lawfully(view: View, context: FillContext, seed: int) -> tuple[Surfaces, Float32Array, int]:
     """The surfaces continued into the holes, their depth projected onto the visibility law, and how many pixels that moved."""
-    surfaces = continue_surfaces(view, context, seed)
-    depth, moved = context.law.project(view.camera, depth_from_inverse(surfaces.inverse_depth), view.hole)
-    return surfaces, depth, int(moved.sum())
+    surfaces, hole = continue_surfaces(view, context, seed), view.hole
+    w, off_surface = surfaces.inverse_depth, np.zeros(hole.shape, np.bool_)
+    depth, moved = context.law.project(view.camera, depth_from_inverse(w), hole)
+    lawful = inverse_depth(depth[hole])
+    off_surface[hole] = np.abs(lawful - w[hole]) > OFF_SURFACE * lawful
+    w[hole] = lawful
+    return dataclasses.replace(surfaces, off_surface=off_surface), depth, int(moved.sum())
 
 
 def continue_surfaces(view: View, context: FillContext, seed: int = 0) -> Surfaces:
@@ -37,8 +40,7 @@ def continue_surfaces(view: View, context: FillContext, seed: int = 0) -> Surfac
     if missing.any():
         by_color = fill_along_colors(view.color, missing, view.hole, known)
     if by_color is not None and (by_color.reached | ~view.hole).all():
-        none = np.full(missing.shape, GAP, np.int32)
-        return Surfaces(by_color.inverse_depth, by_color.label, known.planes, none)
+        return Surfaces(by_color.inverse_depth, by_color.label, known.planes)
     coarse = CoarseView.of(view, known, max(1.0, max(missing.shape) / GRID), context.misplaced_edges)
     leaves = begin_job(copy_leaves, view, known.inverse_depth, coarse.cut, seed)
     found = upsample_labels(view, known, coarse, coarse.label_costs(context), leaves)
@@ -52,5 +54,5 @@ def set_missing_depth(found: Surfaces, by_color: DepthByColor) -> Surfaces:
         found,
         inverse_depth=np.where(there, by_color.inverse_depth, found.inverse_depth),
         label=np.where(there, by_color.label, found.label),
-        leaves=np.where(there, np.int32(GAP), found.leaves),
+        leaves=found.leaves[:, ~there.ravel()[found.leaves[0]]],
     )
