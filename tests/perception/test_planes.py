@@ -235,7 +235,7 @@ def test_noise_is_taken_off_planes_and_nothing_else() -> None:
     plane = np.array([(0.001, 0.002, 0.3)])
     flat = plane_values(plane, (3, 4))[0]
     off = np.array([0, 0.01, -0.02, 0.04] * 3, np.float32).reshape(3, 4)
-    label = np.ones((3, 4), np.int32)
+    label = np.ones((3, 4), np.int8)
     label[2] = SMOOTH
     got = denoise(flat + off, label, plane, 0.002)
     kept = np.where(label == SMOOTH, off, np.array([0, 0, -0.01, 0.03], np.float32))
@@ -267,7 +267,7 @@ def test_the_box_in_front_is_not_mixed_into_the_wall() -> None:
 def test_values_at_pixels_are_the_planes_own() -> None:
     """Other path: `plane_values` draws whole planes; a pixel reads its label's. Labels of no plane give 0."""
     planes = np.array([(0.001, 0.002, 0.3), (-0.01, 0.0, 0.5)])
-    label = np.array([[1, 2, SKY], [2, SMOOTH, 1]], np.int32)
+    label = np.array([[1, 2, SKY], [2, SMOOTH, 1]], np.int8)
     rows, columns = np.divmod(np.arange(6), 3)
     whole = np.concatenate([np.zeros((1, 2, 3)), plane_values(planes, (2, 3))])
     expected = whole[np.maximum(label, 0).ravel(), rows, columns]

@@ -32,7 +32,7 @@ NOISE_REACH = 4
 NEIGHBOURHOOD = 9
 """Width in px of the window in which planes compete for a pixel."""
 MOST_PLANES = 12
-"""Largest number of planes."""
+"""Largest number of planes: a label is a byte."""
 SMALLEST_SHARE = 0.01
 """Least share of the known pixels of a plane."""
 HYPOTHESES = 160
@@ -49,7 +49,7 @@ class KnownSurfaces:
 
     inverse_depth: Float32Array
     """H x W, 1/m; 0 = far or unknown; on planes without noise."""
-    label: NDArray[np.int32]
+    label: NDArray[np.int8]
     """H x W, as of `label_known`."""
     planes: NDArray[np.float64]
     """K x 3, as of `find_planes`."""
@@ -148,13 +148,13 @@ def plane_values(planes: NDArray[np.float64], hw: tuple[int, int], step: float =
 
 def label_known(
     w: Float32Array, surface: BoolArray, far: BoolArray, planes: NDArray[np.float64], noise: float = 0.0
-) -> NDArray[np.int32]:
-    """H x W int32: SKY at far pixels, k >= 1 on the k-th plane, SMOOTH elsewhere (holes too).
+) -> NDArray[np.int8]:
+    """H x W int8: SKY at far pixels, k >= 1 on the k-th plane, SMOOTH elsewhere (holes too).
 
     Of the planes that fit a pixel it takes the one that fits most of its neighbourhood: a plane that merely intersects a
     surface leaves no stripe on it.
     """
-    label = np.empty(w.shape, np.int32)
+    label = np.empty(w.shape, np.int8)
 
     def label_rows(first: int, last: int) -> None:
         top, bottom = max(first - NEIGHBOURHOOD, 0), min(last + NEIGHBOURHOOD, len(w))
@@ -167,13 +167,11 @@ def label_known(
     return label
 
 
-def _label_known(
-    w: Float32Array, surface: BoolArray, planes: Iterable[Float32Array], noise: float
-) -> NDArray[np.int32]:
+def _label_known(w: Float32Array, surface: BoolArray, planes: Iterable[Float32Array], noise: float) -> NDArray[np.int8]:
     """`label_known` of some rows without far pixels; planes: the inverse depth of each in these rows."""
     most = np.float32(0.3) * count_around(surface)
     near, half = tolerance(w, noise), np.float32(0.5) * count_around(surface)
-    label = np.full(w.shape, SMOOTH, np.int32)
+    label = np.full(w.shape, SMOOTH, np.int8)
     for number, value in enumerate(planes):
         residual = np.abs(value - w)
         fits = surface & (residual < near)
@@ -182,7 +180,7 @@ def _label_known(
             fits |= surface & (residual < OUTLIER_FACTOR * NOISE_FACTOR * noise) & (count > half)
         better = fits & (count > most)
         np.copyto(most, count, where=better)
-        np.copyto(label, np.int32(number + 1), where=better)
+        np.copyto(label, np.int8(number + 1), where=better)
     return label
 
 
@@ -193,7 +191,7 @@ def count_around(where: BoolArray) -> Float32Array:
 
 
 def plane_values_at(
-    planes: NDArray[np.float64], label: NDArray[np.int32], rows: NDArray[np.int64], columns: NDArray[np.int64]
+    planes: NDArray[np.float64], label: NDArray[np.int8], rows: NDArray[np.int64], columns: NDArray[np.int64]
 ) -> NDArray[np.float64]:
     """N inverse depths (1/m) of the labelled planes at the centres of N pixels; 0 for labels of no plane.
 
@@ -203,7 +201,7 @@ def plane_values_at(
     return np.asarray(of_label[:, 0] * (columns + 0.5) + of_label[:, 1] * (rows + 0.5) + of_label[:, 2], np.float64)
 
 
-def denoise(w: Float32Array, label: NDArray[np.int32], planes: NDArray[np.float64], noise: float) -> Float32Array:
+def denoise(w: Float32Array, label: NDArray[np.int8], planes: NDArray[np.float64], noise: float) -> Float32Array:
     """H x W inverse depth without the noise on planes; of residuals above the noise limit, the excess stays."""
     if not noise or not len(planes):
         return w

@@ -39,7 +39,7 @@ NOTHING = FillContext(Law(()))
 def flat(view: View, metres: float) -> tuple[Surfaces, np.ndarray]:
     """Surfaces without planes, so many metres away everywhere, and that depth."""
     w = np.full(view.depth.shape, 1 / metres, np.float32)
-    return Surfaces(w, np.full(w.shape, -1, np.int32), np.zeros((0, 3))), 1 / w
+    return Surfaces(w, np.full(w.shape, -1, np.int8), np.zeros((0, 3))), 1 / w
 
 
 def step(kind: HoleType = HoleType.DISOCCLUDED) -> View:
@@ -154,7 +154,7 @@ def test_a_thing_that_stands_before_the_hole_is_an_occluder_as_a_whole() -> None
     surfaces, filled = flat(view, 3)
     found = find_occluders(view, surfaces, filled, NOTHING.law)
     assert found[box].all() and not found[~dilate_mask(box, MIXED_PX)].any()
-    label = np.where(box | hole, 1, -1).astype(np.int32)
+    label = np.where(box | hole, 1, -1).astype(np.int8)
     one_plane = Surfaces(surfaces.inverse_depth, label, np.array([[0, 0, 1 / 3]]))
     np.testing.assert_array_equal(
         np.flatnonzero(find_occluders(view, one_plane, filled, NOTHING.law).any(0)), np.arange(200 - BAND, 200)
@@ -187,7 +187,7 @@ def test_a_seam_along_an_occluder_hides_it_from_nobody() -> None:
     for width, hidden in ((5, True), (25, False)):
         goes_on = box.copy()
         goes_on[40:120, 200 : 200 + width] = True
-        label = np.where(goes_on, 1, -1).astype(np.int32)
+        label = np.where(goes_on, 1, -1).astype(np.int8)
         w = np.where(goes_on, 1, 1 / 3).astype(np.float32)
         surfaces = Surfaces(w, label, np.array([[0, 0, 1.0]]))
         assert seams(label, hole).any() == hidden

@@ -102,7 +102,7 @@ def test_only_missing_depth_is_reached_and_the_sky_stays_far() -> None:
     color = np.full((60, 80, 3), 90, np.uint8)
     color[:30] = (150, 180, 220)
     w = np.where(np.arange(60)[:, None] < 30, 0, 0.5).repeat(80, 1).astype(np.float32)
-    label = np.where(w > 0, SMOOTH, SKY).astype(np.int32)
+    label = np.where(w > 0, SMOOTH, SKY).astype(np.int8)
     missing, unknown = np.zeros(w.shape, np.bool_), np.zeros(w.shape, np.bool_)
     missing[20:45, 10:30] = True
     unknown[10:50, 50:75] = True
@@ -123,7 +123,7 @@ def test_what_has_no_depth_as_a_whole_is_spanned() -> None:
     w = np.where(np.arange(50) < 25, 0.5, 0.65).astype(np.float32)[None].repeat(20, 0)
     missing = np.zeros(w.shape, np.bool_)
     missing[:, 20:30] = True
-    color, label = np.full((*w.shape, 3), 40, np.uint8), np.full(w.shape, SMOOTH, np.int32)
+    color, label = np.full((*w.shape, 3), 40, np.uint8), np.full(w.shape, SMOOTH, np.int8)
     known = KnownSurfaces(np.where(missing, 0, w), label, np.zeros((0, 3)))
     got = fill_along_colors(color, missing, missing, known).inverse_depth
     steps = np.diff(got[:, 19:31], axis=1)
@@ -133,7 +133,7 @@ def test_what_has_no_depth_as_a_whole_is_spanned() -> None:
 def test_bled_depth_of_a_matcher_does_not_spread() -> None:
     """A wall on a plane, two pixels of it with the depth of what stood before it: in noisy depth the missing ones are wall."""
     w = np.full((40, 60), 0.2, np.float32)
-    label = np.ones(w.shape, np.int32)
+    label = np.ones(w.shape, np.int8)
     w[:, 28:30], label[:, 28:30] = 0.3, SMOOTH
     missing = np.zeros(w.shape, np.bool_)
     missing[:, 30:40] = True

@@ -233,7 +233,7 @@ def test_what_patches_begin_from() -> None:
     levels = {HoleType.OBJECT: 81, HoleType.OUT_OF_VIEW: 60, HoleType.DISOCCLUDED: 40}
     for number, kind in enumerate(levels):
         view = view.without(hole & (number == ROWS // 32), kind)
-    surfaces = cast(Surfaces, SimpleNamespace(label=np.zeros((96, 128), np.int32)))
+    surfaces = cast(Surfaces, SimpleNamespace(label=np.zeros((96, 128), np.int8)))
     done = copy_patches(view, surfaces, color, guess, view.color_hole, view.color_hole, 0)
     for kind, level in levels.items():
         assert (done[view.hole_type == kind.value] == level).all()

@@ -128,7 +128,7 @@ def find_background(view: View, law: Law) -> BoolArray:
     return view.far | (view.valid & (view.depth > BEHIND * removed))
 
 
-def seams(label: NDArray[np.int32], hole: BoolArray) -> BoolArray:
+def seams(label: NDArray[np.int8], hole: BoolArray) -> BoolArray:
     """H x W, True where a plane fills a strip at most SEAM px wide in a wider hole: the rim of an occluder that the coarse grid
     drew too large. label, hole: H x W."""
     kernel = square(2 * SEAM + 1)

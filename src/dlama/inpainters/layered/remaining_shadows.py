@@ -36,7 +36,7 @@ INNER_PX = (8, 4, 0)
 """Pixels eroded from the removed object before its depth is used, the first that leave some of it: masks are grown."""
 
 
-def find_remaining_shadow(view: View, label: NDArray[np.int32], law: Law) -> BoolArray:
+def find_remaining_shadow(view: View, label: NDArray[np.int8], law: Law) -> BoolArray:
     """H x W, True where a plane next to a removed object is darker than its lit surface, and than anywhere farther away.
 
     label: H x W, the surface of each pixel. What lies far behind the object, a dark window, is no shadow of it; estimated depth

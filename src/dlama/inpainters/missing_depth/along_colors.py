@@ -41,7 +41,7 @@ class DepthByColor(NamedTuple):
 
     inverse_depth: Float32Array
     """H x W, 1/m: as known, and where missing and reached."""
-    label: NDArray[np.int32]
+    label: NDArray[np.int8]
     """H x W: -1 no plane, 0 sky, k on the k-th plane."""
     reached: BoolArray
     """H x W, True where depth alone was missing and a path leads from a known pixel."""
@@ -83,7 +83,7 @@ def relax_depth(w: Float32Array, loose: BoolArray, color: Float32Array) -> Float
 
 def extend_surfaces(
     w: Float32Array,
-    labels: NDArray[np.int32],
+    labels: NDArray[np.int8],
     planes: NDArray[np.float64],
     at: tuple[NDArray[np.int64], ...],
     known: NDArray[np.int32],

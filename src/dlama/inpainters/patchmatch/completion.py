@@ -69,7 +69,7 @@ def complete_picture(
     guess: UInt8Array,
     seed: int = 0,
     *,
-    label: NDArray[np.int32] | None = None,
+    label: NDArray[np.integer] | None = None,
     effort: Effort = THOROUGH,
     guided: bool = False,
 ) -> Completed:
@@ -80,8 +80,8 @@ def complete_picture(
     back. The same seed gives the same bits.
     """
     out = np.where(hole[..., None], guess, picture)
-    label = np.zeros(hole.shape, np.int32) if label is None else label.astype(np.int32)
-    levels = build_pyramid(picture, hole, guess, label) if hole.any() else []
+    surface = np.zeros(hole.shape, np.int32) if label is None else label.astype(np.int32)
+    levels = build_pyramid(picture, hole, guess, surface) if hole.any() else []
     if not levels or not levels[0].sources.any():
         return Completed(out, None)
     rng = np.random.default_rng(seed)

@@ -93,7 +93,7 @@ def copy_patches(
     """
     removed, unseen = (copied & (view.hole_type == kind.value) for kind in (HoleType.OBJECT, HoleType.OUT_OF_VIEW))
     start, near = color.copy(), np.zeros_like(removed)
-    label: NDArray[np.int32] | None = surfaces.label
+    label: NDArray[np.int8] | None = surfaces.label
     if removed.any():
         near = hidden & ~view.color_hole & removed.ravel()[nearest_known(copied)[1]]
         start[removed | near], label = guess[removed | near], None

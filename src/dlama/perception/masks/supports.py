@@ -41,7 +41,7 @@ class Planes:
     """H x W inverse depth, 1/m; 0 where far or missing."""
     planes: NDArray[np.float64]
     """K x 3, inverse depth a u + b v + c over pixels."""
-    label: NDArray[np.int32]
+    label: NDArray[np.int8]
     """H x W: k >= 1 on the k-th plane, 0 far, -1 elsewhere."""
     behind: tuple[float, ...]
     """Share of each plane's border with something behind it."""

@@ -79,7 +79,7 @@ def test_surfaces_keep_their_borders_and_their_contrast() -> None:
     """Closed form: of a dark and a light surface, with coarse stripes on the dark one, each moves as a whole: the border stays
     one pixel wide and the stripes as far apart as painted; and both lean on what is known, 200, 100, 50."""
     view = view_of()
-    color, label = painted(view), np.ones(HW, np.int32)
+    color, label = painted(view), np.ones(HW, np.int8)
     color[:20, 40:], label[:20] = 230, 2
     color[20:, 40:50], color[20:, 50:] = 60, 90
     out = blend_with_low_frequency(view, color, view.hole, np.zeros(HW, np.float32), label).astype(int)
@@ -97,7 +97,7 @@ def test_the_sky_stays_sky() -> None:
     sky that knows where up is, as much at the horizon, and by as much less as it is high of CLEAR."""
     view, color, far = view_of(), painted(view_of()), np.zeros(HW, np.float32)
     sky, wall = (
-        blend_with_low_frequency(view, color, view.hole, far, np.full(HW, label, np.int32)).astype(float) - color
+        blend_with_low_frequency(view, color, view.hole, far, np.full(HW, label, np.int8)).astype(float) - color
         for label in (0, 1)
     )
     there = np.abs(wall[:, 50:]) > 15
@@ -105,7 +105,7 @@ def test_the_sky_stays_sky() -> None:
     np.testing.assert_allclose((sky[:, 50:] / wall[:, 50:])[there], SHARE_OF_SKY / SHARE_APART, atol=0.06)
     frame = view.camera, view.color, ~view.hole
     known = Sky.of([frame])
-    high = blend_with_low_frequency(view, color, view.hole, far, np.zeros(HW, np.int32), known).astype(float) - color
+    high = blend_with_low_frequency(view, color, view.hole, far, np.zeros(HW, np.int8), known).astype(float) - color
     rows, columns = np.indices(HW).astype(float) + 0.5
     share = np.clip(1 - np.abs(known.heights(view.camera, columns, rows)) / CLEAR, 0, 1)[..., None]
     np.testing.assert_allclose(high, sky * share, atol=1.5)

@@ -35,10 +35,10 @@ def beside_slowly(color, where, known, label, w, reach, apart):  # type: ignore[
 def test_the_kernel_agrees_with_its_slow_twin() -> None:
     rng = np.random.default_rng(0)
     color = rng.integers(0, 256, (*HW, 3), np.uint8)
-    label = rng.integers(-1, 3, HW).astype(np.int32)
+    label = rng.integers(-1, 3, HW).astype(np.int8)
     w = rng.uniform(0.3, 0.35, HW).astype(np.float32)
     where = rng.random(HW) < 0.4
-    known = np.where(where, -2, label).astype(np.int32)
+    known = np.where(where, -2, label).astype(np.int8)
     places = np.flatnonzero(where).astype(np.int32)
     got, found = mean_known_nearby(color, places, known, label, w, 3, 0.08)
     wanted, there = beside_slowly(color, where, known, label, w, 3, 0.08)
@@ -60,7 +60,7 @@ def ledge(width: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def test_a_ledge_goes_on_through_a_narrow_hole(width: int) -> None:
     """Oracle: the wall without the hole; what was painted is grey all over. Known pixels stay bit for bit."""
     truth, hole, painted = ledge(width)
-    flat = np.full(HW, 0.2, np.float32), np.ones(HW, np.int32), np.zeros(HW, bool)
+    flat = np.full(HW, 0.2, np.float32), np.ones(HW, np.int8), np.zeros(HW, bool)
     out = blend_at_rim(painted, hole, hole, *flat)
     np.testing.assert_array_equal(out[~hole], painted[~hole])
     before, after = (((a.astype(float) - truth)[hole] ** 2).mean() for a in (painted, out))
@@ -70,9 +70,9 @@ def test_a_ledge_goes_on_through_a_narrow_hole(width: int) -> None:
 def test_other_surfaces_and_what_is_spoiled_or_out_of_view_lend_nothing() -> None:
     """Law: a hole none of whose own surface is known next to it, or that is not asked for, comes back as it was painted."""
     _, hole, painted = ledge(6)
-    w, label, nothing = np.full(HW, 0.2, np.float32), np.ones(HW, np.int32), np.zeros(HW, bool)
+    w, label, nothing = np.full(HW, 0.2, np.float32), np.ones(HW, np.int8), np.zeros(HW, bool)
     for result in (
-        blend_at_rim(painted, hole, hole, w, np.where(hole, 2, label).astype(np.int32), nothing),
+        blend_at_rim(painted, hole, hole, w, np.where(hole, 2, label).astype(np.int8), nothing),
         blend_at_rim(painted, hole, hole, np.where(hole, np.float32(0.1), w), label, nothing),
         blend_at_rim(painted, hole, hole, w, label, ~hole),
         blend_at_rim(painted, hole, nothing, w, label, nothing),

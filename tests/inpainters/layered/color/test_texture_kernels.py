@@ -21,7 +21,7 @@ def rng() -> np.random.Generator:
 def picture(rng):
     """Colour, hole, inverse depth and labels: two planes, sky and a rough patch, with noise in depth."""
     color = rng.integers(0, 256, (*SHAPE, 3), dtype=np.uint8)
-    label = np.ones(SHAPE, np.int32)
+    label = np.ones(SHAPE, np.int8)
     label[:5], label[:, 12:], label[9:14, 3:9] = 0, 2, -1
     depth = np.select([label == 0, label == 1, label == 2], [0, 0.3, 0.2], 0.5) * rng.uniform(0.97, 1.1, SHAPE)
     return color, rng.random(SHAPE) < 0.05, depth.astype(np.float32), label
@@ -40,7 +40,7 @@ def test_trusted_sources(rng, reach):
 def test_shrink(rng, factor):
     """Oracle: literal twin."""
     color, hole, depth, label = picture(rng)
-    source = np.where(hole | (rng.random(SHAPE) < 0.2), -2, label).astype(np.int32)
+    source = np.where(hole | (rng.random(SHAPE) < 0.2), -2, label).astype(np.int8)
     for ours, theirs in zip(
         cell_kernels.shrink(color, depth, source, factor), twin.shrink(color, depth, source, factor)
     ):
@@ -73,7 +73,7 @@ def test_relax(rng):
 def test_depth_base(rng):
     """Oracle: literal twins of farthest, even_out, spread and skirt."""
     color, hole, depth, label = picture(rng)
-    sources = np.where(hole | (rng.random(SHAPE) < 0.3), -2, label).astype(np.int32)
+    sources = np.where(hole | (rng.random(SHAPE) < 0.3), -2, label).astype(np.int8)
     ours = base_kernels.farthest(color.astype(np.float32), depth, sources)
     for a, b in zip(ours, twin.farthest(color.astype(float), depth, sources)):
         np.testing.assert_allclose(a, b, rtol=1e-5)
@@ -100,7 +100,7 @@ def shift_setting(rng):
     color, _, _, _ = picture(rng)
     v, u = np.mgrid[: SHAPE[0], : SHAPE[1]] + 0.5
     depth = (0.2 + 0.004 * u + 0.01 * v).astype(np.float32)
-    source = np.full(SHAPE, 1, np.int32)
+    source = np.full(SHAPE, 1, np.int8)
     source[4:11, 9:] = -2
     axes = np.array([[20.0, 0, -0.3], [6.0, 18.0, 0.4]])
     return color, depth, source, axes, rng.uniform(-1, 1, (12, 2))

@@ -46,7 +46,7 @@ def test_a_period_goes_on_in_perspective(tilt_deg, period):
     camera, w, s, t = slanted_plane(256, tilt_deg)
     truth, hole = waves(s, t, period), border_and_gap(256)
     color = np.where(hole[..., None], np.uint8(0), truth)
-    filled = synthesize(color, hole, w, np.ones(hole.shape, np.int32), camera)
+    filled = synthesize(color, hole, w, np.ones(hole.shape, np.int8), camera)
     error = np.mean((filled[hole].astype(float) - truth[hole]) ** 2)
     assert 10 * np.log10(255**2 / error) > 36
 
@@ -57,7 +57,7 @@ def test_what_is_far_and_no_sky_keeps_its_texture():
     camera = Camera.from_fov(256, 256, 80)
     v, u = np.mgrid[:256, :256] + 0.5
     truth, hole = waves(u, v, 24.0), border_and_gap(256)
-    w, label = np.zeros((256, 256), np.float32), np.zeros((256, 256), np.int32)
+    w, label = np.zeros((256, 256), np.float32), np.zeros((256, 256), np.int8)
     filled = synthesize(np.where(hole[..., None], np.uint8(0), truth), hole, w, label, camera)
     assert 10 * np.log10(255**2 / np.mean((filled[hole].astype(float) - truth[hole]) ** 2)) > 25
     sky = np.random.default_rng(0).integers(150, 153, truth.shape, dtype=np.uint8)
@@ -71,7 +71,7 @@ def test_constant_colour_stays_constant(kind):
     hole = border_and_gap(160)
     color = np.where(hole[..., None], np.uint8(255), np.array([37, 141, 203], np.uint8))
     w = np.zeros_like(w) if kind == 0 else w
-    filled = synthesize(color, hole, w, np.full(hole.shape, kind, np.int32), camera)
+    filled = synthesize(color, hole, w, np.full(hole.shape, kind, np.int8), camera)
     assert (filled == [37, 141, 203]).all()
 
 
@@ -80,7 +80,7 @@ def occluded_scene(label_behind: int):
     camera, w, s, t = slanted_plane(192, 10)
     color = waves(s, t, 0.5)
     color[..., 0] = 0
-    label = np.full(w.shape, label_behind, np.int32)
+    label = np.full(w.shape, label_behind, np.int8)
     w, hole = w.copy(), np.zeros(w.shape, bool)
     post, edge = np.s_[40:160, 80:100], np.s_[40:160, 79:101]
     color[edge], color[post] = (128, 60, 60), (255, 0, 0)
@@ -106,7 +106,7 @@ def test_a_rough_surface_takes_nothing_nearer_even_if_labels_agree():
     color[w > 0.3], color[w < 0.3] = (255, 0, 0), (0, 0, 200)
     hole = np.zeros(w.shape, bool)
     hole[:, 64:90] = True
-    filled = synthesize(color, hole, w, np.full(w.shape, -1, np.int32), Camera.from_fov(128, 96, 60))
+    filled = synthesize(color, hole, w, np.full(w.shape, -1, np.int8), Camera.from_fov(128, 96, 60))
     assert (filled[hole] == (0, 0, 200)).all()
 
 
@@ -120,7 +120,7 @@ def test_what_stands_out_is_not_copied_as_grain():
         truth[y : y + 5, x : x + 5] = 250
     hole = np.zeros(w.shape, bool)
     hole[:, 110:] = True
-    filled = synthesize(truth, hole, w, np.ones(w.shape, np.int32), camera)[hole].astype(float)
+    filled = synthesize(truth, hole, w, np.ones(w.shape, np.int8), camera)[hole].astype(float)
     assert filled.max() < 110 + 6 * 6
     assert 1 < filled.std() < 8
 
@@ -129,7 +129,7 @@ def test_another_thing_on_the_same_plane_lends_nothing():
     """Closed form: a floor with a hole, and beyond a gap of 40 px (another surface) something that happens to lie on the same
     plane: it gives the hole neither cells nor pixels. What a gap of 6 px parts is the same floor."""
     camera, w, s, t = slanted_plane(256, 10)
-    color, label = waves(s, t, 0.3), np.ones((256, 256), np.int32)
+    color, label = waves(s, t, 0.3), np.ones((256, 256), np.int8)
     label[:, 60:100], label[:, 130:136] = 2, 2
     hole = np.zeros(w.shape, bool)
     hole[60:200, 150:220] = True
@@ -141,7 +141,7 @@ def test_another_thing_on_the_same_plane_lends_nothing():
 
 def random_scene(rng: np.random.Generator, shape: tuple[int, int]):
     """Anything of that size: noise, random holes, labels and depths."""
-    label = rng.integers(-1, 3, shape).astype(np.int32)
+    label = rng.integers(-1, 3, shape).astype(np.int8)
     w = np.where(label == 0, 0, rng.uniform(0.01, 1, shape)).astype(np.float32)
     color = rng.integers(0, 256, (*shape, 3), dtype=np.uint8)
     return color, rng.random(shape) < 0.5, w, label, Camera.from_fov(shape[1], shape[0], 70)
@@ -161,7 +161,7 @@ def test_any_size_keeps_what_is_known(shape):
 def test_the_hole_s_content_does_not_matter():
     """Law: what stands in the hole before filling changes nothing (the textured case, with search)."""
     camera, w, s, t = slanted_plane(160, 20)
-    hole, label = border_and_gap(160), np.ones((160, 160), np.int32)
+    hole, label = border_and_gap(160), np.ones((160, 160), np.int8)
     rng = np.random.default_rng(1)
     truth = waves(s, t, 0.4)
     noise = np.where(hole[..., None], rng.integers(0, 256, truth.shape, dtype=np.uint8), truth)
@@ -172,7 +172,7 @@ def test_nothing_known_is_grey_and_an_unseen_sky_is_pale():
     """Definition: GREY where nothing is known; SKY_COLOR where only sky is missing; grey where all that is known is nearer."""
     camera = Camera.from_fov(20, 20, 60)
     color, w = np.zeros((20, 20, 3), np.uint8), np.ones((20, 20), np.float32)
-    label, hole = np.full((20, 20), -1, np.int32), np.ones((20, 20), bool)
+    label, hole = np.full((20, 20), -1, np.int8), np.ones((20, 20), bool)
     assert (synthesize(color, hole, w, label, camera) == GREY).all()
     hole[10:] = False
     w[:10] = 0.2
@@ -189,7 +189,7 @@ def test_the_sky_goes_on_by_height(known_rows: int) -> None:
     up, middle, slope = np.array([0.0, -1, 0]), np.array((150.0, 170, 200)), np.array((-150.0, -120, -60))
     sky = Sky(up, 0.0, middle, slope, np.zeros(3), np.full(3, 255.0))
     truth = sky.render_sky(camera)
-    label = np.zeros((48, 64), np.int32)
+    label = np.zeros((48, 64), np.int8)
     label[40:] = 1
     hole = np.zeros((48, 64), bool)
     hole[: 40 - known_rows] = True
@@ -203,7 +203,7 @@ def test_the_sky_goes_on_by_height(known_rows: int) -> None:
 
 def test_a_plane_that_is_nowhere_seen_takes_what_lies_at_its_depth():
     """Definition: a hole labelled with a plane that has no known pixel is coloured by the known at like depth."""
-    w, label = np.full((64, 64), 0.25, np.float32), np.ones((64, 64), np.int32)
+    w, label = np.full((64, 64), 0.25, np.float32), np.ones((64, 64), np.int8)
     hole = np.zeros((64, 64), bool)
     hole[:, 40:] = True
     label[hole] = 9
@@ -227,7 +227,7 @@ def test_leaves_may_be_copied_though_none_is_far_from_its_rim() -> None:
     bush = (rows < 60) & (columns >= 50)
     leaves = bush & (rows % 8 < 3) & (columns % 8 < 3)
     hole = (bush & ~leaves) | ((columns < 8) & (rows > 70))
-    label = np.where(bush, 2, 1).astype(np.int32)
+    label = np.where(bush, 2, 1).astype(np.int8)
     trusted = trusted_labels(hole, np.where(bush, 0.5, 0.1).astype(np.float32), label)
     assert (trusted[leaves] == 2).all()
     assert (trusted[74:90, 20:40] == 1).all() and (trusted[74:, 8:10] == UNTRUSTED).all()

@@ -23,7 +23,7 @@ GAPS = np.random.default_rng(0).random(HW) < 0.2
 def cut(thing: np.ndarray, w: np.ndarray | None = None) -> CutObjects:
     """Of an object (h x w) before a wall, all but for what lies beyond the BORDER known."""
     w = np.where(thing, THING, WALL).astype(np.float32) if w is None else w
-    label = np.where(thing, SMOOTH, 1).astype(np.int32)
+    label = np.where(thing, SMOOTH, 1).astype(np.int8)
     return find_cut_objects(w, label, UNSEEN, dilate_mask(UNSEEN, 2))
 
 

@@ -79,7 +79,7 @@ def test_a_cut_pole_ends_before_the_wall_behind_it(side: int) -> None:
 def test_lines_count_what_they_meet() -> None:
     """By hand: a plane at 4 m seen in 30 columns, sky above row 10, an object before it in 6 columns next to the hole: lines from
     the hole skip it, find the plane after it and count its cells; in the sky they look past it; upright ones meet nothing."""
-    w, label = np.full((40, 60), 0.25, np.float32), np.ones((40, 60), np.int32)
+    w, label = np.full((40, 60), 0.25, np.float32), np.ones((40, 60), np.int8)
     w[:10], label[:10] = 0, 0
     hole = np.zeros(w.shape, bool)
     hole[:, :24] = True
@@ -98,7 +98,7 @@ def test_lines_count_what_they_meet() -> None:
 def test_cost_of_a_wall_that_goes_on_and_of_one_that_has_ended() -> None:
     """Closed form: t cells from a wall seen over 36, below its top, it costs CONTINUED_COST log(1 + t / 36), the sky behind it
     log(1 + 36 / t); at the height of the sky next to it, PAST, and the sky nothing."""
-    w, label = np.full((40, 60), 0.25, np.float32), np.ones((40, 60), np.int32)
+    w, label = np.full((40, 60), 0.25, np.float32), np.ones((40, 60), np.int8)
     w[:20], label[:20] = 0, 0
     hole = np.zeros(w.shape, bool)
     hole[:, :24] = True
@@ -151,7 +151,7 @@ def test_nothing_is_said_in_view() -> None:
     hole = np.ones((20, 30), bool)
     for count in (2, 4):
         candidates = np.full((count, *hole.shape), 0.25, np.float32)
-        known = ~hole, np.full(hole.shape, 0.25, np.float32), np.ones(hole.shape, np.int32)
+        known = ~hole, np.full(hole.shape, 0.25, np.float32), np.ones(hole.shape, np.int8)
         lines = PlaneLines.of(Camera.from_fov(30, 20, 60), candidates, hole, known[2])
         for part in follow_lines(lines, candidates, hole, *known, np.ones(count - 2, bool)):
             assert part.shape == candidates.shape and not part.any()
@@ -160,7 +160,7 @@ def test_nothing_is_said_in_view() -> None:
 def test_what_ends_within_the_picture_does_not_go_on_outside_it() -> None:
     """Closed form: of planes that are not followed the one that the border cuts costs nothing, one that ends before it
     ENDING_COST; what has no plane nothing where it continues, twice a jump of what lies beyond, ENDING_COST at most."""
-    hole, label = np.zeros((60, 100), bool), np.full((60, 100), 1, np.int32)
+    hole, label = np.zeros((60, 100), bool), np.full((60, 100), 1, np.int8)
     hole[:, 60:] = True
     label[20:40, 10:30] = 2
     beyond = np.tile(np.maximum(np.arange(100, dtype=np.float32) - 65, 0), (60, 1))

@@ -23,7 +23,7 @@ def scene(tabletop: bool = True, round_one: bool = False) -> tuple[PlaneLines, P
     x, y = (columns + 0.5 - CAMERA.cx) / CAMERA.fx, (rows + 0.5 - CAMERA.cy) / CAMERA.fy
     on_table, on_floor = y / TABLE, y / FLOOR
     table = tabletop & inside(x, y, round_one)
-    label = np.where(table, 1, np.where(on_floor > 0, 2, -1)).astype(np.int32)
+    label = np.where(table, 1, np.where(on_floor > 0, 2, -1)).astype(np.int8)
     w = np.where(table, on_table, np.maximum(on_floor, 0)).astype(np.float32)
     candidates = np.stack([np.zeros_like(w), np.zeros_like(w), on_table, on_floor]).astype(np.float32)
     hole = columns >= 150

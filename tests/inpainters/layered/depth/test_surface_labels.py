@@ -67,7 +67,7 @@ def grid(inverse_depth: np.ndarray, hole: np.ndarray, label: np.ndarray, planes:
     """A grid by hand whose planes are fronto-parallel: the inverse depths (1/m) that labels 1, 2, ... would give."""
     values = np.stack([np.full(hole.shape, value, np.float32) for value in (0.3, 0, *planes)])
     camera = Camera.from_fov(hole.shape[1], hole.shape[0], 60)
-    known = inverse_depth.astype(np.float32), label.astype(np.int32), values
+    known = inverse_depth.astype(np.float32), label.astype(np.int8), values
     none = np.zeros(1, np.float32), np.zeros((1, 3), np.float32)
     nothing = CutObjects(np.zeros(hole.shape, np.float32), np.zeros(hole.shape, np.int32), *none)
     return CoarseView(camera, hole, hole, *known, nothing)

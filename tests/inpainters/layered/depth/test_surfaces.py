@@ -61,7 +61,7 @@ def costs_setup(seed: int, labels: int = 4) -> tuple:
     w, hole = holed(seed)
     values = rng.uniform(0, 1, (labels, *w.shape)).astype(np.float32)
     values[1] = 0
-    label = rng.integers(-1, labels - 1, w.shape).astype(np.int32)
+    label = rng.integers(-1, labels - 1, w.shape).astype(np.int8)
     w[label == SKY] = 0
     there = rng.random(values.shape) < 0.1
     values = np.where(there, w * rng.uniform(0.9, 1.1, values.shape), values).astype(np.float32)

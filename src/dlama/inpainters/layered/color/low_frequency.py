@@ -47,7 +47,7 @@ def blend_with_low_frequency(
     color: UInt8Array,
     hole: BoolArray,
     w: Float32Array,
-    label: NDArray[np.int32] | None = None,
+    label: NDArray[np.int8] | None = None,
     sky: Sky | None = None,
     guess: Callable[[], Float32Array] | None = None,
 ) -> UInt8Array:
@@ -83,7 +83,7 @@ def blend_with_low_frequency(
     return out
 
 
-def blend_shares(view: View, where: BoolArray, label: NDArray[np.int32], sky: Sky | None) -> Float32Array:
+def blend_shares(view: View, where: BoolArray, label: NDArray[np.int8], sky: Sky | None) -> Float32Array:
     """N largest weights of the smooth estimate at the N pixels of `where` (H x W). label, sky: see `blend_with_low_frequency`."""
     out = np.full(int(where.sum()), SHARE_APART, np.float32)
     far = label[where] == SKY
@@ -102,7 +102,7 @@ def blur_among(color: UInt8Array, where: BoolArray) -> Float32Array:
     return np.asarray(sums[where] / weight[where, None], np.float32)
 
 
-def blur_per_label(values: Float32Array, places: NDArray[np.intp], label: NDArray[np.int32]) -> None:
+def blur_per_label(values: Float32Array, places: NDArray[np.intp], label: NDArray[np.int8]) -> None:
     """Blur the values (N x 3) at the N flat `places` among those of one label (H x W) over WIDE, on a coarse grid; in place."""
     step = max(1.0, max(label.shape) / GRID)
     height, width = (int(np.ceil(size / step)) for size in label.shape)

@@ -135,7 +135,7 @@ class OffsetSearch:
         offsets = np.ascontiguousarray(offsets, np.float64)
         return kernels.correlate(offsets, points, self.compared[band], *self._sources(), least)
 
-    def _sources(self) -> tuple[int, Float32Array, NDArray[np.int32], int, Array]:
+    def _sources(self) -> tuple[int, Float32Array, NDArray[np.int8], int, Array]:
         """Description of the sources for the kernels: cell size, inverse depth and label of the cells, the region's label and
         axes."""
         grid = self.grid

@@ -29,7 +29,7 @@ APART = 0.08
 
 
 def blend_at_rim(
-    color: UInt8Array, hole: BoolArray, where: BoolArray, w: Float32Array, label: NDArray[np.int32], spoiled: BoolArray
+    color: UInt8Array, hole: BoolArray, where: BoolArray, w: Float32Array, label: NDArray[np.int8], spoiled: BoolArray
 ) -> UInt8Array:
     """H x W x 3 colours, with those of `where` blended with known ones of their own surface next to the hole.
 
@@ -43,7 +43,7 @@ def blend_at_rim(
     if not len(places):
         return color
     own = trusted_sources(hole, w, label, 1) & ~spoiled
-    known, depth = np.where(own, label, np.int32(UNTRUSTED)), np.where(label == SKY, np.float32(1), w)
+    known, depth = np.where(own, label, np.int8(UNTRUSTED)), np.where(label == SKY, np.float32(1), w)
     near, found = mean_known_nearby(np.ascontiguousarray(color), places, known, label, depth, REACH, APART)
     out, places = color.copy(), places[found]
     painted = color.reshape(-1, 3)[places]

@@ -13,7 +13,7 @@ from dlama.geometry.kernels.jit import BAND
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.inpainters.layered.kernels.cells import shrink, trusted_sources
 
-Int32Array = NDArray[np.int32]
+Labels = NDArray[np.int8]
 UNTRUSTED = -2
 """Label of pixels that must not be copied: holes, and pixels next to a nearer surface, whose colour may be mixed."""
 FEW, SHARE_LEFT = 100, 0.25
@@ -37,10 +37,10 @@ class TextureGrid:
     """H x W, True = to be painted."""
     inverse_depth: Float32Array
     """H x W, 1/m, filled everywhere; 0 = sky."""
-    label: Int32Array
+    label: Labels
     """H x W, filled everywhere."""
     camera: Camera
-    trusted: Int32Array
+    trusted: Labels
     """H x W: the label of pixels that may be copied, else UNTRUSTED."""
     cell_size: int
     """Pixels along a side of a cell."""
@@ -48,7 +48,7 @@ class TextureGrid:
     """rows x cols x 3: mean of the cell's trusted pixels."""
     cell_inverse_depth: Float32Array
     """rows x cols, 1/m: the same."""
-    cell_label: Int32Array
+    cell_label: Labels
     """rows x cols: the label of cells most of whose pixels are trusted and of one surface, else UNTRUSTED."""
 
     @classmethod
@@ -57,7 +57,7 @@ class TextureGrid:
         color: UInt8Array,
         hole: BoolArray,
         inverse_depth: Float32Array,
-        label: Int32Array,
+        label: Labels,
         camera: Camera,
         spoiled: BoolArray | None = None,
     ) -> TextureGrid:
@@ -65,7 +65,7 @@ class TextureGrid:
         cell_size = max(1, -(-max(hole.shape) // WORK_SIZE))
         trusted = trusted_labels(hole, inverse_depth, label)
         if spoiled is not None and spoiled.any():
-            left = np.flatnonzero(count_labels(trusted, ~spoiled, int(label.max()))) + UNTRUSTED
+            left = np.flatnonzero(count_labels(trusted, ~spoiled)) + UNTRUSTED
             trusted[spoiled & is_one_of(trusted, left)] = UNTRUSTED
         cells = shrink(color, inverse_depth, trusted, cell_size)
         return cls(color, hole, inverse_depth, label, camera, trusted, cell_size, *cells)
@@ -97,29 +97,28 @@ class HoleRegion:
     apart: BoolArray
     """rows x cols cells, True where other objects happen to lie on the same plane."""
 
-    def trusted(self, grid: TextureGrid) -> Int32Array:
+    def trusted(self, grid: TextureGrid) -> Labels:
         """H x W: the label of pixels that the region may copy, else UNTRUSTED."""
         if not self.apart.any():
             return grid.trusted
         size, (height, width) = grid.cell_size, grid.hole.shape
         apart = np.repeat(np.repeat(self.apart, size, 0), size, 1)[:height, :width]
-        return np.where(apart, np.int32(UNTRUSTED), grid.trusted)
+        return np.where(apart, np.int8(UNTRUSTED), grid.trusted)
 
-    def cell_label(self, grid: TextureGrid) -> Int32Array:
+    def cell_label(self, grid: TextureGrid) -> Labels:
         """rows x cols: the label of cells that the region may copy, else UNTRUSTED."""
-        return np.where(self.apart, np.int32(UNTRUSTED), grid.cell_label)
+        return np.where(self.apart, np.int8(UNTRUSTED), grid.cell_label)
 
 
-def trusted_labels(hole: BoolArray, inverse_depth: Float32Array, label: Int32Array) -> Int32Array:
+def trusted_labels(hole: BoolArray, inverse_depth: Float32Array, label: Labels) -> Labels:
     """H x W: the label of every pixel that may be copied, UNTRUSTED elsewhere.
 
     Trusted pixels are two pixels from holes and nearer surfaces; closer ones count where too few are left (FEW, SHARE_LEFT).
     """
-    trusted = np.where(trusted_sources(hole, inverse_depth, label, 2), label, np.int32(UNTRUSTED))
-    largest = int(label.max())
-    needed, known = count_labels(label, hole, largest), count_labels(label, ~hole, largest)
+    trusted = np.where(trusted_sources(hole, inverse_depth, label, 2), label, np.int8(UNTRUSTED))
+    needed, known = count_labels(label, hole), count_labels(label, ~hole)
     for reach in (1, 0):
-        enough = count_labels(trusted, ~hole, largest) > np.maximum(FEW, SHARE_LEFT * known)
+        enough = count_labels(trusted, ~hole) > np.maximum(FEW, SHARE_LEFT * known)
         missing = np.flatnonzero((needed > 0) & ~enough) + UNTRUSTED
         if len(missing):
             near = is_one_of(label, missing) & trusted_sources(hole, inverse_depth, label, reach)
@@ -127,16 +126,16 @@ def trusted_labels(hole: BoolArray, inverse_depth: Float32Array, label: Int32Arr
     return trusted
 
 
-def count_labels(label: Int32Array, where: BoolArray, largest: int) -> NDArray[np.int64]:
-    """How many pixels of `where` (H x W) have each label (H x W), from UNTRUSTED to the `largest`."""
-    out = np.zeros(largest - UNTRUSTED + 1, np.int64)
+def count_labels(label: Labels, where: BoolArray) -> NDArray[np.int64]:
+    """How many pixels of `where` (H x W) have each label (H x W), from UNTRUSTED on."""
+    out = np.zeros(np.iinfo(np.int8).max - UNTRUSTED + 1, np.int64)
     for first in range(0, len(label), BAND):  # at full size they are whole numbers of 64 bits
         rows = slice(first, first + BAND)
         out += np.bincount(label[rows][where[rows]] - UNTRUSTED, minlength=len(out))
     return out
 
 
-def is_one_of(label: Int32Array, numbers: NDArray[np.int64]) -> BoolArray:
+def is_one_of(label: Labels, numbers: NDArray[np.int64]) -> BoolArray:
     """H x W, True where the label (H x W) is one of the few `numbers`."""
     out = np.zeros(label.shape, np.bool_)
     for number in numbers.tolist():
@@ -144,6 +143,6 @@ def is_one_of(label: Int32Array, numbers: NDArray[np.int64]) -> BoolArray:
     return out
 
 
-def labels_in(label: Int32Array) -> NDArray[np.int64]:
+def labels_in(label: Labels) -> NDArray[np.int64]:
     """The labels (>= UNTRUSTED) that occur, in order."""
     return np.flatnonzero(np.bincount(label.ravel() - UNTRUSTED)) + UNTRUSTED

@@ -20,7 +20,7 @@ from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.inpainters.layered.color.offset_search import Bases, CopiedDetail
 from dlama.inpainters.layered.color.patch_offsets import copy_detail
-from dlama.inpainters.layered.color.texture_grid import UNTRUSTED, HoleRegion, Int32Array, TextureGrid, labels_in
+from dlama.inpainters.layered.color.texture_grid import UNTRUSTED, HoleRegion, Labels, TextureGrid, labels_in
 from dlama.inpainters.layered.kernels import base_color as base_kernels
 from dlama.inpainters.layered.kernels.patch_offsets import paint
 from dlama.inpainters.sky import Sky
@@ -43,7 +43,7 @@ def synthesize(
     color: UInt8Array,
     hole: BoolArray,
     inverse_depth: Float32Array,
-    label: Int32Array,
+    label: Labels,
     camera: Camera,
     *,
     seed: int = 0,
@@ -54,7 +54,7 @@ def synthesize(
     """Colour for the hole, from known pixels of the same surface; known pixels come back bit-identical.
 
     color: H x W x 3 uint8 (RGB; ignored in the hole). hole: H x W bool, True = to be filled. inverse_depth: H x W
-    float32, 1/m, 0 = sky, filled everywhere. label: H x W int32, -1 = non-planar, 0 = sky, k >= 1 = the k-th plane,
+    float32, 1/m, 0 = sky, filled everywhere. label: H x W int8, -1 = non-planar, 0 = sky, k >= 1 = the k-th plane,
     filled everywhere. camera gives K. sky: of all source pictures. detail: False leaves the smooth base colours alone. The same
     seed gives the same bits. Raises ShapeError.
     """
@@ -66,7 +66,7 @@ def synthesize(
         np.ascontiguousarray(color),
         np.ascontiguousarray(hole),
         np.ascontiguousarray(inverse_depth, np.float32),
-        np.ascontiguousarray(label, np.int32),
+        np.ascontiguousarray(label, np.int8),
         camera,
         spoiled,
     )
@@ -112,7 +112,7 @@ def paint_region(
     )
 
 
-def _check(color: UInt8Array, hole: BoolArray, inverse_depth: Float32Array, label: Int32Array, camera: Camera) -> None:
+def _check(color: UInt8Array, hole: BoolArray, inverse_depth: Float32Array, label: Labels, camera: Camera) -> None:
     """Refuse arrays that do not belong to one picture."""
     expected = {"color": (*camera.hw, 3), "hole": camera.hw, "inverse_depth": camera.hw, "label": camera.hw}
     arrays: tuple[np.ndarray, ...] = (color, hole, inverse_depth, label)

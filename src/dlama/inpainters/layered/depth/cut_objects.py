@@ -83,7 +83,7 @@ class Chord(NamedTuple):
         return self.middle - np.sign(heights.mean()) * radius * np.cos(angle) * outwards, float(radius)
 
 
-def find_cut_objects(w: Float32Array, label: NDArray[np.int32], hole: BoolArray, adjacent: BoolArray) -> CutObjects:
+def find_cut_objects(w: Float32Array, label: NDArray[np.int8], hole: BoolArray, adjacent: BoolArray) -> CutObjects:
     """The extents of cut objects out of view.
 
     w, label, hole: h x w inverse depth and label of the known cells; adjacent: h x w, cells next to the hole out of view.

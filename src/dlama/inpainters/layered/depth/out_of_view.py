@@ -65,7 +65,7 @@ class PlaneLines(NamedTuple):
     """K, True where lines run along the plane's own edges (`plane_edges`): a table top, which hangs over what is below it."""
 
     @classmethod
-    def of(cls, camera: Camera, candidates: Float32Array, hole: BoolArray, label: NDArray[np.int32]) -> PlaneLines:
+    def of(cls, camera: Camera, candidates: Float32Array, hole: BoolArray, label: NDArray[np.int8]) -> PlaneLines:
         """camera: of the grid; candidates: L x h x w inverse depth (1/m) of no plane, sky, planes; hole, label: h x w."""
         planes = plane_coefficients(candidates[2:])
         points = vanishing_points(planes, camera, cells_of_planes(label, hole, len(planes)))
@@ -79,7 +79,7 @@ def follow_lines(
     hole: BoolArray,
     unseen: BoolArray,
     w: Float32Array,
-    label: NDArray[np.int32],
+    label: NDArray[np.int8],
     followed: BoolArray,
 ) -> tuple[Float32Array, Float32Array]:
     """(on, cost), both L x h x w, 0 except in `unseen` cells: 0..1, how far a label is visible along its line; cost of each
@@ -119,7 +119,7 @@ def follow_lines(
 
 
 def ending_cost(
-    hole: BoolArray, unseen: BoolArray, label: NDArray[np.int32], followed: BoolArray, beyond: Float32Array, jump: float
+    hole: BoolArray, unseen: BoolArray, label: NDArray[np.int8], followed: BoolArray, beyond: Float32Array, jump: float
 ) -> Float32Array:
     """L x h x w cost in `unseen` cells of surfaces that should have ended: planes that are not followed (K) and end within the
     picture, and no plane (a tree that the border cuts) `beyond` its extent.
@@ -221,7 +221,7 @@ def vanishing_points(
     return along, across
 
 
-def cells_of_planes(label: NDArray[np.int32], hole: BoolArray, count: int) -> NDArray[np.int64]:
+def cells_of_planes(label: NDArray[np.int8], hole: BoolArray, count: int) -> NDArray[np.int64]:
     """How many known cells each of `count` planes holds. label, hole: h x w."""
     return np.bincount(label[~hole].clip(0), minlength=count + 1)[1:]
 

@@ -48,7 +48,7 @@ def align_lines_to_edges(
     hole: BoolArray,
     unseen: BoolArray,
     w: Float32Array,
-    label: NDArray[np.int32],
+    label: NDArray[np.int8],
 ) -> PlaneLines:
     """The lines, with those of level planes that the border cuts turned along their own edges.
 

@@ -77,7 +77,7 @@ class Surfaces:
 
     inverse_depth: Float32Array
     """H x W, 1/m; 0 = far. Known pixels on planes are denoised."""
-    label: NDArray[np.int32]
+    label: NDArray[np.int8]
     """H x W; -1 = no plane, 0 = sky, k = k-th plane."""
     planes: NDArray[np.float64]
     """K x 3, w = a u + b v + c in pixels of the view."""
@@ -105,7 +105,7 @@ class CoarseView:
     """h x w, True in the part of the hole that is inside the source's view."""
     inverse_depth: Float32Array
     """h x w, 1/m, of the known cells."""
-    label: NDArray[np.int32]
+    label: NDArray[np.int8]
     """h x w, of the known cells."""
     candidates: Float32Array
     """L x h x w inverse depth (1/m) that each label would give: no plane, sky, planes."""
@@ -229,7 +229,7 @@ class CoarseView:
             out[1] = np.where(open_air, np.minimum(out[1], out.min(0) + REACH * GRID), out[1])
         return out
 
-    def with_relief(self) -> NDArray[np.int32]:
+    def with_relief(self) -> NDArray[np.int8]:
         """h x w labels, with cells of no plane that lie nearly on a surrounding plane (a door, a sill) assigned to it."""
         out = self.label.copy()
         loose = ~self.hole & (self.label == SMOOTH) & (self.inverse_depth > 0)
@@ -247,7 +247,7 @@ def upsample_labels(
     known: KnownSurfaces,
     coarse: CoarseView,
     costs: Float32Array,
-    leaves_of: Callable[[], NDArray[np.int32]],
+    leaves_of: Callable[[], NDArray[np.intp]],
 ) -> Surfaces:
     """Label costs (h x w x L) interpolated to every hole pixel; each takes the label of least cost and its inverse depth.
     Foliage covers it where it extends. known: its planes of pixels are taken over; leaves_of: gives `copy_leaves`.
@@ -256,10 +256,10 @@ def upsample_labels(
     spread = fill_with_nearest(costs, coarse.hole)
     no_plane = coarse.candidates[0]
     filled = enlarge(fill_with_nearest(no_plane, coarse.hole & (no_plane > 0)), wh).take(places)
-    best, labels = np.full(len(places), np.inf, np.float32), np.full(len(places), SMOOTH, np.int32)
+    best, labels = np.full(len(places), np.inf, np.float32), np.full(len(places), SMOOTH, np.int8)
     for number in range(costs.shape[2]):
         cost = enlarge(spread[..., number], wh).take(places)
-        np.copyto(labels, np.int32(number - 1), where=cost < best)
+        np.copyto(labels, np.int8(number - 1), where=cost < best)
         np.minimum(best, cost, out=best)
     for first in range(0, len(places), PIECE):
         some = slice(first, first + PIECE)

@@ -81,7 +81,7 @@ def relax(
 
 
 def farthest(
-    colors: Float32Array, depths: Float32Array, sources: NDArray[np.int32]
+    colors: Float32Array, depths: Float32Array, sources: NDArray[np.int8]
 ) -> tuple[Float32Array, Float32Array]:
     """Cells of 2 x 2 blocks: mean colour and inverse depth of the blocks within 10 % of the farthest known; depth -1: none.
 

@@ -22,7 +22,7 @@ def trusted_rows(
     first: Whole,
     last: Whole,
     inverse_depth: Float32Array,
-    label: NDArray[np.int32],
+    label: NDArray[np.int8],
     reach: Whole,
     near_hole: UInt8Array,
     nearest: Float32Array,
@@ -50,7 +50,7 @@ def trusted_rows(
             out[y, x] = good
 
 
-def trusted_sources(hole: BoolArray, inverse_depth: Float32Array, label: NDArray[np.int32], reach: int) -> BoolArray:
+def trusted_sources(hole: BoolArray, inverse_depth: Float32Array, label: NDArray[np.int8], reach: int) -> BoolArray:
     """Known pixels with their surface's own colour: no hole and no nearer surface within `reach` px."""
     square, out = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8), np.zeros(hole.shape, np.bool_)
     near_hole, nearest = (cv2.dilate(plane, square) for plane in (hole.view(np.uint8), inverse_depth))
@@ -64,11 +64,11 @@ def shrink_rows(
     last: Whole,
     color: UInt8Array,
     inverse_depth: Float32Array,
-    source: NDArray[np.int32],
+    source: NDArray[np.int8],
     factor: Whole,
     colors: Float32Array,
     depths: Float32Array,
-    sources: NDArray[np.int32],
+    sources: NDArray[np.int8],
 ) -> None:
     """Rows of the blocks of `shrink`."""
     height, width = source.shape
@@ -95,15 +95,15 @@ def shrink_rows(
 
 
 def shrink(
-    color: UInt8Array, inverse_depth: Float32Array, source: NDArray[np.int32], factor: int
-) -> tuple[Float32Array, Float32Array, NDArray[np.int32]]:
+    color: UInt8Array, inverse_depth: Float32Array, source: NDArray[np.int8], factor: int
+) -> tuple[Float32Array, Float32Array, NDArray[np.int8]]:
     """Blocks of factor x factor pixels: mean colour and inverse depth of the trusted pixels, and their label.
 
     source: H x W label of trusted pixels, -2 elsewhere. A block is -2 where labels mix or most pixels are not trusted.
     """
     grid = tuple((size + factor - 1) // factor for size in source.shape)
     colors, depths = np.zeros((*grid, 3), np.float32), np.zeros(grid, np.float32)
-    sources = np.full(grid, -2, np.int32)
+    sources = np.full(grid, -2, np.int8)
     in_bands(shrink_rows, grid[0], as_input(color), inverse_depth, source, factor, colors, depths, sources)
     return colors, depths, sources
 

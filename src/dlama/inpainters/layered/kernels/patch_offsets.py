@@ -30,7 +30,7 @@ def displace(u: Real, v: Real, w: Real, s1: Real, s2: Real, axes: Float64Array) 
 
 @piece
 def is_source(
-    u: Real, v: Real, expected: Real, factor: Whole, depths: Float32Array, sources: NDArray[np.int32], kind: Whole
+    u: Real, v: Real, expected: Real, factor: Whole, depths: Float32Array, sources: NDArray[np.int8], kind: Whole
 ) -> Flag:
     """Is the cell under full-resolution pixel (u, v) a trusted source of this surface at the expected inverse depth?"""
     x, y = np.int64(np.floor(u / factor)), np.int64(np.floor(v / factor))
@@ -49,7 +49,7 @@ def correlate_rows(
     here: Float64Array,
     detail: Float32Array,
     depths: Float32Array,
-    sources: NDArray[np.int32],
+    sources: NDArray[np.int8],
     kind: Whole,
     axes: Float64Array,
     need: Whole,
@@ -97,7 +97,7 @@ def correlate(
     detail: Float32Array,
     factor: int,
     depths: Float32Array,
-    sources: NDArray[np.int32],
+    sources: NDArray[np.int8],
     kind: int,
     axes: NDArray[np.float64],
     need: int,
@@ -123,7 +123,7 @@ def scale_rows(
     cells: Float64Array,
     factor: Whole,
     depths: Float32Array,
-    sources: NDArray[np.int32],
+    sources: NDArray[np.int8],
     kind: Whole,
     axes: Float64Array,
     out: Float32Array,
@@ -143,7 +143,7 @@ def change_of_scale(
     cells: NDArray[np.float64],
     factor: int,
     depths: Float32Array,
-    sources: NDArray[np.int32],
+    sources: NDArray[np.int8],
     kind: int,
     axes: NDArray[np.float64],
 ) -> Float32Array:
@@ -224,7 +224,7 @@ def paint_pixels(
     color: UInt8Array,
     pixels: NDArray[np.int64],
     inverse_depth: Float32Array,
-    source: NDArray[np.int32],
+    source: NDArray[np.int8],
     kind: Whole,
     axes: Float64Array,
     fine: Float32Array,
@@ -274,7 +274,7 @@ def paint(
     color: UInt8Array,
     pixels: NDArray[np.int64],
     inverse_depth: Float32Array,
-    source: NDArray[np.int32],
+    source: NDArray[np.int8],
     kind: int,
     axes: NDArray[np.float64],
     bases: tuple[Float32Array, Float32Array],
