@@ -208,8 +208,15 @@ class View(Figured, Facts):
             "depth": select(self.depth, keep),
             "confidence": select(self.confidence, keep),
             "frame": None if self.frame is None else self.frame * keep,
-            "errors": None if self.errors is None else select(self.errors, keep),
+            "errors": self._errors_in(keep),
         }
+
+    def _errors_in(self, keep: BoolArray) -> Float32Array | None:
+        """Its errors in the pixels of `keep` (H x W), 0 elsewhere: those that it has, where they are 0 there already, as next to
+        a fill."""
+        if self.errors is None or not (self.errors.view(np.uint64)[..., 0].astype(np.bool_) & ~keep).any():
+            return self.errors
+        return select(self.errors, keep)
 
     def with_planes(self, **planes: np.ndarray | None) -> View:
         """The view with other planes by name, new and unshared: they are taken over, not copied."""

@@ -23,7 +23,7 @@ from dlama.geometry.rgbd import BoolArray, UInt8Array
 from dlama.geometry.view import View
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill, Inpainter
-from dlama.inpainters.layered.color.low_frequency import begin_guess, blend_with_low_frequency
+from dlama.inpainters.layered.color.low_frequency import begin_guess, blend_with_low_frequency, unseen_colors
 from dlama.inpainters.layered.depth.surface_labels import Surfaces
 from dlama.inpainters.layered.depth.surfaces import continue_lawfully
 from dlama.inpainters.layered.depth_first import find_occluders, find_occluders_coarsely
@@ -47,12 +47,14 @@ def layered_patches_filler(model: str | Path) -> Inpainter:
         smooth = begin_guess(view)
         surfaces, depth, moved = continue_lawfully(view, context, seed)
         notes: dict[str, Any] = {"planes": len(surfaces.planes)}
-        removed, uncovered, unseen = (
-            view.color_hole & (view.hole_type == kind.value)
-            for kind in (HoleType.OBJECT, HoleType.DISOCCLUDED, HoleType.OUT_OF_VIEW)
+        hidden = view.color_hole
+        removed, uncovered = (
+            hidden & (view.hole_type == kind.value) for kind in (HoleType.OBJECT, HoleType.DISOCCLUDED)
         )
-        copied = removed | ((uncovered | unseen) & context.misplaced_edges)  # cracks are too thin to gain by patches
-        hidden, guessed = view.color_hole, (copied | uncovered).any()
+        copied = removed
+        if context.misplaced_edges:  # cracks are too thin to gain by patches
+            copied = removed | uncovered | unseen_colors(view)
+        guessed = copied.any() or uncovered.any()
         if guessed:
             find, side = (find_occluders, GUESS_SIDE) if removed.any() else (find_occluders_coarsely, VIEW_SIDE)
             hidden = hidden | find(view, surfaces, depth, context.law)
