@@ -42,11 +42,13 @@ def test_cases_hold_the_worlds_own_truth() -> None:
     np.testing.assert_array_equal(view.source.color, made.frame(source).color)
     np.testing.assert_array_equal(view.target.depth, made.frame(target).depth)
     np.testing.assert_array_equal(view.target_without.depth, made.frame(target, object=False).depth)
-    np.testing.assert_array_equal(view.object_mask, made.object_mask(source))
+    np.testing.assert_array_equal(view.object_mask, made.raycast(source).group == made.object_index)
     removal = listed.of("ori")[2].load()
     assert isinstance(removal, RemovalTruth) and removal.source.camera.same_view_as(target)
-    np.testing.assert_array_equal(removal.mask, made.object_mask(target))
-    np.testing.assert_array_equal(removal.shadow, made.shadow(target))
+    np.testing.assert_array_equal(removal.mask, made.raycast(target).group == made.object_index)
+    np.testing.assert_array_equal(
+        removal.shadow, made.shadow_of(made.raycast(target), made.raycast(target, object=False))
+    )
     np.testing.assert_array_equal(removal.without.color, made.frame(target, object=False).color)
 
 
@@ -89,7 +91,7 @@ def test_folders_are_read_back_by_the_easysynth_reader(tmp_path: Path) -> None:
     np.testing.assert_array_equal(truth.target.color, wanted.color)
     near = wanted.depth < 9.9
     np.testing.assert_allclose(truth.target.depth[near], wanted.depth[near], atol=0.01)
-    np.testing.assert_array_equal(truth.object_mask, made.object_mask(made.camera(0, SIZE)))
+    np.testing.assert_array_equal(truth.object_mask, made.raycast(made.camera(0, SIZE)).group == made.object_index)
     with pytest.raises(OutputError, match="is not empty"):
         write_worlds(tmp_path, count=1, seed=9, size=SIZE, kind="street")
 

@@ -165,7 +165,9 @@ def test_a_shadow_lies_where_a_ball_blocks_the_sun() -> None:
     wanted = ground & (along > 0) & (passing < 0.5)
     assert wanted.sum() > 60
     clear = np.abs(passing - 0.5) > 1e-3
-    np.testing.assert_array_equal(world.shadow(camera)[clear], wanted[clear])
+    np.testing.assert_array_equal(
+        world.shadow_of(world.raycast(camera), world.raycast(camera, object=False))[clear], wanted[clear]
+    )
 
 
 def test_smoothed_edges_are_the_mean_over_the_pixel_and_depth_is_not_smoothed() -> None:

@@ -51,7 +51,7 @@ def test_without_the_object_only_its_pixels_change_depth(kind: str, seed: int) -
     made = world(seed, kind=kind)  # type: ignore[arg-type]
     for yaw in (0, -40):
         camera = made.camera(yaw, 160)
-        mask = made.object_mask(camera)
+        mask = made.raycast(camera).group == made.object_index
         there, gone = made.frame(camera), made.frame(camera, object=False)
         assert mask.any()
         np.testing.assert_array_equal(there.depth[~mask], gone.depth[~mask])
@@ -65,7 +65,10 @@ def test_colour_changes_in_the_mask_and_in_the_shadow_alone(kind: str, seed: int
     """Law: with hard edges, taking the object out changes no colour elsewhere, and brightens every pixel of its shadow."""
     made = dataclasses.replace(world(seed, kind=kind), antialias=False)  # type: ignore[arg-type]
     camera = made.camera(0, 200)
-    mask, shadow = made.object_mask(camera), made.shadow(camera)
+    mask, shadow = (
+        made.raycast(camera).group == made.object_index,
+        made.shadow_of(made.raycast(camera), made.raycast(camera, object=False)),
+    )
     there, gone = (made.frame(camera, object=here).color.astype(int) for here in (True, False))
     assert not (mask & shadow).any()
     np.testing.assert_array_equal(there[~mask & ~shadow], gone[~mask & ~shadow])

@@ -118,33 +118,20 @@ class World:
         seen = self.raycast(camera, object=object)
         return RGBD(seen.color, seen.depth, camera)
 
-    def object_mask(self, camera: Camera) -> BoolArray:
-        """H x W, True where the object is what is seen at the pixel's centre."""
-        return self.raycast(camera).group == self.object_index
-
-    def shadow(self, camera: Camera) -> BoolArray:
-        """H x W, True where the object, and nothing else, keeps the light from the surface seen (never on the object)."""
-        return self.shadow_of(self.raycast(camera), self.raycast(camera, object=False))
-
     def shadow_of(self, with_object: Raycast, without: Raycast) -> BoolArray:
-        """H x W bool: the shadow, from what one camera sees with and without the object."""
+        """H x W, True where the object, and nothing else, keeps the light from the surface seen (never on the object); from what
+        one camera sees with and without it."""
         lit_without = (with_object.light == BLOCKED) & (without.light == LIT)
         return lit_without & (with_object.group != self.object_index)
 
     def raycast(self, camera: Camera, *, object: bool = True, through: Int32Array | None = None) -> Raycast:
         """All that a camera sees. `through`: H x W, the group that each pixel sees through (-1: none)."""
-        hw = camera.hw
         gone = -1 if object else self.object_index
-        skip = np.full(hw, gone, np.int32) if through is None else np.ascontiguousarray(through, np.int32)
-        boxes, order = boxes_by_depth(self.shapes, camera)
-        color, depth = np.empty((*hw, 3), np.uint8), np.empty(hw, np.float32)
-        keys, lights = np.empty(hw, np.int32), np.empty(hw, np.uint8)
+        skip = np.full(camera.hw, gone, np.int32) if through is None else np.ascontiguousarray(through, np.int32)
         pose = camera.world_from_cam
         numbers = np.array([*pose[:3, 3], *pose[:3, :3].ravel(), camera.fx, camera.fy, camera.cx, camera.cy])
-        cast_rays(
-            self.shapes, self.textures, boxes, order, numbers, *self._lighting, skip, gone, int(self.antialias),
-            color, depth, keys, lights,
-        )  # fmt: skip
+        scene, boxes = (self.shapes, self.textures, *self._lighting), boxes_by_depth(self.shapes, camera)
+        color, depth, keys, lights = cast_rays(scene, boxes, numbers, skip, gone, self.antialias)
         groups = np.append(self.shapes[:, GROUP], -1).astype(np.int32)
         return Raycast(color, depth, groups[keys >> 4], lights)
 

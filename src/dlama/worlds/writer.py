@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import itertools
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 
 from dlama import __version__
@@ -54,44 +55,32 @@ def write_worlds(
 
 
 def _write_or_keep(root: Path, settings: WorldSettings, step: Callable[[], None]) -> Path:
-    """The folder of a scene: as an earlier run with these settings left it, else written now."""
-    made_with = describe_settings(settings)
-    if read_settings(root / settings.scene) != made_with:
-        return write_world(root, settings.scene, settings.world(), settings.size, YAWS, step, made_with)
-    for _ in range(FRAMES):
-        step()
-    return root / settings.scene
-
-
-def describe_settings(settings: WorldSettings) -> dict[str, object]:
-    """What a scene is made with, as made_with.json keeps it."""
-    names = ("seed", "kind", "size")
-    textures = str(settings.textures) if isinstance(settings.textures, Path) else None
-    return {"dlama": __version__, **{name: getattr(settings, name) for name in names}, "textures": textures}
-
-
-def read_settings(folder: Path) -> dict[str, object] | None:
-    """What the scene in a folder was made with; None where there is none, or it does not say."""
-    try:
+    """The folder of a scene: as an earlier run with these settings left it, else written now; `step` is called for each frame."""
+    folder, textures = root / settings.scene, settings.textures
+    made_with: dict[str, object] = {
+        "dlama": __version__,
+        "seed": settings.seed,
+        "kind": settings.kind,
+        "size": settings.size,
+    }
+    made_with["textures"] = str(textures) if isinstance(textures, Path) else None
+    found = None
+    with suppress(OSError, ValueError, RecursionError):
         found = json.loads((folder / MADE_WITH).read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError):
-        return None
-    return found if isinstance(found, dict) else None
+    if found == made_with:
+        for _ in range(FRAMES):
+            step()
+        return folder
+    texts = {MADE_WITH: json.dumps(made_with, indent=1) + "\n"}
+    sequences = _sequences(settings.world(), settings.size, step)
+    write_scene(root, settings.scene, sequences, depth_range=10.0, classes=CLASSES, texts=texts)
+    return folder
 
 
-def write_world(
-    root: Path,
-    scene: str,
-    world: World,
-    size: int,
-    yaws: Sequence[float],
-    step: Callable[[], None],
-    made_with: dict[str, object],
-) -> Path:
-    """Write `root/scene` and return it; `step` is called after every frame. Raises OutputError.
-
-    made_with: goes into made_with.json, by which a later run knows the scene.
-    """
+def _sequences(
+    world: World, size: int, step: Callable[[], None]
+) -> dict[SequenceKey, Iterator[SequenceFrame] | StereoSequence]:
+    """The orbit and the pair of a world, with and without its object; `step` is called after every frame."""
 
     def frame(camera: Camera, object: bool) -> SequenceFrame:
         seen = world.raycast(camera, object=object)
@@ -99,18 +88,10 @@ def write_world(
         return SequenceFrame(RGBD(seen.color, seen.depth, camera), classes_of(seen.group, world.object_index))
 
     def orbit(object: bool) -> Iterator[SequenceFrame]:
-        return (frame(world.camera(yaw, size), object) for yaw in yaw_order(tuple(yaws)))
+        return (frame(world.camera(yaw, size), object) for yaw in yaw_order(YAWS))
 
     def pair(object: bool) -> StereoSequence:
         rig = world.rig(size=size)
         return StereoSequence((frame(rig.left, object),), (frame(rig.right, object),))
 
-    sequences: dict[SequenceKey, Iterator[SequenceFrame] | StereoSequence] = {
-        "with": orbit(True),
-        "without": orbit(False),
-        "stereo_with": pair(True),
-        "stereo_without": pair(False),
-    }
-    texts = {MADE_WITH: json.dumps(made_with, indent=1) + "\n"}
-    write_scene(root, scene, sequences, depth_range=10.0, classes=CLASSES, texts=texts)
-    return root / scene
+    return {"with": orbit(True), "without": orbit(False), "stereo_with": pair(True), "stereo_without": pair(False)}

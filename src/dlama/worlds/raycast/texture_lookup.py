@@ -38,9 +38,15 @@ def texel(texels: UInt8Array, layer: Whole, level: Whole, u: Real, v: Real) -> t
 
 @inlined
 def filter_texture(
-    texels: UInt8Array, layer: Whole, mode: Whole, u: Real, v: Real, ax: Real, ay: Real, bx: Real, by: Real
+    texels: UInt8Array,
+    layer: Whole,
+    mode: Whole,
+    at: tuple[Real, Real],
+    one: tuple[Real, Real],
+    other: tuple[Real, Real],
 ) -> tuple[Real, Real, Real]:
-    """Texture over the pixel's footprint, whose sides are (ax, ay) and (bx, by) repeats: up to four trilinear probes."""
+    """Texture at u, v over the pixel's footprint, whose sides are `one` and `other` (repeats): up to four trilinear probes."""
+    (u, v), (ax, ay), (bx, by) = at, one, other
     la, lb = math.sqrt(ax * ax + ay * ay), math.sqrt(bx * bx + by * by)
     if la < lb:
         la, lb, ax, ay = lb, la, bx, by
@@ -51,8 +57,8 @@ def filter_texture(
     share = np.float32(lod - level)
     red, green, blue = np.float32(0), np.float32(0), np.float32(0)
     for k in range(probes):
-        at = (k + 0.5) / probes - 0.5
-        uu, vv = u + at * ax, v + at * ay
+        share_along = (k + 0.5) / probes - 0.5
+        uu, vv = u + share_along * ax, v + share_along * ay
         if mode == MIRROR:
             uu, vv = abs(uu - 2 * math.floor(0.5 * uu) - 1), abs(vv - 2 * math.floor(0.5 * vv) - 1)
         r, g, b = texel(texels, layer, level, uu, vv)
@@ -64,8 +70,9 @@ def filter_texture(
 
 
 @inlined
-def sky(texels: UInt8Array, light: Float64Array, dx: Real, dy: Real, dz: Real, pixel: Real) -> tuple[Real, Real, Real]:
+def sky(texels: UInt8Array, light: Float64Array, d: tuple[Real, Real, Real], pixel: Real) -> tuple[Real, Real, Real]:
     """Linear colour of the sky in a direction: horizon to zenith, with a layer of clouds that thins at the horizon."""
+    dx, dy, dz = d
     n = math.sqrt(dx * dx + dy * dy + dz * dz)
     up = max(-dy / n, 0.0)
     share = 1 - (1 - up) ** 3
@@ -74,7 +81,7 @@ def sky(texels: UInt8Array, light: Float64Array, dx: Real, dy: Real, dz: Real, p
         far = light[COVER + 2] / (up + 0.12)
         u, v = dx / n * far + light[COVER + 3], dz / n * far + light[COVER + 4]
         spread = pixel * far
-        value, _, _ = filter_texture(texels, 1, WRAP, u, v, spread, 0.0, 0.0, spread / (up + 0.12))
+        value, _, _ = filter_texture(texels, 1, WRAP, (u, v), (spread, 0.0), (0.0, spread / (up + 0.12)))
         cloud = max(0.0, min(1.0, (value - light[COVER]) / light[COVER + 1]))
         cloud = cloud * cloud * (3 - 2 * cloud) * min(1.0, 5 * up)
     r = light[HORIZON] + share * (light[ZENITH] - light[HORIZON])

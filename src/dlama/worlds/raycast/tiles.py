@@ -14,37 +14,37 @@ from numpy.typing import NDArray
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.kernels.jit import Real, Whole, in_bands, inlined, kernel
 from dlama.geometry.rgbd import Float32Array, UInt8Array
+from dlama.worlds.raycast.intersection import Scene
 from dlama.worlds.raycast.shading import ray
 from dlama.worlds.raycast.shape_rows import TILE_PX
+
+Boxes = tuple[Float64Array, NDArray[np.int32]]
+"""Bounding boxes before a camera, nearest first, and whose they are (`bounding_boxes.boxes_by_depth`)."""
+Lists = tuple[NDArray[np.int32], Float64Array, NDArray[np.int32]]
+"""Of each tile: the shapes that its rays may meet and their nearest depths (tiles x shapes), and how many there are."""
+Seen = tuple[UInt8Array, Float32Array, NDArray[np.int32], UInt8Array]
+"""Colour (H x W x 3); depth, key and light (H x W) of the ray through each pixel's centre."""
 
 
 @inlined
 def list_tile(
-    boxes: Float64Array,
-    order: NDArray[np.integer],
-    camera: Float64Array,
-    x0: Whole,
-    y0: Whole,
-    x1: Whole,
-    y1: Whole,
-    listed: NDArray[np.int32],
-    near_z: Float64Array,
-) -> Whole:
-    """Shapes whose bounding box may meet the rays of a tile, in the given order (nearest first); returns how many."""
-    left, right = (x0 - camera[14]) / camera[12], (x1 - camera[14]) / camera[12]
-    top, bottom = (y0 - camera[15]) / camera[13], (y1 - camera[15]) / camera[13]
+    boxes: Boxes, camera: Float64Array, tile: tuple[Whole, Whole, Whole, Whole], lists: Lists, at: Whole
+) -> None:
+    """Note, at a place of the lists, the shapes whose bounding box may meet the rays of a tile (left, top, right, bottom; px)."""
+    left, right = (tile[0] - camera[14]) / camera[12], (tile[2] - camera[14]) / camera[12]
+    top, bottom = (tile[1] - camera[15]) / camera[13], (tile[3] - camera[15]) / camera[13]
     count = 0
-    for j in range(len(order)):
-        b = boxes[j]
+    for j in range(len(boxes[1])):
+        b = boxes[0][j]
         if (
             reach(b, 1.0, 0.0, -left) >= 0
             and reach(b, -1.0, 0.0, right) >= 0
             and reach(b, 0.0, 1.0, -top) >= 0
             and reach(b, 0.0, -1.0, bottom) >= 0
         ):
-            listed[count], near_z[count] = order[j], b[12]
+            lists[0][at, count], lists[1][at, count] = boxes[1][j], b[12]
             count += 1
-    return count
+    lists[2][at] = count
 
 
 @inlined
@@ -78,34 +78,25 @@ def cast_tiles(
     first: Whole,
     last: Whole,
     phase: Whole,
-    shapes: Float64Array,
-    texels: UInt8Array,
-    boxes: Float64Array,
-    order: NDArray[np.integer],
+    scene: Scene,
+    boxes: Boxes,
     camera: Float64Array,
-    light: Float64Array,
-    starts: NDArray[np.int32],
-    items: NDArray[np.int32],
-    skip: NDArray[np.int32],
-    gone: Whole,
-    lists: NDArray[np.int32],
-    nears: Float64Array,
-    counts: NDArray[np.int32],
-    color: UInt8Array,
-    depth: Float32Array,
-    keys: NDArray[np.int32],
-    lights: UInt8Array,
+    hidden: tuple[NDArray[np.int32], Whole],
+    lists: Lists,
+    seen: Seen,
 ) -> None:
     """Rows of tiles of `cast_rays`. Phase 0 lists each tile's shapes and sends a ray through every pixel's centre, phase 1 four
-    through every pixel at an edge. lists, nears: tiles x shapes, counts: tiles, filled in phase 0."""
+    through every pixel at an edge. The lists are filled in phase 0."""
+    color, depth, keys, lights = seen
+    skip, gone = hidden
     rows, columns = depth.shape
     across = (columns + TILE_PX - 1) // TILE_PX
     for tile in range(first * across, last * across):
         y0, x0 = tile // across * TILE_PX, tile % across * TILE_PX
         y1, x1 = min(y0 + TILE_PX, rows), min(x0 + TILE_PX, columns)
-        listed, near_z = lists[tile], nears[tile]
         if phase == 0:
-            counts[tile] = list_tile(boxes, order, camera, x0, y0, x1, y1, listed, near_z)
+            list_tile(boxes, camera, (x0, y0, x1, y1), lists, tile)
+        sight = lists[0][tile], lists[1][tile], lists[2][tile]
         for row in range(y0, y1):
             for column in range(x0, x1):
                 if phase == 1 and not is_edge(keys, lights, row, column):
@@ -114,11 +105,8 @@ def cast_tiles(
                 for k in range(4 if phase == 1 else 1):
                     x = column + 0.5 + (0.125 * (1 + 2 * (k // 2)) * (1 - 2 * (k % 2)) if phase == 1 else 0.0)
                     y = row + 0.5 + (0.125 * (3 - 2 * (k // 2)) * (2 * ((k + k // 2) % 2) - 1) if phase == 1 else 0.0)
-                    r, g, b, z, key, state = ray(
-                        shapes, texels, listed, counts[tile], near_z, skip[row, column], gone,
-                        camera, light, starts, items, x, y, 1.0 - 0.5 * phase,
-                    )  # fmt: skip
-                    red, green, blue = red + r, green + g, blue + b
+                    light, z, key, state = ray(scene, sight, skip[row, column], gone, camera, (x, y), 1.0 - 0.5 * phase)
+                    red, green, blue = red + light[0], green + light[1], blue + light[2]
                     if phase == 0:
                         depth[row, column], keys[row, column], lights[row, column] = z, key, state
                 share = 0.25 if phase == 1 else 1.0
@@ -128,30 +116,21 @@ def cast_tiles(
 
 
 def cast_rays(
-    shapes: Float64Array,
-    texels: UInt8Array,
-    boxes: Float64Array,
-    order: NDArray[np.integer],
-    camera: Float64Array,
-    light: Float64Array,
-    starts: NDArray[np.int32],
-    items: NDArray[np.int32],
-    skip: NDArray[np.int32],
-    gone: Whole,
-    smooth: Whole,
-    color: UInt8Array,
-    depth: Float32Array,
-    keys: NDArray[np.int32],
-    lights: UInt8Array,
-) -> None:
-    """Fills color (H x W x 3), depth, keys and lights (H x W) of one frame.
+    scene: Scene, boxes: Boxes, camera: Float64Array, skip: NDArray[np.int32], gone: int, smooth: bool
+) -> Seen:
+    """One frame.
 
-    Depth, key and light are those of the ray through the pixel's centre. `skip` (H x W): the group each pixel sees
-    through, -1 none; `gone`: the group that casts no shadow. `smooth` > 0: pixels at edges take the mean colour of four rays.
+    Args:
+        camera: position, rotation and lens as 16 numbers.
+        skip: H x W, the group that each pixel sees through, -1 none.
+        gone: the group that casts no shadow.
+        smooth: pixels at edges take the mean colour of four rays.
     """
-    down, across = (-(-size // TILE_PX) for size in depth.shape)
-    lists, nears = np.empty((down * across, len(order)), np.int32), np.empty((down * across, len(order)))
-    counts = np.empty(down * across, np.int32)
-    scene = shapes, texels, boxes, order, camera, light, starts, items, skip, gone
+    hw = skip.shape
+    down, across = (-(-size // TILE_PX) for size in hw)
+    tiles, shapes = down * across, len(boxes[1])
+    lists = np.empty((tiles, shapes), np.int32), np.empty((tiles, shapes)), np.empty(tiles, np.int32)
+    seen = np.empty((*hw, 3), np.uint8), np.empty(hw, np.float32), np.empty(hw, np.int32), np.empty(hw, np.uint8)
     for phase in range(1 + smooth):
-        in_bands(cast_tiles, down, phase, *scene, lists, nears, counts, color, depth, keys, lights, band=1)
+        in_bands(cast_tiles, down, phase, scene, boxes, camera, (skip, gone), lists, seen, band=1)
+    return seen
