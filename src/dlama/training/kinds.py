@@ -64,16 +64,15 @@ class SampleKind:
     cases: str | None = None
     """The kind of dataset case that samples can be made of: frame, removal, stereo (see `data.cases.TrainingCase`)."""
     cases_required: bool = False
-    """Whether there are no samples without such cases."""
-    worlds: bool = False
-    """Whether the samples that no case gives are made of procedural worlds; shares are `data.cases` and 1 less that."""
+    """Whether there are no samples without such cases; else what no case gives is made of procedural worlds, the share that is
+    `data.cases` less than 1."""
 
 
 SAMPLES: dict[str, SampleKind] = {
     "sketch": SampleKind(views=(1, 2)),
-    "world": SampleKind(photos=True, worlds=True),
+    "world": SampleKind(photos=True),
     "frame": SampleKind(cases="frame", cases_required=True),
-    "removal": SampleKind(photos=True, cases="removal", worlds=True),
-    "stereo": SampleKind(views=(2,), photos=True, cases="stereo", worlds=True),
+    "removal": SampleKind(photos=True, cases="removal"),
+    "stereo": SampleKind(views=(2,), photos=True, cases="stereo"),
 }
 """Names are those of `data.mixture` in settings files; `sketch` are the scenes of `data.samples.toy_scenes`."""

@@ -18,7 +18,6 @@ from dlama.training.data.cases import TrainingCase, split_cases
 from dlama.training.data.crops import resize_frame
 from dlama.training.data.pack import pack
 from dlama.training.data.pack_format import read_pack
-from dlama.training.data.samples.dataset import DatasetViews
 from dlama.training.data.sources import Mixture, find_training_data, source_for
 from dlama.training.settings import DataSettings, NetworkSettings, TrainSettings
 from posed_folders import truth
@@ -133,7 +132,7 @@ def test_a_pack_needs_no_other_file_and_keeps_the_split(photos: Path, tmp_path: 
     pack([photos], tmp_path / "a.pack", megabytes=5, size=64)
     shutil.rmtree(photos)
     source = source_for(settings("rgb", world=1), [tmp_path / "a.pack"], "held_out")
-    assert {photo.name for photo in source.worlds.photos} == held  # type: ignore[attr-defined]
+    assert {photo.name for photo in source.example.args[0].photos} == held  # type: ignore[attr-defined]
     check_sample(source.sample(0, np.random.default_rng(0)), NetworkSettings("rgb"), 64)
     travelled = pickle.loads(pickle.dumps(source)).sample(0, np.random.default_rng(0))
     assert np.array_equal(travelled["input"], source.sample(0, np.random.default_rng(0))["input"])
@@ -187,7 +186,6 @@ def test_bad_packs(photos: Path, tmp_path: Path) -> None:
 def test_frames_of_a_pair(posed: Path) -> None:
     """check_sample agrees for every pair; the input's known pixels are those of the rendered view."""
     source = source_for(settings("rgbd", frame=1), [posed], "train")
-    assert isinstance(source, DatasetViews)
     for index in range(len(source)):
         check_sample(source.sample(index, np.random.default_rng(index)), NetworkSettings("rgbd"), 64)
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dlama.training.data.masks import MARGIN, WIDE, boxes, random_mask, strokes
+from dlama.training.data import masks
+from dlama.training.data.masks import MARGIN, boxes, random_mask, strokes
 
 DOCUMENTED = (0.29, 0.16)
 
@@ -27,24 +28,25 @@ def test_same_numbers_same_mask() -> None:
     assert np.array_equal(one, same) and one.shape == (48, 80) and not np.array_equal(one, other)
 
 
-def test_strokes_are_as_wide_as_their_set() -> None:
-    """Half the width of what is drawn, by distance to the border of the mask (oracle: the set's own numbers)."""
+def test_strokes_are_as_wide_as_they_may_be(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Half the width of what is drawn, by distance to the border of the mask (oracle: the limits of width)."""
     import cv2
 
     rng = np.random.default_rng(1)
-    single = type(WIDE)((1, 1), (1, 1), WIDE.length, WIDE.width, WIDE.boxes, WIDE.side)
+    monkeypatch.setattr(masks, "CHAINS", (1, 1))
+    monkeypatch.setattr(masks, "SEGMENTS", (1, 1))
     for _ in range(30):
-        mask = strokes(rng, (256, 256), single)
+        mask = strokes(rng, (256, 256))
         inside = cv2.distanceTransform(np.pad(mask, 1).astype(np.uint8), cv2.DIST_L2, 5).max()
-        assert inside <= 0.5 * WIDE.width[1] * 256 + 2
+        assert inside <= 0.5 * masks.WIDTH[1] * 256 + 2
 
 
-def test_boxes_keep_off_the_border() -> None:
+def test_boxes_keep_off_the_border(monkeypatch: pytest.MonkeyPatch) -> None:
     """The margin stays free on the upper and left side, and a single box is a filled rectangle."""
     rng = np.random.default_rng(2)
-    one = type(WIDE)(WIDE.chains, WIDE.segments, WIDE.length, WIDE.width, (1, 1), WIDE.side)
+    monkeypatch.setattr(masks, "BOXES", (1, 1))
     for _ in range(50):
-        mask = boxes(rng, (100, 100), one)
+        mask = boxes(rng, (100, 100))
         margin = round(100 * MARGIN)
         assert not mask[:margin].any() and not mask[:, :margin].any()
         assert mask.sum() == mask.any(0).sum() * mask.any(1).sum()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import logging
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -15,10 +16,11 @@ from dlama.errors import FileError, InputError, system_errors
 from dlama.training.data.cases import KIND_NAMES, TrainingCase, split_cases, training_cases
 from dlama.training.data.pack_format import read_pack
 from dlama.training.data.photos import Photo, folder_photos, split_photos
-from dlama.training.data.samples.dataset import DatasetPairs, DatasetRemovals, DatasetViews
+from dlama.training.data.samples.dataset import case_pair, case_removal, case_view
 from dlama.training.data.samples.toy_scenes import ToyScenes
+from dlama.training.data.samples.views import PairExample, Samples, ViewExample
 from dlama.training.data.samples.world_views import WorldSet
-from dlama.training.data.samples.worlds import WorldPairs, WorldRemovals, WorldSamples
+from dlama.training.data.samples.worlds import world_pair, world_removal, world_view
 from dlama.training.kinds import SAMPLES
 from dlama.training.settings import TrainSettings
 
@@ -97,7 +99,7 @@ def usage_summary(found: TrainingData, settings: TrainSettings) -> str:
     counts = {"photos": len(found.photos)} | {words: len(found.of(kind)) for kind, words in KIND_NAMES.items()}
     parts = [", ".join(f"{count} {words}" for words, count in counts.items() if count)]
     for kind in sorted(settings.data.mixture):
-        if SAMPLES[kind].worlds and SAMPLES[kind].cases:
+        if SAMPLES[kind].cases and not SAMPLES[kind].cases_required:
             share = settings.data.cases if found.of(kind) else 0.0
             parts.append(f"{share:.0%} of kind '{kind}' are made of them, {1 - share:.0%} of worlds")
     return "; ".join(parts)
@@ -138,19 +140,10 @@ def _check_use(kinds: set[str], data: Sequence[Path], found: TrainingData) -> No
     """Refuse kinds without their files, and files without a kind."""
     named = ", ".join(map(str, data)) or "no file"
     for kind in sorted(kinds):
-        needed = _missing_files(kind, found)
-        if needed:
-            raise InputError(f"data.mixture has {kind!r}, which needs {needed}, but `data` names {named}")
+        if SAMPLES[kind].cases_required and not found.of(str(SAMPLES[kind].cases)):
+            raise InputError(f"data.mixture has {kind!r}, which needs a posed data set, but `data` names {named}")
     if data and not (_takes_photos(found, kinds) or _cases_of_kinds(found, kinds)):
         raise InputError(f"data.mixture is {', '.join(sorted(kinds))}, which has no use for `data`: {named}")
-
-
-def _missing_files(kind: str, found: TrainingData) -> str:
-    """What samples of a kind cannot be made without and is not there, in words; "": nothing."""
-    samples = SAMPLES[kind]
-    if samples.cases_required and not found.of(str(samples.cases)):
-        return "a posed data set"
-    return ""
 
 
 def _takes_photos(found: TrainingData, kinds: set[str]) -> bool:
@@ -170,30 +163,41 @@ def _split(found: TrainingData, kinds: set[str], split: Split) -> TrainingData:
     return TrainingData(photos, split_cases(used, split) if used else ())
 
 
-def _worlds(settings: TrainSettings, found: TrainingData, split: Split) -> WorldSet:
-    return WorldSet(split, settings.data.size, found.photos)
+def _of_worlds(
+    example: Callable[..., ViewExample | PairExample], settings: TrainSettings, found: TrainingData, split: Split
+) -> Samples:
+    worlds = WorldSet(split, settings.data.size, found.photos)
+    return Samples(functools.partial(example, worlds), len(worlds), settings.network, worlds.group_size)
 
 
-def _cases_and_worlds(
-    of_cases: type[DatasetRemovals | DatasetPairs], of_worlds: type[WorldRemovals | WorldPairs], kind: str
-) -> Callable[[TrainSettings, TrainingData, Split], SampleSource]:
-    """Makes the samples of dataset cases of a kind and of worlds, by the share `data.cases`; of worlds alone without cases."""
+def _of_cases(
+    kind: str, example: Callable[..., ViewExample | PairExample], settings: TrainSettings, found: TrainingData
+) -> Samples:
+    cases = found.of(kind)
+    return Samples(functools.partial(example, cases, settings.data.size), len(cases), settings.network)
 
-    def make(settings: TrainSettings, found: TrainingData, split: Split) -> SampleSource:
-        worlds, share = of_worlds(_worlds(settings, found, split), settings.network), settings.data.cases
-        if not found.of(kind):
-            return worlds
-        cases = of_cases(found.of(kind), settings.network, settings.data.size)
-        return Mixture({"cases": (cases, share), "worlds": (worlds, 1 - share)}) if share < 1 else cases
 
-    return make
+def _of_both(
+    kind: str,
+    of_cases: Callable[..., ViewExample | PairExample],
+    of_worlds: Callable[..., ViewExample | PairExample],
+    settings: TrainSettings,
+    found: TrainingData,
+    split: Split,
+) -> SampleSource:
+    """Samples of dataset cases of a kind and of worlds, by the share `data.cases`; of worlds alone without cases."""
+    worlds, share = _of_worlds(of_worlds, settings, found, split), settings.data.cases
+    if not found.of(kind):
+        return worlds
+    cases = _of_cases(kind, of_cases, settings, found)
+    return Mixture({"cases": (cases, share), "worlds": (worlds, 1 - share)}) if share < 1 else cases
 
 
 MAKERS: dict[str, Callable[[TrainSettings, TrainingData, Split], SampleSource]] = {
     "sketch": lambda settings, _, split: ToyScenes(settings.network, settings.data.size, split),
-    "world": lambda settings, found, split: WorldSamples(_worlds(settings, found, split), settings.network),
-    "frame": lambda settings, found, _: DatasetViews(found.of("frame"), settings.network, settings.data.size),
-    "removal": _cases_and_worlds(DatasetRemovals, WorldRemovals, "removal"),
-    "stereo": _cases_and_worlds(DatasetPairs, WorldPairs, "stereo"),
+    "world": lambda *run: _of_worlds(world_view, *run),
+    "frame": lambda settings, found, _: _of_cases("frame", case_view, settings, found),
+    "removal": lambda *run: _of_both("removal", case_removal, world_removal, *run),
+    "stereo": lambda *run: _of_both("stereo", case_pair, world_pair, *run),
 }
 """Source of each kind in `kinds.SAMPLES`."""

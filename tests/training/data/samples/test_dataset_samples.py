@@ -20,8 +20,8 @@ from dlama.training.data.batches import check_sample
 from dlama.training.data.cases import StereoPair, TrainingCase, split_cases
 from dlama.training.data.pack import pack
 from dlama.training.data.pack_format import read_pack
-from dlama.training.data.samples.dataset import DatasetPairs, DatasetRemovals
-from dlama.training.data.samples.views import view_sample
+from dlama.training.data.samples.dataset import case_pair, case_removal
+from dlama.training.data.samples.views import PairExample, Samples, ViewExample, pair_sample, view_sample
 from dlama.training.data.sources import Mixture, find_training_data, source_for
 from dlama.training.settings import DataSettings, NetworkSettings, TrainSettings
 from dlama.worlds.writer import write_worlds
@@ -61,13 +61,14 @@ def test_removals_show_what_the_files_show(folder: Path) -> None:
     """Oracle: the data set's own cases. The hole is the mask grown by 1 to 4 px; in it the truth is the frame without the
     object, in colour and depth; elsewhere input and truth are the frame with it."""
     source = source_for(settings("rgbd", removal=1), [folder], "train")
-    assert isinstance(source, DatasetRemovals)
+    assert isinstance(source, Samples)
     cases = {f"made/{case.scene}/{case.frame}": case for case in open_dataset(folder).of("ori")}
     shown = 0
-    for index, case in enumerate(source.cases):
+    for index, case in enumerate(source.example.args[0]):
         truth = cases[f"{case.scene}/{case.name}"].load()
         assert isinstance(truth, RemovalTruth)
         example = source.example(index, np.random.default_rng(index))
+        assert isinstance(example, ViewExample)
         hole = example.view.hole
         if not any(np.array_equal(hole, dilate_mask(truth.mask, radius)) for radius in (1, 2, 3, 4)):
             continue  # too small a thing: a random mask instead
@@ -89,11 +90,13 @@ def test_removals_show_what_the_files_show(folder: Path) -> None:
 def test_pairs_show_what_the_files_show(folder: Path, planes: str) -> None:
     """Oracle: the data set's own cases, as for removals; one radius for both masks; one mask plane is their union."""
     source = source_for(settings(planes, stereo=1), [folder], "train")
-    assert isinstance(source, DatasetPairs)
+    assert isinstance(source, Samples)
     cases = {f"made/{case.scene}": case for case in open_dataset(folder).of("sii")}
-    for index, case in enumerate(source.cases):
+    for index, case in enumerate(source.example.args[0]):
         truth = cases[case.scene].load()
-        made = source.pair(index, np.random.default_rng(index))
+        example = source.example(index, np.random.default_rng(index))
+        assert isinstance(example, PairExample)
+        made = pair_sample(example, source.network)
         grown = [np.stack([dilate_mask(mask, r) for mask in (truth.mask_left, truth.mask_right)]) for r in (1, 2, 3, 4)]
         found = [holes for holes in grown if np.array_equal(made["mask"] > 0, holes if "two" in planes else
                                                             holes.any(0, keepdims=True))]  # fmt: skip
@@ -130,18 +133,17 @@ def box_before_a_wall(**more: object) -> RemovalTruth:
     return RemovalTruth(RGBD(color, depth, camera), without, mask, **more)  # type: ignore[arg-type]
 
 
-def removal_of(truth: RemovalTruth, size: int) -> DatasetRemovals:
-    """A source of this case alone."""
+def removal_of(truth: RemovalTruth, size: int, seed: int) -> ViewExample:
+    """An example of this case."""
     case = TrainingCase("removal", "s", "with", frozenset({"with"}), lambda: truth)
-    return DatasetRemovals((case,), NetworkSettings("rgbd"), size)
+    return case_removal([case], size, 0, np.random.default_rng(seed))
 
 
 @pytest.mark.parametrize("size", [32, 48, 96])
 def test_nothing_of_the_thing_is_left_at_any_scale(size: int) -> None:
     """Closed form: a grey wall is all there is to see and to learn, however the square is drawn, shrunk or enlarged."""
-    source = removal_of(box_before_a_wall(), size)
     for seed in range(12):
-        example = source.example(0, np.random.default_rng(seed))
+        example = removal_of(box_before_a_wall(), size, seed)
         assert (example.view.color[~example.view.hole] == GREY).all() and example.view.hole.any()
         assert (example.truth.color == GREY).all() and np.allclose(example.truth.depth, 3)
         assert example.truth.camera.fx == pytest.approx(80.0 * size / side_of(example.truth.camera, size))
@@ -159,7 +161,7 @@ def test_other_light_without_the_thing_is_brought_back() -> None:
     """Closed form: the frame without the thing at half the exposure; its wall is as bright as that of the frame with it."""
     truth = box_before_a_wall(exposure_varies=True)
     dark = replace(truth.without, color=(truth.without.color // 2).astype(np.uint8))
-    example = removal_of(replace(truth, without=dark), 48).example(0, np.random.default_rng(0))
+    example = removal_of(replace(truth, without=dark), 48, 0)
     assert np.abs(example.truth.color.astype(int) - GREY).max() <= 1
 
 
@@ -168,11 +170,9 @@ def test_no_hole_where_the_background_is_not_the_same() -> None:
     truth = box_before_a_wall()
     compare = np.zeros_like(truth.mask)
     compare[:, :54] = True  # half of the box
-    source = removal_of(
-        replace(truth, compare=compare, without=replace(truth.without, color=_marked(truth, compare))), 48
-    )
+    truth = replace(truth, compare=compare, without=replace(truth.without, color=_marked(truth, compare)))
     for seed in range(8):
-        example = source.example(0, np.random.default_rng(seed))
+        example = removal_of(truth, 48, seed)
         assert not (example.truth.color == (1, 2, 3)).all(-1).any()
 
 
@@ -186,11 +186,10 @@ def test_pairs_without_a_thing_get_one_hole_on_one_surface() -> None:
     rng = np.random.default_rng(0)
     wall = rng.integers(0, 255, (80, 100, 3), np.uint8)
     pair = StereoPair(wall, np.roll(wall, -8, 1), np.full((80, 100), 8, np.float32))
-    source = DatasetPairs(
-        (TrainingCase("stereo", "s", "p", frozenset({"p"}), lambda: pair),), NetworkSettings("stereo-two-masks"), 80
-    )
+    case = TrainingCase("stereo", "s", "p", frozenset({"p"}), lambda: pair)
     for seed in range(6):
-        made = source.pair(0, np.random.default_rng(seed))
+        example = case_pair([case], 80, 0, np.random.default_rng(seed))
+        made = pair_sample(example, NetworkSettings("stereo-two-masks"))
         side = 80 / crops.random_crop((80, 100), 80, np.random.default_rng(seed)).side  # the same square again
         left, right = made["mask"] > 0
         moved = np.zeros_like(left)
@@ -205,14 +204,11 @@ def test_stereo_folders_and_removal_folders_are_read(data_dir: Path) -> None:
     """Real ones, in both layouts that are no EasySynth: check_sample agrees."""
     pairs = find_training_data([data_dir / "data" / "stereo"]).cases
     assert len(pairs) == 2 and {case.kind for case in pairs} == {"stereo"}
-    check_sample(
-        DatasetPairs(pairs, NetworkSettings("stereo"), 64).sample(0, np.random.default_rng(0)),
-        NetworkSettings("stereo"),
-        64,
-    )
+    rng, net = np.random.default_rng(0), NetworkSettings("stereo")
+    check_sample(pair_sample(case_pair(pairs, 64, 0, rng), net), net, 64)
     removals = find_training_data([data_dir / "data" / "bin_removal"]).cases
-    made = DatasetRemovals(removals, NetworkSettings("rgbd"), 64).sample(0, np.random.default_rng(0))
-    check_sample(made, NetworkSettings("rgbd"), 64)
+    net = NetworkSettings("rgbd")
+    check_sample(view_sample(case_removal(removals, 64, 0, rng), net), net, 64)
 
 
 def test_worlds_take_their_share(folder: Path, caplog: pytest.LogCaptureFixture) -> None:

@@ -23,9 +23,9 @@ from dlama.training.data.batches import check_sample
 from dlama.training.data.samples import views as view_samples
 from dlama.training.data.samples import world_views
 from dlama.training.data.samples import worlds as world_samples
-from dlama.training.data.samples.views import ViewExample, view_sample
+from dlama.training.data.samples.views import ViewExample, pair_sample, view_sample
 from dlama.training.data.samples.world_views import WorldSet
-from dlama.training.data.samples.worlds import WorldPairs, WorldRemovals, WorldSamples
+from dlama.training.data.samples.worlds import world_pair, world_removal, world_view
 from dlama.training.data.sources import source_for
 from dlama.training.settings import DataSettings, NetworkSettings, TrainSettings
 from tiny_networks import contract_of_planes
@@ -49,8 +49,7 @@ def clean() -> list[ViewExample]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(world_samples, "add_depth_faults", lambda rgbd, rng, sensor_holes=False: rgbd)
         patch.setattr(world_samples, "SENSOR_SHARE", 0.0)
-        source = WorldSamples(WorldSet("train", 128), RGBD_NET)
-        return [source.example(index, np.random.default_rng(index)) for index in CLEAN]
+        return [world_view(WorldSet("train", 128), index, np.random.default_rng(index)) for index in CLEAN]
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -81,12 +80,12 @@ def test_input_is_what_joint_would_feed(monkeypatch: pytest.MonkeyPatch, clean: 
 
     monkeypatch.setattr(lama, "open_engine", lambda *args, **options: Engine())
     fill = lama.joint_filler("none.onnx")
-    frame = world_views.WorldSet("train", SIZE).views(0).frame(0)
-    removals = WorldRemovals(WorldSet("train", SIZE), RGBD_NET)
+    worlds = WorldSet("train", SIZE)
+    frame = worlds.views(0).frame(0)
     for example in (
         *clean,
         world_samples.sensor_hole_example(frame, np.random.default_rng(0)),
-        removals.example(1, np.random.default_rng(1)),
+        world_removal(worlds, 1, np.random.default_rng(1)),
     ):
         fill(example.view, FillContext(example.law), 0)
         assert np.array_equal(view_sample(example, RGBD_NET)["input"], fed[-1])
@@ -168,10 +167,9 @@ def test_the_limit_is_the_laws(clean: list[ViewExample]) -> None:
 def test_removed_things_leave_true_background() -> None:
     """Outside the mask the truth is the frame; inside it is nowhere nearer than what was there (up to the law), and over the
     middle of the object of interest it is the frame of the world without that object, but for its shadow's colour."""
-    source = WorldRemovals(WorldSet("train", SIZE), RGBD_NET)
-    checked = 0
+    worlds, checked = WorldSet("train", SIZE), 0
     for index in range(6):
-        views = source.worlds.views(index)
+        views = worlds.views(index)
         number = index % len(views.cameras)
         group = views.raycast(number).group
         thing = views.world.object_index
@@ -183,7 +181,7 @@ def test_removed_things_leave_true_background() -> None:
         assert np.array_equal(truth.color[~where], frame.color[~where])
         assert np.array_equal(truth.depth[where], without.depth[where])
         assert (truth.depth[where] > frame.depth[where]).all()
-        made = source.sample(index, np.random.default_rng(index))
+        made = view_sample(world_removal(worlds, index, np.random.default_rng(index)), RGBD_NET)
         assert (made["target"][3] <= made["limit"][0] * (1 + 1e-6)).all()
         checked += 1
     assert checked >= 3
@@ -191,8 +189,9 @@ def test_removed_things_leave_true_background() -> None:
 
 def test_pairs_agree_by_disparity() -> None:
     """Oracle: the camera model. A right picture's true pixels have the colours of the left one, moved by fx b / z."""
-    source = WorldPairs(WorldSet("train", 128), NetworkSettings("stereo-two-masks"))
-    made, views = source.pair(0, np.random.default_rng(0)), source.worlds.stereo_views(0)
+    worlds = WorldSet("train", 128)
+    example, views = world_pair(worlds, 0, np.random.default_rng(0)), worlds.stereo_views(0)
+    made = pair_sample(example, NetworkSettings("stereo-two-masks"))
     left, right = views.pairs[0]
     camera, other = views.cameras[left], views.cameras[right]
     depth = views.raycast(left).depth

@@ -24,13 +24,11 @@ from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
 from dlama.perception.stereo.agreement import transfer_mask
-from dlama.training.data.augment import change_light, mirror_at_random
 from dlama.training.data.cases import StereoPair, TrainingCase
 from dlama.training.data.crops import Crop, random_crop, resize_frame
 from dlama.training.data.masks import random_mask
-from dlama.training.data.samples.views import ViewExample, hole_size_fits, pair_sample
-from dlama.training.data.samples.worlds import MOST_DILATION, augment_sample, mask_example
-from dlama.training.settings import NetworkSettings
+from dlama.training.data.samples.views import PairExample, ViewExample, hole_size_fits
+from dlama.training.data.samples.worlds import MOST_DILATION, dilate_equally, mask_example
 
 MOST_DRAWS = 4
 """Crops of a frame that are tried; where the mask has no fitting size in any of them, a random mask is taken."""
@@ -38,83 +36,54 @@ DEPTH_AGREES = 0.03
 """Relative difference of inverse depth up to which two frames show the same."""
 
 
-class _Cases:
-    """Samples of so many pixels a side, one of each case."""
-
-    def __init__(self, cases: tuple[TrainingCase, ...], network: NetworkSettings, size: int) -> None:
-        self.cases, self.network, self.size = cases, network, size
-
-    def __len__(self) -> int:
-        return len(self.cases)
+Cases = Sequence[TrainingCase]
 
 
-class DatasetViews(_Cases):
-    """Kind `frame`, see `sources.SampleSource`: the target frame, known where the source frame of a posed pair shows it."""
-
-    def sample(self, index: int, rng: np.random.Generator) -> dict[str, np.ndarray]:
-        """One sample: a random crop of the target frame, in either direction of the pair."""
-        return augment_sample(self.example(index, rng), self.network, rng)
-
-    def example(self, index: int, rng: np.random.Generator) -> ViewExample:
-        """The view before it is mirrored or relit."""
-        pair = self.cases[index].load()
-        source, target = (pair.source, pair.target) if rng.random() < 0.5 else (pair.target, pair.source)
-        target = random_crop(target.camera.hw, self.size, rng).rgbd(target)
-        source = resize_frame(source, target.camera.fx / source.camera.fx)
-        view = render(source, target.camera, types=False)
-        if hole_size_fits(view.hole):
-            truth = match_exposure(view, target) if pair.exposure_varies else target
-            return ViewExample(view, truth, Law.of(Scene((View.from_rgbd(source),))))
-        return mask_example(target, random_mask(rng, target.camera.hw))
+def case_view(cases: Cases, size: int, index: int, rng: np.random.Generator) -> ViewExample:
+    """Kind `frame`: a random crop of the target frame, known where the source frame of a posed pair shows it; either direction of
+    the pair."""
+    pair = cases[index].load()
+    source, target = (pair.source, pair.target) if rng.random() < 0.5 else (pair.target, pair.source)
+    target = random_crop(target.camera.hw, size, rng).rgbd(target)
+    source = resize_frame(source, target.camera.fx / source.camera.fx)
+    view = render(source, target.camera, types=False)
+    if hole_size_fits(view.hole):
+        truth = match_exposure(view, target) if pair.exposure_varies else target
+        return ViewExample(view, truth, Law.of(Scene((View.from_rgbd(source),))))
+    return mask_example(target, random_mask(rng, target.camera.hw))
 
 
-class DatasetRemovals(DatasetViews):
-    """Kind `removal`: cases whose `load` gives a RemovalTruth; a random crop that shows the object."""
+def case_removal(cases: Cases, size: int, index: int, rng: np.random.Generator) -> ViewExample:
+    """Kind `removal`: a random crop that shows the object. There is no hole where the two frames show different backgrounds."""
+    case: RemovalTruth = cases[index].load()
+    for _ in range(MOST_DRAWS):
+        crop = random_crop(case.source.camera.hw, size, rng, case.mask)
+        (hole,) = dilate_equally([crop.mask(case.mask)], rng)
+        if case.compare is not None:
+            hole &= ~crop.mask(~case.compare)
+        if hole_size_fits(hole):
+            source, without = crop.rgbd(case.source), crop.rgbd(match_source_exposure(case))
+            return mask_example(source, hole, paste_in_hole(source, without, hole))
+    source = crop.rgbd(case.source)
+    return mask_example(source, random_mask(rng, source.camera.hw))
 
-    def example(self, index: int, rng: np.random.Generator) -> ViewExample:
-        """As DatasetViews. There is no hole where the two frames show different backgrounds."""
-        case: RemovalTruth = self.cases[index].load()
+
+def case_pair(cases: Cases, size: int, index: int, rng: np.random.Generator) -> PairExample:
+    """Kind `stereo`: the same random crop of both pictures, with the object's masks as holes; where there is no object, with a
+    random mask on the same surface in both."""
+    case: StereoPair = cases[index].load()
+    hw = case.left.shape[0], case.left.shape[1]
+    if case.masks is not None and case.without is not None:
         for _ in range(MOST_DRAWS):
-            crop = random_crop(case.source.camera.hw, self.size, rng, case.mask)
-            hole = dilate_equally([crop.mask(case.mask)], rng)[0]
-            if case.compare is not None:
-                hole &= ~crop.mask(~case.compare)
-            if hole_size_fits(hole):
-                source, without = crop.rgbd(case.source), crop.rgbd(match_source_exposure(case))
-                return mask_example(source, hole, paste_in_hole(source, without, hole))
-        source = crop.rgbd(case.source)
-        return mask_example(source, random_mask(rng, source.camera.hw))
-
-
-class DatasetPairs(_Cases):
-    """Kind `stereo`, see `sources.SampleSource`: cases whose `load` gives a StereoPair."""
-
-    def sample(self, index: int, rng: np.random.Generator) -> dict[str, np.ndarray]:
-        """One pair: the same random crop of both pictures."""
-        return mirror_at_random(change_light(self.pair(index, rng), rng, 6), rng, 2)
-
-    def pair(self, index: int, rng: np.random.Generator) -> dict[str, np.ndarray]:
-        """The pair before it is mirrored or relit: with the object's masks as holes; where there is no object, with a random mask
-        on the same surface in both pictures."""
-        case: StereoPair = self.cases[index].load()
-        hw = case.left.shape[0], case.left.shape[1]
-        if case.masks is not None and case.without is not None:
-            for _ in range(MOST_DRAWS):
-                crop = random_crop(hw, self.size, rng, case.masks[0] | case.masks[1])
-                holes = dilate_equally([crop.mask(mask) for mask in case.masks], rng)
-                if hole_size_fits(holes[0] | holes[1]):
-                    shown, without = _crop_both(crop, (case.left, case.right)), _crop_both(crop, case.without)
-                    true = [np.where(hole[..., None], gone, one) for hole, gone, one in zip(holes, without, shown)]
-                    return pair_sample(shown, true, holes, self.network)
-        crop = random_crop(hw, self.size, rng)
-        shown = _crop_both(crop, (case.left, case.right))
-        return pair_sample(shown, shown, random_masks(crop, case, rng), self.network)
-
-
-def dilate_equally(masks: Sequence[BoolArray], rng: np.random.Generator) -> list[BoolArray]:
-    """Masks (H x W) dilated by one random radius of 1 to MOST_DILATION pixels, as before an object leaves the cloud."""
-    radius = int(rng.integers(1, MOST_DILATION + 1))
-    return [dilate_mask(mask, radius) for mask in masks]
+            crop = random_crop(hw, size, rng, case.masks[0] | case.masks[1])
+            holes = dilate_equally([crop.mask(mask) for mask in case.masks], rng)
+            if hole_size_fits(holes[0] | holes[1]):
+                shown, without = _crop_both(crop, (case.left, case.right)), _crop_both(crop, case.without)
+                true = [np.where(hole[..., None], gone, one) for hole, gone, one in zip(holes, without, shown)]
+                return PairExample(shown, true, holes)
+    crop = random_crop(hw, size, rng)
+    shown = _crop_both(crop, (case.left, case.right))
+    return PairExample(shown, shown, random_masks(crop, case, rng))
 
 
 def paste_in_hole(source: RGBD, without: RGBD, hole: BoolArray) -> RGBD:

@@ -14,7 +14,7 @@ lies in: going from the truth towards the camera, where the law is broken first 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,6 +27,7 @@ from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.networks.view_tensors import DepthPlane, color_planes, robust_scale
+from dlama.training.data.augment import change_light, mirror_at_random
 from dlama.training.data.samples.law_limit_kernels import limits
 from dlama.training.settings import NetworkSettings
 
@@ -66,6 +67,37 @@ class ViewExample:
     """The visibility law of the view's source."""
 
 
+@dataclass(frozen=True, eq=False)
+class PairExample:
+    """A stereo pair, left then right; H x W x 3 each."""
+
+    shown: Sequence[UInt8Array]
+    true: Sequence[UInt8Array]
+    """What the pictures should be."""
+    holes: Sequence[BoolArray]
+    """H x W each."""
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """A `sources.SampleSource` of examples, each mirrored and in other light at random."""
+
+    example: Callable[[int, np.random.Generator], ViewExample | PairExample]
+    """Of an index of so many (`count`); picklable."""
+    count: int
+    network: NetworkSettings
+    group_size: int = 1
+
+    def __len__(self) -> int:
+        return self.count
+
+    def sample(self, index: int, rng: np.random.Generator) -> dict[str, np.ndarray]:
+        """One sample, see `batches.Batch`."""
+        example, views = self.example(index, rng), self.network.views
+        make = pair_sample if isinstance(example, PairExample) else view_sample
+        return mirror_at_random(change_light(make(example, self.network), rng, 3 * views), rng, views)  # type: ignore[arg-type]
+
+
 def hole_size_fits(hole: BoolArray) -> bool:
     """Whether a hole (H x W) covers SMALLEST to LARGEST of the picture."""
     return SMALLEST <= float(hole.mean()) <= LARGEST
@@ -95,14 +127,11 @@ def view_sample(example: ViewExample, network: NetworkSettings) -> dict[str, np.
     return made
 
 
-def pair_sample(
-    shown: Sequence[UInt8Array], true: Sequence[UInt8Array], holes: Sequence[BoolArray], network: NetworkSettings
-) -> dict[str, np.ndarray]:
-    """Left and right pictures (H x W x 3), what they should be, and the hole of each (H x W), as a sample of planes stereo
-    or stereo-two-masks: one mask is the union of both holes."""
-    each = np.stack(holes).astype(np.float32)
+def pair_sample(example: PairExample, network: NetworkSettings) -> dict[str, np.ndarray]:
+    """A pair as a sample of planes stereo or stereo-two-masks: one mask is the union of both holes."""
+    each = np.stack(example.holes).astype(np.float32)
     mask = each if network.masks == 2 else each.max(0, keepdims=True)
-    pictures, target = (np.concatenate([color_planes(color) for color in colors]) for colors in (shown, true))
+    pictures, target = (np.concatenate([color_planes(one) for one in both]) for both in (example.shown, example.true))
     known = pictures * (1 - mask.repeat(6 // len(mask), 0))
     return {"input": np.concatenate([known, mask]), "target": target, "mask": mask}
 

@@ -7,6 +7,8 @@ the object of interest. The truth behind it is cast through that one object, so 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from dlama.geometry.codes import HoleType
@@ -16,11 +18,10 @@ from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
-from dlama.training.data.augment import add_depth_faults, change_light, mirror_at_random
+from dlama.training.data.augment import add_depth_faults
 from dlama.training.data.masks import random_mask
-from dlama.training.data.samples.views import ViewExample, hole_size_fits, pair_sample, view_sample
+from dlama.training.data.samples.views import PairExample, ViewExample, hole_size_fits
 from dlama.training.data.samples.world_views import WorldSet, WorldViews
-from dlama.training.settings import NetworkSettings
 
 SENSOR_SHARE = 0.08
 """Probability of a sample whose holes are a frame's own missing depth."""
@@ -30,79 +31,49 @@ OBJECT_SHARE = (0.005, 0.25)
 """Least and largest share of the picture that a removed object covers."""
 
 
-class _Worlds:
-    """One sample of each view of some worlds."""
-
-    def __init__(self, worlds: WorldSet, network: NetworkSettings) -> None:
-        self.worlds, self.network = worlds, network
-        self.group_size = worlds.group_size
-
-    def __len__(self) -> int:
-        return len(self.worlds)
-
-
-class WorldSamples(_Worlds):
-    """Kind `world`, see `sources.SampleSource`: the view of another camera, known where the source frame shows it."""
-
-    def sample(self, index: int, rng: np.random.Generator) -> dict[str, np.ndarray]:
-        """One sample; sensor faults, light and mirroring are drawn from `rng`."""
-        return augment_sample(self.example(index, rng), self.network, rng)
-
-    def example(self, index: int, rng: np.random.Generator) -> ViewExample:
-        """The view before it is mirrored or relit."""
-        views = self.worlds.views(index)
-        if rng.random() < SENSOR_SHARE:
-            return sensor_hole_example(views.frame(views.pairs[index % len(views.pairs)][0]), rng)
-        for number in range(len(views.pairs)):
-            source, target = views.pairs[(index + number) % len(views.pairs)]
-            rgbd = add_depth_faults(views.frame(source), rng)
-            view = render(rgbd, views.cameras[target], types=False)
-            if hole_size_fits(view.hole):
-                return ViewExample(view, views.frame(target), Law.of(Scene((View.from_rgbd(rgbd),))))
-        return mask_example(views.frame(0), random_mask(rng, views.cameras[0].hw))
+def world_view(worlds: WorldSet, index: int, rng: np.random.Generator) -> ViewExample:
+    """Kind `world`: the view of another camera, known where the source frame, with sensor faults, shows it."""
+    views = worlds.views(index)
+    if rng.random() < SENSOR_SHARE:
+        return sensor_hole_example(views.frame(views.pairs[index % len(views.pairs)][0]), rng)
+    for number in range(len(views.pairs)):
+        source, target = views.pairs[(index + number) % len(views.pairs)]
+        rgbd = add_depth_faults(views.frame(source), rng)
+        view = render(rgbd, views.cameras[target], types=False)
+        if hole_size_fits(view.hole):
+            return ViewExample(view, views.frame(target), Law.of(Scene((View.from_rgbd(rgbd),))))
+    return mask_example(views.frame(0), random_mask(rng, views.cameras[0].hw))
 
 
-class WorldRemovals(WorldSamples):
+def world_removal(worlds: WorldSet, index: int, rng: np.random.Generator) -> ViewExample:
     """Kind `removal`: a frame with an object's mask as its hole."""
-
-    def example(self, index: int, rng: np.random.Generator) -> ViewExample:
-        """As WorldSamples."""
-        views = self.worlds.views(index)
-        number = index % len(views.cameras)
-        frame, removed = views.frame(number), removable_object(views, number, rng)
-        if removed is None:
-            return mask_example(frame, random_mask(rng, frame.camera.hw))
-        hole = dilate_mask(views.raycast(number).group == removed, int(rng.integers(1, MOST_DILATION + 1)))
-        truth = frame_without(views, number, removed, hole)
-        return mask_example(add_depth_faults(frame, rng), hole, truth)
+    views = worlds.views(index)
+    number = index % len(views.cameras)
+    frame, removed = views.frame(number), removable_object(views, number, rng)
+    if removed is None:
+        return mask_example(frame, random_mask(rng, frame.camera.hw))
+    (hole,) = dilate_equally([views.raycast(number).group == removed], rng)
+    truth = frame_without(views, number, removed, hole)
+    return mask_example(add_depth_faults(frame, rng), hole, truth)
 
 
-class WorldPairs(_Worlds):
+def world_pair(worlds: WorldSet, index: int, rng: np.random.Generator) -> PairExample:
     """Kind `stereo`: both pictures of a pair with one object's masks as their holes."""
-
-    def sample(self, index: int, rng: np.random.Generator) -> dict[str, np.ndarray]:
-        """One pair; see `batches.Batch`."""
-        return mirror_at_random(change_light(self.pair(index, rng), rng, 6), rng, 2)
-
-    def pair(self, index: int, rng: np.random.Generator) -> dict[str, np.ndarray]:
-        """The pair before it is mirrored or relit."""
-        views = self.worlds.stereo_views(index)
-        ends = views.pairs[index % len(views.pairs)]
-        removed, radius = removable_object(views, ends[0], rng), int(rng.integers(1, MOST_DILATION + 1))
-        shown, holes, true = [], [], []
-        random = random_mask(rng, views.cameras[0].hw) if removed is None else None
-        for number in ends:
-            frame = views.frame(number)
-            hole = random if random is not None else dilate_mask(views.raycast(number).group == removed, radius)
-            shown.append(frame.color)
-            true.append(frame_without(views, number, removed, hole).color if removed is not None else frame.color)
-            holes.append(hole)
-        return pair_sample(shown, true, holes, self.network)
+    views = worlds.stereo_views(index)
+    ends = views.pairs[index % len(views.pairs)]
+    frames, removed = [views.frame(number) for number in ends], removable_object(views, ends[0], rng)
+    shown = [frame.color for frame in frames]
+    holes = dilate_equally([views.raycast(number).group == removed for number in ends], rng)
+    if removed is None:
+        return PairExample(shown, shown, [random_mask(rng, frames[0].camera.hw)] * 2)
+    true = [frame_without(views, number, removed, hole).color for number, hole in zip(ends, holes)]
+    return PairExample(shown, true, holes)
 
 
-def augment_sample(example: ViewExample, network: NetworkSettings, rng: np.random.Generator) -> dict[str, np.ndarray]:
-    """The sample of an example, with random mirroring and light."""
-    return mirror_at_random(change_light(view_sample(example, network), rng, 3), rng, 1)
+def dilate_equally(masks: Sequence[BoolArray], rng: np.random.Generator) -> list[BoolArray]:
+    """Masks (H x W) dilated by one random radius of 1 to MOST_DILATION pixels, as before an object leaves the cloud."""
+    radius = int(rng.integers(1, MOST_DILATION + 1))
+    return [dilate_mask(mask, radius) for mask in masks]
 
 
 def sensor_hole_example(frame: RGBD, rng: np.random.Generator) -> ViewExample:
