@@ -6,10 +6,12 @@ refused that fits. Needs no torch for the estimate.
 
 from __future__ import annotations
 
+from typing import Any
+
 from dlama.completion.memory import GB, available_bytes
 from dlama.errors import InputError
 from dlama.models.network_file import processor_count
-from dlama.nets.architecture import GeneratorSettings, count_parameters, discriminator_shapes, generator_shapes
+from dlama.nets.architecture import GeneratorSettings, count_parameters, discriminator_shapes
 from dlama.training.settings import TrainSettings
 
 GENERATOR_COPIES, DISCRIMINATOR_COPIES = 8, 7
@@ -34,7 +36,7 @@ def check_devices(settings: TrainSettings) -> None:
 def check_memory(settings: TrainSettings) -> None:
     """Raise InputError where the settings' networks and batch take more memory than is there."""
     gpu = _devices(settings)[1] == "GPUs"
-    free = _gpu_bytes() if gpu else available_bytes()
+    free = _torch_cuda().get_device_properties(0).total_memory if gpu else available_bytes()
     needed = training_bytes(settings) * (1 if gpu else settings.loop.devices)
     if free is not None and needed > free:
         s = settings
@@ -48,19 +50,13 @@ def check_memory(settings: TrainSettings) -> None:
 def training_bytes(settings: TrainSettings) -> float:
     """Bytes that one process takes at least for its networks, optimisers and one step."""
     net, loop, size = settings.network, settings.loop, settings.data.size
-    copies = _numbers(settings, GENERATOR_COPIES, DISCRIMINATOR_COPIES)
+    copies = GENERATOR_COPIES * net.parameters
+    if settings.loss.uses_discriminator:
+        copies += DISCRIMINATOR_COPIES * count_parameters(discriminator_shapes(net.discriminator))
     width = 2 if loop.precision == "bf16" else 4
     planes = 4.0 * size * size * (net.generator.in_channels + net.generator.out_channels)
     step = width * KEPT * generator_numbers(net.generator, size) + planes
     return 4.0 * copies + loop.batch * step + settings.data.held_out * planes
-
-
-def _numbers(settings: TrainSettings, of_generator: int, of_discriminator: int) -> float:
-    """Numbers in so many copies of the weights of both networks; a discriminator only where the loss has one."""
-    numbers = of_generator * count_parameters(generator_shapes(settings.network.generator))
-    if settings.loss.uses_discriminator:
-        numbers += of_discriminator * count_parameters(discriminator_shapes(settings.network.discriminator))
-    return float(numbers)
 
 
 def generator_numbers(s: GeneratorSettings, size: int) -> float:
@@ -74,15 +70,14 @@ def _devices(settings: TrainSettings) -> tuple[int, str]:
     """How many devices there are of the kind that the settings ask for, and what they are called."""
     if settings.loop.accelerator == "cpu":
         return processor_count(), "processor cores"
-    import torch
-
-    gpus = torch.cuda.device_count() if torch.cuda.is_available() else 0
+    cuda = _torch_cuda()
+    gpus = cuda.device_count() if cuda.is_available() else 0
     if gpus or settings.loop.accelerator == "gpu":
         return gpus, "GPUs"
     return processor_count(), "processor cores"
 
 
-def _gpu_bytes() -> int | None:
+def _torch_cuda() -> Any:
     import torch
 
-    return int(torch.cuda.get_device_properties(0).total_memory) if torch.cuda.is_available() else None
+    return torch.cuda

@@ -17,15 +17,16 @@ import pytorch_lightning as pl
 import torch
 from pytorch_lightning.utilities.rank_zero import rank_zero_only
 
+from dlama import __version__
 from dlama.errors import InputError, OutputError, system_errors
 from dlama.files.atomic_write import new_file
-from dlama.training.data.batches import check_sample
+from dlama.training.data.batches import Batch, check_sample
 from dlama.training.data.loader import BatchNumbers, NumberedSamples, batch_loader, held_out_batch
 from dlama.training.data.sources import SampleSource, source_for
 from dlama.training.limits import check_machine
 from dlama.training.loop.callbacks import ALL_STEPS, TIME_IS_UP, RunCallback
 from dlama.training.loop.checkpointing import read_checkpoint, restore
-from dlama.training.loop.export import TrainingRecord, export, model_card
+from dlama.training.loop.export import export, model_card
 from dlama.training.loop.module import TrainingModule
 from dlama.training.loop.run_files import LAST, holds_run, lock_run, log_to_file, prepare, write_settings
 from dlama.training.loop.validation import hole_metrics, scores_of, telea
@@ -94,28 +95,30 @@ def train(
         if first:
             stack.enter_context(lock_run(run))
             stack.enter_context(log_to_file(run))
-        return _train(settings, run, data, deadline, resume, first, source, held_out)
+        source = source or source_for(settings, data, "train")
+        check_sample(NumberedSamples(source, settings.loop.seed)[0], settings.network, settings.data.size)
+        validation = held_out_batch(held_out or source_for(settings, data, "held_out"), settings) if first else None
+        return _train(settings, run, source, validation, deadline, resume, ", ".join(map(str, data)) or "procedural")
 
 
 def _train(
     settings: TrainSettings,
     run: Path,
-    data: Sequence[Path],
+    source: SampleSource,
+    validation: Batch | None,
     deadline: float,
     resume: bool,
-    first: bool,
-    source: SampleSource | None,
-    held_out: SampleSource | None,
+    made_of: str,
 ) -> TrainingResult:
-    """As `train`, in a directory that is there; `deadline` on the clock of `time.monotonic`."""
-    source = source or source_for(settings, data, "train")
-    check_sample(NumberedSamples(source, settings.loop.seed)[0], settings.network, settings.data.size)
-    validation = held_out_batch(held_out or source_for(settings, data, "held_out"), settings) if first else None
+    """As `train`, in a directory that is there; `deadline` on the clock of `time.monotonic`.
+
+    validation: the held-out samples; None in all processes but the first. made_of: what the samples are made of, in words.
+    """
     module, processes = TrainingModule(settings), settings.loop.devices * settings.loop.nodes
-    if first:
+    if validation is not None:
         write_settings(
             run, settings
-        )  # only now: a run that was refused above leaves no settings, by which it would be known
+        )  # only now: what was refused above leaves no settings, by which a run would be known
     checkpoint = _checkpoint(run) if resume else {}
     if checkpoint:
         restore(module, checkpoint, processes)
@@ -123,14 +126,11 @@ def _train(
     callback = RunCallback(settings, run, deadline, validation, checkpoint.get("random_states"), before)
     try:
         _fit(module, callback, source, settings)
-        if not first:
-            return TrainingResult(run, module.step, callback.stop.reason, None, first=False)
-        about = ", ".join(map(str, data)) or "procedural"
-        whole = callback.stop.reason in (ALL_STEPS, TIME_IS_UP)
-        network = _finish(module, callback, settings, about) if whole else None
+        whole = validation is not None and callback.stop.reason in (ALL_STEPS, TIME_IS_UP)
+        network = _finish(module, callback, settings, made_of) if whole else None
     finally:
         callback.close()
-    return TrainingResult(run, module.step, callback.stop.reason, network)
+    return TrainingResult(run, module.step, callback.stop.reason, network, first=validation is not None)
 
 
 def _checkpoint(run: Path) -> dict[str, Any]:
@@ -194,26 +194,22 @@ def _finish(module: TrainingModule, callback: RunCallback, settings: TrainSettin
     """Export the network, and write its model card; the ONNX file."""
     network = export(module.average, callback.run, settings.name, settings.licence)[1]  # type: ignore[arg-type]
     assert callback.held_out is not None
-    average = module.average.to(callback.device)  # Lightning has put everything back on the CPU
-    scores = scores_of(average, callback.held_out, settings, callback.device)
+    device = callback.device
+    average = module.average.to(device)  # Lightning has put everything back on the CPU
+    scores = scores_of(average, callback.held_out, settings, device)
     reference = hole_metrics(telea(callback.held_out), callback.held_out, settings.network)
     trunk = module.perceptual.note if module.perceptual else "no perceptual term"
-    record = TrainingRecord(
-        step=module.step,
-        samples=module.samples,
-        seconds=callback.stopwatch.seconds,
-        ended=callback.stop.reason,
-        trunk=trunk,
-        data=data,
-        device=device_name(callback.device),
-        restored=module.restored,
+    on, size = torch.cuda.get_device_name(device) if device.type == "cuda" else "a CPU", settings.data.size
+    training = (
+        f"{module.step} steps, {module.samples} samples of {size} x {size} pixels, "
+        f"{callback.stopwatch.seconds / 60:.1f} minutes on {on}; ended: {callback.stop.reason}",
+        f"Samples: {data}; mixture {dict(settings.data.mixture)}",
+        f"{trunk[0].upper()}{trunk[1:]}",
+        f"Started from {settings.network.start or 'random weights'}; exported is the moving average of the weights",
+        f"Went back to an earlier state {module.restored} times because a gradient was no number",
+        f"dlama {__version__}; all settings are in settings.json, the learning curve is in metrics.csv",
     )
     with new_file(callback.run / "README.md") as draft:
-        draft.write_text(model_card(settings, record, scores, reference), "utf-8")
+        draft.write_text(model_card(settings, training, scores, reference), "utf-8")
     LOG.info("%s: %s after %d steps", network, callback.stop.reason, module.step)
     return network
-
-
-def device_name(device: torch.device) -> str:
-    """For the model card."""
-    return torch.cuda.get_device_name(device) if device.type == "cuda" else "a CPU"

@@ -8,48 +8,54 @@ LPIPS (AlexNet v0.1) is a scalar; its weights ship.
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
 from torch import Tensor, nn
 from torch.nn.functional import mse_loss
 
-from dlama.errors import FileError, MissingExtraError
+from dlama.errors import FileError, import_extra
 from dlama.models.cache import user_path
 from dlama.training.losses.pixels import widen_half
 from dlama.training.losses.trunks import IMAGENET_MEAN, IMAGENET_STD, random_trunk, read_trunk
 from dlama.training.settings import LossSettings
 
-SHIFT, SCALE = (-0.030, -0.088, -0.188), (0.458, 0.448, 0.450)
-"""Of the network's input, per channel: (x - SHIFT) / SCALE with x in -1..1 (LPIPS's ScalingLayer)."""
-EPSILON = 1e-10
-CONVOLUTIONS = (
-    # torchvision's number, channels in and out, kernel, stride, padding, pooled after
-    (0, 3, 64, 11, 4, 2, True),
-    (3, 64, 192, 5, 1, 2, True),
-    (6, 192, 384, 3, 1, 1, False),
-    (8, 384, 256, 3, 1, 1, False),
-    (10, 256, 256, 3, 1, 1, False),
-)
-
 FILE = Path(__file__).parents[2] / "assets" / "lpips" / "alex.onnx"
+EPSILON = 1e-10
 
 
 class LpipsLoss(nn.Module):
     """The distance that the evaluation measures, with gradients; no parameter of it is trained or kept in checkpoints."""
 
+    shift: Tensor
+    scale: Tensor
     note = "perceptual term LPIPS (AlexNet v0.1), the measure of the evaluation itself, which flatters this network's LPIPS"
 
     def __init__(self) -> None:
         super().__init__()
+        onnx = import_extra("onnx", "the perceptual term LPIPS", "onnx", "onnx")
+        nodes, graph = {}, onnx.load(FILE).graph
+        found = {one.name: onnx.numpy_helper.to_array(one).astype(np.float32) for one in graph.initializer}
+        for node in graph.node:
+            nodes[node.output[0]] = node
+            if node.op_type == "Cast":
+                found[node.output[0]] = found[node.input[0]]
+        constants = {name: torch.from_numpy(array) for name, array in found.items()}
+        shift, scale, *_ = graph.node
+        heads = [nodes[name] for name in sorted(nodes) if name.startswith("tap")]
         self.convolutions, self.pool = nn.ModuleList(), nn.MaxPool2d(3, 2)
-        weights, heads = shipped_weights()
-        for (_, before, after, kernel, stride, padding, _), (weight, bias) in zip(CONVOLUTIONS, weights):
-            layer = nn.Conv2d(before, after, kernel, stride, padding)
-            layer.load_state_dict({"weight": torch.from_numpy(weight), "bias": torch.from_numpy(bias)})
-            self.convolutions.append(layer)
-        for number, head in enumerate(heads):
-            self.register_buffer(f"head{number}", torch.from_numpy(head), persistent=False)
+        for node in graph.node:
+            if node.op_type == "Conv":
+                about: dict[str, Any] = {each.name: list(each.ints) for each in node.attribute}
+                weight, bias = (constants[name] for name in node.input[1:])
+                layer = nn.Conv2d(
+                    weight.shape[1], weight.shape[0], about["kernel_shape"], about["strides"], about["pads"][:2]
+                )
+                layer.load_state_dict({"weight": weight, "bias": bias})
+                self.convolutions.append(layer)
+        for name, node in zip(("shift", "scale", *(f"head{n}" for n in range(len(heads)))), (shift, scale, *heads)):
+            self.register_buffer(name, constants[node.input[1]], persistent=False)
         self.requires_grad_(False)
 
     def forward(self, output: Tensor, truth: Tensor) -> Tensor:
@@ -61,32 +67,13 @@ class LpipsLoss(nn.Module):
 
     def taps(self, picture: Tensor) -> list[Tensor]:
         """Unit-normalised features times the square roots of their weights, of five layers."""
-        shift, scale = (picture.new_tensor(numbers).view(1, 3, 1, 1) for numbers in (SHIFT, SCALE))
-        x, found = (2 * picture - 1 - shift) / scale, []
-        for number, (layer, (*_, pooled)) in enumerate(zip(self.convolutions, CONVOLUTIONS)):
+        x, found = (2 * picture - 1 - self.shift) / self.scale, []
+        for number, layer in enumerate(self.convolutions):
+            x = self.pool(x) if number in (1, 2) else x
             x = layer(x).relu()
             length = (x.square().sum(1, keepdim=True) + EPSILON).sqrt()  # a gradient at 0, too
             found.append(x / (length + EPSILON) * getattr(self, f"head{number}"))
-            x = self.pool(x) if pooled else x
         return found
-
-
-def shipped_weights() -> tuple[list[tuple[np.ndarray, np.ndarray]], list[np.ndarray]]:
-    """Weight and bias of each convolution, and the square roots of the heads (1 x C x 1 x 1), of the file that ships."""
-    try:
-        import onnx
-        from onnx import numpy_helper
-    except ImportError as error:
-        raise MissingExtraError("the perceptual term LPIPS", "onnx", "onnx") from error
-    graph = onnx.load(FILE).graph
-    constants = {one.name: numpy_helper.to_array(one).astype(np.float32) for one in graph.initializer}
-    for node in graph.node:
-        if node.op_type == "Cast" and node.input[0] in constants:
-            constants[node.output[0]] = constants[node.input[0]]
-    layers = [node for node in graph.node if node.op_type == "Conv"]
-    taps = {node.output[0]: node for node in graph.node}
-    weights = [(constants[node.input[1]], constants[node.input[2]]) for node in layers]
-    return weights, [constants[taps[f"tap{number}"].input[1]] for number in range(len(layers))]
 
 
 class PerceptualLoss(nn.Module):
