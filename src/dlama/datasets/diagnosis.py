@@ -45,8 +45,12 @@ from dlama.perception.diagnosis.rgbd_checks import run_checks
 from dlama.perception.diagnosis.stereo_pair import check_pair
 from dlama.workers.progress import log_messages
 
+LENS = ("camera", "fx", "fy", "cx", "cy", "fov", "pixel_center")
+READING = ("depth_scale", "depth_range", "channel", "far", "resize_depth")
+MASKING = ("mask_polarity", "soft_mask", "mask_class")
+"""Options of `diagnose`, as `read_rgbd` and `read_mask` take them."""
 DEFAULTS = {"pixel_center": 0.5, "mask_polarity": "fill", "soft_mask": False}
-"""Of options of `diagnose` that are not None."""
+"""Of those that are not None."""
 CLEAR_TAG = "clear the tag (exiftool -Orientation= FILE)"
 UNTURNED = (0, 1, 2, 3, 4, 5, 8, 7, 6)
 """EXIF orientation -> the one that undoes it."""
@@ -100,40 +104,30 @@ def diagnose(
     Raises:
         InputError: no right picture is given, or an option that does not apply to these inputs.
     """
-    check_arguments(diagnose, locals())
-    intrinsics = {"fx": fx, "fy": fy, "cx": cx, "cy": cy, "fov": fov, "pixel_center": pixel_center}
-    for name, value in (intrinsics | {"depth_scale": depth_scale, "depth_range": depth_range, "far": far}).items():
-        check_number(value, name)
-    depth: dict[str, Any] = {"depth_scale": depth_scale, "depth_range": depth_range, "channel": channel, "far": far}
-    depth["resize_depth"] = resize_depth
-    masking = {"mask_polarity": mask_polarity, "soft_mask": soft_mask, "mask_class": mask_class}
-    others = {"mask": mask, "layout": layout, "camera": camera, **intrinsics, **depth, **masking}
-    lens = {"camera": camera, **intrinsics}
+    given = dict(locals())
+    check_arguments(diagnose, given)
+    for name in (*LENS[1:], "depth_scale", "depth_range", "far"):
+        check_number(given[name], name)
+    lens, reading, masking = ({name: given[name] for name in names} for names in (LENS, READING, MASKING))
     examine: Callable[[], Found]
     place = Path(first)
     if place.is_dir() or (second is None and (is_scene_file(place) or is_capture_file(place))):
         examine, takes = partial(_examine_dataset, place, layout, camera), {"layout", "camera"}
-        others |= {"second": second, "calib": calib}
     elif second is None and not place.exists():
         raise InputError(f"{place}: no such file or folder")
     elif second is None and calib is not None:
         raise InputError(f"{place}: a left picture needs its right one")
     elif second is None:
-        examine, takes = partial(_examine_photo, place, lens), set(lens)
+        examine, takes = partial(_examine_photo, place, lens), set(LENS)
     elif calib is not None:
-        examine, takes = partial(_examine_pair, place, Path(second), calib), set()
+        examine, takes = partial(_examine_pair, place, Path(second), calib), {"second", "calib"}
     else:
-        examine = partial(_examine_picture, place, Path(second), mask, {**lens, **depth}, masking)
-        takes = set(others) - {"layout"}
-    _refuse_given(place, {name: value for name, value in others.items() if name not in takes})
-    return _conclude(examine)
-
-
-def _refuse_given(place: Path, options: Mapping[str, Any]) -> None:
-    """Raise InputError for options that do not apply and are given."""
-    for name, value in options.items():
-        if value is not None and value != DEFAULTS.get(name):
+        examine = partial(_examine_picture, place, Path(second), mask, lens | reading, masking)
+        takes = {"second", "mask", *LENS, *READING, *MASKING}
+    for name, value in given.items():
+        if name not in takes | {"first"} and value is not None and value != DEFAULTS.get(name):
             raise InputError(f"{place}: `{name}` is {value}; it does not apply to these inputs")
+    return _conclude(examine)
 
 
 def _conclude(examine: Callable[[], Found]) -> tuple[Finding, ...]:

@@ -82,13 +82,14 @@ def _posed(
 
 
 _FOLDERS = frozenset({"scenes"})
-_OF_EASYSYNTH = frozenset({"depth_range", "gamma", "removal_object"})
-_BAGS = "a .bag, .mcap or .db3 file, or a folder with metadata.yaml"
 _LOWRES = ("lowres_wide.traj", "lowres_depth", "lowres_wide_intrinsics")
 
 LAYOUTS: dict[str, Layout] = {
     "easysynth": Layout(
-        "CameraPoses.csv or CameraRig.json, and ColorImage", looks_like_easysynth, easysynth, _OF_EASYSYNTH
+        "CameraPoses.csv or CameraRig.json, and ColorImage",
+        looks_like_easysynth,
+        easysynth,
+        frozenset({"depth_range", "gamma", "removal_object"}),
     ),
     "pairs": Layout("pairs.json", looks_like_pairs, pairs_json, _FOLDERS),
     "removal": Layout("with.color.png and without.color.png", looks_like_removal, removal_folder, _FOLDERS),
@@ -108,7 +109,7 @@ LAYOUTS: dict[str, Layout] = {
                 "record3d", "a .r3d file, or metadata and a folder rgbd", record3d, files=(".r3d",), parts=("rgbd",)
             ),
             _posed("arkitscenes", "lowres_wide.traj and a folder lowres_depth", arkitscenes, parts=_LOWRES),
-            _posed("rosbag", _BAGS, rosbag, files=rosbag.FILES),
+            _posed("rosbag", "a .bag, .mcap or .db3 file, or a folder with metadata.yaml", rosbag, files=rosbag.FILES),
             _posed("azure-kinect", "a .mkv file", azure_kinect, files=(".mkv",)),
             _posed("scannetpp", scannetpp.POSES, scannetpp, parts=(scannetpp.POSES, scannetpp.FOLDER)),
         ]
@@ -151,8 +152,9 @@ def open_dataset(path: Path | str, layout: str | None = None, **options: Unpack[
 
 def split_options(options: DatasetOptions) -> tuple[dict[str, Any], dict[str, Any]]:
     """Those that layouts may refuse, and `scenes` and `limit`. InputError: a limit that is none."""
-    shared = {name: options.get(name) for name in ("scenes", "limit")}
-    check_limit(options.get("limit"))
+    shared: dict[str, Any] = {name: options.get(name) for name in ("scenes", "limit")}
+    if shared["limit"] is not None and shared["limit"] < 1:
+        raise InputError(f"`limit` is {shared['limit']}; a whole number >= 1 is expected")
     return {name: value for name, value in options.items() if name not in shared}, shared
 
 
@@ -170,7 +172,8 @@ def layout_of(root: Path, layout: str | None) -> str:
     """The layout that is given, or that the data set has. InputError: an unknown one; FileError: there is no data set."""
     if layout is not None and layout not in LAYOUTS:
         raise InputError(f"layout '{layout}' is not known; known are {', '.join(LAYOUTS)}")
-    check_place(root)
+    if not is_capture_file(root):
+        check_folder(root)
     return detect(root) if layout is None else layout
 
 
@@ -204,18 +207,6 @@ def _unknown_layout(root: Path) -> InputError:
 def is_capture_file(path: Path) -> bool:
     """Whether a file is a data set by itself."""
     return path.is_file() and path.suffix.lower() in RECORDINGS
-
-
-def check_place(root: Path) -> None:
-    """Raise FileError where there is neither a folder nor a file that is a data set."""
-    if not is_capture_file(root):
-        check_folder(root)
-
-
-def check_limit(limit: int | None) -> None:
-    """Raises InputError for a number of cases below 1."""
-    if limit is not None and limit < 1:
-        raise InputError(f"`limit` is {limit}; a whole number >= 1 is expected")
 
 
 def refuse_unused(name: str, known: frozenset[str], options: Mapping[str, object]) -> None:

@@ -129,6 +129,14 @@ class Output:
         with new_file(target) as draft, draft.open(mode, **text) as stream:
             yield stream
 
+    def remove(self, name: str) -> None:
+        """A file or folder there goes."""
+        if self.is_remote:
+            system, inside = file_system(self.of(name))
+            system.rm(inside, recursive=True)
+        else:
+            remove(Path(self.of(name)))
+
     def names(self, folder: str) -> list[str]:
         """The files below a folder there, relative to it, sorted; none where there is no such folder."""
         if not self.is_remote:
@@ -167,9 +175,8 @@ class Output:
     def _upload(self, folder: Path, name: str) -> None:
         """The marker of an earlier result goes first, that of the new one comes last."""
         system, inside = file_system(self.of(name))
-        marker = f"{inside}/{MARKER}"
-        if system.exists(marker):
-            system.rm_file(marker)
+        if self.has(name):
+            self.remove(f"{name}/{MARKER}")
         files = sorted(path for path in folder.rglob("*") if path.is_file())
         for path in sorted(files, key=lambda path: path.relative_to(folder).as_posix() == MARKER):
             place = f"{inside}/{path.relative_to(folder).as_posix()}"

@@ -23,11 +23,10 @@ from PIL import Image
 from dlama.datasets.posed.posed_frames import FrameFiles, Lens, PosedFrame, files_of, posed_frames, units_per_metre
 from dlama.datasets.text_tables import pose_at
 from dlama.errors import CameraError
-from dlama.files.atomic_write import new_file
 from dlama.files.fields import FileFields, Intrinsics, read_json_fields
 from dlama.files.rasters.depth import write_depth_png
 from dlama.files.rasters.pictures import save_picture, write_codes, write_color, write_mask
-from dlama.files.results.meta_json import as_json
+from dlama.files.results.meta_json import write_json
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.figures.false_color import ORIGIN_PALETTE
 from dlama.geometry.view import View
@@ -124,7 +123,7 @@ def write_transforms(
     source_frames: Sequence[str],
     more: Mapping[str, Any],
     masked: bool = False,
-) -> Path:
+) -> None:
     """transforms.json of the views by name, with further fields that trainers do not look at; masked: the views are. Raises
     OutputError."""
     first = next(iter(cameras.values()))
@@ -145,9 +144,7 @@ def write_transforms(
         }
         for name, camera in cameras.items()
     ]
-    with new_file(folder / NAME) as draft:
-        draft.write_text(as_json(fields), encoding="utf-8")
-    return folder / NAME
+    write_json(folder / NAME, fields)
 
 
 def _lens_fields(camera: Camera) -> dict[str, float]:

@@ -24,8 +24,8 @@ from dlama.datasets.sequences.loading import fit_masks, masks_by_number, read_sc
 from dlama.datasets.sequences.results import check_results, write_views_video, write_whole
 from dlama.datasets.sequences.state import SequenceState, Step, StepChange
 from dlama.errors import OutputError, system_errors
-from dlama.files.atomic_write import PathLike, new_file
-from dlama.files.results.meta_json import as_json
+from dlama.files.atomic_write import PathLike
+from dlama.files.results.meta_json import write_json
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import Origin
 from dlama.geometry.frames.choosing import MOST_FRAMES
@@ -140,15 +140,9 @@ def sequence(
         **write_views(target, done.scene, ordered, names, chosen, min_confidence > 0),
         "seconds": round(time.perf_counter() - started, 3),
     }
-    write_meta(target / "meta.json", meta)
+    write_json(target / "meta.json", meta)
     state.end()
     return meta
-
-
-def write_meta(path: Path, meta: Mapping[str, Any]) -> None:
-    """Write meta.json. Raises OutputError."""
-    with new_file(path) as draft:
-        draft.write_text(as_json(meta), encoding="utf-8")
 
 
 def check_first_frame(scene: Scene) -> None:

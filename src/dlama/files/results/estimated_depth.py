@@ -14,7 +14,7 @@ from dlama.files.cameras import camera_as_json, write_camera
 from dlama.files.rasters.depth import write_depth_exr, write_depth_png
 from dlama.files.results.completion import check_inputs_stay
 from dlama.files.results.contact_sheet import write_contact_sheet
-from dlama.files.results.meta_json import as_json, hash_inputs, legends, versions
+from dlama.files.results.meta_json import hash_inputs, legends, versions, write_meta
 from dlama.files.scenes.clouds import write_ply
 from dlama.geometry.figures.false_color import SKY, depth_limits, depth_picture
 from dlama.geometry.projection import lift
@@ -64,9 +64,7 @@ def write_depth(
         write_camera(folder / "camera.json", rgbd.camera)
         write_ply(folder / "cloud.ply", lift(rgbd))
         write_depth_preview(folder / "preview.png", rgbd)
-        stages = {**(seconds or {}), "write": time.perf_counter() - started}
-        meta["seconds"] = {stage: round(value, 4) for stage, value in stages.items()}
-        (folder / "meta.json").write_text(as_json(meta), encoding="utf-8")
+        write_meta(folder, {**meta, "seconds": {}}, seconds or {}, time.perf_counter() - started)
     return target
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from dlama import __version__
 from dlama.completion.completion import Completion
-from dlama.files.atomic_write import PathLike
+from dlama.files.atomic_write import PathLike, new_file
 from dlama.files.cameras import camera_as_json
 from dlama.files.rasters.images import has_16_bits
 from dlama.files.schema import SCHEMA
@@ -104,8 +104,14 @@ def to_json_types(value: Any) -> Any:
     return value
 
 
+def write_json(path: Path, values: Mapping[str, Any]) -> None:
+    """Write a JSON file (`as_json`). Raises OutputError."""
+    with new_file(path) as draft:
+        draft.write_text(as_json(values), encoding="utf-8")
+
+
 def write_meta(folder: Path, meta: Mapping[str, Any], before: Mapping[str, float], writing: float) -> None:
-    """Write meta.json; its seconds by stage, after those of stages `before`, and those that `writing` took. Raises OSError."""
+    """Write meta.json; its seconds by stage, after those of stages `before`, and those that `writing` took. OutputError."""
     seconds = {**before, **meta["seconds"], "write": writing}
     rounded = {stage: round(value, 4) for stage, value in seconds.items()}
-    (folder / "meta.json").write_text(as_json({**meta, "seconds": rounded}), encoding="utf-8")
+    write_json(folder / "meta.json", {**meta, "seconds": rounded})

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import dataclasses
 import io
-import shutil
 import tarfile
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
@@ -17,7 +16,7 @@ from pathlib import Path
 from dlama.errors import OutputError, first_line, system_errors
 from dlama.jobs.results.manifest import Manifest
 from dlama.jobs.results.result import JobResult
-from dlama.jobs.storage import Output, file_system, open_to_read
+from dlama.jobs.storage import Output, open_to_read
 
 FOLDER, STAGED = "shards", "staged/"
 """Below OUT: the shards, and results that wait for theirs."""
@@ -94,11 +93,8 @@ class Packer:
             ) from error
         if kept:
             self._write(shard, kept)
-        elif self.output.is_remote:
-            system, inside = file_system(self.output.of(shard))
-            system.rm_file(inside)
         else:
-            Path(self.output.of(shard)).unlink()
+            self.output.remove(shard)
 
     def _next(self) -> int:
         """The number after the last shard's."""
@@ -106,13 +102,10 @@ class Packer:
         return 1 + max((int(one.stem) for one in shards if one.suffix == ".tar" and one.stem.isdigit()), default=-1)
 
     def _remove(self, row: JobResult) -> None:
-        place = self.output.of(row.folder)
+        self.output.remove(row.folder)
         if self.output.is_remote:
-            system, inside = file_system(place)
-            system.rm(inside, recursive=True)
             return
-        shutil.rmtree(place, ignore_errors=True)
-        for folder in Path(place).parents:  # of ids with slashes; OUT itself has the manifest
+        for folder in Path(self.output.of(row.folder)).parents:  # of ids with slashes; OUT itself has the manifest
             if folder == Path(self.output.of("")) or any(folder.iterdir()):
                 break
             folder.rmdir()
