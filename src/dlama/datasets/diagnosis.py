@@ -127,11 +127,6 @@ def diagnose(
     for name, value in given.items():
         if name not in takes | {"first"} and value is not None and value != DEFAULTS.get(name):
             raise InputError(f"{place}: `{name}` is {value}; it does not apply to these inputs")
-    return _conclude(examine)
-
-
-def _conclude(examine: Callable[[], Found]) -> tuple[Finding, ...]:
-    """What an examination finds, and what was understood; inputs that cannot be read are one finding."""
     try:
         found, names, parts = examine()
     except InputError as error:

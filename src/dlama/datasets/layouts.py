@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Protocol, TypedDict
+from typing import Any, TypedDict
 
 from dlama.completion.options import Unpack
 from dlama.datasets.captures import arkitscenes, azure_kinect, polycam, record3d, rosbag, scannetpp, stray_scanner
@@ -14,7 +14,7 @@ from dlama.datasets.frames import Dataset, Gamma
 from dlama.datasets.pairs_json import looks_like_pairs, pairs_json
 from dlama.datasets.posed import colmap, nerfstudio, scannet, trajectory_log, tum
 from dlama.datasets.posed.numbered_frames import SEVEN_SCENES, TSDF_FUSION
-from dlama.datasets.posed.posed_frames import CameraOption, PosedFrame
+from dlama.datasets.posed.posed_frames import CameraOption
 from dlama.datasets.posed.scene_file import LAYOUT as SCENE
 from dlama.datasets.posed.scene_file import is_scene_file, scene_file
 from dlama.datasets.posed.view_pairs import posed_dataset
@@ -51,22 +51,13 @@ class SeveralLayoutsError(InputError):
     """A folder that is a data set, of one layout as well as of another."""
 
 
-class PosedReader(Protocol):
-    """A file that reads a layout of posed frames."""
-
-    def looks_like(self, root: Path, /) -> bool:
-        """Whether a folder, or a file, holds a scene; looks at names only."""
-
-    def list_frames(self, *args: Any) -> list[PosedFrame]:
-        """The frames of a scene: `(scene, folder)`, or `(scene, folder, root, camera)`."""
-
-
 def _posed(
-    name: str, looked_for: str, reader: PosedReader, takes_camera: bool = False, **others: tuple[str, ...]
+    name: str, looked_for: str, reader: Any, takes_camera: bool = False, **others: tuple[str, ...]
 ) -> tuple[str, Layout]:
-    """A layout of posed frames by its name; takes_camera: whether frames are listed with (..., root, camera).
+    """A layout of posed frames by its name.
 
-    others: `files` and `parts`.
+    reader: a file with `looks_like(root)`, which looks at names only, and `list_frames(scene, folder)`, of which takes_camera
+    says that it has two more parameters, the root and the camera. others: `files` and `parts`.
     """
 
     def read(

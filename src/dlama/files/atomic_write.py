@@ -90,7 +90,9 @@ def new_directory(path: PathLike) -> Iterator[Path]:
     except BaseException as error:
         if draft is not None:
             shutil.rmtree(draft, ignore_errors=True)
-        _remove_made(made)
+        for folder in reversed(made):
+            with contextlib.suppress(OSError):  # somebody else's file may lie in it by now
+                folder.rmdir()
         if isinstance(error, OutputError):  # of a file in it: that is known by where it was to lie
             error.args = tuple(str(one).replace(str(draft), str(target)) for one in error.args)
         elif isinstance(error, OSError) and error.errno in FULL and error.filename is None:  # of nothing by name
@@ -136,7 +138,9 @@ def _can_be_renamed(target: Path) -> bool:
 
 def _place(draft: Path, target: Path) -> None:
     """The draft becomes `target`, with what `target` held besides. OSError; then `target` is as it was."""
-    _flush_all(draft)
+    for path in draft.rglob("*"):
+        if path.is_file():
+            _flush(path)
     if not target.exists():
         draft.replace(target)
         return
@@ -244,12 +248,6 @@ def _copy_rights(old: Path, new: Path) -> None:
             os.chown(new, found.st_uid, found.st_gid)
 
 
-def _flush_all(folder: Path) -> None:
-    for place, _, files in os.walk(folder):
-        for name in files:
-            _flush(Path(place) / name)
-
-
 def _flush(path: Path) -> None:
     """What was written is on the disk afterwards. OSError: the disk is full, or failed."""
     handle = os.open(path, os.O_RDWR if os.name == "nt" else os.O_RDONLY)
@@ -260,9 +258,3 @@ def _flush(path: Path) -> None:
             raise
     finally:
         os.close(handle)
-
-
-def _remove_made(made: list[Path]) -> None:
-    for folder in reversed(made):
-        with contextlib.suppress(OSError):  # somebody else's file may lie in it by now
-            folder.rmdir()

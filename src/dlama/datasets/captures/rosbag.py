@@ -41,7 +41,6 @@ from dlama.datasets.posed.registered_depth import register_depth
 from dlama.datasets.text_tables import nearest_in_time
 from dlama.errors import CameraError, FileError, any_error, import_extra
 from dlama.files.fields import FileFields
-from dlama.geometry.rgbd import Float32Array, UInt8Array
 
 FILES = (".bag", ".mcap", ".db3")
 META = "metadata.yaml"
@@ -76,7 +75,9 @@ def list_frames(scene: str, path: Path) -> list[PosedFrame]:
             return f"without depth within {NEAREST_S:g} s"
         if pose is None:
             return "without a pose"
-        metres: Any = partial(read_depth_message, path, depth.name, depth.places[near])
+        metres: Any = partial(
+            _decode, partial(depth_of, unit=bag.units.get(depth.name)), path, depth.name, depth.places[near]
+        )
         if color.frame != depth.frame:
             found = transforms.between(color.frame, depth.frame, stamp)
             if found is None:
@@ -86,23 +87,14 @@ def list_frames(scene: str, path: Path) -> list[PosedFrame]:
                 )
             metres = partial(register_depth, metres, depth_lens, lens, found)
         names = f"{path}, {color.name} {number}", f"{path}, {depth.name} {near}"
-        picture = partial(read_color_message, path, color.name, color.places[number])
+        picture = partial(_decode, color_of, path, color.name, color.places[number])
         return FrameFiles(names, picture, metres, lens, pose, enlarged=MOST_ENLARGED)
 
     return posed_frames(scene, path, ((f"{number:06d}", files(number)) for number in range(len(color.stamps))))
 
 
-def read_color_message(path: Path, topic: str, place: int) -> UInt8Array:
-    """A picture of a topic, H x W x 3 RGB. FileError."""
-    return _decode(color_of, path, topic, place)
-
-
-def read_depth_message(path: Path, topic: str, place: int) -> Float32Array:
-    """The depth of a topic, h x w metres. FileError."""
-    return _decode(partial(depth_of, unit=open_bag(path).units.get(topic)), path, topic, place)
-
-
 def _decode(how: Callable[[Any, str], Any], path: Path, topic: str, place: int) -> Any:
+    """What `how` reads of the message of a topic that was recorded at `place`, ns. FileError."""
     message = open_bag(path).message(topic, place)
     with any_error(FileError, f"{path}, {topic}: is damaged"):
         return how(message, f"{path}, {topic}")
@@ -228,12 +220,9 @@ class Bag:
         return "infra" in topic.name or getattr(self.topics[topic.name][1], "encoding", "") in ("mono8", "8UC1")
 
     def _has_depth(self, topic: str, message: Any) -> bool:
-        return is_depth(message) and not self._is_infrared(topic, message)
-
-    def _is_infrared(self, topic: str, message: Any) -> bool:
-        """mono16, and of RealSense 16UC1, is depth where the topic says so."""
+        """mono16, and of RealSense 16UC1, is depth where the topic says so, else infrared."""
         grey = getattr(message, "encoding", "") == "mono16" or realsense.stream_of(topic) is not None
-        return grey and "depth" not in topic.lower()
+        return is_depth(message) and not (grey and "depth" not in topic.lower())
 
     def _info(self, topic: Topic) -> Any:
         """The camera_info next to a topic, or that of its frame."""

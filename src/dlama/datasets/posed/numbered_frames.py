@@ -10,11 +10,11 @@ centre at 0.0 (the fusion code rounds projections to whole pixels). Format: gith
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple
+from types import SimpleNamespace
 
 import numpy as np
 
@@ -36,18 +36,12 @@ DEPTH_LENS = Lens("7-Scenes' published camera", (585.0, 585.0, 320.0, 240.0), 0.
 COLOR_LENS = Lens("7-Scenes' measured colour camera", (526.0, 526.0, 320.0, 237.0), 0.0, (480, 640))
 COLOR_FROM_DEPTH = np.array([[1, 0, 0, -0.025], [0, 1, 0, 0.004], [0, 0, 1, 0], [0, 0, 0, 1.0]])
 """Metres. Measured, not published: image edges against depth edges, and agreement of brightness across views."""
-CAMERA_NAMES = ("camera.json",)
 TSDF_INTRINSICS = "camera-intrinsics.txt"
 
 
-def looks_like_seven_scenes(root: Path) -> bool:
-    """True where numbered frames lie in a folder, and tsdf-fusion's intrinsics neither there nor above."""
-    return has_numbered_frames(root) and not any((each / TSDF_INTRINSICS).is_file() for each in (root, root.parent))
-
-
-def looks_like_tsdf_fusion(root: Path) -> bool:
-    """True where numbered frames lie in a folder, and tsdf-fusion's intrinsics there or above."""
-    return has_numbered_frames(root) and any((each / TSDF_INTRINSICS).is_file() for each in (root, root.parent))
+def has_intrinsics(root: Path) -> bool:
+    """True where tsdf-fusion's intrinsics lie in a folder or the one above."""
+    return any((each / TSDF_INTRINSICS).is_file() for each in (root, root.parent))
 
 
 def has_numbered_frames(root: Path) -> bool:
@@ -61,7 +55,7 @@ def seven_scenes_frames(scene: str, folder: Path, root: Path, camera: CameraOpti
     if camera is None:
         numbered = ((name, _register(files)) for name, files in numbered_files(folder, DEPTH_LENS))
         return posed_frames(scene, folder, numbered)
-    return posed_frames(scene, folder, numbered_files(folder, lens_for(folder, root, camera, CAMERA_NAMES, "")))
+    return posed_frames(scene, folder, numbered_files(folder, lens_for(folder, root, camera, (), "")))
 
 
 def tsdf_fusion_frames(scene: str, folder: Path, root: Path, camera: CameraOption) -> list[PosedFrame]:
@@ -71,15 +65,13 @@ def tsdf_fusion_frames(scene: str, folder: Path, root: Path, camera: CameraOptio
     return posed_frames(scene, folder, numbered_files(folder, lens))
 
 
-class NumberedLayout(NamedTuple):
-    """What the other layouts have as functions of their files."""
-
-    looks_like: Callable[[Path], bool]
-    list_frames: Callable[[str, Path, Path, CameraOption], list[PosedFrame]]
-
-
-SEVEN_SCENES = NumberedLayout(looks_like_seven_scenes, seven_scenes_frames)
-TSDF_FUSION = NumberedLayout(looks_like_tsdf_fusion, tsdf_fusion_frames)
+SEVEN_SCENES = SimpleNamespace(
+    looks_like=lambda root: has_numbered_frames(root) and not has_intrinsics(root), list_frames=seven_scenes_frames
+)
+TSDF_FUSION = SimpleNamespace(
+    looks_like=lambda root: has_numbered_frames(root) and has_intrinsics(root), list_frames=tsdf_fusion_frames
+)
+"""What the other layouts have as functions of their files."""
 
 
 def frame_name(path: Path) -> str:

@@ -223,8 +223,9 @@ def read_lens(path: Path) -> Lens:
         fields = read_yaml_fields(path)
         return Lens(str(path), fields.intrinsics("K"), 0.0, fields.size(None) if "width" in fields else None)
     fields = read_json_fields(path)
-    if "intrinsic_matrix" in fields:
-        return _of_open3d(fields)
+    if "intrinsic_matrix" in fields:  # K column by column
+        K = fields.numbers("intrinsic_matrix", 9)
+        return Lens.of_matrix(str(path), [K[row::3] for row in range(3)], 0.0, fields.size(None))
     return _of_camera(read_camera(path), str(path))
 
 
@@ -248,16 +249,6 @@ def units_per_metre(fields: FileFields, name: str, default: float | None = None)
 
 def _of_camera(camera: Camera, source: str) -> Lens:
     return Lens(source, (camera.fx, camera.fy, camera.cx, camera.cy), 0.5, camera.hw)
-
-
-def _of_open3d(fields: FileFields) -> Lens:
-    """`intrinsic_matrix` lists K column by column."""
-    listed = fields.values["intrinsic_matrix"]
-    if not isinstance(listed, list) or len(listed) != 9:
-        raise CameraError(
-            f"{fields.path}: intrinsic_matrix is {str(listed)[:60]}; 9 numbers, column by column, are expected"
-        )
-    return Lens.of_matrix(str(fields.path), [listed[start::3] for start in range(3)], 0.0, fields.size(None))
 
 
 def _camera(files: FrameFiles, color_hw: tuple[int, ...], depth_hw: tuple[int, ...]) -> Camera:
