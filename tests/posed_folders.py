@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import math
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from dlama.datasets.frames import Dataset, ViewTruth
 from dlama.datasets.posed.posed_frames import PosedFrame
 from dlama.datasets.sequences.loading import open_frames
 from dlama.errors import DlamaError
+from dlama.files.cameras import write_camera
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
 from whole_picture import check_same
@@ -79,6 +81,33 @@ def write_numbered(root: Path, step: int = 1, digits: int = 9) -> Path:
         write_picture(root / f"{name}.color.png", frame.color)
         write_codes16(root / f"{name}.depth.png", frame.depth)
         (root / f"{name}.pose.txt").write_text(text_matrix(frame.camera.world_from_cam, digits))
+    return root
+
+
+TUM_TIMES = [1305031102.175304 + 0.1 * number for number in range(len(TURNS))]
+
+
+def quaternion(turn_deg: float) -> str:
+    """qx qy qz qw of a rotation about AXIS, by its definition: axis sin(a/2), cos(a/2)."""
+    half = math.radians(turn_deg) / 2
+    return " ".join(f"{value:.9f}" for value in (*(math.sin(half) * AXIS), math.cos(half)))
+
+
+def write_tum(root: Path, depth_late_s: float = 0.0199, pose_early_s: float = -0.0199) -> Path:
+    """A sequence of four frames, poses between the frames' as a 100 Hz tracker gives them, and a camera.json."""
+    root.mkdir(parents=True, exist_ok=True)
+    rgb, depth, poses = "# color images\n", "# depth maps\n", "# timestamp tx ty tz qx qy qz qw\n"
+    for time, turn, frame in zip(TUM_TIMES, TURNS, truth()):
+        write_picture(root / f"rgb/{time:.6f}.png", frame.color)
+        write_codes16(root / f"depth/{time + depth_late_s:.6f}.png", frame.depth, 5000)
+        rgb += f"{time:.6f} rgb/{time:.6f}.png\n"
+        depth += f"{time + depth_late_s:.6f} depth/{time + depth_late_s:.6f}.png\n"
+        x, y, z = frame.camera.world_from_cam[:3, 3]
+        poses += f"{time + pose_early_s:.4f} {x:.9f} {y:.9f} {z:.9f} {quaternion(turn)}\n"
+    (root / "rgb.txt").write_text(rgb)
+    (root / "depth.txt").write_text(depth)
+    (root / "groundtruth.txt").write_text(poses)
+    write_camera(root / "camera.json", LENS)
     return root
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import math
 import os
 import pickle
 import sys
@@ -14,39 +13,12 @@ import pytest
 
 from dlama.datasets.layouts import open_dataset
 from dlama.errors import CameraError, FileError, InputError
-from dlama.files.cameras import write_camera
-from posed_folders import AXIS, LENS, TURNS, cameras, check_frames, truth, write_codes16, write_picture
-
-TIMES = [1305031102.175304 + 0.1 * number for number in range(len(TURNS))]
-
-
-def quaternion(turn_deg: float) -> str:
-    """qx qy qz qw of a rotation about AXIS, by its definition: axis sin(a/2), cos(a/2)."""
-    half = math.radians(turn_deg) / 2
-    return " ".join(f"{value:.9f}" for value in (*(math.sin(half) * AXIS), math.cos(half)))
-
-
-def written(root: Path, depth_late_s: float = 0.0199, pose_early_s: float = -0.0199) -> Path:
-    """A sequence of four frames, poses between the frames' as a 100 Hz tracker gives them, and a camera.json."""
-    root.mkdir(parents=True, exist_ok=True)
-    rgb, depth, poses = "# color images\n", "# depth maps\n", "# timestamp tx ty tz qx qy qz qw\n"
-    for time, turn, frame in zip(TIMES, TURNS, truth()):
-        write_picture(root / f"rgb/{time:.6f}.png", frame.color)
-        write_codes16(root / f"depth/{time + depth_late_s:.6f}.png", frame.depth, 5000)
-        rgb += f"{time:.6f} rgb/{time:.6f}.png\n"
-        depth += f"{time + depth_late_s:.6f} depth/{time + depth_late_s:.6f}.png\n"
-        x, y, z = frame.camera.world_from_cam[:3, 3]
-        poses += f"{time + pose_early_s:.4f} {x:.9f} {y:.9f} {z:.9f} {quaternion(turn)}\n"
-    (root / "rgb.txt").write_text(rgb)
-    (root / "depth.txt").write_text(depth)
-    (root / "groundtruth.txt").write_text(poses)
-    write_camera(root / "camera.json", LENS)
-    return root
+from posed_folders import LENS, TUM_TIMES, cameras, check_frames, write_tum
 
 
 def test_frames_of_a_closed_form_world(tmp_path: Path) -> None:
     """Oracle: the world; depth has 5000 units a metre, 65535 among them is nothing a Kinect says."""
-    dataset = open_dataset(written(tmp_path / "fr1_desk"))
+    dataset = open_dataset(write_tum(tmp_path / "fr1_desk"))
     assert (dataset.name, dataset.layout) == ("fr1_desk", "tum")
     check_frames(dataset, half_unit_m=0.000101)
     assert dataset.cases[0].key == "vpi__fr1_desk__fr1_desk__1305031102.175304_to_1305031102.275304"
@@ -54,7 +26,7 @@ def test_frames_of_a_closed_form_world(tmp_path: Path) -> None:
 
 def test_cases_travel_to_another_process(tmp_path: Path) -> None:
     """Oracle: a pickled case loads what the case loads."""
-    case = open_dataset(written(tmp_path)).cases[0]
+    case = open_dataset(write_tum(tmp_path)).cases[0]
     there, here = pickle.loads(pickle.dumps(case)).load(), case.load()
     assert np.array_equal(there.target.depth, here.target.depth)
 
@@ -62,18 +34,18 @@ def test_cases_travel_to_another_process(tmp_path: Path) -> None:
 def test_time_stamps_beyond_the_tolerance_belong_to_nothing(tmp_path: Path) -> None:
     """Oracle: 0.02 s, the stated tolerance; 0.0205 s is beyond it, to both sides."""
     with pytest.raises(FileError, match=r"without depth or a pose within 0\.02 s"):
-        open_dataset(written(tmp_path / "a", depth_late_s=0.0205, pose_early_s=0.0))
+        open_dataset(write_tum(tmp_path / "a", depth_late_s=0.0205, pose_early_s=0.0))
     with pytest.raises(FileError, match=r"within 0\.02 s"):
-        open_dataset(written(tmp_path / "b", depth_late_s=0.0, pose_early_s=-0.0205))
+        open_dataset(write_tum(tmp_path / "b", depth_late_s=0.0, pose_early_s=-0.0205))
 
 
 def test_the_nearest_of_several_is_taken_and_leftovers_are_counted(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     """Oracle: the written poses; a decoy on the other side is farther, and lines may come in any order."""
-    root = written(tmp_path, pose_early_s=-0.0101)
+    root = write_tum(tmp_path, pose_early_s=-0.0101)
     lines = (root / "groundtruth.txt").read_text().splitlines()
-    decoy = f"{TIMES[1] + 0.0104:.4f} 9 9 9 0 0 0 1"
+    decoy = f"{TUM_TIMES[1] + 0.0104:.4f} 9 9 9 0 0 0 1"
     (root / "groundtruth.txt").write_text("\n".join([decoy, *lines[:-1]]) + "\n")
     with caplog.at_level(logging.WARNING, logger="dlama"):
         dataset = open_dataset(root)
@@ -83,7 +55,7 @@ def test_the_nearest_of_several_is_taken_and_leftovers_are_counted(
 
 
 def test_intrinsics_come_from_the_option_or_the_folder_or_not_at_all(tmp_path: Path) -> None:
-    root = written(tmp_path / "data/seq")
+    root = write_tum(tmp_path / "data/seq")
     (root / "camera.json").rename(tmp_path / "mine.json")
     with pytest.raises(CameraError, match=r"seq: has no camera\.json, and TUM's intrinsics.*517\.3.*camera=FILE"):
         open_dataset(root)
@@ -108,15 +80,19 @@ def test_intrinsics_come_from_the_option_or_the_folder_or_not_at_all(tmp_path: P
             "1305031102.2 0 0 0 0 0 1",
             r"groundtruth\.txt:6:25: the line has 7 values; 8 are expected",
         ),
-        ("groundtruth.txt", f"{TIMES[0]:.6f} 0 0 0 0 0 0 2", r"groundtruth\.txt:6:25: the quaternion has length 2; "),
+        (
+            "groundtruth.txt",
+            f"{TUM_TIMES[0]:.6f} 0 0 0 0 0 0 2",
+            r"groundtruth\.txt:6:25: the quaternion has length 2; ",
+        ),
         ("rgb.txt", "1305031102.2", r"rgb\.txt:6:13: the line has 1 values; 2 are expected \(time and file name\)"),
         ("depth.txt", "1305031103.0 a.png b", r"depth\.txt:6:20: the line has 3 values; 2 are expected"),
-        ("rgb.txt", f"{TIMES[0]:.6f} rgb/a.png", r"rgb\.txt:6:1: the time 1305031102\.175304 stands in line 2 too"),
+        ("rgb.txt", f"{TUM_TIMES[0]:.6f} rgb/a.png", r"rgb\.txt:6:1: the time 1305031102\.175304 stands in line 2 too"),
     ],
 )
 def test_bad_lines_are_named_with_line_and_column(tmp_path: Path, name: str, line: str, message: str) -> None:
     """Oracle: the column is where the bad value begins, counted from 1 as editors do."""
-    root = written(tmp_path)
+    root = write_tum(tmp_path)
     with (root / name).open("a") as stream:
         stream.write(line + "\n")
     with pytest.raises(FileError, match=message):
@@ -124,7 +100,7 @@ def test_bad_lines_are_named_with_line_and_column(tmp_path: Path, name: str, lin
 
 
 def test_no_text_and_no_file(tmp_path: Path) -> None:
-    root = written(tmp_path)
+    root = write_tum(tmp_path)
     (root / "depth.txt").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(FileError, match=r"depth\.txt: is no text \(byte 0 is not UTF-8\)"):
         open_dataset(root)
@@ -137,7 +113,7 @@ def test_no_text_and_no_file(tmp_path: Path) -> None:
 
 def test_a_broken_picture_spoils_its_own_cases_only(tmp_path: Path) -> None:
     """Its cases are listed, and say when loaded which file is bad; all others load."""
-    root = written(tmp_path)
+    root = write_tum(tmp_path)
     bad = sorted((root / "depth").iterdir())[1]
     bad.write_bytes(bad.read_bytes()[:100])
     outcomes = []
@@ -152,7 +128,7 @@ def test_a_broken_picture_spoils_its_own_cases_only(tmp_path: Path) -> None:
 
 
 def test_a_camera_of_another_size_is_refused_at_once(tmp_path: Path) -> None:
-    root = written(tmp_path)
+    root = write_tum(tmp_path)
     (root / "camera.json").write_text('{"width": 640, "height": 480, "fx": 525, "fy": 525, "cx": 320, "cy": 240}')
     with pytest.raises(InputError, match=r"rgb/.*png: is 96x72, and .*camera\.json is for 640x480"):
         open_dataset(root)
@@ -162,6 +138,6 @@ def test_a_camera_of_another_size_is_refused_at_once(tmp_path: Path) -> None:
 def test_names_that_are_no_text_are_refused(tmp_path: Path) -> None:
     """Of scenes and of the set itself: results and hashes are made of them (oracle: the bytes of the name in the message)."""
     for place in (tmp_path / os.fsdecode(b"set\xff"), tmp_path / "set" / os.fsdecode(b"set\xff")):
-        written(place)
+        write_tum(place)
         with pytest.raises(FileError, match=r"the name b'set.xff' in it is no UTF-8 text; rename it"):
             open_dataset(place if place.parent == tmp_path else place.parent)

@@ -35,11 +35,3 @@ def test_disparity_of_other_kinds(tmp_path: Path) -> None:
         read_disparity(tmp_path / "n.npy")
     with pytest.raises(DepthError, match="every disparity is missing"):
         read_disparity(tmp_path / "z.npy")
-
-
-def test_motorcycle_disparity(data_dir: Path) -> None:
-    """Oracle: DATA.md: 7.3 % unknown, depth 2.11 to 5.02 m."""
-    disparity = read_disparity(data_dir / "data/motorcycle/disparity.npz")
-    assert (disparity == 0).mean() == pytest.approx(0.073, abs=0.001)
-    depth = 994.978 * 0.193001 / (disparity[disparity > 0] + 31.086)
-    assert depth.min() == pytest.approx(2.11, abs=0.01) and depth.max() == pytest.approx(5.02, abs=0.01)

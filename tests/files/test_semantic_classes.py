@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from dlama.errors import FileError, MaskError
+from dlama.errors import FileError
 from dlama.files.semantic_classes import class_color, read_classes
 
 TABLE = "sky, 70,130,180\nchair, old,255,0,0\n\n"
@@ -34,13 +34,3 @@ def test_bad_lines_are_named(tmp_path: Path, text: str, complaint: str) -> None:
     path.write_text(text)
     with pytest.raises(FileError, match=complaint):
         read_classes(path)
-
-
-def test_a_class_that_is_not_there(tmp_path: Path) -> None:
-    path = tmp_path / "SemanticClasses.csv"
-    path.write_text(TABLE)
-    with pytest.raises(MaskError, match=r"no class is called 'car'; known: sky, chair, old; or give R,G,B"):
-        class_color("car", tmp_path / "picture.png")
-    path.unlink()
-    with pytest.raises(MaskError, match=r"picture\.png: no SemanticClasses\.csv next to it"):
-        class_color("car", tmp_path / "picture.png")

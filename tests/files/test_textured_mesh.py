@@ -38,17 +38,6 @@ def assert_colors_near(found: np.ndarray, expected: np.ndarray) -> None:
     assert off.mean() < 3 and off.max() <= 40
 
 
-def test_every_vertex_has_its_own_colour(tmp_path: Path) -> None:
-    """Positions, triangles and attributes are the decimated mesh's."""
-    write_textured_glb(tmp_path / "scene.glb", SCENE)
-    mesh = decimated(SCENE.layers)
-    (seen,) = trimesh.load(tmp_path / "scene.glb", process=False).dump()
-    assert seen.visual.kind == "texture"
-    assert_colors_near(seen.visual.to_color().vertex_colors[:, :3], mesh.color)
-    assert np.allclose(seen.vertices, mesh.vertices * [1, -1, -1], atol=1e-5)
-    assert np.array_equal(seen.faces, mesh.triangles[:, ::-1])
-
-
 def corners_of(file: Path) -> np.ndarray:
     """Position, place in the texture, origin and confidence of each triangle's corners, triangles in one order."""
     seen = trimesh.load(file, process=False, force="mesh")

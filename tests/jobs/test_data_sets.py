@@ -12,32 +12,14 @@ import pytest
 import dlama
 from dlama.datasets.layouts import open_dataset
 from dlama.errors import InputError
-from dlama.files.cameras import write_camera
 from dlama.jobs.lists.data_sets import DatasetJobs
 from dlama.jobs.perform import Task, work
 from dlama.jobs.results.manifest import Manifest
 from dlama.jobs.storage import Output
 from dlama.worlds.writer import write_worlds
-from posed_folders import AXIS, LENS, TURNS, truth, write_codes16, write_picture
+from posed_folders import write_tum
 
 FAST = {"filler": "telea", "only": "image,depth"}
-
-
-def tum_written(root: Path) -> Path:
-    """Frames of a closed-form world as TUM stores them, and a camera.json."""
-    rgb, depth, poses = "", "", ""
-    for second, (turn, frame) in enumerate(zip(TURNS, truth(), strict=True)):
-        write_picture(root / f"rgb/{second}.0.png", frame.color)
-        write_codes16(root / f"depth/{second}.0.png", frame.depth, 5000)
-        rgb += f"{second}.0 rgb/{second}.0.png\n"
-        depth += f"{second}.0 depth/{second}.0.png\n"
-        x, y, z = frame.camera.world_from_cam[:3, 3]
-        qx, qy, qz = np.sin(np.radians(turn) / 2) * AXIS
-        poses += f"{second}.0 {x} {y} {z} {qx} {qy} {qz} {np.cos(np.radians(turn) / 2)}\n"
-    for name, lines in (("rgb", rgb), ("depth", depth), ("groundtruth", poses)):
-        (root / f"{name}.txt").write_text(lines)
-    write_camera(root / "camera.json", LENS)
-    return root
 
 
 @pytest.fixture(scope="module")
@@ -77,7 +59,7 @@ def test_removals_and_pairs_are_jobs(root: Path, tmp_path: Path, verb: str, prot
 
 def test_a_layout_without_a_camera_takes_one(tmp_path: Path) -> None:
     """Oracle: the same folder with the camera in it. The message asked for --camera, which was refused."""
-    folder = tum_written(tmp_path / "tum")
+    folder = write_tum(tmp_path / "tum")
     inside = [job.load().camera for job in DatasetJobs(folder, "depth")]  # type: ignore[misc]
     (folder / "camera.json").rename(tmp_path / "camera.json")
     given = list(DatasetJobs(folder, "depth", None, {"camera": tmp_path / "camera.json"}))
