@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -42,23 +42,11 @@ class StepResults:
     """What the steps of a sequence gave."""
 
     scene: Scene
-    filled: dict[str, float] = field(default_factory=dict)
-    """View -> share of its pixels that were filled, in colour and depth."""
-    depth_filled: dict[str, float] = field(default_factory=dict)
-    """The same, in depth alone: their colours were measured, and no frame had a depth."""
-    left_open: dict[str, float] = field(default_factory=dict)
-    """View -> share of its pixels that are open, filled with too little confidence."""
+    views: dict[str, dict[str, float]] = field(default_factory=dict)
+    """View -> shares of its pixels: that were filled in colour and depth; in depth alone, as their colours were measured; that
+    are open, as they were filled with too little confidence."""
     reused: int = 0
     """Steps that an earlier run had done."""
-
-    def shares(self, names: Iterable[str]) -> dict[str, dict[str, float]]:
-        """Of the views with these names, for meta.json."""
-        order = list(names)
-        return {
-            "filled_share": {name: self.filled[name] for name in order},
-            "depth_filled_share": {name: self.depth_filled[name] for name in order},
-            "left_open_share": {name: self.left_open[name] for name in order},
-        }
 
 
 @system_errors(OutputError)
@@ -118,7 +106,9 @@ def sequence(
     names, given, damaged, not_chosen = loaded
     kept = [names[number] for number in given.numbers]
     cameras = cameras_for(views, given)
-    check_first_frame(given)
+    check_memory([given.frames[0].camera] * (2 * MOST_FRAMES))
+    if (depth := given.frames[0].load().depth).any():
+        warn_of_scale(depth)
     others = dict.fromkeys(set(names) - set(kept), "it contradicts all others")
     others |= dict.fromkeys(not_chosen, f"`frames` is {frames}")
     numbered = fit_masks(masks_by_number(masks or {}, names, damaged, others), given)
@@ -135,7 +125,10 @@ def sequence(
         "aligned": align,
         "decisions": {name: dict(decision) for name, decision in plan.decisions.items()},
         "masked_frames": [names[number] for number in sorted(numbered)],
-        **done.shares(ordered),
+        **{
+            share: {name: done.views[name][share] for name in ordered}
+            for share in ("filled_share", "depth_filled_share", "left_open_share")
+        },
         "views_from_earlier_run": done.reused,
         **write_views(target, done.scene, ordered, names, chosen, min_confidence > 0),
         "seconds": round(time.perf_counter() - started, 3),
@@ -143,14 +136,6 @@ def sequence(
     write_json(target / "meta.json", meta)
     state.end()
     return meta
-
-
-def check_first_frame(scene: Scene) -> None:
-    """InputError where frames of its size are too large for the memory; warns of depth that can hardly be metres."""
-    check_memory([scene.frames[0].camera] * (2 * MOST_FRAMES))
-    depth = scene.frames[0].load().depth
-    if depth.any():
-        warn_of_scale(depth)
 
 
 def settings_of(plan: Plan, options: Options) -> dict[str, Any]:
@@ -234,9 +219,11 @@ def complete_steps(
         done.scene, done.reused = added.to(done.scene, step), done.reused + earlier
         if step.shown:
             shown = above_confidence(added.view, min_confidence)
-            done.filled[step.name] = share(shown.filled)
-            done.depth_filled[step.name] = share(shown.origin == Origin.DEPTH_FILLED.value)
-            done.left_open[step.name] = share(shown.hole)
+            done.views[step.name] = {
+                "filled_share": share(shown.filled),
+                "depth_filled_share": share(shown.origin == Origin.DEPTH_FILLED.value),
+                "left_open_share": share(shown.hole),
+            }
         if progress is not None:
             progress(number + 1, len(steps), step.name if step.shown else f"{step.name} (on the way)", earlier)
     done.scene = scene_above(done.scene, min_confidence)
