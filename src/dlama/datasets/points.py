@@ -15,9 +15,6 @@ from dlama.geometry.cloud import PointCloud, concatenate
 from dlama.geometry.fusion import scene_cloud
 from dlama.geometry.projection import lift
 
-MOST_FRAMES = 100
-"""Of a data set, evenly spread."""
-
 
 def points_in(path: Path) -> tuple[PointCloud, Camera | None, str]:
     """The points of a scene.npz, a .ply, a folder of results or of a data set; the first camera; what is not shown, in words.
@@ -50,12 +47,12 @@ def _read_points(path: Path) -> tuple[PointCloud, Camera | None, str]:
 
 
 def points_of_frames(folder: Path) -> tuple[PointCloud, Camera, str]:
-    """The same of the frames of a data set, at most MOST_FRAMES, as measured."""
+    """The same of the frames of a data set, at most 100, evenly spread, as measured."""
     listed = open_dataset(folder).frames
     if not listed:
         raise InputError(f"{folder}: lists no posed frames with depth, so that there is nothing to show in 3-D")
     first = [each for each in listed if each.scene == listed[0].scene]
-    picked = [first[round(at)] for at in np.linspace(0, len(first) - 1, min(len(first), MOST_FRAMES))]
+    picked = [first[round(at)] for at in np.linspace(0, len(first) - 1, min(len(first), 100))]
     left_out = f"; {len(picked)} of {len(listed)} frames, all of scene {listed[0].scene!r}"
     frames = [each.load() for each in picked]
     note = left_out if len(picked) < len(listed) else ""

@@ -14,7 +14,6 @@ from dlama.files.rasters.images import existing_file
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.poses import QUATERNION_TOLERANCE, check_pose, make_pose, rotation_from_quaternion
 
-WORD = re.compile(r"\S+")
 LEVELS = 3
 """A data set is the folder itself, or in its folders, or in theirs (7-Scenes: chess/seq-01)."""
 
@@ -82,7 +81,7 @@ def read_rows(path: Path, *, commas: bool = False, text: str | None = None) -> l
     rows = []
     for number, line in enumerate(text.splitlines(), 1):
         if line.strip() and not line.lstrip().startswith("#"):
-            found = list(WORD.finditer(line.replace(",", " ") if commas else line))
+            found = list(re.finditer(r"\S+", line.replace(",", " ") if commas else line))
             rows.append(Row(file, number, tuple(m[0] for m in found), tuple(m.start() + 1 for m in found)))
     return rows
 

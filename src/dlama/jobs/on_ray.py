@@ -1,8 +1,8 @@
 """A Ray cluster in; workers on its nodes that run tasks as `dlama.workers.pool.Pool` does on this computer, out.
 
 Ray is the scheduler: it places one actor a worker, starts one elsewhere when one is lost, and says which node died. Each actor
-keeps its networks and kernels open and has a short queue of its own, so that it never waits for the driver; no more results than
-these queues hold are ever under way. Files are read and written by the actors, on shared storage; rows alone come back.
+keeps its networks and kernels open and runs one task at a time. Files are read and written by the actors, on shared storage;
+rows alone come back.
 """
 
 from __future__ import annotations
@@ -10,25 +10,20 @@ from __future__ import annotations
 import os
 import socket
 import time
-from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 from dlama.errors import DlamaError, InputError, MissingExtraError, first_line
 from dlama.workers.pool import OUT_OF_MEMORY, TaskEnd
 from dlama.workers.threads import limit_threads
 
-AHEAD = 3
-"""Tasks in the queue of an actor, with the one under way."""
 NODE_SECONDS = 30.0
 """How long a node may take to answer, after an actor on it has died; one that does not has died too."""
 LOOK_SECONDS = 5.0
 """How often it is looked whether there are nodes, while nothing is answered."""
 BACK_SECONDS = 120.0
 """How long a cluster without any node that can run a worker is waited for."""
-ANSWER_SECONDS = 10.0
-"""How long the head of a cluster may take to answer."""
 
 
 class _Actor:
@@ -60,12 +55,11 @@ def _answer() -> bool:
 @dataclass(eq=False)
 class _Worker:
     handle: Any
-    ready: Any
-    """Its node's name, to come."""
+    answer: Any
+    """To come: its node's name, where it is not ready yet, else the result of its task; None: it has none."""
     node: str = ""
     """Empty: it is not ready."""
-    queue: deque[tuple[Any, Any]] = field(default_factory=deque)
-    """(result to come, task), in the order in which they run."""
+    task: Any = None
 
 
 class RayWorkers:
@@ -96,25 +90,19 @@ class RayWorkers:
     @property
     def free(self) -> int:
         """How many tasks can be handed in now."""
-        return sum(AHEAD - len(one.queue) for one in self._workers if one.node)
+        return sum(one.answer is None for one in self._workers)
 
     def submit(self, task: Any) -> None:
-        """Hand in a task, to the shortest queue; only while one is `free`."""
-        worker = min((one for one in self._workers if one.node), key=lambda one: len(one.queue))
-        worker.queue.append((worker.handle.run.remote(task), task))
+        """Hand in a task; only while one is `free`."""
+        worker = next(one for one in self._workers if one.answer is None)
+        worker.answer, worker.task = worker.handle.run.remote(task), task
 
     def wait(self) -> list[TaskEnd]:
         """The tasks that ended; none, where an actor has become ready."""
-        owners = {one.ready: one for one in self._workers if not one.node}
-        owners |= {ref: one for one in self._workers for ref, _ in one.queue}
+        owners = {one.answer: one for one in self._workers if one.answer is not None}
         self._wait_for_one(list(owners))
         done, _ = self.ray.wait(list(owners), num_returns=len(owners), timeout=0)
-        ends: list[TaskEnd] = []
-        for ref in done:
-            worker = owners[ref]
-            if worker in self._workers:  # and has not died with an earlier one of its tasks
-                ends += self._receive(worker, ref)
-        return ends
+        return [end for answer in done for end in self._receive(owners[answer])]
 
     def close(self) -> None:
         """End all actors, and the cluster if it was started for them."""
@@ -148,33 +136,19 @@ class RayWorkers:
         handle = made.remote(self.work, self.threads)
         self._workers.append(_Worker(handle, handle.node.remote()))
 
-    def _receive(self, worker: _Worker, ref: Any) -> list[TaskEnd]:
-        """One answer of an actor; where it has died, what became of all in its queue."""
+    def _receive(self, worker: _Worker) -> list[TaskEnd]:
+        """The answer of an actor; where it has died, its task is to blame unless the whole node has died."""
+        was_ready, node = bool(worker.node), worker.node
         try:
-            answer = self.ray.get(ref)
+            answer = self.ray.get(worker.answer)
         except self.ray.exceptions.RayActorError as error:
-            return self._end_lost(worker, error)
-        if ref is worker.ready:
-            worker.node = answer
-            return []
-        task = next(task for one, task in worker.queue if one is ref)
-        worker.queue = deque(pair for pair in worker.queue if pair[0] is not ref)
-        return [TaskEnd(task, answer)]
-
-    def _end_lost(self, worker: _Worker, error: Exception) -> list[TaskEnd]:
-        """The task under way is to blame unless the whole node has died; those behind it never are."""
-        self._workers.remove(worker)
-        self._start()
-        blameless = self._node_died(worker.node, str(error))
-        how = "its node died" if blameless else first_line(error)
-        ends: list[TaskEnd] = []
-        for ref, task in worker.queue:
-            try:
-                ends.append(TaskEnd(task, self.ray.get(ref, timeout=0)))  # it was answered before
-            except (self.ray.exceptions.RayActorError, self.ray.exceptions.GetTimeoutError):
-                ends.append(TaskEnd(task, died=how, blameless=blameless))
-                blameless = True
-        return ends
+            self._workers.remove(worker)
+            self._start()
+            blameless = self._node_died(node, str(error))
+            how = "its node died" if blameless else first_line(error)
+            return [TaskEnd(worker.task, died=how, blameless=blameless)] if was_ready else []
+        worker.node, worker.answer = node or answer, None
+        return [TaskEnd(worker.task, answer)] if was_ready else []
 
     def _node_died(self, node: str, message: str) -> bool:
         """Ask the node itself: its cluster may take long to notice that it has died with its actors."""
@@ -213,7 +187,7 @@ def _check_answers(address: str) -> None:
     """OSError or ValueError where HOST:PORT takes no connection: Ray itself would try for minutes."""
     host, colon, port = address.rpartition(":")
     if colon and "://" not in address:
-        socket.create_connection((host.strip("[]"), int(port)), ANSWER_SECONDS).close()
+        socket.create_connection((host.strip("[]"), int(port)), timeout=10).close()
 
 
 def _ray() -> Any:

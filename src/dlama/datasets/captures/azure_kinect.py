@@ -29,7 +29,6 @@ from dlama.geometry.camera import Float64Array
 from dlama.geometry.poses import invert_pose, make_pose
 from dlama.geometry.rgbd import Float32Array, UInt8Array
 
-SUFFIX = ".mkv"
 MODEL = "CALIBRATION_LensDistortionModelBrownConrady"
 MODES = {
     (320, 288): ((512, 512), (96, 90)),
@@ -59,7 +58,7 @@ class Kinect:
 
 def looks_like(root: Path) -> bool:
     """True for a .mkv file."""
-    return root.suffix.lower() == SUFFIX and root.is_file()
+    return root.suffix.lower() == ".mkv" and root.is_file()
 
 
 def list_frames(scene: str, path: Path) -> list[PosedFrame]:

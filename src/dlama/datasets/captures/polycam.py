@@ -21,7 +21,6 @@ from dlama.files.fields import read_json_fields
 FOLDER = "keyframes"
 BOTH = (("corrected_cameras", "corrected_images"), ("cameras", "images"))
 """Folders of cameras and pictures, the better ones first."""
-MEDIUM_CODE = 127
 
 
 def looks_like(root: Path) -> bool:
@@ -50,7 +49,7 @@ def list_frames(scene: str, folder: Path) -> list[PosedFrame]:
             return "without a picture"
         if name not in depths:
             return "without depth"
-        return files_of_capture(pictures[name], depths[name], *_camera(cameras[name]), levels.get(name), MEDIUM_CODE)
+        return files_of_capture(pictures[name], depths[name], *_camera(cameras[name]), levels.get(name), least=127)
 
     return posed_frames(scene, inside, ((name, files(name)) for name in cameras))
 

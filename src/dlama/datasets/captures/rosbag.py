@@ -43,7 +43,6 @@ from dlama.errors import CameraError, FileError, any_error, import_extra
 from dlama.files.fields import FileFields
 
 FILES = (".bag", ".mcap", ".db3")
-META = "metadata.yaml"
 IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 INFO, TF, ODOMETRY = "sensor_msgs/msg/CameraInfo", "tf2_msgs/msg/TFMessage", "nav_msgs/msg/Odometry"
 KINDS = (*IMAGES, INFO, TF, "tf/msg/tfMessage", ODOMETRY)
@@ -55,7 +54,7 @@ def looks_like(root: Path) -> bool:
     """True for a bag, and for the folder of one of ROS 2."""
     if root.is_file():
         return root.suffix.lower() in FILES
-    return (root / META).is_file() and any(path.suffix.lower() in FILES[1:] for path in root.iterdir())
+    return (root / "metadata.yaml").is_file() and any(path.suffix.lower() in FILES[1:] for path in root.iterdir())
 
 
 def list_frames(scene: str, path: Path) -> list[PosedFrame]:

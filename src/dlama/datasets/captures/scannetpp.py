@@ -20,7 +20,7 @@ import numpy as np
 from dlama.datasets.captures.captured_frames import lidar_frame
 from dlama.datasets.posed.posed_frames import FrameFiles, Lens, PosedFrame, posed_frames
 from dlama.datasets.text_tables import files_by_stem, natural_order, pose_at
-from dlama.errors import FileError, import_extra
+from dlama.errors import CameraError, FileError, import_extra
 from dlama.files.fields import read_json_fields
 from dlama.files.rasters.depth import read_depth
 from dlama.files.rasters.images import existing_file
@@ -52,17 +52,16 @@ def list_frames(scene: str, folder: Path) -> list[PosedFrame]:
         if not number.isdecimal():
             raise FileError(f"{listed.path}: field '{name[:40]}' is no frame; names such as frame_000000 are expected")
         fields = listed.part(name, listed.values[name])
-        matrix = np.asarray(fields.values.get("aligned_pose"), object)
-        tracked = matrix.shape == (4, 4) and all(isinstance(value, (int, float)) for value in matrix.flat)
-        tracked = tracked and bool(np.isfinite(matrix.astype(np.float64)).all())
         picture, metres = color(int(number)), depth(int(number))
-        if not tracked:
+        try:
+            matrix = fields.matrix("aligned_pose", (4, 4))
+        except CameraError:
             return "without a pose"
         if picture is None:
             return "without a picture"
         if metres is None:
             return "without depth"
-        pose = pose_at(f"{fields.path}: aligned_pose", fields.matrix("aligned_pose", (4, 4)))
+        pose = pose_at(f"{fields.path}: aligned_pose", matrix)
         lens = Lens(str(fields.path), fields.intrinsics("intrinsic"), 0.5)
         return lidar_frame((f"{inside}, picture {name}", f"{inside}, depth {name}"), picture, metres, lens, pose)
 

@@ -31,8 +31,6 @@ from dlama.geometry.camera import Float64Array
 from dlama.geometry.poses import invert_pose, rotation_deg
 
 LAYOUT = "easysynth"
-OBJECT_CLASS = "object"
-"""The class that is removed where nobody names another."""
 SAME_POSE = 1e-4
 """Largest difference between the poses (metres, and entries of the rotation) of a frame with and without the object."""
 PIVOT_MISS = 0.01
@@ -134,7 +132,7 @@ def _cases(sequences: list[RenderedSequence], removal_object: str | None) -> Ite
             continue
         without, color = truth_of.get(sequence.folder.name), None
         if without is not None:
-            color = class_color(removal_object or OBJECT_CLASS, sequence.folder / CLASSES_FILE)
+            color = class_color(removal_object or "object", sequence.folder / CLASSES_FILE)
         pair = sequence.pair()
         if pair is not None:
             yield from _sii(sequence, pair, without, color)

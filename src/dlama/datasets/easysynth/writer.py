@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping
-from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -22,8 +21,6 @@ from dlama.files.semantic_classes import CLASSES_FILE, RGB
 from dlama.geometry.camera import Camera, Float64Array, StereoRig
 from dlama.geometry.rgbd import RGBD, UInt8Array
 
-FRAME_TIME_S = 1 / 30
-"""EasySynth's t starts at one frame time, not at 0."""
 DEEPEST_MM = 65534.5
 """Beyond it a 16-bit picture of millimetres can only say far."""
 MONO, LEFT, RIGHT = "CameraComponent", "c0", "c1"
@@ -83,8 +80,12 @@ def write_scene(
     all of a sequence have one lens; a StereoSequence becomes a rig of two cameras. `classes` are colours by name; `texts`:
     further files of the scene, name -> content. Raises InputError, ShapeError, CameraError, OutputError.
     """
-    style = _Style(depth_range, classes)
-    with _new(Path(root) / scene) as draft:
+    style, target = _Style(depth_range, classes), Path(root) / scene
+    if target.is_dir() and any(target.iterdir()):
+        raise OutputError(
+            f"{target}: is not empty; frames of two writings must not mix, remove it or give another place"
+        )
+    with new_directory(target) as draft:
         for key, frames in sequences.items():
             (draft / key).mkdir()
             if isinstance(frames, StereoSequence):
@@ -94,16 +95,6 @@ def write_scene(
                 _write_rig(draft / key, {MONO: cameras}, style)
         for name, text in (texts or {}).items():
             _write_text(draft / name, text)
-
-
-def _new(folder: Path) -> AbstractContextManager[Path]:
-    """Frames of an earlier writing must not mix with these."""
-    folder = Path(folder)
-    if folder.is_dir() and any(folder.iterdir()):
-        raise OutputError(
-            f"{folder}: is not empty; frames of two writings must not mix, remove it or give another place"
-        )
-    return new_directory(folder)
 
 
 def _write_stereo(folder: Path, name: str, frames: StereoSequence, style: _Style) -> None:
@@ -181,7 +172,7 @@ def _write_poses(path: Path, cameras: list[Camera]) -> None:
     lines = [",".join(UNREAL_HEADER)]
     for number, camera in enumerate(cameras):
         translation, quaternion = unreal_pose(camera.world_from_cam)
-        values = [*_round(translation), *_round(quaternion), (number + 1) * FRAME_TIME_S]
+        values = [*_round(translation), *_round(quaternion), (number + 1) / 30]  # t begins at one frame time
         lines.append(f"{number}," + ",".join(f"{value:.9f}" for value in values))  # EasySynth: 6 digits
     _write_text(path, "\n".join(lines) + "\n")
 

@@ -29,7 +29,6 @@ from dlama.geometry.poses import invert_pose, make_pose, quaternion_from_rotatio
 
 PARAMETERS = {"SIMPLE_PINHOLE": 3, "PINHOLE": 4, "SIMPLE_RADIAL": 4, "RADIAL": 5, "OPENCV": 8}
 """How many each model has, in the order of their numbers in binary files."""
-NO_DISTORTION = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +76,7 @@ def _pinhole(where: str, model: str, numbers: list[float]) -> Intrinsics:
         )
     two = model in ("PINHOLE", "OPENCV")
     fx, fy, cx, cy = numbers[:4] if two else (numbers[0], *numbers[:3])
-    if any(abs(number) > NO_DISTORTION for number in numbers[4 if two else 3 :]):
+    if any(abs(number) > 1e-6 for number in numbers[4 if two else 3 :]):
         raise CameraError(
             f"{where}: the camera is distorted; a pinhole camera is expected, run colmap image_undistorter"
         )
@@ -186,8 +185,6 @@ def write_model(folder: Path, cameras: Mapping[str, Camera], cloud: PointCloud) 
             draft.write_text("\n".join([f"# {head}", *body]) + "\n", encoding="utf-8")
 
 
-MODEL_FOLDERS = ("sparse/0", "sparse", "")
-DEPTH_FOLDERS, DEPTH_KINDS = ("depth", "depths"), (".png", ".exr", ".pfm", ".npy")
 DENSE, DENSE_KINDS = "stereo/depth_maps", (".geometric.bin", ".photometric.bin")
 
 
@@ -198,7 +195,7 @@ def looks_like(root: Path) -> bool:
 
 def model_folder(root: Path) -> Path | None:
     """Where the model lies, if there is one."""
-    for name in MODEL_FOLDERS:
+    for name in ("sparse/0", "sparse", ""):
         for kind in (".txt", ".bin"):
             if all((root / name / f"{part}{kind}").is_file() for part in ("cameras", "images")):
                 return root / name
@@ -225,6 +222,7 @@ def list_frames(scene: str, folder: Path) -> list[PosedFrame]:
 def depth_of(folder: Path, image: ColmapImage) -> Path | None:
     """The depth map next to the model for an image."""
     stem = Path(image.name).with_suffix("")
-    places = [folder / name / f"{stem}{kind}" for name in DEPTH_FOLDERS for kind in DEPTH_KINDS]
+    kinds = (".png", ".exr", ".pfm", ".npy")
+    places = [folder / name / f"{stem}{kind}" for name in ("depth", "depths") for kind in kinds]
     places += [folder / DENSE / f"{image.name}{kind}" for kind in DENSE_KINDS]
     return next((place for place in places if place.is_file()), None)

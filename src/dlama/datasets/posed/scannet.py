@@ -24,13 +24,12 @@ from dlama.datasets.posed.posed_frames import (
 from dlama.datasets.text_tables import files_by_stem, files_in, pose_at, read_matrix
 from dlama.errors import CameraError, FileError
 
-FOLDERS = ("color", "depth", "pose")
 INTRINSICS = "intrinsic/intrinsic_color.txt"
 
 
 def looks_like(root: Path) -> bool:
     """True where a folder holds color/, depth/ and pose/."""
-    return all((root / name).is_dir() for name in FOLDERS)
+    return all((root / name).is_dir() for name in ("color", "depth", "pose"))
 
 
 def _lens(folder: Path, root: Path, camera: CameraOption) -> Lens:

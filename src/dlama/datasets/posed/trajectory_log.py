@@ -17,8 +17,6 @@ from dlama.geometry.camera import Float64Array
 LOGS = ("trajectory.log", "scene/trajectory.log")
 """Where the poses lie; Open3D's reconstruction writes the second."""
 COLOR_FOLDERS = ("image", "rgb", "color")
-CAMERA_NAMES = ("camera_intrinsic.json", "intrinsic.json", "camera.json")
-ADVICE = "the log has no intrinsics (Open3D's own default for PrimeSense is 525 525 319.5 239.5)"
 LINES = 5
 """Of a pose: a head and the rows of a matrix."""
 
@@ -30,7 +28,9 @@ def looks_like(root: Path) -> bool:
 
 def list_frames(scene: str, folder: Path, root: Path, camera: CameraOption) -> list[PosedFrame]:
     """The frames of one scene. Raises FileError, CameraError."""
-    lens = lens_for(folder, root, camera, CAMERA_NAMES, ADVICE)
+    names = "camera_intrinsic.json", "intrinsic.json", "camera.json"
+    advice = "the log has no intrinsics (Open3D's own default for PrimeSense is 525 525 319.5 239.5)"
+    lens = lens_for(folder, root, camera, names, advice)
     colors = next((folder / name for name in COLOR_FOLDERS if (folder / name).is_dir()), None)
     if colors is None:
         raise FileError(f"{folder}: has no folder {', '.join(COLOR_FOLDERS)} with the colour pictures")

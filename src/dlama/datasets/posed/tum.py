@@ -20,7 +20,6 @@ from dlama.geometry.camera import Float64Array
 LISTINGS = ("rgb.txt", "depth.txt", "groundtruth.txt")
 NEAREST_S = 0.02
 """Seconds up to which a time stamp belongs to another (TUM's own associate.py has the same)."""
-UNITS_PER_METRE = 5000.0
 ADVICE = (
     "TUM's intrinsics are in no file of the set; its page names fx fy cx cy of freiburg1 as 517.3 516.5 318.6 255.3, "
     "freiburg2 520.9 521.0 325.1 249.7, freiburg3 535.4 539.2 320.1 247.6 with pixel_center 0.0"
@@ -45,7 +44,7 @@ def list_frames(scene: str, folder: Path, root: Path, camera: CameraOption) -> l
         depth, pose = near
         _, *numbers = pose.numbers("time tx ty tz qx qy qz qw", 8)
         at = pose_of(pose.at(4), numbers[:3], numbers[3:])
-        return files_of(folder / row.words[1], folder / depth.words[1], lens, at, UNITS_PER_METRE)
+        return files_of(folder / row.words[1], folder / depth.words[1], lens, at, units=5000.0)
 
     listed = zip(times.tolist(), rows)
     return posed_frames(scene, folder, ((Path(row.words[1]).stem, files(time, row)) for time, row in listed))

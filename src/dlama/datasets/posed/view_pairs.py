@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 from itertools import islice
@@ -78,13 +79,11 @@ def posed_dataset(layout: str, root: Path, frames: Iterable[PosedFrame], limit: 
 
 def _check_names(root: Path, frames: Iterable[PosedFrame]) -> None:
     """Frames of a scene are distinguished by their names alone, which are those of their pictures."""
-    seen: set[tuple[str, str]] = set()
-    for frame in frames:
-        if (frame.scene, frame.name) in seen:
+    for (scene, name), count in Counter((frame.scene, frame.name) for frame in frames).items():
+        if count > 1:
             raise FileError(
-                f"{root}: two frames have pictures called {frame.name} (scene {frame.scene}); different names are expected"
+                f"{root}: two frames have pictures called {name} (scene {scene}); different names are expected"
             )
-        seen.add((frame.scene, frame.name))
 
 
 def view_pairs(frames: Sequence[PosedFrame], *, dataset: str, limit: int | None = None) -> tuple[Case, ...]:
@@ -111,7 +110,8 @@ class Overlaps:
 
     def __init__(self, frames: Sequence[PosedFrame]) -> None:
         self._frames = frames
-        self._seen: dict[int, tuple[Float64Array, Float32Array, Camera] | InputError] = {}
+        self._seen: dict[int, tuple[Float64Array, Float32Array, Camera] | None] = {}
+        self._error: InputError | None = None
 
     def share(self, source: int, target: int) -> float:
         """Share (0..1) of the source's pixels, holes included, that land in the target within 5 % of its depth.
@@ -120,12 +120,10 @@ class Overlaps:
         reason when not a single frame can be read.
         """
         one, other = self._of(source), self._of(target)
-        for end in (one, other):
-            if isinstance(end, InputError):
-                if all(isinstance(each, InputError) for each in self._seen.values()):
-                    raise end
-                return 1.0
-        assert not isinstance(one, InputError) and not isinstance(other, InputError)
+        if self._error is not None and not any(self._seen.values()):
+            raise self._error
+        if one is None or other is None:
+            return 1.0
         points, every_pixel, _ = one
         _, depth, camera = other
         pixels, z = project(points, camera)
@@ -134,12 +132,12 @@ class Overlaps:
         there = depth[y[inside].astype(np.intp), x[inside].astype(np.intp)]
         return float((np.abs(there - z[inside]) <= LANDS_WITHIN * there).sum() / every_pixel.size)
 
-    def _of(self, number: int) -> tuple[Float64Array, Float32Array, Camera] | InputError:
+    def _of(self, number: int) -> tuple[Float64Array, Float32Array, Camera] | None:
         if number not in self._seen:
             try:
                 self._seen[number] = _sample(*self._frames[number].load_depth())
             except InputError as error:
-                self._seen[number] = error
+                self._seen[number], self._error = None, self._error or error
         return self._seen[number]
 
 

@@ -140,26 +140,29 @@ def masks_by_number(
         what = f"{format_count(len(unused), 'mask')} of frames that are left out: not used ({listed})"
         warnings.warn(what, UserWarning, stacklevel=3)
     found: dict[int, BoolArray] = {}
-    for name, mask in given.items():
-        if name in unused:
-            continue
-        if name in names:
-            number = list(names).index(name)
-        elif damaged and re.fullmatch(r"\d+", name):
-            raise InputError(
-                f"`mask` is for the frame in place {name}, frames are left out ({', '.join(list(damaged)[:3])}); name the frame"
-            )
-        elif re.fullmatch(r"\d+", name) and int(name) < len(names):
-            number = int(name)
-        else:
-            few = ", ".join(names[:3]) + (f", ... {names[-1]}" if len(names) > 3 else "")
-            raise InputError(
-                f"`mask` is for frame {name}, which is not there; a name ({few}) or a place, 0 to {len(names) - 1}, is expected"
-            )
+    for name in (name for name in given if name not in unused):
+        number = _number_of(name, names, damaged)
         if number in found:
             raise InputError(f"mask: frame {names[number]} has two; one mask a frame is expected")
-        found[number] = mask
+        found[number] = given[name]
     return found
+
+
+def _number_of(name: str, names: Sequence[str], damaged: Mapping[str, str]) -> int:
+    """The number of a frame by its name, or by its place."""
+    if name in names:
+        return list(names).index(name)
+    is_place = re.fullmatch(r"\d+", name) is not None
+    if is_place and damaged:
+        raise InputError(
+            f"`mask` is for the frame in place {name}, frames are left out ({', '.join(list(damaged)[:3])}); name the frame"
+        )
+    if is_place and int(name) < len(names):
+        return int(name)
+    few = ", ".join(names[:3]) + (f", ... {names[-1]}" if len(names) > 3 else "")
+    raise InputError(
+        f"`mask` is for frame {name}, which is not there; a name ({few}) or a place, 0 to {len(names) - 1}, is expected"
+    )
 
 
 def fit_masks(masks: Mapping[int, BoolArray], scene: Scene) -> dict[int, BoolArray]:

@@ -54,8 +54,6 @@ SAME_PROPORTIONS = 0.03
 METRE_UNITS = {"m": 1.0, "meters": 1.0, "metres": 1.0, "mm": 1e-3}
 HEIF_KINDS = {0: "inverse depth", 1: "disparity", 2: "depth", 3: "disparity"}
 """depth_representation_type (ITU-T H.265, table F.5): the numbers are linear in this; it has no unit."""
-LEAST_LEVEL = 1 / 255
-"""Of depth without a unit, below which it counts as this: its inverse would not end."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,7 +211,7 @@ def _of_range(file: Path, picture: bytes, packet: Xmp, space: str, source: str) 
     inverse, part = how == "RangeInverse", _levels(codes)
     ends = (1 / near, 1 / far) if inverse else (near, far)
     values = (ends[0] + part * (ends[1] - ends[0])).astype(np.float32)
-    unit = packet.text(f"{space}Units") or ("m" if space == GDEPTH else "None")
+    unit = packet.text(f"{space}Units") or {GDEPTH: "m"}.get(space, "None")
     metre = METRE_UNITS.get(unit.lower())
     values = _inverse(values, inverse) / np.float32(metre or 1)
     about = {"source": f"{source}, {how}", **_size(codes), "range": [near, far], "unit": unit, **_far_limit(part >= 1)}
@@ -271,7 +269,7 @@ def _levels(codes: np.ndarray) -> Float32Array:
 
 
 def _inverse(values: Float32Array, inverse: bool) -> Float32Array:
-    return values if inverse else (1 / np.maximum(values, np.float32(LEAST_LEVEL))).astype(np.float32)
+    return values if inverse else (1 / np.maximum(values, np.float32(1 / 255))).astype(np.float32)
 
 
 def _size(codes: np.ndarray) -> dict[str, Any]:

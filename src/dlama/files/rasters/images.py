@@ -28,7 +28,6 @@ from dlama.files.rasters.orientation import (
 from dlama.files.rasters.sixteen_bits import bits_of, bits_of_png, decode_16_bits, describe_tiff, is_preview
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".mpo", ".webp", ".tif", ".tiff", ".heic", ".heif")
-EXIF_FOLDER = 0x8769
 EXIF_FOCAL_35MM = 0xA405
 LARGEST_PIXELS = 2**26
 """Pixels of the largest picture or array that is read (8192 x 8192): bounds the memory that a small file can ask for."""
@@ -250,7 +249,7 @@ def _exif(picture: Image.Image) -> tuple[int, float | None]:
     try:
         tags = picture.getexif()
         orientation = tags.get(EXIF_ORIENTATION, 1)
-        focal = tags.get_ifd(EXIF_FOLDER).get(EXIF_FOCAL_35MM) or tags.get(EXIF_FOCAL_35MM)
+        focal = tags.get_ifd(0x8769).get(EXIF_FOCAL_35MM) or tags.get(EXIF_FOCAL_35MM)
     except Exception:  # unreadable tags are ignored; the pixels are whole
         return 1, None
     focal = float(focal) if isinstance(focal, (int, float)) and focal > 0 else None

@@ -17,15 +17,12 @@ from dlama.geometry.rgbd import UInt8Array, check_color
 Panel = tuple[str, UInt8Array]
 """Caption, and uint8 H x W x 3."""
 
-PAPER: RGB = (24, 26, 29)
 INK: RGB = (236, 238, 240)
 QUIET_INK: RGB = (168, 174, 181)
 PANEL_WIDTH = 420
 GAP = 20
 CAPTION_GAP = 4
 TITLE_SIZE, CAPTION_SIZE, LEGEND_SIZE = 26, 16, 15
-LINE = 1.35
-"""Line height over font size."""
 
 
 def write_contact_sheet(
@@ -49,7 +46,7 @@ def write_contact_sheet(
     entries = legend_rows(legend, width - 2 * GAP)
     top = GAP + line_height(TITLE_SIZE) * len(heading) + GAP // 2
     bottom = len(entries) * line_height(LEGEND_SIZE) + (GAP if entries else 0)
-    sheet = Image.new("RGB", (width, top + sum(heights) + bottom), PAPER)
+    sheet = Image.new("RGB", (width, top + sum(heights) + bottom), (24, 26, 29))
     draw = ImageDraw.Draw(sheet)
     draw_lines(draw, (GAP, GAP), heading, TITLE_SIZE, INK)
     for row, text, height in zip(rows, texts, heights):
@@ -87,7 +84,7 @@ def font(size: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
 
 def line_height(size: int) -> int:
     """Pixels from one line to the next."""
-    return round(size * LINE)
+    return round(size * 1.35)
 
 
 def wrap_text(text: str, width: float, face: ImageFont.FreeTypeFont | ImageFont.ImageFont) -> list[str]:

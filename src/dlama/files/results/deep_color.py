@@ -14,9 +14,6 @@ from dlama.geometry.codes import Origin, from_source, has_code
 from dlama.geometry.rgbd import UInt16Array
 from dlama.geometry.view import View
 
-TO_16_BITS = 257
-"""255 becomes 65535; the high byte of the product is the number itself."""
-
 
 def find_plate(completion: Completion, view: View, place: str, plates: Mapping[str, PathLike]) -> PathLike | None:
     """The input with 16 bits a channel that a view shows from its own camera; None: there is none.
@@ -41,4 +38,4 @@ def deep_color(view: View, plate: PathLike) -> UInt16Array | None:
     if not same[measured].all():
         return None
     measured |= has_code(view.origin, Origin.DEPTH_FILLED) & same  # of a pair some come from the other picture
-    return np.where(measured[..., None], stored, view.color * np.uint16(TO_16_BITS))
+    return np.where(measured[..., None], stored, view.color * np.uint16(257))  # 255 becomes 65535

@@ -23,9 +23,6 @@ from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.figures.false_color import HOLE_PALETTE, ORIGIN_PALETTE
 from dlama.models.verify import sha256_of
 
-PICTURES = ("image", "left", "right")
-"""Roles of inputs that are colour pictures."""
-
 
 def describe_completion(completion: Completion, intrinsics_from: str) -> dict[str, Any]:
     """The head of meta.json: where the views stand, what their codes mean, which versions made them."""
@@ -77,7 +74,7 @@ def hash_inputs(
     found: dict[str, dict[str, Any]] = {}
     for role, path in inputs.items():
         found[role] = {"path": (addresses or {}).get(role, str(path)), "sha256": sha256_of(Path(path))}
-        if role in PICTURES and has_16_bits(path):
+        if role in ("image", "left", "right") and has_16_bits(path):
             found[role]["bits"] = 16
     return found
 

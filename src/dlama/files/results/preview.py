@@ -34,8 +34,6 @@ def percent(share: float) -> str:
 
 REMOVED: RGB = (255, 60, 60)
 """Tint of what is to be removed, in the source picture."""
-MOST_VIEWS = 5
-"""A sheet shows as many of several views; the others have pictures of their own."""
 
 
 def write_preview(path: PathLike, completion: Completion) -> None:
@@ -73,7 +71,7 @@ def panels(completion: Completion) -> list[Panel]:
             for panel in (*color_panels(side, before, view), completed_depth(side, view, limits))
         ]
     if len(completion.views) > 1:
-        pairs = list(zip(completion.warped, completion.views))[:MOST_VIEWS]
+        pairs = list(zip(completion.warped, completion.views))[:5]  # the others have pictures of their own
         several = [color_panels(f"view {number}", *pair) for number, pair in enumerate(pairs, 1)]
         return [source_panel(completion), *(panel for both in several for panel in both)]
     before, view = completion.warped[0], completion.views[0]

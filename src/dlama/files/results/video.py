@@ -15,8 +15,6 @@ from dlama.files.atomic_write import PathLike, new_file
 from dlama.geometry.rgbd import UInt8Array
 
 VIDEOS, ANIMATIONS = (".mp4", ".mov", ".mkv"), (".webp", ".gif")
-QUALITY = "18"
-"""Of H.264 (crf): hardly distinguishable from the pictures."""
 
 
 def check_video(path: PathLike) -> None:
@@ -64,7 +62,7 @@ def _encode_video(path: Path, pictures: Iterator[UInt8Array], fps: float) -> int
             if stream is None:
                 stream = container.add_stream("libx264", rate=Fraction(fps).limit_denominator(1001))
                 stream.height, stream.width, stream.pix_fmt = *even.shape[:2], "yuv420p"
-                stream.options = {"crf": QUALITY, "preset": "medium"}
+                stream.options = {"crf": "18", "preset": "medium"}  # hardly distinguishable from the pictures
             container.mux(stream.encode(av.VideoFrame.from_ndarray(even, format="rgb24")))
             count += 1
         if stream is not None:

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from plyfile import PlyData, PlyElement
 
 from dlama.errors import FileError
 from dlama.files.atomic_write import PathLike, new_file
@@ -23,7 +24,6 @@ PLY_BYTES = {
     "float": 4, "float32": 4, "double": 8, "float64": 8,
 }  # fmt: skip
 """Of each type that takes more than one."""
-LONGEST_HEADER = 1 << 16
 
 
 def write_ply(path: PathLike, cloud: PointCloud) -> None:
@@ -31,8 +31,6 @@ def write_ply(path: PathLike, cloud: PointCloud) -> None:
 
     Coordinates are world metres in OpenCV axes, float (double where any exceeds 10 km). Raises OutputError.
     """
-    from plyfile import PlyData, PlyElement
-
     reach = float(np.abs(cloud.points).max()) if len(cloud) else 0.0
     real = "<f8" if reach > FLOAT32_REACH else "<f4"
     layout = [(axis, real) for axis in "xyz"] + [(name, "u1") for name in (*COLORS, "origin")] + [("confidence", "<f4")]
@@ -68,8 +66,6 @@ def read_ply(path: PathLike) -> PointCloud:
 
 
 def _read_vertices(file: Path) -> np.ndarray:
-    from plyfile import PlyData
-
     try:
         _check_claims(file)
         data = PlyData.read(str(file))
@@ -86,7 +82,7 @@ def _read_vertices(file: Path) -> np.ndarray:
 def _check_claims(file: Path) -> None:
     """Raise FileError where the header says that there is more than the file can hold: memory is taken by what it says."""
     with file.open("rb") as stream:
-        head = stream.read(LONGEST_HEADER).split(b"end_header")[0]
+        head = stream.read(1 << 16).split(b"end_header")[0]
     ascii_text = b"format ascii" in head
     needed = count = 0
     for words in map(bytes.split, head.splitlines()):
