@@ -331,8 +331,6 @@ def test_no_intrinsics_teach_fov(tmp_path: Path) -> None:
         ({"fov": 60, "fy": 500}, "fov and fy contradict"),
         ({"fy": 500}, "fy is given without fx"),
         ({"fov": 180}, "fov is 180 degrees; a field of view between 0 and 180"),
-        ({"fov": "90"}, "fov is '90'; a number is expected"),
-        ({"fx": 500, "cx": "wide"}, "cx is 'wide'; a number is expected"),
         ({"fx": -500}, "camera options: camera fx is -500"),
         ({"fx": 500, "pixel_center": 1}, "pixel_center is 1"),
     ],

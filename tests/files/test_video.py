@@ -38,13 +38,9 @@ def test_a_video_holds_every_picture(tmp_path: Path) -> None:
 
 
 def test_what_cannot_be_a_video_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Another ending, no pictures, two sizes, no rate; and without PyAV a line with what to install."""
+    """Another ending, two sizes; and without PyAV a line with what to install."""
     with pytest.raises(InputError, match=r"output is a\.avi; a name that ends in \.mp4"):
         write_video("a.avi", PICTURES)
-    with pytest.raises(InputError, match="fps is 0"):
-        write_video(tmp_path / "a.gif", PICTURES, 0)
-    with pytest.raises(InputError, match="a video of no pictures"):
-        write_video(tmp_path / "a.gif", [])
     with pytest.raises(ShapeError, match="one size is expected"):
         write_video(tmp_path / "a.gif", [PICTURES[0], PICTURES[0][1:]])
     monkeypatch.setitem(sys.modules, "av", None)

@@ -15,7 +15,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from dlama.arguments import check_arguments, check_number
+from dlama.arguments import check_arguments
 from dlama.datasets.frames import Dataset, Frame, RemovalTruth, StereoTruth
 from dlama.datasets.layouts import detect, is_capture_file, open_dataset
 from dlama.datasets.posed.posed_frames import LOG, CameraOption
@@ -106,8 +106,6 @@ def diagnose(
     """
     given = dict(locals())
     check_arguments(diagnose, given)
-    for name in (*LENS[1:], "depth_scale", "depth_range", "far"):
-        check_number(given[name], name)
     lens, reading, masking = ({name: given[name] for name in names} for names in (LENS, READING, MASKING))
     examine: Callable[[], Found]
     place = Path(first)

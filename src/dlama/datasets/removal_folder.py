@@ -17,11 +17,10 @@ import numpy as np
 
 from dlama.datasets.frames import Case, Dataset, RemovalTruth
 from dlama.datasets.posed.posed_frames import FrameFiles, files_of, json_lens, load_rgbd, posed_frame, units_per_metre
-from dlama.datasets.text_tables import scene_folders
-from dlama.errors import FileError, ShapeError
+from dlama.datasets.text_tables import check_size, scene_folders
+from dlama.errors import FileError
 from dlama.files.fields import read_json_fields
 from dlama.files.rasters.pictures import read_mask, read_region
-from dlama.geometry.rgbd import BoolArray
 
 NEEDED = (
     "camera.json",
@@ -84,19 +83,11 @@ def _files(folder: Path) -> RemovalFiles:
 def load_removal(files: RemovalFiles) -> RemovalTruth:
     """Read the frame with the object, the one without it and the masks; raises FileError, MaskError, DepthError, ShapeError."""
     source, without = load_rgbd(files.source), load_rgbd(files.without)
-    hw = source.camera.hw
-    mask = _of_size(files.mask, read_mask(files.mask), hw)
-    compare, shadow = (
-        None if path is None else _of_size(path, read_region(path), hw) for path in (files.compare, files.shadow)
-    )
+    mask = read_mask(files.mask)
+    compare, shadow = (None if path is None else read_region(path) for path in (files.compare, files.shadow))
+    for path, found in ((files.mask, mask), (files.compare, compare), (files.shadow, shadow)):
+        if path is not None and found is not None:
+            check_size(path, found.shape, source.camera.hw)
     if shadow is not None:
         shadow = shadow & ~mask  # never part of the mask
     return RemovalTruth(source, without, mask, compare, shadow, files.exposure_varies)
-
-
-def _of_size(path: Path, mask: BoolArray, hw: tuple[int, int]) -> BoolArray:
-    if mask.shape != hw:
-        raise ShapeError(
-            f"{path}: is {mask.shape[1]}x{mask.shape[0]} and the picture {hw[1]}x{hw[0]}; one size is expected"
-        )
-    return mask

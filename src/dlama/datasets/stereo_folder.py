@@ -15,8 +15,8 @@ from functools import partial
 from pathlib import Path
 
 from dlama.datasets.frames import Case, Dataset, StereoTruth
-from dlama.datasets.text_tables import scene_folders
-from dlama.errors import FileError, ShapeError
+from dlama.datasets.text_tables import check_size, scene_folders
+from dlama.errors import FileError
 from dlama.files.cameras import make_rig, read_stereo_calib
 from dlama.files.fields import FileFields, read_json_fields
 from dlama.files.rasters.depth import read_disparity
@@ -82,7 +82,7 @@ def load_stereo(files: StereoFiles) -> StereoTruth:
     """Read a pair and its truth; raises FileError, DepthError, CameraError, ShapeError."""
     left, right = read_color_of_camera(files.left), read_color_of_camera(files.right)
     hw = left.shape[0], left.shape[1]
-    _same_size(files.right, right.shape, hw)
+    check_size(files.right, right.shape, hw, "the left picture")
     if files.calib.suffix == ".txt":
         rig, scale, metric = read_stereo_calib(files.calib, hw=hw), None, True
     else:
@@ -96,7 +96,7 @@ def load_stereo(files: StereoFiles) -> StereoTruth:
 
 def _disparity(path: Path, scale: float | None, hw: tuple[int, int]) -> Float32Array:
     disparity = read_disparity(path, scale=scale)
-    _same_size(path, disparity.shape, hw)
+    check_size(path, disparity.shape, hw, "the left picture")
     return disparity
 
 
@@ -109,10 +109,3 @@ def _rig(fields: FileFields, hw: tuple[int, int]) -> tuple[StereoRig, bool]:
     fx, fy, cx, cy = lens = fields.intrinsics("K")
     right = fx, fy, cx + (fields.number("doffs") if "doffs" in fields else 0.0), cy
     return make_rig(fields.path, size, (lens, right), fields.pixel_center(0.0), fields.number("baseline_m")), True
-
-
-def _same_size(path: Path, shape: tuple[int, ...], hw: tuple[int, int]) -> None:
-    if tuple(shape[:2]) != hw:
-        raise ShapeError(
-            f"{path}: is {shape[1]}x{shape[0]} and the left picture {hw[1]}x{hw[0]}; both must have the same size"
-        )

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dlama.errors import CameraError, FileError, InputError
+from dlama.errors import CameraError, FileError, InputError, ShapeError
 from dlama.files.rasters.images import existing_file
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.poses import QUATERNION_TOLERANCE, check_pose, make_pose, rotation_from_quaternion
@@ -205,6 +205,12 @@ def files_in(folder: Path, suffixes: Iterable[str]) -> list[Path]:
 def files_by_stem(folder: Path, suffixes: Iterable[str]) -> dict[str, Path]:
     """The name without its ending -> file, of a folder that may be missing."""
     return {path.stem: path for path in files_in(folder, suffixes)} if folder.is_dir() else {}
+
+
+def check_size(path: Path, found: tuple[int, ...], hw: tuple[int, int], of: str = "the picture") -> None:
+    """ShapeError where what a file holds has not the size of the picture that it belongs to."""
+    if found[:2] != hw:
+        raise ShapeError(f"{path}: is {found[1]}x{found[0]} and {of} {hw[1]}x{hw[0]}; both must have the same size")
 
 
 def natural_order(name: str) -> list[tuple[int, int, str]]:

@@ -6,7 +6,6 @@ import json
 import math
 import warnings
 from collections.abc import Sequence
-from numbers import Real
 from pathlib import Path
 from typing import Any
 
@@ -176,11 +175,7 @@ def camera_for(
         raise CameraError(
             "`camera` and `pixel_center` contradict each other: a camera file has its own field pixel_center; give one of them"
         )
-    numbers = {"fx": fx, "fy": fy, "cx": cx, "cy": cy}
-    given = [name for name, value in numbers.items() if value is not None]
-    for name, value in {**numbers, "fov": fov}.items():
-        if value is not None and not isinstance(value, Real):
-            raise CameraError(f"`{name}` is {value!r}; a number is expected")
+    given = [name for name, value in {"fx": fx, "fy": fy, "cx": cx, "cy": cy}.items() if value is not None]
     _check_one_source(camera, given, fov)
     if isinstance(camera, Camera):
         return camera, "the given camera"

@@ -11,7 +11,7 @@ import pytest
 from dlama.datasets.easysynth.dataset import easysynth
 from dlama.datasets.easysynth.writer import SequenceFrame, StereoSequence, write_scene
 from dlama.datasets.frames import RemovalTruth, StereoTruth, ViewTruth
-from dlama.errors import CameraError, InputError, OutputError, ShapeError
+from dlama.errors import OutputError
 from dlama.files.rasters.exr_files import read_exr
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
@@ -166,28 +166,3 @@ def test_an_earlier_writing_is_not_mixed_with(scene: Path) -> None:
     with pytest.raises(OutputError, match="not empty"):
         write_scene(scene.parent, "w01", {"with": orbiting()}, depth_range=10, classes=CLASSES)
     assert sorted(scene.rglob("*")) == before
-
-
-def test_what_cannot_be_written_is_refused(tmp_path: Path) -> None:
-    """Guards, each with its message; nothing is written."""
-    frame, color = shot(CAMERA), CLASSES
-    wrong_size = SequenceFrame(frame.rgbd, np.zeros((3, 3), np.uint8))
-    unknown = SequenceFrame(frame.rgbd, np.full(CAMERA.hw, 3, np.uint8))
-    other_lens = shot(Camera.from_fov(40, 30, 60))
-    cases = [
-        ([frame], {"depth_range": 0.0}, InputError, "depth_range is 0"),
-        ([frame], {"classes": {}}, InputError, "classes are"),
-        ([], {}, InputError, "no frames"),
-        ([wrong_size], {}, ShapeError, "s_with.0000: semantic is uint8"),
-        ([unknown], {}, InputError, "class 3, there are 3"),
-        ([frame, other_lens], {}, CameraError, "s_with.0001: the camera has another lens"),
-    ]
-    for frames, changes, error, message in cases:
-        with pytest.raises(error, match=message):
-            write_scene(tmp_path, "s", {"with": frames}, **{"depth_range": 10, "classes": color, **changes})
-    skew = StereoSequence((frame,), (shot(moved(CAMERA, shift=(0.1, 0.05, 0))),))
-    with pytest.raises(CameraError, match="baseline"):
-        write_scene(tmp_path, "s", {"stereo_with": skew}, depth_range=10, classes=color)
-    with pytest.raises(InputError, match="1 frames left and 0 right"):
-        write_scene(tmp_path, "s", {"stereo_with": StereoSequence((frame,), ())}, depth_range=10, classes=color)
-    assert list(tmp_path.iterdir()) == []

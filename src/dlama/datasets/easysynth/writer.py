@@ -12,13 +12,13 @@ import numpy as np
 
 from dlama.datasets.easysynth.listing import COLOR, DEPTH, MILLIMETRES, POSES, RIG, SEMANTIC
 from dlama.datasets.easysynth.text_files import UNREAL_HEADER, unreal_pose
-from dlama.errors import CameraError, InputError, OutputError, ShapeError
+from dlama.errors import OutputError
 from dlama.files.atomic_write import new_directory, new_file
 from dlama.files.rasters.depth import write_depth_png
 from dlama.files.rasters.exr_files import write_exr
 from dlama.files.rasters.pictures import write_color
 from dlama.files.semantic_classes import CLASSES_FILE, RGB
-from dlama.geometry.camera import Camera, Float64Array, StereoRig
+from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.rgbd import RGBD, UInt8Array
 
 DEEPEST_MM = 65534.5
@@ -47,22 +47,6 @@ class StereoSequence:
 SequenceKey = Literal["with", "without", "stereo_with", "stereo_without"]
 
 
-@dataclass(frozen=True)
-class _Style:
-    """What all frames of a writing have in common."""
-
-    depth_range: float
-    classes: Mapping[str, RGB]
-
-    def __post_init__(self) -> None:
-        if not (self.depth_range > 0 and np.isfinite(self.depth_range)):
-            raise InputError(f"`depth_range` is {self.depth_range}; metres > 0 are expected")
-        if not 0 < len(self.classes) <= 256 or len(set(self.classes.values())) < len(self.classes):
-            raise InputError(
-                f"classes are {dict(self.classes)}; 1 to 256 names with a colour each, all different, are expected"
-            )
-
-
 def write_scene(
     root: Path,
     scene: str,
@@ -78,73 +62,48 @@ def write_scene(
     ColorImage, SemanticImage, DepthImage (half-float EXR, R = G = B = depth / `depth_range` clipped to 0..1, in metres;
     1 = at or beyond it) and, beyond EasySynth, DepthMM (16-bit mm; beyond 65.534 m is far). Frames are gone through once, and
     all of a sequence have one lens; a StereoSequence becomes a rig of two cameras. `classes` are colours by name; `texts`:
-    further files of the scene, name -> content. Raises InputError, ShapeError, CameraError, OutputError.
+    further files of the scene, name -> content. Raises OutputError.
     """
-    style, target = _Style(depth_range, classes), Path(root) / scene
+    target, colors = root / scene, np.array(list(classes.values()), np.uint8)
     if target.is_dir() and any(target.iterdir()):
         raise OutputError(
             f"{target}: is not empty; frames of two writings must not mix, remove it or give another place"
         )
     with new_directory(target) as draft:
         for key, frames in sequences.items():
-            (draft / key).mkdir()
-            if isinstance(frames, StereoSequence):
-                _write_stereo(draft / key, f"{scene}_{key}", frames, style)
-            else:
-                cameras = _write_pictures(draft / key / MONO, f"{scene}_{key}", frames, style)
-                _write_rig(draft / key, {MONO: cameras}, style)
+            sides = {LEFT: frames.left, RIGHT: frames.right} if isinstance(frames, StereoSequence) else {MONO: frames}
+            cameras = {
+                camera: _write_pictures(draft / key / camera, f"{scene}_{key}", side, depth_range, colors)
+                for camera, side in sides.items()
+            }
+            _write_rig(draft / key, cameras)
+            lines = [f"{name},{red},{green},{blue}" for name, (red, green, blue) in classes.items()]
+            _write_text(draft / key / CLASSES_FILE, "\n".join(lines) + "\n")
         for name, text in (texts or {}).items():
             _write_text(draft / name, text)
 
 
-def _write_stereo(folder: Path, name: str, frames: StereoSequence, style: _Style) -> None:
-    if len(frames.left) != len(frames.right):
-        raise InputError(
-            f"{name} has {len(frames.left)} frames left and {len(frames.right)} right; as many are expected"
-        )
-    pairs = [StereoRig(one.rgbd.camera, other.rgbd.camera) for one, other in zip(frames.left, frames.right)]
-    if pairs and max(abs(rig.baseline_m - pairs[0].baseline_m) for rig in pairs) > 1e-6:
-        raise CameraError(f"{name}: the baseline changes within the sequence; a rig has one")
-    cameras = {
-        camera: _write_pictures(folder / camera, name, side, style)
-        for camera, side in ((LEFT, frames.left), (RIGHT, frames.right))
-    }
-    _write_rig(folder, cameras, style)
-
-
-def _write_pictures(place: Path, name: str, frames: Iterable[SequenceFrame], style: _Style) -> list[Camera]:
-    """One camera's pictures; returns its cameras, frame by frame."""
+def _write_pictures(
+    place: Path, name: str, frames: Iterable[SequenceFrame], depth_range: float, colors: UInt8Array
+) -> list[Camera]:
+    """One camera's pictures; returns its cameras, frame by frame. colors: N x 3, of the classes."""
     for kind in (COLOR, DEPTH, SEMANTIC, MILLIMETRES):
         (place / kind).mkdir(parents=True)
-    colors = np.array(list(style.classes.values()), np.uint8)
     cameras: list[Camera] = []
     for number, frame in enumerate(frames):
-        _check(frame, cameras, f"{name}.{number:04d}", len(colors))
         stem, depth = f"{name}.{number:04d}", frame.rgbd.depth
         write_color(place / COLOR / f"{stem}.png", frame.rgbd.color)
         write_color(place / SEMANTIC / f"{stem}.png", colors[frame.semantic])
         write_depth_png(
             place / MILLIMETRES / f"{stem}.png", np.where(depth * 1000 > DEEPEST_MM, np.float32(np.inf), depth)
         )
-        grey = np.minimum(depth / np.float32(style.depth_range), 1).astype(np.float16)  # as Unreal writes it
+        grey = np.minimum(depth / np.float32(depth_range), 1).astype(np.float16)  # as Unreal writes it
         write_exr(place / DEPTH / f"{stem}.exr", {"R": grey, "G": grey, "B": grey, "A": np.ones_like(grey)})
         cameras.append(frame.rgbd.camera)
-    if not cameras:
-        raise InputError(f"{name} has no frames; at least one is expected")
     return cameras
 
 
-def _check(frame: SequenceFrame, before: list[Camera], name: str, classes: int) -> None:
-    semantic, camera = frame.semantic, frame.rgbd.camera
-    if semantic.dtype != np.uint8 or semantic.shape != camera.hw:
-        raise ShapeError(f"{name}: semantic is {semantic.dtype} {semantic.shape}; uint8 {camera.hw} is expected")
-    if int(semantic.max()) >= classes:
-        raise InputError(f"{name}: semantic holds class {int(semantic.max())}, there are {classes} classes")
-    if before and not camera.same_lens_as(before[0]):
-        raise CameraError(f"{name}: the camera has another lens or size than the first frame's; a sequence has one")
-
-
-def _write_rig(folder: Path, cameras: Mapping[str, list[Camera]], style: _Style) -> None:
+def _write_rig(folder: Path, cameras: Mapping[str, list[Camera]]) -> None:
     """The text files of a sequence; the first camera is the rig's pose."""
     rig = next(iter(cameras.values()))
     _write_poses(folder / POSES, rig)
@@ -154,8 +113,6 @@ def _write_rig(folder: Path, cameras: Mapping[str, list[Camera]], style: _Style)
         name: _rig_camera(each[0], rig[0].cam_from_world @ each[0].world_from_cam) for name, each in cameras.items()
     }
     _write_text(folder / RIG, json.dumps({"cameras": places}, indent="\t"))
-    lines = [f"{name},{red},{green},{blue}" for name, (red, green, blue) in style.classes.items()]
-    _write_text(folder / CLASSES_FILE, "\n".join(lines) + "\n")
 
 
 def _rig_camera(camera: Camera, rig_from_cam: Float64Array) -> dict[str, list[float]]:

@@ -155,7 +155,12 @@ def read_stored_numbers(path: PathLike, what: str, channel: str | None, eight_bi
     else:
         raise FileError(f"{path}: {what} comes as 16-bit PNG or TIFF, EXR, PFM, NPY or NPZ, not as '{suffix}'")
     if values.dtype.itemsize == 1 and not eight_bit:
-        raise DepthError(f"{path}: {eight_bit_advice(what)}")
+        raise DepthError(
+            f"{path}: holds 8-bit numbers; say how many of them make a pixel (`disparity_scale`, Middlebury 2003: 4)"
+            if what == "disparity"
+            else f"{path}: holds 8-bit numbers, too coarse for depth (256 steps) and often gamma-encoded or only a picture of "
+            "depth; save depth as 16-bit PNG in millimetres, or as EXR"
+        )
     return values
 
 
@@ -171,16 +176,6 @@ def _one_channel(path: PathLike, values: np.ndarray, what: str) -> np.ndarray:
     if (colours != colours[..., :1]).any():
         raise DepthError(f"{path}: has three channels that differ; {what} in one channel is expected")
     return np.ascontiguousarray(colours[..., 0])
-
-
-def eight_bit_advice(what: str) -> str:
-    """What to do with 8-bit `what` (depth or disparity), in words."""
-    if what == "disparity":
-        return "holds 8-bit numbers; say how many of them make a pixel (`disparity_scale`, Middlebury 2003: 4)"
-    return (
-        "holds 8-bit numbers, too coarse for depth (256 steps) and often gamma-encoded or only a picture of depth; "
-        "save depth as 16-bit PNG in millimetres, or as EXR"
-    )
 
 
 def _metres_from_floats(

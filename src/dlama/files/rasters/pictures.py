@@ -15,12 +15,12 @@ import numpy as np
 from PIL import Image
 
 from dlama.arguments import check_arguments
-from dlama.errors import FileError, MaskError, ShapeError, system_errors
+from dlama.errors import FileError, MaskError, system_errors
 from dlama.files.atomic_write import PathLike, new_file
 from dlama.files.rasters.color_profiles import rgb_to_srgb
 from dlama.files.rasters.images import StoredPicture, read_stored
 from dlama.files.semantic_classes import class_color
-from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, UInt16Array, check_color, percent
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, UInt16Array, percent
 
 LOWEST_WHITE = 247
 HIGHEST_BLACK = 8
@@ -168,7 +168,6 @@ def read_region(path: PathLike) -> BoolArray:
 
 def write_color(path: PathLike, color: UInt8Array) -> None:
     """Write uint8 H x W x 3 RGB; the kind of file follows the name (PNG, TIFF, JPEG). Raises OutputError."""
-    color = check_color(color, f"{path}: colour")
     suffix = Path(path).suffix.lower()
     options = {"quality": 95, "subsampling": 0} if suffix in (".jpg", ".jpeg") else {}
     if suffix == ".png":
@@ -184,20 +183,14 @@ def write_deep_color(path: PathLike, color: UInt16Array) -> None:
 
 def write_mask(path: PathLike, mask: BoolArray) -> None:
     """Write bool H x W as 8-bit grey, True = 255. Raises OutputError."""
-    if mask.dtype != np.bool_ or mask.ndim != 2:
-        raise ShapeError(f"{path}: the mask is {mask.dtype} {mask.shape}; bool H x W is expected")
     save_picture(path, Image.fromarray(mask.astype(np.uint8) * np.uint8(255)))
 
 
 def write_codes(path: PathLike, codes: UInt8Array, palette: Sequence[tuple[int, int, int]]) -> None:
     """Write uint8 H x W codes as a palette PNG: the stored values are the codes, viewers show the colours.
 
-    `palette[code]` is RGB. Raises ShapeError when a code has no colour, OutputError.
+    `palette[code]` is RGB. Raises OutputError.
     """
-    if codes.dtype != np.uint8 or codes.ndim != 2:
-        raise ShapeError(f"{path}: codes are {codes.dtype} {codes.shape}; uint8 H x W is expected")
-    if codes.size and int(codes.max()) >= len(palette):
-        raise ShapeError(f"{path}: code {int(codes.max())} has no colour, the palette has {len(palette)}")
     picture = Image.fromarray(np.ascontiguousarray(codes))  # grey; a palette turns it into codes
     picture.putpalette([int(value) for color in palette for value in color])
     save_picture(path, picture)
@@ -205,8 +198,6 @@ def write_codes(path: PathLike, codes: UInt8Array, palette: Sequence[tuple[int, 
 
 def write_grey(path: PathLike, values: Float32Array) -> None:
     """Write float H x W in 0..1 as 8-bit grey (1 = 255, rounded, clipped; NaN = 0). Raises OutputError."""
-    if values.ndim != 2:
-        raise ShapeError(f"{path}: values have shape {values.shape}; H x W is expected")
     levels = np.nan_to_num(values)
     np.clip(levels, 0, 1, out=levels)
     levels *= 255

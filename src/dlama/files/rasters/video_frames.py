@@ -51,8 +51,6 @@ def read_raw_frame(path: Path, place: int, track: int) -> UInt16Array:
 
 def _picture(path: Path, place: int, track: int, how: Callable[[Video, int], np.ndarray]) -> np.ndarray:
     video = _opened(path, track)
-    if not 0 <= place < len(video.stamps):
-        raise FileError(f"{path}: holds {len(video.stamps)} pictures; there is none at place {place}")
     with any_error(FileError, f"{path}: picture {place} is damaged"):
         return how(video, place)
 

@@ -8,11 +8,10 @@ from collections.abc import Sequence
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from dlama.errors import ShapeError
 from dlama.files.atomic_write import PathLike
 from dlama.files.rasters.pictures import save_picture
 from dlama.geometry.figures.false_color import RGB
-from dlama.geometry.rgbd import UInt8Array, check_color
+from dlama.geometry.rgbd import UInt8Array
 
 Panel = tuple[str, UInt8Array]
 """Caption, and uint8 H x W x 3."""
@@ -31,11 +30,9 @@ def write_contact_sheet(
     """Write a contact sheet: a title, captioned panels (uint8 H x W x 3, any sizes) in balanced rows, and a legend.
 
     Texts in Latin letters: the font that ships with Pillow has no Greek.
-    Raises ShapeError (no panel, or one that is no picture), OutputError.
+    Raises OutputError.
     """
-    if not panels:
-        raise ShapeError(f"{path}: a contact sheet of no panels; at least one is expected")
-    fitted = [(fit_panel(name, array), wrap_text(name, PANEL_WIDTH, font(CAPTION_SIZE))) for name, array in panels]
+    fitted = [(fit_panel(array), wrap_text(name, PANEL_WIDTH, font(CAPTION_SIZE))) for name, array in panels]
     columns = columns_for(len(panels))
     rows = [fitted[k : k + columns] for k in range(0, len(panels), columns)]
     texts = [line_height(CAPTION_SIZE) * max(len(caption) for _, caption in row) + CAPTION_GAP for row in rows]
@@ -65,9 +62,9 @@ def columns_for(count: int) -> int:
     return math.ceil(count / rows)
 
 
-def fit_panel(caption: str, array: UInt8Array) -> Image.Image:
+def fit_panel(array: UInt8Array) -> Image.Image:
     """A panel that fits PANEL_WIDTH x 1.5 PANEL_WIDTH: large ones averaged down, tiny ones in whole-number blocks."""
-    picture = Image.fromarray(np.ascontiguousarray(check_color(array, f"panel '{caption}'")))
+    picture = Image.fromarray(np.ascontiguousarray(array))
     factor = min(PANEL_WIDTH / picture.width, 1.5 * PANEL_WIDTH / picture.height)
     if factor >= 2:
         factor = math.floor(factor)
