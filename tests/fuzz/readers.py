@@ -185,10 +185,6 @@ def photo_pack() -> bytes:
         return (Path(folder) / "a.pack").read_bytes()
 
 
-class _Storage:
-    """Stands for torch's storage in a pickle."""
-
-
 def torch_pickle() -> bytes:
     """The data.pkl of a state dict with one tensor of eight floats (opcodes as torch.save writes them, protocol 2)."""
     tensor = (

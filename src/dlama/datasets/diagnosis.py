@@ -276,9 +276,8 @@ def examine_scene(frames: Sequence[Frame]) -> tuple[list[Finding], RGBD]:
 
 def frames_in_a_row(frames: Sequence[Frame]) -> list[Frame]:
     """Some of a scene's frames, neighbours in a row: by yaw about 0 where they have one, else from the middle of the listing."""
+    by_yaw = {frame.yaw: frame for frame in frames if frame.yaw is not None}
     if all(frame.yaw is not None for frame in frames):
-        unlike = {frame.yaw: frame for frame in frames}
-        near = sorted(unlike, key=lambda yaw: abs(yaw or 0))[:FRAMES]
-        return [unlike[yaw] for yaw in sorted(near, key=lambda yaw: yaw or 0)]
+        return [by_yaw[yaw] for yaw in sorted(sorted(by_yaw, key=abs)[:FRAMES])]
     start = max(0, (len(frames) - FRAMES) // 2)
     return list(frames[start : start + FRAMES])

@@ -14,6 +14,7 @@ from typing import Any
 import cv2
 import numpy as np
 
+from dlama.datasets.posed.nerfstudio import distortion_px
 from dlama.datasets.text_tables import nearest_in_time, pose_of
 from dlama.errors import FileError
 from dlama.files.rasters.images import check_pixels, picture_of_bytes
@@ -212,21 +213,9 @@ def distortion_px_of_info(info: Any) -> float:
     """How far the distortion of a CameraInfo moves the worst corner: plumb_bob (RealSense: Brown Conrady of any kind),
     rational_polynomial (Azure Kinect) and equidistant (fisheye lenses); 0 for others."""
     found = np.asarray(info.d if hasattr(info, "d") else info.D, np.float64).ravel()
-    model = info.distortion_model
-    matrix, (height, width) = intrinsics_of_info(info)
-    K = np.array(matrix)
-    corners = np.array([(x, y, 1.0) for x in (0, width) for y in (0, height)])
-    rays = corners @ np.linalg.inv(K).T
+    model, (K, hw) = info.distortion_model, intrinsics_of_info(info)
+    intrinsics = K[0][0], K[1][1], K[0][2], K[1][2]
     if model in ("equidistant", "fisheye") and found.size == 4:
-        moved, _ = cv2.fisheye.projectPoints(rays[:, None], np.zeros(3), np.zeros(3), K, found)
-    elif (model in ("plumb_bob", "rational_polynomial") or "Brown Conrady" in model) and found.size in (
-        4,
-        5,
-        8,
-        12,
-        14,
-    ):
-        moved, _ = cv2.projectPoints(rays, np.zeros(3), np.zeros(3), K, found)
-    else:
-        return 0.0
-    return float(np.linalg.norm(moved[:, 0] - corners[:, :2], axis=1).max())
+        return distortion_px(intrinsics, hw, found.tolist(), cv2.fisheye.projectPoints)
+    known = model in ("plumb_bob", "rational_polynomial") or "Brown Conrady" in model
+    return distortion_px(intrinsics, hw, found.tolist()) if known and found.size in (4, 5, 8, 12, 14) else 0.0

@@ -17,6 +17,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 from PIL import Image
 
@@ -27,7 +28,7 @@ from dlama.files.fields import FileFields, Intrinsics, read_json_fields
 from dlama.files.rasters.depth import write_depth_png
 from dlama.files.rasters.pictures import save_picture, write_codes, write_color, write_mask
 from dlama.files.results.meta_json import write_json
-from dlama.geometry.camera import Camera, Float64Array
+from dlama.geometry.camera import Camera
 from dlama.geometry.figures.false_color import ORIGIN_PALETTE
 from dlama.geometry.view import View
 
@@ -80,7 +81,8 @@ def lens_of(fields: FileFields) -> Lens:
                 f"{fields.path}: {name} is not 0; a pinhole camera is expected, undistort the pictures first"
             )
     height, width = fields.count("h"), fields.count("w")
-    moved = distortion_px((fx, fy, cx, cy), (height, width), fields)
+    terms = [fields.number(name) if name in fields else 0.0 for name in ("k1", "k2", "p1", "p2", "k3")]
+    moved = distortion_px((fx, fy, cx, cy), (height, width), terms)
     if moved > SHOWS_PX:
         raise CameraError(
             f"{fields.path}: k1 ... p2 move the picture's corners by {moved:.1f} px; a pinhole camera is expected, undistort "
@@ -89,16 +91,17 @@ def lens_of(fields: FileFields) -> Lens:
     return Lens(str(fields.path), (fx, fy, cx, cy), 0.5, (height, width))
 
 
-def distortion_px(intrinsics: Intrinsics, hw: tuple[int, int], fields: FileFields) -> float:
-    """How far OpenCV's radial and tangential distortion moves the worst corner."""
-    k1, k2, k3, p1, p2 = (fields.number(name) if name in fields else 0.0 for name in ("k1", "k2", "k3", "p1", "p2"))
+def distortion_px(
+    intrinsics: Intrinsics, hw: tuple[int, int], terms: Sequence[float], project: Any = cv2.projectPoints
+) -> float:
+    """How far distortion moves the worst corner; terms: as OpenCV's `project` (or fisheye.projectPoints) has them."""
     fx, fy, cx, cy = intrinsics
-    x, y = np.meshgrid(np.array([-cx, hw[1] - cx]) / fx, np.array([-cy, hw[0] - cy]) / fy)
-    square: Float64Array = x * x + y * y
-    radial = square * (k1 + square * (k2 + square * k3))
-    across = x * radial + 2 * p1 * x * y + p2 * (square + 2 * x * x)
-    down = y * radial + p1 * (square + 2 * y * y) + 2 * p2 * x * y
-    return float(np.hypot(fx * across, fy * down).max())
+    corners = np.array([(x, y) for x in (0, hw[1]) for y in (0, hw[0])], np.float64)
+    with np.errstate(all="ignore"):  # a focal length of 0 is reported as such
+        rays = np.c_[(corners - (cx, cy)) / (fx, fy), np.ones(4)]
+        K = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
+        moved, _ = project(rays[:, None], np.zeros(3), np.zeros(3), K, np.array(terms))
+        return float(np.linalg.norm(moved[:, 0] - corners, axis=1).max())
 
 
 FOLDERS, MASKS = ("images", "depth", "hole", "origin", "source"), "masks"
