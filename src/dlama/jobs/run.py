@@ -169,18 +169,20 @@ class _Run:
             if job is None:
                 self.more = False
                 return None
-            number, self.begun = self.begun, self.begun + 1
-            if self.total is None:
-                self.manifest.plan(number, job.id, job.where)
-            kept = self.manifest.find_done(job) if self.settings.resume and not job.error else None
-            if kept is not None:
-                self.add(number, kept)
-            elif job.error:
-                self.add(number, work(Task(job, self.settings.output)))
-            else:
-                return Task(job, self.settings.output, STAGED if self.packer else "", number=number)
-            if self.is_full():
-                break
+            task = self.begin(job)
+            if task is not None or self.is_full():
+                return task
+        return None
+
+    def begin(self, job: Job) -> Task | None:
+        """The task of a job; None: it was done by an earlier run, or cannot be run."""
+        number, self.begun = self.begun, self.begun + 1
+        if self.total is None:
+            self.manifest.plan(number, job.id, job.where)
+        kept = self.manifest.find_done(job) if self.settings.resume and not job.error else None
+        if kept is None and not job.error:
+            return Task(job, self.settings.output, STAGED if self.packer else "", number=number)
+        self.add(number, kept or work(Task(job, self.settings.output)))
         return None
 
     def end(self, ended: TaskEnd) -> None:

@@ -104,8 +104,8 @@ class Output:
         return f"{self.place.rstrip('/')}/{name}" if self.is_remote else str(Path(local_path(self.place), name))
 
     def has(self, name: str) -> bool:
-        """Whether a whole result lies there."""
-        return self.exists(f"{name}/{MARKER}")
+        """Whether a whole result lies there, or the tar shard of that name."""
+        return self.exists(name if name.endswith(".tar") else f"{name}/{MARKER}")
 
     def exists(self, name: str) -> bool:
         """Whether a file lies there."""

@@ -7,20 +7,21 @@ unfinished is none. An index of ids on disk (SQLite, in a temporary file) keeps 
 from __future__ import annotations
 
 import contextlib
+import csv
 import dataclasses
 import os
 import shutil
 import sqlite3
 import tempfile
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 from typing import IO, Any
 
 from dlama.errors import InputError, OutputError, system_errors
 from dlama.files.atomic_write import writing
 from dlama.jobs.job import Job, folders_above
-from dlama.jobs.results.result import JobResult, csv_writer
+from dlama.jobs.results.result import CSV_COLUMNS, JobResult
 from dlama.jobs.storage import Output, file_stamp, file_system, is_address
 from dlama.models.verify import sha256_of
 
@@ -97,25 +98,18 @@ class Manifest:
 
     def find_done(self, job: Job) -> JobResult | None:
         """The row of a job that is done, from the same inputs with the same options, and whose result is there; else None."""
-        row = self.find(job.id)
-        if row is None or row.status != "done" or row.options_hash != job.options_hash:
+        row, files = self.find(job.id), job.files
+        if row is None or (row.status, row.options_hash, set(row.inputs)) != ("done", job.options_hash, set(files)):
             return None
-        files = job.files
-        lies = self.output.exists if row.folder.endswith(".tar") else self.output.has  # in a shard, or in its folder
-        if set(files) != set(row.inputs) or not lies(row.folder):
+        if not self.output.has(row.folder):
             return None
         stamps = {role: file_stamp(path) for role, path in files.items()}
-        if any(stamps[role] != row.inputs[role]["stamp"] or not stamps[role] for role in files):
-            return self._renewed(row, files, stamps)
-        return dataclasses.replace(row, kept=True)
-
-    def _renewed(self, row: JobResult, files: Mapping[str, str], stamps: Mapping[str, str]) -> JobResult | None:
-        """The row with the stamps of files that lie elsewhere or were written again; None where their bytes are others."""
-        if any(not _same_bytes(path, row.inputs[role]["sha256"]) for role, path in files.items()):
-            return None
-        inputs = {role: {**one, "path": files[role], "stamp": stamps[role]} for role, one in row.inputs.items()}
-        row = dataclasses.replace(row, inputs=inputs)
-        self.add(row)
+        if any(not stamps[role] or stamps[role] != row.inputs[role]["stamp"] for role in files):
+            if any(not _same_bytes(path, row.inputs[role]["sha256"]) for role, path in files.items()):
+                return None
+            inputs = {role: {**one, "path": files[role], "stamp": stamps[role]} for role, one in row.inputs.items()}
+            row = dataclasses.replace(row, inputs=inputs)  # of files that lie elsewhere or were written again
+            self.add(row)
         return dataclasses.replace(row, kept=True)
 
     @system_errors(OutputError)
@@ -151,7 +145,9 @@ class Manifest:
         if self.output.is_remote:
             self._send()
         with self.output.open(TABLE) as stream:
-            csv_writer(stream).writerows(row.csv_row() for row in self.rows())
+            writer = csv.writer(stream, lineterminator="\n")
+            writer.writerow(CSV_COLUMNS)
+            writer.writerows(row.csv_row() for row in self.rows())
         return self.output.of(TABLE)
 
     def leave_nothing(self) -> None:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import csv
 import dataclasses
 import json
 import time
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import IO, Any, Literal
+from typing import Any, Literal
 
 from dlama.files.schema import SCHEMA
 from dlama.workers.progress import duration
@@ -66,10 +66,10 @@ class JobResult:
         return json.dumps(values, allow_nan=False)
 
     @classmethod
-    def from_json(cls, line: str, kept: bool = False) -> JobResult:
+    def from_json(cls, line: str) -> JobResult:
         """Raises ValueError or TypeError: not all of it is there."""
         values = json.loads(line)
-        return cls(**{**values, "warnings": tuple(values["warnings"])}, kept=kept)
+        return cls(**{**values, "warnings": tuple(values["warnings"])})
 
     def csv_row(self) -> list[Any]:
         """Mappings as JSON; of inputs the hashes; what is not known is empty."""
@@ -87,13 +87,6 @@ class JobResult:
 CSV_COLUMNS = tuple(one.name for one in dataclasses.fields(JobResult) if one.name not in ("trace", "replaces", "kept"))
 
 
-def csv_writer(stream: IO[str]) -> Any:
-    """A writer with the header written."""
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(CSV_COLUMNS)
-    return writer
-
-
 @dataclass
 class Totals:
     """Results of a run, counted; nothing of a single one is kept."""
@@ -101,7 +94,7 @@ class Totals:
     done: int = 0
     kept: int = 0
     failed: int = 0
-    kinds: dict[str, int] = field(default_factory=dict)
+    kinds: Counter[str] = field(default_factory=Counter)
     """Failures by the name of their error."""
     seconds: float = 0.0
     """Of all jobs of this run that are done."""
@@ -116,7 +109,7 @@ class Totals:
         """Count one."""
         if row.status == "failed":
             self.failed += 1
-            self.kinds[row.error_kind] = self.kinds.get(row.error_kind, 0) + 1
+            self.kinds[row.error_kind] += 1
             return
         self.done += 1
         self.kept += row.kept
@@ -131,7 +124,7 @@ class Totals:
 
     def kinds_line(self) -> str:
         """`2 FileError, 1 DepthError`; empty: nothing failed."""
-        return ", ".join(f"{count} {kind}" for kind, count in sorted(self.kinds.items(), key=lambda one: -one[1]))
+        return ", ".join(f"{count} {kind}" for kind, count in self.kinds.most_common())
 
     def lines(self, output: str) -> list[str]:
         """A table to read."""
