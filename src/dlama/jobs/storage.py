@@ -175,7 +175,7 @@ class Output:
     def _upload(self, folder: Path, name: str) -> None:
         """The marker of an earlier result goes first, that of the new one comes last."""
         system, inside = file_system(self.of(name))
-        if self.has(name):
+        if self.exists(f"{name}/{MARKER}"):
             self.remove(f"{name}/{MARKER}")
         files = sorted(path for path in folder.rglob("*") if path.is_file())
         for path in sorted(files, key=lambda path: path.relative_to(folder).as_posix() == MARKER):
