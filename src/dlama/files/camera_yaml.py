@@ -10,7 +10,7 @@ from typing import Any
 
 import cv2
 
-from dlama.errors import CameraError, FileError
+from dlama.errors import CameraError, FileError, any_error
 from dlama.files.atomic_write import PathLike
 from dlama.files.fields import FileFields
 from dlama.files.rasters.images import existing_file
@@ -31,15 +31,13 @@ def read_yaml_fields(path: PathLike) -> FileFields:
     expected = (
         "the YAML of a camera is expected, as ROS (camera_info) and OpenCV write it: camera_matrix, image_width, ..."
     )
-    try:
+    with any_error(FileError, f"{file}: cannot be read; {expected}"):
         text = file.read_bytes()[: 2**20].decode("utf-8-sig")
         body = BLOCK_LIST.sub(_as_flow_list, _first_document(text))
         modes = cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY | cv2.FILE_STORAGE_FORMAT_YAML
         storage = cv2.FileStorage(f"%YAML:1.0\n---\n{body}\n", modes)  # OpenCV's head, which ROS leaves away
         matrix, distortion = (_first_numbers(storage, names) for names in (MATRIX, DISTORTION))
         size = {name: _first_numbers(storage, (f"image_{name}", name)) for name in ("width", "height")}
-    except (cv2.error, SystemError, ValueError) as error:
-        raise FileError(f"{file}: cannot be read; {expected}") from error
     if len(matrix) != 9:
         raise CameraError(f"{file}: camera_matrix has {len(matrix)} numbers; 9 are expected; {expected}")
     if any(distortion):

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from dlama.errors import CameraError, FileError
+from dlama.errors import CameraError, FileError, any_error
 from dlama.files.atomic_write import PathLike
 from dlama.files.rasters.images import existing_file
 from dlama.geometry.camera import Float64Array, intrinsics_of
@@ -191,7 +191,7 @@ def read_calib_txt(path: PathLike) -> FileFields:
     Raises FileError."""
     file = existing_file(path)
     pairs: list[tuple[str, Any]] = []
-    try:
+    with any_error(FileError, f"{file}: is no calib.txt of Middlebury or KITTI, lines 'name=value' are expected"):
         text = file.read_text(encoding="utf-8-sig")
         if kitti := _kitti_fields(text):
             return FileFields(file, kitti)
@@ -199,10 +199,6 @@ def read_calib_txt(path: PathLike) -> FileFields:
             if line.strip():
                 name, value = line.split("=", 1)
                 pairs.append((name.strip(), _calib_value(value.strip())))
-    except ValueError as error:
-        raise FileError(
-            f"{file}: is no calib.txt of Middlebury or KITTI, lines 'name=value' are expected ({str(error)[:200]})"
-        ) from error
     return FileFields(file, _each_once(file, pairs))
 
 

@@ -18,6 +18,7 @@ from dlama.errors import InputError, MissingExtraError, marked_name
 from dlama.files.atomic_write import PathLike, check_name
 from dlama.jobs.job import Job, job_of, resolve_path
 from dlama.jobs.lists.tables import rows as rows_of
+from dlama.jobs.on_ray import RayWorkers
 from dlama.jobs.parameters import FILES, KNOWN, NETWORKS, VERBS
 from dlama.jobs.perform import work
 from dlama.jobs.results.result import JobResult
@@ -145,8 +146,6 @@ def worker_starter(
         raise InputError(f"`gpus_per_worker` is {gpus_per_worker}; 0 or more is expected")
     if find_spec("ray") is None:
         raise MissingExtraError(f"ray={ray}", "ray", "batch")
-    from dlama.jobs.on_ray import RayWorkers
-
     return lambda: RayWorkers(work, ray, workers, threads, gpus_per_worker)
 
 

@@ -14,7 +14,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from dlama.errors import DlamaError, InputError, MissingExtraError, first_line
+from dlama.errors import DlamaError, InputError, first_line, import_extra
 from dlama.workers.pool import OUT_OF_MEMORY, TaskEnd
 from dlama.workers.threads import limit_threads
 
@@ -191,10 +191,6 @@ def _check_answers(address: str) -> None:
 
 
 def _ray() -> Any:
-    try:
-        import ray
-        import ray.exceptions
-        import ray.util.scheduling_strategies
-    except ImportError as error:
-        raise MissingExtraError("a Ray cluster", "ray", "batch") from error
-    return ray
+    for name in ("ray.exceptions", "ray.util.scheduling_strategies"):
+        import_extra(name, "a Ray cluster", "ray", "batch")
+    return import_extra("ray", "a Ray cluster", "ray", "batch")

@@ -216,10 +216,9 @@ def _picture(row: JobResult, output: Output) -> str:
                 small = picture.convert("RGB")
         except (OSError, KeyError, FileError, tarfile.TarError):  # gone, or damaged
             continue
-        scale = THUMBNAIL / max(small.size)
-        width, height = (max(1, round(side * min(1.0, scale))) for side in small.size)
+        small.thumbnail((THUMBNAIL, THUMBNAIL), Image.Resampling.LANCZOS)
         buffer = io.BytesIO()
-        small.resize((width, height), Image.Resampling.LANCZOS).save(buffer, "JPEG", quality=85)
+        small.save(buffer, "JPEG", quality=85)
         return f"data:image/jpeg;base64,{base64.b64encode(buffer.getvalue()).decode()}"
     return ""
 

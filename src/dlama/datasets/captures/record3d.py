@@ -19,7 +19,7 @@ from dlama.datasets.captures.captured_frames import lidar_frame
 from dlama.datasets.posed.nerfstudio import CV_FROM_GL
 from dlama.datasets.posed.posed_frames import FrameFiles, Lens, PosedFrame, posed_frames
 from dlama.datasets.text_tables import pose_of
-from dlama.errors import FileError, import_extra
+from dlama.errors import FileError, any_error, import_extra
 from dlama.files.fields import FileFields, json_fields
 from dlama.files.rasters.images import check_pixels, picture_of_bytes
 from dlama.geometry.rgbd import UInt8Array
@@ -81,10 +81,8 @@ def color_of_member(place: Path, name: str) -> UInt8Array:
 def array_of_member(place: Path, name: str, kind: str, hw: tuple[int, int]) -> Any:
     """h x w numbers that are packed by LZFSE. FileError, MissingExtraError."""
     lzfse = import_extra("lzfse", f"{place}: depth packed by LZFSE", "lzfse", "captures")
-    try:
+    with any_error(FileError, f"{place}: {name} is damaged"):
         data = lzfse.decompress(read_member(place, name))
-    except (lzfse.error, ValueError) as error:
-        raise FileError(f"{place}: {name} is damaged ({error})") from error
     size = hw[0] * hw[1] * np.dtype(kind).itemsize
     if len(data) != size:
         raise FileError(f"{place}: {name} has {len(data)} bytes; {size} are expected ({hw[1]}x{hw[0]})")
@@ -95,19 +93,12 @@ def array_of_member(place: Path, name: str, kind: str, hw: tuple[int, int]) -> A
 def read_member(place: Path, name: str) -> bytes:
     """The bytes of a member of the ZIP, or of a file in the folder. FileError."""
     if place.is_dir():
-        try:
+        with any_error(FileError, f"{place / name}: cannot be read"):
             return (place / name).read_bytes()
-        except OSError as error:
-            raise FileError(f"{place / name}: cannot be read ({error.strerror})") from error
-    try:
-        with zipfile.ZipFile(place) as archive:
-            if archive.getinfo(name).file_size > MOST_BYTES:
-                raise FileError(f"{place}: {name} says that it has more than {MOST_BYTES >> 20} MiB")
-            return archive.read(name)
-    except KeyError as error:
-        raise FileError(f"{place}: has no {name}; a recording of Record3D is expected") from error
-    except (zipfile.BadZipFile, OSError, NotImplementedError, RuntimeError, EOFError) as error:
-        raise FileError(f"{place}: is no readable ZIP ({error})") from error
+    with any_error(FileError, f"{place}: is no readable ZIP of Record3D"), zipfile.ZipFile(place) as archive:
+        if archive.getinfo(name).file_size > MOST_BYTES:
+            raise FileError(f"{place}: {name} says that it has more than {MOST_BYTES >> 20} MiB")
+        return archive.read(name)
 
 
 def _members(place: Path) -> set[str]:

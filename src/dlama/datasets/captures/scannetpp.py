@@ -20,7 +20,7 @@ import numpy as np
 from dlama.datasets.captures.captured_frames import lidar_frame
 from dlama.datasets.posed.posed_frames import FrameFiles, Lens, PosedFrame, posed_frames
 from dlama.datasets.text_tables import files_by_stem, natural_order, pose_at
-from dlama.errors import CameraError, FileError, import_extra
+from dlama.errors import CameraError, FileError, any_error, import_extra
 from dlama.files.fields import read_json_fields
 from dlama.files.rasters.depth import read_depth
 from dlama.files.rasters.images import existing_file
@@ -108,10 +108,8 @@ def depth_of_bin(path: Path, number: int) -> Float32Array:
     except zlib.error:
         pass
     lz4 = import_extra("lz4.block", f"{path}: depth packed by LZ4", "lz4", "captures")
-    try:
+    with any_error(FileError, f"{path}: the depth of frame {number} is damaged"):
         codes = lz4.decompress(block, uncompressed_size=HW[0] * HW[1] * 2)
-    except lz4.LZ4BlockError as error:
-        raise FileError(f"{path}: the depth of frame {number} is damaged ({error})") from error
     return _array(path, codes, np.uint16)[0].astype(np.float32) / np.float32(1000)
 
 
@@ -131,10 +129,8 @@ def _blocks(path: Path, changed: int) -> list[tuple[int, int]]:
 @functools.lru_cache(maxsize=1)
 def _whole(path: Path, changed: int) -> Float32Array:
     stream = zlib.decompressobj(wbits=-zlib.MAX_WBITS)
-    try:
+    with any_error(FileError, f"{path}: is neither a row of packed depth pictures nor one packed stream"):
         data = stream.decompress(path.read_bytes(), LONGEST)
-    except zlib.error as error:
-        raise FileError(f"{path}: is neither a row of packed depth pictures nor one packed stream ({error})") from error
     if stream.unconsumed_tail or not stream.eof:
         raise FileError(f"{path}: {'unpacks to more than 4 GB' if stream.unconsumed_tail else 'is cut short'}")
     return _array(path, data, np.float32)

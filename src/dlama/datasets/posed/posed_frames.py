@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 
 from dlama.datasets.frames import Frame
-from dlama.datasets.text_tables import read_matrix
+from dlama.datasets.text_tables import read_matrix, read_rows
 from dlama.errors import CameraError, FileError, ShapeError
 from dlama.files.atomic_write import PathLike
 from dlama.files.camera_yaml import SUFFIXES, read_yaml_fields
@@ -213,12 +213,13 @@ def lens_for(folder: Path, root: Path, camera: CameraOption, names: Sequence[str
 
 def read_lens(path: Path) -> Lens:
     """Our camera JSON (its pose is not used), the YAML of ROS or OpenCV, Open3D's camera_intrinsic.json, or a text file with a
-    3x3 or 4x4 K.
+    3x3 K, or a 4x4 one with nothing in the last row and column (ScanNet).
 
     The first pixel of all but the first has its centre at 0.0. Raises FileError, CameraError.
     """
     if path.suffix.lower() == ".txt":
-        return text_lens(path, (3, 3))
+        size = 4 if len(read_rows(path)) == 4 else 3
+        return Lens.of_matrix(str(path), read_matrix(path, (size, size))[:3, :3].tolist(), 0.0)
     if path.suffix.lower() in SUFFIXES:
         fields = read_yaml_fields(path)
         return Lens(str(path), fields.intrinsics("K"), 0.0, fields.size(None) if "width" in fields else None)
@@ -227,11 +228,6 @@ def read_lens(path: Path) -> Lens:
         K = fields.numbers("intrinsic_matrix", 9)
         return Lens.of_matrix(str(path), [K[row::3] for row in range(3)], 0.0, fields.size(None))
     return _of_camera(read_camera(path), str(path))
-
-
-def text_lens(path: Path, shape: tuple[int, int]) -> Lens:
-    """A text file with the matrix K, as `shape` says 3x3, or 4x4 with nothing in the last row and column (ScanNet)."""
-    return Lens.of_matrix(str(path), read_matrix(path, shape)[:3, :3].tolist(), 0.0)
 
 
 def json_lens(fields: FileFields) -> Lens:

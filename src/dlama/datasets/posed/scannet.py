@@ -11,20 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
-from dlama.datasets.posed.posed_frames import (
-    CameraOption,
-    FrameFiles,
-    Lens,
-    PosedFrame,
-    files_of,
-    lens_for,
-    posed_frames,
-    text_lens,
-)
+from dlama.datasets.posed.posed_frames import CameraOption, FrameFiles, PosedFrame, files_of, lens_for, posed_frames
 from dlama.datasets.text_tables import files_by_stem, files_in, pose_at, read_matrix
-from dlama.errors import CameraError, FileError
-
-INTRINSICS = "intrinsic/intrinsic_color.txt"
+from dlama.errors import FileError
 
 
 def looks_like(root: Path) -> bool:
@@ -32,17 +21,11 @@ def looks_like(root: Path) -> bool:
     return all((root / name).is_dir() for name in ("color", "depth", "pose"))
 
 
-def _lens(folder: Path, root: Path, camera: CameraOption) -> Lens:
-    if camera is not None:
-        return lens_for(folder, root, camera, (), "")
-    if not (folder / INTRINSICS).is_file():
-        raise CameraError(f"{folder / INTRINSICS}: no such file; it, or `camera=FILE.json`, is expected")
-    return text_lens(folder / INTRINSICS, (4, 4))
-
-
 def list_frames(scene: str, folder: Path, root: Path, camera: CameraOption) -> list[PosedFrame]:
     """The frames of one scene. Raises FileError, CameraError."""
-    lens = _lens(folder, root, camera)
+    lens = lens_for(
+        folder, root, camera, ("intrinsic/intrinsic_color.txt",), "no other file says where colours are seen from"
+    )
     colors = files_by_stem(folder / "color", (".jpg", ".jpeg", ".png"))
 
     def files(path: Path) -> FrameFiles | str:

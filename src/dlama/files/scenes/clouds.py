@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from plyfile import PlyData, PlyElement
 
-from dlama.errors import FileError
+from dlama.errors import FileError, any_error
 from dlama.files.atomic_write import PathLike, new_file
 from dlama.files.rasters.images import existing_file
 from dlama.geometry.cloud import PointCloud
@@ -66,17 +66,12 @@ def read_ply(path: PathLike) -> PointCloud:
 
 
 def _read_vertices(file: Path) -> np.ndarray:
-    try:
+    with any_error(FileError, f"{file}: is damaged, truncated or no PLY file"):
         _check_claims(file)
         data = PlyData.read(str(file))
-        vertex = data["vertex"].data if "vertex" in data else None
-    except FileError:
-        raise
-    except Exception as error:  # PlyParseError, UnicodeDecodeError, ValueError, ...
-        raise FileError(f"{file}: is damaged, truncated or no PLY file ({error})") from error
-    if vertex is None:
-        raise FileError(f"{file}: has no element 'vertex'")
-    return np.asarray(vertex)
+        if "vertex" not in data:
+            raise FileError(f"{file}: has no element 'vertex'")
+        return np.asarray(data["vertex"].data)
 
 
 def _check_claims(file: Path) -> None:

@@ -6,7 +6,7 @@ import csv
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from dlama.errors import FileError, InputError, MissingExtraError, first_line
+from dlama.errors import FileError, InputError, first_line, import_extra
 from dlama.files.fields import json_value
 from dlama.jobs.job import check_columns
 from dlama.jobs.storage import open_to_read
@@ -67,21 +67,17 @@ def _json_rows(path: str) -> Iterator[Row]:
 
 
 def _parquet_rows(path: str) -> Iterator[Row]:
-    try:
-        from pyarrow import ArrowException
-        from pyarrow.parquet import ParquetFile
-    except ImportError as error:
-        raise MissingExtraError(path, "pyarrow", "batch") from error
+    arrow, parquet = (import_extra(name, path, "pyarrow", "batch") for name in ("pyarrow", "pyarrow.parquet"))
     with open_to_read(path, "rb") as stream:
         try:
-            table = ParquetFile(stream)
+            table = parquet.ParquetFile(stream)
             check_columns(list(table.schema_arrow.names), path)
             number = 0
             for batch in table.iter_batches(4096):
                 for row in batch.to_pylist():
                     number += 1
                     yield f"{path}: row {number}", row
-        except ArrowException as error:
+        except arrow.ArrowException as error:
             raise FileError(f"{path}: is no Parquet file: {first_line(error)}") from error
 
 
