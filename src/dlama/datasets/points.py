@@ -21,6 +21,10 @@ def points_in(path: Path) -> tuple[PointCloud, Camera | None, str]:
 
     Raises InputError, FileError.
     """
+    if not path.exists():
+        raise FileError(
+            f"{path}: no such file or folder; a scene.npz, a .ply, a folder of results or a data set is expected"
+        )
     cloud, camera, note = _read_points(path)
     if not len(cloud):
         raise InputError(f"{path}: holds no points, so that there is nothing to show")
@@ -29,15 +33,11 @@ def points_in(path: Path) -> tuple[PointCloud, Camera | None, str]:
 
 def _read_points(path: Path) -> tuple[PointCloud, Camera | None, str]:
     results, suffix = path / "scene.npz", path.suffix.lower()
-    if not path.exists():
-        raise FileError(
-            f"{path}: no such file or folder; a scene.npz, a .ply, a folder of results or a data set is expected"
-        )
-    if not results.is_file() and (path / "meta.json").is_file() and (path / "image.png").is_file():
-        raise FileError(f"{path}: holds no scene.npz; {HOW_WRITTEN}")
     if suffix == ".npz" or results.is_file():
         _, scene = read_npz(results if path.is_dir() else path)
         return scene_cloud(scene, objects=False), scene.frames[0].camera, ""
+    if (path / "meta.json").is_file() and (path / "image.png").is_file():
+        raise FileError(f"{path}: holds no scene.npz; {HOW_WRITTEN}")
     if path.is_dir() or suffix in RECORDINGS:
         return points_of_frames(path)
     if suffix == ".ply":

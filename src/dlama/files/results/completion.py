@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextvars import copy_context
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from dlama.arguments import check_arguments
@@ -116,12 +117,8 @@ def write(
 
 def file_names(completion: Completion, only: Sequence[str] | None = None, also: Sequence[str] = ()) -> list[str]:
     """The files that `write` makes of a completion, relative to its directory, sorted. Raises InputError as `write` does."""
-    chosen = {file for name in check_results(only, also) for file in RESULTS[name]}
-    files = [*scene_writers(Path(), completion), "preview.png", "mask.png"]
-    files += ["background.ply"] if completion.scene.removals else []
-    for place, view in views_by_folder(completion).items():
-        files += view_writers(Path(), view, place)
-    return sorted(["meta.json", *(file for file in files if file.rpartition("/")[2] in chosen)])
+    files = ["meta.json", *chosen_writers(Path(), completion, check_results(only, also))]
+    return sorted([*files, *(["background.ply"] if "scene.ply" in files and completion.scene.removals else [])])
 
 
 def check_inputs_stay(directory: Path, files: Sequence[str], inputs: Mapping[str, PathLike]) -> None:
@@ -179,17 +176,15 @@ def chosen_writers(
     folder: Path,
     completion: Completion,
     names: Sequence[str],
-    mask: BoolArray | None,
-    plates: Mapping[str, PathLike],
+    mask: Any = None,
+    plates: Mapping[str, PathLike] = MappingProxyType({}),
 ) -> dict[str, Writer]:
     """File -> what writes it, of the results in `names`; the longest first, so that both threads end together."""
     writers = scene_writers(folder, completion)
     for place, view in views_by_folder(completion).items():
-        plate = find_plate(completion, view, place, plates) if "image" in names else None
-        writers |= view_writers(folder / place, view, place, plate)
+        writers |= view_writers(folder / place, view, place, find_plate(completion, view, place, plates))
     writers["preview.png"] = lambda: write_preview(folder / "preview.png", completion)
-    if mask is not None:
-        writers["mask.png"] = lambda: pictures.write_mask(folder / "mask.png", mask)
+    writers["mask.png"] = lambda: pictures.write_mask(folder / "mask.png", mask)
     chosen = {file for name in names for file in RESULTS[name]}
     return {file: writer for file, writer in writers.items() if file.rpartition("/")[2] in chosen}
 
@@ -213,12 +208,11 @@ def view_writers(folder: Path, view: View, place: str, plate: PathLike | None = 
 
 def write_image(path: Path, view: View, plate: PathLike | None) -> int:
     """The colours of a view; the bits a channel that were written. OutputError."""
-    color = None if plate is None else deep_color(view, plate)
-    if color is None:
-        pictures.write_color(path, view.color)
-        return 8
-    pictures.write_deep_color(path, color)
-    return 16
+    if plate is not None and (color := deep_color(view, plate)) is not None:
+        pictures.write_deep_color(path, color)
+        return 16
+    pictures.write_color(path, view.color)
+    return 8
 
 
 def scene_writers(folder: Path, completion: Completion) -> dict[str, Writer]:
