@@ -24,7 +24,7 @@ from dlama.apps import options
 from dlama.apps.cli import EXAMPLES, VERBS, join_lines, main
 from dlama.apps.terminal.flags import flags_of, with_flags
 from dlama.apps.verbs.measuring import options as evaluate_options
-from dlama.completion.options import field_texts
+from dlama.completion.options import options_in
 from dlama.inpainters import FILLERS
 from dlama.jobs.options import Results
 from test_docs import WORDS
@@ -121,9 +121,8 @@ def test_names_in_help_are_those_of_the_library() -> None:
     from dlama.evaluation.protocols.methods import NO_FILL
     from dlama.files.results.completion import BY_DEFAULT, RESULTS
 
-    (only, _) = dataclasses.fields(Results)
-    assert f"of {', '.join(RESULTS)} (" in field_texts(Results)["only"]
-    assert only.metadata["shown"].default == ",".join(BY_DEFAULT)
+    only = options_in(Results)["only"]
+    assert f"of {', '.join(RESULTS)} (" in only.text and only.default == ",".join(BY_DEFAULT)
     assert evaluate_options.NO_FILL == NO_FILL
     assert get_args(evaluate_options.Protocol) == get_args(Protocol)
     assert inspect.signature(dlama.view).parameters["pivot"].default == options.Move().pivot

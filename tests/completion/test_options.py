@@ -5,15 +5,15 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable
 from dataclasses import fields
-from typing import get_type_hints
+from typing import Literal, get_args, get_type_hints
 
 import pytest
 
 import dlama
 from dlama.apps.options import Method
 from dlama.apps.terminal.flags import flags_of
-from dlama.completion.options import OF_RECIPE, OptionKeywords, Options, options_of, typed_options
-from dlama.completion.recipes import RECIPES, Recipe
+from dlama.completion.options import OF_RECIPE, OptionKeywords, Options, options_in, options_of
+from dlama.completion.recipes import RECIPES, DepthBy, Recipe
 from dlama.errors import InputError, InputTypeError
 from dlama.geometry.rendering import MODES
 from dlama.jobs.parameters import METHOD
@@ -26,25 +26,24 @@ def test_keywords_flags_columns_and_the_page_have_the_fields_of_options() -> Non
     assert OptionKeywords.__annotations__.keys() == Options.__annotations__.keys() == set(NAMES)
     for name, annotation in Options.__annotations__.items():
         assert annotation == OptionKeywords.__annotations__[name].__forward_arg__
-    assert list(typed_options()) == list(flags_of(Method)) == list(METHOD) == NAMES
+    assert list(options_in(Options)) == list(flags_of(Method)) == list(METHOD) == NAMES
     assert {name: getattr(Method(), name) for name in NAMES} == {one.name: one.default for one in fields(Options)}
     assert set(PAGE_OPTIONS) <= set(NAMES)
 
 
 def test_help_shows_what_the_docstrings_of_the_fields_say() -> None:
     """Oracle: the source text of two fields."""
-    texts = {name: text for name, (_, _, text) in typed_options().items()}
+    texts = {name: one.text for name, one in options_in(Options).items()}
     assert texts["seed"].startswith("Fillers draw their random numbers from this")
     assert texts["dilate_holes"] == "Grow the holes of the new view by this many pixels (both recipes: 0)."
     assert get_type_hints(Method, include_extras=True)["seed"].__metadata__[0].help == texts["seed"]
 
 
 def test_the_closed_words_are_those_of_the_library() -> None:
-    typed = {name: kind for name, ((kind, _, _), _, _) in typed_options().items()}
-    assert typed["mode"] == MODES
-    for word in typed["depth_by"]:
-        assert Options(depth_by=word).settings.depth_by == word
-    assert typed_options()["recipe"][0].metavar == "|".join(RECIPES)
+    typed = options_in(Options)
+    assert typed["mode"].kind == Literal[MODES] | None and typed["mode"].metavar == "|".join(MODES)
+    assert typed["depth_by"].kind == DepthBy | None and typed["depth_by"].metavar == "|".join(get_args(DepthBy))
+    assert typed["recipe"].metavar == "|".join(RECIPES)
 
 
 @pytest.mark.parametrize("verb", [dlama.view, dlama.remove, dlama.stereo, dlama.complete])

@@ -9,15 +9,14 @@ import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, get_type_hints
+from typing import Annotated, Any, TypeVar
 
 from tyro.conf import arg
 
 from dlama.apps.model_files import model_for
-from dlama.completion.options import field_texts, typed_options
+from dlama.completion.options import Options, options_in
 from dlama.errors import InputError
 from dlama.jobs import options as groups
-from dlama.jobs.options import Shown
 from dlama.jobs.parameters import MASKING, is_pointed
 
 
@@ -49,24 +48,25 @@ def names_in(listed: str | None) -> tuple[str, ...] | None:
 T = TypeVar("T")
 
 
-def as_flags(cls: type[T]) -> type[T]:
-    """Decorator: the class as a dataclass whose fields are the options of its base, a group of `dlama.jobs.options`."""
-    group: Any = cls.__bases__[0]
-    texts, kinds, annotations = field_texts(group), get_type_hints(group), {}
-    for one in dataclasses.fields(group):
-        shown: Shown = one.metadata["shown"]
-        named = {"name": shown.flag} if shown.flag else {}
-        annotations[one.name] = Annotated[
-            kinds[one.name], option(shown.metavar, shown.default, help=texts[one.name], **named)
-        ]
-        setattr(cls, one.name, one.default)
-    cls.__annotations__ = annotations
-    cls.__doc__ = group.__doc__
-    return dataclass(frozen=True)(cls)
+def as_flags(group: Any, *names: str) -> Callable[[type[T]], type[T]]:
+    """Decorator: the class as a dataclass with these options of a group (all, if none is named) as its fields."""
+
+    def decorate(cls: type[T]) -> type[T]:
+        annotations = {}
+        for name, one in options_in(group).items():
+            if name in (names or (name,)):
+                named = {"name": one.flag} if one.flag else {}
+                annotations[name] = Annotated[one.kind, option(one.metavar, one.default, help=one.text, **named)]
+                setattr(cls, name, one.value)
+        cls.__annotations__ = annotations
+        cls.__doc__ = cls.__doc__ or group.__doc__
+        return dataclass(frozen=True)(cls)
+
+    return decorate
 
 
-@as_flags
-class Results(groups.Results): ...
+@as_flags(groups.Results)
+class Results: ...
 
 
 @dataclass(frozen=True)
@@ -79,32 +79,32 @@ class Report:
     """Print one JSON object instead of the summary: what was written, shares of holes, seconds, warnings."""
 
 
-@as_flags
-class Move(groups.Move): ...
+@as_flags(groups.Move)
+class Move: ...
 
 
-@as_flags
-class Lens(groups.Lens): ...
+@as_flags(groups.Lens)
+class Lens: ...
 
 
-@as_flags
-class Reading(groups.Reading): ...
+@as_flags(groups.Reading)
+class Reading: ...
 
 
-@as_flags
-class Estimating(groups.Estimating): ...
+@as_flags(groups.Estimating)
+class Estimating: ...
 
 
-@as_flags
-class Masking(groups.Masking): ...
+@as_flags(groups.Masking)
+class Masking: ...
 
 
-@as_flags
-class Pointing(groups.Pointing): ...
+@as_flags(groups.Pointing)
+class Pointing: ...
 
 
-@as_flags
-class Pair(groups.Pair): ...
+@as_flags(groups.Pair)
+class Pair: ...
 
 
 def given_options(*groups: Any) -> dict[str, Any]:
@@ -145,49 +145,16 @@ def check_of_object(given: Mapping[str, Any], *masks: Path | None) -> None:
             raise InputError(f"`{name}` is for clicks and boxes, and {instead}")
 
 
-def options_as_fields(*names: str) -> Callable[[type[T]], type[T]]:
-    """Decorator: the class as a dataclass with these options of the library (all, if none is named) as its fields."""
-
-    def decorate(cls: type[T]) -> type[T]:
-        found, annotations = typed_options(), {}
-        for name in names or found:
-            typed, default, text = found[name]
-            kind: Any = Literal[typed.kind] if isinstance(typed.kind, tuple) else typed.kind
-            kind = kind | None if default is None else kind
-            annotations[name] = Annotated[kind, option(typed.metavar, typed.default, help=text)]
-            setattr(cls, name, default)
-        cls.__annotations__ = annotations
-        return dataclass(frozen=True)(cls)
-
-    return decorate
-
-
-class LibraryOptions:
-    """Options of the library, as they are typed."""
-
-    if TYPE_CHECKING:
-        filler: str
-        model: str | None
-
-    def settings(self) -> dict[str, Any]:
-        """As keyword arguments of the verbs in Python."""
-        return vars(self) | {"model": self.network()}
-
-    def network(self) -> Path | None:
-        """The ONNX file of --model; a checkpoint is converted once, into the cache."""
-        return None if self.model is None else model_for(self.model)
-
-
-@options_as_fields()
-class Method(LibraryOptions):
+@as_flags(Options)
+class Method:
     """How the scene is completed."""
 
 
-@options_as_fields("filler", "model", "recipe", "dilate", "seed", "min_confidence")
-class SequenceMethod(LibraryOptions):
+@as_flags(Options, "filler", "model", "recipe", "dilate", "seed", "min_confidence")
+class SequenceMethod:
     """How a sequence is completed."""
 
 
-@options_as_fields("filler", "model", "seed")
-class Filler(LibraryOptions):
+@as_flags(Options, "filler", "model", "seed")
+class Filler:
     """What fills what no frame saw."""

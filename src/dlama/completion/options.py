@@ -1,6 +1,8 @@
 """The options of a completion, defined once: keywords of the verbs, flags of the command line, columns of a job list, fields of
 the page. Nothing that computes is imported before an `Options` is made, so that --help is quick."""
 
+# ruff: noqa: RUF009  (`option` makes a field, as `dataclasses.field` does)
+
 from __future__ import annotations
 
 import ast
@@ -10,7 +12,7 @@ import sys
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, fields
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple, TypedDict, TypeVar, get_type_hints
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypedDict, TypeVar, get_type_hints
 
 from dlama.errors import InputError, InputTypeError, marked_name
 from dlama.inpainters import AUTO
@@ -30,53 +32,72 @@ if TYPE_CHECKING:
 F = TypeVar("F", bound=Callable[..., Any])
 RECIPE_NAMES = ("dlama", "paper")
 """Names of the recipes, the default first."""
-MODES, DEPTH_BY = ("surface", "points"), ("surfaces", "filler")
-"""Names of the ways of rendering, and of filling depth."""
 OF_RECIPE = ("mode", "dilate", "dilate_holes", "clip", "depth_by")
 """Options that replace single settings of the recipe."""
 
 
-class Typed(NamedTuple):
-    """How an option is typed in text."""
+class Option(NamedTuple):
+    """How an option is typed in text, and what it does: what its flag, its column and its field on the page are made from."""
 
-    kind: type | tuple[str, ...]
-    """str, int, float, or the closed set of its words."""
     metavar: str
     """What --help shows for its value."""
     default: str
     """What --help shows as its default."""
+    kind: Any
+    """The type of what is typed: str, int, float, Path, bool, a Literal of its words, tuples of them, or None."""
+    flag: str | None
+    """Its flag, where that is not its name."""
+    value: Any = None
+    """Its default."""
+    text: str = ""
+    """Its docstring, in one line."""
 
 
-def _typed(kind: type | tuple[str, ...], metavar: str, default: str) -> dict[str, Typed]:
-    return {"typed": Typed(kind, metavar, default)}
+def option(metavar: str, default: str = "none", value: Any = None, kind: Any = None, flag: str | None = None) -> Any:
+    """A field of a group of options (a dataclass in which every field has a docstring); value: its default; kind: how it is typed
+    in text, where that is not the field's own type."""
+    return field(default=value, metadata={"option": Option(metavar, default, kind, flag)})
+
+
+@functools.cache
+def options_in(group: Any) -> dict[str, Option]:
+    """The options of a group, by name."""
+    (cls,) = ast.parse(inspect.getsource(group)).body
+    texts = [ast.literal_eval(one.value) for one in cls.body[1:] if isinstance(one, ast.Expr)]  # type: ignore[attr-defined]
+    found: dict[str, Option] = {}
+    for one, text in zip(fields(group), texts):
+        typed: Option = one.metadata["option"]
+        kind = get_type_hints(group)[one.name] if typed.kind is None else typed.kind
+        found[one.name] = typed._replace(kind=kind, value=one.default, text=" ".join(text.split()))
+    return found
 
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
     """How a scene is completed. InputError names every option that cannot be, and those that contradict each other."""
 
-    filler: str | Inpainter = field(default=AUTO, metadata=_typed(str, "NAME", AUTO))
+    filler: str | Inpainter = option("NAME", AUTO, AUTO, kind=str)
     """What fills the holes: layered continues planes and sky from behind, telea diffuses; migan runs a network that comes with
     the package, patchmatch adds patches of the picture to what that one guesses, layered-patches mixes it with layered and with
     patches; auto is layered-patches, or patchmatch where depth is estimated; lama, joint and pair (stereo only) run that of
     model. In Python also a function (view, context, seed) -> Fill."""
-    model: str | Path | None = field(default=None, metadata=_typed(str, "FILE|NAME", "none"))
+    model: str | Path | None = option("FILE|NAME", kind=str | None)
     """Network of a filler that runs one: an ONNX or LaMa file, or a name of `dlama models list`."""
-    recipe: str | Recipe = field(default="dlama", metadata=_typed(str, "|".join(RECIPE_NAMES), "dlama"))
+    recipe: str | Recipe = option("|".join(RECIPE_NAMES), "dlama", "dlama", kind=str)
     """dlama: surfaces, metric depth; paper: as published (points, 10 m clip, 8-bit depth, 3 px dilation)."""
-    mode: Mode | None = field(default=None, metadata=_typed(MODES, "|".join(MODES), "the recipe's"))
+    mode: Mode | None = option("surface|points", "the recipe's", kind=Literal["surface", "points"] | None)
     """Draw the pixel grid as a surface cut at depth edges, or project each pixel to the nearest one."""
-    dilate: int | None = field(default=None, metadata=_typed(int, "PX", "the recipe's"))
+    dilate: int | None = option("PX", "the recipe's", kind=int | None)
     """Grow the mask by this many pixels before the object is removed (both recipes: 3; dlama: 6 in a depth camera's picture)."""
-    dilate_holes: int | None = field(default=None, metadata=_typed(int, "PX", "the recipe's"))
+    dilate_holes: int | None = option("PX", "the recipe's", kind=int | None)
     """Grow the holes of the new view by this many pixels (both recipes: 0)."""
-    clip: float | None = field(default=None, metadata=_typed(float, "METRES", "the recipe's"))
+    clip: float | None = option("METRES", "the recipe's", kind=float | None)
     """Put everything at or beyond this depth, sky too, at this depth (paper: 10)."""
-    depth_by: DepthBy | None = field(default=None, metadata=_typed(DEPTH_BY, "|".join(DEPTH_BY), "the recipe's"))
+    depth_by: DepthBy | None = option("surfaces|filler", "the recipe's", kind=Literal["surfaces", "filler"] | None)
     """Depth with telea, lama, migan, patchmatch: surfaces continued behind the hole, or the filler's own."""
-    seed: int = field(default=0, metadata=_typed(int, "N", "0"))
+    seed: int = option("N", "0", 0, kind=int)
     """Fillers draw their random numbers from this; the same seed gives the same pixels."""
-    min_confidence: float = field(default=0.0, metadata=_typed(float, "P", "0"))
+    min_confidence: float = option("P", "0", 0.0, kind=float)
     """Leave open what is filled and right with a smaller probability (0 to 1), in pictures, clouds and meshes."""
 
     def __post_init__(self) -> None:
@@ -150,20 +171,6 @@ def raise_all(checks: Iterable[Callable[[], Any]]) -> None:
             wrong.append(error)
     if wrong:
         raise type(wrong[0])("; ".join(dict.fromkeys(error.marked for error in wrong)))
-
-
-@functools.lru_cache(None)
-def typed_options() -> dict[str, tuple[Typed, Any, str]]:
-    """Option -> how it is typed in text, its default, and what it does, for the command line."""
-    texts = field_texts(Options)
-    return {one.name: (one.metadata["typed"], one.default, texts[one.name]) for one in fields(Options)}
-
-
-def field_texts(group: type[Any]) -> dict[str, str]:
-    """Field -> its docstring in one line, of a dataclass in which every field has one."""
-    (cls,) = ast.parse(inspect.getsource(group)).body
-    texts = [ast.literal_eval(one.value) for one in cls.body[1:] if isinstance(one, ast.Expr)]  # type: ignore[attr-defined]
-    return {one.name: " ".join(text.split()) for one, text in zip(fields(group), texts)}
 
 
 @functools.lru_cache(None)

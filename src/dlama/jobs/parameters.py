@@ -11,9 +11,9 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal, get_args, get_origin, get_type_hints
+from typing import Any, Literal, get_args, get_origin
 
-from dlama.completion.options import raise_all, typed_options
+from dlama.completion.options import Options, options_in, raise_all
 from dlama.errors import InputError
 from dlama.inpainters import FILLER_NAMES
 from dlama.jobs import options
@@ -146,14 +146,15 @@ def _split_values(name: str, value: Any, expected: str, count: int | None = None
 
 KINDS: dict[Any, Parse] = {str: text, Path: text, int: whole_number, float: number, bool: switch}
 OWN_FORM: dict[str, Parse] = {
-    "pivot": pivot, "metres_at": metres_at, "click": points, "not_click": points, "box": box, "only": results, "also": results
+    "pivot": pivot, "metres_at": metres_at, "click": points, "not_click": points, "box": box, "only": results, "also": results,
+    "filler": one_of(*FILLER_NAMES),
 }  # fmt: skip
 """Options that are more than one value of such a kind."""
 
 
-def parsers(group: type[Any]) -> dict[str, Parse]:
-    """The options of a group of `dlama.jobs.options`, with what reads each."""
-    return {name: OWN_FORM.get(name) or parser_of(kind) for name, kind in get_type_hints(group).items()}
+def parsers(group: Any) -> dict[str, Parse]:
+    """The options of a group, with what reads each."""
+    return {name: OWN_FORM.get(name) or parser_of(one.kind) for name, one in options_in(group).items()}
 
 
 def parser_of(kind: Any) -> Parse:
@@ -166,10 +167,7 @@ def parser_of(kind: Any) -> Parse:
 MOVE, LENS, READING = parsers(options.Move), parsers(options.Lens), parsers(options.Reading)
 ESTIMATING, MASKING, POINTING = parsers(options.Estimating), parsers(options.Masking), parsers(options.Pointing)
 RESULTS = parsers(options.Results)
-METHOD: dict[str, Parse] = {
-    name: one_of(*typed.kind) if isinstance(typed.kind, tuple) else KINDS[typed.kind]
-    for name, (typed, _, _) in typed_options().items()
-} | {"filler": one_of(*FILLER_NAMES)}
+METHOD = parsers(Options)
 PAIR: dict[str, Parse] = {
     **dict.fromkeys(("left", "right", "calib", "mask", "mask_right", "disparity"), text),
     **parsers(options.Pair),

@@ -63,7 +63,7 @@ def photo3d(
         source: dlama.RGBD | dlama.Scene
         if image.is_dir() or is_capture_file(image):
             refuse_of_pictures(p, "a data set", ("camera", "depth_range"))
-            source = read_scene_of(image, camera=lens.camera, depth_range=reading.depth_range).scene
+            source = read_scene_of(image, camera=given.get("camera"), depth_range=given.get("depth_range")).scene
         else:
             source = this.read_source(p)
         done = dlama.photo3d(source, angle=angle, distance=distance, **select(p, METHOD))

@@ -87,7 +87,7 @@ def sequence(
         with show_progress("sequence", report) as progress:
             options = {"masks": found, "views": views, **vars(source)}
             options |= {"only": names_in(only), "also": names_in(also) or ()}
-            meta = dlama.sequence(dataset, output, progress=progress, **options, **method.settings())
+            meta = dlama.sequence(dataset, output, progress=progress, **options, **given_options(method))
         result.add(summary_line(meta, output, time.perf_counter() - started), **summary_values(meta, output))
 
 

@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING, Annotated
 from tyro.conf import Positional
 
 import dlama
-from dlama.apps.options import Filler, Report, option
+from dlama.apps.options import Filler, Report, given_options, option
 from dlama.apps.places import check_file_apart
 from dlama.apps.terminal.output import counting_bar, report_result
 from dlama.apps.verbs.sequence import Source
 from dlama.errors import format_count
+from dlama.inpainters import AUTO
 
 if TYPE_CHECKING:
     from dlama.geometry.rgbd import UInt8Array
@@ -55,8 +56,9 @@ def video(
         options = dict(vars(frames))
         scene = read_scene_of(source, options.pop("frames"), **options).scene
         cameras = path_for(path, scene, seconds, fps, width)
-        chosen = choose_filler(scene, filler.filler, filler.model).name
-        views = dlama.render_path(scene, cameras, **filler.settings() | {"filler": chosen})
+        how = given_options(filler)
+        chosen = choose_filler(scene, how.pop("filler", AUTO), how.get("model")).name
+        views = dlama.render_path(scene, cameras, filler=chosen, **how)
 
         def pictures() -> Iterator[UInt8Array]:
             for number, view in enumerate(views, 1):
