@@ -55,7 +55,7 @@ def check_arguments(function: Callable[..., Any], given: Mapping[str, object]) -
     The message names the parameter, or its element (`inputs['depth']`, `cameras[1]`), the type that came and what is expected.
     """
     for name, annotation in _annotations(function).items():
-        if name in given:
+        if name in given and not isinstance(given[name], _classes(annotation)):
             check(given[name], annotation, name)
 
 

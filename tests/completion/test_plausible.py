@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from box_frame import CAMERA, WORLD
-from dlama.completion.plausible import share_out_of_view
+from dlama.completion.report import share_out_of_view
 from dlama.completion.verbs import remove, view
 from dlama.errors import InputTypeError
 from dlama.files.cameras import camera_for

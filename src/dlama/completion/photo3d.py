@@ -13,8 +13,7 @@ import numpy as np
 from dlama.arguments import check_arguments
 from dlama.completion.memory import check_memory
 from dlama.completion.options import Options
-from dlama.completion.plausible import warn_of_scale
-from dlama.completion.report import Clock, Record, about_depth, meta_data
+from dlama.completion.report import Clock, Record, about_depth, meta_data, warn_of_scale
 from dlama.completion.start import Plan, plan_for, scene_of
 from dlama.completion.steps import CompletedView, complete_frame, complete_view, frames_to_fill
 from dlama.geometry.camera import Camera

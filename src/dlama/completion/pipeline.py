@@ -14,8 +14,15 @@ from dlama.arguments import check_arguments
 from dlama.completion.completion import Completion
 from dlama.completion.memory import check_memory
 from dlama.completion.options import OptionKeywords, Options, Unpack, options_of, take_options
-from dlama.completion.plausible import warn_of_scale, warn_of_unknown
-from dlama.completion.report import Clock, Record, about_depth, expected_errors, meta_data
+from dlama.completion.report import (
+    Clock,
+    Record,
+    about_depth,
+    expected_errors,
+    meta_data,
+    warn_of_scale,
+    warn_of_unknown,
+)
 from dlama.completion.start import choose_filler, may_estimate_again, plan_for, scene_of
 from dlama.completion.steps import complete_views, fill
 from dlama.errors import InputError
@@ -74,7 +81,7 @@ def complete(
     views, warped = tuple(one.view for one in completed), tuple(one.before for one in completed)
     if mask is None:
         warn_of_unknown(source, warped)
-    record = Record([report for _, report in fills], clock.seconds, grown_mask, [one.grown for one in completed])
+    record = Record(fills, clock.seconds, grown_mask, [one.grown for one in completed])
     meta = about_depth(rgbd, start) | meta_data(plan, scene.frames[0].load(), warped, record) | expected_errors(views)
     return Completion(views, warped, scene, source, meta).with_min_confidence(chosen.min_confidence)
 

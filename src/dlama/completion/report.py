@@ -1,9 +1,11 @@
-"""What the steps of a completion did, and how long they took, in; its meta data, JSON-ready, out."""
+"""What a completion was given, what its steps did, and how long they took, in; its meta data, JSON-ready, and one-line warnings
+(UserWarning) of the likeliest mistakes out."""
 
 from __future__ import annotations
 
 import dataclasses
 import time
+import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -12,13 +14,22 @@ from typing import Any
 import numpy as np
 
 from dlama.completion.start import NO_DILATION, Dilation, Plan
+from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType, from_filler
+from dlama.geometry.projection import px_from_px
 from dlama.geometry.rendering import find_flying_pixels
-from dlama.geometry.rgbd import RGBD
+from dlama.geometry.rgbd import PLAUSIBLE_M, RGBD, Float32Array, is_valid
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.inpainters.filling import FillReport
 from dlama.progress import begin_stage
+
+MOST_UNKNOWN = 0.5
+"""Share of a view: where more is unknown, depth and the camera's move do not fit together."""
+BEYOND_TURN = 0.1
+"""Share of a view that may be unknown beyond what the camera's turn alone shows anew (measured: right depth stays 0.05 below)."""
+EVERY = 4
+"""Rows and columns between the pixels of which a median is taken."""
 
 
 class Clock:
@@ -91,18 +102,12 @@ def hole_shares(view: View) -> dict[str, float]:
     return {kind.name.lower(): float(counts[kind]) / view.hole_type.size for kind in HoleType if kind}
 
 
-def depth_source(rgbd: RGBD) -> dict[str, Any]:
-    """Where the depth of the source comes from, for meta.json: `depth`, measured or estimated; `depth_estimate`, how."""
-    if rgbd.estimate is None:
-        return {"depth": "measured"}
-    return {"depth": "estimated", "depth_estimate": dict(rgbd.estimate)}
-
-
-def about_depth(rgbd: object, scene: Scene) -> dict[str, Any]:
-    """For meta.json: where the depth of a scene, made of `rgbd`, comes from; of many frames their numbers, gains and
-    noise."""
-    if isinstance(rgbd, RGBD):
-        return depth_source(rgbd)
+def about_depth(rgbd: object, scene: Scene | None = None) -> dict[str, Any]:
+    """For meta.json: where the depth of a picture comes from, and how it was estimated; of a scene of several frames
+    their numbers, gains and noise, too."""
+    if isinstance(rgbd, RGBD) or scene is None:
+        estimate = getattr(rgbd, "estimate", None)
+        return {"depth": "measured"} if estimate is None else {"depth": "estimated", "depth_estimate": dict(estimate)}
     about: dict[str, Any] = {"depth": "estimated" if scene.has_estimated_depth else "measured"}
     if len(scene.frames) > 1:
         about["frames"] = {
@@ -128,3 +133,68 @@ def expected_errors(views: Sequence[View]) -> dict[str, Any]:
 def share(where: np.ndarray) -> float:
     """Share of a bool picture that is True, 0..1."""
     return round(float(where.mean()), 6)
+
+
+def warn_of_scale(depth: Float32Array) -> None:
+    """Depth (H x W) that can hardly be metres, or that is missing everywhere."""
+    median = median_depth(depth)
+    if not (depth > 0).any():
+        _warn(
+            "no pixel has a depth (0 and NaN are missing): nothing is known from elsewhere, and filled depth is a guess"
+        )
+    elif median > PLAUSIBLE_M[1]:
+        _warn(
+            f"the median depth is {median:.4g} m: metres are expected; divide millimetres by 1000 (`depth_scale=1000` of a file)"
+        )
+    elif 0 < median < PLAUSIBLE_M[0]:
+        _warn(
+            f"the median depth is {median:.4g} m: metres are expected; check the clip, the known depth of an estimate, or the "
+            "baseline of a stereo pair"
+        )
+
+
+def warn_of_disparity(rgbd: RGBD) -> None:
+    """A pair of which all is as far as the sky."""
+    if rgbd.far.any() and not rgbd.valid.any():
+        _warn(
+            "all of the pair is far: its disparities are next to nothing; check their unit (`disparity_scale` of a file), the "
+            "order of the pictures and the calibration"
+        )
+
+
+def warn_of_unknown(rgbd: RGBD | View, warped: Sequence[View]) -> None:
+    """A view of which hardly anything is known, although the camera has hardly turned away from what the picture shows."""
+    shares = [float(view.color_hole.mean()) for view in warped]
+    odd = [
+        share
+        for share, view in zip(shares, warped)
+        if MOST_UNKNOWN < share < 1 and share > share_out_of_view(rgbd.camera, view.camera) + BEYOND_TURN
+    ]
+    if not odd:  # of nothing at all meta.json speaks
+        return
+    median = median_depth(rgbd.depth)
+    _warn(
+        f"{100 * max(odd):.0f} % of the view is unknown, with a median depth of {median:.3g} m: if the scene is not that "
+        "near or far, its scale is wrong (see `depth_scale`: TUM 5000, KITTI 256, millimetres 1000); else move the camera less"
+    )
+
+
+def share_out_of_view(source: Camera, target: Camera) -> float:
+    """Share of the target's pixels (0..1) whose direction the source's picture does not hold: unknown by its turn alone."""
+    columns, rows = np.meshgrid(np.arange(0, target.width, EVERY) + 0.5, np.arange(0, target.height, EVERY) + 0.5)
+    x, y, ahead = px_from_px(source, target)[0] @ np.stack([columns.ravel(), rows.ravel(), np.ones(columns.size)])
+    front = ahead > 0
+    x, y = x[front] / ahead[front], y[front] / ahead[front]
+    inside = (x >= 0) & (x < source.width) & (y >= 0) & (y < source.height)
+    return 1 - float(inside.sum()) / columns.size
+
+
+def median_depth(depth: Float32Array) -> float:
+    """Metres, of some of the valid pixels (depth: H x W); 0 where there are none."""
+    some = depth[::EVERY, ::EVERY]
+    valid = some[is_valid(some)]
+    return float(np.median(valid)) if valid.size else 0.0
+
+
+def _warn(message: str) -> None:
+    warnings.warn(message, UserWarning, stacklevel=4)

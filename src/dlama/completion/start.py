@@ -5,6 +5,7 @@ What is chosen for a scene is chosen here, once, with its reason: the filler tha
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -14,7 +15,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dlama.completion.options import Options
-from dlama.completion.plausible import warn_of_mask
 from dlama.completion.recipes import Recipe
 from dlama.errors import InputError
 from dlama.geometry.camera import Camera
@@ -31,6 +31,7 @@ from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Inpainter
 from dlama.inpainters.grey_depth import with_grey_depth
 from dlama.inpainters.layered.depth_first import paint_over_depth
+from dlama.perception.diagnosis.masks import looks_inverted
 from dlama.perception.monocular import DEFAULT
 
 
@@ -69,25 +70,16 @@ class Dilation(NamedTuple):
 NO_DILATION = Dilation(0, 0)
 
 
-@dataclass(frozen=True)
-class FillerChoice:
-    """A filler, and why that one."""
+class FillerChoice(NamedTuple):
+    """A filler, its name, and why that one."""
 
     filler: str | Inpainter
+    name: str
     reason: str
 
     @property
-    def name(self) -> str:
-        """For meta.json."""
-        return (
-            self.filler
-            if isinstance(self.filler, str)
-            else getattr(self.filler, "__name__", type(self.filler).__name__)
-        )
-
-    @property
     def decision(self) -> dict[str, dict[str, Any]]:
-        """For meta.json: the name, and why."""
+        """For meta.json."""
         return {"filler": {"name": self.name, "reason": self.reason}}
 
 
@@ -126,11 +118,12 @@ def choose_filler(scene: Scene, filler: str | Inpainter = AUTO, model: str | Pat
     InputError: a model for `auto`.
     """
     if filler != AUTO:
-        return FillerChoice(filler, "as given")
+        named = filler if isinstance(filler, str) else getattr(filler, "__name__", type(filler).__name__)
+        return FillerChoice(filler, named, "as given")
     refuse_model_of_auto(filler, model)
     if scene.has_estimated_depth:
-        return FillerChoice(ESTIMATED, "a network estimated the depth")
-    return FillerChoice(MEASURED, "the depth was measured")
+        return FillerChoice(ESTIMATED, ESTIMATED, "a network estimated the depth")
+    return FillerChoice(MEASURED, MEASURED, "the depth was measured")
 
 
 def refuse_model_of_auto(filler: str | Inpainter, model: str | Path | None) -> None:
@@ -159,6 +152,18 @@ def describe_padding(scene: Scene) -> dict[str, dict[str, Any]]:
     pixels = sum(int(np.count_nonzero(one.hole_type == HoleType.OUT_OF_VIEW.value)) for one in measured)
     reason = "a white or black frame without depth runs round the picture: it is filled, as all that is out of view"
     return {"padding": {"pixels": pixels, "reason": reason}} if pixels else {}
+
+
+def warn_of_mask(mask: BoolArray | Mapping[int, BoolArray]) -> None:
+    """Warn of a mask, or one of several frames, that removes most of the picture."""
+    for one in map(np.asarray, mask.values() if isinstance(mask, Mapping) else (mask,)):
+        if looks_inverted(one):
+            warnings.warn(
+                f"the mask removes {100 * float(one.mean()):.0f} % of the picture: if it marks what stays, it is inverted "
+                "(`mask_polarity` turns it round)",
+                UserWarning,
+                stacklevel=4,
+            )
 
 
 def plan_for(

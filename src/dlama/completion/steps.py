@@ -189,21 +189,21 @@ def complete_view(
 
 def complete_views(
     plan: Plan, scene: Scene, cameras: Sequence[Camera], clock: StageClock, *, again: bool
-) -> tuple[list[CompletedView], list[tuple[Camera, FillReport]], Scene]:
-    """The views of cameras, each of which sees what was filled before; what was filled, and for which camera, frames first; and
-    the scene with it. again: whether estimated depth behind removed objects is estimated again (`second_estimate`)."""
+) -> tuple[list[CompletedView], list[FillReport], Scene]:
+    """The views of cameras, each of which sees what was filled before; the reports of all that was filled, frames first; and the
+    scene with it. again: whether estimated depth behind removed objects is estimated again (`second_estimate`)."""
     completed: list[CompletedView] = []
-    fills: list[tuple[Camera, FillReport]] = []
+    fills: list[FillReport] = []
     for place in frames_to_fill(plan, scene, cameras):
         found, scene = complete_frame(plan, scene, place, clock)
-        fills += ((found.view.camera, report) for report in found.reports)
+        fills += found.reports
         if again and found.reports[1].hole_pixels:
             with clock("fill"):
                 plan, scene, report = estimate_again(plan, scene, place, found.view)
-            fills.append((found.view.camera, report))
+            fills.append(report)
         del found  # the scene holds what was filled
     for camera in cameras:
         found, scene = complete_view(plan, scene, camera, clock)
-        fills += ((camera, report) for report in found.reports)
+        fills += found.reports
         completed.append(found)
     return completed, fills, scene

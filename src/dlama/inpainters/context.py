@@ -7,7 +7,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from dlama.arguments import check
+from dlama.arguments import check_arguments
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import from_source
 from dlama.geometry.drawing.picture_edges import align_edges
@@ -43,7 +43,7 @@ class FillContext:
     @classmethod
     def of(cls, scene: Scene) -> FillContext:
         """The context of a scene, for all cameras."""
-        check(scene, Scene, "scene")
+        check_arguments(cls.of, locals())
         if len(scene.frames) > 1 and sum(4 * one.camera.width * one.camera.height for one in scene.frames) > HELD_BYTES:
             return cls(Law(()), scene=scene)
         sky = sky_of(scene)

@@ -17,7 +17,6 @@ from dlama.inpainters import find_filler
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import inpaint
 from dlama.inpainters.networks.engine import Engine, OpenEngines, open_engine
-from dlama.inpainters.networks.lama import lama_filler
 from dlama.inpainters.networks.migan import (
     fill_depth,
     fill_picture,
@@ -25,7 +24,7 @@ from dlama.inpainters.networks.migan import (
     smooth_quantised,
 )
 from dlama.models.network_file import PROVIDERS
-from tiny_networks import constant, contract, contract_of_planes, echo_mask, written
+from tiny_networks import constant, contract, echo_mask, written
 
 pytest.importorskip("onnxruntime")
 NOTHING = FillContext(Law(()))
@@ -105,17 +104,9 @@ def test_ranges_are_kept(tmp_path: Path) -> None:
     np.testing.assert_allclose(out[..., ~hole], 0.3, atol=1e-6)
 
 
-def test_a_file_without_a_contract_needs_one_by_hand(tmp_path: Path) -> None:
-    """Law: refused with the way out; with the contract by hand it runs."""
-    bare = written(tmp_path / "bare.onnx", 3, np.zeros((3, 4)), 0.4, about={})
-    with pytest.raises(InputError, match=r"bare\.onnx: carries no contract .*by hand"):
-        inpaint(holed(), find_filler("lama", bare), NOTHING)
-    after, _ = inpaint(holed(), lama_filler(bare, contract_of_planes(3)), NOTHING)
-    assert (after.color[after.filled] == 102).all()
-
-
 def test_bad_files_are_refused(tmp_path: Path) -> None:
-    """Law: no file, no ONNX, other channels, a contract that lies, values that are not finite; each names the file."""
+    """Law: no file, no ONNX, no contract, other channels, a contract that lies, values that are not finite; each names the
+    file."""
     (tmp_path / "text.onnx").write_text("no network")
     three = constant(tmp_path / "three.onnx", 3, 0.1, 0.1, 0.1)
     lying = written(tmp_path / "lying.onnx", 3, np.zeros((3, 4)), about=contract(4))
@@ -124,6 +115,11 @@ def test_bad_files_are_refused(tmp_path: Path) -> None:
         find_filler("lama", tmp_path / "none.onnx")
     for name, path, told in (
         ("lama", tmp_path / "text.onnx", "text.onnx: cannot be opened .*dlama models convert"),
+        (
+            "lama",
+            written(tmp_path / "bare.onnx", 3, np.zeros((3, 4)), about={}),
+            r"bare\.onnx: carries no contract .*convert",
+        ),
         ("joint", three, "three.onnx: takes 4 planes .*'lama' runs it"),
         ("migan", three, "three.onnx: is a network 'lama' by its contract; MI-GAN is expected"),
         ("joint", lying, "lying.onnx: the graph has 4 planes"),

@@ -20,9 +20,8 @@ from dlama.arguments import check_arguments, check_word
 from dlama.completion.completion import StereoCompletion
 from dlama.completion.memory import check_memory
 from dlama.completion.options import OptionKeywords, Options, Unpack, options_of, take_options
-from dlama.completion.plausible import warn_of_disparity, warn_of_scale
 from dlama.completion.recipes import Recipe
-from dlama.completion.report import Clock, Record
+from dlama.completion.report import Clock, Record, warn_of_disparity, warn_of_scale
 from dlama.completion.start import (
     Plan,
     choose_filler,

@@ -13,8 +13,7 @@ from dlama.arguments import check_arguments
 from dlama.completion.completion import above_confidence, scene_above
 from dlama.completion.memory import check_memory
 from dlama.completion.options import Options
-from dlama.completion.plausible import warn_of_scale
-from dlama.completion.report import share
+from dlama.completion.report import share, warn_of_scale
 from dlama.completion.start import Plan, plan_for
 from dlama.completion.steps import CompletedView, complete_frame, complete_view, frames_to_fill
 from dlama.datasets.posed.nerfstudio import FOLDERS, MASKS, write_transforms, write_view

@@ -26,18 +26,15 @@ BUDGET = 640 * 640
 class Engine(NetworkFile):
     """A network file that fills: with its contract, and the crops that it takes."""
 
-    given: Contract | None = None
-    """The contract by hand, for a file that has none; a file's own goes first."""
     budget: int = BUDGET
 
     @cached_property
     def contract(self) -> Contract:
-        """The file's contract, or the given one; checked against the graph. InputError and FileError."""
-        found = from_metadata(self.metadata, str(self.path)) or self.given
+        """The file's contract, checked against the graph. InputError and FileError."""
+        found = from_metadata(self.metadata, str(self.path))
         if found is None:
             raise InputError(
-                f"{self.path}: carries no contract (metadata key dlama.contract); `dlama models convert` writes files "
-                "that do; in Python `dlama.inpainters.networks.contract.Contract` says one by hand"
+                f"{self.path}: carries no contract (metadata key dlama.contract); `dlama models convert` writes files that do"
             )
         ends = list(self.inputs.values())
         if len(ends) != 1 or ends[0][0] != "tensor(float)" or len(ends[0][1]) != 4:
@@ -96,13 +93,7 @@ OPEN = OpenEngines()
 """Of this process."""
 
 
-def open_engine(
-    model: str | Path | Engine,
-    contract: Contract | None = None,
-    *,
-    budget: int = BUDGET,
-    memory_pattern: bool = True,
-) -> Engine:
+def open_engine(model: str | Path | Engine, *, budget: int = BUDGET, memory_pattern: bool = True) -> Engine:
     """The engine of a file, parameters as Engine's; the last few are kept open, so that methods in turn open each once.
 
     An engine comes back as it is: so every filler of a network takes a file or an engine with settings of its own. FileError
@@ -113,5 +104,5 @@ def open_engine(
     path = user_path(model)
     provider, threads = default_provider(), cores()
     stamp = file_stamp(path)
-    key = path, stamp, contract, provider, threads, budget, memory_pattern
-    return OPEN.get(key, stamp[1], lambda: Engine(path, provider, threads, memory_pattern, contract, budget))
+    key = path, stamp, provider, threads, budget, memory_pattern
+    return OPEN.get(key, stamp[1], lambda: Engine(path, provider, threads, memory_pattern, budget))

@@ -14,21 +14,18 @@ from dlama.geometry.view import View
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill, Inpainter, Painter
 from dlama.inpainters.grey_depth import channel_spread
-from dlama.inpainters.networks.contract import Contract, require_planes
+from dlama.inpainters.networks.contract import require_planes
 from dlama.inpainters.networks.engine import Engine, open_engine
 from dlama.inpainters.networks.view_tensors import DepthPlane, color_from_planes, color_planes, robust_scale
 
-BATCHED: tuple[str, ...] = ()
-"""Providers on which one pass for colour and depth was measured to be faster than two; none so far."""
 
-
-def lama_filler(model: str | Path | Engine, contract: Contract | None = None) -> Inpainter:
+def lama_filler(model: str | Path | Engine) -> Inpainter:
     """A filler of a network file, or of an engine that was opened with settings of its own. FileError where there is no file.
 
     Depth goes in as three equal planes of inverse depth on the scale of the view's nearest pixel, 0 = infinity, and
     comes back as their mean: float all the way.
     """
-    network = open_engine(model, contract)
+    network = open_engine(model)
 
     def checked() -> Engine:
         require_planes(network.contract, 3, str(network.path), "lama")
@@ -46,13 +43,8 @@ def lama_filler(model: str | Path | Engine, contract: Contract | None = None) ->
 def fill_color_and_depth(view: View, network: Engine) -> Fill:
     """Colour where it is not known, depth in the whole hole."""
     depth = DepthPlane.of(view)
-    color = color_planes(view.color)
-    grey = np.repeat(depth.values[None], 3, 0)
-    if network.running_on in BATCHED and (view.color_hole == view.hole).all():
-        color, grey = network.fill(np.stack([color, grey]), view.hole)
-    else:
-        color = network.fill(color[None], view.color_hole)[0]
-        grey = network.fill(grey[None], view.hole)[0]
+    color = network.fill(color_planes(view.color)[None], view.color_hole)[0]
+    grey = network.fill(np.repeat(depth.values[None], 3, 0)[None], view.hole)[0]
     spread = channel_spread(grey.transpose(1, 2, 0) * 255, view.hole)
     return Fill(
         color_from_planes(color), depth.metres(grey.mean(0)), notes=network.notes | {"depth_channel_spread": spread}

@@ -17,7 +17,7 @@ from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import View
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill, Painter
-from dlama.inpainters.networks.contract import Contract, require_planes
+from dlama.inpainters.networks.contract import require_planes
 from dlama.inpainters.networks.engine import Engine, open_engine
 from dlama.inpainters.networks.tiling import Network, fill_crops
 from dlama.inpainters.networks.view_tensors import color_from_planes, color_planes
@@ -77,6 +77,6 @@ def _with_two_masks(network: Engine) -> Network:
     return call
 
 
-def pair_filler(model: str | Path | Engine, contract: Contract | None = None) -> PairFiller:
+def pair_filler(model: str | Path | Engine) -> PairFiller:
     """The filler of a network file, or of an engine with settings of its own. FileError where there is no file."""
-    return PairFiller(open_engine(model, contract))
+    return PairFiller(open_engine(model))
