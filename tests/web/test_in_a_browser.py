@@ -166,7 +166,7 @@ def test_the_whole_way(pages: Pages, frame: Path, tmp_path: Path) -> None:
     download.value.save_as(tmp_path / "home.zip")
     with zipfile.ZipFile(tmp_path / "home.zip") as archive:
         assert archive.testzip() is None and "out/scene.glb" in archive.namelist()
-    playwright.expect(page.locator("#command")).to_contain_text("--click 30,24 --yaw=12")
+    playwright.expect(page.locator("#command")).to_contain_text("--click 30,24 --yaw 12")
 
 
 def test_filling_from_all_sides_is_cancelled(pages: Pages) -> None:

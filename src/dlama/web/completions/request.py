@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 from dlama.completion.options import RECIPE_NAMES, Options, options_of
@@ -26,20 +26,13 @@ LIMITS = {"yaw": 180.0, "pitch": 89.0, "dolly": 1000.0, "pivot": 10_000.0}
 
 @dataclass(frozen=True)
 class CompletionRequest:
-    """Where the camera is to stand, and how the scene is to be completed."""
+    """Where the camera is to stand, and how the scene is to be completed: keyword arguments of the verbs that differ from their
+    defaults."""
 
-    yaw: float = 0.0
-    pitch: float = 0.0
-    dolly: float = 0.0
-    pivot: float | str = "auto"
-    """Metres, or "auto"."""
-    method: Mapping[str, Any] = field(default_factory=dict)
-    """Options (PAGE_OPTIONS) that differ from their defaults."""
-
-    @property
-    def move(self) -> dict[str, Any]:
-        """Keyword arguments of `view` and `remove`."""
-        return {"yaw": self.yaw, "pitch": self.pitch, "pivot": self.pivot, "dolly": self.dolly}
+    move: Mapping[str, Any]
+    """yaw, pitch, dolly, pivot."""
+    method: Mapping[str, Any]
+    """Options (PAGE_OPTIONS)."""
 
     def camera(self, rgbd: RGBD) -> Camera:
         """Where it stands. InputError."""
@@ -48,20 +41,17 @@ class CompletionRequest:
 
 def read_request(fields: Mapping[str, Any]) -> CompletionRequest:
     """What the page asked for. PageError."""
-    values: dict[str, Any] = {}
+    move: dict[str, Any] = {}
     for name, most in LIMITS.items():
         given = fields.get(name)
-        if given in (None, ""):
+        if given in (None, "", "auto"):
             continue
-        if name == "pivot" and given == "auto":
-            values[name] = "auto"
-            continue
-        values[name] = number(name, given, "move")
-        if not (0 if name == "pivot" else -most) <= values[name] <= most:
+        move[name] = number(name, given, "move")
+        if not (0 if name == "pivot" else -most) <= move[name] <= most:
             raise PageError(
-                f"`{name}` is {values[name]:g}; {0 if name == 'pivot' else -most:g} to {most:g} is expected", "move"
+                f"`{name}` is {move[name]:g}; {0 if name == 'pivot' else -most:g} to {most:g} is expected", "move"
             )
-    return CompletionRequest(**values, method=read_method(fields))
+    return CompletionRequest({name: value for name, value in move.items() if value}, read_method(fields))
 
 
 def read_method(fields: Mapping[str, Any]) -> dict[str, Any]:

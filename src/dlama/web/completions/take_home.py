@@ -12,15 +12,17 @@ from pathlib import Path
 from typing import Any
 
 import dlama
+from dlama.completion.options import options_in
 from dlama.files.rasters.images import has_16_bits
 from dlama.files.rasters.pictures import write_mask
 from dlama.files.results.completion import RESULTS, file_names
 from dlama.files.results.meta_json import as_json
 from dlama.files.scenes.photo3d_page import photo3d_page
+from dlama.jobs.options import Pointing
+from dlama.jobs.parameters import ESTIMATING, LENS, METHOD, MOVE, POINTING, READING
 from dlama.web.answers import PageError, hide_paths
-from dlama.web.completions.request import CompletionRequest
 from dlama.web.inputs import Source
-from dlama.web.marks import Marks, pointing
+from dlama.web.marks import pointing
 from dlama.web.visits import Result
 
 OUT = "out"
@@ -29,6 +31,14 @@ EVERY = tuple(name for name in RESULTS if name != "mask")
 """What can be taken home as single files; the zip has those that the command line writes."""
 PACKED = (".json", ".txt")
 """Endings that a zip makes smaller."""
+FILES = {"view": ("image", "depth"), "remove": ("image", "depth", "mask"), "stereo": ("left", "right")}
+"""Verb -> its files that have no flag, in their order."""
+FLAGS = {name: one.flag for name, one in options_in(Pointing).items() if one.flag}
+"""Parameter -> its flag, where that is not its name."""
+OF_JOBS = {"clicks": "click", "not_clicks": "not_click"}
+"""Parameters of `find_mask` -> those of jobs, which are words one by one."""
+AT_DEFAULT: tuple[Any, ...] = ((), None, "object", False)
+"""Values of parameters of `find_mask` that say nothing."""
 
 
 def verb_of(source: Source, masked: bool) -> str:
@@ -43,87 +53,73 @@ def needs_mask_file(result: Result) -> bool:
     )
 
 
+def parameters_of(result: Result) -> dict[str, Any]:
+    """The parameters of the job that gives the result again, with the visitor's names of the files; those at their defaults are
+    left away."""
+    source = result.source
+    names = {role: upload.name for role, upload in source.files.items()}
+    p: dict[str, Any] = {"image" if source.pair is None else "left": names.pop("picture"), **names, **source.options}
+    if needs_mask_file(result):
+        p["mask"] = MASK
+    elif result.mask is not None and result.marks is not None:
+        p |= {
+            OF_JOBS.get(name, name): value for name, value in pointing(result.marks).items() if value not in AT_DEFAULT
+        }
+    if source.pair is None:
+        p |= result.request.move or ({"yaw": 0.0} if result.mask is None else {})
+    return p | dict(result.request.method)
+
+
 def command(result: Result) -> list[str]:
     """The words of the command line."""
-    source, files = result.source, {role: upload.name for role, upload in result.source.files.items()}
-    verb = verb_of(source, result.mask is not None)
-    words = ["dlama", verb, files["picture"]]
-    if verb == "stereo":
-        words += [files["right"], "--calib", files["calib"]]
-        words += ["--mask", MASK] if result.mask is not None else []
-    else:
-        words += [files["depth"]] if "depth" in files else []
-        words += [MASK] if needs_mask_file(result) else []
-        words += ["--camera", files["camera"]] if "camera" in files else []
-        words += option_words(source.options)
-        if result.mask is not None and not needs_mask_file(result) and result.marks is not None:
-            words += marks_words(result.marks)
-        words += move_words(result.request, needed=verb == "view")
-    return [*words, *option_words(result.request.method), "-o", OUT]
+    verb, p = verb_of(result.source, result.mask is not None), parameters_of(result)
+    words = ["dlama", verb, *(p.pop(role) for role in FILES[verb] if role in p)]
+    for name, value in p.items():
+        flag, texts = f"--{FLAGS.get(name, name.replace('_', '-'))}", format_values(name, value)
+        words += [f"{flag}={texts[0]}"] if texts and texts[0].startswith("-") else [flag, *texts]
+    return [*words, "-o", OUT]
 
 
-def option_words(options: Mapping[str, Any]) -> list[str]:
-    """Keyword arguments as flags."""
-    words = []
-    for name, value in options.items():
-        flag = f"--{name.replace('_', '-')}"
-        if name == "metres_at":
-            words += [flag, *(f"{x:g},{y:g}={metres:g}" for x, y, metres in value)]
-        else:
-            words += [flag, format_value(value)]
-    return words
+def format_values(name: str, value: Any) -> list[str]:
+    """A parameter's value as it is typed, word by word."""
+    if name == "metres_at":
+        return [f"{x:g},{y:g}={metres:g}" for x, y, metres in value]
+    if value is True:
+        return []
+    lists = value if name in OF_JOBS.values() else (value,)
+    return [",".join(map(format_value, one)) if isinstance(one, (tuple, list)) else format_value(one) for one in lists]
 
 
 def format_value(value: Any) -> str:
-    """A value as it is typed."""
+    """A number or a name as it is typed."""
     return repr(value).removesuffix(".0") if isinstance(value, float) else str(value)
-
-
-def marks_words(marks: Marks) -> list[str]:
-    """Clicks and a box as flags."""
-    words = []
-    for flag, points in (("--click", marks.clicks), ("--not", marks.not_clicks)):
-        if points:
-            words += [flag, *(",".join(map(format_value, one)) for one in points)]
-    if marks.box:
-        words.append(f"--box={','.join(map(format_value, marks.box))}")
-    if marks.candidate != "object":
-        words += ["--candidate", marks.candidate]
-    return [*words, "--with-shadow"] if marks.with_shadow else words
-
-
-def move_words(request: CompletionRequest, needed: bool) -> list[str]:
-    """The camera's move as flags; `needed`: at least one."""
-    moves = {"yaw": request.yaw, "pitch": request.pitch, "dolly": request.dolly}
-    words = [f"--{name}={format_value(value)}" for name, value in moves.items() if value]
-    if not words and needed:
-        words = ["--yaw=0"]
-    return [*words, f"--pivot={format_value(request.pivot)}"] if words and request.pivot != "auto" else words
 
 
 def python_lines(result: Result) -> str:
     """The same in Python."""
-    source, files = result.source, {role: upload.name for role, upload in result.source.files.items()}
+    source, p = result.source, parameters_of(result)
+
+    def keywords(*groups: Mapping[str, Any]) -> list[str]:
+        named = {job: name for name, job in OF_JOBS.items()}
+        given = {name: value for name, value in p.items() if any(name in group for group in groups)}
+        return [f"{named.get(name, name)}={list(v) if name in named else v!r}" for name, v in given.items()]
+
     lines = ["import dlama", ""]
-    method = keywords(result.request.method)
+    masked = [f"mask = dlama.read_mask({MASK!r})"] if "mask" in p else []
     if source.pair is not None:
         lines += [
-            f"left, right = dlama.read_color({files['picture']!r}), dlama.read_color({files['right']!r})",
-            f"rig = dlama.read_stereo_calib({files['calib']!r}, hw=left.shape[:2])",
+            f"left, right = dlama.read_color({p['left']!r}), dlama.read_color({p['right']!r})",
+            f"rig = dlama.read_stereo_calib({p['calib']!r}, hw=left.shape[:2])",
+            *masked,
         ]
-        masked = [f"mask=dlama.read_mask({MASK!r})"] if result.mask is not None else []
-        lines.append(f"done = dlama.stereo({', '.join(['left', 'right', 'rig', *masked, *method])})")
+        arguments = ["left", "right", "rig", *(["mask=mask"] if masked else []), *keywords(METHOD)]
     else:
-        lens = [f"camera={files['camera']!r}"] if "camera" in files else []
-        given = [repr(files[role]) for role in ("picture", "depth") if role in files]
-        lines.append(f"rgbd = dlama.read_rgbd({', '.join([*given, *lens, *keywords(source.options)])})")
-        move = keywords({name: value for name, value in result.request.move.items() if name == "pivot" or value})
-        move = [word for word in move if word != "pivot='auto'"]
-        if result.mask is None:
-            lines.append(f"done = dlama.view({', '.join(['rgbd', *move, *method])})")
-        else:
-            lines += mask_lines(result)
-            lines.append(f"done = dlama.remove({', '.join(['rgbd', 'mask', *move, *method])})")
+        files = [repr(p[role]) for role in ("image", "depth") if role in p]
+        lines.append(f"rgbd = dlama.read_rgbd({', '.join([*files, *keywords(LENS, READING, ESTIMATING)])})")
+        if result.mask is not None:
+            lines += masked or [f"mask = dlama.find_mask({', '.join(['rgbd', *keywords(POINTING)])}).mask"]
+        arguments = ["rgbd", *(["mask"] if result.mask is not None else []), *keywords(MOVE, METHOD)]
+    lines.append(f"done = dlama.{verb_of(source, result.mask is not None)}({', '.join(arguments)})")
     plates = plates_of(source)
     return "\n".join([*lines, f"dlama.write(done, {OUT!r}{f', inputs={plates!r}' if plates else ''})", ""])
 
@@ -133,20 +129,6 @@ def plates_of(source: Source) -> dict[str, str]:
     roles = {"picture": "image"} if source.pair is None else {"picture": "left", "right": "right"}
     files = {role: source.files[each] for each, role in roles.items() if each in source.files}
     return {role: upload.name for role, upload in files.items() if has_16_bits(upload.path)}
-
-
-def mask_lines(result: Result) -> list[str]:
-    """How the mask comes about in Python."""
-    if needs_mask_file(result) or result.marks is None:
-        return [f"mask = dlama.read_mask({MASK!r})"]
-    empty: tuple[Any, ...] = ((), None, "object", False)
-    words = keywords({name: value for name, value in pointing(result.marks).items() if value not in empty})
-    return [f"mask = dlama.find_mask({', '.join(['rgbd', *words])}).mask"]
-
-
-def keywords(options: Mapping[str, Any]) -> list[str]:
-    """`name=value` of each."""
-    return [f"{name}={list(value) if name in ('clicks', 'not_clicks') else value!r}" for name, value in options.items()]
 
 
 def how(result: Result) -> dict[str, Any]:
