@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from dlama.apps.verbs.batch import EXAMPLES as BATCH_EXAMPLES
-from dlama.apps.verbs.networks.train import EXAMPLES as TRAINING_EXAMPLES
-
 EXAMPLES: dict[str, tuple[str, ...]] = {
     "view": (
         "dlama view photo.jpg depth.png --fov 65 --yaw 20 -o out",
@@ -49,7 +46,13 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "dlama depth photo.jpg --fov 65 --metres-at 320,400=2.5 100,90=7 -o out",
         "dlama depth photo.jpg --depth-model moge-small -o out",
     ),
-    "batch": BATCH_EXAMPLES,
+    "batch": (
+        "dlama batch jobs.csv -o out",
+        "dlama batch jobs.jsonl --fov 65 --only image,depth --workers 4 -o out",
+        "dlama batch --images 'rgb/*.png' --depths 'depth/{stem}.png' --verb view --yaw 10 --fov 65 -o out",
+        "dlama batch jobs.csv --dry-run -o out",
+        "dlama batch report out",
+    ),
     "doctor": (
         "dlama doctor photo.jpg depth.png --fov 65",
         "dlama doctor photo.jpg depth.png mask.png --camera cam.json",
@@ -75,7 +78,14 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "dlama worlds",
         "dlama worlds --count 8 --kind street --seed 1 -o worlds",
     ),
-    **TRAINING_EXAMPLES,
+    "train": (
+        "dlama train presets",
+        "dlama train tiny -o run",
+        "dlama train small-rgbd --data pack.dlama --max-minutes 40 -o run",
+        "dlama train small-rgbd --resume -o run",
+        "dlama train my-settings.json --start big-lama.ckpt --data photos/ rooms/ -o run",
+    ),
+    "pack": ("dlama pack photos/ rooms/ -o pack.dlama --megabytes 45",),
     "demo": (
         "dlama demo",
         "dlama demo -o /tmp/demo",

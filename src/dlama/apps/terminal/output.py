@@ -13,7 +13,7 @@ from contextlib import contextmanager, nullcontext, suppress
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from dlama.apps.options import Report
 from dlama.apps.terminal.streams import (
@@ -28,11 +28,16 @@ from dlama.apps.terminal.streams import (
 )
 from dlama.errors import DlamaError, describe_system_error, system_reason
 from dlama.progress import show_progress
-from dlama.workers.progress import log_messages, write_line_every
+from dlama.workers.progress import log_messages, progress_line, write_line_every
+
+if TYPE_CHECKING:
+    from dlama.apps.reading import Command
 
 KERNELS = logging.getLogger("dlama.kernels")
 """Reports that kernels are being compiled (`geometry.kernels.jit`, which is too heavy to be imported here)."""
 
+STAGES = 20
+"""About as many as a command logs: the length of the bar."""
 SHOWN = 5e-4
 """The smallest share of a picture that a line about a result names: 0.1 % when rounded."""
 BAD_INPUT = 2
@@ -90,6 +95,15 @@ def report_result(verb: str, report: Report) -> Iterator[Result]:
         print(json.dumps({"verb": verb, **result.values, "seconds": seconds, "warnings": warned}))
     elif not report.quiet:
         print(printable("\n".join(result.lines)))
+
+
+@contextmanager
+def command(verb: str, report: Report) -> Iterator[Command]:
+    """A command under way: a bar while it lasts, its Result at the end."""
+    with report_result(verb, report) as result, stages_bar(verb, STAGES, report):
+        from dlama.apps.reading import Command  # all that reads and computes: --help does without
+
+        yield Command(result=result)
 
 
 @contextmanager
@@ -158,10 +172,10 @@ def stages_bar(title: str, total: int, report: Report) -> Iterator[None]:
     if report.quiet or not sys.stderr.isatty():
         yield
         return
-    from dlama.apps.terminal.bars import STAGES, open_bar
+    from dlama.apps.terminal import bars
 
     with (
-        open_bar(title, STAGES, total) as update,
+        bars.open_bar(title, bars.STAGES, total) as update,
         show_progress(lambda stage: update(advance=1, description=printable(f"{title}: {stage}"))),
     ):
         yield
@@ -180,16 +194,30 @@ def counting_bar(title: str, report: Report) -> Iterator[Any]:
 
 
 @contextmanager
-def bar_or_lines(title: str, report: Report, line: Callable[[float], str]) -> Iterator[Any]:
-    """During a run: the bar (`counting_bar`) on a terminal, None elsewhere, where `line` of the seconds since the start is
-    printed once a minute. Ctrl-C ends with a line that says that nothing is lost."""
+def follow_run(
+    title: str, report: Report, failed: Callable[[], int | str] = lambda: 0
+) -> Iterator[Callable[[int, int | None, int, str], None]]:
+    """How far a long run is, as a function of (done, total, kept, note) says: a bar on a terminal, elsewhere a line a minute.
+
+    total: None: not known; kept: how many of `done` an earlier run had left; note: behind the title. failed: how many, or that in
+    words. Ctrl-C ends with a line that says that nothing is lost.
+    """
+    state: dict[str, Any] = {"done": 0, "total": None, "kept": 0}
+
+    def line(seconds: float) -> str:
+        return progress_line(title, failed=failed(), seconds=seconds, **state)
+
+    lines = not (report.quiet or sys.stderr.isatty())
+    minutes = write_line_every(line, partial(print_line, "progress"), every=MINUTE) if lines else nullcontext()
     try:
-        without_lines = report.quiet or sys.stderr.isatty()
-        minutes = (
-            nullcontext() if without_lines else write_line_every(line, partial(print_line, "progress"), every=MINUTE)
-        )
         with counting_bar(title, report) as bar, minutes:
-            yield bar
+
+            def update(done: int, total: int | None, kept: int, note: str) -> None:
+                state.update(done=done, total=total, kept=kept)
+                if bar is not None:
+                    bar(done, total, f"{title}{note}")
+
+            yield update
     except KeyboardInterrupt as error:
         print_line("error", f"{describe_ending(error)}; what is done is kept, and the same command resumes it")
         raise SystemExit(exit_code(error)) from None

@@ -28,12 +28,11 @@ from dlama.apps.options import (
     option,
 )
 from dlama.apps.places import check_folder_apart
-from dlama.apps.terminal.output import bar_or_lines, print_line, report_result
+from dlama.apps.terminal.output import follow_run, print_line, report_result
 from dlama.errors import InputError, format_count
 from dlama.jobs.lists.folders import Pictures
 from dlama.jobs.results.result import Totals
 from dlama.jobs.storage import is_address, local_path
-from dlama.workers.progress import progress_line
 
 if TYPE_CHECKING:
     from dlama.jobs.batch import Progress
@@ -46,13 +45,6 @@ SHOWN_FAILURES = 20
 """Failures that are printed as they happen; the manifest has all."""
 SHOWN_JOBS = 10
 """Jobs that --dry-run shows."""
-EXAMPLES = (
-    "dlama batch jobs.csv -o out",
-    "dlama batch jobs.jsonl --fov 65 --only image,depth --workers 4 -o out",
-    "dlama batch --images 'rgb/*.png' --depths 'depth/{stem}.png' --verb view --yaw 10 --fov 65 -o out",
-    "dlama batch jobs.csv --dry-run -o out",
-    "dlama batch report out",
-)
 
 
 @dataclass(frozen=True)
@@ -219,24 +211,17 @@ def format_value(value: Any) -> str:
 @contextmanager
 def show_progress(report: Report, totals: Any) -> Iterator[Progress]:
     """A bar on a terminal, a line a minute elsewhere; the first failures as a line each. Ctrl-C prints that nothing is lost."""
-    state: dict[str, Any] = {"done": 0, "total": None}
     started = time.monotonic()
-
-    def line(seconds: float) -> str:
-        return progress_line("batch", kept=totals.kept, failed=totals.kinds_line(), seconds=seconds, **state)
-
-    with bar_or_lines("batch", report, line) as bar:
+    with follow_run("batch", report, totals.kinds_line) as update:
 
         def progress(row: JobResult | None, done: int, total: int | None) -> None:
-            state.update(done=done, total=total)
             if row is not None and row.status == "failed":
                 if totals.failed < SHOWN_FAILURES:
                     print_line("error", f"{row.id}: {row.error}")
                 elif totals.failed == SHOWN_FAILURES:
                     print_line("error", "more jobs failed; the manifest has them all")
-            if bar is not None:
-                rate = 60 * max(0, done - totals.kept) / max(1e-3, time.monotonic() - started)
-                failed = totals.kinds_line()
-                bar(done, total, f"batch: {rate:.1f} a minute{f', {failed} failed' if failed else ''}")
+            rate = 60 * max(0, done - totals.kept) / max(1e-3, time.monotonic() - started)
+            failed = totals.kinds_line()
+            update(done, total, totals.kept, f": {rate:.1f} a minute{f', {failed} failed' if failed else ''}")
 
         yield progress

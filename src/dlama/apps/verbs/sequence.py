@@ -25,9 +25,8 @@ from dlama.apps.options import (
     option,
 )
 from dlama.apps.places import check_folder_apart
-from dlama.apps.terminal.output import SHOWN, bar_or_lines, report_result
+from dlama.apps.terminal.output import SHOWN, follow_run, report_result
 from dlama.errors import InputError, format_count
-from dlama.workers.progress import progress_line
 
 if TYPE_CHECKING:
     from dlama.geometry.rgbd import BoolArray
@@ -163,17 +162,12 @@ def summary_values(meta: dict[str, Any], output: Path) -> dict[str, Any]:
 @contextmanager
 def show_progress(title: str, report: Report) -> Iterator[Callable[[int, int, str, bool], None]]:
     """A bar with the time left on a terminal, a line a minute elsewhere. Ctrl-C prints that nothing is lost."""
-    counts = {"kept": 0, "done": 0, "total": 0}
-
-    def line(seconds: float) -> str:
-        total = counts["total"] or None
-        return progress_line(title, kept=counts["kept"], done=counts["done"], total=total, failed=0, seconds=seconds)
-
-    with bar_or_lines(title, report, line) as bar:
+    kept = 0
+    with follow_run(title, report) as update:
 
         def progress(done: int, total: int, name: str, earlier: bool) -> None:
-            counts.update(done=done, total=total, kept=counts["kept"] + earlier)
-            if bar is not None:
-                bar(done, total, f"{title}: {name}")
+            nonlocal kept
+            kept += earlier
+            update(done, total, kept, f": {name}")
 
         yield progress

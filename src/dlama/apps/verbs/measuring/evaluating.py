@@ -11,7 +11,7 @@ from typing import Any, get_args
 
 from dlama.apps.model_files import model_for
 from dlama.apps.options import Report
-from dlama.apps.terminal.output import bar_or_lines, print_line, report_result
+from dlama.apps.terminal.output import follow_run, print_line, report_result
 from dlama.apps.verbs.measuring.options import NO_FILL, Cases, Methods, Protocol
 from dlama.arguments import check_word
 from dlama.completion.options import RECIPE_NAMES
@@ -24,7 +24,6 @@ from dlama.evaluation.report.summary import is_orbit, own_labels, yaw_order
 from dlama.evaluation.report.write import failure_line, write_report
 from dlama.evaluation.runner.run import Progress, Results, run
 from dlama.inpainters import FILLERS
-from dlama.workers.progress import progress_line
 from dlama.worlds.dataset import open_dataset_or_worlds
 
 FAILED = 1
@@ -162,23 +161,16 @@ def summary_values(done: Results, output: Path) -> dict[str, Any]:
 @contextmanager
 def show_progress(title: str, report: Report) -> Iterator[Progress]:
     """A bar on a terminal, a line a minute elsewhere; failures as a line each, at once. Ctrl-C prints that nothing is lost."""
-    state = {"kept": 0, "done": 0, "total": 0, "failed": 0}
-
-    def line(seconds: float) -> str:
-        return progress_line(title, seconds=seconds, **state)
-
-    with bar_or_lines(title, report, line) as bar:
+    counts = {"kept": 0, "failed": 0}
+    with follow_run(title, report, lambda: counts["failed"]) as update:
 
         def progress(outcome: Any, done: int, total: int) -> None:
-            state.update(done=done, total=total)
             if outcome is None:
-                state["kept"] = done
+                counts["kept"] = done
             elif outcome.error:
-                state["failed"] += 1
+                counts["failed"] += 1
                 print_line("error", failure_line(outcome))
-            if bar is not None:
-                case = f": {outcome.case.scene} {outcome.case.frame}" if outcome else ""
-                bar(done, total, f"{title}{case}")
+            update(done, total, counts["kept"], f": {outcome.case.scene} {outcome.case.frame}" if outcome else "")
 
         yield progress
 

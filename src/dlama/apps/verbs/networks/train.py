@@ -21,17 +21,6 @@ if TYPE_CHECKING:
     from dlama.training.loop.train import TrainingResult
 
 LIST = "presets"
-EXAMPLES: dict[str, tuple[str, ...]] = {
-    "train": (
-        "dlama train presets",
-        "dlama train tiny -o run",
-        "dlama train small-rgbd --data pack.dlama --max-minutes 40 -o run",
-        "dlama train small-rgbd --resume -o run",
-        "dlama train my-settings.json --start big-lama.ckpt --data photos/ rooms/ -o run",
-    ),
-    "pack": ("dlama pack photos/ rooms/ -o pack.dlama --megabytes 45",),
-}
-"""For `dlama VERB --help`."""
 
 Number = Annotated[int | None, option("N", "the settings'")]
 Weights = Annotated[Path | None, option("FILE", "the settings'")]
