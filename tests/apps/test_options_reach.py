@@ -100,7 +100,7 @@ def calls(loaded: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Call
         *(f"measuring.{verb}" for verb in ("doctor", "evaluating", "worlds")), "networks.train", "networks.model_verbs",
         "sequence", "batch", "show", "video", "serve", "warm_up",
     )  # fmt: skip
-    for module in ("terminal.output", "cli", *(f"verbs.{verb}" for verb in verbs)):
+    for module in ("command", "cli", *(f"verbs.{verb}" for verb in verbs)):
         spy(f"dlama.apps.{module}.report_result", through=True)
     _spy_on_jobs(spy)
     _spy_on_the_rest(spy)

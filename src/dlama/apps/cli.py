@@ -16,6 +16,7 @@ import tyro
 from tyro.conf import FlagCreatePairsOff, OmitArgPrefixes, Positional
 
 import dlama
+from dlama.apps.command import STAGES, command
 from dlama.apps.examples import EXAMPLES
 from dlama.apps.options import (
     Depth,
@@ -37,7 +38,7 @@ from dlama.apps.options import (
     split_depth_and_mask,
 )
 from dlama.apps.terminal.flags import flags_of, repeated_list, with_flags, wrong_value
-from dlama.apps.terminal.output import STAGES, command, errors_as_lines, report_result, stages_bar
+from dlama.apps.terminal.output import errors_as_lines, report_result, stages_bar
 from dlama.apps.verbs.batch import batch
 from dlama.apps.verbs.depth import depth as depth_of_photo
 from dlama.apps.verbs.masks import mask as mask_of_object

@@ -2,13 +2,11 @@
 
 Begin with `filling` (the contract of a filler, and what `inpaint` guarantees) and `context` (what a filler knows besides the
 view). Then `layered/` (the default for exact depth), `patchmatch/` (over `layered` for depth cameras, alone for estimated
-depth) and `networks/`. This file imports no filler: the command line's help reads the names, and a filler's code is imported
-on first use.
+depth) and `networks/`. This file imports no filler, since the command line's help reads the names: `making` does.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -24,10 +22,8 @@ ASSETS = Path(__file__).parents[1] / "assets"
 
 @dataclass(frozen=True)
 class FillerRecord:
-    """How a filler is made, and its requirements."""
+    """The requirements of a filler."""
 
-    make: Callable[[Path], Inpainter] | Callable[[], Inpainter]
-    """Imports the filler's code and gives the filler; of one that runs a network (`needs_model`), of its model file."""
     needs_model: bool = False
     """Whether it runs a network file."""
     shipped: str | None = None
@@ -54,8 +50,9 @@ def find_filler(filler: str | Inpainter, model: str | Path | None = None) -> Inp
             raise InputError(f"`filler` is {filler!r}; one of {', '.join(FILLER_NAMES)} is expected, or a function")
         return filler
     file = model_file(filler, model)
-    make: Callable[..., Inpainter] = FILLERS[filler].make
-    return make() if file is None else make(file)
+    from dlama.inpainters.making import MAKE
+
+    return MAKE[filler]() if file is None else MAKE[filler](file)
 
 
 def model_file(filler: str, model: str | Path | None = None) -> Path | None:
@@ -75,64 +72,16 @@ def model_file(filler: str, model: str | Path | None = None) -> Path | None:
     return None if record.shipped is None else ASSETS / record.shipped
 
 
-def _layered() -> Inpainter:
-    from dlama.inpainters.layered.filler import layered
-
-    return layered
-
-
-def _layered_patches(file: Path) -> Inpainter:
-    from dlama.inpainters.patchmatch.over_layers import layered_patches_filler
-
-    return layered_patches_filler(file)
-
-
-def _telea() -> Inpainter:
-    from dlama.inpainters.opencv import telea
-
-    return telea
-
-
-def _lama(file: Path) -> Inpainter:
-    from dlama.inpainters.networks.lama import lama_filler
-
-    return lama_filler(file)
-
-
-def _migan(file: Path) -> Inpainter:
-    from dlama.inpainters.networks.migan import migan_filler
-
-    return migan_filler(file)
-
-
-def _patchmatch(file: Path) -> Inpainter:
-    from dlama.inpainters.patchmatch.filler import patchmatch_filler
-
-    return patchmatch_filler(file)
-
-
-def _joint(file: Path) -> Inpainter:
-    from dlama.inpainters.networks.lama import joint_filler
-
-    return joint_filler(file)
-
-
-def _pair(file: Path) -> Inpainter:
-    from dlama.inpainters.networks.pair import pair_filler
-
-    return pair_filler(file)
-
-
 MIGAN = "migan/migan-512-tuned.onnx"
 FILLERS: dict[str, FillerRecord] = {
-    "layered": FillerRecord(_layered),
-    "layered-patches": FillerRecord(_layered_patches, needs_model=True, shipped=MIGAN),
-    "telea": FillerRecord(_telea),
-    "lama": FillerRecord(_lama, needs_model=True, source="`dlama models pull big-lama` gets one"),
-    "migan": FillerRecord(_migan, needs_model=True, shipped=MIGAN),
-    "patchmatch": FillerRecord(_patchmatch, needs_model=True, shipped=MIGAN),
-    "joint": FillerRecord(_joint, needs_model=True),
-    "pair": FillerRecord(_pair, needs_model=True),
+    "layered": FillerRecord(),
+    "layered-patches": FillerRecord(needs_model=True, shipped=MIGAN),
+    "telea": FillerRecord(),
+    "lama": FillerRecord(needs_model=True, source="`dlama models pull big-lama` gets one"),
+    "migan": FillerRecord(needs_model=True, shipped=MIGAN),
+    "patchmatch": FillerRecord(needs_model=True, shipped=MIGAN),
+    "joint": FillerRecord(needs_model=True),
+    "pair": FillerRecord(needs_model=True),
 }
 """Name -> record."""
 

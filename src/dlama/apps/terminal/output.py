@@ -13,7 +13,7 @@ from contextlib import contextmanager, nullcontext, suppress
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from dlama.apps.options import Report
 from dlama.apps.terminal.streams import (
@@ -30,14 +30,9 @@ from dlama.errors import DlamaError, describe_system_error, system_reason
 from dlama.progress import show_progress
 from dlama.workers.progress import log_messages, progress_line, write_line_every
 
-if TYPE_CHECKING:
-    from dlama.apps.reading import Command
-
 KERNELS = logging.getLogger("dlama.kernels")
 """Reports that kernels are being compiled (`geometry.kernels.jit`, which is too heavy to be imported here)."""
 
-STAGES = 20
-"""About as many as a command logs: the length of the bar."""
 SHOWN = 5e-4
 """The smallest share of a picture that a line about a result names: 0.1 % when rounded."""
 BAD_INPUT = 2
@@ -95,15 +90,6 @@ def report_result(verb: str, report: Report) -> Iterator[Result]:
         print(json.dumps({"verb": verb, **result.values, "seconds": seconds, "warnings": warned}))
     elif not report.quiet:
         print(printable("\n".join(result.lines)))
-
-
-@contextmanager
-def command(verb: str, report: Report) -> Iterator[Command]:
-    """A command under way: a bar while it lasts, its Result at the end."""
-    with report_result(verb, report) as result, stages_bar(verb, STAGES, report):
-        from dlama.apps.reading import Command  # all that reads and computes: --help does without
-
-        yield Command(result=result)
 
 
 @contextmanager

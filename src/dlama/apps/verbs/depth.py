@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from tyro.conf import Positional
 
+from dlama.apps.command import command
 from dlama.apps.options import Estimating, Image, Lens, Metres, Output, Report
-from dlama.apps.terminal.output import command
 
 
 def depth(

@@ -9,9 +9,9 @@ from typing import Annotated
 
 from tyro.conf import Positional
 
+from dlama.apps.command import command
 from dlama.apps.options import Depth, Estimating, Image, Lens, Pointing, Reading, Report, given_options, option
 from dlama.apps.places import check_file_apart
-from dlama.apps.terminal.output import command
 from dlama.errors import InputError
 from dlama.jobs.parameters import PICTURE, POINTING, is_pointed, read_parameters
 

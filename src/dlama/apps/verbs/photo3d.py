@@ -9,9 +9,9 @@ from typing import Annotated
 from tyro.conf import Positional
 
 import dlama
+from dlama.apps.command import command
 from dlama.apps.options import Depth, Estimating, Filler, Lens, Output, Reading, Report, given_options, names_in, option
 from dlama.apps.places import check_folder_apart
-from dlama.apps.terminal.output import command
 from dlama.errors import format_count
 from dlama.jobs.parameters import METHOD, PICTURE, read_parameters
 

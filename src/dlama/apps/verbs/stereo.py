@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 
 from tyro.conf import Positional
 
+from dlama.apps.command import command
 from dlama.apps.options import (
     Masking,
     Method,
@@ -19,7 +20,6 @@ from dlama.apps.options import (
     given_options,
     option,
 )
-from dlama.apps.terminal.output import command
 
 
 def stereo(

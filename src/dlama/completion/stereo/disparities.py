@@ -1,48 +1,39 @@
-"""Two pictures and, where known, a disparity or a matcher in; the disparity of both pictures, and what found it, out."""
+"""Two pictures and, where known, a disparity or a matcher in; the pair with the disparity of both, and what found it, out."""
 
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from dlama.completion.stereo.pair import MatchedPair, default_far, depth_in_metres
 from dlama.errors import InputError, ShapeError
-from dlama.geometry.rgbd import Float32Array, UInt8Array
+from dlama.geometry.camera import StereoRig
+from dlama.geometry.rgbd import Float32Array, UInt8Array, mark_far
 from dlama.perception.monocular import LEAST_CONTRAST, contrast
 from dlama.perception.stereo.checks import find_pair_fault, refuse_identical
 from dlama.perception.stereo.matching import Matcher, disparity_pair, transfer_disparity
 from dlama.perception.stereo.networks import NetworkMatcher
 
 
-@dataclass(frozen=True, eq=False)
-class Matches:
-    """The disparities of a pair."""
-
-    disparities: tuple[Float32Array, Float32Array]
-    """H x W px each, left and right; 0 = unknown."""
-    match: Matcher
-    """What finds those of other pictures of the same rig."""
-    notes: dict[str, Any] = field(default_factory=dict)
-    """For meta.json: what found them, and what speaks against the pair."""
-
-
-def find_matches(
-    left: UInt8Array,
-    right: UInt8Array,
+def match_pair(
+    colors: tuple[UInt8Array, UInt8Array],
+    rig: StereoRig,
+    far: float | None,
     *,
     disparity: Float32Array | None,
     matcher: str | Path | Matcher | None,
     max_disparity: float | None,
-) -> Matches:
-    """The disparities of two pictures (H x W x 3): the given left one and what it says of the right view, or as a network file, a
-    function or semi-global matching finds them. What speaks against a rectified pair is warned of.
+) -> MatchedPair:
+    """The pair (pictures H x W x 3) with the given left disparity and what it says of the right view, or with what a network
+    file, a function or semi-global matching finds. What speaks against a rectified pair is warned of. far: in metres.
 
-    Raises InputError: options that contradict each other, identical pictures; ShapeError: a disparity of another size; what
-    the matcher raises.
+    Raises InputError: options that contradict each other, identical pictures; ShapeError: a disparity of another size;
+    DepthError: nothing is nearer than `far`; what the matcher raises.
     """
+    left, right = colors
     given = {"disparity": disparity, "matcher": matcher, "max_disparity": max_disparity}
     named = [name for name, value in given.items() if value is not None]
     if len(named) > 1:
@@ -62,7 +53,11 @@ def find_matches(
     if doubt is not None:
         warnings.warn(doubt, UserWarning, stacklevel=3)
         notes = {**notes, "doubt": doubt}
-    return Matches(found, match, notes)
+    if far is None:
+        far = default_far(rig)
+    else:
+        mark_far(depth_in_metres(found[0], rig, np.inf), far)
+    return MatchedPair(rig, far, colors, found, None, match, notes)
 
 
 def matcher_for(matcher: str | Path | Matcher | None, max_disparity: float | None) -> tuple[Matcher, dict[str, Any]]:

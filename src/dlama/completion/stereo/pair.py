@@ -50,6 +50,8 @@ class MatchedPair:
     """H x W each, True = remove; None: nothing is removed."""
     match: Matcher = disparity_pair
     """What found the disparities: both pictures in, both disparities out."""
+    notes: dict[str, Any] = field(default_factory=dict)
+    """For meta.json: what found them, and what speaks against the pair."""
 
     @property
     def left(self) -> RGBD:

@@ -31,7 +31,7 @@ from dlama.completion.start import (
     scene_of,
 )
 from dlama.completion.steps import close_holes, complete_frame, fill, frames_to_fill
-from dlama.completion.stereo.disparities import Matches, find_matches
+from dlama.completion.stereo.disparities import match_pair
 from dlama.completion.stereo.exchange import (
     add_seen_alone,
     apply_gain,
@@ -44,8 +44,6 @@ from dlama.completion.stereo.pair import (
     CompletedPair,
     MatchedPair,
     check_pair_inputs,
-    default_far,
-    depth_in_metres,
     masks_of_pair,
     with_object_depth,
     without_object,
@@ -58,7 +56,7 @@ from dlama.geometry.frames.removal import mask_growth
 from dlama.geometry.fusion import fuse
 from dlama.geometry.holes import dilate_mask
 from dlama.geometry.rendering import render
-from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, mark_far
+from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
@@ -129,12 +127,11 @@ def stereo(
         )
     clock = Clock()
     with clock("match"):
-        matches = find_matches(left, right, disparity=disparity, matcher=matcher, max_disparity=max_disparity)
-        pair = pair_of_matches((left, right), matches, rig, far)
+        pair = match_pair((left, right), rig, far, disparity=disparity, matcher=matcher, max_disparity=max_disparity)
     warn_of_scale(pair.left.depth)
     warn_of_disparity(pair.left)
     found = mask(pair.left) if callable(mask) else mask
-    masks = masks_of_pair(found, mask_right, matches.disparities[0], rig)
+    masks = masks_of_pair(found, mask_right, pair.disparities[0], rig)
     pair = dataclasses.replace(pair, masks=masks)
     start = scene_of(pair.left)
     choice = choose_filler(start, given.filler)
@@ -148,19 +145,8 @@ def stereo(
     if choose_right_view(right_view, chosen, masks is not None) == "synthesised":
         complete_pair = synthesise_right
     done = complete_pair(pair, draft, clock)
-    completion = dataclasses.replace(done, about={**matches.notes, **done.about}).as_completion(rig)
+    completion = dataclasses.replace(done, about={**pair.notes, **done.about}).as_completion(rig)
     return completion.with_min_confidence(given.min_confidence)
-
-
-def pair_of_matches(
-    colors: tuple[UInt8Array, UInt8Array], matches: Matches, rig: StereoRig, far: float | None
-) -> MatchedPair:
-    """The pair as it was matched, nothing removed. DepthError: nothing is nearer than `far` metres."""
-    if far is None:
-        far = default_far(rig)
-    else:
-        mark_far(depth_in_metres(matches.disparities[0], rig, np.inf), far)
-    return MatchedPair(rig, far, colors, matches.disparities, None, matches.match)
 
 
 def filler_of_pair(options: Options) -> Inpainter | None:
