@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.arguments import check
+from dlama.arguments import check, check_arguments
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import (
     DEPTH_FROM_OTHERS,
@@ -127,7 +127,7 @@ class View(Figured, Facts):
     @classmethod
     def from_rgbd(cls, rgbd: RGBD) -> View:
         """The source view, measured or with estimated depth: sensor holes lack depth alone, `RGBD.padding` is out of view."""
-        check(rgbd, RGBD, "rgbd")
+        check_arguments(cls.from_rgbd, locals())
         missing = rgbd.missing
         known, certainty = (Origin.MEASURED, 1.0) if rgbd.estimate is None else (Origin.ESTIMATED, ESTIMATED_CONFIDENCE)
         view = cls(

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from dlama.arguments import check
+from dlama.arguments import check_arguments
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import from_source
 from dlama.geometry.kernels import visibility as kernels
@@ -38,7 +38,7 @@ class Law:
     @classmethod
     def of(cls, scene: Scene) -> Law:
         """The law of a scene's measured layers and removed objects, held in memory; of many frames, within their noise."""
-        check(scene, Scene, "scene")
+        check_arguments(cls.of, locals())
         measured: list[tuple[Camera, Float32Array]] = []
         for layer in (*scene.layers, *scene.removals):
             if not layer.shows_source:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from dlama.errors import CameraError, DepthError, DlamaError, InputError, MaskError, name_parameters, plain_name
+from dlama.jobs.parameters import ESTIMATING, LENS, METHOD, MOVE, READING
 
 Fields = Mapping[str, Any]
 """What the page sent: JSON."""
@@ -43,16 +44,16 @@ class Limits:
         return self.megabytes * 2**20
 
 
-FIELDS = (
-    ("camera", ("fov", "fx", "fy", "cx", "cy", "camera", "pixel_center")),
-    ("calib", ("calib", "baseline")),
-    ("scale", ("depth_scale", "depth_range", "channel", "far", "resize_depth")),
-    ("known", ("metres_at", "camera_height", "depth_model")),
-    ("marks", ("clicks", "not_clicks", "box", "mask", "dilate")),
-    ("move", ("yaw", "pitch", "dolly", "pivot")),
-    ("method", ("filler", "model", "recipe", "seed", "min_confidence", "mode", "clip", "depth_by")),
-)
-"""Field of the page -> parameters that a message may name."""
+FIELDS: dict[str, str] = {
+    **dict.fromkeys(METHOD, "method"),
+    **dict.fromkeys(LENS, "camera"),
+    **dict.fromkeys(READING, "scale"),
+    **dict.fromkeys(ESTIMATING, "known"),
+    **dict.fromkeys(MOVE, "move"),
+    **dict.fromkeys(("calib", "baseline"), "calib"),
+    **dict.fromkeys(("clicks", "not_clicks", "box", "mask", "dilate"), "marks"),
+}
+"""Parameter that a message names -> field of the page."""
 WORDS = {
     "fov": "the field of view",
     "camera": "a camera file",
@@ -88,7 +89,7 @@ def field_of(error: DlamaError, files: Mapping[str, Path]) -> str:
     """
     if isinstance(error, PageError):
         return error.field
-    about = next((name for name, words in FIELDS if set(error.parameters[:1]) & set(words)), "")
+    about = FIELDS.get(next(iter(error.parameters), ""), "")
     if about in ("camera", "scale"):
         return about
     named = [role for role, path in files.items() if str(error).startswith(str(path))]

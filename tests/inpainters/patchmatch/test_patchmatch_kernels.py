@@ -86,7 +86,7 @@ def test_votes_are_the_weighted_mean_of_a_literal_twin(sharpness: float, width_p
     """Twin: exp(-sharpness cost / 2 mean cost about the patch) times trust times a Gaussian, over all patches that cover the
     pixel; their spread is numpy's."""
     level = Level(VALUES.copy(), HOLE, whole_patches(HOLE), LABEL)
-    search = Search.of(level, np.random.default_rng(0), LEAN)
+    search = Search(level, np.random.default_rng(0), LEAN)
     found, costs, trust = search.found, search.cost, RNG.uniform(1, 9, len(TARGETS)).astype(np.float32)
     found[:], costs[:] = SOURCES[RNG.integers(0, len(SOURCES), len(TARGETS))], RNG.uniform(1, 9, len(TARGETS))
     search._paint(sharpness, width_px, trust)

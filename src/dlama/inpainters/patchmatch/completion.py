@@ -87,7 +87,7 @@ def complete_picture(
     rng = np.random.default_rng(seed)
     coarser: Search | None = None
     for i in reversed(range(len(levels))):
-        search = Search.of(levels[i], rng, penalty_weights(max(hole.shape) / 2**i), guided)
+        search = Search(levels[i], rng, penalty_weights(max(hole.shape) / 2**i), guided)
         matched = levels[i].hole.size <= LARGEST_MATCHED and (i > 0 or effort.at_full_size)
         if coarser is None:
             search.compare_all(rng, effort.pairs)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import cv2
@@ -33,67 +32,30 @@ DRAWN = 65536
 """Random numbers drawn per level."""
 
 
-@dataclass
 class Search:
     """The search on one level: patches that touch the hole, and the known patch matched to each; mutable."""
 
-    values: Float32Array
-    """H x W x 5, as of Level; those of the hole change."""
-    sources: BoolArray
-    """H x W."""
-    label: NDArray[np.int32]
-    """H x W, the surface of each pixel."""
-    pixels: NDArray[np.int32]
-    """M x 2, pixels of the hole."""
-    targets: NDArray[np.int32]
-    """N x 2, centres of patches that touch the hole."""
-    number: NDArray[np.int32]
-    """H x W, of each target, else -1."""
-    trust: Float32Array
-    """N weights of the targets' patches."""
-    box: tuple[slice, slice]
-    """Rows and columns that hold all targets."""
-    guess: Float32Array | None
-    """Colours of the guess in the rows and columns of `box`, of the picture where it is known; None: it is no guide."""
-    around: Float32Array
-    """N, how many patches cover the pixel at a target's centre."""
-    weights: Float32Array
-    random: NDArray[np.float64]
-    found: NDArray[np.int32]
-    """N x 2, centre of the matched known patch."""
-    cost: Float32Array
-    """N differences of the two."""
-
-    @classmethod
-    def of(cls, level: Level, rng: np.random.Generator, weights: Float32Array, guided: bool = False) -> Search:
-        """The initial search."""
+    def __init__(self, level: Level, rng: np.random.Generator, weights: Float32Array, guided: bool = False) -> None:
+        self.values, self.sources, self.label = level.values, level.sources, level.label
+        """As of Level; the values of the hole change."""
         touched = dilate_by_patch(level.hole)
-        targets = places(touched)
-        number = np.full(level.hole.shape, -1, np.int32)
-        number[touched] = np.arange(len(targets))
+        self.pixels, self.targets = places(level.hole), places(touched)
+        """M x 2, pixels of the hole; N x 2, centres of patches that touch it."""
+        self.number = np.full(level.hole.shape, -1, np.int32)
+        """H x W, of each target, else -1."""
+        self.number[touched] = np.arange(len(self.targets))
         depth = cv2.distanceTransform(level.hole.astype(np.uint8), cv2.DIST_L2, 3)[touched]
-        trust = (CERTAIN ** -np.minimum(depth, 200)).astype(np.float32)
-        pixels = places(level.hole)
-        box = box_around(touched, 0)
-        around = sum_over_patch(touched[box].astype(np.float32))[touched[box]]
-        random = rng.uniform(-1, 1, (DRAWN, 2))
-        found, cost = np.zeros_like(targets), np.full(len(targets), np.inf, np.float32)
-        return cls(
-            level.values,
-            level.sources,
-            level.label,
-            pixels,
-            targets,
-            number,
-            trust,
-            box,
-            level.values[box][..., :3].copy() if guided else None,
-            around,
-            weights,
-            random,
-            found,
-            cost,
-        )
+        self.trust = (CERTAIN ** -np.minimum(depth, 200)).astype(np.float32)
+        """N weights of the targets' patches."""
+        self.box = box_around(touched, 0)
+        """Rows and columns that hold all targets."""
+        self.guess = level.values[self.box][..., :3].copy() if guided else None
+        """Colours of the guess in the rows and columns of `box`, of the picture where it is known; None: it is no guide."""
+        self.around = sum_over_patch(touched[self.box].astype(np.float32))[touched[self.box]]
+        """N, how many patches cover the pixel at a target's centre."""
+        self.weights, self.random = weights, rng.uniform(-1, 1, (DRAWN, 2))
+        self.found, self.cost = np.zeros_like(self.targets), np.full(len(self.targets), np.inf, np.float32)
+        """N x 2, centre of the matched known patch; N differences of the two."""
 
     def compare_all(self, rng: np.random.Generator, pairs: int) -> None:
         """Compare every target with every known patch, or with as many random ones as `pairs` allow."""
