@@ -141,7 +141,8 @@ def _complaint(value: object, annotation: Any, name: str) -> str:
         return _complaint_of_numbers(value, annotation, name)
     if not _is_a(value, kind, inner):
         return _not_a(value, [annotation], name)
-    return next(filter(None, (_complaint(*element) for element in _elements(value, kind, inner, name))), "")
+    unlike = (one for one in _elements(value, kind, inner, name) if not isinstance(one[0], _classes(one[1])))
+    return next(filter(None, (_complaint(*one) for one in unlike)), "")
 
 
 def _complaint_of_union(value: object, members: Sequence[Any], name: str) -> str:
