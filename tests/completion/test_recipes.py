@@ -61,12 +61,6 @@ def test_contradictions_are_refused(changes: dict, message: str) -> None:
         dataclasses.replace(find_recipe("dlama"), **changes)
 
 
-def test_unknown_names_list_the_known_ones() -> None:
-    """Message: an unknown recipe lists the recipes."""
-    with pytest.raises(InputError, match="recipe is 'lama'; one of dlama, paper is expected"):
-        find_recipe("lama")
-
-
 def test_seeds_are_bounded_wherever_they_are_given() -> None:
     """As NumPy's generators and numba's take them; an evaluation's method refuses them before any case is run."""
     assert check_seed(0) == 0 and check_seed(2**32 - 1) == 2**32 - 1

@@ -15,9 +15,6 @@ from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.holes import dilate_mask
 from dlama.geometry.projection import lift
 from dlama.geometry.rgbd import RGBD
-from dlama.geometry.scene import Scene
-from dlama.geometry.visibility import Law, violations
-from reference import law as twin
 from whole_picture import counts
 
 
@@ -81,20 +78,6 @@ def test_no_camera_at_all_still_takes_the_object_out() -> None:
     done = complete(street(), [], mask=MASK, filler="telea")
     assert done.views == () and done.warped == () and len(done.scene.layers) == 2
     assert counts(done.background.origin)[Origin.FILLED] > 100
-
-
-@fillers
-@recipes
-def test_what_was_filled_earlier_keeps_the_law_too(recipe: str, filler: str) -> None:
-    """Law over all filled pixels of a view from aside, those filled in the source view and adopted from there included
-    (surfaces are drawn between lawful pixel centres, so they need not be lawful of themselves); by checker and twin."""
-    done = completed(recipe, filler, True, -14.0)
-    law = Law.of(Scene((done.source,)))
-    assert not violations(done.view, law).any()
-    wrong, unsure = twin.broken(
-        done.view.camera, done.view.depth, done.view.filled, done.source.camera, law.measured[0][1]
-    )
-    assert not (wrong & ~unsure).any()
 
 
 @recipes

@@ -62,9 +62,10 @@ def test_outside_the_hole_nothing_changes(recipe: str, filler: str, removing: bo
 
 @fillers
 @recipes
-@pytest.mark.parametrize(("removing", "yaw"), [(True, 0.0), (False, 14.0)])
+@pytest.mark.parametrize(("removing", "yaw"), [(True, 0.0), (False, 14.0), (True, -14.0)])
 def test_what_is_filled_keeps_the_law(recipe: str, filler: str, removing: bool, yaw: float) -> None:
-    """Law, by the checker and by its twin, over all filled pixels; the meta says so too."""
+    """Law, by the checker and by its twin, over all filled pixels, those filled in the source view and adopted from there
+    included (surfaces are drawn between lawful pixel centres, so they need not be lawful of themselves); the meta says so too."""
     done = completed(recipe, filler, removing, yaw)
     law = Law.of(Scene((done.source,)))
     assert done.meta["law_violations"] == 0
