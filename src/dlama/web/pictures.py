@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import cv2
@@ -29,7 +30,6 @@ from dlama.web.completions.request import CompletionRequest
 from dlama.web.inputs import shrink
 
 PREVIEW_PX = 256
-KINDS = ("image", "known", "hole_type", "origin", "confidence", "depth", "depth_known", "source")
 
 
 def png(values: np.ndarray) -> bytes:
@@ -75,26 +75,22 @@ def result_views(done: dlama.Completion, right: bool) -> tuple[View, View]:
 
 
 def result_picture(done: dlama.Completion, kind: str, right: bool = False) -> UInt8Array:
-    """One of KINDS as H x W x 3. PageError."""
+    """The picture of that kind, H x W x 3. PageError."""
     view, before = result_views(done, right)
-    if kind not in KINDS:
-        raise PageError(f"kind is {kind[:20]!r}; one of {', '.join(KINDS)} is expected")
     lo, hi = limits(done)
-    if kind == "image":
-        return hatch_holes(view.color, view.color_hole)
-    if kind == "source":
-        return done.source.color
-    if kind == "known":
-        return hatch_holes(before.color, before.color_hole)
-    if kind == "hole_type":
-        return hole_picture(view.color, view.hole_type)
-    if kind == "origin":
-        return origin_picture(view.origin)
-    if kind == "confidence":
-        return np.repeat(np.rint(view.confidence * 255).astype(np.uint8)[..., None], 3, 2)
-    if kind == "depth_known":
-        return depth_picture(before.depth, before.hole, lo, hi)
-    return depth_picture(view.depth, view.hole, lo, hi)
+    drawn: dict[str, Callable[[], UInt8Array]] = {
+        "image": lambda: hatch_holes(view.color, view.color_hole),
+        "known": lambda: hatch_holes(before.color, before.color_hole),
+        "hole_type": lambda: hole_picture(view.color, view.hole_type),
+        "origin": lambda: origin_picture(view.origin),
+        "confidence": lambda: np.repeat(np.rint(view.confidence * 255).astype(np.uint8)[..., None], 3, 2),
+        "depth": lambda: depth_picture(view.depth, view.hole, lo, hi),
+        "depth_known": lambda: depth_picture(before.depth, before.hole, lo, hi),
+        "source": lambda: done.source.color,
+    }
+    if kind not in drawn:
+        raise PageError(f"kind is {kind[:20]!r}; one of {', '.join(drawn)} is expected")
+    return drawn[kind]()
 
 
 def limits(done: dlama.Completion) -> tuple[float, float]:

@@ -10,10 +10,9 @@ import functools
 import inspect
 import itertools
 import re
-import types
 import typing
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 from tyro.conf import Positional
 
@@ -24,35 +23,43 @@ FLAG = re.compile("--|-[a-z]", re.IGNORECASE)
 EXPECTED = {float: "a number", int: "a whole number"}
 
 
+class Flag(NamedTuple):
+    """An option of a verb."""
+
+    name: str
+    """Of its parameter."""
+    flag: str
+    kinds: tuple[Any, ...]
+    """What one value may be: types, and words."""
+    several: bool
+    """Whether it takes several values."""
+    listed: bool
+    """Whether its value is a list of names."""
+
+
 def flags_of(verb: Callable[..., Any]) -> dict[str, str]:
     """Parameter -> flag, of all options of a verb; what is positional has none."""
-    return {name: flag for name, flag, _ in _flags(verb)}
+    return {one.name: one.flag for one in _flags(verb)}
 
 
 def repeated_list(verb: Callable[..., Any], words: Sequence[str]) -> str | None:
     """The flag of an option with several values that is given twice, of which only the last values would count; None: none is."""
-    for _, flag, hint in _flags(verb):
-        kind = typing.get_args(hint)[0] if hasattr(hint, "__metadata__") else hint
-        named = any(str(getattr(note, "metavar", "")).endswith(",...") for note in getattr(hint, "__metadata__", ()))
-        if (named or typing.get_origin(kind) is tuple) and sum(word.partition("=")[0] == flag for word in words) > 1:
-            return flag
-    return None
+    given = [word.partition("=")[0] for word in words]
+    return next((one.flag for one in _flags(verb) if (one.several or one.listed) and given.count(one.flag) > 1), None)
 
 
 def wrong_value(verb: Callable[..., Any], words: Sequence[str]) -> str | None:
     """What is wrong with the first value that is no number, or no word of those that there are: a line; None: nothing is."""
-    hints = {flag: _without_notes(hint) for _, flag, hint in _flags(verb)}
+    flags = {one.flag: one for one in _flags(verb)}
     for place, word in enumerate(words):
         name, equals, value = word.partition("=")
-        flag = name.replace("_", "-")
-        if flag not in hints:
+        one = flags.get(name.replace("_", "-"))
+        if one is None:
             continue
-        several = typing.get_origin(hints[flag]) is tuple
-        kinds = _kinds(typing.get_args(hints[flag])[0] if several else hints[flag])
         behind = itertools.takewhile(lambda one: not FLAG.match(one), words[place + 1 :])
-        for given in [value] if equals else itertools.islice(behind, None if several else 1):
-            if not any(_fits(given, kind) for kind in kinds):
-                return f"{flag} is {given!r}; {_describe(kinds)} is expected"
+        for given in [value] if equals else itertools.islice(behind, None if one.several else 1):
+            if not any(_fits(given, kind) for kind in one.kinds):
+                return f"{one.flag} is {given!r}; {_describe(one.kinds)} is expected"
     return None
 
 
@@ -61,16 +68,12 @@ def _describe(kinds: Sequence[Any]) -> str:
     return f"{', '.join(names[:-1])}{' or ' if names[1:] else ''}{names[-1]}"
 
 
-def _without_notes(hint: Any) -> Any:
-    return typing.get_args(hint)[0] if hasattr(hint, "__metadata__") else hint
-
-
-def _kinds(hint: Any) -> list[Any]:
-    """What one value may be: types, and words."""
-    hint = _without_notes(hint)
-    if typing.get_origin(hint) in (typing.Union, types.UnionType):
-        return [kind for part in typing.get_args(hint) for kind in _kinds(part)]
-    return list(typing.get_args(hint)) if typing.get_origin(hint) is typing.Literal else [hint]
+def _parts(hint: Any) -> list[Any]:
+    """The types and words in a type hint: those of a union, of a list, of a Literal, and of what is annotated."""
+    if typing.get_origin(hint) is typing.Literal:
+        return list(typing.get_args(hint))
+    inner = typing.get_args(hint)[: 1 if hasattr(hint, "__metadata__") else None]
+    return [kind for part in inner if part is not Ellipsis for kind in _parts(part)] if inner else [hint]
 
 
 def _fits(value: str, kind: Any) -> bool:
@@ -84,27 +87,22 @@ def _fits(value: str, kind: Any) -> bool:
 
 
 @functools.cache
-def _flags(taker: Callable[..., Any]) -> list[tuple[str, str, Any]]:
-    """Name, flag and type of each option."""
-    hints, found = typing.get_type_hints(taker, include_extras=True), []
+def _flags(taker: Callable[..., Any]) -> list[Flag]:
+    """Each option, those of its groups, too."""
+    hints, found = typing.get_type_hints(taker, include_extras=True), list[Flag]()
     for name, parameter in inspect.signature(taker).parameters.items():
         hint = hints[name]
-        notes = getattr(hint, "__metadata__", ())
-        inner: list[Any] = [kind for kind in _classes(hint) if dataclasses.is_dataclass(kind)]
-        if inner:
-            found += [one for kind in inner for one in _flags(kind)]
+        notes, kinds = getattr(hint, "__metadata__", ()), _parts(hint)
+        groups: list[Any] = [kind for kind in kinds if dataclasses.is_dataclass(kind)]
+        if groups:
+            found += [one for group in groups for one in _flags(group)]
         elif Positional not in notes:
             flag = f"{'no-' if parameter.default is True else ''}{name.replace('_', '-')}"
             named = next((note.name for note in notes if getattr(note, "name", None)), flag)
-            found.append((name, f"--{named}", hint))
+            several = typing.get_origin(typing.get_args(hint)[0] if notes else hint) is tuple
+            listed = any(str(getattr(note, "metavar", "")).endswith(",...") for note in notes)
+            found.append(Flag(name, f"--{named}", tuple(kinds), several, listed))
     return found
-
-
-def _classes(hint: Any) -> list[Any]:
-    """The classes in a type hint: itself, or those of its union."""
-    if inspect.isclass(hint):
-        return [hint]
-    return [kind for part in typing.get_args(hint) for kind in _classes(part)]
 
 
 def with_flags(message: str, flags: dict[str, str]) -> str:

@@ -10,7 +10,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -140,32 +140,9 @@ class Contract:
         return {CONTRACT_KEY: json.dumps(depth | words | side | provenance)}
 
 
-class Generator(Protocol):
-    """The numbers of a LaMa generator that its contract follows from (`dlama.nets.architecture.GeneratorSettings` has them)."""
-
-    @property
-    def in_channels(self) -> int:
-        """Planes it takes, masks counted."""
-
-    @property
-    def out_channels(self) -> int:
-        """Planes it gives."""
-
-    @property
-    def activation(self) -> str:
-        """Its last layer: sigmoid, tanh or none."""
-
-    @property
-    def multiple(self) -> int:
-        """Height and width must be multiples of this."""
-
-    @property
-    def minimum(self) -> int:
-        """Smallest height and width."""
-
-
-def generator_contract(settings: Generator) -> Contract:
-    """The contract of a LaMa generator with those numbers of planes. InputError where no contract fits them."""
+def generator_contract(settings: Any) -> Contract:
+    """The contract of a LaMa generator of those settings (`dlama.nets.architecture.GeneratorSettings`). InputError where no
+    contract fits its numbers of planes."""
     names = PLANES.get(settings.out_channels, tuple(f"plane {i}" for i in range(settings.out_channels)))
     ranges: dict[str, tuple[float, float] | None] = {"sigmoid": (0.0, 1.0), "tanh": (-1.0, 1.0), "none": None}
     masks = settings.in_channels - settings.out_channels
@@ -184,7 +161,7 @@ def generator_contract(settings: Generator) -> Contract:
     )
 
 
-def generator_metadata(settings: Generator, source: Path, licence: str) -> dict[str, str]:
+def generator_metadata(settings: Any, source: Path, licence: str) -> dict[str, str]:
     """ONNX metadata for a generator made of the weight file `source`: its contract, the licence, the file's name and sha256, and
     all settings. licence: an SPDX name or a sentence. InputError where no contract fits, or the file cannot be read."""
     return generator_contract(settings).metadata(
