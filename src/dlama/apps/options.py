@@ -107,6 +107,10 @@ class Pointing: ...
 class Pair: ...
 
 
+@as_flags(groups.Pair, "right_view", "disparity_scale", "matcher", "max_disparity")
+class Matching: ...
+
+
 def given_options(*groups: Any) -> dict[str, Any]:
     """The options of some groups that differ from their defaults, by name; a network as the ONNX file that runs."""
     found: dict[str, Any] = {}

@@ -138,10 +138,10 @@ class Pair:
     calib: Path | None = option("CALIB")
     """calib.txt of Middlebury or KITTI, or JSON with left_K, right_K, baseline_m, doffs, pixel_center."""
     right_view: Literal["given", "synthesised"] | None = option("given|synthesised", "the recipe's")
-    """Whether the right picture stays as it is, or is made from the left one."""
+    """given (dlama): the right picture stays as it is and gets depth; synthesised (paper): it is made from the left."""
     disparity_scale: float | None = option("UNITS", "256 for 16-bit files, 1 for float files")
-    """Units of disparity files that make a pixel."""
+    """Units of the disparity file that make a pixel."""
     matcher: Path | None = option("FILE.onnx", "semi-global matching")
-    """A network that finds the disparity."""
+    """A network that finds the disparity: left and right picture in, disparity out, as its contract says."""
     max_disparity: float | None = option("PX", "found")
     """The largest disparity looked for."""

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 from tyro.conf import Positional
 
 from dlama.apps.command import command
 from dlama.apps.options import (
     Masking,
+    Matching,
     Method,
     Metres,
     Output,
@@ -30,16 +31,13 @@ def stereo(
     output: Output,
     masking: Masking,
     pointing: Pointing,
+    matching: Matching,
     method: Method,
     results: Results,
     report: Report,
     mask: Annotated[Path | None, option("MASK")] = None,
     mask_right: Annotated[Path | None, option("MASK", "--mask carried over by disparity")] = None,
-    right_view: Annotated[Literal["given", "synthesised"] | None, option("given|synthesised", "the recipe's")] = None,
     disparity: Annotated[Path | None, option("FILE", "found")] = None,
-    disparity_scale: Annotated[float | None, option("UNITS", "256 for 16-bit files, 1 for float files")] = None,
-    matcher: Annotated[Path | None, option("FILE.onnx", "semi-global matching")] = None,
-    max_disparity: Annotated[float | None, option("PX", "found")] = None,
     far: Metres = None,
 ) -> None:
     """Depth from a rectified stereo pair, and with --mask or --click both pictures without an object, so that they agree.
@@ -51,16 +49,10 @@ def stereo(
         output: Directory for the results, made if need be: the left view at the top, the right one in right/.
         mask: The object in the left picture: black and white, 255 = remove; --click or --box say it in place of that file.
         mask_right: The object in the right picture.
-        right_view: given (dlama): the right picture stays as it is and gets depth; synthesised (paper): it is made from the left.
         disparity: The left picture's disparity, in pixels: PFM, NPY, NPZ, EXR or PNG; 0 and infinity are missing.
-        disparity_scale: Units of the disparity file that make a pixel.
-        matcher: A network that finds the disparity: left and right picture in, disparity out, as its contract says.
-        max_disparity: The largest disparity looked for.
         far: What is measured at or beyond this is far (sky).
     """
     with command("stereo", report) as this:
         files = {"left": left, "right": right, "mask": mask, "mask_right": mask_right, "disparity": disparity}
         check_of_object(given_options(masking, pointing), mask, mask_right)
-        others = {"calib": calib, "right_view": right_view, "disparity_scale": disparity_scale, "matcher": matcher}
-        others |= {"max_disparity": max_disparity, "far": far}
-        this.run("stereo", output, files, masking, pointing, method, results, **others)
+        this.run("stereo", output, files, masking, pointing, matching, method, results, calib=calib, far=far)
