@@ -13,45 +13,25 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import tyro
-from tyro.conf import FlagCreatePairsOff, OmitArgPrefixes, Positional
+from tyro.conf import FlagCreatePairsOff, OmitArgPrefixes
 
 import dlama
-from dlama.apps.command import STAGES, command
+from dlama.apps.command import STAGES
 from dlama.apps.examples import EXAMPLES
-from dlama.apps.options import (
-    Depth,
-    DepthAndMask,
-    Estimating,
-    Image,
-    Lens,
-    Masking,
-    Method,
-    Move,
-    Output,
-    Pointing,
-    Reading,
-    Report,
-    Results,
-    check_of_object,
-    given_options,
-    option,
-    split_depth_and_mask,
-)
+from dlama.apps.options import Method, Report, Results, option
 from dlama.apps.terminal.flags import flags_of, repeated_list, with_flags, wrong_value
 from dlama.apps.terminal.output import errors_as_lines, report_result, stages_bar
 from dlama.apps.verbs.batch import batch
-from dlama.apps.verbs.depth import depth as depth_of_photo
-from dlama.apps.verbs.masks import mask as mask_of_object
 from dlama.apps.verbs.measuring.doctor import doctor
 from dlama.apps.verbs.measuring.evaluate import evaluate
 from dlama.apps.verbs.measuring.worlds import worlds
 from dlama.apps.verbs.networks.model_verbs import models
 from dlama.apps.verbs.networks.train import pack, train
 from dlama.apps.verbs.photo3d import photo3d
+from dlama.apps.verbs.pictures import depth, mask, remove, stereo, view
 from dlama.apps.verbs.sequence import sequence
 from dlama.apps.verbs.serve import serve
 from dlama.apps.verbs.show import show
-from dlama.apps.verbs.stereo import stereo
 from dlama.apps.verbs.video import video
 from dlama.apps.verbs.warm_up import warm_up
 from dlama.errors import InputError
@@ -71,64 +51,6 @@ dlama completes what a camera could not see. The most usual commands:
 `dlama demo` runs them on a scene that comes with dlama. `dlama --help` lists all verbs, `dlama VERB --help` explains one."""
 """What `dlama` prints without arguments."""
 DEMO_FOLDER = Annotated[Path, option("DIR", "dlama-demo", aliases=["-o"])]
-
-
-def view(
-    image: Positional[Image],
-    depth: Positional[Depth] = None,
-    /,
-    *,
-    output: Output,
-    move: Move,
-    lens: Lens,
-    reading: Reading,
-    estimating: Estimating,
-    method: Method,
-    results: Results,
-    report: Report,
-) -> None:
-    """The scene from another viewpoint, with what was hidden filled in.
-
-    Args:
-        image: The colour picture: PNG, JPEG, WebP, TIFF or HEIC. Or a scene.npz: the camera moves from its middle frame.
-        depth: Its depth, same size: 16-bit PNG or TIFF (millimetres), EXR, PFM, NPY or NPZ; without it, it is estimated.
-        output: Directory for the results, made if need be; files of the same names are replaced.
-    """
-    with command("view", report) as this:
-        files = {"image": image, "depth": depth}
-        this.run("view", output, files, move, lens, reading, estimating, method, results)
-
-
-def remove(
-    image: Positional[Image],
-    depth_and_mask: Positional[DepthAndMask] = (),
-    /,
-    *,
-    mask: Annotated[Path | None, option("MASK")] = None,
-    output: Output,
-    move: Move,
-    lens: Lens,
-    reading: Reading,
-    estimating: Estimating,
-    masking: Masking,
-    pointing: Pointing,
-    method: Method,
-    results: Results,
-    report: Report,
-) -> None:
-    """The scene without an object: what it hid is restored, seen from the same place or from elsewhere.
-
-    Args:
-        image: The colour picture: PNG, JPEG, WebP, TIFF or HEIC.
-        depth_and_mask: Its depth, same size (16-bit PNG or TIFF, EXR, PFM, NPY or NPZ; without it, it is estimated), and the
-            object in the picture: black and white, 255 = remove; --click or --box say it in place of that file.
-        mask: The mask, where its file does not follow the others.
-        output: Directory for the results, made if need be; files of the same names are replaced.
-    """
-    with command("remove", report) as this:
-        files = {"image": image} | split_depth_and_mask(depth_and_mask, vars(pointing), mask)
-        check_of_object(given_options(masking, pointing), files["mask"])
-        this.run("remove", output, files, move, lens, reading, estimating, masking, pointing, method, results)
 
 
 def demo(method: Method, results: Results, report: Report, output: DEMO_FOLDER = Path("dlama-demo")) -> None:
@@ -154,12 +76,12 @@ def version() -> None:
 VERBS: dict[str, Callable[..., Any]] = {
     "view": view,
     "remove": remove,
-    "mask": mask_of_object,
+    "mask": mask,
     "stereo": stereo,
     "photo3d": photo3d,
     "sequence": sequence,
     "video": video,
-    "depth": depth_of_photo,
+    "depth": depth,
     "batch": batch,
     "demo": demo,
     "serve": serve,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import statistics
+import warnings
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
@@ -20,10 +21,14 @@ from dlama.files.results.completion import file_names
 from dlama.files.results.estimated_depth import FILES as FILES_OF_DEPTH
 from dlama.files.results.preview import tint
 from dlama.geometry.rgbd import RGBD, UInt8Array, describe_depth_range
-from dlama.jobs.inputs import JobInputs, Parameters, select
-from dlama.jobs.parameters import RESULTS, check_parameters
+from dlama.jobs.early import check_options
+from dlama.jobs.inputs import JobInputs, Parameters, find_pointed, select
+from dlama.jobs.parameters import PICTURE, POINTING, RESULTS, check_parameters, read_parameters
 from dlama.jobs.verbs import check_job, perform
 from dlama.perception.depth_scale import RULES, describe_depth_source
+
+ASSUMED = "the (scale of the estimated depth|field of view) is assumed"
+"""Warnings of a picture whose depth is estimated; a mask in it depends on neither."""
 
 
 @dataclass
@@ -62,6 +67,19 @@ class Command(JobInputs):
         line = f"{output}: {describe_depth_range(rgbd.depth)}, {describe_depth_source(about)}, {scale}"
         values = {"output": str(output), "files": list(FILES_OF_DEPTH), "depth_estimate": about}
         self.result.add(f"{line}, {self.seconds:.1f} s", **values)
+
+    def find_mask(self, files: Inputs, options: Parameters) -> tuple[dlama.ObjectMask, RGBD | UInt8Array]:
+        """What the options point at in a picture, and that, with its depth where it is needed. InputError and its kin."""
+        image = Path(str(files["image"]))
+        given = {name: path for name, path in files.items() if path is not None} | dict(options)
+        p = read_parameters({**PICTURE, **POINTING}, given, partial(check_options, image=image))
+        by_color = "salient" in p or "object_class" in p or p.get("masker", "rgbd") != "rgbd"
+        needs_depth = "depth" in p or "with_shadow" in p or not by_color
+        with warnings.catch_warnings():
+            if not ("depth" in p or "with_shadow" in p):
+                warnings.filterwarnings("ignore", ASSUMED)
+            picture = self.read_picture(p) if needs_depth else self.read_color(p)
+        return find_pointed(picture, image, p)[0], picture
 
     def write_mask(self, found: dlama.ObjectMask, picture: RGBD | UInt8Array, output: Path, overlay: Path) -> None:
         """The mask, the picture with the object tinted and outlined, and the line about them. OutputError."""
