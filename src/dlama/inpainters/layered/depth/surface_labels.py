@@ -216,10 +216,11 @@ class CoarseView:
         for number in range(len(self.candidates)):
             there = ~self.hole & (self.label == number - 1)
             if there.any():
-                plain = distance_to(there)
-                there = ~self.hole & (surrounded == number - 1)
-                within = distance_to(there) if there.any() else np.float32(1e3)
-                out[number] = np.where(self.hole_in_view, within, plain)
+                out[number] = distance_to(there)
+                larger = ~self.hole & (surrounded == number - 1)
+                if (larger != there).any():
+                    within = distance_to(larger) if larger.any() else np.float32(1e3)
+                    np.copyto(out[number], within, where=self.hole_in_view)
         if context.sky is not None:
             coarser = with_larger_pixels(self.camera, 4)  # smooth: a quarter of the cells is enough
             angle = angle_to_far(coarser, context.law)
