@@ -44,8 +44,8 @@ class Law:
             if not layer.shows_source:
                 continue
             layer = layer.load()
-            shown = from_source(layer.origin)
-            depth = layer.depth if shown.all() else np.where(shown, layer.depth, np.float32(0))
+            others = ~from_source(layer.origin) & (layer.depth != 0)
+            depth = np.where(others, np.float32(0), layer.depth) if others.any() else layer.depth
             for number, (camera, known) in enumerate(measured):
                 if camera.same_view_as(layer.camera):
                     measured[number] = camera, np.where(known == 0, depth, known)
