@@ -23,6 +23,7 @@ from dlama.geometry.frames.choosing import choose_frames
 from dlama.geometry.fusion import fuse
 from dlama.geometry.holes import box_around, dilate_mask, fill_with_nearest
 from dlama.geometry.rendering import Mode, render, render_fills
+from dlama.geometry.rgbd import replace_pixels
 from dlama.geometry.scene import Scene, replace_frame
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
@@ -141,7 +142,7 @@ def close_holes(law: Law, view: View, earlier: View, *, measured: bool = False) 
     again = has_code(earlier.origin, *SEEN_AGAIN) & (not measured)
     origin = np.where(of_color, np.where(again, np.uint8(Origin.FILLED), earlier.origin), np.uint8(Origin.DEPTH_FILLED))
     known = view.with_planes(
-        color=np.where(of_color[..., None], earlier.color, view.color),
+        color=replace_pixels(view.color, of_color, earlier.color),
         depth=depth,
         hole=view.hole & ~closed,
         origin=np.where(closed, origin, view.origin),

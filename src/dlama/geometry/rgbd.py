@@ -221,6 +221,14 @@ def paste(array: np.ndarray, where: BoolArray, onto: np.ndarray) -> None:
     cv2.copyTo(array, where.view(np.uint8), onto)
 
 
+def replace_pixels(array: np.ndarray, where: BoolArray, other: np.ndarray) -> np.ndarray:
+    """A copy of the values (H x W or H x W x C) with those of another array of that shape and type in the pixels of `where`
+    (H x W bool). `np.where` takes fifteen times as long with a mask for all channels."""
+    out = array.copy()
+    paste(other, where, out)
+    return out
+
+
 def _is_frozen(array: np.ndarray) -> bool:
     """Whether the array and its base cannot be written to."""
     base: object = array

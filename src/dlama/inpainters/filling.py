@@ -19,7 +19,7 @@ from dlama.errors import DepthError, ShapeError
 from dlama.geometry.codes import Origin
 from dlama.geometry.holes import box_around, larger_box, sides_of
 from dlama.geometry.kernels.jit import begin_job
-from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, replace_pixels
 from dlama.geometry.view import View
 from dlama.inpainters.confidence import features_of_known, judge_fill
 from dlama.inpainters.context import FillContext
@@ -91,6 +91,8 @@ def check_fill(fill: Fill, hole: BoolArray) -> Fill:
         array = getattr(fill, name)
         if np.shape(array) != shape and not (array is None and name == "errors"):
             raise ShapeError(f"the filler's {name} has shape {np.shape(array)}; {shape} is expected for this view")
+    if (given := np.asarray(fill.color).dtype) != np.uint8:
+        raise ShapeError(f"the filler's color is {given}; uint8 is expected")
     wrong = int((~(np.asarray(fill.depth)[hole] >= 0)).sum())
     if wrong:
         raise DepthError(
@@ -146,7 +148,7 @@ def _fill_whole(view: View, inpainter: Inpainter, context: FillContext, seed: in
     hole, known = view.hole, begin_job(features_of_known, view)
     fill = check_fill(inpainter(view, context, seed), hole)
     depth, moved = context.law.project(view.camera, fill.depth, hole)
-    color = np.where(view.color_hole[..., None], fill.color, view.color)
+    color = replace_pixels(view.color, view.color_hole, np.ascontiguousarray(fill.color))
     filled_origin = np.where(view.color_hole, np.uint8(Origin.FILLED), np.uint8(Origin.DEPTH_FILLED))
     confidence, errors = judge_fill(view, color, depth, known())
     if fill.errors is not None:

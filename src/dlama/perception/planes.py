@@ -173,7 +173,7 @@ def _label_known(w: Float32Array, surface: BoolArray, planes: Iterable[Float32Ar
     near, half = tolerance(w, noise), np.float32(0.5) * count_around(surface)
     label = np.full(w.shape, SMOOTH, np.int8)
     for number, value in enumerate(planes):
-        residual = np.abs(value - w)
+        residual = np.abs(np.subtract(value, w, out=value), out=value)
         fits = surface & (residual < near)
         count = count_around(fits)
         if noise:

@@ -14,7 +14,7 @@ from dlama.geometry.drawing.grid_mesh import mesh_grid
 from dlama.geometry.holes import nearest_known
 from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
 from dlama.geometry.projection import depth_from_inverse, inverse_depth
-from dlama.geometry.rgbd import BoolArray, Float32Array
+from dlama.geometry.rgbd import BoolArray, Float32Array, replace_pixels
 from dlama.geometry.view import View
 
 BEHIND = np.float32(0.98)
@@ -40,7 +40,7 @@ def continue_under_edges(view: View, reach: int, least: float = 0.0) -> tuple[Vi
     added = np.isfinite(behind)
     color = view.color.reshape(-1, 3)[source]
     layer = view.with_planes(
-        color=np.where(added[..., None], color, view.color),
+        color=replace_pixels(view.color, added, color),
         depth=np.where(added, depth_from_inverse(np.where(added, behind * BEHIND, 1)), view.depth),
         hole=view.hole & ~added,
         hole_type=np.where(added, np.uint8(HoleType.DISOCCLUDED), np.uint8(HoleType.NONE)),

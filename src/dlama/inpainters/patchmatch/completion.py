@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, replace_pixels
 from dlama.inpainters.patchmatch.pyramid import build_pyramid
 from dlama.inpainters.patchmatch.search import Search
 
@@ -79,7 +79,7 @@ def complete_picture(
     one cost more; guided: the guess is a network's, whose structure stays. Where no patch of 7 x 7 px is known the guess comes
     back. The same seed gives the same bits.
     """
-    out = np.where(hole[..., None], guess, picture)
+    out = replace_pixels(picture, hole, guess)
     surface = np.zeros(hole.shape, np.int32) if label is None else label.astype(np.int32)
     levels = build_pyramid(picture, hole, guess, surface) if hole.any() else []
     if not levels or not levels[0].sources.any():

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 
 from dlama.geometry.holes import box_around, shrink_known, smaller_size
-from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, replace_pixels
 from dlama.geometry.view import View
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill, Paint, Painter
@@ -48,7 +48,7 @@ def guess_coarsely(paint: Paint, picture: UInt8Array, hole: BoolArray, seed: int
     small = np.clip(np.round(means), 0, 255).astype(np.uint8)
     painted = cv2.resize(paint(small, share < 0.5, seed), (width, height), interpolation=cv2.INTER_CUBIC)
     make_room(hole.size)
-    return np.where(hole[..., None], painted, picture)
+    return replace_pixels(picture, hole, painted)
 
 
 def blend_with_guess(

@@ -5,11 +5,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.camera import Camera
-from dlama.geometry.kernels.jit import BAND
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.inpainters.layered.kernels.cells import shrink, trusted_sources
 
@@ -19,6 +19,8 @@ UNTRUSTED = -2
 FEW, SHARE_LEFT = 100, 0.25
 """Least number and share of a surface's pixels that must remain trusted; below, pixels nearer to occluders are trusted, too:
 leaves have no others."""
+BAND = 256
+"""Rows that are counted at a time."""
 WORK_SIZE = 256
 """Longer side, in cells, of the grid on which texture is compared."""
 
@@ -128,11 +130,11 @@ def trusted_labels(hole: BoolArray, inverse_depth: Float32Array, label: Labels) 
 
 def count_labels(label: Labels, where: BoolArray) -> NDArray[np.int64]:
     """How many pixels of `where` (H x W) have each label (H x W), from UNTRUSTED on."""
-    out = np.zeros(np.iinfo(np.int8).max - UNTRUSTED + 1, np.int64)
-    for first in range(0, len(label), BAND):  # at full size they are whole numbers of 64 bits
-        rows = slice(first, first + BAND)
-        out += np.bincount(label[rows][where[rows]] - UNTRUSTED, minlength=len(out))
-    return out
+    out = np.zeros(256, np.int64)
+    for first in range(0, len(label), BAND):  # OpenCV gives float32, which counts to 16 million
+        codes, counted = (one[first : first + BAND].view(np.uint8) for one in (label, where))
+        out += cv2.calcHist([codes], [0], counted, [256], [0, 256]).ravel().astype(np.int64)
+    return np.roll(out, -UNTRUSTED)
 
 
 def is_one_of(label: Labels, numbers: NDArray[np.int64]) -> BoolArray:

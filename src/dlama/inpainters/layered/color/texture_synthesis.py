@@ -77,7 +77,8 @@ def synthesize(
         out[open_air] = SKY_COLOR
     else:
         for channel in range(3):  # one at a time: at full size they are floats
-            out[open_air, channel] = np.rint(enlarge(under[..., channel], grid)[open_air])
+            large = enlarge(under[..., channel], grid)
+            np.copyto(out[..., channel], np.rint(large, out=large), casting="unsafe", where=open_air)
     regions = sorted(hole_regions(grid), key=lambda region: -len(region.pixels))
 
     def paint_regions(first: int, last: int) -> None:
