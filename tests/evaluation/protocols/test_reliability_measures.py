@@ -29,7 +29,7 @@ def scored() -> tuple[MethodRun, ViewTruth, dict[str, float]]:
     made = world(900_003)
     truth = ViewTruth(made.frame(made.camera(0, 96)), made.frame(made.camera(25, 96)))
     run = vpi.run_method(Method("dlama", "telea"), truth.source, truth.target.camera)
-    measures = reliability_measures(run, vpi.reference_of(truth, truth.target, SETTINGS, with_object=False))
+    measures = reliability_measures(run, vpi.target_reference(truth, SETTINGS))
     assert {(one.region, one.modality) for one in measures} == {(REGION, MODALITY)}
     return run, truth, {one.metric: one.value for one in measures}
 
@@ -73,7 +73,7 @@ def test_confidence_orders_better_than_chance(scored: tuple[MethodRun, ViewTruth
 def test_the_baseline_says_nothing(scored: tuple[MethodRun, ViewTruth, dict[str, float]]) -> None:
     """It fills nothing, so there is nothing to rely on; so it is where the truth's depth is not known."""
     run, truth, _ = scored
-    reference = vpi.reference_of(truth, truth.target, SETTINGS, with_object=False)
+    reference = vpi.target_reference(truth, SETTINGS)
     assert reliability_measures(MethodRun(Method("dlama", "none"), run.completion, 0.0), reference) == []
 
 

@@ -26,7 +26,7 @@ from dlama.evaluation.metrics.pictures import psnr, ssim_map
 from dlama.evaluation.protocols import PROTOCOLS
 from dlama.evaluation.protocols.methods import NO_FILL, Method, ProtocolSettings, Scored
 from dlama.evaluation.protocols.scores import region_ssim
-from dlama.evaluation.protocols.vpi import reference_of
+from dlama.evaluation.protocols.vpi import target_reference
 from dlama.geometry.rgbd import RGBD
 
 __all__ = ["constant_filler"]
@@ -148,5 +148,5 @@ def test_seen_is_what_lies_within_2_percent(behind: float, region: str) -> None:
     """Closed form: the same camera, whose true target lies 1.5 % behind the source's depth, or 3 %; the limit is 2 %."""
     source = frame(SOURCE, None)
     target = RGBD(source.color, source.depth * np.float32(behind), SOURCE)
-    regions = reference_of(ViewTruth(source, target), target, ProtocolSettings(), with_object=False).regions
+    regions = target_reference(ViewTruth(source, target), ProtocolSettings()).regions
     assert regions[region].all()

@@ -11,7 +11,6 @@ import math
 from collections import OrderedDict
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +19,7 @@ from dlama.errors import ShapeError
 from dlama.evaluation.metrics.pictures import SETTINGS
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+from dlama.models.network_file import NetworkFile
 
 NETWORK = Path(__file__).parents[2] / "assets" / "lpips" / "alex.onnx"
 SMALLEST_SIDE = 31
@@ -32,14 +32,9 @@ Features = tuple[Float32Array, ...]
 
 
 class Lpips:
-    """LPIPS with the shipped network; cheap to make, the session is opened once per process and number of threads.
+    """LPIPS with the shipped network; cheap to make, the network is opened once per process."""
 
-    Args:
-        threads: of onnxruntime; None = 1, because frames run side by side.
-    """
-
-    def __init__(self, threads: int | None = None) -> None:
-        self.threads = 1 if threads is None else threads
+    def __init__(self) -> None:
         self._remembered: OrderedDict[bytes, Features] = OrderedDict()
 
     def features(self, picture: UInt8Array) -> Features:
@@ -53,7 +48,7 @@ class Lpips:
         _refuse_others(picture)
         key = hashlib.sha1(repr(picture.shape).encode() + picture.tobytes(), usedforsecurity=False).digest()
         if key not in self._remembered:
-            taps = _session(self.threads).run(None, {"picture": _network_input(picture)})
+            taps = _network().run_all({"picture": _network_input(picture)})
             self._remembered[key] = tuple(tap[0] for tap in taps)
         self._remembered.move_to_end(key)
         while len(self._remembered) > REMEMBERED:
@@ -97,13 +92,8 @@ class Lpips:
 
 
 @lru_cache
-def _session(threads: int) -> Any:
-    import onnxruntime  # loaded where LPIPS is measured, and only there
-
-    options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads = threads
-    options.log_severity_level = 3
-    return onnxruntime.InferenceSession(str(NETWORK), options, providers=["CPUExecutionProvider"])
+def _network() -> NetworkFile:
+    return NetworkFile(NETWORK, "cpu", threads=1)  # frames run side by side
 
 
 def _refuse_others(picture: UInt8Array) -> None:

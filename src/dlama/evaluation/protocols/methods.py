@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -170,11 +170,16 @@ def run_method(
     Raises:
         InputError, FileError and all else that `complete` raises.
     """
-    how: dict[str, Any] = {"filler": method.filler, "model": method.model}
     if not method.fills:
-        how, changes = {"filler": no_fill}, {**changes, "source_first": False}
+        changes = {**changes, "source_first": False}
+    return timed_run(method, lambda **how: complete(source, [camera], mask=mask, **how), **changes)
+
+
+def timed_run(method: Method, verb: Callable[..., Completion], **changes: Any) -> MethodRun:
+    """What a verb makes with the recipe (and these changes of it), filler, model and seed of a method."""
+    how: dict[str, Any] = {"filler": method.filler, "model": method.model} if method.fills else {"filler": no_fill}
     started = time.perf_counter()
-    done = complete(source, [camera], mask=mask, recipe=method.recipe_with(**changes), seed=method.seed, **how)
+    done = verb(recipe=method.recipe_with(**changes), seed=method.seed, **how)
     return MethodRun(method, done, time.perf_counter() - started)
 
 

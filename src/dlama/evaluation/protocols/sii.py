@@ -13,7 +13,7 @@ The baseline that fills nothing is scored in colour only where it would have no 
 
 from __future__ import annotations
 
-import time
+import functools
 from functools import lru_cache
 from typing import Any
 
@@ -25,7 +25,15 @@ from dlama.datasets.frames import StereoTruth, Truth
 from dlama.errors import InputError
 from dlama.evaluation.metrics.depth import disparity_errors, left_right_difference
 from dlama.evaluation.metrics.regions import stereo_regions
-from dlama.evaluation.protocols.methods import Measure, Method, MethodRun, ProtocolSettings, Scored, no_fill, run_method
+from dlama.evaluation.protocols.methods import (
+    Measure,
+    Method,
+    MethodRun,
+    ProtocolSettings,
+    Scored,
+    run_method,
+    timed_run,
+)
 from dlama.evaluation.protocols.ori import cloud_measures
 from dlama.evaluation.protocols.reliability import reliability_measures
 from dlama.evaluation.protocols.scores import Reference, artifact_measures, leak_measures, picture_panel
@@ -55,21 +63,9 @@ def score(truth: Truth, method: Method, settings: ProtocolSettings) -> list[Scor
 
 def run_stereo(truth: StereoTruth, method: Method) -> MethodRun:
     """`dlama.completion.stereo.stereo` on the pair, with the masks where there are any."""
-    fills = method.fills
-    how: dict[str, Any] = {"filler": method.filler, "model": method.model} if fills else {"filler": no_fill}
-    started = time.perf_counter()
-    done = stereo(
-        truth.left,
-        truth.right,
-        truth.rig,
-        mask=truth.mask_left,
-        mask_right=truth.mask_right,
-        right_view="given" if truth.mask_left is not None else "synthesised",
-        recipe=method.recipe_with(),
-        seed=method.seed,
-        **how,
-    )
-    return MethodRun(method, done, time.perf_counter() - started)
+    right_view: Any = "given" if truth.mask_left is not None else "synthesised"
+    pair = functools.partial(stereo, truth.left, truth.right, truth.rig, mask=truth.mask_left, right_view=right_view)
+    return timed_run(method, functools.partial(pair, mask_right=truth.mask_right))
 
 
 def score_removal(truth: StereoTruth, method: Method, settings: ProtocolSettings) -> Scored:

@@ -17,7 +17,7 @@ from dlama.errors import InputError
 from dlama.evaluation.metrics.pictures import channel_gain, with_gain
 from dlama.evaluation.metrics.regions import source_visibility
 from dlama.evaluation.metrics.reliability import color_tolerance
-from dlama.evaluation.protocols.methods import Measure, Method, MethodRun, ProtocolSettings, Scored, run_method
+from dlama.evaluation.protocols.methods import Method, ProtocolSettings, Scored, run_method
 from dlama.evaluation.protocols.reliability import reliability_measures
 from dlama.evaluation.protocols.scores import Reference, artifact_measures, leak_measures, picture_panel
 from dlama.geometry.rgbd import RGBD
@@ -32,35 +32,20 @@ def score(truth: Truth, method: Method, settings: ProtocolSettings) -> list[Scor
     """
     if not isinstance(truth, ViewTruth):
         raise InputError(f"vpi: the case holds a {type(truth).__name__}; a ViewTruth is expected")
-    scored = [score_plain(truth, method, settings)]
+    scored = [score_view(truth, method, settings)]
     if truth.object_mask is not None and truth.target_without is not None and truth.object_mask.any():
-        scored += [score_without(truth, method, settings, dilate) for dilate in settings.object_dilations]
+        scored += [score_view(truth, method, settings, dilate) for dilate in settings.object_dilations]
     return scored
 
 
-def score_plain(truth: ViewTruth, method: Method, settings: ProtocolSettings) -> Scored:
-    """The plain run: nothing is removed."""
-    reference = target_reference(truth, settings)
-    run = run_method(method, truth.source, truth.target.camera)
-    measures = view_measures(run, reference, truth, truth.target) + reference.shares()
-    return Scored(
-        tuple(measures), panel=picture_panel(run, reference, truth.source, truth.target), meta=run.completion.meta
-    )
-
-
-def score_without(truth: ViewTruth, method: Method, settings: ProtocolSettings, dilate: int) -> Scored:
-    """One run in which the object is removed first; its mask is dilated by so many px."""
-    assert truth.target_without is not None
-    reference = reference_without(truth, settings)
-    run = run_method(method, truth.source, truth.target.camera, truth.object_mask, dilate=dilate)
-    measures = view_measures(run, reference, truth, truth.target_without) + reference.shares()
-    return Scored(tuple(measures), f"object,dilate={dilate}", meta=run.completion.meta)
-
-
-def view_measures(run: MethodRun, reference: Reference, truth: ViewTruth, target: RGBD) -> list[Measure]:
-    """All numbers of one run."""
+def score_view(truth: ViewTruth, method: Method, settings: ProtocolSettings, dilate: int | None = None) -> Scored:
+    """The plain run; with `dilate` one in which the object is removed first, its mask dilated by so many px."""
+    removed = dilate is not None
+    reference, target = target_reference(truth, settings, removed), target_frame(truth, removed)
+    changes = {"dilate": dilate} if removed else {}
+    run = run_method(method, truth.source, truth.target.camera, truth.object_mask if removed else None, **changes)
     view = run.view()
-    return [
+    measures = [
         *run.hole_shares(),
         *reference.color_measures(view.color),
         *reference.depth_measures(view.depth),
@@ -71,29 +56,31 @@ def view_measures(run: MethodRun, reference: Reference, truth: ViewTruth, target
             run, view, reference.match_exposure(view.color), reference.regions["unseen"], "unseen", target, truth.source
         ),
         run.timing(),
+        *reference.shares(),
     ]
+    panel = None if removed else picture_panel(run, reference, truth.source, target)
+    return Scored(tuple(measures), f"object,dilate={dilate}" if removed else "", panel, run.completion.meta)
 
 
-@lru_cache(maxsize=1)
-def target_reference(truth: ViewTruth, settings: ProtocolSettings) -> Reference:
-    """The target frame and its regions, made once for all methods of a case."""
-    return reference_of(truth, truth.target, settings, with_object=False)
+def target_frame(truth: ViewTruth, without_object: bool) -> RGBD:
+    """The target frame, or that without the object."""
+    found = truth.target_without if without_object else truth.target
+    assert found is not None
+    return found
 
 
-@lru_cache(maxsize=1)
-def reference_without(truth: ViewTruth, settings: ProtocolSettings) -> Reference:
-    """The target frame without the object; what the object hides is a type of its own."""
-    assert truth.target_without is not None
-    return reference_of(truth, truth.target_without, settings, with_object=True)
-
-
-def reference_of(truth: ViewTruth, target: RGBD, settings: ProtocolSettings, with_object: bool) -> Reference:
-    """A target with regions by what the source sees of it; gain and tolerance of colours are those of the source carried over by
-    the true depth."""
-    found = source_visibility(truth.source, target, truth.object_mask if with_object else None, settings.seen_tolerance)
+@lru_cache(maxsize=2)
+def target_reference(truth: ViewTruth, settings: ProtocolSettings, without_object: bool = False) -> Reference:
+    """The target frame with regions by what the source sees of it, made once for all methods of a case; with `without_object`
+    what the object hides is a type of its own. Gain and tolerance of colours: of the source carried over by the true depth."""
+    target = target_frame(truth, without_object)
+    found = source_visibility(
+        truth.source, target, truth.object_mask if without_object else None, settings.seen_tolerance
+    )
     gain, carried = (1.0, 1.0, 1.0), found.warp_color(truth.source.color)
     if truth.exposure_varies:
         gain = channel_gain(carried, target.color, found.seen)
     shown = None if target.padding is None else ~target.padding
     within = color_tolerance(with_gain(carried, gain), target.color, found.seen, COLOR_WITHIN)
-    return Reference(target.color, target.depth, found.regions(with_object), settings, shown, gain, color_within=within)
+    regions = found.regions(without_object)
+    return Reference(target.color, target.depth, regions, settings, shown, gain, color_within=within)

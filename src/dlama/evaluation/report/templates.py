@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from dlama.errors import MissingExtraError
+from dlama.errors import import_extra
 
 PARTS = Path(__file__).parents[2] / "assets" / "report"
 """base.html and what is made of it: page.html (an evaluation) and batch.html; their parts, style.css and script.js."""
@@ -13,11 +13,8 @@ PARTS = Path(__file__).parents[2] / "assets" / "report"
 
 def template(name: str, extra: str) -> Any:
     """A template of Jinja2, which escapes what is not marked as HTML. MissingExtraError, which names the extra, without it."""
-    try:
-        from jinja2 import Environment, FileSystemLoader, StrictUndefined
-    except ImportError as error:
-        raise MissingExtraError("the report", "jinja2", extra) from error
-    loader = FileSystemLoader(PARTS)
-    made = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    jinja = import_extra("jinja2", "the report", "jinja2", extra)
+    how = {"autoescape": True, "undefined": jinja.StrictUndefined, "trim_blocks": True, "lstrip_blocks": True}
+    made = jinja.Environment(loader=jinja.FileSystemLoader(PARTS), **how)
     made.globals["part"] = lambda name: (PARTS / name).read_text(encoding="utf-8").strip()
     return made.get_template(name)

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from dlama.errors import MissingExtraError
+from dlama.errors import import_extra
 
 OPSET = 17
 IR_VERSION = 8
@@ -192,9 +192,4 @@ def _join_flat(g: Graph, parts: tuple[str, str], axis: int, height: str, times: 
 
 
 def _onnx() -> Any:
-    try:
-        import onnx
-        import onnx.numpy_helper
-    except ImportError as error:
-        raise MissingExtraError("writing an ONNX file", "onnx", "onnx") from error
-    return onnx
+    return import_extra("onnx", "writing an ONNX file", "onnx", "onnx")
