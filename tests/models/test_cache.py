@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from dlama.errors import FileError, InputError, OutputError
-from dlama.models import cache, records
-from dlama.models.cache import directory, locate, read_pins, user_path
+from dlama.models import records
+from dlama.models.cache import directory, expected, locate, read_pins, user_path
 from dlama.models.records import CATALOGUE, Record, record
 from dlama.models.verify import verify
 
@@ -107,7 +107,7 @@ def test_verify_pins_once(toy: Path) -> None:
     assert [verify(unknown).state, verify(unknown).state] == ["pinned", "verified"]
     toy.write_bytes(b"other")
     assert verify(unknown).state == "wrong"
-    assert cache.expected_size(unknown) == 5
+    assert expected(unknown)[0] == 5
 
 
 @pytest.mark.skipif(os.name != "posix", reason="a directory in the place of the list is another error elsewhere")

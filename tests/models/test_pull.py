@@ -34,7 +34,7 @@ def a_record(*urls: str, known: bool = True, body: bytes = BODY, member: str | N
 def refused(wanted: Record) -> str:
     """The message with which it is refused, after checking that it says the way by hand and nothing was put in place."""
     with pytest.raises(FileError) as caught:
-        pull(wanted, timeout=5)
+        pull(wanted)
     message = str(caught.value)
     assert "\n" not in message
     assert "By hand: download" in message and "toy.pt, then `dlama models verify toy`" in message

@@ -58,7 +58,7 @@ def locate(name: str) -> Path:
         raise FileError(
             f"{path}: the model {name} is not there; get it with `dlama models pull {name}`. {describe_manual_install(model)}"
         )
-    size = expected_size(model)
+    size, _ = expected(model)
     if size is not None and path.stat().st_size != size:
         raise FileError(
             f"{path}: {path.stat().st_size} bytes, the model {name} has {size}; "
@@ -67,20 +67,12 @@ def locate(name: str) -> Path:
     return path
 
 
-def expected_sha256(model: Record) -> str | None:
-    """Of the file as it lies on the disk: the record's, else the one pinned on first use, else None."""
-    if model.sha256 is not None and not model.member:
-        return model.sha256
-    pinned = _pinned(model, "sha256")
-    return pinned if isinstance(pinned, str) else None
-
-
-def expected_size(model: Record) -> int | None:
-    """Of the file as it lies on the disk, in bytes; None where unknown."""
-    if model.bytes is not None and not model.member:
-        return model.bytes
-    pinned = _pinned(model, "bytes")
-    return pinned if isinstance(pinned, int) else None
+def expected(model: Record) -> tuple[int | None, str | None]:
+    """Bytes and sha256 of the file as it lies on the disk: the record's, else those pinned on first use, else None."""
+    known = (None, None) if model.member else (model.bytes, model.sha256)
+    pinned = read_pins().get(model.file, {}) if None in known else {}
+    size, sha256 = known[0] or pinned.get("bytes"), known[1] or pinned.get("sha256")
+    return size if isinstance(size, int) else None, sha256 if isinstance(sha256, str) else None
 
 
 def pin(model: Record, sha256: str, size: int) -> None:
@@ -107,7 +99,3 @@ def read_pins() -> dict[str, dict[str, object]]:
     if not isinstance(pins, dict) or not all(isinstance(entry, dict) for entry in pins.values()):
         raise FileError(f"{path}: expected a table of file names; remove it to pin every file anew")
     return pins
-
-
-def _pinned(model: Record, key: str) -> object:
-    return read_pins().get(model.file, {}).get(key)

@@ -21,6 +21,8 @@ from dlama.errors import OutputError
 
 Progress: TypeAlias = Callable[[int, int | None], None]
 
+SILENT_SECONDS = 30.0
+"""A server may be."""
 PIECE = 1 << 18
 LONGEST = 4 << 30
 TRIES = 4
@@ -56,7 +58,7 @@ class _Reply:
     """HTTP validator (ETag, else date) of this version of the file; empty where there is none."""
 
 
-def download(url: str, part: Path, size: int | None, progress: Progress | None, timeout: float) -> bool:
+def download(url: str, part: Path, size: int | None, progress: Progress | None) -> bool:
     """Make `part` the whole file at that address; True where it is not from one single reply.
 
     Args:
@@ -64,13 +66,12 @@ def download(url: str, part: Path, size: int | None, progress: Progress | None, 
         part: what has arrived; what it came from is written next to it.
         size: bytes expected, None: unknown.
         progress: called with the bytes that have arrived and the bytes in all.
-        timeout: seconds a server may be silent.
     Raises:
         Unusable: this address does not give the file; in words why.
         OutputError: the disk cannot be written.
     """
     try:
-        return _download_parts(url, part, size, progress, timeout)
+        return _download_parts(url, part, size, progress)
     except BaseException as error:
         kept = isinstance(error, (_BrokeOff, Offline)) or not isinstance(error, Unusable)
         if not (kept and _resumable_bytes(url, part)):  # only what a later pull continues from stays
@@ -79,7 +80,7 @@ def download(url: str, part: Path, size: int | None, progress: Progress | None, 
         raise
 
 
-def _download_parts(url: str, part: Path, size: int | None, progress: Progress | None, timeout: float) -> bool:
+def _download_parts(url: str, part: Path, size: int | None, progress: Progress | None) -> bool:
     """As `download`, which removes what is left of a failure."""
     resumed, before = False, -1
     for _ in range(TRIES):
@@ -88,7 +89,7 @@ def _download_parts(url: str, part: Path, size: int | None, progress: Progress |
             break
         resumed = resumed or start_at > 0
         try:
-            _fetch(url, part, start_at, size, progress, timeout)
+            _fetch(url, part, start_at, size, progress)
         except _BrokeOff as error:
             broken = error
             before = start_at if part.is_file() else -1
@@ -98,14 +99,14 @@ def _download_parts(url: str, part: Path, size: int | None, progress: Progress |
     raise broken
 
 
-def _fetch(url: str, part: Path, start_at: int, size: int | None, progress: Progress | None, timeout: float) -> None:
+def _fetch(url: str, part: Path, start_at: int, size: int | None, progress: Progress | None) -> None:
     """One request, from byte `start_at` on."""
     request = urllib.request.Request(url, headers={"User-Agent": "dlama", "Accept-Encoding": "identity"})
     validator = _read_state(part).get("validator", "")
     if start_at and validator:
         request.add_header("Range", f"bytes={start_at}-")
         request.add_header("If-Range", validator)
-    with _name_failures(part), urllib.request.urlopen(request, timeout=timeout) as response:
+    with _name_failures(part), urllib.request.urlopen(request, timeout=SILENT_SECONDS) as response:
         reply = _reply(url, response, start_at, size)
         with _disk_errors(part):
             _state_file(part).write_text(json.dumps({"url": url, "validator": reply.validator}), "utf-8")

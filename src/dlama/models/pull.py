@@ -12,19 +12,18 @@ import zlib
 from pathlib import Path
 
 from dlama.errors import FileError, OutputError, system_errors
-from dlama.models.cache import PINS, describe_manual_install, expected_sha256, expected_size, pin, target_path
+from dlama.models.cache import PINS, describe_manual_install, expected, pin, target_path
 from dlama.models.download import LONGEST, Moved, Offline, Progress, Unusable, download
 from dlama.models.records import Record
 from dlama.models.verify import mismatch, size_and_sha256, verify
 
 
-def pull(model: Record, progress: Progress | None = None, timeout: float = 30.0) -> Path:
+def pull(model: Record, progress: Progress | None = None) -> Path:
     """The model's file, from the first mirror that has it; a good file that exists is kept.
 
     Args:
         model: its record.
         progress: called with the bytes that have arrived and the bytes in all (None: unknown).
-        timeout: seconds a server may be silent.
     Raises:
         FileError: no mirror gave the right file; lists each failure, and how to download by hand.
         OutputError: the cache directory cannot be written.
@@ -39,17 +38,17 @@ def pull(model: Record, progress: Progress | None = None, timeout: float = 30.0)
     failures: list[tuple[str, Unusable]] = []
     for url in model.urls:
         try:
-            return _from_mirror(url, model, target, progress, timeout)
+            return _from_mirror(url, model, target, progress)
         except Unusable as error:
             failures.append((url, error))
     raise FileError(_failure_message(model, failures))
 
 
-def _from_mirror(url: str, model: Record, target: Path, progress: Progress | None, timeout: float) -> Path:
+def _from_mirror(url: str, model: Record, target: Path, progress: Progress | None) -> Path:
     """From one mirror; a wrong hash after a resumed download is given one more try from the start."""
     part = target.with_name(target.name + (".zip.part" if model.member else ".part"))
     while True:
-        resumed = download(url, part, model.bytes, progress, timeout)
+        resumed = download(url, part, model.bytes, progress)
         complaint = mismatch(*size_and_sha256(part), model.bytes, model.sha256)
         if not complaint:
             break
@@ -65,8 +64,8 @@ def _from_mirror(url: str, model: Record, target: Path, progress: Progress | Non
 def _install(part: Path, model: Record, target: Path) -> Path:
     """Compare with what was pinned, move into place, pin what was not."""
     size, digest = size_and_sha256(part)
-    known = expected_sha256(model)
-    complaint = mismatch(size, digest, expected_size(model), known)
+    known_size, known = expected(model)
+    complaint = mismatch(size, digest, known_size, known)
     if complaint:
         part.unlink()
         raise Unusable(f"{complaint} (pinned when it was first used; remove its entry in {PINS} to take the new one)")

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Literal
 
 from dlama.errors import FileError, system_errors
-from dlama.models.cache import describe_manual_install, expected_sha256, expected_size, pin, target_path
+from dlama.models.cache import describe_manual_install, expected, pin, target_path
 from dlama.models.records import Record
 
 PIECE = 1 << 20
@@ -35,19 +35,15 @@ def verify(model: Record) -> Verdict:
         OutputError: the hash cannot be written down.
     """
     path = target_path(model)
+    again = f"`dlama models pull {model.name}`. {describe_manual_install(model)}"
     if not path.is_file():
-        return Verdict(
-            path, "missing", f"not there; `dlama models pull {model.name}`. {describe_manual_install(model)}"
-        )
+        return Verdict(path, "missing", f"not there; {again}")
     size, digest = size_and_sha256(path)
-    complaint = mismatch(size, digest, expected_size(model), expected_sha256(model))
+    known_size, known_digest = expected(model)
+    complaint = mismatch(size, digest, known_size, known_digest)
     if complaint:
-        return Verdict(
-            path,
-            "wrong",
-            f"{complaint}; remove it and `dlama models pull {model.name}`. {describe_manual_install(model)}",
-        )
-    if expected_sha256(model) is not None:
+        return Verdict(path, "wrong", f"{complaint}; remove it and {again}")
+    if known_digest is not None:
         return Verdict(path, "verified", f"sha256 {digest}")
     pin(model, digest, size)
     return Verdict(path, "pinned", f"sha256 {digest}, published nowhere: pinned now, compared from now on")
