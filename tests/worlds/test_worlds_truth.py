@@ -158,7 +158,7 @@ def test_photos_become_textures(tmp_path) -> None:  # type: ignore[no-untyped-de
 
 def test_bad_wishes_are_refused(tmp_path) -> None:  # type: ignore[no-untyped-def]
     """Messages name what came and what is expected."""
-    with pytest.raises(InputError, match="kind is 'cave'; street or room is expected"):
+    with pytest.raises(InputError, match="kind is 'cave'; one of street, room is expected"):
         world(1, kind="cave")  # type: ignore[arg-type]
     with pytest.raises(InputError, match="seed is -1"):
         world(-1)

@@ -1,12 +1,12 @@
 """Settings of a run in -> InputError out, before any work, where this machine has not the devices or the memory for them.
 
 What is needed is estimated from below (weights, optimisers, and the tensors that the backward pass keeps), so that nothing is
-refused that fits. Needs no torch for the estimate.
+refused that fits.
 """
 
 from __future__ import annotations
 
-from typing import Any
+import torch
 
 from dlama.completion.memory import GB, available_bytes
 from dlama.errors import InputError
@@ -36,7 +36,7 @@ def check_devices(settings: TrainSettings) -> None:
 def check_memory(settings: TrainSettings) -> None:
     """Raise InputError where the settings' networks and batch take more memory than is there."""
     gpu = _devices(settings)[1] == "GPUs"
-    free = _torch_cuda().get_device_properties(0).total_memory if gpu else available_bytes()
+    free = torch.cuda.get_device_properties(0).total_memory if gpu else available_bytes()
     needed = training_bytes(settings) * (1 if gpu else settings.loop.devices)
     if free is not None and needed > free:
         s = settings
@@ -70,14 +70,7 @@ def _devices(settings: TrainSettings) -> tuple[int, str]:
     """How many devices there are of the kind that the settings ask for, and what they are called."""
     if settings.loop.accelerator == "cpu":
         return processor_count(), "processor cores"
-    cuda = _torch_cuda()
-    gpus = cuda.device_count() if cuda.is_available() else 0
+    gpus = torch.cuda.device_count() if torch.cuda.is_available() else 0
     if gpus or settings.loop.accelerator == "gpu":
         return gpus, "GPUs"
     return processor_count(), "processor cores"
-
-
-def _torch_cuda() -> Any:
-    import torch
-
-    return torch.cuda

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dlama.arguments import is_finite
+from dlama.arguments import check_word, is_finite
 from dlama.completion.options import Unpack
 from dlama.datasets.frames import Case, Dataset, Frame, RemovalTruth, StereoTruth, ViewTruth
 from dlama.datasets.layouts import DatasetOptions, open_dataset, refuse_unused, select_cases, split_options
@@ -50,7 +50,8 @@ def world(seed: int, *, kind: Kind | None = None, textures: Textures = None) -> 
     Raises InputError, FileError (no pictures, or one that cannot be read), ShapeError.
     """
     _check_whole("seed", seed, 0)
-    _check_kind(kind)
+    if kind is not None:
+        check_word(kind, "kind", KINDS)
     if textures is None or isinstance(textures, str | Path):
         return _from_seed(seed, kind, None if textures is None else Path(textures))
     return _build_with_photos(seed, kind, textures)
@@ -60,11 +61,6 @@ def _check_whole(name: str, value: int, least: int, most: int | None = None) -> 
     if not isinstance(value, Integral) or value < least or (most is not None and value > most):
         limits = f">= {least}" if most is None else f"from {least} to {most}"
         raise InputError(f"`{name}` is {value!r}; a whole number {limits} is expected")
-
-
-def _check_kind(kind: str | None) -> None:
-    if kind is not None and kind not in KINDS:
-        raise InputError(f"`kind` is '{kind}'; {' or '.join(KINDS)} is expected")
 
 
 @lru_cache(maxsize=4)
@@ -150,7 +146,8 @@ def world_settings(count: int, seed: int, size: int, kind: Kind | None, textures
     _check_whole("count", count, 1, MOST_WORLDS)
     _check_whole("seed", seed, 0)
     _check_whole("size", size, 1, MOST_PX)
-    _check_kind(kind)
+    if kind is not None:
+        check_word(kind, "kind", KINDS)
     folder = Path(textures) if isinstance(textures, str) else textures
     pictures = folder if folder is None or isinstance(folder, Path) else tuple(folder)
     if isinstance(pictures, Path):

@@ -20,7 +20,7 @@ import numpy as np
 from dlama.datasets.frames import RemovalTruth, ViewTruth
 from dlama.errors import DlamaError, FileError, ShapeError
 from dlama.files.rasters.depth import MILLIMETRES, depth_from_mm, mm_from_depth
-from dlama.files.rasters.images import LARGEST_PIXELS
+from dlama.files.rasters.images import picture_of_bytes
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.training.data.cases import KIND_NAMES, StereoPair, TrainingCase
@@ -227,10 +227,10 @@ def _case_of_entry(path: Path, entry: dict[str, Any], at: Places) -> TrainingCas
 
 def load_photo(path: Path, name: str, place: tuple[int, int]) -> UInt8Array:
     """H x W x 3 RGB; FileError."""
-    picture = _decode_part(path, name, place)
+    picture = _read_part(path, name, place)
     if picture.ndim != 3:
         raise FileError(f"{path}: {name} is grey; colours are expected")
-    return np.ascontiguousarray(picture[..., ::-1])
+    return picture
 
 
 def load_case(path: Path, entry: dict[str, Any], places: Places) -> Any:
@@ -238,9 +238,7 @@ def load_case(path: Path, entry: dict[str, Any], places: Places) -> Any:
     parts: dict[str, str] = entry["parts"]
 
     def read(role: str) -> np.ndarray:
-        name = parts[role]
-        picture = _decode_part(path, name, places[name])
-        return np.ascontiguousarray(picture[..., ::-1]) if picture.ndim == 3 else picture
+        return _read_part(path, parts[role], places[parts[role]])
 
     try:
         return decode_case(entry["kind"], entry, frozenset(parts), read)
@@ -250,8 +248,8 @@ def load_case(path: Path, entry: dict[str, Any], places: Places) -> Any:
         raise FileError(f"{path}: {entry['scene']} {entry['name']}: {error}") from error
 
 
-def _decode_part(path: Path, name: str, place: tuple[int, int]) -> np.ndarray:
-    """The picture of one part, as OpenCV reads it. Parts are not compressed, so they are read without a directory."""
+def _read_part(path: Path, name: str, place: tuple[int, int]) -> np.ndarray:
+    """The picture of one part. Parts are not compressed, so they are read without a directory."""
     start, length = place
     try:
         with path.open("rb") as stream:
@@ -261,29 +259,4 @@ def _decode_part(path: Path, name: str, place: tuple[int, int]) -> np.ndarray:
             data = stream.read(length)
     except OSError as error:
         raise FileError(f"{path}: cannot be read: {error.strerror or error}") from error
-    width, height = _header_wh(data)
-    if width * height > LARGEST_PIXELS:
-        raise FileError(f"{path}: {name} says it has {width}x{height} pixels; at most {LARGEST_PIXELS} are read")
-    try:
-        picture = (
-            cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if width and len(data) == length else None
-        )
-    except cv2.error:
-        picture = None
-    if picture is None:
-        raise FileError(f"{path}: {name} is damaged or truncated")
-    return np.asarray(picture)
-
-
-def _header_wh(data: bytes) -> tuple[int, int]:
-    """Width and height that the header of a PNG or WebP says (RFC 2083, RFC 9649); 0 for anything else."""
-    if data[:8] == b"\x89PNG\r\n\x1a\n":
-        return int.from_bytes(data[16:20], "big"), int.from_bytes(data[20:24], "big")
-    if data[:4] == b"RIFF" and data[8:15] == b"WEBPVP8":
-        if data[15:16] == b" ":
-            return int.from_bytes(data[26:28], "little") & 0x3FFF, int.from_bytes(data[28:30], "little") & 0x3FFF
-        if data[15:16] == b"L":
-            bits = int.from_bytes(data[21:25], "little")
-            return (bits & 0x3FFF) + 1, (bits >> 14 & 0x3FFF) + 1
-        return int.from_bytes(data[24:27], "little") + 1, int.from_bytes(data[27:30], "little") + 1
-    return 0, 0
+    return np.array(picture_of_bytes(data, f"{path}: {name}", ("PNG", "WEBP")))
