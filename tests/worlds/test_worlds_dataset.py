@@ -127,12 +127,8 @@ def contents(folder: Path) -> dict[str, bytes]:
 
 
 def test_pictures_that_memory_cannot_hold_are_refused(tmp_path: Path) -> None:
-    for size, message in (
-        (30_000, "size is 30000; a whole number from 1 to 8192"),
-        (10**9, "size is 1000000000; a whole number from 1 to 8192"),
-    ):
-        with pytest.raises(InputError, match=message):
-            write_worlds(tmp_path / "out", count=1, size=size)
+    with pytest.raises(InputError, match="size is 30000; a whole number from 1 to 8192"):
+        write_worlds(tmp_path / "out", count=1, size=30_000)
     assert list(tmp_path.iterdir()) == []
 
 

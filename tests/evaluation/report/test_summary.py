@@ -92,17 +92,6 @@ def test_one_scene_has_no_interval_and_equal_scenes_a_point() -> None:
     assert alike[:3] == pytest.approx((0.3, 0.3, 0.3))
 
 
-def test_two_scenes_span_the_interval() -> None:
-    """Closed form: a quarter of the resamples is twice scene a, a quarter twice scene b."""
-    assert mean(summarise([row("a", 10, 1), row("b", 10, 5)]), "all")[:3] == (3, 1, 5)
-
-
-def test_scenes_are_resampled_and_not_frames() -> None:
-    """Closed form: a scene's frames come together, so two constant scenes of many frames still span all between them."""
-    rows = [row("a", yaw, 0) for yaw in range(1, 30)] + [row("b", yaw, 1) for yaw in range(1, 30)]
-    assert mean(summarise(rows), "all")[:3] == (0.5, 0, 1)
-
-
 def test_a_scene_counts_by_its_frames() -> None:
     """Closed form: three frames of 0 and one of 4; resamples are aa (0), ab (1), bb (4)."""
     found = mean(summarise([row("a", yaw, 0) for yaw in (1, 2, 3)] + [row("b", 1, 4)]), "all")

@@ -17,7 +17,7 @@ from dlama.errors import FileError, InputError, OutputError  # noqa: E402
 from dlama.training.data.loader import BatchNumbers, NumberedSamples, batch_loader  # noqa: E402
 from dlama.training.data.samples.toy_scenes import ToyScenes  # noqa: E402
 from dlama.training.loop import callbacks  # noqa: E402
-from dlama.training.loop.checkpointing import LAST, random_state, read_checkpoint, set_random_state  # noqa: E402  # noqa: E402
+from dlama.training.loop.checkpointing import LAST, read_checkpoint  # noqa: E402  # noqa: E402
 from dlama.training.loop.module import TrainingModule  # noqa: E402
 from dlama.training.loop.run_files import read_metrics  # noqa: E402
 from dlama.training.loop.train import train  # noqa: E402
@@ -145,14 +145,6 @@ def test_a_checkpoint_that_would_run_code_is_refused(tmp_path):
     assert not (tmp_path / "ran").exists()
     torch.load(tmp_path / "last.ckpt", weights_only=False)
     assert (tmp_path / "ran").exists()
-
-
-def test_random_numbers_come_back():
-    """Oracle: round trip through a checkpoint's types."""
-    kept = random_state()
-    drawn = float(torch.rand(()))
-    set_random_state(kept)
-    assert drawn == float(torch.rand(()))
 
 
 def test_batches_are_a_function_of_the_position():

@@ -219,13 +219,6 @@ def test_held_out_worlds_are_others() -> None:
     assert train.views(0).world is train.views(train.group_size - 1).world is not train.views(train.group_size).world
 
 
-def test_a_mixture_of_kinds() -> None:
-    """World, removal and sketch in one source: check_sample agrees for all of them."""
-    source = source_for(settings("rgbd", world=1.0, removal=1.0, sketch=2.0), [], "train")
-    for index in range(8):
-        check_sample(source.sample(index, np.random.default_rng(index)), RGBD_NET, SIZE)
-
-
 def digest() -> str:
     """Of one sample of each kind."""
     bytes_ = hashlib.sha256()
