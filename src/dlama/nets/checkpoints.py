@@ -32,7 +32,7 @@ class GeneratorWeights:
     """The tensors of one generator, complete and finite, and where they come from."""
 
     settings: GeneratorSettings
-    """Read from the tensors' shapes; the activation comes from the file's metadata or the caller."""
+    """Read from the tensors' shapes; the activation is that of the file's metadata, else sigmoid, as published."""
     state: dict[str, np.ndarray]
     """Published name -> float32 array (int64 scalars for the batch norms' counters)."""
     source: Path
@@ -43,21 +43,20 @@ class GeneratorWeights:
     """Notes for the user: what else the file holds and was left, what was converted."""
 
 
-def read_generator(path: Path | str, activation: str | None = None) -> GeneratorWeights:
+def read_generator(path: Path | str) -> GeneratorWeights:
     """The generator in that file.
 
     Args:
         path: .ckpt, .pth, .pt (TorchScript or a state dict) or .safetensors; recognised by content, not by name.
-        activation: the last layer; default: that of the file's metadata, else sigmoid as published.
     Raises:
         FileError: no such file, truncated, no archive, no generator in it, half of one, NaN in it.
     """
     file = _open(Path(path))
     prefix = _prefix(file)
     shapes = {name[len(prefix) :]: shape for name, shape in file.shapes.items() if name.startswith(prefix)}
-    chosen = activation or file.metadata.get("activation", "sigmoid")
+    activation = file.metadata.get("activation", "sigmoid")  # as published
     try:
-        settings = settings_from_state(_add_counters(shapes), chosen)
+        settings = settings_from_state(_add_counters(shapes), activation)
     except ShapeError as error:
         where = f"under {prefix!r} " if prefix else ""
         raise FileError(f"{path}: {where}{error}") from error

@@ -24,7 +24,7 @@ from dlama.geometry.camera import Camera, StereoRig
 from dlama.geometry.projection import disparity_from_depth
 from dlama.geometry.rgbd import RGBD, Float32Array
 from dlama.worlds.layouts.random_scene import build
-from dlama.worlds.world import BASELINE_M, SIZE, Kind, World, yaw_order
+from dlama.worlds.world import SIZE, Kind, World, yaw_order
 
 YAWS = (10, 20, 30, 40, 50, 60)
 KINDS = ("street", "room")
@@ -187,7 +187,7 @@ def _removal_truth(settings: WorldSettings, yaw: float) -> RemovalTruth:
 
 def _stereo_truth(settings: WorldSettings) -> StereoTruth:
     made = settings.world()
-    rig = made.rig(BASELINE_M, settings.size)
+    rig = made.rig(settings.size)
     left, right = made.raycast(rig.left), made.raycast(rig.right)
     return StereoTruth(
         left=left.color,

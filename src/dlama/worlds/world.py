@@ -108,10 +108,10 @@ class World:
         pose[1, 3] = -self.eye_m
         return orbit(Camera.from_fov(size, size, fov, pose), yaw)
 
-    def rig(self, baseline: float = BASELINE_M, size: int = SIZE, fov: float = FOV_DEG) -> StereoRig:
-        """The first camera as the left one, and a right one `baseline` metres from it."""
-        left = self.camera(0.0, size, fov)
-        return StereoRig(left, move_sideways(left, baseline))
+    def rig(self, size: int = SIZE) -> StereoRig:
+        """The first camera as the left one, and a right one BASELINE_M from it."""
+        left = self.camera(0.0, size)
+        return StereoRig(left, move_sideways(left, BASELINE_M))
 
     def frame(self, camera: Camera, *, object: bool = True) -> RGBD:
         """The frame this camera takes; without the object its shadow goes, too. Sky has depth +inf; nothing is missing."""

@@ -46,8 +46,8 @@ def test_half_a_wall_lifted_by_3_cm() -> None:
 
 def test_the_threshold_itself_is_not_within() -> None:
     """Knapitsch et al. 2017: distance < threshold."""
-    got = cloud_scores(np.array([[0.0, 0, 0.5]]), np.zeros((1, 3)), thresholds=(0.5, 0.625))
-    assert (got["fscore_0.50"], got["fscore_0.625"]) == (0, 1)
+    got = cloud_scores(np.array([[0.0, 0, 0.05]]), np.zeros((1, 3)))
+    assert (got["fscore_0.05"], got["fscore_0.10"]) == (0, 1)
 
 
 def test_empty_clouds() -> None:

@@ -147,7 +147,7 @@ def test_the_checkpoint_is_a_lama_checkpoint(tiny_run):
 
 
 @pytest.mark.slow
-def test_a_tiny_network_overfits_four_samples_and_beats_telea(tmp_path):
+def test_a_tiny_network_overfits_four_samples_and_beats_telea(tmp_path, monkeypatch):
     """Oracle: OpenCV's Telea on the same four holes, in colour and in depth."""
     chosen = toy(size=64, steps=150, batch=4, validate_every=150, log_every=50)
     network = replace(chosen.network, width=12, blocks=2)
@@ -155,7 +155,8 @@ def test_a_tiny_network_overfits_four_samples_and_beats_telea(tmp_path):
     chosen = replace(chosen, network=network, loss=loss, data=replace(chosen.data, held_out=4))
     chosen = replace(chosen, optimiser=replace(chosen.optimiser, generator_rate=3e-3, average=0.95, decay="cosine"))
     four = Four(network, 64)
-    run = train(chosen, tmp_path / "run", source=four, held_out=four).run
+    monkeypatch.setattr("dlama.training.loop.train.source_for", lambda *_: four)
+    run = train(chosen, tmp_path / "run").run
     batch = loader.held_out_batch(four, chosen)
     beaten = hole_metrics(telea(batch), batch, network)
     reached = read_metrics(run)[-1]
@@ -191,9 +192,9 @@ def test_a_bad_batch_does_not_kill_the_run(tmp_path):
         patch.setattr("dlama.training.loop.train.TrainingModule", Watched)
         patch.setattr(module, "GUARD_EVERY", 2)
         # the first call is the check before the run; calls 7 and 8 are the fourth batch
-        done = train(
-            chosen, tmp_path / "run", source=Spoiled(chosen, {7, 8}), held_out=ToyScenes(chosen.network, 32, "held_out")
-        )
+        sources = {"train": Spoiled(chosen, {7, 8}), "held_out": ToyScenes(chosen.network, 32, "held_out")}
+        patch.setattr("dlama.training.loop.train.source_for", lambda settings, data, split: sources[split])
+        done = train(chosen, tmp_path / "run")
     assert done.step == 5 and read_checkpoint(done.run / LAST)["restored"] == 1
     assert all(torch.equal(seen[2][key], seen[4][key]) for key in seen[2])
     assert any(not torch.equal(seen[3][key], seen[4][key]) for key in seen[2])
@@ -202,11 +203,13 @@ def test_a_bad_batch_does_not_kill_the_run(tmp_path):
     assert math.isnan(rows[3]["gradient_norm"]) and math.isfinite(rows[4]["gradient_norm"])
 
 
-def test_nothing_but_bad_batches_ends_the_run(tmp_path):
+def test_nothing_but_bad_batches_ends_the_run(tmp_path, monkeypatch):
     """Oracle: law; the message says so, and the last checkpoint is of a good state."""
     chosen = toy(steps=60, checkpoint_every=2)
+    sources = {"train": Spoiled(chosen, set(range(7, 200))), "held_out": ToyScenes(chosen.network, 32, "held_out")}
+    monkeypatch.setattr("dlama.training.loop.train.source_for", lambda settings, data, split: sources[split])
     with pytest.raises(DlamaError, match="20 batches in a row"):
-        train(chosen, tmp_path / "run", source=Spoiled(chosen, set(range(7, 200))))
+        train(chosen, tmp_path / "run")
     kept = read_checkpoint(tmp_path / "run" / LAST)
     assert all(value.isfinite().all() for value in kept["state_dict"].values())
 

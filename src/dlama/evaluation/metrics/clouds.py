@@ -7,7 +7,6 @@ the truth, recall the share of true points nearer than it to the estimate, the F
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 
@@ -16,15 +15,12 @@ from dlama.evaluation.metrics.pictures import SETTINGS
 from dlama.geometry.camera import Float64Array
 
 
-def cloud_scores(
-    estimate: Float64Array, truth: Float64Array, thresholds: Sequence[float] = SETTINGS.cloud_thresholds_m
-) -> dict[str, float]:
+def cloud_scores(estimate: Float64Array, truth: Float64Array) -> dict[str, float]:
     """How far the estimate lies from the truth, how much of the truth it covers, and both in one.
 
     Args:
         estimate: N x 3, metres.
         truth: M x 3, metres.
-        thresholds: metres.
     Returns:
         accuracy (metres, estimate to truth), completeness (metres, truth to estimate); per threshold fscore_0.02 (0..1).
         Where one cloud is empty, distances are nan and shares 0; where both are, there is nothing to score and all is nan.
@@ -40,12 +36,11 @@ def cloud_scores(
         "accuracy": _mean(there),
         "completeness": _mean(back),
     }
-    for threshold in thresholds:
+    for threshold in SETTINGS.cloud_thresholds_m:
         precision, recall = _share(there, threshold), _share(back, threshold)
         both = precision + recall
         fscore = 2 * precision * recall / both if both > 0 else 0.0
-        name = f"{threshold:.2f}" if round(threshold, 2) == threshold else f"{threshold:g}"
-        scores[f"fscore_{name}"] = fscore
+        scores[f"fscore_{threshold:.2f}"] = fscore
     if len(estimate) + len(truth) == 0:
         return dict.fromkeys(scores, math.nan)
     return scores

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from dlama.errors import ShapeError
-from dlama.nets.architecture import STEM, GeneratorSettings, generator_shapes, refuse_differences
+from dlama.nets.architecture import STEM, GeneratorSettings, refuse_differences
 from dlama.nets.checkpoints import GeneratorWeights
 from dlama.nets.export.onnx_graph import Graph, PlaneTransform, plane_transform
 from dlama.nets.whole_file import write_whole
@@ -41,7 +41,7 @@ def onnx_bytes(settings: GeneratorSettings, state: Mapping[str, np.ndarray], met
     """The ONNX model, serialized. ShapeError unless `state` (published name -> float32 array) is that generator's."""
     if settings.in_channels < 2:
         raise ShapeError(f"export: the network takes {settings.in_channels} plane, expected a picture and the mask")
-    refuse_differences({name: a.shape for name, a in state.items()}, generator_shapes(settings), "generator")
+    refuse_differences({name: a.shape for name, a in state.items()}, settings)
     g = Graph()
     output = _generator(g, settings, state, "planes")
     inputs = {"planes": ("batch", settings.in_channels, "height", "width")}

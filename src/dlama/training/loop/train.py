@@ -67,8 +67,6 @@ def train(
     data: Sequence[Path] = (),
     max_minutes: float | None = None,
     resume: bool = False,
-    source: SampleSource | None = None,
-    held_out: SampleSource | None = None,
 ) -> TrainingResult:
     """Train a network; writes settings, metrics, sheets, checkpoints, and at the end the network and its model card into `run`.
 
@@ -78,8 +76,6 @@ def train(
         data: folders of pictures, datasets or packs that samples are made of; none: procedural worlds.
         max_minutes: stop after so long, with a checkpoint and an export; default: no limit.
         resume: continue from `last.ckpt`; the numbers are those of a run that was never stopped.
-        source: samples to train on, in place of those of `data`.
-        held_out: samples of validation, in place of those of `data`.
     Raises:
         InputError, FileError, OutputError: before the first step, naming the setting or file.
         DlamaError: too many batches in a row gave no finite gradient.
@@ -95,9 +91,9 @@ def train(
         if first:
             stack.enter_context(lock_run(run))
             stack.enter_context(log_to_file(run))
-        source = source or source_for(settings, data, "train")
+        source = source_for(settings, data, "train")
         check_sample(NumberedSamples(source, settings.loop.seed)[0], settings.network, settings.data.size)
-        validation = held_out_batch(held_out or source_for(settings, data, "held_out"), settings) if first else None
+        validation = held_out_batch(source_for(settings, data, "held_out"), settings) if first else None
         return _train(settings, run, source, validation, deadline, resume, ", ".join(map(str, data)) or "procedural")
 
 
