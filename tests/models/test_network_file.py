@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from dlama.errors import FileError, InputError
-from dlama.models.contracts import CONTRACT_KEY, contract_metadata, read_contract
+from dlama.models.contracts import CONTRACT_KEY, ColorContract
 from dlama.models.network_file import LARGE, PROVIDERS, NetworkFile, file_stamp, make_room
 from dlama.models.verify import PIECE
 from tiny_networks import constant
@@ -87,9 +87,10 @@ def test_omp_num_threads_is_obeyed(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 
 
 @dataclass(frozen=True)
-class Sizes:
+class Sizes(ColorContract):
     """A contract."""
 
+    network = "sizes"
     side: int = 1
     mean: tuple[float, float] = (0.0, 0.0)
 
@@ -100,8 +101,8 @@ class Sizes:
 
 def test_a_contract_comes_back_as_it_was_written() -> None:
     """Tuples included, which JSON does not have."""
-    written = contract_metadata("sizes", Sizes(7, (0.5, 2.0)))
-    assert read_contract(Sizes, written[CONTRACT_KEY], "sizes", Path("n.onnx"), strict=True) == Sizes(7, (0.5, 2.0))
+    written = Sizes(7, (0.5, 2.0)).metadata()
+    assert Sizes.read(written[CONTRACT_KEY], Path("n.onnx"), strict=True) == Sizes(7, (0.5, 2.0))
 
 
 @pytest.mark.parametrize("strict", [False, True])
@@ -111,12 +112,12 @@ def test_a_contract_comes_back_as_it_was_written() -> None:
 def test_what_is_no_contract_is_an_error_of_the_file(text: str, strict: bool) -> None:
     """Not JSON, no table, values of another type or out of range, lists nested deeper than Python reads."""
     with pytest.raises(FileError, match=r"^n\.onnx: "):
-        read_contract(Sizes, text, "sizes", Path("n.onnx"), strict=strict)
+        Sizes.read(text, Path("n.onnx"), strict=strict)
 
 
 def test_unknown_fields_are_refused_where_the_text_may_be_written_by_hand() -> None:
     """Elsewhere they are a later version's, and passed over."""
     text = '{"network": "sizes", "sides": 2}'
-    assert read_contract(Sizes, text, "sizes", Path("n.onnx")) == Sizes()
+    assert Sizes.read(text, Path("n.onnx")) == Sizes()
     with pytest.raises(FileError, match=r"n\.onnx: its contract has sides; known are mean, side"):
-        read_contract(Sizes, text, "sizes", Path("n.onnx"), strict=True)
+        Sizes.read(text, Path("n.onnx"), strict=True)

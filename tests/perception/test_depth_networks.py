@@ -11,9 +11,8 @@ from onnx import TensorProto, helper
 
 from dlama.errors import FileError, InputError
 from dlama.geometry.camera import Camera
-from dlama.models.contracts import contract_of_file
 from dlama.models.network_file import NetworkFile
-from dlama.perception.depth_networks import NETWORK, DepthContract, predict
+from dlama.perception.depth_networks import DepthContract, predict
 from dlama.perception.monocular import ESTIMATORS, estimate_depth, find_estimator
 from tiny_networks import constant, saved
 
@@ -147,8 +146,8 @@ def test_a_file_tells_its_contract(tmp_path: Path) -> None:
     """Round trip through the file's metadata."""
     contract = DepthContract("depth", metric=True, mean=(0.5, 0.4, 0.3), side=392, outputs=("map|depth",))
     file = NetworkFile(weighted_sum(tmp_path / "c.onnx", about=contract.metadata()))
-    assert contract_of_file(DepthContract, NETWORK, file) == contract
-    assert contract_of_file(DepthContract, NETWORK, NetworkFile(weighted_sum(tmp_path / "n.onnx"))) is None
+    assert DepthContract.of_file(file) == contract
+    assert DepthContract.of_file(NetworkFile(weighted_sum(tmp_path / "n.onnx"))) is None
 
 
 def test_files_with_another_contract_get_one_line(tmp_path: Path) -> None:

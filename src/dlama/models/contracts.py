@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 from dataclasses import asdict, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
@@ -17,18 +17,16 @@ from dlama.errors import FileError, InputError
 from dlama.geometry.rgbd import Float32Array
 from dlama.models.network_file import NetworkFile
 
-if TYPE_CHECKING:
-    from _typeshed import DataclassInstance
-
-    AnyContract = TypeVar("AnyContract", bound=DataclassInstance)
-
 CONTRACT_KEY = "dlama.contract"
 """Key of the ONNX metadata under which a file's contract stands, as JSON."""
+C = TypeVar("C", bound="ColorContract")
 
 
 class ColorContract:
-    """Part of a contract that says how a network takes colours; its fields stand in the contract itself."""
+    """What the contracts of networks that take colours share; each is a dataclass that has these fields."""
 
+    network: ClassVar[str]
+    """The kind of network, such as "monocular depth"."""
     scale: float
     """A colour c of 0..255 is shown as (c * scale - mean) / std."""
     mean: tuple[float, float, float]
@@ -44,39 +42,42 @@ class ColorContract:
         scaled = color.astype(np.float32) * np.float32(self.scale)
         return ((scaled - np.asarray(self.mean)) / np.asarray(self.std)).astype(np.float32)
 
+    def metadata(self) -> dict[str, str]:
+        """The ONNX metadata that says all this."""
+        return {CONTRACT_KEY: json.dumps({"network": self.network, **asdict(self)})}  # type: ignore[call-overload]
 
-def contract_metadata(network: str, contract: DataclassInstance) -> dict[str, str]:
-    """The ONNX metadata that says all this; network: the kind of network, such as "monocular depth"."""
-    return {CONTRACT_KEY: json.dumps({"network": network, **asdict(contract)})}
+    @classmethod
+    def of_file(cls: type[C], file: NetworkFile) -> C | None:
+        """The contract in a network file's metadata; None where there is none. FileError where it is another network's."""
+        text = file.metadata.get(CONTRACT_KEY)
+        return None if text is None else cls.read(text, file.path)
 
+    @classmethod
+    def read(cls: type[C], text: str, file: Path, *, strict: bool = False) -> C:
+        """The contract that the JSON of `text` says. FileError, naming `file`, where it is another network's or cannot be read.
 
-def contract_of_file(kind: type[AnyContract], network: str, file: NetworkFile) -> AnyContract | None:
-    """The contract in a network file's metadata; None where there is none. FileError where it is another network's."""
-    text = file.metadata.get(CONTRACT_KEY)
-    return None if text is None else read_contract(kind, text, network, file.path)
-
-
-def read_contract(kind: type[AnyContract], text: str, network: str, file: Path, *, strict: bool = False) -> AnyContract:
-    """The contract that the JSON of `text` says. FileError, naming `file`, where it is another network's or cannot be read.
-
-    strict: the text may be written by hand, so that fields which `kind` does not have are refused instead of passed over.
-    """
-    try:
-        words = json.loads(text)
-        if words.get("network") != network:
-            expected = repr(network) if strict else network
-            raise FileError(f"{file}: is a network {words.get('network')!r} by its contract; {expected} is expected")
-        known = {one.name for one in fields(kind)}
-        strange = sorted(set(words) - known - {"network", "version"})
-        if strict and strange:
-            raise FileError(f"{file}: its contract has {', '.join(strange)}; known are {', '.join(sorted(known))}")
-        listed: dict[str, Any] = {
-            name: tuple(value) if isinstance(value, list) else value for name, value in words.items() if name in known
-        }
-        return kind(**listed)
-    except FileError:
-        raise
-    except (ValueError, TypeError, AttributeError, RecursionError) as error:
-        if strict and isinstance(error, InputError):
-            raise FileError(f"{file}: {error}") from error
-        raise FileError(f"{file}: its contract cannot be read ({error})") from error
+        strict: the text may be written by hand, so that fields which there are not are refused instead of passed over.
+        """
+        try:
+            words = json.loads(text)
+            if words.get("network") != cls.network:
+                expected = repr(cls.network) if strict else cls.network
+                raise FileError(
+                    f"{file}: is a network {words.get('network')!r} by its contract; {expected} is expected"
+                )
+            known = {one.name for one in fields(cls)}  # type: ignore[arg-type]
+            strange = sorted(set(words) - known - {"network", "version"})
+            if strict and strange:
+                raise FileError(f"{file}: its contract has {', '.join(strange)}; known are {', '.join(sorted(known))}")
+            listed: dict[str, Any] = {
+                name: tuple(value) if isinstance(value, list) else value
+                for name, value in words.items()
+                if name in known
+            }
+            return cls(**listed)
+        except FileError:
+            raise
+        except (ValueError, TypeError, AttributeError, RecursionError) as error:
+            if strict and isinstance(error, InputError):
+                raise FileError(f"{file}: {error}") from error
+            raise FileError(f"{file}: its contract cannot be read ({error})") from error

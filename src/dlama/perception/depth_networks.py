@@ -15,20 +15,20 @@ import numpy as np
 
 from dlama.errors import DepthError, FileError, InputError
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
-from dlama.models.contracts import ColorContract, contract_metadata
+from dlama.models.contracts import ColorContract
 from dlama.models.network_file import NetworkFile
 
 Gives = Literal["depth", "inverse depth", "points"]
 KINDS: tuple[Gives, ...] = ("depth", "inverse depth", "points")
 IMAGENET = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
 """Mean and standard deviation of ImageNet's colours (0..1), by which most networks expect their pictures normalised."""
-NETWORK = "monocular depth"
-"""What stands as `network` in the contract of such a file."""
 
 
 @dataclass(frozen=True)
 class DepthContract(ColorContract):
     """What a network of monocular depth takes and gives. InputError for contradictions."""
+
+    network = "monocular depth"
 
     gives: Gives
     """depth: planar z; inverse depth: larger is nearer; points: x, y, z in the camera, z known up to a shift."""
@@ -75,10 +75,6 @@ class DepthContract(ColorContract):
         how = cv2.INTER_AREA if smaller else cv2.INTER_CUBIC
         normal = self.normalize(cv2.resize(color, (width, height), interpolation=how))
         return np.ascontiguousarray(normal.transpose(2, 0, 1) if self.layout == "CHW" else normal)[None]
-
-    def metadata(self) -> dict[str, str]:
-        """The ONNX metadata that says all this."""
-        return contract_metadata(NETWORK, self)
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,10 +25,9 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.projection import inverse_depth, round_depth
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, check_color, is_valid
 from dlama.models.cache import locate, user_path
-from dlama.models.contracts import contract_of_file
 from dlama.models.network_file import NetworkFile, cores, default_provider, file_stamp
 from dlama.models.records import CATALOGUE
-from dlama.perception.depth_networks import IMAGENET, NETWORK, DepthContract, DepthPrediction, predict
+from dlama.perception.depth_networks import IMAGENET, DepthContract, DepthPrediction, predict
 from dlama.perception.depth_scale import Scale, check_known, estimate_scale
 from dlama.perception.point_maps import depth_of_points, horizontal_fov
 from dlama.perception.sharpening import sharpen_depth
@@ -192,7 +191,7 @@ def find_estimator(depth_model: str | Path | Estimator) -> tuple[str, Estimator]
 def _contract_of_file(path: Path) -> DepthContract:
     """The contract that a file carries, or that of the catalogue's network with its bytes. InputError: neither."""
     network = open_network(path)
-    contract = contract_of_file(DepthContract, NETWORK, network) or _contract_of_bytes(network)
+    contract = DepthContract.of_file(network) or _contract_of_bytes(network)
     if contract is None:
         raise InputError(
             f"{path}: carries no contract and is none of the catalogue's files; say whose contract it keeps: "

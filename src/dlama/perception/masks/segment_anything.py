@@ -18,13 +18,11 @@ from dlama.errors import FileError, InputError, MaskError
 from dlama.geometry.holes import iou
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.models.cache import locate, user_path
-from dlama.models.contracts import ColorContract, contract_metadata, contract_of_file
+from dlama.models.contracts import ColorContract
 from dlama.models.network_file import NetworkFile
 from dlama.perception.depth_networks import IMAGENET
 from dlama.perception.masks.prompt import Prompt
 
-NETWORK = "mask encoder"
-"""What stands as `network` in the contract of an encoder file."""
 ON, NEGATIVE, CORNER, OPPOSITE, PADDING = 1, 0, 2, 3, -1
 """Labels of points: on the object, on the background, upper left and lower right corner of a box, no point."""
 POINTS = ("point_coords", "batched_point_coords")
@@ -41,6 +39,7 @@ ALIKE = 0.95
 class PairContract(ColorContract):
     """How the encoder of a pair expects its picture. InputError for contradictions."""
 
+    network = "mask encoder"
     side: int | None = 1024
     """Pixels of the longer side at which the picture is shown, and in which points are given; None: as it is."""
     padded: bool = True
@@ -73,10 +72,6 @@ class PairContract(ColorContract):
         if self.padded and self.side is not None:
             shown = np.pad(shown, ((0, self.side - height), (0, self.side - width), (0, 0)))
         return np.ascontiguousarray(shown if self.layout == "HWC" else shown.transpose(2, 0, 1)[None])
-
-    def metadata(self) -> dict[str, str]:
-        """The ONNX metadata of the encoder that says all this."""
-        return contract_metadata(NETWORK, self)
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,7 +196,7 @@ def find_pair(mask_model: object) -> tuple[NetworkFile, NetworkFile, PairContrac
     if len(files) != 2:
         raise InputError(f"`mask_model` is {mask_model!r}; {expected} is expected")
     encoder, decoder = (NetworkFile(user_path(file)) for file in files)
-    contract = contract or contract_of_file(PairContract, NETWORK, encoder)
+    contract = contract or PairContract.of_file(encoder)
     if contract is None:
         raise InputError(
             f"{encoder.path}: carries no contract; say whose it keeps: `mask_model=NAME={files[0].name},{files[1].name}`, "

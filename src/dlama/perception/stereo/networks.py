@@ -15,12 +15,9 @@ import numpy as np
 
 from dlama.errors import FileError, InputError
 from dlama.geometry.rgbd import Float32Array, UInt8Array
-from dlama.models.contracts import CONTRACT_KEY, ColorContract, contract_metadata, read_contract
+from dlama.models.contracts import CONTRACT_KEY, ColorContract
 from dlama.models.network_file import NetworkFile
 from dlama.perception.stereo.matching import check_pictures, zero_where_inconsistent
-
-NETWORK = "stereo matching"
-"""What stands as `network` in the contract of such a file."""
 
 
 @dataclass(frozen=True)
@@ -28,6 +25,7 @@ class StereoContract(ColorContract):
     """What a network of stereo matching takes (the left, then the right picture, 1 x 3 x H x W) and gives. InputError for
     contradictions."""
 
+    network = "stereo matching"
     scale: float = 1.0
     """RAFT-Stereo takes colours as they are."""
     mean: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -68,10 +66,6 @@ class StereoContract(ColorContract):
             return np.ascontiguousarray(pixels[: hw[0], : hw[1]])
         stretched = cv2.resize(pixels, hw[::-1], interpolation=cv2.INTER_LINEAR)
         return np.asarray(stretched * np.float32(hw[1] / out.shape[1]), np.float32)
-
-    def metadata(self) -> dict[str, str]:
-        """The ONNX metadata that says all this."""
-        return contract_metadata(NETWORK, self)
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,4 +128,4 @@ def read_file_contract(file: NetworkFile) -> StereoContract:
             f"{file.path}: carries no contract; {sidecar.name} next to it is expected, such as "
             '{"network": "stereo matching", "scale": 1, "multiple": 32, "sign": -1} for RAFT-Stereo'
         )
-    return read_contract(StereoContract, text, NETWORK, file.path, strict=True)
+    return StereoContract.read(text, file.path, strict=True)
