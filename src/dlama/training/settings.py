@@ -71,21 +71,6 @@ class NetworkSettings:
         """How many trained numbers the network that is exported has."""
         return count_parameters(generator_shapes(self.generator))
 
-    @property
-    def views(self) -> int:
-        """Pictures per sample: 2 for a stereo pair."""
-        return self.kind.views
-
-    @property
-    def masks(self) -> int:
-        """Mask planes at the end of the input."""
-        return self.kind.masks
-
-    @property
-    def has_depth(self) -> bool:
-        """Whether the last plane of the output is inverse depth."""
-        return self.kind.has_depth
-
 
 @dataclass(frozen=True)
 class LossSettings:
@@ -265,7 +250,7 @@ class TrainSettings:
             raise InputError(f"data.size is {self.data.size}; {expected} is expected by {net.downsamplings} halvings")
         if not self.name or not all(letter.isalnum() or letter in "-_." for letter in self.name):
             raise InputError(f"name is {self.name!r}; letters, digits, '-', '_' and '.' are expected")
-        unfit = [kind for kind in sorted(self.data.mixture) if self.network.views not in SAMPLES[kind].views]
+        unfit = [kind for kind in sorted(self.data.mixture) if self.network.kind.views not in SAMPLES[kind].views]
         if unfit:
             raise InputError(f"data.mixture has {unfit}, which planes {self.network.planes!r} do not learn from")
 

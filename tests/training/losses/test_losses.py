@@ -312,7 +312,7 @@ def test_sketches_keep_the_contract(planes, split):
         check_sample(sample, network, 32)
         again = source.sample(index, np.random.default_rng(index))
         assert all(np.array_equal(sample[key], again[key]) for key in sample)
-        if network.has_depth:
+        if network.kind.has_depth:
             assert (sample["target"][-1] <= sample["limit"][0] + 1e-6).all()
 
 

@@ -38,8 +38,8 @@ class Batch(TypedDict, total=False):
 
 def keys_of(network: NetworkSettings) -> dict[str, int]:
     """Key of Batch -> number of planes, for samples of such a network."""
-    expected = {"input": network.kind.inputs, "target": network.kind.outputs, "mask": network.masks}
-    return expected | ({"known_depth": 1, "limit": 1} if network.has_depth else {})
+    expected = {"input": network.kind.inputs, "target": network.kind.outputs, "mask": network.kind.masks}
+    return expected | ({"known_depth": 1, "limit": 1} if network.kind.has_depth else {})
 
 
 def check_sample(sample: Sample, network: NetworkSettings, size: int) -> None:
@@ -83,4 +83,4 @@ def composite(output: Tensor, batch: Batch) -> Tensor:
 
 def pictures(planes: Tensor, network: NetworkSettings) -> Tensor:
     """B x P x H x W planes -> their colour pictures, (views B) x 3 x H x W: all left ones, then all right ones."""
-    return torch.cat([planes[:, 3 * view : 3 * view + 3] for view in range(network.views)])
+    return torch.cat([planes[:, 3 * view : 3 * view + 3] for view in range(network.kind.views)])

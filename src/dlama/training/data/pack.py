@@ -22,7 +22,7 @@ from dlama.files.atomic_write import new_file
 from dlama.geometry.rgbd import UInt8Array
 from dlama.training.data.cases import KIND_NAMES, TrainingCase
 from dlama.training.data.crops import resize_color
-from dlama.training.data.pack_format import CASES, FORMAT, INDEX, PHOTOS, VERSION, encode_case, webp
+from dlama.training.data.pack_format import CASES, ENCODERS, FORMAT, INDEX, PHOTOS, VERSION, webp
 from dlama.training.data.photos import Photo
 from dlama.training.data.sources import find_training_data
 
@@ -116,7 +116,7 @@ def _photo_entry(photo: Photo, number: int, size: int) -> Entry:
 
 
 def _case_entry(case: TrainingCase, number: int, size: int) -> Entry:
-    about, parts = encode_case(case.kind, case.load(), size)
+    about, parts = ENCODERS[case.kind](case.load(), size)
     kinds = {role: "png" if data.startswith(b"\x89PNG") else "webp" for role, data in parts.items()}
     names = {role: f"takes/{number:06d}.{role}.{kind}" for role, kind in kinds.items()}
     entry = {"kind": case.kind, "scene": case.scene, "name": case.name, "frames": sorted(case.frames), **about}

@@ -43,19 +43,6 @@ ReadRole = Callable[[str], np.ndarray]
 """Role -> picture: H x W x 3 RGB, or H x W as it is stored."""
 
 
-def encode_case(kind: str, truth: Any, size: int) -> tuple[About, Parts]:
-    """What `TrainingCase.load` of that kind gives, with the smaller side brought down to `size` px where it is larger."""
-    return _ENCODERS[kind](truth, size)
-
-
-def decode_case(kind: str, about: Mapping[str, Any], roles: frozenset[str], read: ReadRole) -> Any:
-    """What `TrainingCase.load` gives, from the index entry and the roles of a case.
-
-    KeyError, TypeError, DlamaError where the entry is wrong.
-    """
-    return _DECODERS[kind](about, roles, read)
-
-
 def _decode_frame(about: Mapping[str, Any], roles: frozenset[str], read: ReadRole) -> ViewTruth:
     ends = [_frame(about, end, read) for end in ("source", "target")]
     return ViewTruth(ends[0], ends[1], exposure_varies=bool(about["exposure_varies"]))
@@ -112,16 +99,19 @@ def _decode_stereo(about: Mapping[str, Any], roles: frozenset[str], read: ReadRo
     return StereoPair(left, right, disparity, masks, without)
 
 
-_ENCODERS: dict[str, Callable[[Any, int], tuple[About, Parts]]] = {
+ENCODERS: dict[str, Callable[[Any, int], tuple[About, Parts]]] = {
     "frame": lambda view, size: _frames({"source": view.source, "target": view.target}, view.exposure_varies, size),
     "removal": _encode_removal,
     "stereo": _encode_stereo,
 }
-_DECODERS: dict[str, Callable[[Mapping[str, Any], frozenset[str], ReadRole], Any]] = {
+"""Kind -> what turns that which `TrainingCase.load` gives, with its smaller side brought down to so many px, into an index entry
+and parts."""
+DECODERS: dict[str, Callable[[Mapping[str, Any], frozenset[str], ReadRole], Any]] = {
     "frame": _decode_frame,
     "removal": _decode_removal,
     "stereo": _decode_stereo,
 }
+"""Kind -> the way back, from an index entry and the roles of a case. KeyError, TypeError, DlamaError where the entry is wrong."""
 
 
 def _frames(ends: Mapping[str, RGBD], exposure_varies: bool, size: int) -> tuple[About, Parts]:
@@ -241,7 +231,7 @@ def load_case(path: Path, entry: dict[str, Any], places: Places) -> Any:
         return _read_part(path, parts[role], places[parts[role]])
 
     try:
-        return decode_case(entry["kind"], entry, frozenset(parts), read)
+        return DECODERS[entry["kind"]](entry, frozenset(parts), read)
     except FileError:
         raise
     except (DlamaError, TypeError, KeyError, ValueError, AttributeError, OverflowError, IndexError) as error:

@@ -37,7 +37,7 @@ def model_card(
         scores: of the moving average on the held-out samples, see `validation.hole_metrics`.
         reference: the same metrics of OpenCV's Telea.
     """
-    name, depth = settings.name, f"; depth is {DEPTH_PLANE}" if settings.network.has_depth else ""
+    name, depth = settings.name, f"; depth is {DEPTH_PLANE}" if settings.network.kind.has_depth else ""
     lines = [
         f"# {name}",
         "",

@@ -31,7 +31,7 @@ HOLE = np.array([255, 0, 255], np.uint8)
 
 def metric_names(network: NetworkSettings) -> list[str]:
     """The keys of `hole_metrics` for such a network."""
-    return ["color_l1", "color_psnr", *(["depth_l1", "law_broken"] if network.has_depth else [])]
+    return ["color_l1", "color_psnr", *(["depth_l1", "law_broken"] if network.kind.has_depth else [])]
 
 
 @torch.no_grad()
@@ -53,14 +53,14 @@ def hole_metrics(output: Tensor, batch: Batch, network: NetworkSettings) -> dict
     color_l1; color_psnr (dB, of the hole's mean squared error); for networks with depth depth_l1 where the truth is known, and
     law_broken: share of the hole that is nearer than the visibility law allows.
     """
-    filled, colors = composite(output.float(), batch), 3 * network.views
+    filled, colors = composite(output.float(), batch), 3 * network.kind.views
     mine, true, hole = filled[:, :colors], batch["target"][:, :colors], hole_planes(batch["mask"], colors)
     squared = _weighted_mean(hole, (mine - true).square())
     found = {
         "color_l1": _weighted_mean(hole, (mine - true).abs()),
         "color_psnr": -10 * squared.clamp(min=1e-10).log10(),
     }
-    if network.has_depth:
+    if network.kind.has_depth:
         depth, truth = filled[:, -1:], batch["target"][:, -1:]
         found["depth_l1"] = _weighted_mean(batch["mask"] * batch["known_depth"], (depth - truth).abs())
         nearer = (depth > batch["limit"] * (1 + TOLERANCE)).float()
@@ -107,7 +107,7 @@ def sheet_of(output: Tensor, batch: Batch, network: NetworkSettings) -> np.ndarr
     planes = output.shape[1]
     filled = composite(output.float(), batch).cpu().numpy()
     truth, hole = batch["target"].cpu().numpy(), hole_planes(batch["mask"], planes).cpu().numpy() > 0
-    firsts = [3 * view for view in range(network.views)] + ([planes - 1] if network.has_depth else [])
+    firsts = [3 * view for view in range(network.kind.views)] + ([planes - 1] if network.kind.has_depth else [])
     rows = []
     for i in range(min(ROWS, len(truth))):
         panels = []

@@ -83,7 +83,7 @@ class LossInputs:
     @functools.cached_property
     def color(self) -> tuple[Tensor, Tensor, Tensor]:
         """Colour planes of output and truth, and the hole of each; B x 3V x H x W."""
-        planes = 3 * self.network.views
+        planes = 3 * self.network.kind.views
         return (
             self.precise_output[:, :planes],
             self.batch["target"][:, :planes],
@@ -150,7 +150,7 @@ def used_terms(weights: LossSettings, network: NetworkSettings) -> list[str]:
     return [
         name
         for name, term in GENERATOR_TERMS.items()
-        if getattr(weights, name) and (network.has_depth or not term.of_depth)
+        if getattr(weights, name) and (network.kind.has_depth or not term.of_depth)
     ]
 
 

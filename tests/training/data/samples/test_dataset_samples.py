@@ -307,14 +307,14 @@ def test_packs_keep_where_frames_can_be_compared() -> None:
     """Round trip of one removal's parts, shrunk: `compare` loses what is not wholly in it, the mask nothing (oracle: area)."""
     import cv2
 
-    from dlama.training.data.pack_format import decode_case, encode_case
+    from dlama.training.data.pack_format import DECODERS, ENCODERS
 
     truth = box_before_a_wall(exposure_varies=True)
     compare = np.zeros_like(truth.mask)
     compare[3:80, 5:101] = True
-    about, parts = encode_case("removal", replace(truth, compare=compare), 30)
+    about, parts = ENCODERS["removal"](replace(truth, compare=compare), 30)
     pictures = {role: cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) for role, data in parts.items()}
-    back = decode_case("removal", about, frozenset(parts), lambda role: np.ascontiguousarray(pictures[role]))
+    back = DECODERS["removal"](about, frozenset(parts), lambda role: np.ascontiguousarray(pictures[role]))
     assert back.exposure_varies and back.source.camera.hw == back.mask.shape == back.compare.shape == (30, 40)
     blocks = [each.reshape(30, 3, 40, 3).swapaxes(1, 2).reshape(30, 40, 9) for each in (truth.mask, compare)]
     assert np.array_equal(back.mask, blocks[0].any(-1)) and np.array_equal(back.compare, blocks[1].all(-1))

@@ -27,12 +27,12 @@ class ToyScenes:
         """One sample; keys and shapes as `batches.Batch`."""
         draw = np.random.default_rng([self.salt, index, int(rng.integers(1 << 31))])
         color, depth, hole, limit = _scene(draw, self.size)
-        if self.network.views == 2:
-            return _pair(color, hole, draw, self.network.masks)
-        target = color if not self.network.has_depth else np.concatenate([color, depth[None]])
+        if self.network.kind.views == 2:
+            return _pair(color, hole, draw, self.network.kind.masks)
+        target = color if not self.network.kind.has_depth else np.concatenate([color, depth[None]])
         mask = hole[None].astype(np.float32)
         made = {"input": np.concatenate([target * (1 - mask), mask]), "target": target, "mask": mask}
-        if self.network.has_depth:
+        if self.network.kind.has_depth:
             made |= {"known_depth": np.ones_like(mask), "limit": limit[None]}
         return made
 

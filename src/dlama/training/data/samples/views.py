@@ -93,7 +93,7 @@ class Samples:
 
     def sample(self, index: int, rng: np.random.Generator) -> dict[str, np.ndarray]:
         """One sample, see `batches.Batch`."""
-        example, views = self.example(index, rng), self.network.views
+        example, views = self.example(index, rng), self.network.kind.views
         make = pair_sample if isinstance(example, PairExample) else view_sample
         return mirror_at_random(change_light(make(example, self.network), rng, 3 * views), rng, views)  # type: ignore[arg-type]
 
@@ -110,7 +110,7 @@ def view_sample(example: ViewExample, network: NetworkSettings) -> dict[str, np.
     known, target = color_planes(view.color), color_planes(example.truth.color)
     keep_view = not truth_agrees(example)
     made = {"mask": mask}
-    if network.has_depth:
+    if network.kind.has_depth:
         depth = DepthPlane.of(view, robust_scale)
         true = inverse_depth(example.truth.depth)
         # real pictures of the discriminator have no gaps: unknown depth is that of the nearest known pixel
@@ -130,7 +130,7 @@ def view_sample(example: ViewExample, network: NetworkSettings) -> dict[str, np.
 def pair_sample(example: PairExample, network: NetworkSettings) -> dict[str, np.ndarray]:
     """A pair as a sample of planes stereo or stereo-two-masks: one mask is the union of both holes."""
     each = np.stack(example.holes).astype(np.float32)
-    mask = each if network.masks == 2 else each.max(0, keepdims=True)
+    mask = each if network.kind.masks == 2 else each.max(0, keepdims=True)
     pictures, target = (np.concatenate([color_planes(one) for one in both]) for both in (example.shown, example.true))
     known = pictures * (1 - mask.repeat(6 // len(mask), 0))
     return {"input": np.concatenate([known, mask]), "target": target, "mask": mask}
