@@ -6,6 +6,7 @@ confident pixels are removed, the mean error of the rest should fall as fast as 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import cv2
@@ -36,6 +37,16 @@ class Bins(NamedTuple):
     def error(self) -> float:
         """Expected calibration error: the differences of predicted and right, summed over all bins."""
         return float(np.abs(self.predicted - self.right).sum())
+
+    @property
+    def measures(self) -> dict[str, float]:
+        """bin_0_share, bin_0_predicted, bin_0_right, bin_1_share, ..."""
+        return {f"bin_{k}_{name}": float(part[k]) for k in range(BINS) for name, part in self._asdict().items()}
+
+    @classmethod
+    def of_measures(cls, found: Mapping[str, float]) -> Bins:
+        """The way back, from these among others."""
+        return cls(*(np.array([found[f"bin_{k}_{name}"] for k in range(BINS)]) for name in cls._fields))
 
 
 def calibration(predicted: NDArray[np.floating], right: BoolArray) -> Bins:

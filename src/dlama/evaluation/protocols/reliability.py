@@ -41,33 +41,28 @@ def reliability_measures(run: MethodRun, reference: Reference, number: int = -1)
     clip = np.float32(np.inf if run.clip_m is None else run.clip_m)
     z, true_z = view.depth[where], np.minimum(reference.depth, clip)[where]
     painted = warped.color_hole[where]
-    levels = (
-        np.abs(reference.match_exposure(view.color)[where].astype(np.float32) - reference.color[where]).mean(1)
-        * painted
-    )
+    color = reference.match_exposure(view.color)[where].astype(np.float32)
+    levels = np.abs(color - reference.color[where]).mean(1) * painted
     off, relative = depth_deviation(z, true_z)
     right = (relative <= DEPTH_WITHIN) & (levels <= reference.color_within)
     predicted = view.confidence[where]
     bins = calibration(predicted, right)
     found = {"right": float(right.mean()), "predicted": float(predicted.mean()), "ece": bins.error}
     found["color_within"] = reference.color_within
-    distance = by_distance(warped.hole, warped.color_hole)[where]
-    random = np.random.default_rng(run.method.seed).random(len(predicted))
-    others = {"_distance": distance, "_random": random}
-    for name, order in ({"": predicted} | others).items():
+    others: dict[str, NDArray[np.floating]] = {
+        "_distance": by_distance(warped.hole, warped.color_hole)[where],
+        "_random": np.random.default_rng(run.method.seed).random(len(predicted)),
+    }
+    for name, order in {"": predicted, **others}.items():
         found[f"ause_depth{name}"] = sparsification_area(order, relative)
     if painted.any():
         expected = view.color_error[where]
-        for name, order in ({"": -expected} | others).items():
+        for name, order in {"": -expected, **others}.items():
             found[f"ause_color{name}"] = sparsification_area(order[painted], levels[painted])
         found |= {"expected_color": float(expected[painted].mean()), "actual_color": float(levels[painted].mean())}
-    if np.isfinite(z).any():
-        some = np.isfinite(z)
-        found |= {
-            "expected_depth": float(view.depth_error[where][some].mean()),
-            "actual_depth": float(np.minimum(off[some], z[some]).mean()),
-        }
-    for k, numbers in enumerate(zip(*bins)):
-        found |= {f"bin_{k}_{name}": float(value) for name, value in zip(bins._fields, numbers)}
-    suffix = reference.suffix
-    return [Measure(REGION + suffix, MODALITY, metric, value) for metric, value in found.items()]
+    some = np.isfinite(z)
+    if some.any():
+        found["expected_depth"] = float(view.depth_error[where][some].mean())
+        found["actual_depth"] = float(np.minimum(off[some], z[some]).mean())
+    region = REGION + reference.suffix
+    return [Measure(region, MODALITY, metric, value) for metric, value in (found | bins.measures).items()]

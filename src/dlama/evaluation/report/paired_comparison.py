@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections import defaultdict
 from collections.abc import Collection, Sequence
@@ -34,7 +35,7 @@ def paired_comparison(
     Returns:
         None where only one of the recipes ran.
     """
-    pairs = _pairs([row for row in rows if (row.protocol, row.dataset) == (protocol, dataset)])
+    pairs = _pairs(rows, protocol, dataset)
     seen = [which for which in chosen if any(key[2] == which for key in pairs)]
     places = dict.fromkeys((filler, yaw) for filler, yaw, which in pairs if which in seen and filler != NO_FILL)
     lines = [
@@ -47,7 +48,8 @@ def paired_comparison(
     return Table(title, head, tuple(lines), NOTE, with_intervals=True) if lines else None
 
 
-def _pairs(rows: Sequence[Row]) -> dict[tuple[str, str, Which], Pairs]:
+def _pairs(rows: Sequence[Row], protocol: str, dataset: str) -> dict[tuple[str, str, Which], Pairs]:
+    rows = [row for row in rows if (row.protocol, row.dataset) == (protocol, dataset)]
     labels = yaw_labels(rows)
     theirs = {(*row[2:4], *row[6:10]): row.value for row in rows if row.recipe == THEIRS}
     found: dict[tuple[str, str, Which], Pairs] = defaultdict(lambda: defaultdict(list))
@@ -73,15 +75,14 @@ def _cell(pairs: Pairs | None, metric: str, seed: int) -> Cell:
     side = better_direction(metric)
     if not pairs or side == 0:
         return EMPTY
-    every = [pair for scene in pairs.values() for pair in scene]
-    wins = sum(side * (ours - theirs) > 0 for ours, theirs in every)
-    sums = np.array([[math.fsum(pair[which] for pair in scene) for scene in pairs.values()] for which in (0, 1)])
-    if all(ours == theirs for ours, theirs in every):
+    ours, theirs = np.array([*itertools.chain(*pairs.values())]).T
+    sums = np.array([[math.fsum(numbers) for numbers in zip(*scene)] for scene in pairs.values()]).T
+    if (ours == theirs).all():
         return Cell("the same", 0.0)
     if not (sums[1] > 0).all():
         return EMPTY
     change = 100 * (float(sums[0].sum() / sums[1].sum()) - 1)
-    text = f"{change:+.1f} % ({wins}/{len(every)})"
+    text = f"{change:+.1f} % ({(side * (ours - theirs) > 0).sum()}/{len(ours)})"
     return Cell(text, change, best=side * change > 0, interval=_interval(sums, seed))
 
 

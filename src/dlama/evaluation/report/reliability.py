@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from dlama.evaluation.metrics.reliability import BINS, Bins
 from dlama.evaluation.protocols.reliability import MODALITY, REGION
 from dlama.evaluation.report.charts import Figure, against_diagonal
@@ -43,7 +41,7 @@ def values_of(place: Place, method: str) -> tuple[dict[str, float], Bins] | None
     found = {key.metric: one.value for key, one in measured.items()}
     if "bin_0_share" not in found:
         return None
-    bins = Bins(*(np.array([found[f"bin_{k}_{name}"] for k in range(BINS)]) for name in Bins._fields))
+    bins = Bins.of_measures(found)
     return found | {"ece": bins.error}, bins
 
 

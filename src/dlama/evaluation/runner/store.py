@@ -8,7 +8,6 @@ from __future__ import annotations
 import csv
 import dataclasses
 import hashlib
-import itertools
 import json
 import re
 from collections.abc import Iterable, Sequence
@@ -74,36 +73,35 @@ def write_stored(path: Path, stored: Stored) -> None:
 
 
 def read_stored(path: Path) -> Stored | None:
-    """None where there is no such file or not all of it is there."""
+    """None where there is no such file or not all of it is there, as it was written."""
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
         runs = tuple(
-            StoredRun(raw["variant"], tuple(map(_as_measure, raw["measures"])), raw["panel"]) for raw in content["runs"]
+            StoredRun(_text(raw["variant"]), tuple(map(_as_measure, raw["measures"])), _file_name(raw["panel"]))
+            for raw in content.pop("runs")
         )
-        timings = tuple(map(_as_measure, content["timings"]))
-        stored = Stored(**{**content, "runs": runs, "timings": timings, "warnings": tuple(content["warnings"])})
+        timings, warnings = tuple(map(_as_measure, content.pop("timings"))), tuple(map(_text, content.pop("warnings")))
+        yaw = content.pop("yaw")
+        if type(yaw) not in (int, float, type(None)):
+            raise TypeError(f"yaw is {yaw!r}")
+        words = {name: _text(word) for name, word in content.items()}
+        return Stored(**words, yaw=yaw, runs=runs, timings=timings, warnings=warnings)
     except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError):
         return None
-    return stored if _is_sound(stored) else None
 
 
-def _is_sound(stored: Stored) -> bool:
-    """Whether every field has the type that it was written with, and panels are names of files."""
-    yaw = isinstance(stored.yaw, (int, float, type(None))) and not isinstance(stored.yaw, bool)
-    panels = [run.panel for run in stored.runs if run.panel is not None]
-    measures = [*stored.timings, *itertools.chain.from_iterable(run.measures for run in stored.runs)]
-    words = [
-        stored.cache_key,
-        stored.protocol,
-        stored.dataset,
-        stored.scene,
-        stored.frame,
-        stored.recipe,
-        stored.filler,
-    ]
-    words += [*(run.variant for run in stored.runs), *panels, *stored.warnings]
-    words += [word for measure in measures for word in measure[:3]]
-    return yaw and all(isinstance(word, str) for word in words) and not any({"/", "\0"} & set(name) for name in panels)
+def _text(value: Any) -> str:
+    """TypeError where it is none."""
+    if not isinstance(value, str):
+        raise TypeError(f"{value!r} is no text")
+    return value
+
+
+def _file_name(value: Any) -> str | None:
+    """TypeError, ValueError where it is neither None nor the name of a file."""
+    if value is not None and {"/", "\0"} & set(_text(value)):
+        raise ValueError(f"{value!r} is no name of a file")
+    return value
 
 
 class Row(NamedTuple):
@@ -165,7 +163,7 @@ def _as_row(measure: Measure) -> list[Any]:
 
 def _as_measure(row: list[Any]) -> Measure:
     region, modality, metric, value = row
-    return Measure(region, modality, metric, float(value))
+    return Measure(_text(region), _text(modality), _text(metric), float(value))
 
 
 def _short_hash(text: str) -> str:
