@@ -129,27 +129,19 @@ def make(shared: Path, out: Path, wanted: list[str]) -> None:
         cv2.imwrite(str(out / f"{name}.png"), picture(done, truth)[..., ::-1])
 
 
-def beside(before: Path, after: Path, sheet: Path, wanted: list[str]) -> None:
-    """One row a case: known | before | after | truth; two cases a row."""
+def lay_out(folder: Path, before: Path | None, sheet: Path, wanted: list[str]) -> None:
+    """One row a case: known | (before |) completed | truth; two cases a row."""
     rows = []
-    for file in sorted(after.glob("*.png")):
-        if (wanted and not any(part in file.stem for part in wanted)) or not (before / file.name).is_file():
+    for file in sorted(folder.glob("*.png")):
+        if (wanted and not any(part in file.stem for part in wanted)) or not ((before or folder) / file.name).is_file():
             continue
-        old, new = cv2.imread(str(before / file.name)), cv2.imread(str(file))
-        width = new.shape[1] // 3
-        row = np.hstack([new[:, :width], old[:, width : 2 * width], new[:, width:]])
-        rows.append(labelled(row, 4, file.stem))
+        cells = np.hsplit(cv2.imread(str(file)), 3)
+        if before is not None:
+            cells.insert(1, np.hsplit(cv2.imread(str(before / file.name)), 3)[1])
+        rows.append(labelled(np.hstack(cells), len(cells), file.stem))
     if not rows:
-        sys.exit(f"{before} and {after} share no pictures")
+        sys.exit(f"{folder} holds no pictures of these names{f', or {before} does not' if before else ''}")
     write_sheet(rows, sheet)
-
-
-def of_one(folder: Path, sheet: Path, wanted: list[str]) -> None:
-    """One row a case: known | completed | truth; two cases a row."""
-    files = [file for file in sorted(folder.glob("*.png")) if not wanted or any(part in file.stem for part in wanted)]
-    if not files:
-        sys.exit(f"{folder} holds no pictures of these names")
-    write_sheet([labelled(cv2.imread(str(file)), 3, file.stem) for file in files], sheet)
 
 
 def labelled(row: UInt8Array, cells: int, name: str) -> UInt8Array:
@@ -177,10 +169,9 @@ def main() -> None:
     parser.add_argument("--only", nargs="*", default=[], help="parts of names of cases")
     parser.add_argument("-o", "--output", type=Path, required=True)
     args = parser.parse_args()
-    if args.beside:
-        beside(*args.beside, args.output, args.only)
-    elif args.sheet:
-        of_one(args.sheet, args.output, args.only)
+    if args.beside or args.sheet:
+        before, folder = args.beside or (None, args.sheet)
+        lay_out(folder, before, args.output, args.only)
     elif args.shared:
         make(args.shared, args.output, args.only)
     else:
