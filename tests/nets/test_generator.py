@@ -8,9 +8,14 @@ import pytest
 torch = pytest.importorskip("torch", reason="the networks need torch: pip install 'dlama[train]'")
 
 from dlama.errors import ShapeError  # noqa: E402
-from dlama.nets.architecture import GeneratorSettings, discriminator_shapes, generator_shapes  # noqa: E402
+from dlama.nets.architecture import (  # noqa: E402
+    DiscriminatorSettings,
+    GeneratorSettings,
+    discriminator_shapes,
+    generator_shapes,
+)
 from dlama.nets.ffc import FourierUnit  # noqa: E402
-from dlama.nets.generator import Discriminator, DiscriminatorSettings, Generator, generator_from_state  # noqa: E402  # noqa: E402
+from dlama.nets.generator import Discriminator, Generator, generator_from_state  # noqa: E402
 
 
 def test_generator_agrees_with_the_published_code(generator_vector):

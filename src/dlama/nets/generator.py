@@ -14,9 +14,7 @@ import torch
 from torch import Tensor, nn
 
 from dlama.errors import ShapeError
-from dlama.nets.architecture import DiscriminatorSettings as DiscriminatorSettings
-from dlama.nets.architecture import GeneratorSettings as GeneratorSettings
-from dlama.nets.architecture import settings_from_state as settings_from_state
+from dlama.nets.architecture import DiscriminatorSettings, GeneratorSettings, settings_from_state
 from dlama.nets.ffc import FFC_BN_ACT, FFCResnetBlock
 
 
@@ -47,8 +45,16 @@ class Generator(nn.Module):
         Raises ShapeError for other channel counts and for sizes off the multiple or below the minimum.
         """
         if not torch.jit.is_tracing():  # a trace would keep this one picture's answer
-            refuse_size(self.settings, tuple(x.shape))
+            self._refuse_size(tuple(x.shape))
         return self.model(x)
+
+    def _refuse_size(self, shape: tuple[int, ...]) -> None:
+        s = self.settings
+        if len(shape) != 4 or shape[1] != s.in_channels:
+            raise ShapeError(f"generator: input is {shape}, expected B x {s.in_channels} x H x W")
+        if any(side % s.multiple or side < s.minimum for side in shape[2:]):
+            expected = f"multiples of {s.multiple}, {s.minimum} or more"
+            raise ShapeError(f"generator: height and width are {shape[2]} and {shape[3]}, expected {expected}")
 
 
 class _PadAndSplit(nn.Module):
@@ -74,15 +80,6 @@ def generator_from_state(state: Mapping[str, np.ndarray], activation: str = "sig
     net = Generator(settings)
     net.load_state_dict({name: torch.from_numpy(np.array(array)) for name, array in state.items()}, strict=True)
     return net.eval()
-
-
-def refuse_size(settings: GeneratorSettings, shape: tuple[int, ...]) -> None:
-    """Raise ShapeError unless that B x C x H x W is one the network takes."""
-    if len(shape) != 4 or shape[1] != settings.in_channels:
-        raise ShapeError(f"generator: input is {shape}, expected B x {settings.in_channels} x H x W")
-    if any(side % settings.multiple or side < settings.minimum for side in shape[2:]):
-        expected = f"multiples of {settings.multiple}, {settings.minimum} or more"
-        raise ShapeError(f"generator: height and width are {shape[2]} and {shape[3]}, expected {expected}")
 
 
 class Discriminator(nn.Module):

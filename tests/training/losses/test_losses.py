@@ -14,7 +14,8 @@ torch = pytest.importorskip("torch", reason="training needs torch: pip install '
 from toy_runs import Exploit  # noqa: E402
 
 from dlama.errors import FileError, ShapeError  # noqa: E402
-from dlama.nets.generator import Discriminator, DiscriminatorSettings  # noqa: E402
+from dlama.nets.architecture import DiscriminatorSettings  # noqa: E402
+from dlama.nets.generator import Discriminator  # noqa: E402
 from dlama.nets.safetensors_file import read_safetensors  # noqa: E402
 from dlama.training.data.batches import check_sample, composite, hole_planes, pictures  # noqa: E402
 from dlama.training.data.samples.toy_scenes import ToyScenes  # noqa: E402
