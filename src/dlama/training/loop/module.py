@@ -103,7 +103,7 @@ class TrainingModule(pl.LightningModule):
             self._take_step(0)
             update_average(self.average, self.generator, self.settings.optimiser.average, self.step)
         if good and self.discriminator is not None:
-            own = discriminator_terms(self.discriminator, output, batch, self.settings.loss, self._penalty())
+            own = discriminator_terms(self.discriminator, output, batch, self._penalty())
             norms["discriminator_norm"] = self._descend(optimisers[1], self.discriminator, own)
             good = bool(norms["discriminator_norm"].isfinite())
             if good:

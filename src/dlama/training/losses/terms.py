@@ -177,20 +177,14 @@ def discriminator_input(planes: Tensor, batch: Batch) -> Tensor:
     return torch.cat([planes[:, :-1], planes[:, -1:] * batch["known_depth"]], 1)
 
 
-def discriminator_terms(
-    discriminator: Discriminator, output: Tensor, batch: Batch, weights: LossSettings, penalty: float | None = None
-) -> Terms:
-    """The discriminator's terms: equation 6 and R1 of equation 9; `output` (B x P x H x W, 0..1) gets no gradient.
-
-    Args:
-        penalty: weight of R1 in this step, 0: none; default: that of the settings.
-    """
-    strength = weights.gradient_penalty if penalty is None else penalty
-    real = discriminator_input(batch["target"], batch).detach().requires_grad_(strength > 0)
+def discriminator_terms(discriminator: Discriminator, output: Tensor, batch: Batch, penalty: float) -> Terms:
+    """The discriminator's terms: equation 6, and R1 of equation 9 by its weight in this step (0: none); `output`
+    (B x P x H x W, 0..1) gets no gradient."""
+    real = discriminator_input(batch["target"], batch).detach().requires_grad_(penalty > 0)
     real_scores, _ = discriminator(real)
     fake_scores, _ = discriminator(discriminator_input(output.detach(), batch))
     hole = any_hole(batch["mask"])
     terms = {"discriminator": discriminator_loss(widen_half(real_scores), widen_half(fake_scores), hole)}
-    if strength:
-        terms["gradient_penalty"] = strength * gradient_penalty(real_scores, real)
+    if penalty:
+        terms["gradient_penalty"] = penalty * gradient_penalty(real_scores, real)
     return terms
