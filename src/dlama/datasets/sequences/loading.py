@@ -61,15 +61,8 @@ def read_scene_of(
     clip: metres, as of `complete`. align: poses are made to agree with the pictures, where they do not (`align_frames`).
     """
     if Path(dataset).suffix.lower() == ".npz":
-        if which is not None:
-            raise InputError(f"`frames` is {which}, and {dataset} is a scene; its frames cannot be chosen any more")
-        for name, value in {"layout": layout, "scene": scene, "camera": camera, "depth_range": depth_range}.items():
-            if value is not None:
-                raise InputError(f"`{name}` says how a data set is read, and {dataset} is a scene, which has all of it")
-        if clip is not None:
-            raise InputError(f"recipe clips depth at {clip:g} m, and {dataset} is a scene; give its frames instead")
-        if align:
-            raise InputError(f"`align` is on, and {dataset} is a scene; align the frames that it is made of")
+        reading = {"layout": layout, "scene": scene, "camera": camera, "depth_range": depth_range}
+        _check_whole_scene(dataset, which, reading, clip, align)
         found = read_scene(dataset)
         return LoadedScene([f"frame-{number:04d}" for number in range(max(found.numbers) + 1)], found, {}, [])
     every = open_frames(dataset, layout, camera=camera, depth_range=depth_range, scene=scene)
@@ -82,6 +75,21 @@ def read_scene_of(
         )
     gathered = gather_views(list(views.values()), list(views))
     return LoadedScene(list(views), gathered, damaged, [frame.name for frame in every if frame.name not in kept])
+
+
+def _check_whole_scene(
+    dataset: PathLike, which: str | None, reading: Mapping[str, object], clip: float | None, align: bool
+) -> None:
+    """Raise InputError for what can be asked for of frames alone."""
+    if which is not None:
+        raise InputError(f"`frames` is {which}, and {dataset} is a scene; its frames cannot be chosen any more")
+    for name, value in reading.items():
+        if value is not None:
+            raise InputError(f"`{name}` says how a data set is read, and {dataset} is a scene, which has all of it")
+    if clip is not None:
+        raise InputError(f"recipe clips depth at {clip:g} m, and {dataset} is a scene; give its frames instead")
+    if align:
+        raise InputError(f"`align` is on, and {dataset} is a scene; align the frames that it is made of")
 
 
 def align_poses(frames: Sequence[Frame]) -> list[Frame]:

@@ -94,25 +94,28 @@ def write(
         raise InputError(
             f"`{'also' if 'mask' in also else 'only'}` names mask, and no object was removed whose mask it would be"
         )
-    target, started = Path(directory), time.perf_counter()
-    check_inputs_stay(target, file_names(completion, names), inputs or {})
-    meta = {
-        **describe_completion(completion, intrinsics_from),
-        "inputs": hash_inputs(inputs or {}, input_addresses or {}),
-    }
+    target, started, inputs = Path(directory), time.perf_counter(), inputs or {}
+    check_inputs_stay(target, file_names(completion, names), inputs)
+    meta = {**describe_completion(completion, intrinsics_from), "inputs": hash_inputs(inputs, input_addresses)}
     make_room(main_view(completion).hole.size)
     with new_directory(target) as folder:
-        plates = {role: path for role, path in (inputs or {}).items() if "bits" in meta["inputs"][role]}
+        plates = {role: path for role, path in inputs.items() if "bits" in meta["inputs"][role]}
         writers = chosen_writers(folder, completion, names, mask, plates)
         for file in writers:
             (folder / file).parent.mkdir(exist_ok=True)
-        results = run_writers(writers)
-        for name, field in (("depth", "depth_png_clipped_pixels"), ("image", "image_png_bits")):
-            if name in names:
-                found = {place: results[f"{place}{name}.png"] for place in views_by_folder(completion)}
-                meta[field] = found if len(found) > 1 else found[""]
+        meta |= describe_written(run_writers(writers), names, completion)
         write_meta(folder, meta, seconds or {}, time.perf_counter() - started)
     return target
+
+
+def describe_written(results: Mapping[str, Any], names: Sequence[str], completion: Completion) -> dict[str, Any]:
+    """For meta.json, what the writers returned: clipped pixels of depth.png, bits of image.png; by view where there are several."""
+    meta: dict[str, Any] = {}
+    for name, field in (("depth", "depth_png_clipped_pixels"), ("image", "image_png_bits")):
+        if name in names:
+            found = {place: results[f"{place}{name}.png"] for place in views_by_folder(completion)}
+            meta[field] = found if len(found) > 1 else found[""]
+    return meta
 
 
 def file_names(completion: Completion, only: Sequence[str] | None = None, also: Sequence[str] = ()) -> list[str]:

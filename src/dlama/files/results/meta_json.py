@@ -6,6 +6,7 @@ import json
 import platform
 import re
 from collections.abc import Mapping
+from contextlib import suppress
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -60,10 +61,8 @@ def versions() -> dict[str, str]:
     """Versions of what computes the result; a package that is not installed is left out."""
     found = {"dlama": __version__, "python": platform.python_version()}
     for name in ("numpy", "numba", "opencv-python-headless", "opencv-python", "pillow", "OpenEXR"):
-        try:
+        with suppress(metadata.PackageNotFoundError):
             found[name.split("-python")[0]] = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            continue
     return found
 
 

@@ -32,19 +32,24 @@ def _csv_rows(path: str) -> Iterator[Row]:
     with open_to_read(path) as stream:
         reader = csv.reader(stream)
         try:
-            header = [name.strip() for name in next(reader, [])]
-            if len(header) == 1 and (other := next((each for each in ";\t" if each in header[0]), None)):
-                named = "semicolons" if other == ";" else "tabs"
-                raise FileError(f"{path}: line 1: values are separated by {named}; commas are expected")
-            check_columns(header, f"{path}: line 1")
-            twice = [name for name in header if header.count(name) > 1]
-            if twice:
-                raise InputError(f"{path}: line 1 has column {twice[0]!r} twice")
+            header = _csv_header(f"{path}: line 1", next(reader, []))
             for line in reader:
                 if line:
                     yield _csv_row(f"{path}: line {reader.line_num}", header, line)
         except csv.Error as error:
             raise FileError(f"{path}: line {reader.line_num} is no CSV: {error}") from error
+
+
+def _csv_header(where: str, line: list[str]) -> list[str]:
+    header = [name.strip() for name in line]
+    for other, named in ((";", "semicolons"), ("\t", "tabs")):
+        if len(header) == 1 and other in header[0]:
+            raise FileError(f"{where}: values are separated by {named}; commas are expected")
+    check_columns(header, where)
+    twice = [name for name in header if header.count(name) > 1]
+    if twice:
+        raise InputError(f"{where} has column {twice[0]!r} twice")
+    return header
 
 
 def _csv_row(where: str, header: list[str], line: list[str]) -> Row:
