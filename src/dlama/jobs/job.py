@@ -98,7 +98,7 @@ def check_id(name: str, where: str) -> str:
     return name
 
 
-def resolve_path(path: str, base: str, always: bool = True) -> str:
+def resolve_path(path: str, base: str, always: bool) -> str:
     """A path of a list, from the list's folder; `always` False: only where there is such a file, as it may be a name."""
     if "://" in path or Path(path).is_absolute():
         return path

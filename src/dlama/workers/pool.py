@@ -85,14 +85,12 @@ class Pool:
             worker.task, worker.busy = task, True
             return
 
-    def wait(self, seconds: float | None = None) -> list[TaskEnd]:
-        """The tasks that ended, at least one unless the time is over first. WorkerError where processes cannot start."""
+    def wait(self) -> list[TaskEnd]:
+        """The tasks that ended, at least one. WorkerError where processes cannot start."""
         ends: list[TaskEnd] = []
         while not ends:
             busy = [one for one in self._workers if one.busy]
-            readable = wait([handle for one in busy for handle in (one.connection, one.process.sentinel)], seconds)
-            if not readable:
-                break
+            readable = wait([handle for one in busy for handle in (one.connection, one.process.sentinel)])
             for worker in busy:
                 if worker.connection in readable or worker.process.sentinel in readable:
                     ends += self._receive(worker)
@@ -148,11 +146,11 @@ class Pool:
         worker.connection.close()
 
 
-def run_all(work: Callable[[Any], Any], tasks: Iterable[Any], count: int, threads: int = 1) -> Iterator[TaskEnd]:
+def run_all(work: Callable[[Any], Any], tasks: Iterable[Any], count: int) -> Iterator[TaskEnd]:
     """Every task on so many processes, as they end. One whose process dies runs again; TRIES deaths, and it is left as died."""
     known = list(tasks)  # so that no other task gets the identity of one of them
     waiting, deaths = deque(known), dict[int, int]()
-    with Pool(work, count, threads) as pool:
+    with Pool(work, count) as pool:
         under_way = 0
         while waiting or under_way:
             while waiting and pool.free:

@@ -14,7 +14,7 @@ VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMB
 """What libraries read as they are loaded."""
 
 
-def become_worker(threads: int = 1) -> None:
+def become_worker(threads: int) -> None:
     """Make this process compute on so many cores, end with the one that started it, and leave Ctrl-C to that."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, name="end with parent", daemon=True).start()
@@ -33,7 +33,7 @@ def limit_threads(threads: int) -> None:
 
 
 @contextmanager
-def threads_of_new_processes(threads: int = 1) -> Iterator[None]:
+def threads_of_new_processes(threads: int) -> Iterator[None]:
     """Processes started meanwhile begin with so many threads, as libraries read these variables when they are loaded."""
     before = {name: os.environ.get(name) for name in VARIABLES}
     os.environ.update(dict.fromkeys(VARIABLES, str(threads)))

@@ -8,7 +8,6 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from types import MappingProxyType
 from typing import NamedTuple, TypeVar
 
 import cv2
@@ -110,7 +109,7 @@ def align_poses(frames: Sequence[Frame]) -> list[Frame]:
 
 
 def read_views(
-    frames: Sequence[Frame], cache: PixelCache, clip: float | None = None
+    frames: Sequence[Frame], cache: PixelCache, clip: float | None
 ) -> tuple[dict[str, Layer], dict[str, str]]:
     """Name -> source view, which is read again when it is needed and no longer in the cache; and name -> why it cannot be read.
 
@@ -129,8 +128,8 @@ def read_views(
 def masks_by_number(
     masks: Mapping[str, BoolArray],
     names: Sequence[str],
-    damaged: Mapping[str, str] = MappingProxyType({}),
-    others: Mapping[str, str] = MappingProxyType({}),
+    damaged: Mapping[str, str],
+    others: Mapping[str, str],
 ) -> dict[int, BoolArray]:
     """Number of a frame -> mask, of frames by name or by place; without masks that are empty, unless all are.
 

@@ -109,7 +109,7 @@ def write(
 
 
 def describe_written(results: Mapping[str, Any], names: Sequence[str], completion: Completion) -> dict[str, Any]:
-    """For meta.json, what the writers returned: clipped pixels of depth.png, bits of image.png; by view where there are several."""
+    """For meta.json, what the writers returned: clipped pixels of depth.png, bits of image.png; by view where there are more."""
     meta: dict[str, Any] = {}
     for name, field in (("depth", "depth_png_clipped_pixels"), ("image", "image_png_bits")):
         if name in names:
@@ -192,7 +192,7 @@ def chosen_writers(
     return {file: writer for file, writer in writers.items() if file.rpartition("/")[2] in chosen}
 
 
-def view_writers(folder: Path, view: View, place: str, plate: PathLike | None = None) -> dict[str, Writer]:
+def view_writers(folder: Path, view: View, place: str, plate: PathLike | None) -> dict[str, Writer]:
     """The pictures of one view; plate: its file with 16 bits a channel, if it has one."""
     writers: dict[str, Writer] = {
         "image.png": lambda: write_image(folder / "image.png", view, plate),
