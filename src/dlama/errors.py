@@ -17,9 +17,9 @@ DlamaError
 
 from __future__ import annotations
 
-import importlib
+import importlib.util
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any, ClassVar
 
@@ -126,6 +126,13 @@ def import_extra(module: str, what: object, package: str, extra: str) -> Any:
         return importlib.import_module(module)
     except ImportError as error:
         raise MissingExtraError(str(what), package, extra) from error
+
+
+def require_extra(what: str, extra: str, packages: Mapping[str, str]) -> None:
+    """MissingExtraError for the first of the packages (name -> its module) of an extra that is not installed."""
+    for package, module in packages.items():
+        if importlib.util.find_spec(module) is None:
+            raise MissingExtraError(what, package, extra)
 
 
 def first_line(error: BaseException) -> str:

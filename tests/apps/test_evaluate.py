@@ -11,8 +11,8 @@ import pytest
 from running import refused
 
 from dlama.apps.cli import main
+from dlama.apps.options import Report
 from dlama.apps.verbs.measuring import evaluate as verb
-from dlama.apps.verbs.measuring.evaluate import check_extra
 from dlama.apps.verbs.measuring.evaluating import choose_cases, command_line
 from dlama.apps.verbs.measuring.options import Cases, Methods
 from dlama.errors import InputError, MissingExtraError
@@ -166,4 +166,4 @@ def test_a_missing_extra_is_named_first(monkeypatch: pytest.MonkeyPatch) -> None
     """With the pip line."""
     monkeypatch.setattr(verb, "NEEDED", {"matplotlib": "no_such_module"})
     with pytest.raises(MissingExtraError, match=r"needs the package 'matplotlib': pip install 'dlama\[evaluate\]'"):
-        check_extra()
+        verb.evaluate("worlds", Path("out"), Cases(), Methods(), Report())

@@ -52,7 +52,7 @@ def test_changes_replace_and_none_does_not() -> None:
         ({"dilate": "3"}, "dilate is '3' px; a whole number from 0"),
         ({"eight_bit_depth": True}, "8-bit depth needs clip"),
         ({"eight_bit_depth": True, "clip": 10.0}, "8-bit depth is the filler's; depth_by 'filler'"),
-        ({"depth_by": "luck"}, "depth_by is 'luck'; surfaces or filler"),
+        ({"depth_by": "luck"}, "depth_by is 'luck'; one of surfaces, filler is expected"),
     ],
 )
 def test_contradictions_are_refused(changes: dict, message: str) -> None:

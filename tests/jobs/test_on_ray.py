@@ -16,7 +16,6 @@ from small_jobs import FAST, FLAG, contents, table, view_rows, write_csv
 
 from box_frame import small_frame
 from dlama.errors import DlamaError, InputError, MissingExtraError
-from dlama.jobs import batch as room
 from dlama.jobs import on_ray
 from dlama.jobs.batch import batch
 from dlama.jobs.on_ray import _connect
@@ -82,7 +81,7 @@ def test_a_run_whose_only_node_dies_ends_and_is_resumed(tmp_path: Path) -> None:
 
 def test_without_ray_the_pip_line_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     """Before anything is run (oracle: the message)."""
-    monkeypatch.setattr(room, "find_spec", lambda name: None)
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     with pytest.raises(MissingExtraError, match=r"ray=local needs the package 'ray': pip install 'dlama\[batch\]'"):
         batch([], "out", ray="local")
     with pytest.raises(InputError, match=r"gpus_per_worker is 0\.5 without ray"):

@@ -14,7 +14,7 @@ from dlama.arguments import check_arguments
 from dlama.completion.memory import check_memory
 from dlama.completion.options import Options
 from dlama.completion.report import Clock, Record, about_depth, meta_data, warn_of_scale
-from dlama.completion.start import Plan, plan_for, scene_of
+from dlama.completion.start import plan_for, scene_of
 from dlama.completion.steps import CompletedView, complete_frame, complete_view, frames_to_fill
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType, Origin
@@ -137,16 +137,10 @@ def photo3d(
     with clock("edges"):
         small = add_edge_layers(small, grid_box)
     scene = add_fills(start, small, small.fills[given:], step)
-    meta = about_depth(rgbd, start) | collect_meta(plan, source, steps, clock)
+    reports = [report for one in steps for report in one.reports]
+    record = Record(reports, clock.seconds, holes=[one.grown for one in steps])
+    meta = about_depth(rgbd, start) | meta_data(plan, source, [one.before for one in steps], record)
     return Photo3D(scene, box, meta | {"photo3d": describe_box(box, seen, step, unknown)})
-
-
-def collect_meta(plan: Plan, source: View, steps: list[CompletedView], clock: Clock) -> dict[str, Any]:
-    """The meta data of all that was filled."""
-    record = Record(
-        [report for one in steps for report in one.reports], clock.seconds, holes=[one.grown for one in steps]
-    )
-    return meta_data(plan, source, [one.before for one in steps], record)
 
 
 def describe_box(box: HeadBox, seen: list[Camera], step: int, unknown: Unknown) -> dict[str, Any]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass
 from numbers import Integral
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 from dlama.arguments import check, check_word, is_finite
 from dlama.errors import InputError
@@ -58,8 +58,7 @@ class Recipe:
         _check_pixels(self.dilate_holes, "dilate_holes")
         if self.clip is not None and not (is_finite(self.clip) and self.clip >= NEAREST_CLIP_M):
             raise InputError(f"`clip` is {self.clip!r} m; {NEAREST_CLIP_M} or more is expected")
-        if not isinstance(self.depth_by, str) or self.depth_by not in ("surfaces", "filler"):
-            raise InputError(f"`depth_by` is {self.depth_by!r}; surfaces or filler is expected")
+        check_word(self.depth_by, "depth_by", get_args(DepthBy))
         if self.eight_bit_depth and self.clip is None:
             raise InputError("8-bit depth needs clip, the depth of level 255")
         if self.eight_bit_depth and self.depth_by != "filler":

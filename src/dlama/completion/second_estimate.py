@@ -94,7 +94,8 @@ def take_estimate(
     clean = with_depth(measured.load(), depth, changed, box)
     own = clean if scene.frames[place] is measured else with_depth(frame, depth, changed, box)
     removals = tuple(background(one.load()) if of_camera(one) else one for one in scene.removals)
-    plan = replace_measured(plan, dataclasses.replace(replace_frame(plan.measured, place, clean), removals=removals))
+    known = dataclasses.replace(replace_frame(plan.measured, place, clean), removals=removals)
+    plan = dataclasses.replace(plan, measured=known, context=context_of(known, plan.recipe))
     law = plan.context.near(view.camera).law.cropped(view, rows, columns)
     lawful, moved = law.project(part.camera, depth, changed & removed[box])
     fills = tuple(with_depth(one.load(), lawful, changed, box) if of_camera(one) else one for one in scene.fills)
@@ -107,11 +108,6 @@ def with_depth(one: View, depth: Float32Array, where: BoolArray, box: tuple[slic
     paste(one.depth, ~one.hole, new)
     paste(depth, where & ~one.hole[box], new[box])
     return one.with_planes(depth=new)
-
-
-def replace_measured(plan: Plan, scene: Scene) -> Plan:
-    """The plan with another scene as measured, and its law."""
-    return dataclasses.replace(plan, measured=scene, context=context_of(scene, plan.recipe))
 
 
 def estimate_inverse_depth(color: UInt8Array) -> Float32Array:

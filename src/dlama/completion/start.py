@@ -6,9 +6,8 @@ What is chosen for a scene is chosen here, once, with its reason: the filler tha
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -105,11 +104,7 @@ def clip_frame(frame: FrameSource, clip: float | None) -> FrameSource:
     """The frame, or what reads it, clipped."""
     if clip is None:
         return frame
-    return frame.clip_depth(clip) if isinstance(frame, RGBD) else partial(_read_and_clip, frame, clip)
-
-
-def _read_and_clip(read: Callable[[], RGBD], clip: float | None) -> RGBD:
-    return read().clip_depth(clip)
+    return frame.clip_depth(clip) if isinstance(frame, RGBD) else lambda: frame().clip_depth(clip)
 
 
 def choose_filler(scene: Scene, filler: str | Inpainter = AUTO, model: str | Path | None = None) -> FillerChoice:

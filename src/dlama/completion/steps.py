@@ -70,15 +70,10 @@ def frames_to_fill(plan: Plan, scene: Scene, cameras: Sequence[Camera]) -> list[
     chosen = {place for camera in cameras for place in choose_frames(frames, camera)} if cameras else range(len(frames))
     places = sorted(place for place in chosen if frames[place].has_holes)
     if len(places) > 1 and scene.removals:
-        unseen = {place: count_unseen_behind(plan, frames[place].camera) for place in places}
+        behind = {place: measured_view(plan, plan.measured, frames[place].camera).object_hole for place in places}
+        unseen = {place: int(hole.sum()) for place, hole in behind.items()}
         places.sort(key=lambda place: (-unseen[place], place))
     return places
-
-
-def count_unseen_behind(plan: Plan, camera: Camera) -> int:
-    """Pixels of a frame behind a removed object that no other frame shows."""
-    view = measured_view(plan, plan.measured, camera)
-    return int(view.object_hole.sum())
 
 
 def measured_view(plan: Plan, scene: Scene, camera: Camera) -> View:

@@ -6,7 +6,6 @@ import functools
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from importlib.util import find_spec
 from numbers import Integral
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,7 @@ from typing import Any
 from dlama.arguments import check, check_arguments, check_count, check_number, check_word
 from dlama.completion.memory import available_bytes
 from dlama.completion.options import raise_all
-from dlama.errors import InputError, MissingExtraError, marked_name
+from dlama.errors import InputError, marked_name, require_extra
 from dlama.files.atomic_write import PathLike, check_name
 from dlama.jobs.job import Job, job_of, resolve_path
 from dlama.jobs.lists.tables import rows as rows_of
@@ -144,8 +143,7 @@ def worker_starter(
         return lambda: Pool(work, *chosen)
     if gpus_per_worker < 0:
         raise InputError(f"`gpus_per_worker` is {gpus_per_worker}; 0 or more is expected")
-    if find_spec("ray") is None:
-        raise MissingExtraError(f"ray={ray}", "ray", "batch")
+    require_extra(f"ray={ray}", "batch", {"ray": "ray"})
     return lambda: RayWorkers(work, ray, workers, threads, gpus_per_worker)
 
 

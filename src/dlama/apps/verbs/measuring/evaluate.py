@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from importlib.util import find_spec
 from typing import Annotated
 
 from tyro.conf import Positional
@@ -10,7 +9,7 @@ from tyro.conf import Positional
 from dlama.apps.options import Output, Report, option
 from dlama.apps.places import check_folder_apart
 from dlama.apps.verbs.measuring.options import Cases, Methods
-from dlama.errors import MissingExtraError
+from dlama.errors import require_extra
 
 NEEDED = {"scikit-image": "skimage", "scipy": "scipy", "matplotlib": "matplotlib", "jinja2": "jinja2"}
 
@@ -31,15 +30,8 @@ def evaluate(
         output: Directory for report.html, summary.md, summary.json, results.csv, timings.csv, and what a later run takes over.
         jobs: Processes; each computes on one core.
     """
-    check_extra()
+    require_extra("dlama evaluate", "evaluate", NEEDED)  # before anything is computed
     check_folder_apart(output, {"data set": dataset, "camera": cases.camera})
     from dlama.apps.verbs.measuring.evaluating import measure_methods
 
     measure_methods(dataset, output, cases, methods, report, jobs)
-
-
-def check_extra() -> None:
-    """MissingExtraError before anything is computed, where the report could not be written in the end."""
-    for package, module in NEEDED.items():
-        if find_spec(module) is None:
-            raise MissingExtraError("dlama evaluate", package, "evaluate")

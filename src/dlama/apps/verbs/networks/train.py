@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import sys
 from contextlib import AbstractContextManager, nullcontext, suppress
 from pathlib import Path
@@ -14,13 +13,14 @@ from dlama.apps.options import Report, Seed, option
 from dlama.apps.places import check_file_apart, check_folder_apart
 from dlama.apps.terminal.output import KERNELS, report_result
 from dlama.apps.terminal.streams import printable
-from dlama.errors import InputError, MissingExtraError
+from dlama.errors import InputError, require_extra
 from dlama.workers.progress import log_messages
 
 if TYPE_CHECKING:
     from dlama.training.loop.train import TrainingResult
 
 LIST = "presets"
+NEEDED = {"torch": "torch", "pytorch-lightning": "pytorch_lightning", "onnx": "onnx"}
 
 Number = Annotated[int | None, option("N", "the settings'")]
 Weights = Annotated[Path | None, option("FILE", "the settings'")]
@@ -81,7 +81,7 @@ def train(
         precision=precision,
         devices=devices,
     )
-    require_training()
+    require_extra("training a network", "train", NEEDED)
     from dlama.training.loop import train as loop
 
     with report_result("train", report) as result, log_to_terminal(report):
@@ -122,13 +122,6 @@ def summary(done: TrainingResult) -> tuple[str, dict[str, Any]]:
     network = None if done.network is None else str(done.network)
     line = f"{done.run}: step {done.step}, {done.ended}; {network or 'no network yet, --resume continues'}"
     return line, {"output": str(done.run), "step": done.step, "ended": done.ended, "network": network}
-
-
-def require_training() -> None:
-    """MissingExtraError naming the first package that training lacks."""
-    for package, name in (("torch", "torch"), ("pytorch_lightning", "pytorch-lightning"), ("onnx", "onnx")):
-        if importlib.util.find_spec(package) is None:
-            raise MissingExtraError("training a network", name, "train")
 
 
 def log_to_terminal(report: Report) -> AbstractContextManager[None]:
