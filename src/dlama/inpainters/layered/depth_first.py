@@ -8,13 +8,14 @@ from numpy.typing import NDArray
 
 from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.holes import dilate_mask, morphological_open, nearest_known, regions_touching, square
+from dlama.geometry.kernels.jit import begin_job
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import View, sampled_pixels
 from dlama.geometry.visibility import Law
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill, Inpainter, Painter
-from dlama.inpainters.layered.color.low_frequency import begin_guess, blend_with_low_frequency
+from dlama.inpainters.layered.color.low_frequency import blend_with_low_frequency, smooth_guess
 from dlama.inpainters.layered.depth.surface_labels import Surfaces
 from dlama.inpainters.layered.depth.surfaces import continue_lawfully
 from dlama.inpainters.layered.filler import find_leaves, paint_leaves
@@ -62,7 +63,7 @@ def paint_over_depth(inpainter: Inpainter) -> Inpainter:
         hidden = view.color_hole | shadow | find_occluders(view, surfaces, depth, context.law)
         leaves = find_leaves(view, surfaces)
         del surfaces, shadow  # of a large picture a network needs their memory
-        guess = begin_guess(view)
+        guess = begin_job(smooth_guess, view)
         color = inpainter.paint(view.color, hidden, seed)
         w = inverse_depth(np.where(view.hole, depth, view.depth))
         color = blend_with_low_frequency(view, color, view.color_hole, w, guess=guess)
@@ -81,8 +82,10 @@ def find_occluders(view: View, surfaces: Surfaces, depth: Float32Array, law: Law
     distance, nearest = nearest_known(view.color_hole & ~seams(surfaces.label, view.color_hole))
     near = (distance <= BAND) & view.valid
     adjacent = is_in_front(view, surfaces, depth, near, nearest)
-    background = (view.hole_type.ravel()[nearest] == HoleType.OBJECT.value) & find_background(view, law)
-    adjacent &= ~background
+    background = np.zeros_like(adjacent)
+    if view.object_hole.any():
+        background = (view.hole_type.ravel()[nearest] == HoleType.OBJECT.value) & find_background(view, law)
+        adjacent &= ~background
     hidden = view.color_hole & (view.hole_type != HoleType.OUT_OF_VIEW.value)
     guessed = (view.origin == Origin.ESTIMATED.value).any()  # estimated depth has no reliable edges
     if guessed or not adjacent.any() or not hidden.any():

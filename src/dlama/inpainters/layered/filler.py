@@ -6,11 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.codes import HoleType, has_code
+from dlama.geometry.kernels.jit import begin_job
 from dlama.geometry.rgbd import UInt8Array
 from dlama.geometry.view import View
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill
-from dlama.inpainters.layered.color.low_frequency import begin_guess, blend_with_low_frequency
+from dlama.inpainters.layered.color.low_frequency import blend_with_low_frequency, smooth_guess
 from dlama.inpainters.layered.color.rims import blend_at_rim
 from dlama.inpainters.layered.color.texture_synthesis import synthesize
 from dlama.inpainters.layered.depth.surface_labels import Surfaces
@@ -24,7 +25,7 @@ NOT_BLENDED = (HoleType.OUT_OF_VIEW, HoleType.OBJECT)
 
 def layered(view: View, context: FillContext, seed: int = 0) -> Fill:
     """Continue planes, sky and smooth surfaces into the holes, project them onto the visibility law, then paint them."""
-    guess = begin_guess(view)
+    guess = begin_job(smooth_guess, view)
     surfaces, depth, moved = continue_lawfully(view, context, seed)
     color = paint_surfaces(view, surfaces, context, seed)
     painted, w = surfaces.without_leaves(view.color_hole), surfaces.inverse_depth
@@ -42,7 +43,9 @@ def paint_surfaces(view: View, surfaces: Surfaces, context: FillContext, seed: i
         label[surfaces.off_surface] = SMOOTH
     label[view.hole & (w == 0)] = SKY
     leafy = paint_leaves(view.color, view, find_leaves(view, surfaces))
-    shadow = find_remaining_shadow(view, label, context.law)
+    shadow = np.zeros_like(view.hole)
+    if view.object_hole.any():
+        shadow = find_remaining_shadow(view, label, context.law)
     open_ = surfaces.without_leaves(view.color_hole)
     color = synthesize(leafy, open_, w, label, view.camera, seed=seed, sky=context.sky, spoiled=shadow, detail=detail)
     return blend_at_rim(color, view.color_hole, open_ & ~has_code(view.hole_type, *NOT_BLENDED), w, label, shadow)

@@ -23,7 +23,7 @@ from dlama.geometry.rgbd import BoolArray, UInt8Array
 from dlama.geometry.view import View
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill, Inpainter
-from dlama.inpainters.layered.color.low_frequency import begin_guess, blend_with_low_frequency, unseen_colors
+from dlama.inpainters.layered.color.low_frequency import blend_with_low_frequency, smooth_guess, unseen_colors
 from dlama.inpainters.layered.depth.surface_labels import Surfaces
 from dlama.inpainters.layered.depth.surfaces import continue_lawfully
 from dlama.inpainters.layered.depth_first import find_occluders, find_occluders_coarsely
@@ -44,7 +44,7 @@ def layered_patches_filler(model: str | Path) -> Inpainter:
     network = migan_filler(model)
 
     def fill(view: View, context: FillContext, seed: int) -> Fill:
-        smooth = begin_guess(view)
+        smooth = begin_job(smooth_guess, view)
         surfaces, depth, moved = continue_lawfully(view, context, seed)
         notes: dict[str, Any] = {"planes": len(surfaces.planes)}
         hidden = view.color_hole

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.codes import HoleType
-from dlama.geometry.kernels.jit import begin_job
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import View
 from dlama.inpainters.sky import Sky
@@ -55,7 +54,7 @@ def blend_with_low_frequency(
 
     color: H x W x 3, painted; hole: H x W, the painted pixels, colour holes; w: H x W inverse depth (1/m), filled everywhere;
     label: H x W, surfaces that are blended one by one, over WIDE instead of DETAIL_PX; sky: of the source pictures, defines up;
-    guess: of `begin_guess`, where that was begun before; what it gives is written to.
+    guess: gives `smooth_guess`, where that was begun before; what it gives is written to.
     """
     out_of_view = hole & (view.hole_type == HoleType.OUT_OF_VIEW.value)
     known = w[~view.hole][::16].copy()
@@ -70,7 +69,7 @@ def blend_with_low_frequency(
     share *= np.clip(2 * (1 - w.ravel()[places] / middle), 0, 1)
     out = color.copy()
     painted = out.reshape(-1, 3)[places]
-    step, kept = (guess or begin_guess(view))(), hole[unseen_colors(view)]
+    step, kept = (smooth_guess(view) if guess is None else guess()), hole[unseen_colors(view)]
     step = step if kept.all() else step[kept]
     if label is None:
         step -= blur_among(color, out_of_view)
@@ -139,11 +138,6 @@ def sample_bilinear(picture: Float32Array, x: Float32Array, y: Float32Array) -> 
 def unseen_colors(view: View) -> BoolArray:
     """H x W, True in colour holes out of view."""
     return view.color_hole & (view.hole_type == HoleType.OUT_OF_VIEW.value)
-
-
-def begin_guess(view: View) -> Callable[[], Float32Array]:
-    """Begin `smooth_guess` in another thread, next to work that does not need it."""
-    return begin_job(smooth_guess, view)
 
 
 def smooth_guess(view: View) -> Float32Array:
