@@ -97,31 +97,40 @@ def format_value(value: Any) -> str:
 
 def python_lines(result: Result) -> str:
     """The same in Python."""
-    source, p = result.source, parameters_of(result)
+    p, verb = parameters_of(result), verb_of(result.source, result.mask is not None)
+    read = lines_of_pair(p) if verb == "stereo" else lines_of_picture(p)
+    given = {"stereo": ["left", "right", "rig"], "remove": ["rgbd", "mask"], "view": ["rgbd"]}[verb]
+    given += ["mask=mask"] if verb == "stereo" and "mask" in p else []
+    masked = []
+    if "mask" in p:
+        masked = [f"mask = dlama.read_mask({MASK!r})"]
+    elif verb == "remove":
+        masked = [f"mask = dlama.find_mask({', '.join(['rgbd', *keywords(p, POINTING)])}).mask"]
+    done = f"done = dlama.{verb}({', '.join([*given, *keywords(p, MOVE, METHOD)])})"
+    plates = plates_of(result.source)
+    write = f"dlama.write(done, {OUT!r}{f', inputs={plates!r}' if plates else ''})"
+    return "\n".join(["import dlama", "", *read, *masked, done, write, ""])
 
-    def keywords(*groups: Mapping[str, Any]) -> list[str]:
-        named = {job: name for name, job in OF_JOBS.items()}
-        given = {name: value for name, value in p.items() if any(name in group for group in groups)}
-        return [f"{named.get(name, name)}={list(v) if name in named else v!r}" for name, v in given.items()]
 
-    lines = ["import dlama", ""]
-    masked = [f"mask = dlama.read_mask({MASK!r})"] if "mask" in p else []
-    if source.pair is not None:
-        lines += [
-            f"left, right = dlama.read_color({p['left']!r}), dlama.read_color({p['right']!r})",
-            f"rig = dlama.read_stereo_calib({p['calib']!r}, hw=left.shape[:2])",
-            *masked,
-        ]
-        arguments = ["left", "right", "rig", *(["mask=mask"] if masked else []), *keywords(METHOD)]
-    else:
-        files = [repr(p[role]) for role in ("image", "depth") if role in p]
-        lines.append(f"rgbd = dlama.read_rgbd({', '.join([*files, *keywords(LENS, READING, ESTIMATING)])})")
-        if result.mask is not None:
-            lines += masked or [f"mask = dlama.find_mask({', '.join(['rgbd', *keywords(POINTING)])}).mask"]
-        arguments = ["rgbd", *(["mask"] if result.mask is not None else []), *keywords(MOVE, METHOD)]
-    lines.append(f"done = dlama.{verb_of(source, result.mask is not None)}({', '.join(arguments)})")
-    plates = plates_of(source)
-    return "\n".join([*lines, f"dlama.write(done, {OUT!r}{f', inputs={plates!r}' if plates else ''})", ""])
+def lines_of_pair(p: Mapping[str, Any]) -> list[str]:
+    """How a pair is read in Python."""
+    return [
+        f"left, right = dlama.read_color({p['left']!r}), dlama.read_color({p['right']!r})",
+        f"rig = dlama.read_stereo_calib({p['calib']!r}, hw=left.shape[:2])",
+    ]
+
+
+def lines_of_picture(p: Mapping[str, Any]) -> list[str]:
+    """How a picture and its depth are read in Python."""
+    files = [repr(p[role]) for role in ("image", "depth") if role in p]
+    return [f"rgbd = dlama.read_rgbd({', '.join([*files, *keywords(p, LENS, READING, ESTIMATING)])})"]
+
+
+def keywords(p: Mapping[str, Any], *groups: Mapping[str, Any]) -> list[str]:
+    """`name=value` of each parameter that is of one of the groups."""
+    named = {job: name for name, job in OF_JOBS.items()}
+    given = {name: value for name, value in p.items() if any(name in group for group in groups)}
+    return [f"{named.get(name, name)}={list(v) if name in named else v!r}" for name, v in given.items()]
 
 
 def plates_of(source: Source) -> dict[str, str]:
