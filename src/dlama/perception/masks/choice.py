@@ -18,7 +18,7 @@ from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
 from dlama.perception.masks.borders import decide_by_color
 from dlama.perception.masks.click_network import object_probability
 from dlama.perception.masks.photo import PhotoMasker, name_masks
-from dlama.perception.masks.prompt import Prompt
+from dlama.perception.masks.prompt import Prompt, nothing_at
 from dlama.perception.masks.rgbd import correct_at_clicks, rgbd_candidates
 from dlama.perception.masks.rough import rough_candidates, rough_depth
 from dlama.perception.masks.salient import WindowSaliency
@@ -71,7 +71,7 @@ def choose_mask(
 
     seen: the picture's saliency where depth is estimated, None elsewhere.
     """
-    clicks = Prompt.pixels(prompt.clicks)
+    clicks = prompt.on
     found = [object_probability(rgbd, pixel, seen) for pixel in clicks]
     probability = np.where(prompt.inside, np.maximum.reduce([each for each, *_ in found]), np.float32(0))
     own, reach = probability > 0.5, 1 + max(px for _, px, _ in found)
@@ -87,11 +87,8 @@ def choose_mask(
             raise
         rated = []
     if prompt.box is None and max(there for *_, there in found) < LEAST:
-        row, column = clicks[0]
-        raise MaskError(
-            f"`clicks` holds {column},{row}, where nothing stands apart: that is ground, a wall or the sky; "
-            "click amid an object, or give a box round it"
-        )
+        where = "where nothing stands apart: that is ground, a wall or the sky"
+        raise nothing_at(clicks[0], where, "amid an object")
     rated.sort(key=lambda each: -each[0])
     masks = [mask for _, mask in rated]
     if rated and rated[0][0] >= agrees * expected_iou(probability, own):

@@ -8,6 +8,7 @@ finds nothing, or something that disagrees with the box.
 from __future__ import annotations
 
 import dataclasses
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -15,7 +16,7 @@ import cv2
 import numpy as np
 
 from dlama.errors import MaskError
-from dlama.geometry.holes import box_around, dilate_mask, disc, erode_mask, morphological_open, region_at
+from dlama.geometry.holes import box_around, dilate_mask, disc, erode_mask, morphological_open, region_at, sides_of
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
 from dlama.perception.masks.borders import decide_by_color
@@ -26,11 +27,11 @@ from dlama.perception.masks.rough import (
     check_surfaces,
     cut_along_colors,
     keep_clicked_parts,
+    mark_clicks,
     refuse_background,
     rough_candidates,
     rough_depth,
 )
-from dlama.perception.masks.rough import mark_clicks as with_seeds
 from dlama.perception.masks.salient import SIDE, Window, WindowSaliency, window_around, window_side
 
 WINDOWS = (0.5,)
@@ -83,7 +84,7 @@ class PhotoMasker:
         """H x W masks: object; part, group where a click has a smaller or a larger reading. Errors as `rough_candidates`."""
         if prompt.box is not None:
             return self.segment_box(prompt)
-        clicks, away = Prompt.pixels(prompt.clicks), Prompt.pixels(prompt.not_clicks)
+        clicks, away = prompt.on, prompt.away
         mask, others = np.zeros(prompt.hw, np.bool_), list[BoolArray]()
         for pixel in clicks:
             if mask[pixel]:
@@ -113,9 +114,8 @@ class PhotoMasker:
     def salient_in_box(self, box: Window) -> BoolArray | None:
         """H x W, the salient region of a box, mean over the windows round it; None where it does not fill FILLS of the box."""
         hw = self.rgbd.depth.shape
-        sides = [side.indices(length)[:2] for side, length in zip(box, hw)]
-        longest = max(stop - start for start, stop in sides)
-        row, column = ((start + stop) // 2 for start, stop in sides)
+        longest = max(sides_of(box))
+        row, column = ((side.start + side.stop) // 2 for side in box)
         windows = [
             window_around((row, column), max(SMALLEST_WINDOW, round(share * longest)), hw) for share in BOX_WINDOWS
         ]
@@ -191,8 +191,7 @@ def rim_share(mask: BoolArray, window: tuple[slice, slice]) -> float:
 def fill_enclosed(box: Window, mask: BoolArray) -> float:
     """Intersection over union of a box (rows, columns) and the box round a mask (H x W) within it."""
     part = mask[box]
-    rows, columns = np.flatnonzero(part.any(1)), np.flatnonzero(part.any(0))
-    return float((np.ptp(rows) + 1) * (np.ptp(columns) + 1) / part.size) if len(rows) else 0.0
+    return math.prod(sides_of(box_around(part, 0))) / part.size if part.any() else 0.0
 
 
 def agreement(reading: Reading, clicks: list[Pixel], away: list[Pixel]) -> float:
@@ -217,14 +216,14 @@ def exclude_clicks(color: UInt8Array, mask: BoolArray, prompt: Prompt) -> BoolAr
     """The mask cut again along the picture's colours, without the regions of negative clicks."""
     state = np.full(mask.shape, cv2.GC_BGD, np.uint8)
     state[mask] = cv2.GC_PR_FGD
-    found = cut_along_colors(color, with_seeds(state, prompt))
+    found = cut_along_colors(color, mark_clicks(state, prompt))
     return keep_clicked_parts(found, prompt) if prompt.clicks else found
 
 
-def name_masks(mask: BoolArray, others: list[BoolArray]) -> dict[str, BoolArray]:
-    """The mask as `object`, and other readings that differ from it: a smaller one as `part`, a larger one as `group`."""
+def name_masks(mask: BoolArray, others: list[BoolArray], different: float = DIFFERENT) -> dict[str, BoolArray]:
+    """The mask as `object`, and the first readings that differ from it: a smaller one as `part`, a larger one as `group`."""
     out = {"object": mask}
     for other in others:
-        if (mask & other).sum() < DIFFERENT * (mask | other).sum():
+        if (mask & other).sum() < different * (mask | other).sum():
             out.setdefault("part" if other.sum() < mask.sum() else "group", other)
     return out

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dlama.errors import InputError
+from dlama.errors import InputError, MaskError
 from dlama.geometry.rgbd import BoolArray
 
 Point = tuple[float, float]
@@ -48,7 +48,7 @@ class Prompt:
                         f"`{name}` holds {x:g},{y:g}, which lies outside the picture; x in 0..{width - 1} and "
                         f"y in 0..{height - 1} are expected"
                     )
-        both = set(self.pixels(self.clicks)) & set(self.pixels(self.not_clicks))
+        both = set(self.on) & set(self.away)
         if both:
             row, column = min(both)
             raise InputError(f"`clicks` and `not_clicks` both hold pixel {column},{row}; one of them is expected")
@@ -66,10 +66,15 @@ class Prompt:
                 "x,y,width,height of a part of it are expected"
             )
 
-    @staticmethod
-    def pixels(points: Sequence[Point]) -> list[tuple[int, int]]:
-        """(row, column) of each point."""
-        return [(int(y), int(x)) for x, y in points]
+    @property
+    def on(self) -> list[Pixel]:
+        """(row, column) of each click on the object."""
+        return [(int(y), int(x)) for x, y in self.clicks]
+
+    @property
+    def away(self) -> list[Pixel]:
+        """(row, column) of each click on the background."""
+        return [(int(y), int(x)) for x, y in self.not_clicks]
 
     @property
     def box_slices(self) -> tuple[slice, slice]:
@@ -85,6 +90,11 @@ class Prompt:
         out = np.zeros(self.hw, np.bool_)
         out[self.box_slices] = True
         return out
+
+
+def nothing_at(pixel: Pixel, where: str, on: str = "on an object") -> MaskError:
+    """The error of a click under which no object is found."""
+    return MaskError(f"`clicks` holds {pixel[1]},{pixel[0]}, {where}; click {on}, or give a box round it")
 
 
 def check_numbers(name: str, values: Sequence[float], count: int, kind: str) -> tuple[float, ...]:

@@ -8,28 +8,19 @@ border (`borders`). `choice` takes one of these masks.
 from __future__ import annotations
 
 import dataclasses
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dlama.errors import MaskError
 from dlama.geometry.holes import dilate_mask, morphological_open, nearest_known, regions_touching, square
-from dlama.geometry.rgbd import RGBD, BoolArray
+from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
 from dlama.perception.kernels.regions import join_regions
-from dlama.perception.masks.borders import (
-    HOLE_PX,
-    at_same_depth,
-    correct_at_click,
-    snap_to_picture_edges,
-)
-from dlama.perception.masks.pieces import GROUP_GAP, OBJECT_GAP, TOUCHING_PX, Pieces, merge_pieces
-from dlama.perception.masks.prompt import Pixel, Prompt
-from dlama.perception.masks.supports import (
-    Planes,
-    find_supports,
-    is_ground,
-    is_in_front,
-    is_level,
-)
+from dlama.perception.masks.borders import HOLE_PX, at_same_depth, correct_at_click, snap_to_picture_edges
+from dlama.perception.masks.prompt import Pixel, Prompt, nothing_at, square_about
+from dlama.perception.masks.rough import check_surfaces
+from dlama.perception.masks.supports import Planes, find_supports, is_ground, is_in_front, is_level
 
 REACH_PX = 2
 """Largest distance in px within one piece: a spoke one pixel wide has gaps."""
@@ -53,6 +44,62 @@ WIDER = 1.3
 """and least width of what is seen of it, in widths of the object: the seat of a chair is as wide as its back."""
 IN_BOX = 0.7
 """Least share of a piece inside the box for it to belong to the object."""
+OBJECT_GAP = 0.15
+"""Largest relative depth difference of touching pieces of one object: a lamp's shade hangs before its pole."""
+GROUP_GAP = 0.3
+"""The same for a group of objects."""
+TOUCHING_PX = 3
+MOSTLY = 0.95
+"""Share of the common border with similar depths that joins two pieces. A stool before a bed touches it at its ground contact
+alone, a vase what lies behind the edge of its plinth."""
+
+
+@dataclass(frozen=True, eq=False)
+class Pieces:
+    """The picture without its supporting planes, in connected pieces."""
+
+    depth: Float32Array
+    free: BoolArray
+    """H x W, True where depth is valid and on no supporting plane."""
+    label: NDArray[np.int32]
+    """H x W number of each pixel's piece; undefined where not free."""
+    support: BoolArray
+    """H x W, True on supporting planes."""
+
+    def at(self, pixel: Pixel) -> BoolArray:
+        """H x W, True on the piece at a pixel; all False where there is none."""
+        return self.free & (self.label == self.label[pixel]) & bool(self.free[pixel])
+
+    def at_any(self, pixels: list[Pixel]) -> BoolArray:
+        """H x W, True on the pieces at pixels."""
+        return sum((self.at(pixel) for pixel in pixels), np.zeros(self.free.shape, np.bool_))
+
+
+def merge_pieces(pieces: Pieces, start: BoolArray, gap: float, barred: set[int]) -> BoolArray:
+    """`start` and, repeatedly, all pieces that belong to it. gap 0: `start` alone.
+
+    gap: largest relative depth difference of touching pieces. barred: numbers of pieces to leave out.
+    """
+    target = start.copy()
+    while gap:
+        chosen = [n for n in find_touching(pieces, target, gap) if n not in barred]
+        if not chosen:
+            break
+        target |= pieces.free & np.isin(pieces.label, chosen)
+    return target
+
+
+def find_touching(pieces: Pieces, target: BoolArray, gap: float) -> list[int]:
+    """Numbers of the pieces whose common border with `target` (H x W) has mostly similar depths."""
+    distance, nearest = nearest_known(target)
+    border = pieces.free & ~target & (distance <= TOUCHING_PX + 0.5)
+    pixels = np.flatnonzero(border)
+    depth = pieces.depth.ravel()
+    here, there = depth[pixels], depth[nearest.ravel()[pixels]]
+    numbers, which = np.unique(pieces.label.ravel()[pixels], return_inverse=True)
+    close = np.bincount(which, np.abs(here - there) <= gap * np.minimum(here, there), len(numbers))
+    lengths = np.bincount(which, minlength=len(numbers))
+    return [int(n) for n in numbers[(close > 1) & (close >= MOSTLY * lengths)]]
 
 
 def rgbd_candidates(rgbd: RGBD, found: Planes, prompt: Prompt, edge_offset: int = 0) -> dict[str, BoolArray]:
@@ -69,7 +116,7 @@ def rgbd_candidates(rgbd: RGBD, found: Planes, prompt: Prompt, edge_offset: int 
     stands = find_stands(rgbd, found, pieces, seeds)
     if stands.any():
         pieces = find_pieces(rgbd, support | stands, found.noise)
-    away = [pixel for pixel in Prompt.pixels(prompt.not_clicks) if pieces.free[pixel]]
+    away = [pixel for pixel in prompt.away if pieces.free[pixel]]
     own = pieces.at_any(seeds)
     most = BARRED * merge_pieces(pieces, own, OBJECT_GAP, set()).sum() if away else 0
     barred = {int(pieces.label[p]) for p in away if not own[p] and pieces.at(p).sum() < most}
@@ -89,35 +136,22 @@ def split_clicks(rgbd: RGBD, found: Planes, prompt: Prompt) -> tuple[list[Pixel]
 
     The first click on an object decides which planes support it. MaskError where no click is on an object.
     """
-    clicks = Prompt.pixels(prompt.clicks)
-    if not rgbd.valid.any():
-        raise MaskError("depth is missing or far everywhere, so no object stands apart; depth with values is expected")
+    clicks = prompt.on
+    check_surfaces(rgbd)
     flat = [pixel for pixel in clicks if rgbd.far[pixel] or is_ground(found, *pixel)]
     seeds = [pixel for pixel in clicks if pixel not in flat]
     if not seeds:
-        near = rgbd.valid & ~find_supports(found, [])
-        seeds = [pixel for pixel in flat if has_near(near, pixel)]
-        flat = [pixel for pixel in flat if pixel not in seeds]
         support = find_supports(found, [])
+        seeds = [pixel for pixel in flat if (rgbd.valid & ~support)[square_about(pixel, SNAP_PX)].any()]
+        flat = [pixel for pixel in flat if pixel not in seeds]
     else:
         support = find_supports(found, seeds[:1])
         flat += [pixel for pixel in seeds[1:] if support[pixel]]
         seeds = [pixel for pixel in seeds if pixel not in flat]
     if not seeds:
-        row, column = flat[0]
         what = "the sky" if rgbd.far[flat[0]] else "a plain surface (ground, wall or table)"
-        raise MaskError(
-            f"`clicks` holds {column},{row}, which lies on {what}: nothing stands apart there; "
-            "click on an object, or give a box round it"
-        )
+        raise nothing_at(flat[0], f"which lies on {what}: nothing stands apart there")
     return seeds, flat, support
-
-
-def has_near(free: BoolArray, pixel: Pixel) -> bool:
-    """Whether a free pixel (H x W bool) lies within SNAP_PX of a pixel."""
-    row, column = pixel
-    window = slice(max(row - SNAP_PX, 0), row + SNAP_PX + 1), slice(max(column - SNAP_PX, 0), column + SNAP_PX + 1)
-    return bool(free[window].any())
 
 
 def find_pieces(rgbd: RGBD, support: BoolArray, noise: float) -> Pieces:
@@ -164,10 +198,7 @@ def snap_to_piece(pieces: Pieces, seed: Pixel) -> Pixel:
         return seed
     distance, nearest = nearest_known(pieces.free)
     if not distance[seed] <= SNAP_PX * 1.5:
-        raise MaskError(
-            f"`clicks` holds {seed[1]},{seed[0]}, where depth shows nothing that stands apart; "
-            "click on an object, or give a box round it"
-        )
+        raise nothing_at(seed, "where depth shows nothing that stands apart")
     row, column = divmod(int(nearest[seed]), pieces.free.shape[1])
     return row, column
 
@@ -184,11 +215,11 @@ def finish_mask(rgbd: RGBD, mask: BoolArray, prompt: Prompt, clicks: list[Pixel]
 
 def correct_at_clicks(rgbd: RGBD, mask: BoolArray, prompt: Prompt, clicks: list[Pixel]) -> BoolArray:
     """The mask with the regions of `clicks`, without those of negative clicks."""
-    for pixel in Prompt.pixels(prompt.not_clicks):
+    for pixel in prompt.away:
         mask = correct_at_click(rgbd, mask, pixel, belongs=False) if mask[pixel] else mask
     for pixel in clicks:
         mask = mask if mask[pixel] else correct_at_click(rgbd, mask, pixel, belongs=True)
-    for pixel in Prompt.pixels(prompt.not_clicks):
+    for pixel in prompt.away:
         mask[pixel] = False
     return mask
 
@@ -210,7 +241,7 @@ def segment_box(rgbd: RGBD, found: Planes, prompt: Prompt, edge_offset: int) -> 
     kept = pieces.free & inside & (whole[pieces.label] | (pieces.label == main))
     cropped = dataclasses.replace(pieces, free=kept)
     start = kept & (pieces.label == main)
-    barred = {int(pieces.label[p]) for p in Prompt.pixels(prompt.not_clicks) if pieces.free[p]} - {main}
+    barred = {int(pieces.label[p]) for p in prompt.away if pieces.free[p]} - {main}
     masks = {}
     for name, gap in (("object", GROUP_GAP), ("part", 0.0)):
         mask = merge_pieces(cropped, start, gap, barred) & inside

@@ -12,11 +12,11 @@ import cv2
 import numpy as np
 
 from dlama.errors import MaskError
-from dlama.geometry.holes import box_around, morphological_close, morphological_open, square
+from dlama.geometry.holes import box_around, larger_box, morphological_close, morphological_open, sides_of, square
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.perception.masks.borders import run_grabcut
-from dlama.perception.masks.prompt import Prompt
+from dlama.perception.masks.prompt import Pixel, Prompt, nothing_at, square_about
 from dlama.perception.masks.supports import ESTIMATED_NOISE
 from dlama.perception.planes import find_planes, plane_values
 
@@ -97,15 +97,12 @@ def rough_depth(rgbd: RGBD) -> RoughDepth:
 
 def rough_candidates(rough: RoughDepth, prompt: Prompt) -> dict[str, BoolArray]:
     """The H x W mask as `object`. MaskError where nothing is found, or the sky is clicked."""
-    if prompt.clicks and all(rough.far[pixel] for pixel in Prompt.pixels(prompt.clicks)):
-        row, column = Prompt.pixels(prompt.clicks)[0]
-        raise MaskError(
-            f"`clicks` holds {column},{row}, which lies on the sky: nothing stands apart there; click on an object"
-        )
+    if prompt.clicks and all(rough.far[pixel] for pixel in prompt.on):
+        raise nothing_at(prompt.on[0], "which lies on the sky: nothing stands apart there")
     state = np.full(prompt.hw, cv2.GC_BGD, np.uint8)
     if prompt.box is not None:
         state[prompt.box_slices] = cv2.GC_PR_FGD
-    for pixel in Prompt.pixels(prompt.clicks):
+    for pixel in prompt.on:
         guess = first_guess(rough, pixel)
         if prompt.box is None:
             inside = find_window(rough, guess, pixel)
@@ -115,11 +112,8 @@ def rough_candidates(rough: RoughDepth, prompt: Prompt) -> dict[str, BoolArray]:
     if prompt.clicks:
         mask = keep_clicked_parts(mask, prompt)
         if mask.sum() < NOTHING * len(prompt.clicks) * SEED_PX**2:
-            row, column = Prompt.pixels(prompt.clicks)[0]
-            raise MaskError(
-                f"`clicks` holds {column},{row}, where nothing stands apart in colour or rough depth; "
-                "click amid an object, or give a box round it"
-            )
+            where = "where nothing stands apart in colour or rough depth"
+            raise nothing_at(prompt.on[0], where, "amid an object")
         if prompt.box is None:
             refuse_background(mask, prompt)
             refuse_ground(rough, mask, prompt)
@@ -132,47 +126,38 @@ def rough_candidates(rough: RoughDepth, prompt: Prompt) -> dict[str, BoolArray]:
 
 def mark_clicks(state: UInt8Array, prompt: Prompt) -> UInt8Array:
     """GrabCut's codes (H x W, changed in place) with the clicks marked."""
-    for points, kind in ((prompt.clicks, cv2.GC_FGD), (prompt.not_clicks, cv2.GC_BGD)):
-        for row, column in Prompt.pixels(points):
-            cv2.circle(state, (column, row), SEED_PX, int(kind), -1)
+    for pixels, kind in ((prompt.on, cv2.GC_FGD), (prompt.away, cv2.GC_BGD)):
+        for pixel in pixels:
+            cv2.circle(state, pixel[::-1], SEED_PX, int(kind), -1)
     return state
 
 
 def refuse_background(mask: BoolArray, prompt: Prompt) -> None:
     """MaskError where the region covers half of the picture and of its upper border."""
     if mask.mean() > BACKGROUND and mask[0].mean() > BACKGROUND:
-        row, column = Prompt.pixels(prompt.clicks)[0]
-        raise MaskError(
-            f"`clicks` holds {column},{row}, where more than half of the picture and of its upper rim are connected: "
-            "that is background (sky, wall); click on an object, or give a box round it"
-        )
+        where = "where more than half of the picture and of its upper rim are connected: that is background (sky, wall)"
+        raise nothing_at(prompt.on[0], where)
 
 
 def refuse_ground(rough: RoughDepth, mask: BoolArray, prompt: Prompt) -> None:
     """MaskError where the region is ground and runs along most of the picture's lower border."""
     if rough.ground[mask].mean() > ALL_GROUND and mask[-1].mean() > BACKGROUND:
-        row, column = Prompt.pixels(prompt.clicks)[0]
-        raise MaskError(
-            f"`clicks` holds {column},{row}, which lies on the ground: nothing stands apart there; "
-            "click on an object, or give a box round it"
-        )
+        raise nothing_at(prompt.on[0], "which lies on the ground: nothing stands apart there")
 
 
-def first_guess(rough: RoughDepth, pixel: tuple[int, int]) -> BoolArray:
+def first_guess(rough: RoughDepth, pixel: Pixel) -> BoolArray:
     """H x W, True on the region connected with a click at (row, column) that has its depth, or its colour."""
-    row, column = pixel
-    around = slice(max(row - 2, 0), row + 3), slice(max(column - 2, 0), column + 3)
-    here = float(np.median(rough.w[around]))
+    here = float(np.median(rough.w[square_about(pixel, 2)]))
     near = (np.abs(rough.w - here) < AS_NEAR * here) & ~rough.ground
     clicked = near.astype(np.uint8)
-    cv2.circle(clicked, (column, row), SEED_PX, 1, -1)
+    cv2.circle(clicked, pixel[::-1], SEED_PX, 1, -1)
     _, labels = cv2.connectedComponents(clicked, connectivity=8)
-    guess = labels == labels[row, column]
+    guess = labels == labels[pixel]
     same = color_region(rough.color, pixel)
     return np.asarray(guess | same if same.mean() < LARGEST_COLOR else guess)
 
 
-def color_region(color: UInt8Array, pixel: tuple[int, int]) -> BoolArray:
+def color_region(color: UInt8Array, pixel: Pixel) -> BoolArray:
     """H x W, True on the region connected with a pixel (row, column) that has its colour."""
     lab = cv2.cvtColor(cv2.GaussianBlur(color, (0, 0), 1.0), cv2.COLOR_RGB2LAB)
     found = np.zeros((color.shape[0] + 2, color.shape[1] + 2), np.uint8)
@@ -182,27 +167,22 @@ def color_region(color: UInt8Array, pixel: tuple[int, int]) -> BoolArray:
     return np.asarray(found[1:-1, 1:-1] > 0)
 
 
-def find_window(rough: RoughDepth, guess: BoolArray, pixel: tuple[int, int]) -> tuple[slice, slice]:
+def find_window(rough: RoughDepth, guess: BoolArray, pixel: Pixel) -> tuple[slice, slice]:
     """Rows and columns of the object's window: the guess, down to where the ground is as near as the click, and a margin."""
-    rows, columns = np.flatnonzero(guess.any(1)), np.flatnonzero(guess.any(0))
+    rows, columns = box_around(guess, 0)
     height = guess.shape[0]
-    last = int(rows[-1])
     if rough.ground_w is not None:
         below = np.flatnonzero(rough.ground_w[:, pixel[1]] >= rough.w[pixel])
-        last = max(last, int(below[0]) if len(below) else height - 1)
-    side = max(last - rows[0], np.ptp(columns), int(SMALLEST_SIDE * height)) + 1
-    margin = int(MARGIN * side) + 4
-    return (
-        slice(max(int(rows[0]) - margin, 0), last + margin + 1),
-        slice(max(int(columns[0]) - margin, 0), int(columns[-1]) + margin + 1),
-    )
+        rows = slice(rows.start, max(rows.stop, int(below[0]) + 1 if len(below) else height))
+    side = max(*sides_of((rows, columns)), int(SMALLEST_SIDE * height) + 1)
+    return larger_box((rows, columns), int(MARGIN * side) + 4, guess.shape)
 
 
 def cut_along_colors(color: UInt8Array, state: UInt8Array) -> BoolArray:
     """H x W, True on the object, by GrabCut from its codes (state, uint8 H x W); colours are learnt in the surroundings only."""
     asked = state != cv2.GC_BGD
-    sides = [int(np.ptp(np.flatnonzero(asked.any(axis)))) for axis in (1, 0)]
-    box = box_around(asked, int(SURROUNDINGS * max(sides)) + 10)
+    tight = box_around(asked, 0)
+    box = larger_box(tight, int(SURROUNDINGS * (max(sides_of(tight)) - 1)) + 10, asked.shape)
     out = np.zeros(state.shape, np.bool_)
     out[box] = run_grabcut(np.ascontiguousarray(color[box]), np.ascontiguousarray(state[box]), ROUNDS)
     return out
@@ -211,8 +191,8 @@ def cut_along_colors(color: UInt8Array, state: UInt8Array) -> BoolArray:
 def keep_clicked_parts(mask: BoolArray, prompt: Prompt) -> BoolArray:
     """The pieces of the mask that contain a click, with gaps of a pixel closed; without negative clicks."""
     _, labels = cv2.connectedComponents(morphological_close(mask, square(3)).astype(np.uint8), connectivity=8)
-    numbers = {int(labels[pixel]) for pixel in Prompt.pixels(prompt.clicks)} - {0}
+    numbers = {int(labels[pixel]) for pixel in prompt.on} - {0}
     out = np.isin(labels, list(numbers))
-    for pixel in Prompt.pixels(prompt.not_clicks):
+    for pixel in prompt.away:
         out[pixel] = False
     return np.asarray(out)

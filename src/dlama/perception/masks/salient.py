@@ -119,6 +119,6 @@ def salient_candidates(level: Float32Array, prompt: Prompt) -> tuple[dict[str, B
                 "or choose another masker"
             )
     if prompt.clicks:
-        mask &= np.isin(labels, [labels[pixel] for pixel in Prompt.pixels(prompt.clicks)])
-    away = {int(labels[pixel]) for pixel in Prompt.pixels(prompt.not_clicks)} - {0}
+        mask &= np.isin(labels, [labels[pixel] for pixel in prompt.on])
+    away = {int(labels[pixel]) for pixel in prompt.away} - {0}
     return {"object": np.asarray(mask & ~np.isin(labels, list(away)))}, ()

@@ -15,12 +15,12 @@ import cv2
 import numpy as np
 
 from dlama.errors import FileError, InputError, MaskError
-from dlama.geometry.holes import iou
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.models.cache import locate, user_path
 from dlama.models.contracts import ColorContract
 from dlama.models.network_file import NetworkFile
 from dlama.perception.depth_networks import IMAGENET
+from dlama.perception.masks.photo import name_masks
 from dlama.perception.masks.prompt import Prompt
 
 ON, NEGATIVE, CORNER, OPPOSITE, PADDING = 1, 0, 2, 3, -1
@@ -171,15 +171,9 @@ def name_candidates(
         best = 0 if count > 1 else 1 + int(np.argmax(scores[1:]))
     if not found[best].any():
         raise MaskError("the network sees nothing there; other clicks, or a box round the object, are expected")
-    out = {"object": found[best]}
-    others = sorted((mask for mask in found if mask.any() and iou(mask, found[best]) < ALIKE), key=lambda m: m.sum())
-    smaller = [mask for mask in others if mask.sum() < found[best].sum()]
-    larger = [mask for mask in others if mask.sum() >= found[best].sum()]
-    if smaller:
-        out["part"] = smaller[-1]
-    if larger:
-        out["group"] = larger[0]
-    return out, (f"score {scores[best]:.2f}",)
+    size = int(found[best].sum())
+    others = sorted((mask for mask in found if mask.any()), key=lambda mask: abs(int(mask.sum()) - size))
+    return name_masks(found[best], others, ALIKE), (f"score {scores[best]:.2f}",)
 
 
 def find_pair(mask_model: object) -> tuple[NetworkFile, NetworkFile, PairContract]:
