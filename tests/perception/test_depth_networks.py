@@ -48,8 +48,7 @@ def shown(color: np.ndarray, mean: np.ndarray, std: np.ndarray, scale: float = 1
 
 def test_the_picture_is_normalised_as_the_contract_says(tmp_path: Path) -> None:
     """Closed form, for the contracts of every estimator: scale, mean and std, at a size that needs no resizing."""
-    for name, record in ESTIMATORS.items():
-        contract = record.contract
+    for name, contract in ESTIMATORS.items():
         if contract.gives == "points":
             continue
         hw = contract.size or (518, 56 * contract.multiple)
@@ -68,7 +67,7 @@ def test_the_picture_is_normalised_as_the_contract_says(tmp_path: Path) -> None:
 )
 def test_the_shorter_side_is_518_and_both_are_multiples_of_14(hw: tuple[int, int], wanted: tuple[int, int]) -> None:
     """Oracle: the sizes that the published preprocessor of Depth Anything V2 gives (518, lower bound, multiple of 14)."""
-    contract = ESTIMATORS["depth-anything-small"].contract
+    contract = ESTIMATORS["depth-anything-small"]
     assert contract.input_size(hw) == wanted
     assert contract.tensor(np.zeros((*hw, 3), np.uint8)).shape == (1, 3, *wanted)
 
@@ -108,7 +107,7 @@ def test_metric_depth_stays_as_it_is(tmp_path: Path) -> None:
     found = estimate_depth(
         color, Camera.from_fov(518, 518, 60), depth_model=f"depth-anything-indoor={path}", sharpen=False
     )
-    contract = ESTIMATORS["depth-anything-indoor"].contract
+    contract = ESTIMATORS["depth-anything-indoor"]
     np.testing.assert_allclose(
         found.depth, shown(color, np.array(contract.mean), np.array(contract.std)) + 8, rtol=1e-4
     )

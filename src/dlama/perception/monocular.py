@@ -11,8 +11,7 @@ import functools
 import math
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
-from functools import cached_property, partial
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -28,12 +27,13 @@ from dlama.models.cache import locate, user_path
 from dlama.models.network_file import NetworkFile, cores, default_provider, file_stamp
 from dlama.models.records import CATALOGUE
 from dlama.perception.depth_networks import IMAGENET, DepthContract, DepthPrediction, predict
-from dlama.perception.depth_scale import Scale, check_known, estimate_scale
+from dlama.perception.depth_scale import check_known, estimate_scale
 from dlama.perception.point_maps import depth_of_points, horizontal_fov
 from dlama.perception.sharpening import sharpen_depth
 
-ASSETS = Path(__file__).parents[1] / "assets"
 DEFAULT = "tcmonodepth"
+SHIPPED = Path(__file__).parents[1] / "assets" / "tcmonodepth" / "tcmonodepth-small.onnx"
+"""The network of DEFAULT; those of other names are pulled first."""
 ASSUMED_FOV = 60.0
 """Degrees across the longer side, where neither the user nor the picture's EXIF data nor the network says."""
 LEAST_CONTRAST = 3.0
@@ -43,28 +43,12 @@ Estimator = Callable[[UInt8Array], DepthPrediction]
 """An estimator: picture (H x W x 3, RGB) -> its prediction."""
 
 
-@dataclass(frozen=True)
-class EstimatorRecord:
-    """A network that estimates depth: its contract, and its file."""
-
-    contract: DepthContract
-    shipped: str | None = None
-    """The network file that ships in the package, under assets/; None: the catalogue's model of that name, pulled first."""
-
-
 @dataclass(frozen=True, eq=False)
 class DepthEstimate:
     """Estimated depth of a picture."""
 
     rgbd: RGBD
     """The picture with its depth in metres and its camera; `rgbd.estimate` says how it was made, so that every verb knows."""
-    make_raw: Callable[[], Float32Array] = field(repr=False)
-    """What `raw` is made by."""
-
-    @cached_property
-    def raw(self) -> Float32Array:
-        """H x W metres as predicted, before edges were moved; made when it is first asked for."""
-        return self.make_raw()
 
     @property
     def depth(self) -> Float32Array:
@@ -139,12 +123,7 @@ def estimate_depth(
         "sharpened": sharpen,
         "sharpened_pixels": int((moved != values).sum()),
     }
-    return DepthEstimate(RGBD(color, depth, camera, meta), partial(_raw_depth, prediction, camera, shift, scale))
-
-
-def _raw_depth(prediction: DepthPrediction, camera: Camera, shift: float, scale: Scale) -> Float32Array:
-    values, _, far = resize_prediction(prediction, camera, shift)
-    return round_depth(scale.metres(values, far))
+    return DepthEstimate(RGBD(color, depth, camera, meta))
 
 
 def check_picture(color: UInt8Array) -> UInt8Array:
@@ -174,12 +153,9 @@ def find_estimator(depth_model: str | Path | Estimator) -> tuple[str, Estimator]
     text = str(depth_model)
     before, equals, after = text.partition("=")
     if equals and before in ESTIMATORS:
-        return before, _file_estimator(Path(after), ESTIMATORS[before].contract)
+        return before, _file_estimator(Path(after), ESTIMATORS[before])
     if text in ESTIMATORS and not Path(text).is_file():
-        record = ESTIMATORS[text]
-        return text, _file_estimator(
-            locate(text) if record.shipped is None else ASSETS / record.shipped, record.contract
-        )
+        return text, _file_estimator(SHIPPED if text == DEFAULT else locate(text), ESTIMATORS[text])
     if not isinstance(depth_model, Path) and Path(text).suffix.lower() != ".onnx" and not Path(text).is_file():
         raise InputError(
             f"`depth_model` is {text!r}; one of {', '.join(ESTIMATORS)}, an ONNX file, or NAME=FILE is expected"
@@ -191,7 +167,8 @@ def find_estimator(depth_model: str | Path | Estimator) -> tuple[str, Estimator]
 def _contract_of_file(path: Path) -> DepthContract:
     """The contract that a file carries, or that of the catalogue's network with its bytes. InputError: neither."""
     network = open_network(path)
-    contract = DepthContract.of_file(network) or _contract_of_bytes(network)
+    known = {CATALOGUE[name].sha256: contract for name, contract in ESTIMATORS.items() if name in CATALOGUE}
+    contract = DepthContract.of_file(network) or known.get(network.sha256)
     if contract is None:
         raise InputError(
             f"{path}: carries no contract and is none of the catalogue's files; say whose contract it keeps: "
@@ -203,13 +180,6 @@ def _contract_of_file(path: Path) -> DepthContract:
 def _file_estimator(path: Path, contract: DepthContract) -> Estimator:
     network = open_network(user_path(path))
     return lambda color: predict(network, contract, color)
-
-
-def _contract_of_bytes(network: NetworkFile) -> DepthContract | None:
-    """The contract of the catalogue's network that has this file's sha256."""
-    known = {CATALOGUE[name].sha256: record for name, record in ESTIMATORS.items() if name in CATALOGUE}
-    found = known.get(network.sha256)
-    return None if found is None else found.contract
 
 
 def open_network(path: Path) -> NetworkFile:
@@ -234,9 +204,8 @@ def resolve_camera(
     shift = 0.0
     source = "given"
     if prediction.gives == "points":
-        _, shift, found = depth_of_points(
-            prediction.values, prediction.far, None if camera is None else horizontal_fov(camera)
-        )
+        known = None if camera is None else horizontal_fov(camera)
+        _, shift, found = depth_of_points(prediction.values, prediction.far, known)
         if camera is None:
             camera, source = Camera.from_fov(width, height, found), "the network"
     if camera is None:
@@ -254,11 +223,8 @@ def resize_prediction(
     prediction: DepthPrediction, camera: Camera, shift: float
 ) -> tuple[Float32Array, bool, BoolArray | None]:
     """(values, whether they are inverse depth, sky), H x W; inverse depth is interpolated between its pixels."""
-    values, inverse, far = (
-        np.asarray(prediction.values, np.float32),
-        prediction.gives == "inverse depth",
-        prediction.far,
-    )
+    values, far = np.asarray(prediction.values, np.float32), prediction.far
+    inverse = prediction.gives == "inverse depth"
     if prediction.gives == "points":
         values = values[..., 2] + np.float32(shift)
     if values.shape != camera.hw:
@@ -283,15 +249,11 @@ _RELATIVE = DepthContract("inverse depth", mean=IMAGENET[0], std=IMAGENET[1], si
 """Of Depth Anything V2."""
 _METRIC = dataclasses.replace(_RELATIVE, gives="depth", metric=True)
 
-ESTIMATORS: dict[str, EstimatorRecord] = {
-    DEFAULT: EstimatorRecord(
-        DepthContract("inverse depth", scale=1.0, size=(192, 320)), "tcmonodepth/tcmonodepth-small.onnx"
-    ),
-    "depth-anything-small": EstimatorRecord(_RELATIVE),
-    "depth-anything-indoor": EstimatorRecord(_METRIC),
-    "depth-anything-outdoor": EstimatorRecord(_METRIC),
-    "moge-small": EstimatorRecord(
-        DepthContract("points", metric=True, tokens=1800, outputs=("points", "mask", "metric_scale|scale"))
-    ),
+ESTIMATORS: dict[str, DepthContract] = {
+    DEFAULT: DepthContract("inverse depth", scale=1.0, size=(192, 320)),
+    "depth-anything-small": _RELATIVE,
+    "depth-anything-indoor": _METRIC,
+    "depth-anything-outdoor": _METRIC,
+    "moge-small": DepthContract("points", metric=True, tokens=1800, outputs=("points", "mask", "metric_scale|scale")),
 }
-"""Name -> record; the default, which ships, comes first. The others are models of the catalogue by the same names."""
+"""Name -> contract; the default, which ships, comes first. The others are models of the catalogue by the same names."""

@@ -93,7 +93,7 @@ def disparity_pair(
     fine = _search(left, right, limits, FINE, 2 if left.shape[1] <= DOUBLED_UP_TO_PX else 1)
     at_left = _denoise(_join(whole[0], fine[0], whole[1], 1))
     at_right = _denoise(_join(whole[1], fine[1], whole[0], -1))
-    return _zero_where_unknown(at_left), _zero_where_unknown(at_right)
+    return zero_where_unknown(at_left), zero_where_unknown(at_right)
 
 
 def equalise_exposure(picture: UInt8Array, like: UInt8Array) -> UInt8Array:
@@ -181,8 +181,7 @@ def _estimate_maximum(left: UInt8Array, right: UInt8Array, min_disparity: float)
     return min_disparity + 1.1 * (highest - min_disparity) + 8
 
 
-def _resize(picture: UInt8Array, across: float, down: float = 1.0) -> UInt8Array:
-
+def _resize(picture: UInt8Array, across: float, down: float) -> UInt8Array:
     if across == down == 1:
         return picture
     size = (max(1, round(picture.shape[1] * across)), max(1, round(picture.shape[0] * down)))
@@ -197,9 +196,7 @@ def _match_both_ways(
     # Mirrored left and right, the right view is a left one: the same matcher serves both.
     at_left = _match(left, right, lowest, highest, search)
     at_right = _match(right[:, ::-1], left[:, ::-1], lowest, highest, search)[:, ::-1]
-    checked_left = np.where(_check_consistency(at_left, at_right, 1, tolerance), at_left, np.nan)
-    checked_right = np.where(_check_consistency(at_right, at_left, -1, tolerance), at_right, np.nan)
-    return _remove_speckles(checked_left), _remove_speckles(checked_right)
+    return keep_consistent(at_left, at_right, tolerance)
 
 
 def _match(base: UInt8Array, other: UInt8Array, lowest: float, highest: float, search: Search) -> Float32Array:
@@ -257,11 +254,13 @@ def _remove_speckles(disparity: Float32Array) -> Float32Array:
     return np.where(fixed == unknown, np.float32(np.nan), disparity)
 
 
-def zero_where_inconsistent(at_left: Float32Array, at_right: Float32Array) -> tuple[Float32Array, Float32Array]:
-    """Both disparities (H x W px, NaN = unknown) with 0 where they do not point to each other within 1 px, or are speckles."""
-    ours = np.where(_check_consistency(at_left, at_right, 1, TOLERANCE_PX), at_left, np.float32(np.nan))
-    theirs = np.where(_check_consistency(at_right, at_left, -1, TOLERANCE_PX), at_right, np.float32(np.nan))
-    return _zero_where_unknown(_remove_speckles(ours)), _zero_where_unknown(_remove_speckles(theirs))
+def keep_consistent(
+    at_left: Float32Array, at_right: Float32Array, tolerance: float = TOLERANCE_PX
+) -> tuple[Float32Array, Float32Array]:
+    """Both disparities (H x W px, NaN = unknown) where they point to each other within `tolerance` and are no speckles."""
+    ours = np.where(_check_consistency(at_left, at_right, 1, tolerance), at_left, np.float32(np.nan))
+    theirs = np.where(_check_consistency(at_right, at_left, -1, tolerance), at_right, np.float32(np.nan))
+    return _remove_speckles(ours), _remove_speckles(theirs)
 
 
 def transfer_disparity(at_left: Float32Array) -> Float32Array:
@@ -291,7 +290,7 @@ def _restore_width(disparity: Float32Array, scale: int) -> Float32Array:
     return np.where(np.abs(first - second) <= TOLERANCE_PX, (first + second) / 2, np.float32(np.nan))
 
 
-def _zero_where_unknown(disparity: Float32Array) -> Float32Array:
+def zero_where_unknown(disparity: Float32Array) -> Float32Array:
     """Unknown as 0, and a measured 0 as the smallest disparity."""
     measured = np.where(disparity == 0, SMALLEST_DISPARITY, disparity)
     return np.nan_to_num(measured, nan=0.0).astype(np.float32)

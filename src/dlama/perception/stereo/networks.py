@@ -17,7 +17,7 @@ from dlama.errors import FileError, InputError
 from dlama.geometry.rgbd import Float32Array, UInt8Array
 from dlama.models.contracts import CONTRACT_KEY, ColorContract
 from dlama.models.network_file import NetworkFile
-from dlama.perception.stereo.matching import check_pictures, zero_where_inconsistent
+from dlama.perception.stereo.matching import check_pictures, keep_consistent, zero_where_unknown
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,8 @@ class NetworkMatcher:
         at_left = self.match(left, right)
         # mirrored left and right, the right view is a left one
         at_right = np.ascontiguousarray(self.match(right[:, ::-1], left[:, ::-1])[:, ::-1])
-        return zero_where_inconsistent(at_left, at_right)
+        at_left, at_right = keep_consistent(at_left, at_right)
+        return zero_where_unknown(at_left), zero_where_unknown(at_right)
 
     def match(self, base: UInt8Array, other: UInt8Array) -> Float32Array:
         """H x W px of `base` against `other`, as the network says."""
