@@ -21,6 +21,7 @@ from dlama.geometry.codes import HoleType
 from dlama.geometry.frames import gathering
 from dlama.geometry.frames.gathering import FrameSource
 from dlama.geometry.frames.removal import remove_object
+from dlama.geometry.holes import looks_inverted
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
@@ -30,7 +31,6 @@ from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Inpainter
 from dlama.inpainters.grey_depth import with_grey_depth
 from dlama.inpainters.layered.depth_first import paint_over_depth
-from dlama.perception.diagnosis.masks import looks_inverted
 from dlama.perception.monocular import DEFAULT
 
 

@@ -221,6 +221,12 @@ def shrink_known(values: np.ndarray, known: BoolArray, wh: tuple[int, int]) -> t
     return np.asarray(sums / np.maximum(share, np.float32(1e-6))[..., None], np.float32), share
 
 
+def looks_inverted(mask: BoolArray) -> bool:
+    """True if a mask (H x W) covers most of the picture and of its border, so that an object stays and the scene goes."""
+    border = np.concatenate([mask[0], mask[-1], mask[1:-1, 0], mask[1:-1, -1]])
+    return bool(mask.mean() > 0.5 and border.mean() > 0.6)
+
+
 def check_mask(mask: ArrayLike, hw: tuple[int, int]) -> BoolArray:
     """The mask as an array. MaskError unless it is a bool picture of that size that removes something and leaves something."""
     mask = as_array(mask, "mask", "a bool array H x W")

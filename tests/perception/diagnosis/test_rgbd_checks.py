@@ -14,13 +14,13 @@ import pytest
 import dlama
 from corruptions import FULL, SPOILT, observed, stored
 from dlama.geometry.camera import Camera
+from dlama.geometry.holes import looks_inverted
 from dlama.perception.diagnosis.depth_code import check_depth_code
 from dlama.perception.diagnosis.depth_scale import check_value_range, measure_extent
 from dlama.perception.diagnosis.finding import Finding, Observed, certainty, describe_probability
 from dlama.perception.diagnosis.lens import check_exif, check_lens
-from dlama.perception.diagnosis.masks import check_mask_coverage, looks_inverted
 from dlama.perception.diagnosis.registration import check_mask_registration
-from dlama.perception.diagnosis.rgbd_checks import run_checks
+from dlama.perception.diagnosis.rgbd_checks import check_mask_coverage, run_checks
 from dlama.worlds.layouts.random_scene import build
 from marks import first_quick
 

@@ -6,6 +6,7 @@ import math
 
 from dlama.geometry.camera import Camera
 from dlama.perception.diagnosis.finding import Finding
+from dlama.perception.point_maps import horizontal_fov
 
 RADIANS = (0.05, math.pi)
 """A field of view between these is meant in radians, not in degrees."""
@@ -51,19 +52,13 @@ def check_exif(camera: Camera, exif: Camera) -> list[Finding]:
     """Reports a camera that sees much more or less than the EXIF data of its picture say."""
     if 1 / SAME_ANGLE < exif.fx / camera.fx < SAME_ANGLE:
         return []
-    what = (
-        f"the camera sees {_width_of_view(camera):.3g} degrees, the picture's EXIF data say {_width_of_view(exif):.3g}"
-    )
+    seen, said = horizontal_fov(camera), horizontal_fov(exif)
+    what = f"the camera sees {seen:.3g} degrees, the picture's EXIF data say {said:.3g}"
     return [Finding("field-of-view", "fault", 0.75, what, "leave `fov` away, or keep it if the picture is a crop")]
 
 
-def _width_of_view(camera: Camera) -> float:
-    """Degrees, wherever the principal point lies."""
-    return 2 * math.degrees(math.atan(0.5 * camera.width / camera.fx))
-
-
 def _check_width(camera: Camera) -> list[Finding]:
-    wide = _width_of_view(camera)
+    wide = horizontal_fov(camera)
     if looks_like_radians(wide):
         what = f"the camera sees {wide:.3g} degrees, as narrow as a telescope; that looks like radians"
         return [Finding("fov-radians", "fault", 0.97, what, f"give `fov={math.degrees(wide):.4g}`")]

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -25,12 +24,13 @@ LEAST_Z = 5.2
 """Least height of a correlation peak, in standard deviations, for a finding."""
 LEAST_LEAD = 1.25
 """Least factor over the correlation at no shift."""
-FLIPS: dict[str, Callable[[Floats], Floats]] = {
-    "as it is": lambda edges: edges,
-    "mirrored left to right": lambda edges: edges[..., ::-1],
-    "upside down": lambda edges: edges[..., ::-1, :],
-    "turned by 180 degrees": lambda edges: edges[..., ::-1, ::-1],
+FLIPS: dict[str, tuple[Any, str]] = {
+    "as it is": (np.s_[...], ""),
+    "mirrored left to right": (np.s_[..., ::-1], "mirror it back, left to right"),
+    "upside down": (np.s_[..., ::-1, :], "mirror it back, top to bottom"),
+    "turned by 180 degrees": (np.s_[..., ::-1, ::-1], "turn it back by 180 degrees"),
 }
+"""How depth may lie -> what turns it so, and what undoes it."""
 
 
 class Peak(NamedTuple):
@@ -67,34 +67,23 @@ def correlate_edges(color: UInt8Array, depth: NDArray[np.floating]) -> float:
 def _compare_edges(seen: Observed, edges: list[Floats], what: str, kind: str, mend: str) -> list[Finding]:
     step = _step(seen.depth)
     image, other = picture_edges(seen.color, step), _shrink_edges(edges, step)
-    peaks = {name: find_peak(image, flip(other)) for name, flip in FLIPS.items()}
-    plain, width = peaks["as it is"], image.shape[2]
-    return _find_mirroring(peaks, what, kind) or _find_shift(plain, step, width, f"shifted-{kind}", what, mend)
-
-
-def _find_mirroring(peaks: Mapping[str, Peak], what: str, kind: str) -> list[Finding]:
+    peaks = {name: find_peak(image, other[flip]) for name, (flip, _) in FLIPS.items()}
     plain, best = peaks["as it is"], max(peaks, key=lambda name: peaks[name].here)
     lead = peaks[best].here / max(plain.z, 1.0)
     if best != "as it is" and peaks[best].here > LEAST_Z and lead > LEAST_LEAD:
-        back = {"mirrored left to right": "left to right", "upside down": "top to bottom"}.get(best)
-        undo = f"mirror it back, {back}" if back else "turn it back by 180 degrees"
-        return [
-            Finding(
-                f"mirrored-{kind}", "fault", certainty(lead - 1, 0.25), f"{what} is {best} against the picture", undo
-            )
-        ]
-    return []
+        what = f"{what} is {best} against the picture"
+        return [Finding(f"mirrored-{kind}", "fault", certainty(lead - 1, 0.25), what, FLIPS[best][1])]
+    far, lead = np.hypot(*plain.shift) > ALIGNED * image.shape[2], plain.z / max(plain.here, 1.0)
+    if not (far and plain.z > LEAST_Z and lead > LEAST_LEAD):
+        return []
+    what = f"{what} lies {describe_shift(*(round(each * step) for each in plain.shift))}"
+    return [Finding(f"shifted-{kind}", "fault", certainty(lead - 1, 0.25), what, mend)]
 
 
-def _find_shift(plain: Peak, step: float, width: int, check: str, what: str, mend: str) -> list[Finding]:
-    right, down = (round(each * step) for each in plain.shift)
-    far = np.hypot(*plain.shift) > ALIGNED * width
-    lead = plain.z / max(plain.here, 1.0)
-    if far and plain.z > LEAST_Z and lead > LEAST_LEAD:
-        sides = [f"{abs(by)} px too far {word}" for by, word in
-                 ((right, "right" if right > 0 else "left"), (down, "down" if down > 0 else "up")) if by]  # fmt: skip
-        return [Finding(check, "fault", certainty(lead - 1, 0.25), f"{what} lies {' and '.join(sides)}", mend)]
-    return []
+def describe_shift(right: int, down: int) -> str:
+    """A shift (px) in words."""
+    words = (right, "right" if right > 0 else "left"), (down, "down" if down > 0 else "up")
+    return " and ".join(f"{abs(by)} px too far {word}" for by, word in words if by)
 
 
 def find_peak(image: Floats, other: Floats) -> Peak:
@@ -108,7 +97,8 @@ def find_peak(image: Floats, other: Floats) -> Peak:
     hw = [cv2.getOptimalDFTSize(max(n + reach, 2 * reach + 1)) for n in image.shape[1:]]
     total = np.zeros((2 * reach + 1, 2 * reach + 1))
     for one, two in zip(image, other):
-        first, second = (np.fft.rfft2(_subtract_local_mean(edges), hw) for edges in (one, two))
+        # less their local mean: broad differences of brightness or edge density do not localise
+        first, second = (np.fft.rfft2(edges - cv2.blur(edges, (31, 31)), hw) for edges in (one, two))
         field = np.roll(np.fft.irfft2(first * np.conj(second), hw), (reach, reach), (0, 1))
         around = field[: 2 * reach + 1, : 2 * reach + 1]
         total += (around - np.median(around)) / (around.std() + 1e-12)
@@ -116,11 +106,6 @@ def find_peak(image: Floats, other: Floats) -> Peak:
     down, right = np.unravel_index(int(total.argmax()), total.shape)
     here = total[reach - near : reach + near + 1, reach - near : reach + near + 1].max()
     return Peak(float(total.max()), float(here), (int(reach - right), int(reach - down)))
-
-
-def _subtract_local_mean(edges: Floats) -> Floats:
-    """Edges less their local mean: broad differences of brightness or edge density do not localise."""
-    return np.asarray(edges - cv2.blur(edges, (31, 31)), np.float32)
 
 
 def picture_edges(color: UInt8Array, step: int) -> Floats:
@@ -155,13 +140,9 @@ def _step(depth: NDArray[np.floating]) -> int:
 
 def _shrink_edges(edges: list[Floats], step: int) -> Floats:
     """2 x H x W, without the picture's border."""
-    return np.stack([_shrink(_clear_border(each), step) for each in edges])
-
-
-def _clear_border(edges: Floats) -> Floats:
-    """Without the picture's border."""
-    edges[:2], edges[-2:], edges[:, :2], edges[:, -2:] = 0, 0, 0, 0
-    return edges
+    for each in edges:
+        each[:2], each[-2:], each[:, :2], each[:, -2:] = 0, 0, 0, 0
+    return np.stack([_shrink(each, step) for each in edges])
 
 
 def _shrink(picture: Floats, step: int) -> Floats:

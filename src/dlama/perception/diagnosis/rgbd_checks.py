@@ -2,15 +2,29 @@
 
 from __future__ import annotations
 
+from dlama.geometry.holes import looks_inverted
+from dlama.geometry.rgbd import percent
 from dlama.perception.diagnosis.depth_code import check_depth_code
 from dlama.perception.diagnosis.depth_scale import check_depth_unit, check_far_plane, check_value_range
-from dlama.perception.diagnosis.finding import Finding, Observed
+from dlama.perception.diagnosis.finding import Finding, Observed, certainty
 from dlama.perception.diagnosis.lens import check_lens
-from dlama.perception.diagnosis.masks import check_mask_coverage
 from dlama.perception.diagnosis.registration import check_mask_registration, check_registration
 
 EXACT_CODES = ("inverse-depth", "radial-depth")
 """Codes that depth which spans its range exactly may have; a range that begins at the nearest depth resembles a gamma."""
+
+
+def check_mask_coverage(seen: Observed) -> list[Finding]:
+    """Reports a mask of wrong polarity, or with hardly any pixels."""
+    if seen.mask is None:
+        return []
+    if not looks_inverted(seen.mask):
+        covered = int(seen.mask.sum())
+        what = f"{seen.names[2]}: removes only {covered} pixels of the picture"
+        return [Finding("tiny-mask", "note", 0.8, what)] if covered < 12 else []
+    what = f"{seen.names[2]}: would remove {percent(seen.mask)} of the picture and most of its border; white seems to mean keep"
+    mend = "give the other `mask_polarity` (known: white stays)"
+    return [Finding("inverted-mask", "fault", certainty(seen.mask.mean() - 0.4, 0.15), what, mend)]
 
 
 def run_checks(seen: Observed) -> list[Finding]:

@@ -7,11 +7,12 @@ import numpy as np
 
 from dlama.geometry.rgbd import UInt8Array
 from dlama.perception.diagnosis.finding import Finding
-from dlama.perception.diagnosis.frames.exposure import check_exposure_of_pair
+from dlama.perception.diagnosis.frames.landing import brightness_ratio
 from dlama.perception.stereo.checks import Corners, diagnose_corners, match_corners, on_common_rows
 
-SAME_LEVELS = 1.0
-"""Largest mean colour difference (of 255) of identical pictures."""
+UNEVEN, WHITE = 1.3, 0.05
+"""Least ratio of brightness that is reported; share of white values (255) that one picture has more than the other, from which
+its exposure has lost them."""
 MENDS = {
     "unrelated": "give two pictures of one scene, taken side by side",
     "unrectified": "rectify the pair with its calibration (cv2.stereoRectify)",
@@ -25,17 +26,30 @@ MENDS = {
 
 def check_pair(left: UInt8Array, right: UInt8Array, doffs: float = 0.0) -> list[Finding]:
     """Findings on a pair (uint8 H x W x 3 each, of one size); `doffs` as `StereoRig.doffs`, px."""
-    if np.abs(left.astype(np.int16) - right).mean() < SAME_LEVELS:
+    if np.abs(left.astype(np.int16) - right).mean() < 1:  # levels
         what = "left and right are the same picture"
         return [Finding("identical-pair", "fault", 0.98, what, MENDS["identical"])]
     corners = match_corners(left, right)
     doubt = diagnose_corners(corners, left.shape[0], doffs)
-    exposure = check_exposure_of_pair(left, right)
+    exposure = check_exposure(left, right)
     if doubt is None:
         return exposure
     kind, what = doubt
     mend = describe_shift(corners, left.shape[0]) if kind == "unrectified" else MENDS[kind]
     return [Finding(f"{kind}-pair", "fault", 0.92, what, mend), *exposure]
+
+
+def check_exposure(left: UInt8Array, right: UInt8Array) -> list[Finding]:
+    """Reports pictures of a pair that are not equally bright."""
+    times = brightness_ratio(left, right)
+    if 1 / UNEVEN < times < UNEVEN:
+        return []
+    what = f"the right picture is {times:.2f} times as bright as the left one"
+    mend = "nothing to do: matching and filling allow for it"
+    lost = abs(float((left == 255).mean() - (right == 255).mean()))
+    if lost > WHITE:
+        what, mend = f"{what}, and {lost:.0%} of the brighter one is white", "expose both alike"
+    return [Finding("exposure", "note", 0.8, what, mend)]
 
 
 def describe_shift(corners: Corners, height: int) -> str:

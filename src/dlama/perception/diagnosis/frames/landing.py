@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.poses import transform_points
@@ -48,11 +49,21 @@ class Landed(NamedTuple):
     """and those measured where they land."""
 
     @property
+    def gain(self) -> float:
+        """Brightness of the second over the first."""
+        return brightness_ratio(self.first, self.second)
+
+    @property
     def fit(self) -> float:
         """The share, times the correlation of the grey levels (0 where negative)."""
         if len(self.first) < FEWEST or min(self.first.std(), self.second.std()) == 0:
             return 0.0
         return self.share * max(float(np.corrcoef(self.first, self.second)[0, 1]), 0.0)
+
+
+def brightness_ratio(first: NDArray[Any], second: NDArray[Any]) -> float:
+    """How many times as bright the second grey levels are."""
+    return float((np.median(second) + 1) / (np.median(first) + 1))
 
 
 def shrink(frame: RGBD) -> SmallFrame:

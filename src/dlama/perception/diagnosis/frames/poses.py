@@ -16,8 +16,7 @@ from dlama.errors import CameraError
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.poses import invert_pose, quaternion_from_rotation, rotation_from_quaternion
 from dlama.perception.diagnosis.finding import Finding, certainty
-from dlama.perception.diagnosis.frames.exposure import check_exposure_of_frames
-from dlama.perception.diagnosis.frames.landing import SmallFrame, find_landing_points
+from dlama.perception.diagnosis.frames.landing import Landed, SmallFrame, find_landing_points
 
 LEAST_LEAD = 1.3
 """Least gain of another convention,"""
@@ -29,6 +28,8 @@ LEFT_HANDED = np.diag([1.0, -1.0, 1.0, 1.0])
 """Axes with y up and z forward."""
 BODY = np.array([[0.0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1]])
 """x forward, y left, z up (ROS) to OpenCV's axes."""
+UNEVEN = 1.25
+"""Least ratio of brightness, of points that two frames show, that is reported."""
 Undo = Callable[[Float64Array], Float64Array]
 
 
@@ -101,11 +102,20 @@ def check_poses(frames: Sequence[SmallFrame], name: str) -> list[Finding]:
     if lead > LEAST_LEAD and best > LEAST_FIT:
         what = f"{name}: poses {way.what}; so {best:.0%} of a frame's points fit the next one, {fit:.0%} as read"
         return [Finding(way.check, "fault", certainty(lead - 1, 0.5), what, way.mend)]
-    found = check_exposure_of_frames([each for each in as_read if each.fit > LEAST_FIT], name)
+    found = check_exposure([each for each in as_read if each.fit > LEAST_FIT], name)
     if fit >= LEAST_FIT:
         return found
     what = f"{name}: frames in a row hardly fit each other ({fit:.0%} of the points); no usual convention mends it"
     return [Finding("poses", "note", 0.6, what, "check that poses, depth and camera belong to these frames"), *found]
+
+
+def check_exposure(landed: Sequence[Landed], name: str) -> list[Finding]:
+    """Reports frames in a row, called `name`, that are not equally bright where they show the same points."""
+    most = max((max(each.gain, 1 / each.gain) for each in landed), default=1.0)
+    if most <= UNEVEN:
+        return []
+    what = f"{name}: exposure changes from frame to frame, up to {most:.2f} times as bright"
+    return [Finding("exposure", "note", 0.85, what, "undo the gain before colours of frames are compared or mixed")]
 
 
 def mean_fit(frames: Sequence[SmallFrame], undo: Undo) -> float:
