@@ -24,8 +24,6 @@ ASSUMED_MEDIAN_M = 3.0
 """Median depth of a picture of which nothing is known in metres."""
 FARTHEST_M = 1000.0
 """Depth beyond this is far."""
-SPREAD = 1.1
-"""Largest value over the smallest, of the known pixels, from which a shift is fitted too."""
 PATCH = 2
 """Known pixels are read as the median of those up to so many px away."""
 LEVEL = math.cos(math.radians(40))
@@ -38,8 +36,6 @@ RULES = {
     "assumed": "scale assumed",
 }
 """`Scale.rule` -> where the scale comes from, in words, parameters by their names."""
-GROUND_NOISE = 0.02
-"""Noise of estimated inverse depth on planes, relative to the median; RANSAC accepts 2.5 times that."""
 
 
 def describe_depth_source(estimate: Mapping[str, Any]) -> str:
@@ -117,10 +113,9 @@ def check_known(
         raise InputError("`metres_at` and `camera_height` contradict each other; give one of them")
     if camera_height is not None and not (is_finite(camera_height) and camera_height > 0):
         raise InputError(f"`camera_height` is {format_value(camera_height)} m; a number above 0 is expected")
-    for x, y, metres in metres_at:
-        _check_point(x, y, metres, hw)
     depths: dict[tuple[int, int], float] = {}
     for x, y, metres in metres_at:
+        _check_point(x, y, metres, hw)
         before = depths.setdefault((int(x), int(y)), metres)
         if before != metres:
             raise InputError(
@@ -146,7 +141,7 @@ def fit_scale_to_points(
     found = np.array([median_value_at(values, x, y, metres) for x, y, metres in metres_at])
     metres = np.array([point[2] for point in metres_at], np.float64)
     target = 1 / metres if inverse else metres
-    shifted = shifted and found.max() > SPREAD * found.min()
+    shifted = shifted and found.max() > 1.1 * found.min()  # else a shift says nothing
     design = np.stack([found, np.ones_like(found)] if shifted else [found], 1) / target[:, None]
     solved = np.linalg.lstsq(design, np.ones_like(target), rcond=None)[0]
     factor, shift = float(solved[0]), float(solved[1]) if shifted else 0.0
@@ -200,7 +195,7 @@ def ground_plane(w: Float32Array, camera: Camera) -> np.ndarray | None:
     surface = low & (w > 0)
     if not surface.any():
         return None
-    noise = GROUND_NOISE * float(np.median(w[surface]))
+    noise = 0.02 * float(np.median(w[surface]))  # of estimated planes; RANSAC accepts 2.5 times that
     rows, columns = np.nonzero(surface[::4, ::4])
     u, v = 4 * columns + 0.5, 4 * rows + 0.5
     value = w[::4, ::4][rows, columns].astype(np.float64)

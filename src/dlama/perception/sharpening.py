@@ -7,7 +7,6 @@ surfaces.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -21,54 +20,38 @@ from dlama.perception.kernels.edge_median import MOST, joint_median, take_most_a
 LARGEST = 1024
 """Longer side of the picture, in pixels, in which edges are moved. In a larger one each pixel then takes, of the values found
 round it, the one with the most similar colour."""
+RADIUS, SPACE_SIGMA, COLOR_SIGMA = 18.0, 12.0, 20.0
+"""Half the window that votes, more than half a ramp's width; how fast votes weaken with distance, and with unlike colour
+(levels of 0..255). All lengths are px of a picture whose longer side is 512."""
+STEEP, BEND = 0.02, 1.6
+"""Relative change per px from which a pixel is on a ramp: it does not vote; and least slope of a ramp over the mean slope within
+1.5 radii: ground is not steeper than its surroundings."""
+REACH = 4.0
+"""px round a ramp that are replaced, too."""
+FURTHER, FURTHER_RADIUS, FURTHER_COLOR_SIGMA = 2, 4.0, 60.0
+"""Further medians, in which moved pixels vote, too: on a texture neighbours choose different depths in the first one, and seen
+from elsewhere a surface is torn between them; half their window, and how fast their votes weaken with unlike colour."""
 
 
-@dataclass(frozen=True)
-class Sharpening:
-    """How edges are moved; lengths in px of a picture whose longer side is 512."""
-
-    radius: float = 18.0
-    """Half the window that votes: more than half a ramp's width."""
-    space_sigma: float = 12.0
-    """How fast votes weaken with distance."""
-    color_sigma: float = 20.0
-    """How fast votes weaken with unlike colour, in levels of 0..255."""
-    steep: float = 0.02
-    """Relative change per px from which a pixel is on a ramp: it does not vote."""
-    bend: float = 1.6
-    """Least slope of a ramp over the mean slope within 1.5 radii: ground is not steeper than its surroundings."""
-    reach: float = 4.0
-    """px round a ramp that are replaced, too."""
-    further: int = 2
-    """Further medians, in which moved pixels vote, too: on a texture neighbours choose different depths in the first one, and
-    seen from elsewhere a surface is torn between them."""
-    further_radius: float = 4.0
-    """Half the window of these."""
-    further_color_sigma: float = 60.0
-    """As `color_sigma`, of these."""
-
-
-def sharpen_depth(
-    values: Float32Array, color: UInt8Array, inverse: bool = True, how: Sharpening = Sharpening()
-) -> Float32Array:
+def sharpen_depth(values: Float32Array, color: UInt8Array, inverse: bool = True) -> Float32Array:
     """H x W, each value one that the map has nearby: on ramps the weighted median of adjacent pixels of the same colour.
 
     values: H x W inverse depth, or depth where not `inverse` (ramps are found in inverse depth, in which planes are linear; the
     median is the same of both); color: H x W x 3, RGB.
     """
     if max(values.shape) > LARGEST:
-        return _sharpen_small(values, color, inverse, how)
+        return _sharpen_small(values, color, inverse)
     size = max(values.shape) / 512
     near = values if inverse else inverse_depth(values)
-    ramp = on_ramp(near, how.steep / size, how.bend, round(1.5 * how.radius * size))
-    blurred = dilate_square(ramp, 2 * round(how.reach * size) + 1)
+    ramp = on_ramp(near, STEEP / size, BEND, round(1.5 * RADIUS * size))
+    blurred = dilate_square(ramp, 2 * round(REACH * size) + 1)
     if not ramp.any() or ramp.all():
         return values
     smooth = cv2.GaussianBlur(color, (0, 0), 0.7).astype(np.float32)
-    out = _median(values, blurred, ~ramp, smooth, how.radius * size, how.color_sigma, how.space_sigma * size)
-    radius, all_vote = how.further_radius * size, np.ones_like(blurred)
-    for _ in range(how.further):
-        out = _median(out, blurred, all_vote, smooth, radius, how.further_color_sigma, radius / 1.5)
+    out = _median(values, blurred, ~ramp, smooth, RADIUS * size, COLOR_SIGMA, SPACE_SIGMA * size)
+    radius, all_vote = FURTHER_RADIUS * size, np.ones_like(blurred)
+    for _ in range(FURTHER):
+        out = _median(out, blurred, all_vote, smooth, radius, FURTHER_COLOR_SIGMA, radius / 1.5)
     return out
 
 
@@ -90,7 +73,7 @@ def _median(
     return out
 
 
-def _sharpen_small(values: Float32Array, color: UInt8Array, inverse: bool, how: Sharpening) -> Float32Array:
+def _sharpen_small(values: Float32Array, color: UInt8Array, inverse: bool) -> Float32Array:
     """`sharpen_depth` in a picture of LARGEST px, brought to the size of the given one."""
     (height, width), by = values.shape, max(values.shape) / LARGEST
     hw = max(1, round(height / by)), max(1, round(width / by))
@@ -99,7 +82,7 @@ def _sharpen_small(values: Float32Array, color: UInt8Array, inverse: bool, how: 
     )
     small = np.ascontiguousarray(values[np.ix_(rows, columns)])
     small_color = np.asarray(cv2.resize(color, hw[::-1], interpolation=cv2.INTER_AREA), np.uint8)
-    found = sharpen_depth(small, small_color, inverse, how)
+    found = sharpen_depth(small, small_color, inverse)
     changed = dilate_square(found != small, 3)
     out = values.copy()
     in_bands(take_most_alike, height, color, small_color, found, changed, out)

@@ -39,8 +39,6 @@ CERTAIN = 0.3
 """Least probability of the object's shadow."""
 SHADOW = 0.5
 """Least probability of a pixel."""
-SMALLEST_MARKED = 25
-"""Fewer pixels marked by the network are ignored."""
 
 
 class Classifier(Perceptron):
@@ -103,7 +101,7 @@ def find_likely_shadows(
         tones = tone_steps(planes, regions_touching(mean > SHADOW, shapes[number]))
         last = np.r_[last, agreement(marked, marked_by_pixel > SHADOW, surface), 0, tones]
         out.append(LikelyShadows(shapes[number], mean, last))
-    if region.sum() >= SMALLEST_MARKED:
+    if region.sum() >= 25:  # px
         certain = float(parts["candidate"](own[None])[0])
         last = verdict_features(planes, region, marked, certain, own, certainty)
         tones = tone_steps(planes, region)
