@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.holes import dilate_mask, morphological_close, square
-from dlama.geometry.projection import rays
+from dlama.geometry.projection import project_to_pixels, rays
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.perception.shadows.ground import Ground, StandingObject, measure_object
-from dlama.perception.shadows.search import CastShape, best_direction, pixels_of
+from dlama.perception.shadows.search import CastShape, best_direction
 
 FEATURES = "strength over next best", "strength", "step", "even and clear", "contrast", "off in colour", "over pattern"
 """Features of a cast shape from which its probability follows: `shape_features`."""
@@ -42,7 +42,8 @@ def find_cast_shapes(
     own = None
     if made is not None:
         shape, features = made
-        own = LEAST_PROBABILITY + (1 - LEAST_PROBABILITY) * cast_shadow_probability(features), shape
+        probability = 1 / (1 + np.exp(-(features @ np.array(WEIGHTS[:-1]) + WEIGHTS[-1])))  # logistic regression
+        own = LEAST_PROBABILITY + (1 - LEAST_PROBABILITY) * float(probability), shape
     return [own, find_common_light(rgbd, ground, usable, caster, tall)]
 
 
@@ -54,7 +55,8 @@ def find_cast_shape(
     if found is None:
         return None
     shape = cast_shape(caster, found.over, rgbd, usable)
-    ring = surrounding_ring(shape, usable)
+    error_px = 4 + round(0.1 * float(np.sqrt(shape.sum())))  # of its position
+    ring = usable & dilate_mask(shape, error_px + 4) & ~dilate_mask(shape, 4)
     if shape.sum() < SMALLEST_PX or ring.sum() < SMALLEST_PX:
         return None
     return shape, np.array([*shape_features(rgbd, shape, ring, found)])
@@ -96,23 +98,11 @@ def shape_features(rgbd: RGBD, shape: BoolArray, ring: BoolArray, found: CastSha
     )
 
 
-def cast_shadow_probability(features: NDArray[np.float64]) -> float:
-    """Probability (0..1) that a cast shape is the object's shadow: a logistic regression."""
-    return float(1 / (1 + np.exp(-(features @ np.array(WEIGHTS[:-1]) + WEIGHTS[-1]))))
-
-
-def error_radius(shape: BoolArray) -> int:
-    """Error of a cast shape's position in px: a tenth of its size."""
-    return 4 + round(0.1 * float(np.sqrt(shape.sum())))
-
-
-def surrounding_ring(shape: BoolArray, usable: BoolArray) -> BoolArray:
-    """The surface round a cast shape, as wide as its position error."""
-    return np.asarray(usable & dilate_mask(shape, error_radius(shape) + 4) & ~dilate_mask(shape, 4))
-
-
 def cast_shape(caster: StandingObject, over: NDArray[np.float64], rgbd: RGBD, usable: BoolArray) -> BoolArray:
     """H x W shape cast on `usable` by a light (metres over the surface for each metre of height), gaps closed."""
     shape = np.zeros(usable.shape, np.bool_)
-    shape.ravel()[pixels_of(caster.base + caster.rise[:, None] * over, rgbd)] = True
+    points = caster.base + caster.rise[:, None] * over
+    row, column, z, inside = project_to_pixels(points, rgbd.camera.at(np.eye(4)))
+    inside &= z > 1e-3
+    shape[row[inside], column[inside]] = True
     return np.asarray(usable & morphological_close(shape, square(9)))

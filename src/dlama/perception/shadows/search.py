@@ -126,13 +126,3 @@ def divergence_of(color: UInt8Array, seen: BoolArray) -> tuple[NDArray[np.float6
         squares.append(step[inner] ** 2)
     spread = float(np.sqrt(np.concatenate(squares).mean())) if inner.any() else 0.0
     return out, max(spread, 1e-3)
-
-
-def pixels_of(points: NDArray[np.float64], rgbd: RGBD) -> NDArray[np.int64]:
-    """Flat, unique indices of the pixels that points in camera axes fall into."""
-    camera = rgbd.camera
-    front = points[points[:, 2] > 1e-3]
-    u = np.floor(front[:, 0] / front[:, 2] * camera.fx + camera.cx).astype(np.int64)
-    v = np.floor(front[:, 1] / front[:, 2] * camera.fy + camera.cy).astype(np.int64)
-    seen = (u >= 0) & (u < camera.width) & (v >= 0) & (v < camera.height)
-    return np.unique(v[seen] * camera.width + u[seen])
