@@ -12,8 +12,7 @@ import pytest
 import dlama
 from dlama.geometry.camera import Camera
 from dlama.geometry.drawing.grid_mesh import find_flying_pixels
-from dlama.geometry.drawing.map_grid import MapGrid
-from dlama.geometry.drawing.picture_edges import align_edges, edge_uncertainty, find_other_surfaces
+from dlama.geometry.drawing.picture_edges import MapGrid, align_edges, edge_uncertainty, find_other_surfaces
 from dlama.geometry.frames import gathering
 from dlama.geometry.frames.stored import PixelCache
 from dlama.geometry.rgbd import RGBD

@@ -9,10 +9,9 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from dlama.geometry.camera import Float64Array
+from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.frames.choosing import sample_view
-from dlama.geometry.frames.stored import Layer
-from dlama.geometry.once import once
+from dlama.geometry.frames.stored import Layer, once
 from dlama.geometry.projection import inverse_depth, project
 from dlama.geometry.rgbd import Float32Array
 from dlama.geometry.view import View
@@ -27,8 +26,6 @@ ENOUGH = 20
 """Least number of common samples of a pair of frames."""
 ALL_PAIRS = 64
 """Most frames for which all pairs are compared; beyond, each with those 1, 2, 4, 8, ... places on."""
-MOST_PAIRS = ALL_PAIRS**2
-"""Most pairs of which all samples are kept; of more pairs every second, third, ... sample."""
 
 
 @dataclass(frozen=True)
@@ -55,26 +52,11 @@ class Overlap:
         )
 
 
-class ComparableView:
-    """A frame's samples with their colours, small enough to be kept for all frames at once."""
-
-    def __init__(self, layer: Layer) -> None:
-        self.camera, self.samples = layer.camera, sample_view(layer)
-        self.colors = blur(layer.load())[self.samples.rows, self.samples.columns]
-
-
 @once
-def make_comparable(layer: Layer) -> ComparableView:
-    """The samples of a view, computed once."""
-    return ComparableView(layer)
-
-
-class Pictures:
-    """The whole pictures of the other frame, of one frame at a time."""
-
-    def __init__(self, view: View) -> None:
-        self.camera, self.blurred = view.camera, blur(view)
-        self.inverse = inverse_depth(view.known_depth)
+def make_comparable(layer: Layer) -> tuple[Float64Array, Float32Array]:
+    """N x 3 points of a frame's samples, and their colours, small enough to be kept for all frames at once."""
+    samples = sample_view(layer)
+    return samples.points, blur(layer.load())[samples.rows, samples.columns]
 
 
 def blur(view: View) -> Float32Array:
@@ -94,30 +76,33 @@ def frame_pairs(count: int) -> list[tuple[int, int]]:
 def measure_overlaps(views: Sequence[Layer]) -> dict[tuple[int, int], Overlap]:
     """Overlap of each pair of `frame_pairs`: (i, j) -> the samples of i seen by j. Each frame's pixels are read twice."""
     pairs = frame_pairs(len(views))
-    every = max(1, len(pairs) // MOST_PAIRS)
+    every = max(1, len(pairs) // ALL_PAIRS**2)  # of more pairs every second, third, ... sample is kept
     ready = [make_comparable(view) for view in views]
     seen_by: dict[int, list[int]] = {}
     for i, j in pairs:
         seen_by.setdefault(j, []).append(i)
     found = {}
     for j, places in sorted(seen_by.items()):
-        pictures = Pictures(views[j].load())
+        view = views[j].load()
+        pictures = blur(view), inverse_depth(view.known_depth)
         for i in places:
-            found[i, j] = measure_overlap(ready[i], pictures).thin(every)
+            found[i, j] = measure_overlap(*ready[i], view.camera, *pictures).thin(every)
     return {pair: found[pair] for pair in pairs}
 
 
-def measure_overlap(one: ComparableView, other: Pictures) -> Overlap:
-    """The samples of `one` seen by `other`."""
-    pixels, z = project(one.samples.points, other.camera)
-    inside = (z > 0) & (pixels >= 0.5).all(1) & (pixels < np.array(other.camera.wh) - 0.5).all(1)
+def measure_overlap(
+    points: Float64Array, colors: Float32Array, camera: Camera, blurred: Float32Array, inverse: Float32Array
+) -> Overlap:
+    """A frame's samples (`make_comparable`) seen by another one, of which the mean colours and the inverse depth are given."""
+    pixels, z = project(points, camera)
+    inside = (z > 0) & (pixels >= 0.5).all(1) & (pixels < np.array(camera.wh) - 0.5).all(1)
     pixels, z = pixels[inside], z[inside]
-    w = sample_inverse_depth(other.inverse, pixels)
+    w = sample_inverse_depth(inverse, pixels)
     known = w > 0
     pixels, z, w = pixels[known], z[known], w[known]
     agree = np.abs(z * w - 1) <= AGREES
     x, y = pixels[agree].astype(np.intp).T
-    here, there = one.colors[inside][known][agree], other.blurred[y, x]
+    here, there = colors[inside][known][agree], blurred[y, x]
     clear = (np.minimum(here, there) > UNCLIPPED[0]).all(1) & (np.maximum(here, there) < UNCLIPPED[1]).all(1)
     return Overlap(
         int(agree.sum()),
@@ -176,10 +161,8 @@ def fit_gains(count: int, found: dict[tuple[int, int], Overlap]) -> Float64Array
         return np.ones((count, 3))
     weight = np.array(weights)[:, None]
     tie = 1e-3 * np.eye(count)  # what no pair ties to the others stays as it is
-    system, right = (
-        np.vstack([np.array(rows) * weight, tie]),
-        np.vstack([np.array(targets) * weight, np.zeros((count, 3))]),
-    )
+    system = np.vstack([np.array(rows) * weight, tie])
+    right = np.vstack([np.array(targets) * weight, np.zeros((count, 3))])
     logs = np.linalg.lstsq(system, right, rcond=None)[0]
     return np.exp(logs - logs.mean(0))
 

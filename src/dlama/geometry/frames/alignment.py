@@ -19,6 +19,7 @@ from dlama.arguments import check_arguments
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.frames.pose_system import Matches, adjust_poses, measure_offset
 from dlama.geometry.poses import transform_points
+from dlama.geometry.projection import unproject
 from dlama.geometry.rgbd import RGBD, Float32Array
 
 Source = TypeVar("Source", RGBD, Callable[[], RGBD])
@@ -93,9 +94,7 @@ def estimate_poses(found: Sequence[Features]) -> Alignment:
     if before <= FITS_PX:
         return Alignment(None, before, before)
     poses = adjust_poses(matches, cameras)
-    after = measure_offset(
-        matches, [dataclasses.replace(camera, world_from_cam=pose) for camera, pose in zip(cameras, poses)]
-    )
+    after = measure_offset(matches, [camera.at(pose) for camera, pose in zip(cameras, poses)])
     return Alignment(tuple(poses), before, after) if after <= BETTER * before else Alignment(None, before, before)
 
 
@@ -103,13 +102,12 @@ def with_pose(frame: Source, pose: Float64Array) -> Source:
     """The frame with another pose (world_from_cam)."""
     if not isinstance(frame, RGBD):
         return partial(read_with_pose, frame, pose)
-    return dataclasses.replace(frame, camera=dataclasses.replace(frame.camera, world_from_cam=pose))
+    return dataclasses.replace(frame, camera=frame.camera.at(pose))
 
 
 def read_with_pose(read: Callable[[], RGBD], pose: Float64Array) -> RGBD:
     """The frame that `read` gives, with another pose."""
-    frame = read()
-    return dataclasses.replace(frame, camera=dataclasses.replace(frame.camera, world_from_cam=pose))
+    return with_pose(read(), pose)
 
 
 def detect_features(frame: RGBD) -> Features:
@@ -130,9 +128,8 @@ def detect_features(frame: RGBD) -> Features:
     nearest, farthest = cv2.erode(depth, square), cv2.dilate(depth, square)
     x, y = np.clip(pixels * frame.camera.wh / camera.wh, 0, np.array(frame.camera.wh) - 1).astype(np.intp).T
     smooth = (nearest[y, x] > 0) & (farthest[y, x] < ONE_SURFACE * nearest[y, x])
-    return Features(
-        camera, pixels, np.sqrt(shares).astype(np.float32), np.where(smooth, depth[y, x], 0).astype(np.float64)
-    )
+    surface = np.where(smooth, depth[y, x], 0).astype(np.float64)
+    return Features(camera, pixels, np.sqrt(shares).astype(np.float32), surface)
 
 
 def match_all(found: Sequence[Features]) -> Matches | None:
@@ -151,9 +148,8 @@ def match_all(found: Sequence[Features]) -> Matches | None:
 
 def match_pair(i: int, j: int, one: Features, other: Features, here: np.ndarray, there: np.ndarray) -> Matches:
     """The matches of a pair: features `here` of one frame and `there` of the other, by number."""
-    camera, depth = one.camera, one.depth[here]
     x, y = one.pixels[here].T
-    points = np.stack([(x - camera.cx) / camera.fx * depth, (y - camera.cy) / camera.fy * depth, depth], 1)
+    points = unproject(one.camera.at(np.eye(4)), x, y, one.depth[here])
     places = np.full(len(here), i), np.full(len(here), j)
     return Matches(*places, points, other.pixels[there], other.depth[there], np.zeros(1, np.intp))
 
@@ -181,8 +177,7 @@ def match_features(one: Features, other: Features) -> tuple[np.ndarray, np.ndarr
 def project_features(one: Features, other: Features) -> Float64Array:
     """N x 2 predicted pixels of one's features in the other frame; NaN without depth, or far out of view."""
     camera, to = one.camera, other.camera
-    rays = np.stack([(one.pixels[:, 0] - camera.cx) / camera.fx, (one.pixels[:, 1] - camera.cy) / camera.fy], 1)
-    local = np.concatenate([rays, np.ones((len(rays), 1))], 1) * one.depth[:, None]
+    local = unproject(camera.at(np.eye(4)), one.pixels[:, 0], one.pixels[:, 1], one.depth)
     step = to.cam_from_world @ camera.world_from_cam
     x, y, z = transform_points(step, local).T
     seen = (one.depth > 0) & (z > 0.05)

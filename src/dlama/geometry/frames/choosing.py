@@ -7,12 +7,13 @@ the camera (some 0.1 ms a frame). Only the chosen frames are rendered, and only 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dlama.geometry.camera import Camera, Float64Array
-from dlama.geometry.frames.stored import Layer
-from dlama.geometry.once import once
+from dlama.geometry.frames.stored import Layer, once
 from dlama.geometry.projection import lift, project, unproject
 from dlama.geometry.rgbd import BoolArray, is_valid
 
@@ -34,7 +35,7 @@ MARGIN = 0.05
 def box_of(layer: Layer) -> Float64Array | None:
     """8 x 3, the corners of the box that holds a view's points (NaN where there are none); None: far pixels are in no box."""
     view = layer.load()
-    return None if view.far.any() else bounding_boxes([lift(view).points])[0]
+    return None if view.far.any() else bounding_box(lift(view).points)
 
 
 def may_show(layer: Layer, camera: Camera) -> bool:
@@ -60,38 +61,39 @@ def intersects_view(corners: Float64Array, camera: Camera) -> BoolArray:
         return np.asarray(np.all([(side >= 0).any(1) for side in sides], axis=0))
 
 
-def bounding_boxes(parts: Sequence[Float64Array]) -> Float64Array:
-    """N x 8 x 3, the boxes that hold N sets of points (M x 3 each); NaN for no points, which are in no view."""
-    boxes = np.full((len(parts), 8, 3), np.nan)
-    for box, points in zip(boxes, parts):
-        if len(points):
-            ends = zip(points.min(0), points.max(0))
-            box[:] = np.stack(np.meshgrid(*ends, indexing="ij"), -1).reshape(8, 3)
-    return boxes
+def bounding_box(points: Float64Array) -> Float64Array:
+    """8 x 3, the corners of the box that holds points (N x 3); NaN for no points, which are in no view."""
+    ends = zip(points.min(0), points.max(0)) if len(points) else [(np.nan, np.nan)] * 3
+    return np.stack(np.meshgrid(*ends, indexing="ij"), -1).reshape(8, 3)
 
 
-class Samples:
-    """A frame at every few pixels: points in the world, and what it shows there."""
+class Samples(NamedTuple):
+    """A frame at every few pixels."""
 
-    def __init__(self, layer: Layer) -> None:
-        view = layer.load()
-        grid = [
-            np.minimum((np.arange(n) + 0.5) * size / n, size - 1).astype(np.intp)
-            for n, size in zip(SAMPLES, view.camera.hw)
-        ]
-        rows, columns = (part.ravel() for part in np.meshgrid(*grid, indexing="ij"))
-        depth = np.where(view.hole[rows, columns], 0, view.depth[rows, columns]).astype(np.float64)
-        known = is_valid(depth)
-        self.rows, self.columns, self.depth = rows[known], columns[known], depth[known]
-        self.points = unproject(view.camera, self.columns + 0.5, self.rows + 0.5, self.depth)
-        self.box = bounding_boxes([self.points])[0]
-        """8 x 3, the corners of the box that holds them; NaN where there are none."""
+    rows: NDArray[np.intp]
+    """N."""
+    columns: NDArray[np.intp]
+    """N."""
+    points: Float64Array
+    """N x 3, in the world."""
+    box: Float64Array
+    """8 x 3, `bounding_box`."""
 
 
 @once
 def sample_view(layer: Layer) -> Samples:
     """The samples of a view, taken once."""
-    return Samples(layer)
+    view = layer.load()
+    grid = [
+        np.minimum((np.arange(n) + 0.5) * size / n, size - 1).astype(np.intp)
+        for n, size in zip(SAMPLES, view.camera.hw)
+    ]
+    rows, columns = (part.ravel() for part in np.meshgrid(*grid, indexing="ij"))
+    depth = np.where(view.hole[rows, columns], 0, view.depth[rows, columns]).astype(np.float64)
+    known = is_valid(depth)
+    rows, columns = rows[known], columns[known]
+    points = unproject(view.camera, columns + 0.5, rows + 0.5, depth[known])
+    return Samples(rows, columns, points, bounding_box(points))
 
 
 def choose_frames(frames: Sequence[Layer], camera: Camera, most: int = MOST_FRAMES) -> list[int]:

@@ -12,8 +12,6 @@ from dlama.geometry.view import View
 
 IN_FRONT = 0.02
 """Least excess of an object's inverse depth over the background's, relative."""
-AROUND_PX = 12
-"""Margin in px of the surroundings that define the background."""
 ROUNDS = 300
 """Rounds of relaxation, after a coarse-to-fine start."""
 NEXT_PX, NEXT = 2, 0.05
@@ -28,7 +26,7 @@ def find_foreground(frame: View, candidates: BoolArray) -> BoolArray:
     out = np.zeros_like(candidates)
     if not candidates.any():
         return out
-    part = box_around(candidates, AROUND_PX)
+    part = box_around(candidates, 12)  # the surroundings define the background
     inverse = inverse_depth(frame.known_depth)[part]
     known = (frame.valid | frame.far)[part] & ~dilate_mask(candidates[part], 1)
     out[part] = candidates[part] & (inverse > (1 + IN_FRONT) * interpolate_harmonic(inverse, known))

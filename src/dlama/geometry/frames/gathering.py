@@ -76,27 +76,22 @@ def scene(
 
 def open_view(frame: FrameSource, name: str, cache: PixelCache) -> Layer:
     """The source view of a frame, held in the cache where it can be read again. InputError: no depth."""
-    if isinstance(frame, RGBD):
-        return _require_depth(View.from_rgbd(frame), name)
-    if not callable(frame):
+    if not isinstance(frame, RGBD) and not callable(frame):
         raise InputTypeError(
             f"{name} is of type {type(frame).__name__}; an RGBD (a picture with depth) is expected, or what reads one"
         )
-    first = View.from_rgbd(frame())
+    first = View.from_rgbd(frame if isinstance(frame, RGBD) else frame())
+    if not first.shows_source:
+        raise InputError(f"{name} has no depth at all; leave it out")
+    if isinstance(frame, RGBD):
+        return first
     view = StoredView(first.camera, partial(_source_view, frame), cache, first)
-    _require_depth(view, name)
-    make_comparable(view), coarse_depth(view), view.has_holes, view.has_errors, view.has_filled_depth
+    view.origins, make_comparable(view), coarse_depth(view), view.has_holes, view.has_errors
     return view
 
 
 def _source_view(frame: Callable[[], RGBD]) -> View:
     return View.from_rgbd(frame())
-
-
-def _require_depth(view: Layer, name: str) -> Layer:
-    if not view.shows_source:
-        raise InputError(f"{name} has no depth at all; leave it out")
-    return view
 
 
 def gather_views(views: Sequence[Layer], called: Sequence[str]) -> Scene:

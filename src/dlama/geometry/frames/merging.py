@@ -25,7 +25,7 @@ from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
 from dlama.geometry.kernels.drawing import merging as kernels
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.projection import px_from_px
-from dlama.geometry.rgbd import BoolArray, Float32Array, UInt16Array, paste
+from dlama.geometry.rgbd import Float32Array, UInt16Array, paste
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 
@@ -34,8 +34,6 @@ LOOKED_THROUGH_PX = 2
 KEPT, KEPT_PIXELS = 4 * MOST_FRAMES, 1_000_000
 """Layers of which is kept what drawing needs of them, some 30 bytes a pixel, and pixels that they have at most."""
 Found = TypeVar("Found")
-NARROWEST = 3
-"""px; strips from other frames behind a removed object that are narrower are left to be filled."""
 
 
 def merge_frames(scene: Scene, camera: Camera, mode: Mode, fine: bool, errors: bool = False) -> Drawn:
@@ -127,7 +125,8 @@ def _keep_own(canvas: Canvas, best: UInt16Array, own: View) -> None:
     known = own.valid | own.far
     colored = own.depth_hole
     others = ~known & (canvas.depth > 0) & (best > 0)
-    slivers = find_slivers(others & ~colored)
+    between = others & ~colored
+    slivers = between & ~morphological_open(between, square(3))  # visible between misaligned edges: left to be filled
     for plane in (*canvas.buffers(), best):
         plane[slivers] = 0
     others &= best > 0
@@ -137,8 +136,3 @@ def _keep_own(canvas: Canvas, best: UInt16Array, own: View) -> None:
     paste(own.depth, known, canvas.depth)
     paste(own.confidence, known, canvas.confidence)
     best[known] = 1
-
-
-def find_slivers(where: BoolArray) -> BoolArray:
-    """The parts of a region narrower than NARROWEST px: background visible between misaligned edges."""
-    return where & ~morphological_open(where, square(NARROWEST))

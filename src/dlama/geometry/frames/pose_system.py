@@ -18,8 +18,6 @@ FIRST_PX, LAST_PX, NARROWS = 6.0, 1.0, 0.7
 """Scale of the robust weights (Geman-McClure) in the first round and the last, and its factor per round."""
 ROUNDS, SOLVER_STEPS, SOLVED = 12, 60, 1e-5
 """Of Gauss-Newton, and of the conjugate gradients within, which end early at such a relative residual."""
-DEPTH_OUTLIER = 4.0
-"""Standard deviations beyond which a depth does not count."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,11 +109,12 @@ def _normal_equations(
 
 
 def _weights(matches: Matches, miss: Float64Array, deep: Float64Array, scale: float) -> Float64Array:
-    """N x 3 (x, y, depth) robust weights, normalised by the number of matches of a pair."""
+    """N x 3 (x, y, depth) robust weights, normalised by the number of matches of a pair. deep: N, of the depths, in standard
+    deviations; beyond four one does not count."""
     fits = 1 / (1 + (miss**2).sum(1) / scale**2) ** 2
     counts = np.diff([*matches.starts, len(miss)])
     fits = fits / np.sqrt(np.repeat(counts, counts))
-    known = (matches.depth > 0) & (np.abs(deep) < DEPTH_OUTLIER)
+    known = (matches.depth > 0) & (np.abs(deep) < 4.0)
     return np.stack([fits, fits, fits * known], 1)
 
 

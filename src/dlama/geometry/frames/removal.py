@@ -134,6 +134,10 @@ class MaskedObject(NamedTuple):
     box: tuple[np.ndarray, np.ndarray]
     """Lower and upper corner, in the world, of the box that holds it."""
 
+    def meets(self, other: MaskedObject) -> bool:
+        """Whether the two boxes have a point in common."""
+        return bool((self.box[0] <= other.box[1]).all() and (other.box[0] <= self.box[1]).all())
+
 
 def carry_masks(scene: Scene, masks: Mapping[int, BoolArray]) -> list[BoolArray]:
     """H x W bool for each layer of the scene: the given masks (index of a frame -> mask), and in all other layers the same
@@ -178,7 +182,7 @@ def separate_objects(frames: Mapping[int, Layer], masks: Mapping[int, BoolArray]
         count, labels = cv2.connectedComponents(dilate_mask(mask, RIM_PX).astype(np.uint8))
         for label in range(1, count):
             one = masked_object(frames, {place: mask & (labels == label)})
-            while one is not None and (near := next((each for each in objects if boxes_meet(each.box, one.box)), None)):
+            while one is not None and (near := next((each for each in objects if each.meets(one)), None)):
                 objects.remove(near)
                 parts = near.masks | {each: part | near.masks.get(each, part) for each, part in one.masks.items()}
                 one = masked_object(frames, parts)
@@ -191,11 +195,6 @@ def masked_object(frames: Mapping[int, Layer], masks: dict[int, BoolArray]) -> M
     shown = Scene(tuple(mask_interior(frames[place], mask) for place, mask in masks.items()), numbers=tuple(masks))
     box = bounding_box(shown)
     return None if box is None else MaskedObject(masks, shown, box)
-
-
-def boxes_meet(one: tuple[np.ndarray, np.ndarray], other: tuple[np.ndarray, np.ndarray]) -> bool:
-    """Whether two boxes, each its lower and upper corner, have a point in common."""
-    return bool((one[0] <= other[1]).all() and (other[0] <= one[1]).all())
 
 
 def mask_interior(frame: Layer, mask: BoolArray) -> Layer:
@@ -236,9 +235,8 @@ def _carry_to(frame: View, frames: Mapping[int, Layer], masked: MaskedObject) ->
     agrees = np.abs(seen.depth - frame.depth) <= AGREES * frame.depth
     seeds = seen.valid & frame.valid & agrees
     near = choose_frames([frames[place] for place in masked.masks], frame.camera)
-    behind = np.zeros_like(
-        nothing
-    )  # all points of an object lie behind its mask, in every masked frame that shows them
+    # all points of an object lie behind its mask, in every masked frame that shows them
+    behind = np.zeros_like(nothing)
     for number, (place, mask) in enumerate(masked.masks.items()):
         if number in near:
             outside, within, in_view = compare_with_mask(points, frames[place].load(), mask)
@@ -252,9 +250,9 @@ def _carry_to(frame: View, frames: Mapping[int, Layer], masked: MaskedObject) ->
     candidates &= dilate_mask(seeds, max(2 * RIM_PX, round(REACH * float(np.sqrt(size)))))
     seeds &= candidates
     found = grow_region(seeds, find_foreground(frame, candidates) | seeds, frame.depth)
-    return add_missing_depth(
-        close_small_gaps(found, candidates | frame.hole) | (dilate_mask(found, EDGE_PX) & candidates), frame, seen.valid
-    )
+    gaps = morphological_close(found, square(3)) & (candidates | frame.hole)
+    found = found | gaps | (dilate_mask(found, EDGE_PX) & candidates)
+    return found | (frame.hole & seen.valid & dilate_mask(found, 2 * RIM_PX))
 
 
 def compare_with_mask(points: np.ndarray, masked: View, mask: BoolArray) -> tuple[BoolArray, BoolArray, BoolArray]:
@@ -264,13 +262,3 @@ def compare_with_mask(points: np.ndarray, masked: View, mask: BoolArray) -> tupl
     there = masked.known_depth[row, column]
     shown = inside & (np.abs(there - z) <= AGREES * z) & ~mask[row, column]
     return shown, inside & dilate_mask(mask, RIM_PX)[row, column], inside
-
-
-def close_small_gaps(found: BoolArray, allowed: BoolArray) -> BoolArray:
-    """H x W, with small gaps closed where that is allowed."""
-    return found | (morphological_close(found, square(3)) & allowed)
-
-
-def add_missing_depth(found: BoolArray, frame: View, shown: BoolArray) -> BoolArray:
-    """With pixels of missing depth inside the object's extent (H x W `shown`)."""
-    return found | (frame.hole & shown & dilate_mask(found, 2 * RIM_PX))

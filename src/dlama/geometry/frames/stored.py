@@ -6,17 +6,18 @@ size, which drops the least recently used. Its coarse depth is held for every fr
 
 from __future__ import annotations
 
+import functools
 import threading
 from collections import OrderedDict
 from collections.abc import Callable
 from functools import partial
-from typing import Any
+from typing import Any, TypeVar
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType, from_source
-from dlama.geometry.once import once
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import Facts, View
 
@@ -111,6 +112,23 @@ def without_bits(stored: StoredView, bits: UInt8Array, hole_type: HoleType) -> V
 def unpack_bits(bits: UInt8Array, camera: Camera) -> BoolArray:
     """H x W of the camera, as `numpy.packbits` packed it."""
     return np.unpackbits(bits, count=camera.width * camera.height).reshape(camera.hw).astype(bool)
+
+
+Noun = TypeVar("Noun")
+Found = TypeVar("Found")
+
+
+def once(function: Callable[[Noun], Found]) -> Callable[[Noun], Found]:
+    """Decorator: what the function gave for a layer or a scene is kept as long as that is alive."""
+    kept: WeakKeyDictionary[Noun, Found] = WeakKeyDictionary()
+
+    @functools.wraps(function)
+    def of(noun: Noun) -> Found:
+        if noun not in kept:
+            kept[noun] = function(noun)
+        return kept[noun]
+
+    return of
 
 
 @once
