@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,10 +58,7 @@ def concatenate(clouds: Sequence[PointCloud]) -> PointCloud:
     if not clouds:
         return PointCloud(np.zeros((0, 3)), np.zeros((0, 3), np.uint8), np.zeros(0, np.uint8), np.zeros(0, np.float32))
     return PointCloud(
-        np.concatenate([c.points for c in clouds]),
-        np.concatenate([c.color for c in clouds]),
-        np.concatenate([c.origin for c in clouds]),
-        np.concatenate([c.confidence for c in clouds]),
+        *(np.concatenate([getattr(cloud, field.name) for cloud in clouds]) for field in fields(PointCloud))
     )
 
 

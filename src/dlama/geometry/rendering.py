@@ -210,10 +210,10 @@ def hole_types(grids: list[Grid], removals: tuple[Layer, ...], hole: BoolArray) 
         elif layer.shows_source:
             depth, grid_rank = (close_frame if len(grids) > 1 else close_grid)(layer, removals)
             x, y, w, spans = transform_depth(depth, grid.matrix, grid.offset)
-            crack_rank = hole_kernels.CRACK_RANK if grid.joined is None else hole_kernels.DISOCCLUDED_RANK
+            crack_rank = hole_kernels.CRACK_RANK if grid.mode == "points" else hole_kernels.DISOCCLUDED_RANK
             marks = grid_rank, crack_rank, hole, count, box_room(len(hole)), ranks
-            in_bands(hole_kernels.mark_closed_mesh, len(hole), x, y, w, spans, grid.mesh, *marks)
-            hole_kernels.mark_points(x, y, w, grid.flying, hole_kernels.FLYING_RANK, hole, ranks)
+            in_bands(hole_kernels.mark_closed_mesh, len(hole), x, y, w, spans, grid.surface.mesh.joined, *marks)
+            hole_kernels.mark_points(x, y, w, grid.surface.mesh.flying, hole_kernels.FLYING_RANK, hole, ranks)
     return np.asarray(cv2.LUT(ranks, TYPE_OF_RANK) * hole, np.uint8)
 
 
@@ -254,13 +254,4 @@ def render_cloud(cloud: PointCloud, camera: Camera, mode: Mode) -> View:
     origin = cloud.origin[chosen]
     canvas.origin[row, column] = np.where(origin == Origin.MEASURED.value, np.uint8(Origin.REPROJECTED), origin)
     canvas.confidence[row, column] = cloud.confidence[chosen]
-    hole = canvas.depth == 0
-    return View(
-        camera,
-        canvas.color,
-        canvas.depth,
-        hole,
-        hole * np.uint8(HoleType.OUT_OF_VIEW),
-        canvas.origin,
-        canvas.confidence,
-    )
+    return Drawn(canvas, []).view(camera, (canvas.depth == 0) * np.uint8(HoleType.OUT_OF_VIEW))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -17,10 +18,19 @@ from dlama.geometry.view import View
 NOISE_REACH, NOISE_LINES, NOISE_STEPS, NOISY = 4, 32, 4.0, 2.5
 """Distance in px of the differences that measure noise; rows and columns used; standard deviations within one surface; and from
 which surfaces tear."""
-NOISE_SAMPLES = 1000
-"""Least number of samples that distinguish noise from edges."""
 MESHES: WeakKeyDictionary[View, tuple[BoolArray, UInt8Array]] = WeakKeyDictionary()
 """Cache by view, 2 bytes a pixel: its flying pixels and which neighbours are joined. Each is drawn into many cameras."""
+
+
+class GridMesh(NamedTuple):
+    """What of a layer is drawn."""
+
+    depth: Float32Array
+    """H x W metres, 0 in holes and flying pixels."""
+    flying: BoolArray
+    """H x W, True at flying pixels."""
+    joined: UInt8Array
+    """H x W, `join_neighbours`."""
 
 
 def step_by_noise(w: Float32Array, ratio: float) -> float:
@@ -38,7 +48,7 @@ def step_by_noise(w: Float32Array, ratio: float) -> float:
         bends.append(np.abs(here - (before + after) / 2)[known])
         levels.append(here[known])
     bend, level = np.concatenate(bends), np.concatenate(levels)
-    if bend.size < NOISE_SAMPLES:
+    if bend.size < 1000:  # too few to distinguish noise from edges
         return 0.0
     noise = float(np.median(bend)) / (0.6745 * np.sqrt(1.5))
     return NOISE_STEPS * noise if NOISY * noise > ratio * float(np.median(level)) else 0.0
@@ -77,18 +87,19 @@ def join_neighbours(w: Float32Array, camera: Camera, step: float = 0.0) -> UInt8
 def mesh_grid(view: View, step: float = 0.0) -> tuple[Float32Array, UInt8Array]:
     """Depth without flying pixels, and which neighbours are joined into one surface (`step`: as of `remove_flying_pixels`)."""
     if step == 0:
-        return prepare_mesh(view)[::2]
+        mesh = prepare_mesh(view)
+        return mesh.depth, mesh.joined
     depth, _, w = remove_flying_pixels(view, step)
     return depth, join_neighbours(w, view.camera, step)
 
 
-def prepare_mesh(view: View) -> tuple[Float32Array, BoolArray, UInt8Array]:
-    """Depth without flying pixels (0), the flying pixels, and which neighbours are joined; found once for a layer."""
+def prepare_mesh(view: View) -> GridMesh:
+    """The mesh of a layer, found once."""
     if view in MESHES:
         flying, joined = MESHES[view]
         depth = np.zeros(flying.shape, np.float32)
         paste(align_edges(view).depth, ~(flying | view.hole), depth)
-        return depth, flying, joined
+        return GridMesh(depth, flying, joined)
     depth, flying, w = remove_flying_pixels(view)
     MESHES[view] = flying, join_neighbours(w, view.camera)
-    return depth, *MESHES[view]
+    return GridMesh(depth, *MESHES[view])

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.codes import Origin
 from dlama.geometry.drawing.canvas import Canvas
-from dlama.geometry.drawing.grid_mesh import prepare_mesh
+from dlama.geometry.drawing.grid_mesh import GridMesh, prepare_mesh
 from dlama.geometry.frames.stored import Layer
 from dlama.geometry.kernels.drawing import chunks, shading
 from dlama.geometry.kernels.drawing import rasterize as raster
@@ -41,7 +41,7 @@ class Surface:
     layer: View
 
     @cached_property
-    def mesh(self) -> tuple[Float32Array, BoolArray, UInt8Array]:
+    def mesh(self) -> GridMesh:
         """As `prepare_mesh`."""
         return prepare_mesh(self.layer)
 
@@ -53,12 +53,12 @@ class Surface:
     @cached_property
     def rim(self) -> NDArray[np.int64]:
         """As `footprints.rim`."""
-        return rim(self.mesh[2], self.mesh[0])
+        return rim(self.mesh.joined, self.mesh.depth)
 
     @cached_property
     def smooth(self) -> UInt8Array:
         """Where colours are read by splines (`sampling.smooth_quads`)."""
-        return smooth_quads(self.mesh[2])
+        return smooth_quads(self.mesh.joined)
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,26 +87,6 @@ class Grid:
     def own_camera(self) -> bool:
         """The camera is the layer's own: pixels are copied, nothing is rejected."""
         return self.layer.camera.same_view_as(self.camera)
-
-    @property
-    def depth(self) -> Float32Array:
-        """Depth without holes and flying pixels (0)."""
-        return self.surface.mesh[0]
-
-    @property
-    def flying(self) -> BoolArray:
-        """H x W, True at flying pixels."""
-        return self.surface.mesh[1]
-
-    @property
-    def joined(self) -> UInt8Array | None:
-        """Which neighbours are one surface, `join_neighbours`; None: draw points."""
-        return self.mesh if self.mode == "surface" else None
-
-    @property
-    def mesh(self) -> UInt8Array:
-        """`joined`, in points mode too."""
-        return self.surface.mesh[2]
 
     @property
     def knots(self) -> Float32Array:
@@ -145,10 +125,10 @@ def draw(grid: Grid, canvas: Canvas, count: NDArray[np.int32] = ALL) -> Canvas:
     """
     if grid.own_camera:
         copy_onto(canvas, grid.layer)
-    elif grid.joined is None:
+    elif grid.mode == "points":
         draw_as_points(grid, canvas)
     else:
-        draw_as_surface(grid, grid.joined, canvas, count)
+        draw_as_surface(grid, canvas, count)
     return canvas
 
 
@@ -172,7 +152,7 @@ def draw_as_points(grid: Grid, canvas: Canvas) -> None:
     height, width = layer.camera.hw
     x, y, w = (np.empty((1, width), np.float32) for _ in range(3))
     nearest, place = np.zeros(rows * columns, np.uint64), np.empty(width, np.int32)
-    to_target = grid.depth, grid.matrix, grid.offset, NEAR
+    to_target = grid.surface.mesh.depth, grid.matrix, grid.offset, NEAR
     in_bands(raster.draw_points, height, *to_target, x, y, w, place, nearest, columns, band=height)
     pixels = layer.color.reshape(-1, 3), layer.origin.ravel(), layer.confidence.ravel()
     nearest = nearest.reshape(rows, columns)
@@ -183,10 +163,11 @@ def draw_as_points(grid: Grid, canvas: Canvas) -> None:
         out_errors[drawn] = errors[np.divmod(raster.LARGEST - (nearest[drawn] & raster.LARGEST), width)]
 
 
-def draw_as_surface(grid: Grid, joined: UInt8Array, canvas: Canvas, count: NDArray[np.int32] = ALL) -> None:
+def draw_as_surface(grid: Grid, canvas: Canvas, count: NDArray[np.int32] = ALL) -> None:
     """The layer's mesh, and footprints at its rim."""
     layer, rows = grid.layer, grid.camera.height
-    wbuf, where = rasterize_surface(grid.depth, joined, grid.surface.rim, layer.camera, grid.camera, count)
+    depth, _, joined = grid.surface.mesh
+    wbuf, where = rasterize_surface(depth, joined, grid.surface.rim, layer.camera, grid.camera, count)
     smooth = grid.surface.smooth if grid.fine else np.zeros_like(joined)
     found = wbuf, where, joined, smooth, layer.color, grid.knots
     errors, out_errors = canvas.pair_errors(layer.errors)
