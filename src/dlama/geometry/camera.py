@@ -24,10 +24,6 @@ from dlama.geometry.poses import FARTHEST_M as FARTHEST_M
 from dlama.geometry.poses import Float64Array as Float64Array
 from dlama.geometry.poses import as_matrix, check_pose, invert_pose
 
-K_TOLERANCE = 1e-6
-"""By how much an entry of an intrinsic matrix that must be 0 or 1 may differ from it."""
-
-
 LARGEST_PX = 1e7
 """Pixels: no focal length or principal point lies beyond (a telescope's is some 1e6)."""
 SMALLEST_FOCAL_PX = 1e-3
@@ -266,7 +262,7 @@ def intrinsics_of(K: ArrayLike, called: str = "K") -> tuple[float, float, float,
     """
     matrix = as_matrix(K, called, (3, 3))
     (fx, skew, cx), (zero, fy, cy), last = matrix.tolist()
-    if not np.abs([skew, zero, last[0], last[1], last[2] - 1]).max() <= K_TOLERANCE:
+    if not np.abs([skew, zero, last[0], last[1], last[2] - 1]).max() <= 1e-6:
         rows = "rows (focal 0 centre), (0 focal centre), (0 0 1) are expected (no skew)"
         raise CameraError(f"{called} is {matrix.tolist()}; {rows}")
     return fx, fy, cx, cy

@@ -22,8 +22,6 @@ Float32Array = NDArray[np.float32]
 BoolArray = NDArray[np.bool_]
 PADDING_LEVELS, PADDING_SHARE = 3, 0.99
 """`RGBD.padding` differs from white or black by so many levels at most, in this share of the pixels on each border line."""
-WIDEST_PADDING = 0.05
-"""Of the picture's shorter side: what is wider is a white or black scene."""
 PLAUSIBLE_M = (0.05, 500.0)
 """Metres; a median depth outside is no room's and no street's: the scale is wrong."""
 
@@ -151,7 +149,7 @@ def _is_level(color: UInt8Array, level: int) -> BoolArray:
 
 def _frame_of(blank: BoolArray) -> BoolArray | None:
     """The part of `blank` (H x W bool) that runs along all four borders, with a mixed pixel inside it; None: it is too wide."""
-    widest = int(WIDEST_PADDING * min(blank.shape))
+    widest = int(0.05 * min(blank.shape))  # what is wider is a white or black scene
     found = np.zeros_like(blank)
     for turned, out in ((blank, found), (blank[::-1], found[::-1]), (blank.T, found.T), (blank.T[::-1], found.T[::-1])):
         band = turned[: widest + 1]

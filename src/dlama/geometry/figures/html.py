@@ -34,12 +34,14 @@ class Figured:
 
 def figure(title: str, panels: Sequence[Panel]) -> str:
     """HTML that shows a title and captioned pictures side by side; it loads nothing and suits light and dark pages."""
-    cells = "".join(
-        '<figure style="margin:0"><img style="display:block;max-width:100%" '
-        f'alt="{html.escape(caption, quote=True)}" src="data:image/jpeg;base64,{_to_data_url(_encode(picture, ".jpg"))}">'
-        f'<figcaption style="font-size:smaller;opacity:.75">{html.escape(caption)}</figcaption></figure>'
-        for caption, picture in panels
-    )
+    cells = ""
+    for caption, picture in panels:
+        data = base64.b64encode(_encode(shrink(picture, LARGEST_SIDE), ".jpg")).decode()
+        cells += (
+            '<figure style="margin:0"><img style="display:block;max-width:100%" '
+            f'alt="{html.escape(caption, quote=True)}" src="data:image/jpeg;base64,{data}">'
+            f'<figcaption style="font-size:smaller;opacity:.75">{html.escape(caption)}</figcaption></figure>'
+        )
     return (
         f'<div><div style="margin-bottom:{GAP}px"><code>{html.escape(title)}</code></div>'
         f'<div style="display:flex;flex-wrap:wrap;gap:{GAP}px">{cells}</div></div>'
@@ -56,7 +58,7 @@ def strip(panels: Sequence[Panel]) -> bytes:
     for picture in pictures:
         sheet[: picture.shape[0], left : left + picture.shape[1]] = picture
         left += picture.shape[1] + GAP
-    return _encode(sheet, ".png", small=False)
+    return _encode(sheet, ".png")
 
 
 def shrink(picture: NDArray[np.uint8], side: int) -> NDArray[np.uint8]:
@@ -71,15 +73,9 @@ def shrink(picture: NDArray[np.uint8], side: int) -> NDArray[np.uint8]:
     return np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA), np.uint8)
 
 
-def _encode(picture: NDArray[np.uint8], suffix: str, small: bool = True) -> bytes:
+def _encode(picture: NDArray[np.uint8], suffix: str) -> bytes:
     """The bytes of a JPEG or PNG file of an RGB picture."""
     import cv2
 
-    shown = shrink(picture, LARGEST_SIDE) if small else picture
     options = [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY] if suffix == ".jpg" else []
-    return bytes(cv2.imencode(suffix, np.ascontiguousarray(shown[..., ::-1]), options)[1])
-
-
-def _to_data_url(content: bytes) -> str:
-    """Bytes as a data URL."""
-    return base64.b64encode(content).decode("ascii")
+    return bytes(cv2.imencode(suffix, np.ascontiguousarray(picture[..., ::-1]), options)[1])

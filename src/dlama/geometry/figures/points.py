@@ -17,8 +17,6 @@ from dlama.geometry.poses import transform_points
 PAGE = Path(__file__).parents[2] / "assets" / "figures" / "points.html"
 MOST_POINTS = 20_000
 """Drawn of a cloud, drawn by lot: 11 bytes a point, so that a saved notebook stays small (0.3 MB)."""
-NEAREST_SHARE = 0.98
-"""Share of the points, the nearest to the middle, that set the scale: a few far ones must not shrink the rest to a dot."""
 FRAME = "width:100%;max-width:720px;height:420px"
 """Size of the frame in a notebook, as CSS."""
 
@@ -50,7 +48,7 @@ def point_viewer(
     seen = transform_points(pose, points[drawn])
     middle = np.median(seen, axis=0)
     distance = np.linalg.norm(seen - middle, axis=1)
-    scale = max(float(np.quantile(distance, NEAREST_SHARE)), 1e-6)
+    scale = max(float(np.quantile(distance, 0.98)), 1e-6)  # a few far ones must not shrink the rest to a dot
     near = distance <= scale
     steps = np.rint(((seen[near] - middle) / scale + 1) / 2 * 65535).astype("<u2")
     fields = {
@@ -60,9 +58,8 @@ def point_viewer(
         "confidence": np.rint(np.clip(confidence[drawn][near], 0, 1) * 255).astype(np.uint8),
     }
     packed = {name: base64.b64encode(np.ascontiguousarray(value).tobytes()).decode() for name, value in fields.items()}
-    distance_of_eye = 1.3 * float(
-        np.clip(np.linalg.norm(middle) / scale, 0.2, 4)
-    )  # a step back: the whole scene is seen
+    # a step back: the whole scene is seen
+    distance_of_eye = 1.3 * float(np.clip(np.linalg.norm(middle) / scale, 0.2, 4))
     page = Template(PAGE.read_text("utf-8")).substitute(data=json.dumps(packed), distance=f"{distance_of_eye:.4f}")
     return (
         f"<div><code>{html.escape(title)}</code>"

@@ -8,8 +8,6 @@ import webbrowser
 from importlib import import_module
 from pathlib import Path
 
-PAGE_STYLE = "margin:24px;font:15px system-ui,sans-serif;color-scheme:light dark"
-
 
 def show_html(content: str) -> None:
     """Show HTML below the cell of a running notebook; elsewhere as a page in the web browser, from a temporary file."""
@@ -30,4 +28,5 @@ def temporary_page(content: str) -> Path:
 
 def whole_page(content: str) -> str:
     """HTML with the head of a page before it."""
-    return f"<!doctype html><meta charset='utf-8'><title>dlama</title><body style='{PAGE_STYLE}'>{content}"
+    style = "margin:24px;font:15px system-ui,sans-serif;color-scheme:light dark"
+    return f"<!doctype html><meta charset='utf-8'><title>dlama</title><body style='{style}'>{content}"
