@@ -105,22 +105,6 @@ def test_of_two_points_on_one_ray_the_nearest_wins(one: float, other: float, swa
         np.testing.assert_array_equal(view.color[2, 1], color[int(other < one)])
 
 
-def test_of_four_pixels_that_meet_in_one_the_nearest_wins() -> None:
-    """Closed form: a camera with half the lens sees 2 x 2 source pixels in each of its own: the least depth of the four.
-
-    Depths differ by 1 % at most, so that no pixel is an edge or flying.
-    """
-    rng = np.random.default_rng(1)
-    depth = (2 + 0.02 * rng.random((8, 12))).astype(np.float32)
-    color = rng.integers(0, 256, (8, 12, 3), np.uint8)
-    view = render(RGBD(color, depth, Camera(12, 8, 10, 10, 6, 4)), Camera(6, 4, 5, 5, 3, 2), "points")
-    blocks = depth.reshape(4, 2, 6, 2).transpose(0, 2, 1, 3).reshape(4, 6, 4)
-    colors = color.reshape(4, 2, 6, 2, 3).transpose(0, 2, 1, 3, 4).reshape(24, 4, 3)
-    np.testing.assert_allclose(view.depth, blocks.min(-1), rtol=1e-6)
-    nearest = colors[np.arange(24), blocks.reshape(24, 4).argmin(-1)]
-    np.testing.assert_array_equal(view.color.reshape(24, 3), nearest)
-
-
 def plane_at(z: float, color: tuple[int, int, int], camera: Camera) -> View:
     """A fronto-parallel wall in one colour."""
     return View.from_rgbd(
