@@ -199,12 +199,6 @@ def box_mean(values: Float32Array, weight: Float32Array, side: int, least: float
     return np.asarray(total / np.maximum(share, least), np.float32)
 
 
-def gaussian_mean(values: Float32Array, weight: Float32Array, sigma: float, least: float = 1e-3) -> Float32Array:
-    """As `box_mean`, under a Gaussian of `sigma` px."""
-    total, share = (cv2.GaussianBlur(each, (0, 0), sigma) for each in (values * weight, weight))
-    return np.asarray(total / np.maximum(share, least), np.float32)
-
-
 def smaller_size(hw: tuple[int, ...], side: float) -> tuple[int, int]:
     """Width and height of a picture of that height and width (first two of `hw`) whose longer side becomes `side` pixels."""
     height, width = hw[:2]

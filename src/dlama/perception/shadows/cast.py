@@ -38,19 +38,11 @@ def find_cast_shapes(
     where the surface is seen; tall: metres."""
     if len(caster.base) < SMALLEST_PX:
         return [None, None]
-    made = find_cast_shape(rgbd, usable, caster)
-    own = None
-    if made is not None:
-        shape, features = made
-        probability = 1 / (1 + np.exp(-(features @ np.array(WEIGHTS[:-1]) + WEIGHTS[-1])))  # logistic regression
-        own = LEAST_PROBABILITY + (1 - LEAST_PROBABILITY) * float(probability), shape
-    return [own, find_common_light(rgbd, ground, usable, caster, tall)]
+    return [find_own_light(rgbd, usable, caster), find_common_light(rgbd, ground, usable, caster, tall)]
 
 
-def find_cast_shape(
-    rgbd: RGBD, usable: BoolArray, caster: StandingObject
-) -> tuple[BoolArray, NDArray[np.float64]] | None:
-    """The shape cast by the best light (H x W), and its FEATURES. None: there is none."""
+def find_own_light(rgbd: RGBD, usable: BoolArray, caster: StandingObject) -> tuple[float, BoolArray] | None:
+    """The shape cast by the best light of the object. None: there is none."""
     found = best_direction(caster, rgbd, usable)
     if found is None:
         return None
@@ -59,7 +51,9 @@ def find_cast_shape(
     ring = usable & dilate_mask(shape, error_px + 4) & ~dilate_mask(shape, 4)
     if shape.sum() < SMALLEST_PX or ring.sum() < SMALLEST_PX:
         return None
-    return shape, np.array([*shape_features(rgbd, shape, ring, found)])
+    features = np.array(shape_features(rgbd, shape, ring, found))
+    probability = 1 / (1 + np.exp(-(features @ np.array(WEIGHTS[:-1]) + WEIGHTS[-1])))  # logistic regression
+    return LEAST_PROBABILITY + (1 - LEAST_PROBABILITY) * float(probability), shape
 
 
 def find_common_light(

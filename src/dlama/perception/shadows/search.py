@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.holes import erode_square, gaussian_mean
+from dlama.geometry.holes import erode_square
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
 from dlama.perception.kernels.shadows import DIRECTIONS_A_TASK, cast_shapes
@@ -114,8 +114,9 @@ class Search:
 
 def divergence_of(color: UInt8Array, seen: BoolArray) -> tuple[NDArray[np.float64], float]:
     """H x W divergence of the clipped gradient of log luma between pixels that are seen, and the gradient's RMS."""
-    level = log_luma(color)
-    smooth = gaussian_mean(level, seen.astype(np.float32), BLUR_PX)
+    weight = seen.astype(np.float32)
+    total, share = (cv2.GaussianBlur(each, (0, 0), BLUR_PX) for each in (log_luma(color) * weight, weight))
+    smooth = total / np.maximum(share, 1e-3)
     inner = erode_square(seen, 3)
     out, squares = np.zeros(seen.shape), []
     for axis in (0, 1):
