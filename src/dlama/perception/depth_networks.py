@@ -118,8 +118,8 @@ def predict(network: NetworkFile, contract: DepthContract, color: UInt8Array) ->
     """The network's prediction for a picture (H x W x 3, RGB). FileError where the file does not keep its contract."""
     outputs = network.run_all(make_feed(network, contract, contract.tensor(color)))
     found = outputs_of_contract(network, contract, outputs) or outputs[:1]
-    values = squeeze_output(network, contract, found[0], contract.gives)
-    far = squeeze_output(network, contract, found[1], "depth") <= 0.5 if len(found) > 1 else None
+    values = squeeze_output(network, found[0], contract.gives)
+    far = squeeze_output(network, found[1], "depth") <= 0.5 if len(found) > 1 else None
     if len(found) > 2:
         values = values * np.float32(np.asarray(found[2]).ravel()[0])
     if not np.isfinite(values[~far] if far is not None else values).all():
@@ -152,7 +152,7 @@ def describe_tensors(ends: Mapping[str, tuple[str, list[Any]]]) -> str:
     )
 
 
-def squeeze_output(network: NetworkFile, contract: DepthContract, out: np.ndarray, gives: Gives) -> Float32Array:
+def squeeze_output(network: NetworkFile, out: np.ndarray, gives: Gives) -> Float32Array:
     """An output without its batch and channel axes: h x w, of points h x w x 3. FileError for any other shape."""
     values = np.asarray(out, np.float32)
     if gives == "points":

@@ -95,7 +95,11 @@ def estimate_depth(
         FileError: a network file that is missing, or does not keep its contract.
     """
     check_arguments(estimate_depth, locals())
-    color = check_picture(color)
+    color = check_color(color)
+    if contrast(color) < LEAST_CONTRAST:
+        raise DepthError(
+            "the picture has nearly one colour all over: there is nothing to estimate depth from; give depth"
+        )
     check_known(metres_at, camera_height, color.shape[:2])
     name, estimator = find_estimator(depth_model)
     prediction = estimator(color)
@@ -124,16 +128,6 @@ def estimate_depth(
         "sharpened_pixels": int((moved != values).sum()),
     }
     return DepthEstimate(RGBD(color, depth, camera, meta))
-
-
-def check_picture(color: UInt8Array) -> UInt8Array:
-    """The picture as an array; ShapeError for what is none, DepthError for one without any contrast."""
-    color = check_color(color)
-    if contrast(color) < LEAST_CONTRAST:
-        raise DepthError(
-            "the picture has nearly one colour all over: there is nothing to estimate depth from; give depth"
-        )
-    return color
 
 
 def contrast(color: UInt8Array) -> float:

@@ -84,7 +84,8 @@ def cut_source(source: View, box: HeadBox, step: int, sky: float) -> list[Sheet]
     least_alpha, most_alpha = alpha.min((1, 3)), alpha.max((1, 3))
     band = soft.band & (least_alpha < 1) & (most_alpha > 0)
     opaque = ~(soft.near_side & soft.band & (least_alpha < OPAQUE))
-    blocks = cover_blocks(soft.band & (band | ~opaque | next_to_edges(joined))) & (depth > 0)
+    next_to_edges = dilate_square(joined != (RIGHT | DOWN), 3)
+    blocks = cover_blocks(soft.band & (band | ~opaque | next_to_edges)) & (depth > 0)
     picture: UInt8Array = np.where(enlarge(soft.near_side, step, source.camera.wh)[..., None], source.color, soft.back)
     under = fill_with_nearest(soft.back, enlarge(~soft.near_side | soft.band, step, source.camera.wh))
     small = np.asarray(cv2.resize(under[:rows, :columns], depth.shape[::-1], interpolation=cv2.INTER_AREA), np.uint8)
@@ -103,11 +104,6 @@ def cut_source(source: View, box: HeadBox, step: int, sky: float) -> list[Sheet]
 def as_depth(view: View, depth: Float32Array) -> View:
     """The layer with another depth (H x W metres, 0 = hole)."""
     return view.with_planes(depth=depth, hole=depth == 0)
-
-
-def next_to_edges(joined: UInt8Array) -> BoolArray:
-    """H x W, True where a pixel is not joined to its right or its lower neighbour, or they not to it."""
-    return dilate_square(joined != (RIGHT | DOWN), 3)
 
 
 def cover_blocks(where: BoolArray) -> BoolArray:

@@ -52,8 +52,8 @@ def check_exif(camera: Camera, exif: Camera) -> list[Finding]:
     """Reports a camera that sees much more or less than the EXIF data of its picture say."""
     if 1 / SAME_ANGLE < exif.fx / camera.fx < SAME_ANGLE:
         return []
-    seen, said = horizontal_fov(camera), horizontal_fov(exif)
-    what = f"the camera sees {seen:.3g} degrees, the picture's EXIF data say {said:.3g}"
+    seen, recorded = horizontal_fov(camera), horizontal_fov(exif)
+    what = f"the camera sees {seen:.3g} degrees, the picture's EXIF data say {recorded:.3g}"
     return [Finding("field-of-view", "fault", 0.75, what, "leave `fov` away, or keep it if the picture is a crop")]
 
 

@@ -54,7 +54,7 @@ def snap_to_picture_edges(rgbd: RGBD, target: BoolArray, reach: int, unknown: Bo
     return decide_by_color(rgbd, target, band) if band.any() and (target & ~band).any() else target
 
 
-def decide_by_color(rgbd: RGBD, target: BoolArray, band: BoolArray, rounds: int = 2) -> BoolArray:
+def decide_by_color(rgbd: RGBD, target: BoolArray, band: BoolArray) -> BoolArray:
     """The mask with the pixels of `band` decided by GrabCut; all others stay. Colours are learnt in the surroundings only."""
     tight = box_around(target | band, 0)
     box = larger_box(tight, 12 + (max(sides_of(tight)) - 1) // 4, target.shape)
@@ -64,7 +64,7 @@ def decide_by_color(rgbd: RGBD, target: BoolArray, band: BoolArray, rounds: int 
     if min((state == cv2.GC_BGD).sum(), (state == cv2.GC_FGD).sum()) < LEAST_SAMPLES:
         return target
     out = target.copy()
-    out[box] = np.where(open_, run_grabcut(np.ascontiguousarray(rgbd.color[box]), state, rounds), prior)
+    out[box] = np.where(open_, run_grabcut(np.ascontiguousarray(rgbd.color[box]), state, 2), prior)
     return out
 
 

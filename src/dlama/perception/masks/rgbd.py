@@ -14,7 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.errors import MaskError
-from dlama.geometry.holes import dilate_mask, morphological_open, nearest_known, regions_touching, square
+from dlama.geometry.holes import (
+    box_around,
+    dilate_mask,
+    morphological_open,
+    nearest_known,
+    regions_touching,
+    sides_of,
+    square,
+)
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
 from dlama.perception.kernels.regions import join_regions
 from dlama.perception.masks.borders import HOLE_PX, at_same_depth, correct_at_click, snap_to_picture_edges
@@ -182,14 +190,9 @@ def find_stands(rgbd: RGBD, found: Planes, pieces: Pieces, seeds: list[Pixel]) -
         on_it = find_pieces(rgbd, pieces.support | out | top, found.noise).at(seeds[0])
         contact = dilate_mask(on_it, TOUCHING_PX) & at_same_depth(found, on_it, STANDS_GAP)
         touching = regions_touching(morphological_open(top, square(BAND_PX)), contact)
-        if touching.any() and width_px(touching) >= WIDER * width_px(on_it):
+        if touching.any() and sides_of(box_around(touching, 0))[1] >= WIDER * sides_of(box_around(on_it, 0))[1]:
             out |= top
     return out
-
-
-def width_px(where: BoolArray) -> int:
-    """Width in px of a region (H x W, not empty)."""
-    return int(np.ptp(np.flatnonzero(where.any(0)))) + 1
 
 
 def snap_to_piece(pieces: Pieces, seed: Pixel) -> Pixel:
