@@ -106,22 +106,17 @@ class EmbeddedPicture:
     def feed(self, prompt: Prompt) -> dict[str, np.ndarray]:
         """The decoder's inputs by name; FileError where it takes others."""
         points, labels = self.points(prompt)
+        known: dict[str, np.ndarray] = dict.fromkeys(POINTS, points) | dict.fromkeys(LABELS, labels)
+        known |= {"image_embeddings": self.embedding, "orig_im_size": np.array(self.hw), "has_mask_input": np.zeros(1)}
         feed: dict[str, np.ndarray] = {}
-        value: np.ndarray
         for name, (kind, shape) in self.decoder.inputs.items():
-            if name in POINTS + LABELS:
-                value = points if name in POINTS else labels
-                value = value.reshape((1,) * (len(shape) - (2 if name in POINTS else 1)) + value.shape)
-            elif name == "image_embeddings":
-                value = self.embedding
-            elif name == "orig_im_size":
-                value = np.array(self.hw)
-            elif name == "mask_input":
+            value = known.get(name)
+            if name == "mask_input":
                 value = np.zeros([side if isinstance(side, int) else 1 for side in shape])
-            elif name == "has_mask_input":
-                value = np.zeros(1)
-            else:
+            if value is None:
                 raise FileError(f"{self.decoder.path}: takes an input {name!r}, which no known decoder has")
+            if name in POINTS + LABELS:
+                value = value.reshape((1,) * (len(shape) - value.ndim) + value.shape)
             feed[name] = np.ascontiguousarray(value, DTYPES.get(kind, np.float32))
         if not {*POINTS} & {*feed} or not {*LABELS} & {*feed} or "image_embeddings" not in feed:
             raise FileError(

@@ -14,7 +14,7 @@ import numpy as np
 
 from dlama.errors import CameraError
 from dlama.geometry.camera import Float64Array
-from dlama.geometry.poses import invert_pose, quaternion_from_rotation, rotation_from_quaternion
+from dlama.geometry.poses import invert_pose, make_pose, quaternion_from_rotation, rotation_from_quaternion
 from dlama.perception.diagnosis.finding import Finding, certainty
 from dlama.perception.diagnosis.frames.landing import Landed, SmallFrame, find_landing_points
 
@@ -46,19 +46,11 @@ class Convention(NamedTuple):
 def reorder_quaternion(pose: Float64Array, order: tuple[int, int, int, int]) -> Float64Array:
     """The pose with the numbers of its quaternion reordered (indices into x y z w as read)."""
     read = quaternion_from_rotation(pose[:3, :3])
-    out = pose.copy()
-    out[:3, :3] = rotation_from_quaternion([read[place] for place in order])
-    return out
-
-
-def _transpose(pose: Float64Array) -> Float64Array:
-    out = pose.copy()
-    out[:3, :3] = pose[:3, :3].T
-    return out
+    return make_pose(rotation_from_quaternion([read[place] for place in order]), pose[:3, 3])
 
 
 def _scale_translation(factor: float) -> Undo:
-    return lambda pose: np.block([[pose[:3, :3], pose[:3, 3:] * factor], [pose[3:]]])
+    return lambda pose: make_pose(pose[:3, :3], pose[:3, 3] * factor)
 
 
 def _inverse_after(before: Float64Array, after: Float64Array) -> Undo:
@@ -78,7 +70,8 @@ CONVENTIONS: list[Convention] = [
       for turns in ((SAME, SAME), (GL, SAME), (GL, GL))),
     *(Convention("pose-handedness", "are left-handed (y up)", "multiply each from both sides by diag(1, -1, 1, 1)", undo)
       for undo in (lambda p: LEFT_HANDED @ p @ LEFT_HANDED, lambda p: LEFT_HANDED @ p @ GL @ LEFT_HANDED)),
-    Convention("pose-rotation", "have their rotations transposed", "transpose the 3x3 part", _transpose),
+    Convention("pose-rotation", "have their rotations transposed", "transpose the 3x3 part",
+               lambda p: make_pose(p[:3, :3].T, p[:3, 3])),
     Convention("quaternion-order", "have quaternions in the order w x y z", "write them as x y z w",
                lambda p: reorder_quaternion(p, (1, 2, 3, 0))),
     Convention("quaternion-order", "have quaternions in the order x y z w", "write them as w x y z",
