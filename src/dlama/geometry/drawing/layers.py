@@ -169,12 +169,10 @@ def draw_as_surface(grid: Grid, canvas: Canvas, count: NDArray[np.int32] = ALL) 
     depth, _, joined = grid.surface.mesh
     wbuf, where = rasterize_surface(depth, joined, grid.surface.rim, layer.camera, grid.camera, count)
     smooth = grid.surface.smooth if grid.fine else np.zeros_like(joined)
-    found = wbuf, where, joined, smooth, layer.color, grid.knots
+    found = wbuf, where, joined, smooth, layer.color, grid.knots, grid.fine
     errors, out_errors = canvas.pair_errors(layer.errors)
     planes = layer.origin, layer.confidence, errors, *canvas.buffers(), out_errors
     in_bands(shading.shade_surface, rows, *found, *planes)
-    if grid.fine:
-        in_bands(shading.average_shrunk, rows, *found, canvas.color)
 
 
 def rasterize_surface(

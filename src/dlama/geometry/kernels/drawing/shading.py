@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.kernels.drawing.rasterize import index_of, inverse_of, quad_sides
 from dlama.geometry.kernels.drawing.sampling import HALF, ONE, ZERO, bilinear, level, smooth_color, surface_color
-from dlama.geometry.kernels.jit import Real, Whole, inlined, kernel, piece
+from dlama.geometry.kernels.jit import Flag, Real, Whole, inlined, kernel, piece
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 
 REPROJECTED = 2
@@ -39,6 +39,7 @@ def shade_surface(
     smooth: UInt8Array,
     color: UInt8Array,
     knots: Float32Array,
+    average: Flag,
     origin: UInt8Array,
     confidence: Float32Array,
     errors: Float32Array,
@@ -50,10 +51,13 @@ def shade_surface(
 ) -> None:
     """Colours of a surface drawing: read between source pixels, never across an edge (`sampling.surface_color`).
 
+    Where the source is drawn smaller and `average`: the mean of up to MOST places along a target pixel's row, and as many along
+    its column, if all lie in whole quads. They are a source pixel apart at most, so none lies beyond an edge.
+
     wbuf: H x W inverse depth, 0 = empty; where: H x W x 2 source column, row (vertex positions, so 0 is the first pixel).
     smooth: `sampling.smooth_quads`; knots: `sampling.spline`. errors: without rows where none are drawn.
     """
-    with_errors = len(errors) > 0
+    with_errors, (height, width) = len(errors) > 0, joined.shape
     for ty in range(first, last):
         for tx in range(wbuf.shape[1]):
             w = wbuf[ty, tx]
@@ -67,61 +71,38 @@ def shade_surface(
             if with_errors:
                 for part in range(2):
                     out_errors[ty, tx, part] = errors[nearest_row, nearest_column, part]
-            red, green, blue = surface_color(su, sv, joined, smooth, color, knots)
+            red, green, blue, count = ZERO, ZERO, ZERO, ZERO
+            if average:
+                across_u, across_v = stride(wbuf, where, ty, tx, ty, tx + 1)
+                down_u, down_v = stride(wbuf, where, ty, tx, ty + 1, tx)
+                wide_2, high_2 = across_u * across_u + across_v * across_v, down_u * down_u + down_v * down_v
+                if wide_2 > SHRUNK_2 or high_2 > SHRUNK_2:
+                    wide, high = places(wide_2), places(high_2)
+                    count = wide * high
+                    for y in range(np.int64(high)):
+                        aside = (np.float32(y) + HALF) / high - HALF
+                        for x in range(np.int64(wide)):
+                            along = (np.float32(x) + HALF) / wide - HALF
+                            u, v = su + along * across_u + aside * down_u, sv + along * across_v + aside * down_v
+                            if count == ZERO or not in_whole_quad(u, v, height, width, joined, smooth):
+                                count = ZERO
+                                break
+                            r, g, b = surface_color(u, v, joined, smooth, color, knots)
+                            red, green, blue = red + r, green + g, blue + b
+            if count > ZERO:
+                red, green, blue = red / count, green / count, blue / count
+            else:
+                red, green, blue = surface_color(su, sv, joined, smooth, color, knots)
             out_color[ty, tx, 0], out_color[ty, tx, 1], out_color[ty, tx, 2] = level(red), level(green), level(blue)
 
 
-@kernel
-def average_shrunk(
-    first: Whole,
-    last: Whole,
-    wbuf: Float32Array,
-    where: Float32Array,
-    joined: UInt8Array,
-    smooth: UInt8Array,
-    color: UInt8Array,
-    knots: Float32Array,
-    out_color: UInt8Array,
-) -> None:
-    """Colours again where the source is drawn smaller: the mean of up to MOST places along a target pixel's row, and as many
-    along its column, if all lie in whole quads. They are a source pixel apart at most, so none lies beyond an edge.
-
-    Arguments as of `shade_surface`, which comes first.
-    """
-    height, width = joined.shape
-    for ty in range(first, last):
-        for tx in range(wbuf.shape[1]):
-            if wbuf[ty, tx] <= 0:
-                continue
-            across_u, across_v = stride(wbuf, where, ty, tx, ty, tx + 1)
-            down_u, down_v = stride(wbuf, where, ty, tx, ty + 1, tx)
-            wide_2, high_2 = across_u * across_u + across_v * across_v, down_u * down_u + down_v * down_v
-            if wide_2 <= SHRUNK_2 and high_2 <= SHRUNK_2:
-                continue
-            wide, high = places(wide_2), places(high_2)
-            red, green, blue, torn = ZERO, ZERO, ZERO, False
-            for y in range(np.int64(high)):
-                aside = (np.float32(y) + HALF) / high - HALF
-                for x in range(np.int64(wide)):
-                    along = (np.float32(x) + HALF) / wide - HALF
-                    u = where[ty, tx, 0] + along * across_u + aside * down_u
-                    v = where[ty, tx, 1] + along * across_v + aside * down_v
-                    left, upper = np.int64(u), np.int64(v)
-                    if (
-                        u < 0
-                        or v < 0
-                        or left >= width - 1
-                        or upper >= height - 1
-                        or (not smooth[upper, left] and quad_sides(joined, upper, left) != 15)
-                    ):
-                        torn = True
-                    else:
-                        r, g, b = surface_color(u, v, joined, smooth, color, knots)
-                        red, green, blue = red + r, green + g, blue + b
-            if torn:
-                continue
-            red, green, blue = red / (wide * high), green / (wide * high), blue / (wide * high)
-            out_color[ty, tx, 0], out_color[ty, tx, 1], out_color[ty, tx, 2] = level(red), level(green), level(blue)
+@piece
+def in_whole_quad(u: Real, v: Real, height: Whole, width: Whole, joined: UInt8Array, smooth: UInt8Array) -> Flag:
+    """Whether a source column, row lies between four pixels that are all joined."""
+    left, upper = np.int64(u), np.int64(v)
+    if u < 0 or v < 0 or left >= width - 1 or upper >= height - 1:
+        return False
+    return smooth[upper, left] > 0 or quad_sides(joined, upper, left) == 15
 
 
 @piece
