@@ -14,7 +14,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.errors import ShapeError
 from dlama.geometry.camera import Camera
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
@@ -56,9 +55,8 @@ def synthesize(
     color: H x W x 3 uint8 (RGB; ignored in the hole). hole: H x W bool, True = to be filled. inverse_depth: H x W
     float32, 1/m, 0 = sky, filled everywhere. label: H x W int8, -1 = non-planar, 0 = sky, k >= 1 = the k-th plane,
     filled everywhere. camera gives K. sky: of all source pictures. detail: False leaves the smooth base colours alone. The same
-    seed gives the same bits. Raises ShapeError.
+    seed gives the same bits.
     """
-    _check(color, hole, inverse_depth, label, camera)
     out = np.array(color)
     if not hole.any():
         return out
@@ -111,17 +109,6 @@ def paint_region(
         copied.gains,
         copied.offsets,
     )
-
-
-def _check(color: UInt8Array, hole: BoolArray, inverse_depth: Float32Array, label: Labels, camera: Camera) -> None:
-    """Refuse arrays that do not belong to one picture."""
-    expected = {"color": (*camera.hw, 3), "hole": camera.hw, "inverse_depth": camera.hw, "label": camera.hw}
-    arrays: tuple[np.ndarray, ...] = (color, hole, inverse_depth, label)
-    for name, array in zip(expected, arrays):
-        if array.shape != expected[name]:
-            raise ShapeError(f"{name} has shape {array.shape}; {expected[name]} is expected for this camera")
-    if color.dtype != np.uint8 or hole.dtype != np.bool_:
-        raise ShapeError(f"color is {color.dtype} and hole {hole.dtype}; uint8 and bool are expected")
 
 
 def hole_regions(grid: TextureGrid) -> Iterator[HoleRegion]:
