@@ -90,6 +90,15 @@ def test_the_marker_comes_last(tmp_path: Path, memory: Any, monkeypatch: pytest.
     assert not output.has("x")
 
 
+def test_an_id_that_ends_like_a_shard(tmp_path: Path, memory: Any) -> None:
+    """By hand: its folder, left by an attempt that failed, is no shard whose marker could be removed."""
+    (tmp_path / "result").mkdir()
+    (tmp_path / "result" / "meta.json").write_text("{}")
+    memory.makedirs("/out/x.tar")
+    Output("memory://out").put(tmp_path / "result", "x.tar")
+    assert memory.cat_file("/out/x.tar/meta.json") == b"{}"
+
+
 def test_a_missing_input_is_one_failed_row(memory: Any) -> None:
     """With its address."""
     memory.rm_file("/in/depth.png")
