@@ -1,7 +1,7 @@
 """Two pictures in -> LPIPS (AlexNet, v0.1), as one number, as a map or over a region, out; by onnxruntime, no torch.
 
 Zhang et al., "The Unreasonable Effectiveness of Deep Features as a Perceptual Metric", CVPR 2018. The network ships
-with the package (assets/lpips, whose README says what it was made of). 0 = the same; larger = more different.
+with the package (assets/lpips, made by `benchmarks/lpips_export.py`). 0 = the same; larger = more different.
 """
 
 from __future__ import annotations

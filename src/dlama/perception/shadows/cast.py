@@ -18,7 +18,7 @@ from dlama.perception.shadows.search import CastShape, best_direction
 FEATURES = "strength over next best", "strength", "step", "even and clear", "contrast", "off in colour", "over pattern"
 """Features of a cast shape from which its probability follows: `shape_features`."""
 WEIGHTS = 3.027, 1.401, 0.903, 3.322, 0.765, -1.893, 0.079, -1.249
-"""Of FEATURES, and a constant; fitted on 120 procedural worlds by logistic regression."""
+"""Of FEATURES, and a constant; fitted on 120 worlds by `python benchmarks/shadows.py`."""
 SMALLEST_PX = 25
 """Fewer points of an object, or pixels of a shape or its ring, are ignored."""
 LEAST_PROBABILITY = 0.15
@@ -43,6 +43,18 @@ def find_cast_shapes(
 
 def find_own_light(rgbd: RGBD, usable: BoolArray, caster: StandingObject) -> tuple[float, BoolArray] | None:
     """The shape cast by the best light of the object. None: there is none."""
+    made = find_cast_shape(rgbd, usable, caster)
+    if made is None:
+        return None
+    shape, features = made
+    probability = 1 / (1 + np.exp(-(features @ np.array(WEIGHTS[:-1]) + WEIGHTS[-1])))  # logistic regression
+    return LEAST_PROBABILITY + (1 - LEAST_PROBABILITY) * float(probability), shape
+
+
+def find_cast_shape(
+    rgbd: RGBD, usable: BoolArray, caster: StandingObject
+) -> tuple[BoolArray, NDArray[np.float64]] | None:
+    """The shape cast by the best light (H x W), and its FEATURES. None: there is none."""
     found = best_direction(caster, rgbd, usable)
     if found is None:
         return None
@@ -51,9 +63,7 @@ def find_own_light(rgbd: RGBD, usable: BoolArray, caster: StandingObject) -> tup
     ring = usable & dilate_mask(shape, error_px + 4) & ~dilate_mask(shape, 4)
     if shape.sum() < SMALLEST_PX or ring.sum() < SMALLEST_PX:
         return None
-    features = np.array(shape_features(rgbd, shape, ring, found))
-    probability = 1 / (1 + np.exp(-(features @ np.array(WEIGHTS[:-1]) + WEIGHTS[-1])))  # logistic regression
-    return LEAST_PROBABILITY + (1 - LEAST_PROBABILITY) * float(probability), shape
+    return shape, np.array(shape_features(rgbd, shape, ring, found))
 
 
 def find_common_light(
