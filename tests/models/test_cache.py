@@ -12,7 +12,7 @@ import pytest
 
 from dlama.errors import FileError, InputError, OutputError
 from dlama.models import records
-from dlama.models.cache import directory, expected, locate, read_pins, user_path
+from dlama.models.cache import directory, known_size_and_sha256, locate, read_pins, user_path
 from dlama.models.records import CATALOGUE, Record, record
 from dlama.models.verify import verify
 
@@ -107,7 +107,7 @@ def test_verify_pins_once(toy: Path) -> None:
     assert [verify(unknown).state, verify(unknown).state] == ["pinned", "verified"]
     toy.write_bytes(b"other")
     assert verify(unknown).state == "wrong"
-    assert expected(unknown)[0] == 5
+    assert known_size_and_sha256(unknown)[0] == 5
 
 
 @pytest.mark.skipif(os.name != "posix", reason="a directory in the place of the list is another error elsewhere")

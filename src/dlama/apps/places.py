@@ -6,12 +6,18 @@ import errno
 import os
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from dlama.errors import OutputError, system_reason
 from dlama.files.atomic_write import check_name
 
 Inputs = Mapping[str, Path | str | None]
 """What a file or folder is to the verb (image, depth, data set) -> its path; None: not given."""
+
+
+def given_files(inputs: Inputs) -> dict[str, Any]:
+    """Those that are given."""
+    return {role: path for role, path in inputs.items() if path is not None}
 
 
 def check_folder_apart(output: Path, inputs: Inputs, not_results: Inputs | None = None) -> None:

@@ -12,7 +12,7 @@ from typing import Any
 
 import dlama
 from dlama.apps.options import given_options
-from dlama.apps.places import Inputs, check_folder_apart
+from dlama.apps.places import Inputs, check_folder_apart, given_files
 from dlama.apps.terminal.output import SHOWN, WITH_FLAGS, Result
 from dlama.errors import OutputError
 from dlama.files.rasters.images import ADDRESS
@@ -46,8 +46,8 @@ class Command(JobInputs):
         if ADDRESS.match(str(output)):
             raise OutputError(f"`output` is {output}; a directory is expected, addresses are for `dlama batch` alone")
         check_folder_apart(output, files)
-        given = {name: value for name, value in {**files, **others}.items() if value is not None}
-        parameters = check_parameters(verb, given | given_options(*groups), False, partial(check_job, verb))
+        given = given_files({**files, **others}) | given_options(*groups)
+        parameters = check_parameters(verb, given, False, partial(check_job, verb))
         done = perform(self, verb, parameters, output)
         if isinstance(done, dlama.Completion):
             self.report_completion(done, output, parameters)
@@ -71,7 +71,7 @@ class Command(JobInputs):
     def find_mask(self, files: Inputs, options: Parameters) -> tuple[dlama.ObjectMask, RGBD | UInt8Array]:
         """What the options point at in a picture, and that, with its depth where it is needed. InputError and its kin."""
         image = Path(str(files["image"]))
-        given = {name: path for name, path in files.items() if path is not None} | dict(options)
+        given = given_files(files) | dict(options)
         p = read_parameters({**PICTURE, **POINTING}, given, partial(check_options, image=image))
         by_color = "salient" in p or "object_class" in p or p.get("masker", "rgbd") != "rgbd"
         needs_depth = "depth" in p or "with_shadow" in p or not by_color

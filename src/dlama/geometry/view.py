@@ -213,10 +213,9 @@ class View(Figured, Facts):
         }
 
     def _errors_in(self, keep: BoolArray) -> Float32Array | None:
-        """Its errors in the pixels of `keep` (H x W), 0 elsewhere: those that it has, where they are 0 there already, as next to
-        a fill."""
+        """Its errors in the pixels of `keep` (H x W), 0 elsewhere; the same array where they are 0 there, as next to a fill."""
         if self.errors is None or not (self.errors.view(np.uint64)[..., 0].astype(np.bool_) & ~keep).any():
-            return self.errors
+            return self.errors  # both errors of a pixel were read as one number
         return select(self.errors, keep)
 
     def with_planes(self, **planes: np.ndarray | None) -> View:

@@ -58,7 +58,7 @@ def locate(name: str) -> Path:
         raise FileError(
             f"{path}: the model {name} is not there; get it with `dlama models pull {name}`. {describe_manual_install(model)}"
         )
-    size, _ = expected(model)
+    size, _ = known_size_and_sha256(model)
     if size is not None and path.stat().st_size != size:
         raise FileError(
             f"{path}: {path.stat().st_size} bytes, the model {name} has {size}; "
@@ -67,7 +67,7 @@ def locate(name: str) -> Path:
     return path
 
 
-def expected(model: Record) -> tuple[int | None, str | None]:
+def known_size_and_sha256(model: Record) -> tuple[int | None, str | None]:
     """Bytes and sha256 of the file as it lies on the disk: the record's, else those pinned on first use, else None."""
     known = (None, None) if model.member else (model.bytes, model.sha256)
     pinned = read_pins().get(model.file, {}) if None in known else {}

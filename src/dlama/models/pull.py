@@ -12,7 +12,7 @@ import zlib
 from pathlib import Path
 
 from dlama.errors import FileError, OutputError, system_errors
-from dlama.models.cache import PINS, describe_manual_install, expected, pin, target_path
+from dlama.models.cache import PINS, describe_manual_install, known_size_and_sha256, pin, target_path
 from dlama.models.download import LONGEST, Moved, Offline, Progress, Unusable, download
 from dlama.models.records import Record
 from dlama.models.verify import mismatch, size_and_sha256, verify
@@ -64,7 +64,7 @@ def _from_mirror(url: str, model: Record, target: Path, progress: Progress | Non
 def _install(part: Path, model: Record, target: Path) -> Path:
     """Compare with what was pinned, move into place, pin what was not."""
     size, digest = size_and_sha256(part)
-    known_size, known = expected(model)
+    known_size, known = known_size_and_sha256(model)
     complaint = mismatch(size, digest, known_size, known)
     if complaint:
         part.unlink()

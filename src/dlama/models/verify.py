@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Literal
 
 from dlama.errors import FileError, system_errors
-from dlama.models.cache import describe_manual_install, expected, pin, target_path
+from dlama.models.cache import describe_manual_install, known_size_and_sha256, pin, target_path
 from dlama.models.records import Record
 
 PIECE = 1 << 20
@@ -39,7 +39,7 @@ def verify(model: Record) -> Verdict:
     if not path.is_file():
         return Verdict(path, "missing", f"not there; {again}")
     size, digest = size_and_sha256(path)
-    known_size, known_digest = expected(model)
+    known_size, known_digest = known_size_and_sha256(model)
     complaint = mismatch(size, digest, known_size, known_digest)
     if complaint:
         return Verdict(path, "wrong", f"{complaint}; remove it and {again}")

@@ -11,7 +11,7 @@ from tyro.conf import Positional
 import dlama
 from dlama.apps.command import command
 from dlama.apps.options import Depth, Estimating, Filler, Lens, Output, Reading, Report, given_options, names_in, option
-from dlama.apps.places import check_folder_apart
+from dlama.apps.places import check_folder_apart, given_files
 from dlama.errors import format_count
 from dlama.jobs.parameters import METHOD, PICTURE, read_parameters
 
@@ -55,11 +55,10 @@ def photo3d(
     with command("photo3d", report) as this:
         chosen, more = names_in(only), names_in(also) or ()
         check_names(chosen, more)
-        check_folder_apart(output, {"image": image, "depth": depth})
-        given = given_options(lens, reading, estimating, filler) | {"image": image}
-        p = read_parameters(
-            PICTURE, given | ({} if depth is None else {"depth": depth}), partial(check_options, image=image)
-        )
+        files = {"image": image, "depth": depth}
+        check_folder_apart(output, files)
+        given = given_files(files) | given_options(lens, reading, estimating, filler)
+        p = read_parameters(PICTURE, given, partial(check_options, image=image))
         source: dlama.RGBD | dlama.Scene
         if image.is_dir() or is_capture_file(image):
             refuse_of_pictures(p, "a data set", ("camera", "depth_range"))

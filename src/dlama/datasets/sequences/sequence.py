@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -46,6 +46,12 @@ class StepResults:
     are open, as they were filled with too little confidence."""
     reused: int = 0
     """Steps that an earlier run had done."""
+
+    def shares(self, names: Iterable[str]) -> dict[str, dict[str, float]]:
+        """Of the views with these names, share by share, for meta.json."""
+        kinds = "filled_share", "depth_filled_share", "left_open_share"
+        order = list(names)
+        return {kind: {name: self.views[name][kind] for name in order} for kind in kinds}
 
 
 @system_errors(OutputError)
@@ -100,14 +106,11 @@ def sequence(
     check_arguments(sequence, locals())
     started, target, chosen = time.perf_counter(), Path(output), check_results(only, also)
     method = Options(filler=filler, model=model, recipe=recipe, dilate=dilate, seed=seed, min_confidence=min_confidence)
-    clip = method.settings.clip
-    loaded = read_scene_of(dataset, frames, layout, scene, camera, depth_range, clip, align)
-    names, given, damaged, not_chosen = loaded
+    source = frames, layout, scene, camera, depth_range
+    names, given, damaged, not_chosen = read_scene_of(dataset, *source, method.settings.clip, align)
     kept = [names[number] for number in given.numbers]
     cameras = cameras_for(views, given)
-    check_memory([given.frames[0].camera] * (2 * MOST_FRAMES))
-    if (depth := given.frames[0].load().depth).any():
-        warn_of_scale(depth)
+    check_first_frame(given)
     others = dict.fromkeys(set(names) - set(kept), "it contradicts all others")
     others |= dict.fromkeys(not_chosen, f"`frames` is {frames}")
     numbered = fit_masks(masks_by_number(masks or {}, names, damaged, others), given)
@@ -124,10 +127,7 @@ def sequence(
         "aligned": align,
         "decisions": {name: dict(decision) for name, decision in plan.decisions.items()},
         "masked_frames": [names[number] for number in sorted(numbered)],
-        **{
-            share: {name: done.views[name][share] for name in ordered}
-            for share in ("filled_share", "depth_filled_share", "left_open_share")
-        },
+        **done.shares(ordered),
         "views_from_earlier_run": done.reused,
         **write_views(target, done.scene, ordered, names, chosen, min_confidence > 0),
         "seconds": round(time.perf_counter() - started, 3),
@@ -135,6 +135,13 @@ def sequence(
     write_json(target / "meta.json", meta)
     state.end()
     return meta
+
+
+def check_first_frame(scene: Scene) -> None:
+    """InputError where frames of its size are too large for the memory; warns of depth that can hardly be metres."""
+    check_memory([scene.frames[0].camera] * (2 * MOST_FRAMES))
+    if (depth := scene.frames[0].load().depth).any():
+        warn_of_scale(depth)
 
 
 def settings_of(plan: Plan, options: Options) -> dict[str, Any]:

@@ -16,7 +16,7 @@ from dlama.apps.options import Report, option
 from dlama.apps.places import check_file_apart
 from dlama.apps.terminal.output import report_result
 from dlama.errors import FileError, OutputError
-from dlama.models.cache import directory, expected, target_path
+from dlama.models.cache import directory, known_size_and_sha256, target_path
 from dlama.models.records import CATALOGUE, Record, record
 from dlama.models.verify import size_and_sha256, verify
 
@@ -82,7 +82,7 @@ class Info(Report):
             "what": entry.what,
             "from": "\n          ".join(entry.urls),
             "sha256": entry.sha256 or "unknown, pinned on first use",
-            "pinned": expected(entry)[1] if entry.sha256 is None or entry.member else None,
+            "pinned": known_size_and_sha256(entry)[1] if entry.sha256 is None or entry.member else None,
             "bytes": "unknown" if entry.bytes is None else str(entry.bytes),
             "licence": entry.licence,
             "contract": entry.contract,
