@@ -49,7 +49,7 @@ from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.inpainters.networks.contract import CONTRACT_KEY, Contract, from_metadata
-from dlama.models.cache import expected
+from dlama.models.cache import known_size_and_sha256
 from dlama.models.network_file import NetworkFile
 from dlama.models.records import CATALOGUE
 from dlama.nets.safetensors_file import read_safetensors, write_safetensors
@@ -363,7 +363,7 @@ def kept() -> list[Reader]:
 def pinned(path: Path) -> object:
     """The hashes and sizes in a folder of models."""
     os.environ["DLAMA_MODELS"] = str(path.parent)
-    return [expected(entry) for entry in CATALOGUE.values()]
+    return [known_size_and_sha256(entry) for entry in CATALOGUE.values()]
 
 
 def rows_of_stored(path: Path) -> object:
