@@ -23,7 +23,7 @@ from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.inpainters.layered.depth.surfaces import continue_lawfully
 from dlama.inpainters.layered.depth_first import find_occluders
 from dlama.perception.masks.salient import saliency
-from dlama.training.data.photos import Photo, square_crop
+from dlama.training.data.photos import read_photo, square_crop
 from dlama.training.data.samples.world_views import WorldSet
 from view_tasks import FillTask, photo_task, pipeline_tasks
 from world_cases import world_case
@@ -64,12 +64,12 @@ class Crop(NamedTuple):
     """S x S, the part of the hole whose truth is known: not what is hidden from the painter only."""
 
 
-def outlines_of(photos: Sequence[Photo]) -> list[BoolArray]:
+def outlines_of(photos: Sequence[Path]) -> list[BoolArray]:
     """The largest piece of the most salient object of each photo that has a fitting one, in its box."""
     found = []
     for photo in photos:
         try:
-            salient = saliency(photo.load()) > 0.5
+            salient = saliency(read_photo(photo)) > 0.5
         except MaskError:
             continue
         _, pieces, stats, _ = cv2.connectedComponentsWithStats(salient.astype(np.uint8))
@@ -81,7 +81,7 @@ def outlines_of(photos: Sequence[Photo]) -> list[BoolArray]:
     return found
 
 
-def write_worlds(folder: Path, count: int, photos: Sequence[Photo]) -> None:
+def write_worlds(folder: Path, count: int, photos: Sequence[Path]) -> None:
     """Squares of worlds with an object and without it, and its mask; every other world has photos as textures. OutputError."""
     folder.mkdir(parents=True, exist_ok=True)
     rng, sets = np.random.default_rng(1), [WorldSet("train", WORLD_SIDE, tuple(photos)), WorldSet("train", WORLD_SIDE)]
@@ -100,7 +100,7 @@ def write_worlds(folder: Path, count: int, photos: Sequence[Photo]) -> None:
         write_planes(folder / f"{number:04}.npz", planes)
 
 
-def write_views(folder: Path, count: int, photos: Sequence[Photo], first: int = 0, step: int = 1) -> None:
+def write_views(folder: Path, count: int, photos: Sequence[Path], first: int = 0, step: int = 1) -> None:
     """Views of photos and of worlds as a painter sees them, VIEW_SIDE pixels wide. OutputError."""
     folder.mkdir(parents=True, exist_ok=True)
     sets = [WorldSet("train", WORLD_SIDE, tuple(photos)), WorldSet("train", WORLD_SIDE)]
@@ -122,7 +122,7 @@ def write_views(folder: Path, count: int, photos: Sequence[Photo], first: int = 
                 break
 
 
-def draw_tasks(photos: Sequence[Photo], worlds: WorldSet, rng: np.random.Generator) -> list[FillTask]:
+def draw_tasks(photos: Sequence[Path], worlds: WorldSet, rng: np.random.Generator) -> list[FillTask]:
     """A photo from another place and back, or a world from another place."""
     if rng.random() < OF_PHOTOS:
         return [photo_task(photos[int(rng.integers(len(photos)))], WORLD_SIDE, rng)]
@@ -158,10 +158,10 @@ def write_planes(path: Path, planes: dict[str, np.ndarray]) -> None:
         np.savez(stream, **planes)
 
 
-def photo_crop(photos: Sequence[Photo], outlines: Sequence[BoolArray], side: int, rng: np.random.Generator) -> Crop:
+def photo_crop(photos: Sequence[Path], outlines: Sequence[BoolArray], side: int, rng: np.random.Generator) -> Crop:
     """A square of a photo that is at least so large."""
     while True:
-        picture = photos[int(rng.integers(len(photos)))].load()
+        picture = read_photo(photos[int(rng.integers(len(photos)))])
         if min(picture.shape[:2]) >= side:
             turned = rng.random() < TURNED
             square = square_crop(picture, min(picture.shape[:2]) if turned else side, rng)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -22,7 +23,7 @@ from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill
 from dlama.inpainters.layered.filler import layered
 from dlama.perception.monocular import estimate_depth
-from dlama.training.data.photos import Photo, square_crop
+from dlama.training.data.photos import read_photo, square_crop
 
 SMALLEST = 256
 """Height and width of a photo's square in pixels, at least."""
@@ -51,9 +52,9 @@ def pipeline_tasks(source: RGBD, camera: Camera, truths: Sequence[RGBD]) -> list
     return found
 
 
-def photo_task(photo: Photo, size: int, rng: np.random.Generator) -> FillTask:
+def photo_task(photo: Path, size: int, rng: np.random.Generator) -> FillTask:
     """A photo as seen from another camera and back: holes are what that camera does not see, by estimated depth."""
-    stored = photo.load()
+    stored = read_photo(photo)
     size = max(SMALLEST, min(size, *stored.shape[:2]))  # not enlarged: blurred truth would teach blur
     picture = square_crop(stored, size, rng)
     frame = estimate_depth(picture, Camera.from_fov(size, size, float(rng.uniform(50, 85)))).rgbd

@@ -21,7 +21,6 @@ HEAVY = (
     "matplotlib",
     "jinja2",
     "pytorch_lightning",
-    "tensorboard",
 )
 
 

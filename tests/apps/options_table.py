@@ -95,7 +95,6 @@ BASE = {
     "evaluate": "toy -o out",
     "worlds": "",
     "train": "tiny -o out",
-    "pack": "photos -o out",
     "models list": "",
     "models info": "u2netp",
     "models pull": "u2netp",
@@ -298,13 +297,6 @@ TRAIN = {
     "precision": Reach("--precision bf16", "train.settings", attribute("loop.precision", "bf16")),
     "devices": Reach("--devices 2", "train.settings", attribute("loop.devices", 2)),
 }
-PACK = {
-    "data": instead("a b -o out", "pack.data", (Path("a"), Path("b")), "photos -o out"),
-    "output": Reach("-o other", "pack.output", Path("other"), ("-o out",)),
-    "megabytes": Reach("--megabytes 3", "pack.megabytes", 3.0),
-    "size": Reach("--size 64", "pack.size", 64),
-    "seed": Reach("--seed 9", "pack.seed", 9),
-}
 SHOW = {
     "what": instead("scene.npz", "points_in.path", Path("scene.npz"), "out"),
     "output": Reach("-o page.html", "show_page.output", Path("page.html")),
@@ -430,7 +422,6 @@ TABLE: dict[str, dict[str, Reach]] = {
     "evaluate": {**EVALUATE, **REPORT},
     "worlds": {**WORLDS, **REPORT},
     "train": {**TRAIN, **REPORT},
-    "pack": {**PACK, **REPORT},
     "models list": REPORT,
     "models info": {"name": NAME, **REPORT},
     "models pull": {"name": NAME, **REPORT},

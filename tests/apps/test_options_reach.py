@@ -151,7 +151,7 @@ def _spy_on_jobs(spy: Callable[..., None]) -> None:
 
 
 def _spy_on_the_rest(spy: Callable[..., None]) -> None:
-    """evaluate, worlds, pack, models; `train` stands for itself, as it needs torch."""
+    """evaluate, worlds, models; `train` stands for itself, as it needs torch."""
     spy("dlama.apps.verbs.measuring.evaluating.open_dataset_or_worlds", Dataset("toy", "made-up", None, (), CASES))
     spy("dlama.apps.verbs.measuring.evaluating.run", SimpleNamespace(stored=(), reused=0, stale=0, failures=()))
     spy("dlama.apps.verbs.measuring.evaluating.write_report")
@@ -188,9 +188,8 @@ def _spy_on_the_rest(spy: Callable[..., None]) -> None:
 
 @pytest.fixture
 def training(monkeypatch: pytest.MonkeyPatch, calls: Calls) -> None:
-    """`dlama train` and `dlama pack` without a run and without a pack."""
+    """`dlama train` without a run."""
     pytest.importorskip("pytorch_lightning")
-    from dlama.training.data import pack
     from dlama.training.loop import train
 
     def no_run(*given: Any, **more: Any) -> Any:
@@ -198,18 +197,11 @@ def training(monkeypatch: pytest.MonkeyPatch, calls: Calls) -> None:
         calls.setdefault("train", []).append(dict(arguments))
         return SimpleNamespace(first=False)
 
-    def no_pack(*given: Any, **more: Any) -> list[str]:
-        bound = inspect.signature(packing).bind(*given, **more).arguments
-        calls.setdefault("pack", []).append(dict(bound))
-        bound["output"].write_bytes(b"pack")
-        return ["packed"]
-
-    original, packing = train.train, pack.pack
+    original = train.train
     monkeypatch.setattr(train, "train", no_run)
-    monkeypatch.setattr(pack, "pack", no_pack)
 
 
-NEED_TORCH = ("train", "pack")
+NEED_TORCH = ("train",)
 """Verbs whose modules take longer to import than all other rows take together."""
 ROWS = [
     pytest.param(verb, name, id=f"{verb} {name}", marks=[pytest.mark.slow] if verb in NEED_TORCH else [])

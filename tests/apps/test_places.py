@@ -35,8 +35,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     small_frame(tmp_path)
     (tmp_path / "scenes").mkdir()
     (tmp_path / "model.pt").write_bytes(b"weights")
-    for name in ("pack.dlama", "scene.webp"):
-        (tmp_path / name).write_bytes(b"pack")
+    (tmp_path / "scene.webp").write_bytes(b"scene")
     (tmp_path / "jobs.csv").write_text("id,verb,image,yaw\na,view,image.png,5\n")
     monkeypatch.chdir(tmp_path)
 
@@ -67,7 +66,6 @@ REFUSED = {
     "evaluate": ("evaluate scenes -o scenes", "--output is scenes, an input of this run (data set)"),
     "worlds": ("worlds --textures scenes -o scenes", "(folder of textures)"),
     "train": ("train tiny --data scenes -o scenes", "(data scenes)"),
-    "pack": ("pack pack.dlama -o pack.dlama", "--output is pack.dlama, an input of this run (data pack.dlama)"),
     "sequence": ("sequence scenes -o scenes", "--output is scenes, an input of this run (data set)"),
     "video": ("video scene.webp -o scene.webp", "--output is scene.webp, an input of this run (what is shown)"),
     "show": ("show scene.webp -o scene.webp", "--output is scene.webp, an input of this run (what is shown)"),

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from dlama.files.rasters.pictures import write_color
 from dlama.inpainters import model_file
-from dlama.training.data.photos import Photo
 from painter_crops import (
     HOLE_SHARES,
     VIEW_SHARES,
@@ -96,7 +96,8 @@ def test_crops_of_photos_and_worlds(tmp_path):
     rng = np.random.default_rng(0)
     picture = np.full((300, 280, 3), (60, 120, 40), np.uint8)
     picture[90:210, 80:180] = 230, 40, 30
-    photos = [Photo("a", lambda: picture)]
+    photos = [tmp_path / "a.png"]
+    write_color(photos[0], picture)
     outlines = outlines_of(photos)
     assert len(outlines) == 1 and abs(outlines[0].shape[0] - 120) < 30 and abs(outlines[0].shape[1] - 100) < 30
     for _ in range(20):
@@ -130,7 +131,8 @@ def test_crops_of_views(tmp_path):
     rows, columns = np.indices((300, 280))
     picture = np.stack([rows // 2, columns // 2, (rows + columns) // 4], 2).astype(np.uint8)
     picture[90:210, 80:180] = 230, 40, 30
-    write_views(tmp_path, 3, [Photo("a", lambda: picture)])
+    write_color(tmp_path / "a.png", picture)
+    write_views(tmp_path, 3, [tmp_path / "a.png"])
     files = sorted(tmp_path.glob("*.npz"))
     assert len(files) == 3
     for file in files:

@@ -9,7 +9,6 @@ import dlama
 from dlama.geometry.camera import Camera
 from dlama.geometry.rendering import render
 from dlama.geometry.trajectories import orbit
-from dlama.training.data.photos import Photo, read_photo
 from view_tasks import SMALLEST, photo_task, pipeline_tasks
 from worlds import Box, Plane, Sphere, World
 
@@ -32,7 +31,7 @@ def test_a_filler_is_asked_for_what_the_other_camera_does_not_see() -> None:
 def test_a_photo_loses_what_another_camera_does_not_see() -> None:
     """Law: the view shows the photo bit for bit where it is known and nothing elsewhere; the truth is the photo."""
     file = dlama.example() / "street.jpg"
-    task = photo_task(Photo(file.stem, lambda: read_photo(file)), 2 * SMALLEST, np.random.default_rng(3))
+    task = photo_task(file, 2 * SMALLEST, np.random.default_rng(3))
     hole = task.view.hole
     assert hole.any() and not hole.all() and min(hole.shape) >= SMALLEST
     np.testing.assert_array_equal(task.view.color[~hole], task.truth.color[~hole])

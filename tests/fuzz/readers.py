@@ -54,8 +54,6 @@ from dlama.models.network_file import NetworkFile
 from dlama.models.records import CATALOGUE
 from dlama.nets.safetensors_file import read_safetensors, write_safetensors
 from dlama.nets.torch_file import TorchFile
-from dlama.training.data.pack import pack
-from dlama.training.data.pack_format import read_pack
 from dlama.training.presets import PRESETS, from_json, to_json
 
 RNG = np.random.default_rng(0)
@@ -161,28 +159,11 @@ def every_tensor(path: Path) -> None:
     file.read(file.tensors)
 
 
-def every_case(path: Path) -> None:
-    """All photos and cases of a pack."""
-    photos, cases = read_pack(path)
-    for each in (*photos, *cases):
-        each.load()
-
-
 def frames_of(folder: Path) -> None:
     """A data set, and its first frame."""
     found = open_dataset(folder)
     for frame in found.frames[:1]:
         frame.load()
-
-
-def photo_pack() -> bytes:
-    """A pack of one photo."""
-    with tempfile.TemporaryDirectory() as folder:
-        photos = Path(folder) / "photos"
-        photos.mkdir()
-        Image.fromarray(RNG.integers(0, 256, (64, 64, 3), dtype=np.uint8)).save(photos / "a.png")
-        pack([photos], Path(folder) / "a.pack", megabytes=1, size=64)
-        return (Path(folder) / "a.pack").read_bytes()
 
 
 def torch_pickle() -> bytes:
@@ -326,23 +307,16 @@ def photo_with_depth() -> bytes:
 
 
 def networks() -> list[Reader]:
-    """Weights, packs, networks."""
+    """Weights, networks."""
     tensors = {"w": RNG.random((2, 3), np.float32), "n": np.arange(3)}
     weights = made(lambda path: write_safetensors(path, tensors), ".safetensors")
     storage = {"a/data/0": bytes(32), "a/version": b"3\n"}
-    packed = photo_pack()
-    with zipfile.ZipFile(io.BytesIO(packed)) as archive:
-        inside = {name: archive.read(name) for name in archive.namelist()}
-    photo = next(name for name in inside if name.endswith(".webp"))
     return [
         Reader("weights.safetensors", weights, read_safetensors),
         Reader("pickle.pt", torch_pickle(), every_tensor, zipped("a/data.pkl", **storage)),
         Reader("object.pt", pickle.dumps({"state_dict": {"w": 1}, "x": [{}, (1, "a")]}, 2), every_tensor,
                zipped("a/data.pkl", **storage), "pickle"),
         Reader("whole.pt", zipped("a/data.pkl", **storage)(torch_pickle()), every_tensor),
-        Reader("index.pack", inside["index.json"], every_case, zipped("index.json", **{photo: inside[photo]})),
-        Reader("photo.pack", inside[photo], every_case, zipped(photo, **{"index.json": inside["index.json"]})),
-        Reader("whole.pack", packed, every_case),
         Reader("network.onnx", onnx_file(), lambda path: NetworkFile(path, "cpu", 1).session),
     ]  # fmt: skip
 

@@ -98,28 +98,28 @@ def test_an_unknown_name_lists_the_presets():
 
 def test_kinds_are_whole():
     """Oracle: the other places that know a kind by its name; a kind that is missing in one of them is seen here."""
-    from dlama.training.data.sources import MAKERS
+    from dlama.training.data.sources import EXAMPLES
 
-    assert set(get_args(Planes)) == set(PLANES) and list(MAKERS) == list(SAMPLES)
+    assert set(get_args(Planes)) == set(PLANES) and list(EXAMPLES) == list(SAMPLES)
     for name, planes in PLANES.items():
         network = NetworkSettings(name)
         assert (network.generator.in_channels, network.generator.out_channels) == (planes.inputs, planes.outputs)
         assert planes.inputs == planes.outputs + planes.masks == 3 * planes.views + planes.has_depth + planes.masks
-    assert {views for kind in SAMPLES.values() for views in kind.views} == {planes.views for planes in PLANES.values()}
+    assert {kind.views for kind in SAMPLES.values()} == {planes.views for planes in PLANES.values()}
 
 
 def test_old_settings_files_still_load():
     """Oracle: the files of published runs, and the kinds and settings that the first edition wrote."""
     folder = Path(__file__).parents[2] / "benchmarks" / "training_settings"
     assert len([settings_of(path) for path in folder.glob("*.json")]) >= 3
-    first = {"data": {"mixture": dict.fromkeys(("sketch", "world", "frame", "removal"), 1.0), "cases": 0.25}}
+    first = {"data": {"mixture": dict.fromkeys(("world", "frame", "removal"), 1.0), "cases": 0.25}}
     found = from_json(json.dumps(first | {"loop": {"validate_every": 5, "sheet_every": 7}}))
     assert found.data.cases == 0.25 and set(found.data.mixture) == set(first["data"]["mixture"])
 
 
 def test_settings_load_no_torch():
-    """Oracle: sys.modules of a fresh interpreter. The command line's help must be quick, and packing needs no torch."""
-    modules = "sys, dlama.training.presets, dlama.apps.verbs.networks.train, dlama.training.data.pack"
+    """Oracle: sys.modules of a fresh interpreter. The command line's help must be quick."""
+    modules = "sys, dlama.training.presets, dlama.apps.verbs.networks.train"
     code = f"import {modules}; print('torch' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"

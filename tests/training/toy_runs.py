@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
-from dlama.training.data.samples.toy_scenes import ToyScenes
+from dlama.training.data.sources import SampleSource, source_for
 from dlama.training.settings import (
     DataSettings,
     LoopSettings,
@@ -32,17 +31,28 @@ def toy(planes: str = "rgbd", size: int = 32, **loop: object) -> TrainSettings:
         network=network,
         loss=LossSettings(trunk="random", trunk_width=4),
         optimiser=OptimiserSettings(average=0.9),
-        data=DataSettings(size=size, mixture={"sketch": 1.0}, held_out=2, workers=0),
+        data=DataSettings(size=size, mixture={kind_for(network): 1.0}, held_out=2, workers=0),
         loop=replace(quiet, **loop),
     )
 
 
+def kind_for(network: NetworkSettings) -> str:
+    """Samples of worlds with an object removed, for such a network."""
+    return "stereo" if network.kind.views == 2 else "removal"
+
+
+def world_source(network: NetworkSettings, size: int, split: Literal["train", "held_out"] = "train") -> SampleSource:
+    """The samples of a run on worlds alone."""
+    data = DataSettings(size=size, mixture={kind_for(network): 1.0})
+    return source_for(TrainSettings("toy", network=network, data=data), [], split)
+
+
 class Four:
-    """The same four sketches again and again; whatever is held out, it is these."""
+    """The same four samples again and again; whatever is held out, it is these."""
 
     def __init__(self, network: NetworkSettings, size: int) -> None:
-        sketches = ToyScenes(network, size, "train")
-        self.made = [sketches.sample(i, np.random.default_rng(i)) for i in range(4)]
+        source = world_source(network, size)
+        self.made = [source.sample(i, np.random.default_rng(i)) for i in range(4)]
 
     def __len__(self) -> int:
         return len(self.made)
@@ -52,16 +62,16 @@ class Four:
         return self.made[index]
 
 
-class Spoiled(ToyScenes):
-    """ToyScenes whose target is NaN in some calls."""
+class Spoiled(Four):
+    """Samples whose target is NaN in some calls."""
 
     def __init__(self, settings: TrainSettings, calls: set[int]) -> None:
-        super().__init__(settings.network, settings.data.size, "train")
+        super().__init__(settings.network, settings.data.size)
         self.calls, self.count = calls, 0
 
     def sample(self, index: int, rng: np.random.Generator) -> dict[str, np.ndarray]:
         """Counts its calls, which `dlama.training` never promises: for a run without workers only."""
-        made = super().sample(index, rng)
+        made = dict(super().sample(index, rng))
         if self.count in self.calls:
             made["target"] = made["target"] * np.float32(np.nan)
         self.count += 1
@@ -89,10 +99,3 @@ def keep_statistics(train: Callable[..., Any]) -> Callable[..., Any]:
         return self
 
     return train_but_norms
-
-
-def no_tensorboard() -> None:
-    """Some of its imports warn of Python's own changes; that is nobody's fault here."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        import torch.utils.tensorboard  # noqa: F401

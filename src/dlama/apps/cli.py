@@ -26,7 +26,7 @@ from dlama.apps.verbs.measuring.doctor import doctor
 from dlama.apps.verbs.measuring.evaluate import evaluate
 from dlama.apps.verbs.measuring.worlds import worlds
 from dlama.apps.verbs.networks.model_verbs import models
-from dlama.apps.verbs.networks.train import pack, train
+from dlama.apps.verbs.networks.train import train
 from dlama.apps.verbs.photo3d import photo3d
 from dlama.apps.verbs.pictures import depth, mask, remove, stereo, view
 from dlama.apps.verbs.sequence import sequence
@@ -93,7 +93,6 @@ VERBS: dict[str, Callable[..., Any]] = {
     "evaluate": evaluate,
     "worlds": worlds,
     "train": train,
-    "pack": pack,
 }
 
 

@@ -81,11 +81,10 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "train": (
         "dlama train presets",
         "dlama train tiny -o run",
-        "dlama train small-rgbd --data pack.dlama --max-minutes 40 -o run",
+        "dlama train small-rgbd --data photos/ rooms/ --max-minutes 40 -o run",
         "dlama train small-rgbd --resume -o run",
         "dlama train my-settings.json --start big-lama.ckpt --data photos/ rooms/ -o run",
     ),
-    "pack": ("dlama pack photos/ rooms/ -o pack.dlama --megabytes 45",),
     "demo": (
         "dlama demo",
         "dlama demo -o /tmp/demo",

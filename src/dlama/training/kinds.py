@@ -1,7 +1,7 @@
 """The name of a planes kind or a sample kind in -> what it is, out: the two tables that a new kind is added to. Needs no torch.
 
 A new kind of planes is one entry of PLANES, and keys of its own in `data.batches.keys_of` where it has any. A new kind of sample
-is one entry of SAMPLES and one function in `data.sources.MAKERS`. A new loss term is one weight in `settings.LossSettings` and
+is one entry of SAMPLES and one in `data.sources.EXAMPLES`. A new loss term is one weight in `settings.LossSettings` and
 one entry in `losses.terms.GENERATOR_TERMS`.
 """
 
@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Literal
+
+from dlama.datasets.frames import Protocol
 
 Planes = Literal["rgb", "rgbd", "stereo", "stereo-two-masks"]
 """The keys of PLANES."""
@@ -57,22 +59,19 @@ PLANES: dict[str, PlanesKind] = {
 class SampleKind:
     """What samples of a kind are made of."""
 
-    views: tuple[int, ...] = (1,)
-    """Pictures per sample that it can give: 1 for one view, 2 for a stereo pair."""
-    photos: bool = False
-    """Whether photos of the data are used, as textures of worlds."""
-    cases: str | None = None
-    """The kind of dataset case that samples can be made of: frame, removal, stereo (see `data.cases.TrainingCase`)."""
-    cases_required: bool = False
-    """Whether there are no samples without such cases; else what no case gives is made of procedural worlds, the share that is
-    `data.cases` less than 1."""
+    views: int = 1
+    """Pictures per sample: 2 for a stereo pair."""
+    cases: Protocol | None = None
+    """The protocol of the dataset's cases that samples can be made of."""
+    worlds: bool = True
+    """Whether samples can be made of procedural worlds, with photos of the data as textures: all where there is no case, else the
+    share that is `data.cases` less than 1."""
 
 
 SAMPLES: dict[str, SampleKind] = {
-    "sketch": SampleKind(views=(1, 2)),
-    "world": SampleKind(photos=True),
-    "frame": SampleKind(cases="frame", cases_required=True),
-    "removal": SampleKind(photos=True, cases="removal"),
-    "stereo": SampleKind(views=(2,), photos=True, cases="stereo"),
+    "world": SampleKind(),
+    "frame": SampleKind(cases="vpi", worlds=False),
+    "removal": SampleKind(cases="ori"),
+    "stereo": SampleKind(views=2, cases="sii"),
 }
-"""Names are those of `data.mixture` in settings files; `sketch` are the scenes of `data.samples.toy_scenes`."""
+"""Names are those of `data.mixture` in settings files."""

@@ -53,7 +53,7 @@ def _tiny() -> TrainSettings:
         network=network,
         loss=LossSettings(trunk="random", trunk_width=8),
         optimiser=OptimiserSettings(average=0.9),
-        data=DataSettings(size=64, mixture={"sketch": 1.0}, held_out=4, workers=0),
+        data=DataSettings(size=64, held_out=4, workers=0),
         loop=replace(intervals, steps=40, batch=4, accelerator="cpu"),
     )
 

@@ -166,7 +166,7 @@ class DataSettings:
     size: int = 256
     """Height and width of a sample in pixels."""
     mixture: Mapping[str, float] = field(default_factory=lambda: {"world": 1.0})
-    """Kind of sample -> its share: sketch, world, frame, removal, stereo."""
+    """Kind of sample -> its share: world, frame, removal, stereo."""
     cases: float = 0.5
     """Share of the samples of kinds removal and stereo that is made of the dataset's cases (frames with and without an object,
     stereo pairs); the rest, and all where the data has no such cases, are made of worlds."""
@@ -250,7 +250,7 @@ class TrainSettings:
             raise InputError(f"data.size is {self.data.size}; {expected} is expected by {net.downsamplings} halvings")
         if not self.name or not all(letter.isalnum() or letter in "-_." for letter in self.name):
             raise InputError(f"name is {self.name!r}; letters, digits, '-', '_' and '.' are expected")
-        unfit = [kind for kind in sorted(self.data.mixture) if self.network.kind.views not in SAMPLES[kind].views]
+        unfit = [kind for kind in sorted(self.data.mixture) if self.network.kind.views != SAMPLES[kind].views]
         if unfit:
             raise InputError(f"data.mixture has {unfit}, which planes {self.network.planes!r} do not learn from")
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+from toy_runs import world_source
 
 from dlama.geometry.camera import Camera
 from dlama.geometry.drawing.grid_mesh import find_flying_pixels as flying_pixels
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import View
 from dlama.training.data import augment
-from dlama.training.data.samples.toy_scenes import ToyScenes
 from dlama.training.settings import NetworkSettings
 
 CAMERA = Camera.from_fov(96, 72, 70)
@@ -75,8 +75,8 @@ def test_faults_from_one_state_are_the_same() -> None:
 
 
 def sample(planes: str) -> dict[str, np.ndarray]:
-    """A sketch whose right picture is the left one, moved."""
-    return ToyScenes(NetworkSettings(planes), 64, "train").sample(3, np.random.default_rng(0))
+    """A frame or a pair of a world with an object removed."""
+    return world_source(NetworkSettings(planes), 64).sample(3, np.random.default_rng(0))
 
 
 def test_mirrored_pairs_stay_pairs() -> None:

@@ -14,15 +14,13 @@ import pytest
 torch = pytest.importorskip("torch", reason="training needs torch: pip install 'dlama[train]'")
 pytest.importorskip("pytorch_lightning", reason="the loop needs Lightning: pip install 'dlama[train]'")
 
-from toy_runs import no_tensorboard, toy  # noqa: E402
+from toy_runs import toy  # noqa: E402
 
 from dlama.errors import FileError, OutputError  # noqa: E402
 from dlama.training.loop import callbacks  # noqa: E402
 from dlama.training.loop.checkpointing import read_checkpoint, write_checkpoint  # noqa: E402
 from dlama.training.loop.run_files import LAST, METRICS, SETTINGS, MetricsTable, lock_run, read_metrics  # noqa: E402
 from dlama.training.loop.train import train  # noqa: E402
-
-no_tensorboard()
 
 
 class Killed(BaseException):

@@ -11,19 +11,16 @@ import pytest
 torch = pytest.importorskip("torch", reason="training needs torch: pip install 'dlama[train]'")
 pytest.importorskip("pytorch_lightning", reason="the loop needs Lightning: pip install 'dlama[train]'")
 
-from toy_runs import Exploit, no_tensorboard, toy  # noqa: E402
+from toy_runs import Exploit, toy, world_source  # noqa: E402
 
 from dlama.errors import FileError, InputError, OutputError  # noqa: E402
 from dlama.training.data.loader import BatchNumbers, NumberedSamples, batch_loader  # noqa: E402
-from dlama.training.data.samples.toy_scenes import ToyScenes  # noqa: E402
 from dlama.training.loop import callbacks  # noqa: E402
 from dlama.training.loop.checkpointing import LAST, read_checkpoint  # noqa: E402  # noqa: E402
 from dlama.training.loop.module import TrainingModule  # noqa: E402
 from dlama.training.loop.run_files import read_metrics  # noqa: E402
 from dlama.training.loop.train import train  # noqa: E402
 from marks import first_quick  # noqa: E402
-
-no_tensorboard()
 
 
 class Restless(TrainingModule):
@@ -192,7 +189,7 @@ def test_sources_too_large_to_shuffle():
 def test_workers_give_the_same_batches():
     """Oracle: the batches made without workers."""
     settings = toy()
-    source = ToyScenes(settings.network, 32, "train")
+    source = world_source(settings.network, 32, "train")
     made = [
         list(
             batch_loader(source, replace(settings, data=replace(settings.data, workers=workers)), BatchNumbers(4, 2, 2))

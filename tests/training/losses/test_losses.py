@@ -11,15 +11,13 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="training needs torch: pip install 'dlama[train]'")
 
-from toy_runs import Exploit  # noqa: E402
+from toy_runs import Exploit, world_source  # noqa: E402
 
 from dlama.errors import FileError, ShapeError  # noqa: E402
 from dlama.nets.architecture import DiscriminatorSettings  # noqa: E402
 from dlama.nets.generator import Discriminator  # noqa: E402
 from dlama.nets.safetensors_file import read_safetensors  # noqa: E402
 from dlama.training.data.batches import check_sample, composite, hole_planes, pictures  # noqa: E402
-from dlama.training.data.samples.toy_scenes import ToyScenes  # noqa: E402
-from dlama.training.kinds import PLANES  # noqa: E402
 from dlama.training.loop.validation import hole_metrics, metric_names, telea  # noqa: E402
 from dlama.training.losses import pixels, terms, trunks  # noqa: E402
 from dlama.training.losses.perceptual import PerceptualLoss, perceptual_loss, reference_picture  # noqa: E402
@@ -218,7 +216,7 @@ def four_scenes(source):
 def test_terms_of_halves_are_those_of_the_whole():
     """Oracle: law; the mean over two half batches is the mean over the batch, whatever their holes and unknown pixels."""
     network = NetworkSettings("rgbd")
-    batch = four_scenes(ToyScenes(network, 32, "train"))
+    batch = four_scenes(world_source(network, 32, "train"))
     batch["known_depth"][1, :, :9] = 0
     output = torch.rand(4, 4, 32, 32, generator=torch.Generator().manual_seed(0))
     weights = replace(PIXELS, l1_hole=1.0)
@@ -298,21 +296,6 @@ def test_the_random_trunk_is_always_the_same():
     torch.set_rng_state(state)
 
 
-@pytest.mark.parametrize("planes", PLANES)
-@pytest.mark.parametrize("split", ["train", "held_out"])
-def test_sketches_keep_the_contract(planes, split):
-    """Oracle: the contract's own check; the same index and random numbers give the same sample."""
-    network = NetworkSettings(planes)
-    source = ToyScenes(network, 32, split)
-    for index in range(20):
-        sample = source.sample(index, np.random.default_rng(index))
-        check_sample(sample, network, 32)
-        again = source.sample(index, np.random.default_rng(index))
-        assert all(np.array_equal(sample[key], again[key]) for key in sample)
-        if network.kind.has_depth:
-            assert (sample["target"][-1] <= sample["limit"][0] + 1e-6).all()
-
-
 @pytest.mark.parametrize(
     ("key", "change"),
     [
@@ -327,7 +310,7 @@ def test_sketches_keep_the_contract(planes, split):
 def test_samples_off_the_contract_are_refused(key, change):
     """Oracle: law; the message names the key."""
     network = NetworkSettings("rgbd")
-    sample = ToyScenes(network, 32, "train").sample(0, np.random.default_rng(0))
+    sample = world_source(network, 32, "train").sample(0, np.random.default_rng(0))
     with pytest.raises(ShapeError, match=key):
         check_sample(sample | {key: change(sample[key])}, network, 32)
 
@@ -335,7 +318,7 @@ def test_samples_off_the_contract_are_refused(key, change):
 def test_metrics_of_the_truth_and_of_telea():
     """Oracle: closed form; the truth is perfect, a grey hole has the truth's distance from grey, Telea is in between."""
     network = NetworkSettings("rgbd")
-    batch = four_scenes(ToyScenes(network, 64, "held_out"))
+    batch = four_scenes(world_source(network, 64, "held_out"))
     perfect = hole_metrics(batch["target"], batch, network)
     assert list(perfect) == metric_names(network)
     assert perfect["color_l1"] == perfect["depth_l1"] == perfect["law_broken"] == 0

@@ -1,1 +1,1 @@
-"""Photos, data sets, worlds and packs in -> batches out. Begin with `sources`, then `loader`; `batches` says what a sample is."""
+"""Photos, data sets and worlds in -> batches out. Begin with `sources`, then `loader`; `batches` says what a sample is."""

@@ -1,12 +1,10 @@
-"""Folders of pictures in -> photos by name, read on demand, and which of them are held out, out."""
+"""Folders of pictures in -> the files of photos, and which of them are held out, out."""
 
 from __future__ import annotations
 
-import functools
 import hashlib
 import re
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from pathlib import Path
 
 import cv2
@@ -23,17 +21,7 @@ FRAME_NUMBER = re.compile(r"[_-][a-z]?\d{5,}$")
 """Ends the name of a video's frame: neighbouring frames look alike, so all frames of a video are in one split."""
 
 
-@dataclass(frozen=True)
-class Photo:
-    """A picture without depth, not yet read."""
-
-    name: str
-    """File name without folder and suffix: the same in a folder and in a pack."""
-    load: Callable[[], UInt8Array]
-    """H x W x 3 RGB; picklable."""
-
-
-def folder_photos(folder: Path) -> tuple[Photo, ...]:
+def folder_photos(folder: Path) -> tuple[Path, ...]:
     """All PNG, JPEG, WebP, TIFF and HEIC pictures in a folder and below, by path. FileError where there are none."""
     if not folder.is_dir():
         raise FileError(f"{folder}: no such folder; a folder of pictures is expected")
@@ -42,7 +30,7 @@ def folder_photos(folder: Path) -> tuple[Photo, ...]:
     paths = sorted(path for path in folder.rglob("*") if path.suffix.lower() in SUFFIXES and path.is_file())
     if not paths:
         raise FileError(f"{folder}: holds no picture ({', '.join(SUFFIXES)}) and is no data set of a known layout")
-    return tuple(Photo(path.stem, functools.partial(read_photo, path)) for path in paths)
+    return tuple(paths)
 
 
 def read_photo(path: Path) -> UInt8Array:
@@ -53,13 +41,13 @@ def read_photo(path: Path) -> UInt8Array:
     return srgb_of(read_stored(path), path)
 
 
-def split_photos(photos: Sequence[Photo], split: str) -> tuple[Photo, ...]:
+def split_photos(photos: Sequence[Path], split: str) -> tuple[Path, ...]:
     """The photos of one split (`train`, `held_out`), by a hash of their names; a video's frames stay together."""
-    groups = {photo.name: FRAME_NUMBER.sub("", photo.name) for photo in photos}
+    groups = {photo.stem: FRAME_NUMBER.sub("", photo.stem) for photo in photos}
     if len(set(groups.values())) < 2:
         groups = {name: name for name in groups}
     held = held_out_names(set(groups.values()), "photos")
-    return tuple(photo for photo in photos if (groups[photo.name] in held) == (split == "held_out"))
+    return tuple(photo for photo in photos if (groups[photo.stem] in held) == (split == "held_out"))
 
 
 def held_out_names(names: set[str], what: str) -> set[str]:

@@ -16,7 +16,7 @@ from dlama.errors import DlamaError, OutputError
 from dlama.training.data.batches import Batch
 from dlama.training.loop.checkpointing import checkpoint_of, random_state, set_random_state, write_checkpoint
 from dlama.training.loop.module import TrainingModule, rate_factor
-from dlama.training.loop.run_files import LAST, SHEETS, Curves, MetricsTable
+from dlama.training.loop.run_files import LAST, SHEETS, MetricsTable
 from dlama.training.loop.validation import metric_names, outputs_of, scores_of, write_sheet
 from dlama.training.losses.terms import DISCRIMINATOR_TERMS, used_terms
 from dlama.training.settings import TrainSettings
@@ -127,19 +127,17 @@ class RunCallback(pl.Callback):
         self.settings, self.run, self.held_out, self.random_states = settings, run, held_out, random_states
         self.stopwatch, self.stop = Stopwatch(seconds), StopRequest(deadline)
         self.table: MetricsTable | None = None
-        self.curves: Curves | None = None
         self.device = torch.device("cpu")
         self._checkpoint_step = self._row_step = -1
 
     def on_train_start(self, trainer: pl.Trainer, module: pl.LightningModule) -> None:
-        """Open the files, and listen for signals."""
+        """Begin the table, and listen for signals."""
         assert isinstance(module, TrainingModule)
         self.device = module.device
         failed: str | None = None
         if trainer.is_global_zero:
             try:
                 self.table = MetricsTable(self.run, columns(self.settings), module.step)
-                self.curves = Curves(self.run, module.step)
             except (OSError, DlamaError) as error:
                 failed = str(error)
             LOG.info("%s", module.perceptual.note if module.perceptual else "no perceptual term")
@@ -190,12 +188,6 @@ class RunCallback(pl.Callback):
     def on_exception(self, trainer: pl.Trainer, module: pl.LightningModule, exception: BaseException) -> None:
         """Nothing is saved: the last checkpoint is of a good state."""
         self.stop.stop_listening()
-        self.close()
-
-    def close(self) -> None:
-        """Close the files; more than once does no harm."""
-        if self.curves is not None:
-            self.curves.close()
 
     def _validate(self, module: TrainingModule) -> dict[str, float]:
         return {} if self.held_out is None else scores_of(module.average, self.held_out, self.settings, module.device)
@@ -211,7 +203,7 @@ class RunCallback(pl.Callback):
             LOG.warning("step %d: %s; the run continues", module.step, error)
 
     def _write_row(self, module: TrainingModule, scores: dict[str, float]) -> None:
-        if self.table is None or self.curves is None:
+        if self.table is None:
             return
         rate, waiting = self.stopwatch.row(module.samples)
         self._row_step = module.step
@@ -225,7 +217,6 @@ class RunCallback(pl.Callback):
         progress = {"step": module.step, "samples": module.samples, "seconds": seconds, **dict(zip(SPEED, speed))}
         terms = {name: float(value) for name, value in module.latest.items()}
         row = progress | terms | {f"held_out_{name}": value for name, value in scores.items()}
-        self.curves.add(row)
         try:
             self.table.add(row)
         except OSError as error:

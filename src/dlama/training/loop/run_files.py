@@ -1,4 +1,4 @@
-"""A run directory: settings.json, metrics.csv, log.txt, tensorboard/, sheets/, last.ckpt, and at the end the network.
+"""A run directory: settings.json, metrics.csv, log.txt, sheets/, last.ckpt, and at the end the network.
 
 Rows and lines in -> files out. Only the first process of a run writes.
 """
@@ -170,42 +170,6 @@ class MetricsTable:
                 csv.DictWriter(stream, self.columns).writerow(row)
         except OSError as error:
             raise OutputError(f"{self.path}: cannot be written ({error.strerror or error})") from error
-
-
-class Curves:
-    """The numbers of metrics.csv for TensorBoard, in tensorboard/; nothing where that is not installed, which is logged.
-
-    step: the run begins after it, points of later steps are not shown.
-    """
-
-    def __init__(self, run: Path, step: int) -> None:
-        self._writer: Any = None
-        try:
-            import tensorboard  # noqa: F401
-            from torch.utils.tensorboard import SummaryWriter
-        except ImportError:
-            LOG.info(
-                "TensorBoard is not installed (pip install 'dlama[train]'): its files are not written, metrics.csv is"
-            )
-            return
-        self._writer = SummaryWriter(str(run / "tensorboard"), purge_step=step + 1 if step else None)
-
-    def add(self, values: Mapping[str, Any]) -> None:
-        """Append one row; where that fails, which is logged, no more are written."""
-        try:
-            for name, value in values.items():
-                if self._writer is not None and name != "step":
-                    self._writer.add_scalar(name, value, values["step"])
-        except Exception as error:  # its thread raises again any error it met while writing
-            LOG.warning("no more TensorBoard files are written: %s", error)
-            self._writer = None
-
-    def close(self) -> None:
-        """Write what is left; more than once does no harm."""
-        if self._writer is not None:
-            with suppress(Exception):  # a full disk: metrics.csv has the same numbers
-                self._writer.close()
-            self._writer = None
 
 
 def rows_before(path: Path, step: int) -> list[dict[str, str]]:

@@ -20,10 +20,10 @@ from pytorch_lightning.utilities.rank_zero import rank_zero_only
 from dlama import __version__
 from dlama.errors import InputError, OutputError, system_errors
 from dlama.files.atomic_write import new_file
+from dlama.models.network_file import processor_count
 from dlama.training.data.batches import Batch, check_sample
 from dlama.training.data.loader import BatchNumbers, NumberedSamples, batch_loader, held_out_batch
 from dlama.training.data.sources import SampleSource, source_for
-from dlama.training.limits import check_machine
 from dlama.training.loop.callbacks import ALL_STEPS, TIME_IS_UP, RunCallback
 from dlama.training.loop.checkpointing import read_checkpoint, restore
 from dlama.training.loop.export import export, model_card
@@ -73,7 +73,7 @@ def train(
     Args:
         settings: of a new run; of a resumed one they must be the same, see `run_files.MAY_CHANGE`.
         run: directory; made where it is missing, must not hold a run unless `resume`.
-        data: folders of pictures, datasets or packs that samples are made of; none: procedural worlds.
+        data: folders of pictures or datasets that samples are made of; none: procedural worlds.
         max_minutes: stop after so long, with a checkpoint and an export; default: no limit.
         resume: continue from `last.ckpt`; the numbers are those of a run that was never stopped.
     Raises:
@@ -84,7 +84,7 @@ def train(
     _refuse_worker()
     first = getattr(rank_zero_only, "rank", 0) == 0
     if first:
-        check_machine(settings)
+        check_devices(settings)
         prepare(run, settings, resume)
     deadline = math.inf if max_minutes is None else began + 60 * max_minutes
     with ExitStack() as stack:
@@ -120,12 +120,9 @@ def _train(
         restore(module, checkpoint, processes)
     before = checkpoint.get("seconds", 0.0)
     callback = RunCallback(settings, run, deadline, validation, checkpoint.get("random_states"), before)
-    try:
-        _fit(module, callback, source, settings)
-        whole = validation is not None and callback.stop.reason in (ALL_STEPS, TIME_IS_UP)
-        network = _finish(module, callback, settings, made_of) if whole else None
-    finally:
-        callback.close()
+    _fit(module, callback, source, settings)
+    whole = validation is not None and callback.stop.reason in (ALL_STEPS, TIME_IS_UP)
+    network = _finish(module, callback, settings, made_of) if whole else None
     return TrainingResult(run, module.step, callback.stop.reason, network, first=validation is not None)
 
 
@@ -135,6 +132,17 @@ def _checkpoint(run: Path) -> dict[str, Any]:
         return read_checkpoint(run / LAST)
     LOG.info("the run was ended before its first checkpoint, so it begins anew")
     return {}
+
+
+def check_devices(settings: TrainSettings) -> None:
+    """Raise InputError for more GPUs or, on a CPU, more processes than this computer has."""
+    loop, gpus = settings.loop, torch.cuda.device_count() if torch.cuda.is_available() else 0
+    on_gpu = loop.accelerator == "gpu" or (loop.accelerator == "auto" and gpus > 0)
+    there, what = (gpus, "GPUs") if on_gpu else (processor_count(), "processor cores")
+    if loop.devices > there:
+        raise InputError(
+            f"`loop.devices` is {loop.devices}; this computer has {there} {what}, so at most {there} is expected"
+        )
 
 
 def _refuse_worker() -> None:

@@ -1,4 +1,4 @@
-"""Frames with and without a thing, and stereo pairs, from folders and packs: what goes in is what the files show."""
+"""Frames with and without a thing, and stereo pairs, from folders: what goes in is what the files show."""
 
 from __future__ import annotations
 
@@ -9,17 +9,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dlama.datasets.frames import RemovalTruth
+from dlama.datasets.frames import Case, RemovalTruth, StereoTruth
 from dlama.datasets.layouts import open_dataset
 from dlama.errors import InputError
-from dlama.geometry.camera import Camera
+from dlama.geometry.camera import Camera, StereoRig
 from dlama.geometry.holes import dilate_mask
 from dlama.geometry.rgbd import RGBD
+from dlama.geometry.trajectories import move_sideways
 from dlama.training.data import crops
 from dlama.training.data.batches import check_sample
-from dlama.training.data.cases import StereoPair, TrainingCase, split_cases
-from dlama.training.data.pack import pack
-from dlama.training.data.pack_format import read_pack
+from dlama.training.data.cases import frames_of, scene_of, split_cases
 from dlama.training.data.samples.dataset import case_pair, case_removal
 from dlama.training.data.samples.views import PairExample, Samples, ViewExample, pair_sample, view_sample
 from dlama.training.data.sources import Mixture, find_training_data, source_for
@@ -65,7 +64,7 @@ def test_removals_show_what_the_files_show(folder: Path) -> None:
     cases = {f"made/{case.scene}/{case.frame}": case for case in open_dataset(folder).of("ori")}
     shown = 0
     for index, case in enumerate(source.example.args[0]):
-        truth = cases[f"{case.scene}/{case.name}"].load()
+        truth = cases[f"{scene_of(case)}/{case.frame}"].load()
         assert isinstance(truth, RemovalTruth)
         example = source.example(index, np.random.default_rng(index))
         assert isinstance(example, ViewExample)
@@ -93,7 +92,7 @@ def test_pairs_show_what_the_files_show(folder: Path, planes: str) -> None:
     assert isinstance(source, Samples)
     cases = {f"made/{case.scene}": case for case in open_dataset(folder).of("sii")}
     for index, case in enumerate(source.example.args[0]):
-        truth = cases[case.scene].load()
+        truth = cases[scene_of(case)].load()
         example = source.example(index, np.random.default_rng(index))
         assert isinstance(example, PairExample)
         made = pair_sample(example, source.network)
@@ -135,7 +134,7 @@ def box_before_a_wall(**more: object) -> RemovalTruth:
 
 def removal_of(truth: RemovalTruth, size: int, seed: int) -> ViewExample:
     """An example of this case."""
-    case = TrainingCase("removal", "s", "with", frozenset({"with"}), lambda: truth)
+    case = Case("ori", "made", "s", "with", lambda: truth)
     return case_removal([case], size, 0, np.random.default_rng(seed))
 
 
@@ -185,8 +184,9 @@ def test_pairs_without_a_thing_get_one_hole_on_one_surface() -> None:
     """Closed form: a wall whose disparity is 8 px; the right hole is the left one moved, and the truth is the pictures."""
     rng = np.random.default_rng(0)
     wall = rng.integers(0, 255, (80, 100, 3), np.uint8)
-    pair = StereoPair(wall, np.roll(wall, -8, 1), np.full((80, 100), 8, np.float32))
-    case = TrainingCase("stereo", "s", "p", frozenset({"p"}), lambda: pair)
+    rig = StereoRig(Camera.from_fov(100, 80, 60), move_sideways(Camera.from_fov(100, 80, 60), 0.1))
+    pair = StereoTruth(wall, np.roll(wall, -8, 1), rig, np.full((80, 100), 8, np.float32))
+    case = Case("sii", "made", "s", "p", lambda: pair)
     for seed in range(6):
         example = case_pair([case], 80, 0, np.random.default_rng(seed))
         made = pair_sample(example, NetworkSettings("stereo-two-masks"))
@@ -203,7 +203,7 @@ def test_pairs_without_a_thing_get_one_hole_on_one_surface() -> None:
 def test_stereo_folders_and_removal_folders_are_read(data_dir: Path) -> None:
     """Real ones, in both layouts that are no EasySynth: check_sample agrees."""
     pairs = find_training_data([data_dir / "data" / "stereo"]).cases
-    assert len(pairs) == 2 and {case.kind for case in pairs} == {"stereo"}
+    assert len(pairs) == 2 and {case.protocol for case in pairs} == {"sii"}
     rng, net = np.random.default_rng(0), NetworkSettings("stereo")
     check_sample(pair_sample(case_pair(pairs, 64, 0, rng), net), net, 64)
     removals = find_training_data([data_dir / "data" / "bin_removal"]).cases
@@ -231,11 +231,10 @@ def test_worlds_take_their_share(folder: Path, caplog: pytest.LogCaptureFixture)
 def test_a_run_says_what_it_learns_from(folder: Path, tmp_path: Path) -> None:
     """Oracle: law; a run on removals alone trains, and its log begins with what was found."""
     pytest.importorskip("pytorch_lightning", reason="the loop needs Lightning: pip install 'dlama[train]'")
-    from toy_runs import no_tensorboard, toy
+    from toy_runs import toy
 
     from dlama.training.loop.train import train
 
-    no_tensorboard()
     chosen = toy(steps=2)
     chosen = replace(chosen, data=replace(chosen.data, mixture={"removal": 1.0}, cases=1.0))
     done = train(chosen, tmp_path / "run", data=[folder])
@@ -249,13 +248,11 @@ def test_a_scene_is_held_out_of_all_kinds_at_once(folder: Path) -> None:
     """No scene is on both sides, whichever kinds its cases are of, and each kind is on both."""
     found = find_training_data([folder])
     cases = {split: split_cases(found.cases, split) for split in ("train", "held_out")}
-    scenes = {split: {case.scene for case in own} for split, own in cases.items()}
+    scenes = {split: {scene_of(case) for case in own} for split, own in cases.items()}
     assert not scenes["train"] & scenes["held_out"] and len(found.cases) == sum(map(len, cases.values()))
     for own in cases.values():
-        assert {case.kind for case in own} == {"frame", "removal", "stereo"}
-    alone = [
-        case for case in found.cases if case.kind == "frame" or (case.kind, case.scene) == ("removal", "made/w000")
-    ]
+        assert {case.protocol for case in own} == {"vpi", "ori", "sii"}
+    alone = [case for case in found.cases if case.protocol == "vpi" or (case.protocol, case.scene) == ("ori", "w000")]
     with pytest.raises(InputError, match="scenes with removals: two or more"):
         split_cases(alone, "train")
 
@@ -263,58 +260,7 @@ def test_a_scene_is_held_out_of_all_kinds_at_once(folder: Path) -> None:
 def test_one_scene_is_split_by_frames(folder: Path) -> None:
     """A frame that is held out as a removal is trained on as nothing else."""
     cases = find_training_data([folder / "w000"]).cases
-    cases = tuple(case for case in cases if case.kind != "stereo")
+    cases = tuple(case for case in cases if case.protocol != "sii")
     train, held = split_cases(cases, "train"), split_cases(cases, "held_out")
-    frames = [{frame for case in own for frame in case.frames} for own in (train, held)]
-    assert not frames[0] & frames[1] and {case.kind for case in held} == {"frame", "removal"}
-
-
-def test_packs_hold_removals_and_pairs(folder: Path, tmp_path: Path) -> None:
-    """Round trip: masks, cameras and names to the digit, depth within half a millimetre, disparity within 1/128 px, colours
-    within what WebP loses; sources of a pack make samples of both kinds."""
-    lines = pack([folder], tmp_path / "a.pack", megabytes=5, size=SIZE)
-    assert [line.strip() for line in lines[1:]] == [
-        "36 of 36 pairs of posed frames", "39 of 39 removals", "3 of 3 stereo pairs",
-    ]  # fmt: skip
-    given = {(case.kind, case.scene, case.name): case for case in find_training_data([folder]).cases}
-    photos, back = read_pack(tmp_path / "a.pack")
-    assert not photos and {(case.kind, case.scene, case.name) for case in back} == set(given)
-    for case in back:
-        was, now = given[case.kind, case.scene, case.name].load(), case.load()
-        if case.kind == "removal":
-            _same_removal(was, now)
-        if case.kind == "stereo":
-            assert all(np.array_equal(one, other) for one, other in zip(was.masks, now.masks))
-            assert np.abs(was.disparity - now.disparity).max() <= 1 / 128 + 1e-6
-            for one, other in ((was.left, now.left), (was.right, now.right), *zip(was.without, now.without)):
-                assert np.abs(one.astype(float) - other).mean() < 5
-    for kind, planes in (("removal", "rgbd"), ("stereo", "stereo-two-masks")):
-        source = source_for(settings(planes, 32, **{kind: 1.0}), [tmp_path / "a.pack"], "train")
-        check_sample(source.sample(0, np.random.default_rng(0)), NetworkSettings(planes), 32)  # type: ignore[arg-type]
-
-
-def _same_removal(was: RemovalTruth, now: RemovalTruth) -> None:
-    assert np.array_equal(was.mask, now.mask) and (was.compare is None) == (now.compare is None)
-    for one, other in ((was.source, now.source), (was.without, now.without)):
-        assert np.array_equal(one.camera.world_from_cam, other.camera.world_from_cam)
-        assert one.camera.same_lens_as(other.camera) and np.array_equal(one.missing, other.missing)
-        finite = one.valid & (one.depth < 65)
-        assert np.abs(one.depth[finite] - other.depth[finite]).max() <= 0.00051
-        assert np.abs(one.color.astype(float) - other.color).mean() < 5
-
-
-def test_packs_keep_where_frames_can_be_compared() -> None:
-    """Round trip of one removal's parts, shrunk: `compare` loses what is not wholly in it, the mask nothing (oracle: area)."""
-    import cv2
-
-    from dlama.training.data.pack_format import DECODERS, ENCODERS
-
-    truth = box_before_a_wall(exposure_varies=True)
-    compare = np.zeros_like(truth.mask)
-    compare[3:80, 5:101] = True
-    about, parts = ENCODERS["removal"](replace(truth, compare=compare), 30)
-    pictures = {role: cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) for role, data in parts.items()}
-    back = DECODERS["removal"](about, frozenset(parts), lambda role: np.ascontiguousarray(pictures[role]))
-    assert back.exposure_varies and back.source.camera.hw == back.mask.shape == back.compare.shape == (30, 40)
-    blocks = [each.reshape(30, 3, 40, 3).swapaxes(1, 2).reshape(30, 40, 9) for each in (truth.mask, compare)]
-    assert np.array_equal(back.mask, blocks[0].any(-1)) and np.array_equal(back.compare, blocks[1].all(-1))
+    frames = [{frame for case in own for frame in frames_of(case)} for own in (train, held)]
+    assert not frames[0] & frames[1] and {case.protocol for case in held} == {"vpi", "ori"}

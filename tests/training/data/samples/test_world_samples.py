@@ -35,7 +35,7 @@ RGBD_NET = NetworkSettings("rgbd")
 SIZE = 64
 CLEAN = (0, 1, 8, 9)
 """Indices of two worlds."""
-KINDS = {"world": "rgbd", "removal": "rgbd", "stereo": "stereo", "sketch": "stereo-two-masks"}
+KINDS = {"world": "rgbd", "removal": "rgbd", "stereo": "stereo-two-masks"}
 
 
 def settings(planes: str, **mixture: float) -> TrainSettings:

@@ -1,4 +1,4 @@
-"""`dlama train` and `dlama pack`: settings or a preset in, a run directory out; pictures and data sets in, one file out."""
+"""`dlama train`: settings or a preset in, a run directory out."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from tyro.conf import Positional
 
-from dlama.apps.options import Report, Seed, option
-from dlama.apps.places import check_file_apart, check_folder_apart
+from dlama.apps.options import Report, option
+from dlama.apps.places import check_folder_apart
 from dlama.apps.terminal.output import KERNELS, report_result
 from dlama.apps.terminal.streams import printable
 from dlama.errors import InputError, require_extra
@@ -47,7 +47,7 @@ def train(
     Args:
         settings: A settings file or a preset; `presets` lists them.
         output: Directory of the run: settings, metrics, sheets, checkpoint, and at the end the network.
-        data: Folders of pictures, data sets (posed pairs, frames with and without an object, stereo pairs) or packs that
+        data: Folders of pictures or data sets (posed pairs, frames with and without an object, stereo pairs) that
             samples are made of.
         max_minutes: Stop after so long, with a checkpoint and the network as it is then.
         resume: Continue the run in this directory, exactly as if it had never stopped.
@@ -89,32 +89,6 @@ def train(
         if done.first:
             line, values = summary(done)
             result.add(line, **values)
-
-
-def pack(
-    data: Positional[Annotated[tuple[Path, ...], option("PATH ...", None)]],
-    /,
-    output: Annotated[Path, option("FILE", None, aliases=["-o"])],
-    report: Report,
-    megabytes: Annotated[float, option("MB", "45")] = 45.0,
-    size: Annotated[int, option("PX", "256")] = 256,
-    seed: Seed = 0,
-) -> None:
-    """Pack pictures and data sets into one file of a stated size that trains anywhere with no other file.
-
-    Args:
-        data: Folders of pictures and of data sets.
-        output: The file that is written.
-        megabytes: Its size at most, in millions of bytes.
-        size: Height and width of the packed pictures in pixels.
-        seed: Which pictures are taken where not all fit.
-    """
-    check_file_apart(output, {f"data {path}": path for path in data})
-    from dlama.training.data import pack as packing  # heavy: loads the sample makers
-
-    with report_result("pack", report) as result:
-        lines = packing.pack(data, output, megabytes=megabytes, size=size, seed=seed)
-        result.add("\n".join(lines), output=str(output), bytes=output.stat().st_size, contents=lines)
 
 
 def summary(done: TrainingResult) -> tuple[str, dict[str, Any]]:

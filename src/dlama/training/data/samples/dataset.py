@@ -13,7 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from dlama.datasets.frames import RemovalTruth
+from dlama.datasets.frames import Case, RemovalTruth, StereoTruth, ViewTruth
 from dlama.errors import MaskError
 from dlama.evaluation.metrics.pictures import channel_gain, with_gain
 from dlama.geometry.holes import dilate_mask, erode_mask
@@ -24,7 +24,6 @@ from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
 from dlama.perception.stereo.agreement import transfer_mask
-from dlama.training.data.cases import StereoPair, TrainingCase
 from dlama.training.data.crops import Crop, random_crop, resize_frame
 from dlama.training.data.masks import random_mask
 from dlama.training.data.samples.views import PairExample, ViewExample, hole_size_fits
@@ -36,13 +35,14 @@ DEPTH_AGREES = 0.03
 """Relative difference of inverse depth up to which two frames show the same."""
 
 
-Cases = Sequence[TrainingCase]
+Cases = Sequence[Case]
 
 
 def case_view(cases: Cases, size: int, index: int, rng: np.random.Generator) -> ViewExample:
     """Kind `frame`: a random crop of the target frame, known where the source frame of a posed pair shows it; either direction of
     the pair."""
     pair = cases[index].load()
+    assert isinstance(pair, ViewTruth)
     source, target = (pair.source, pair.target) if rng.random() < 0.5 else (pair.target, pair.source)
     target = random_crop(target.camera.hw, size, rng).rgbd(target)
     source = resize_frame(source, target.camera.fx / source.camera.fx)
@@ -55,7 +55,8 @@ def case_view(cases: Cases, size: int, index: int, rng: np.random.Generator) -> 
 
 def case_removal(cases: Cases, size: int, index: int, rng: np.random.Generator) -> ViewExample:
     """Kind `removal`: a random crop that shows the object. There is no hole where the two frames show different backgrounds."""
-    case: RemovalTruth = cases[index].load()
+    case = cases[index].load()
+    assert isinstance(case, RemovalTruth)
     for _ in range(MOST_DRAWS):
         crop = random_crop(case.source.camera.hw, size, rng, case.mask)
         (hole,) = dilate_equally([crop.mask(case.mask)], rng)
@@ -71,18 +72,20 @@ def case_removal(cases: Cases, size: int, index: int, rng: np.random.Generator) 
 def case_pair(cases: Cases, size: int, index: int, rng: np.random.Generator) -> PairExample:
     """Kind `stereo`: the same random crop of both pictures, with the object's masks as holes; where there is no object, with a
     random mask on the same surface in both."""
-    case: StereoPair = cases[index].load()
-    hw = case.left.shape[0], case.left.shape[1]
-    if case.masks is not None and case.without is not None:
+    case = cases[index].load()
+    assert isinstance(case, StereoTruth)
+    hw, pair = (case.left.shape[0], case.left.shape[1]), (case.left, case.right)
+    if case.mask_left is not None and case.mask_right is not None and case.without_left and case.without_right:
         for _ in range(MOST_DRAWS):
-            crop = random_crop(hw, size, rng, case.masks[0] | case.masks[1])
-            holes = dilate_equally([crop.mask(mask) for mask in case.masks], rng)
+            crop = random_crop(hw, size, rng, case.mask_left | case.mask_right)
+            holes = dilate_equally([crop.mask(mask) for mask in (case.mask_left, case.mask_right)], rng)
             if hole_size_fits(holes[0] | holes[1]):
-                shown, without = _crop_both(crop, (case.left, case.right)), _crop_both(crop, case.without)
+                shown = _crop_both(crop, pair)
+                without = _crop_both(crop, (case.without_left.color, case.without_right.color))
                 true = [np.where(hole[..., None], gone, one) for hole, gone, one in zip(holes, without, shown)]
                 return PairExample(shown, true, holes)
     crop = random_crop(hw, size, rng)
-    shown = _crop_both(crop, (case.left, case.right))
+    shown = _crop_both(crop, pair)
     return PairExample(shown, shown, random_masks(crop, case, rng))
 
 
@@ -92,11 +95,11 @@ def paste_in_hole(source: RGBD, without: RGBD, hole: BoolArray) -> RGBD:
     return RGBD(color, np.where(hole, without.depth, source.depth), source.camera)
 
 
-def random_masks(crop: Crop, case: StereoPair, rng: np.random.Generator) -> list[BoolArray]:
+def random_masks(crop: Crop, case: StereoTruth, rng: np.random.Generator) -> list[BoolArray]:
     """A random mask of the left picture's crop, and the same surface in the right one's by the pair's disparity."""
     mask = random_mask(rng, (crop.size, crop.size))
     try:
-        return [mask, transfer_mask(mask, crop.disparity(case.disparity))]
+        return [mask, transfer_mask(mask, crop.disparity(case.disparity_left))]
     except MaskError:  # no disparity is known anywhere in it
         return [mask, mask]
 

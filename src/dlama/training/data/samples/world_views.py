@@ -9,6 +9,7 @@ from __future__ import annotations
 import functools
 import zlib
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from dlama.errors import InputError
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD, UInt8Array
 from dlama.geometry.trajectories import dolly, move_sideways, orbit
-from dlama.training.data.photos import Photo, square_crop
+from dlama.training.data.photos import read_photo, square_crop
 from dlama.worlds.dataset import world
 from dlama.worlds.world import Raycast, World
 
@@ -75,12 +76,12 @@ class WorldSet:
     """train or held_out."""
     size: int
     """Height and width of pictures in pixels."""
-    photos: tuple[Photo, ...] = field(default=(), compare=False)
+    photos: tuple[Path, ...] = field(default=(), compare=False)
     names: int = field(init=False)
     """Hash of the photos' names, by which sets are equal: several sources of one run share their worlds."""
 
     def __post_init__(self) -> None:
-        names = "\n".join(photo.name for photo in self.photos)
+        names = "\n".join(photo.stem for photo in self.photos)
         object.__setattr__(self, "names", zlib.crc32(names.encode()))
 
     @property
@@ -148,8 +149,8 @@ def _draw_photos(rng: np.random.Generator, count: int) -> list[int]:
     return [int(i) for i in rng.choice(count, min(TEXTURES, count), replace=False)] if count else []
 
 
-def _texture(photo: Photo, rng: np.random.Generator) -> UInt8Array:
-    picture = photo.load()
+def _texture(photo: Path, rng: np.random.Generator) -> UInt8Array:
+    picture = read_photo(photo)
     if min(picture.shape[:2]) < 16:
-        raise InputError(f"photo {photo.name} is {picture.shape[1]}x{picture.shape[0]}; 16 pixels or more are expected")
+        raise InputError(f"{photo}: is {picture.shape[1]}x{picture.shape[0]}; 16 pixels or more are expected")
     return square_crop(picture, TEXTURE_PX, rng)
