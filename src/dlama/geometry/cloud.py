@@ -35,7 +35,7 @@ class PointCloud:
             "origin": ((count,), np.uint8),
             "confidence": ((count,), np.float32),
         }
-        check_fields(self, "cloud", fields)
+        vars(self).update(check_fields(vars(self), "cloud", fields))
 
     def __len__(self) -> int:
         return len(self.points)
@@ -86,7 +86,7 @@ class Mesh:
             "origin": ((count,), np.uint8),
             "confidence": ((count,), np.float32),
         }
-        check_fields(self, "mesh", fields)
+        vars(self).update(check_fields(vars(self), "mesh", fields))
         if faces and not 0 <= int(self.triangles.min()) <= int(self.triangles.max()) < count:
             raise ShapeError(f"mesh.triangles name vertices outside 0..{count - 1}")
 

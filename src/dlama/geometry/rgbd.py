@@ -237,17 +237,22 @@ def _is_frozen(array: np.ndarray) -> bool:
     return base is None or isinstance(base, bytes)
 
 
-def check_fields(noun: object, called: str, fields: dict[str, tuple[tuple[int, ...], type]], purpose: str = "") -> None:
-    """Freeze a noun's array fields, each of which must have its shape and dtype; else ShapeError (`purpose`: for what)."""
+def check_fields(
+    given: Mapping[str, Any], called: str, fields: Mapping[str, tuple[tuple[int, ...], type]], purpose: str = ""
+) -> dict[str, np.ndarray]:
+    """A noun's arrays by name, read-only; ShapeError unless each has its shape and dtype (`called`: the noun; `purpose`: for
+    what)."""
+    checked = {}
     for name, (shape, dtype) in fields.items():
-        array = getattr(noun, name)
+        array = given[name]
         if not isinstance(array, np.ndarray):
             array = as_array(array, f"{called}.{name}", f"an array of {np.dtype(dtype)}")
         if array.shape != shape or array.dtype != dtype:
             raise ShapeError(
                 f"{called}.{name} is {array.dtype} {array.shape}; {np.dtype(dtype)} {shape} is expected{purpose}"
             )
-        object.__setattr__(noun, name, make_read_only(array))
+        checked[name] = make_read_only(array)
+    return checked
 
 
 def row_count(array: np.ndarray) -> int:

@@ -123,7 +123,7 @@ class View(Figured, Facts):
             fields["frame"] = (hw, np.uint16)
         if self.errors is not None:
             fields["errors"] = ((*hw, 2), np.float32)
-        check_fields(self, "view", fields, " for this camera")
+        vars(self).update(check_fields(vars(self), "view", fields, " for this camera"))
 
     @classmethod
     def from_rgbd(cls, rgbd: RGBD) -> View:
