@@ -18,7 +18,6 @@ HEAVY = (
     "onnx",
     "scipy",
     "skimage",
-    "matplotlib",
     "jinja2",
     "pytorch_lightning",
 )

@@ -164,6 +164,6 @@ def test_the_command_is_repeatable() -> None:
 
 def test_a_missing_extra_is_named_first(monkeypatch: pytest.MonkeyPatch) -> None:
     """With the pip line."""
-    monkeypatch.setattr(verb, "NEEDED", {"matplotlib": "no_such_module"})
-    with pytest.raises(MissingExtraError, match=r"needs the package 'matplotlib': pip install 'dlama\[evaluate\]'"):
+    monkeypatch.setattr(verb, "NEEDED", {"jinja2": "no_such_module"})
+    with pytest.raises(MissingExtraError, match=r"needs the package 'jinja2': pip install 'dlama\[evaluate\]'"):
         verb.evaluate("worlds", Path("out"), Cases(), Methods(), Report())

@@ -138,7 +138,7 @@ def test_help_names_every_filler() -> None:
 PROBE = """
 import sys
 from dlama.apps.cli import main
-HEAVY = ("numba", "cv2", "PIL", "OpenEXR", "scipy", "torch", "onnx", "onnxruntime", "plyfile", "matplotlib")
+HEAVY = ("numba", "cv2", "PIL", "OpenEXR", "scipy", "torch", "onnx", "onnxruntime", "plyfile")
 for words in {commands!r}:
     try:
         main([*words, "--help"])

@@ -6,7 +6,6 @@ read when `load` is called, so that a long listing costs nothing and a case can 
 
 from __future__ import annotations
 
-import dataclasses
 import os
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -17,8 +16,8 @@ from dlama.errors import FileError
 from dlama.geometry.camera import StereoRig
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 
-Protocol = Literal["vpi", "ori", "sii", "mask"]
-"""View change, object removal, stereo: the three experiments of the paper; and the removed object pointed at."""
+Protocol = Literal["vpi", "ori", "sii"]
+"""View change, object removal, stereo: the three experiments of the paper."""
 Gamma = Literal["srgb", "linear"]
 """How 8-bit depth is encoded: as sRGB (IEC 61966-2-1), which is undone, or linearly."""
 
@@ -134,7 +133,5 @@ class Dataset:
                 ) from error
 
     def of(self, protocol: Protocol) -> tuple[Case, ...]:
-        """The cases of one protocol, in the data set's order; every removal is a case of `mask` too."""
-        if protocol == "mask":
-            return tuple(dataclasses.replace(case, protocol="mask") for case in self.of("ori"))
+        """The cases of one protocol, in the data set's order."""
         return tuple(case for case in self.cases if case.protocol == protocol)

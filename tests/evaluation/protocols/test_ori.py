@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from square_world import (
@@ -18,10 +20,11 @@ from square_world import (
 )
 
 from dlama.datasets.frames import RemovalTruth, ViewTruth
+from dlama.datasets.layouts import open_dataset
 from dlama.errors import InputError
 from dlama.evaluation.protocols import PROTOCOLS
 from dlama.evaluation.protocols.methods import NO_FILL, Method, ProtocolSettings, Scored
-from dlama.evaluation.protocols.ori import change_outside, reference_of
+from dlama.evaluation.protocols.ori import change_outside, find_true_shadow, reference_of
 from dlama.geometry.holes import dilate_mask
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import View
@@ -149,3 +152,15 @@ def test_the_ring_is_16_pixels_wide() -> None:
     regions = reference_of(TRUTH, ProtocolSettings()).regions
     np.testing.assert_array_equal(regions["ring"], dilate_mask(SQUARE_IN_SOURCE, 16) & ~SQUARE_IN_SOURCE)
     np.testing.assert_array_equal(regions["outside"], ~dilate_mask(SQUARE_IN_SOURCE, 16))
+
+
+def test_street_shadows(data_dir: Path) -> None:
+    """Looked at: the barrel's sun shadow lies to its right on the asphalt, beside the mask, 0.2 to 0.8 % of the picture."""
+    truth = open_dataset(data_dir / "street", scenes=["s03"]).of("ori")[0].load()
+    assert isinstance(truth, RemovalTruth) and truth.shadow is None
+    shadow = find_true_shadow(truth)
+    assert shadow is not None and not (shadow & truth.mask).any() and 0.002 < shadow.mean() < 0.008
+    middle_of = [np.argwhere(each).mean(axis=0) for each in (truth.mask, shadow)]
+    assert middle_of[1][1] > middle_of[0][1] + 20 and middle_of[1][0] > middle_of[0][0]
+    luma = [each.color[shadow].mean() for each in (truth.source, truth.without)]
+    assert luma[0] < luma[1] - 10

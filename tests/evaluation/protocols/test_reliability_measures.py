@@ -11,7 +11,6 @@ from dlama.evaluation.protocols import vpi
 from dlama.evaluation.protocols.methods import Measure, Method, MethodRun, ProtocolSettings
 from dlama.evaluation.protocols.reliability import MODALITY, REGION, reliability_measures
 from dlama.evaluation.report.reliability import (
-    reliability_figure,
     reliability_lines,
     reliability_tables,
     values_of,
@@ -101,8 +100,6 @@ def test_the_report_pools_all_frames(scored: tuple[MethodRun, ViewTruth, dict[st
     table, curve = reliability_tables(place, ["dlama/telea"])
     assert len(table.rows) == len(curve.rows) == 1 and len(curve.head) == 1 + BINS
     assert table.rows[0][3].text == f"{values['ece']:.3f}"
-    figure = reliability_figure(place, ["dlama/telea"])
-    assert figure is not None and figure.plots[0].startswith("<svg")
     (line,) = reliability_lines(summary)
     assert line.startswith("confidence of dlama/telea, vpi on made: right") and f"ECE {values['ece']:.3f}" in line
 
@@ -110,5 +107,4 @@ def test_the_report_pools_all_frames(scored: tuple[MethodRun, ViewTruth, dict[st
 def test_a_summary_without_confidence_has_no_section() -> None:
     summary = summarise([Row("vpi", "made", "a", "a", 20.0, "dlama", "telea", "whole", "rgb", "ssim", 0.5)])
     assert reliability_tables(Place(summary, "vpi", "made"), ["dlama/telea"]) == ()
-    assert reliability_figure(Place(summary, "vpi", "made"), ["dlama/telea"]) is None
     assert reliability_lines(summary) == []

@@ -1,16 +1,13 @@
-"""Two masks in; how well they agree out. Where to click next, and which pixels an object's shadow darkens, by the truth."""
+"""The truth in; where to click on an object, and which pixels its shadow darkens, out."""
 
 from __future__ import annotations
 
 import cv2
 import numpy as np
 
-from dlama.geometry.holes import box_mean, dilate_mask, erode_mask
+from dlama.geometry.holes import box_mean, dilate_mask
 from dlama.geometry.rgbd import BoolArray, UInt8Array
-from dlama.perception.masks.prompt import Box
 
-BORDER_PX = 2
-"""Distance up to which two borders agree."""
 DARKER = 0.1
 """Share of its luma that a pixel loses at least in a shadow,"""
 DARKER_LEVELS = 3.0
@@ -19,16 +16,6 @@ SMALLEST_SHADOW_PX = 60
 """A smaller shadow counts as none."""
 EDGE_PX = 2
 """Around the object colours are mixes of it and the background."""
-
-
-def border_f(found: BoolArray, true: BoolArray) -> float:
-    """Harmonic mean of the shares of each border that lie within BORDER_PX of the other (Martin et al. 2004), 0..1."""
-    one, other = (mask & ~erode_mask(mask, 1) for mask in (found, true))
-    if not one.any() or not other.any():
-        return 0.0
-    precise = (one & dilate_mask(other, BORDER_PX)).sum() / one.sum()
-    complete = (other & dilate_mask(one, BORDER_PX)).sum() / other.sum()
-    return float(2 * precise * complete / max(precise + complete, 1e-9))
 
 
 def innermost_pixel(where: BoolArray) -> tuple[int, int]:
@@ -42,13 +29,6 @@ def largest_region(where: BoolArray) -> BoolArray:
     """The largest 8-connected region of `where` (H x W, not empty)."""
     _, labels, stats, _ = cv2.connectedComponentsWithStats(where.astype(np.uint8), connectivity=8)
     return np.asarray(labels == 1 + int(stats[1:, cv2.CC_STAT_AREA].argmax()))
-
-
-def box_of(mask: BoolArray, larger: float) -> Box:
-    """x, y, width, height of the box of a mask (H x W, not empty), grown by a share of its sides."""
-    rows, columns = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
-    high, wide = float(np.ptp(rows) + 1), float(np.ptp(columns) + 1)
-    return columns[0] - larger / 2 * wide, rows[0] - larger / 2 * high, (1 + larger) * wide, (1 + larger) * high
 
 
 def outside_contact_band(mask: BoolArray) -> BoolArray:

@@ -82,7 +82,7 @@ class Measure(NamedTuple):
 
     region: str
     """whole, seen, unseen, disoccluded, out-of-view, object, mask, ring, outside, shadow; with `-right` in a pair's
-    right view; of the protocol MASK click, clicks-2, box, ..."""
+    right view."""
     modality: str
     """rgb, depth (8 bit, as the paper shows it), depth_m, cloud, disparity, time, memory."""
     metric: str

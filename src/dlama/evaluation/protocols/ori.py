@@ -1,8 +1,9 @@
 """ORI, an object removed: a frame with it, its mask, the frame without it and a method in; scores out.
 
 Regions: `mask` (as given, before a recipe dilates it), `ring` (`ring_px` round it: a recipe's dilation ends here), `outside`
-(beyond the ring: nothing may change, `changed_pixels` counts against the source), `shadow` (the object's, never
-removed by the mask). Where the data set says which pixels are comparable, errors against the truth count only there.
+(beyond the ring: nothing may change, `changed_pixels` counts against the source), `shadow` (the object's, never removed by the
+mask: the data set's own, or what is darker with the object than without). Where the data set says which pixels are comparable,
+errors against the truth count only there.
 The restored background is also scored as a cloud: c-'s filled points against the truth's points, both inside the mask.
 
 Variants `mask-9` ... `mask+9` remove with an eroded or dilated mask (px, before the recipe's own dilation); the regions stay.
@@ -18,6 +19,7 @@ import numpy as np
 from dlama.datasets.frames import RemovalTruth, Truth
 from dlama.errors import InputError
 from dlama.evaluation.metrics.clouds import cloud_scores
+from dlama.evaluation.metrics.masks import SMALLEST_SHADOW_PX, darkened_by_shadow
 from dlama.evaluation.metrics.pictures import channel_gain, depth_8bit, mse_map, region_mean
 from dlama.evaluation.metrics.regions import removal_regions
 from dlama.evaluation.protocols.methods import Measure, Method, MethodRun, ProtocolSettings, Scored, run_method
@@ -87,24 +89,33 @@ def removal_measures(run: MethodRun, reference: Reference, truth: RemovalTruth) 
 @lru_cache(maxsize=1)
 def reference_of(truth: RemovalTruth, settings: ProtocolSettings) -> Reference:
     """The frame without the object and its regions, made once for all methods and masks of a case."""
-    regions = removal_regions(truth.mask, truth.shadow, settings.ring_px)
+    shadow = find_true_shadow(truth)
+    regions = removal_regions(truth.mask, shadow, settings.ring_px)
     return Reference(
         truth.without.color,
         truth.without.depth,
         regions,
         settings,
         truth.compare,
-        removal_gain(truth, regions["outside"]),
+        removal_gain(truth, shadow, regions["outside"]),
     )
 
 
-def removal_gain(truth: RemovalTruth, outside: BoolArray) -> Gain:
+def find_true_shadow(truth: RemovalTruth) -> BoolArray | None:
+    """H x W, True = the cast shadow: the data set's own, else what the object darkens; None: hardly any, or not known."""
+    if truth.shadow is not None or truth.exposure_varies:
+        return truth.shadow
+    found = darkened_by_shadow(truth.source.color, truth.without.color, truth.mask)
+    return found if found.sum() >= SMALLEST_SHADOW_PX else None
+
+
+def removal_gain(truth: RemovalTruth, shadow: BoolArray | None, outside: BoolArray) -> Gain:
     """What brings the source to the exposure of the frame without the object, by what both show."""
     if not truth.exposure_varies:
         return (1.0, 1.0, 1.0)
     both = outside if truth.compare is None else outside & truth.compare
-    if truth.shadow is not None:
-        both = both & ~truth.shadow
+    if shadow is not None:
+        both = both & ~shadow
     return channel_gain(truth.source.color, truth.without.color, both)
 
 

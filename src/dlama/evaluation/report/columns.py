@@ -20,7 +20,7 @@ PAPER_SHAPE: tuple[Which, ...] = tuple(
 WHOLE: tuple[Which, ...] = (MASK_RATIO, *PAPER_SHAPE)
 """Those with the share to fill before them."""
 
-HIGHER = ("ssim", "psnr", "delta", "precision", "recall", "fscore", "coverage", "iou", "border")
+HIGHER = ("ssim", "psnr", "delta", "precision", "recall", "fscore", "coverage")
 LOWER = (
     *("lpips", "mse", "mae", "rmse", "absrel", "accuracy", "completeness", "bad", "epe", "seconds", "peak", "error"),
     *(
@@ -32,7 +32,6 @@ LOWER = (
         "broken",
         "changed",
         "photometric",
-        "alarm",
         "ece",
         "ause",
     ),
@@ -45,7 +44,6 @@ MODALITIES = {
     "depth_m": "depth",
     "cloud": "cloud",
     "disparity": "disparity",
-    "mask": "mask",
     "confidence": "confidence",
 }
 METRICS = {
@@ -57,9 +55,6 @@ METRICS = {
     "rmse": "RMSE",
     "absrel": "AbsRel",
     "epe": "EPE, px",
-    "iou": "IoU",
-    "border_f": "border F",
-    "false_alarm": "false alarms, %",
     "mask_ratio": "mask ratio, %",
     "share": "share of the picture, %",
 }
@@ -93,19 +88,6 @@ PAPER_DEPTH = {
 
 HIDDEN = ("unseen", "disoccluded", "out-of-view", "object", "mask", "mask-right")
 """Regions that the source camera did not see, by the truth: what a filler is for."""
-POINTED = (
-    "click",
-    "clicks-2",
-    "clicks-3",
-    "clicks-4",
-    "box",
-    "click-estimated-depth",
-    "box-estimated-depth",
-    "grabcut-box",
-    "grabcut-click",
-    "shadow",
-)
-"""Masks by how they were found (protocol MASK)."""
 KNOWN = ("seen", "ring", "outside", "shadow", "whole")
 INTEREST = tuple(
     (modality, metric)
@@ -114,16 +96,11 @@ INTEREST = tuple(
         "depth": ("ssim", "lpips", "mse"),
         "depth_m": ("mae", "absrel", "delta1.05", "delta1.25"),
         "disparity": ("bad-1", "bad-2", "epe"),
-        "mask": ("iou", "border_f", "recall", "precision", "false_alarm"),
         "cloud": ("accuracy", "completeness", "fscore_0.02", "fscore_0.05", "fscore_0.10"),
     }.items()
     for metric in metrics
 )
 """What the main tables show; everything else is in the tables of artifacts."""
-CURVES: tuple[tuple[str, str], ...] = (
-    ("rgb", "ssim"), ("rgb", "lpips"), ("rgb", "psnr"), ("depth", "lpips"), ("depth", "mse"), ("depth_m", "mae"),
-)  # fmt: skip
-MORE_WHOLE: tuple[Which, ...] = (("whole", "rgb", "psnr"), ("whole", "depth_m", "mae"), MASK_RATIO)
 PER_YAW_HIDDEN: tuple[Which, ...] = (
     ("unseen", "rgb", "lpips"),
     ("unseen", "rgb", "psnr"),

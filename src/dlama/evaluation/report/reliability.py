@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 from dlama.evaluation.metrics.reliability import BINS, Bins
 from dlama.evaluation.protocols.reliability import MODALITY, REGION
-from dlama.evaluation.report.charts import Figure, against_diagonal
 from dlama.evaluation.report.summary import ALL, Place, Summary
 from dlama.evaluation.report.tables import EMPTY, Cell, Table
 
@@ -68,20 +67,6 @@ def reliability_tables(place: Place, methods: Sequence[str]) -> tuple[Table, ...
 
 def _bin(share: float, right: float) -> Cell:
     return EMPTY if share <= 0 else Cell(f"{right / share:.2f} ({share:.0%})", right / share)
-
-
-def reliability_figure(place: Place, methods: Sequence[str]) -> Figure | None:
-    """Predicted against right, bin by bin, a line a method, and the diagonal."""
-    lines = {}
-    for method in methods:
-        measured = values_of(place, method)
-        if measured is not None:
-            share, predicted, right = measured[1]
-            some = share >= 0.005
-            lines[method] = list(zip(predicted[some] / share[some], right[some] / share[some]))
-    if not lines:
-        return None
-    return against_diagonal(lines, ("confidence", "share that is right"), "Reliability", place[1:])
 
 
 def reliability_lines(summary: Summary) -> list[str]:

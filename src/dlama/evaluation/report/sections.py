@@ -1,31 +1,26 @@
-"""A Summary and timings in; the report's sections (text, figures, tables) out, the same for markdown and HTML."""
+"""A Summary and timings in; the report's sections (text, tables) out, the same for markdown and HTML."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from dlama.evaluation.protocols.methods import NO_FILL
 from dlama.evaluation.protocols.reliability import MODALITY as CONFIDENCE
-from dlama.evaluation.report.charts import Figure, curves
 from dlama.evaluation.report.columns import (
-    CURVES,
     HIDDEN,
     INTEREST,
     KNOWN,
-    MORE_WHOLE,
     PAPER_MASK_RATIO,
     PAPER_SHAPE,
     PAPER_SOURCE,
     PER_YAW_HIDDEN,
-    POINTED,
     REMOVAL,
     VARIANT_METRICS,
     WHOLE,
     Which,
 )
 from dlama.evaluation.report.paired_comparison import paired_comparison
-from dlama.evaluation.report.reliability import RELIABILITY_TEXT, reliability_figure, reliability_tables
+from dlama.evaluation.report.reliability import RELIABILITY_TEXT, reliability_tables
 from dlama.evaluation.report.summary import ALL, Place, Summary
 from dlama.evaluation.report.tables import Table, by_yaw, runtimes, side_by_side, variant_of, variants
 from dlama.evaluation.runner.store import Row
@@ -34,7 +29,6 @@ PROTOCOLS = {
     "vpi": "View change (VPI)",
     "ori": "Object removal (ORI)",
     "sii": "Stereo (SII)",
-    "mask": "Object masks (MASK)",
 }
 EXPLAINED = {
     "vpi": "VPI, virtual projected inpainting: a source frame is shown from the camera of a target frame, its holes are "
@@ -43,8 +37,6 @@ EXPLAINED = {
     "compared with the true frame without the object.",
     "sii": "SII, stereoscopic image inpainting: an object is removed from both views of a rectified stereo pair or, where "
     "there are no masks, the right view is made from the left; the result is compared with the true pair.",
-    "mask": "MASK, an object pointed at: its mask is found by clicks (one, then up to three corrections) and by a box, "
-    "compared with the true mask and with GrabCut alone, and used to remove the object.",
 }
 """A sentence each for readers who do not know the paper's abbreviations."""
 
@@ -56,7 +48,6 @@ class Section:
     anchor: str
     title: str
     text: str = ""
-    figures: tuple[Figure, ...] = ()
     tables: tuple[Table, ...] = ()
 
 
@@ -102,8 +93,6 @@ class _Part:
         """Those that were measured, signs together and by themselves."""
         self.methods = [one for one in place.summary.methods if one in own and not variant_of(one)[1]]
         """Those that are no variant."""
-        self.drawn = [one for one in self.methods if not one.endswith(f"/{NO_FILL}")] or self.methods
-        """Those in figures: black holes are so far off that all others would coincide; they stand in the tables only."""
         self.measured = list(dict.fromkeys((key.region, key.modality, key.metric) for key in place.of(yaw=ALL)))
         """What was measured of the methods as named."""
 
@@ -111,17 +100,13 @@ class _Part:
         """In the report's order."""
         protocol, name = self.place.protocol, f"{PROTOCOLS[self.place.protocol]} on {self.place.dataset}"
         if protocol == "vpi" and self.yaws:
-            figures = self._curves_of((*PAPER_SHAPE, *MORE_WHOLE), "Whole pictures over yaw")
-            yield Section(f"{protocol}-whole", name, self.whole_text(), figures, self.whole_tables())
-            figures = self._curves_of([("unseen", *which) for which in CURVES], "Unseen pixels over yaw")
-            yield Section(f"{protocol}-unseen", f"{name}: unseen", _HIDDEN_TEXT, figures, self.hidden_tables())
+            yield Section(f"{protocol}-whole", name, self.whole_text(), self.whole_tables())
+            yield Section(f"{protocol}-unseen", f"{name}: unseen", _HIDDEN_TEXT, self.hidden_tables())
         else:
-            yield Section(f"{protocol}-regions", name, _REGION_TEXT, tables=self.removal_tables())
-        reliable = reliability_tables(self.place, self.drawn)
+            yield Section(f"{protocol}-regions", name, _REGION_TEXT, self.removal_tables())
+        reliable = reliability_tables(self.place, self.methods)
         if reliable:
-            figure = reliability_figure(self.place, self.drawn)
-            title = f"{name}: confidence"
-            yield Section(f"{protocol}-confidence", title, RELIABILITY_TEXT, (figure,) if figure else (), reliable)
+            yield Section(f"{protocol}-confidence", f"{name}: confidence", RELIABILITY_TEXT, reliable)
         more = self.more_tables()
         if more:
             yield Section(f"{protocol}-more", f"{name}: artifacts and variants", "", tables=more)
@@ -152,14 +137,14 @@ class _Part:
 
     def region_tables(self) -> tuple[Table, ...]:
         """Regions that were hidden, and those that were not; all yaws together."""
-        chosen = {"Masks": [which for which in self._interesting(POINTED) if which[1] == "mask"]}
-        for title, regions in {"Hidden regions": HIDDEN, "Known regions": KNOWN}.items():
-            chosen[title] = [which for which in self._interesting(regions) if which[1] != "mask"]
-        return _drop_missing([side_by_side(self.place, found, self.methods, title) for title, found in chosen.items()])
+        regions = {"Hidden regions": HIDDEN, "Known regions": KNOWN}
+        return _drop_missing(
+            [side_by_side(self.place, self._interesting(own), self.methods, title) for title, own in regions.items()]
+        )
 
     def more_tables(self) -> tuple[Table, ...]:
         """What is neither of a common metric nor of the method as named."""
-        shown = {*self._interesting(HIDDEN), *self._interesting(KNOWN), *self._interesting(POINTED)}
+        shown = {*self._interesting(HIDDEN), *self._interesting(KNOWN)}
         rest = [which for which in self.measured if which not in shown and which[1] != CONFIDENCE]
         different = variants(self.place, VARIANT_METRICS, "Variants: another mask, another dilation")
         others = side_by_side(self.place, rest, self.methods, "All other measures")
@@ -170,10 +155,6 @@ class _Part:
 
     def _paired_table(self, chosen: Sequence[Which]) -> Table | None:
         return paired_comparison(self.rows, self.place.protocol, self.place.dataset, chosen, self.seed)
-
-    def _curves_of(self, chosen: Sequence[Which], title: str) -> tuple[Figure, ...]:
-        figure = curves(self.place, chosen, self.drawn, title)
-        return (figure,) if figure else ()
 
 
 def _drop_missing(tables: Sequence[Table | None]) -> tuple[Table, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from statistics import median
 from typing import NamedTuple
@@ -121,31 +121,6 @@ def variant_of(method: str) -> tuple[str, str]:
     recipe, _, filler = method.rpartition("/")
     base, _, variant = recipe.partition("+")
     return f"{base}/{filler}", variant
-
-
-def markdown(table: Table) -> str:
-    """A table of GitHub's markdown, its heading in bold; best values bold, other data in italics."""
-
-    def text(cell: Cell) -> str:
-        plain = cell.text.replace("|", "\\|")
-        mark = "**" if cell.best else "*" if cell.other else ""
-        extra = f" ({cell.interval})" if table.with_intervals and cell.interval else ""
-        return f"{mark}{plain}{mark}{extra}"
-
-    def lines() -> Iterator[str]:
-        yield f"**{table.title}**"
-        yield ""
-        yield _line(table.head)
-        yield _line("---" for _ in table.head)
-        yield from (_line(map(text, row)) for row in table.rows)
-        if table.note:
-            yield from ("", table.note)
-
-    return "\n".join(lines()) + "\n"
-
-
-def _line(fields: Iterable[str]) -> str:
-    return f"| {' | '.join(fields)} |"
 
 
 def _cell(place: Place, yaw: str, method: str, which: Which) -> Cell:

@@ -16,7 +16,6 @@ from dlama.evaluation.protocols.methods import ProtocolSettings
 from dlama.evaluation.report.panels import Chosen, as_data_urls, choose
 from dlama.evaluation.report.sections import EXPLAINED, PROTOCOLS, Section, protocols_of, sections
 from dlama.evaluation.report.summary import RESAMPLES, Summary, summarise, write_summary
-from dlama.evaluation.report.tables import markdown
 from dlama.evaluation.report.templates import template
 from dlama.evaluation.runner.cache_key import code_hash, short_hash, versions
 from dlama.evaluation.runner.run import Results
@@ -27,40 +26,6 @@ from dlama.files.atomic_write import new_file
 
 CHOICES = ("protocol", "yaw", "method")
 """The fields of a panel by which readers choose."""
-
-
-def page(
-    title: str,
-    about: Mapping[str, Any],
-    explained: Mapping[str, str],
-    sections: Sequence[Section],
-    panels: Sequence[tuple[Chosen, str]],
-    failures: Sequence[str] = (),
-) -> str:
-    """The page, as HTML: failures and pictures first, then the sections and the settings.
-
-    Args:
-        about: the settings and versions at the end: name -> text, number or mapping. `lead` stands at the top.
-        explained: protocol's title -> a sentence that says what it measures.
-        failures: a line each.
-    Raises:
-        MissingExtraError: jinja2 is not installed.
-    """
-    return str(
-        template("page.html", "evaluate").render(
-            title=title,
-            about=about,
-            explained=explained,
-            sections=sections,
-            panels=panels,
-            choices={name: list(dict.fromkeys(getattr(one, name) for one, _ in panels)) for name in CHOICES},
-            columns=COLUMNS,
-            color_full=f"{COLOR_FULL:g}",
-            depth_full=f"{100 * DEPTH_FULL:g} %",
-            failures=failures,
-            settings=[(name, text) for name, text in flatten(about) if name != "lead"],
-        )
-    )
 
 
 def flatten(about: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, str]]:
@@ -83,7 +48,7 @@ def write_report(
 
     Raises:
         OutputError: the folder cannot be written.
-        MissingExtraError: matplotlib or jinja2 is not installed.
+        MissingExtraError: jinja2 is not installed.
     """
     rows, timings = result_rows(run.stored), timing_rows(run.stored)
     write_rows(folder / "results.csv", rows)
@@ -91,13 +56,45 @@ def write_report(
     summary = summarise(rows, seed=seed, about=report_meta(dataset, run, settings, seed, command))
     write_summary(folder / "summary.json", summary)
     parts = sections(summary, rows, timings, seed)
-    explained = {PROTOCOLS[name]: EXPLAINED[name] for name in protocols_of(summary)}
     failed = [failure_line(one) for one in run.failures]
-    _write(folder / "summary.md", "\n".join(summary_lines(dataset, summary, explained, parts, failed)))
     panels = as_data_urls(folder / "panels", choose(run.stored))
-    title = f"dlama evaluated on {dataset.name}"
-    _write(folder / "report.html", page(title, summary.about, explained, parts, panels, failed))
+    for name, text in render(dataset.name, summary, parts, panels, failed).items():
+        with new_file(folder / name) as draft:
+            draft.write_text(text, encoding="utf-8", errors="backslashreplace")
     return summary
+
+
+def render(
+    dataset: str,
+    summary: Summary,
+    sections: Sequence[Section],
+    panels: Sequence[tuple[Chosen, str]],
+    failures: Sequence[str] = (),
+) -> dict[str, str]:
+    """summary.md and report.html by their names: failures and pictures first, then the sections and the settings.
+
+    Args:
+        failures: a line each.
+    Raises:
+        MissingExtraError: jinja2 is not installed.
+    """
+    shown = {
+        "about": summary.about,
+        "explained": {PROTOCOLS[name]: EXPLAINED[name] for name in protocols_of(summary)},
+        "sections": sections,
+        "panels": panels,
+        "choices": {name: list(dict.fromkeys(getattr(one, name) for one, _ in panels)) for name in CHOICES},
+        "columns": COLUMNS,
+        "color_full": f"{COLOR_FULL:g}",
+        "depth_full": f"{100 * DEPTH_FULL:g} %",
+        "failures": failures,
+        "settings": [(name, text) for name, text in flatten(summary.about) if name != "lead"],
+    }
+    titles = {"summary.md": ("summary.md", f"Evaluation on {dataset}")}
+    titles["report.html"] = "page.html", f"dlama evaluated on {dataset}"
+    return {
+        name: str(template(source, "evaluate").render(title=title, **shown)) for name, (source, title) in titles.items()
+    }
 
 
 def report_meta(dataset: Dataset, run: Results, settings: ProtocolSettings, seed: int, command: str) -> dict[str, Any]:
@@ -130,31 +127,3 @@ def settings_hash(settings: ProtocolSettings) -> str:
 def failure_line(one: Outcome) -> str:
     """`vpi s03 +10, dlama/telea: FileError: ...`."""
     return f"{one.case.protocol} {one.case.scene} {one.case.frame}, {one.method.label}: {one.error}"
-
-
-def summary_lines(
-    dataset: Dataset, summary: Summary, explained: Mapping[str, str], parts: Sequence[Section], failed: Sequence[str]
-) -> Iterator[str]:
-    """summary.md; `explained`, `parts` and `failed` as in `dlama.evaluation.report.write.page`."""
-    facts: Mapping[str, Any] = summary.about
-    yield from (f"# Evaluation on {dataset.name}", "", facts["lead"], "")
-    yield from (*(f"- {sentence}" for sentence in explained.values()), "")
-    if facts["command"]:
-        yield from ("```", facts["command"], "```", "")
-    if failed:
-        yield from ("## What failed", "", *(f"- {line}" for line in failed), "")
-    for part in parts:
-        yield from (f"## {part.title}", "")
-        if part.text:
-            yield from (part.text, "")
-        for table in part.tables:
-            text = f"{markdown(table)}\nSettings `{facts['settings_hash']}`.\n"
-            yield f"<details><summary>{table.title}</summary>\n\n{text}\n</details>\n" if table.minor else text
-    yield from ("## Settings and versions", "")
-    yield from (f"- {name}: `{text}`" for name, text in flatten(facts) if name != "lead")
-    yield ""
-
-
-def _write(path: Path, text: str) -> None:
-    with new_file(path) as draft:
-        draft.write_text(text, encoding="utf-8", errors="backslashreplace")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import enum
 import functools
 import hashlib
 import json
@@ -59,8 +58,8 @@ def versions() -> dict[str, str]:
 
 
 def short_hash(value: Any) -> str:
-    """16 hexadecimal digits of the sha256 of what `describe` says of a value."""
-    text = json.dumps(describe(value), sort_keys=True, ensure_ascii=True)
+    """16 hexadecimal digits of the sha256 of a value as JSON; equal values give equal text."""
+    text = json.dumps(value, default=describe, sort_keys=True, ensure_ascii=True)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
@@ -87,34 +86,24 @@ def code_hash() -> str:
 
 
 def describe(value: Any) -> Any:
-    """A value as JSON can hold it; equal values give equal text. Files count by name, size and time of change."""
-    if value is None or isinstance(value, (bool, int, str)):
-        return value
-    if isinstance(value, float):
-        return repr(value)
-    if isinstance(value, enum.Enum):
-        return [type(value).__qualname__, value.name]
+    """What JSON does not know. Files count by name, size and time of change."""
     if isinstance(value, Path):
         return _describe_file(value)
     if isinstance(value, np.ndarray):
         return [str(value.dtype), list(value.shape), hashlib.sha256(np.ascontiguousarray(value).tobytes()).hexdigest()]
     if isinstance(value, np.generic):
-        return describe(value.item())
-    return _describe_compound(value)
-
-
-def _describe_compound(value: Any) -> Any:
+        return value.item()
     if isinstance(value, Mapping):
-        return {str(key): describe(one) for key, one in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [describe(one) for one in value]
+        return dict(value)
     if isinstance(value, (set, frozenset)):
-        return sorted(json.dumps(describe(one), sort_keys=True) for one in value)
+        return sorted(map(short_hash, value))
     if isinstance(value, functools.partial):
-        return ["call", describe(value.func), describe(value.args), describe(value.keywords)]
+        return ["call", value.func, value.args, value.keywords]
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        fields = {field.name: describe(getattr(value, field.name)) for field in dataclasses.fields(value)}
-        return [type(value).__qualname__, fields]
+        return [
+            type(value).__qualname__,
+            {field.name: getattr(value, field.name) for field in dataclasses.fields(value)},
+        ]
     if hasattr(value, "__qualname__"):  # a function or a class
         return f"{value.__module__}.{value.__qualname__}"
     return hashlib.sha256(pickle.dumps(value)).hexdigest()

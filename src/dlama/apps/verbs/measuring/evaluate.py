@@ -11,7 +11,7 @@ from dlama.apps.places import check_folder_apart
 from dlama.apps.verbs.measuring.options import Cases, Methods
 from dlama.errors import require_extra
 
-NEEDED = {"scikit-image": "skimage", "scipy": "scipy", "matplotlib": "matplotlib", "jinja2": "jinja2"}
+NEEDED = {"scikit-image": "skimage", "scipy": "scipy", "jinja2": "jinja2"}
 
 
 def evaluate(

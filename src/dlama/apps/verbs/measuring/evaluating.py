@@ -56,7 +56,7 @@ def choose_cases(dataset: Dataset, cases: Cases) -> tuple[Case, ...]:
     if missing:
         raise InputError(f"{dataset.name} has no cases of {missing[0]}; it has {', '.join(has) or 'none at all'}")
     found: list[Case] = []
-    for name in cases.protocol or [one for one in has if one != "mask"]:
+    for name in cases.protocol or has:
         of_protocol = dataset.of(name)
         orbit = is_orbit(case.yaw for case in of_protocol)
         found += [case for case in of_protocol if has_yaw(case, cases.yaws, orbit)][: cases.limit]

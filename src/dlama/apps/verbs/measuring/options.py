@@ -10,7 +10,7 @@ from dlama.completion.options import RECIPE_NAMES
 
 NO_FILL = "none"
 """The filler that leaves holes as they are."""
-Protocol = Literal["vpi", "ori", "sii", "mask"]
+Protocol = Literal["vpi", "ori", "sii"]
 
 
 @dataclass(frozen=True)
@@ -20,9 +20,9 @@ class Cases:
     protocol: Annotated[
         tuple[Protocol, ...],
         option(
-            "vpi|ori|sii|mask ...",
+            "vpi|ori|sii ...",
             "vpi ori sii, as the data set has",
-            help="View change, object removal, stereo; and how well the removed object's mask is found by clicks and boxes.",
+            help="View change, object removal, stereo.",
         ),
     ] = ()
     scenes: Annotated[tuple[str, ...], option("SCENE ...", "all")] = ()
