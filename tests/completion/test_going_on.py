@@ -135,5 +135,5 @@ def test_a_path_is_filled_beside_the_edges_of_its_pictures() -> None:
     filler, seen = recording()
     for _ in dlama.render_path(dlama.scene([rgbd]), [cameras[0], orbit(rgbd.camera, -12.0), cameras[2]], filler=filler):
         pass
-    away = [context.misplaced_edges for view, context in seen if not view.camera.same_view_as(rgbd.camera)]
+    away = [context.law.misplaced_edges for view, context in seen if not view.camera.same_view_as(rgbd.camera)]
     assert len(away) >= 3 and all(away)

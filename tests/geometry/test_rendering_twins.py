@@ -10,11 +10,11 @@ import pytest
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.drawing import grid_mesh
-from dlama.geometry.drawing.grid_mesh import find_flying_pixels, mesh_grid
+from dlama.geometry.drawing.grid_mesh import close_grid, find_flying_pixels, mesh_grid
 from dlama.geometry.drawing.layers import NEAR, transform_depth
 from dlama.geometry.drawing.picture_edges import edge_ratio
 from dlama.geometry.projection import inverse_depth, px_from_px
-from dlama.geometry.rendering import close_grid, render
+from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from dlama.geometry.camera import Camera
@@ -33,7 +35,8 @@ def test_the_context_of_a_part_keeps_sky_and_edges() -> None:
     depth = np.arange(1, 7, dtype=np.float32).reshape(2, 3)
     depth[0, 0] = np.inf
     view = View.from_rgbd(RGBD(np.zeros((2, 3, 3), np.uint8), depth, Camera.from_fov(3, 2, 60)))
-    whole = FillContext(FillContext.of(Scene((view,))).law, FillContext.of(Scene((view,))).sky, misplaced_edges=True)
+    found = FillContext.of(Scene((view,)))
+    whole = FillContext(replace(found.law, misplaced_edges=True), found.sky)
     part = whole.cropped(view, slice(1, 2), slice(0, 2))
     np.testing.assert_array_equal(part.law.measured[0][1], depth[1:2, :2])
-    assert part.sky is whole.sky and part.misplaced_edges
+    assert part.sky is whole.sky and part.law.misplaced_edges

@@ -24,7 +24,7 @@ from dlama.completion.report import (
     warn_of_unknown,
 )
 from dlama.completion.start import choose_filler, may_estimate_again, plan_for, scene_of
-from dlama.completion.steps import complete_views, fill
+from dlama.completion.steps import complete_views
 from dlama.errors import InputError
 from dlama.geometry.camera import Camera
 from dlama.geometry.frames.gathering import FrameSource
@@ -34,7 +34,7 @@ from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.inpainters import AUTO, find_filler
-from dlama.inpainters.filling import Inpainter
+from dlama.inpainters.filling import Inpainter, inpaint
 from dlama.models.network_file import make_room
 from dlama.progress import Progress, take_progress
 
@@ -129,8 +129,11 @@ def _views(scene: Scene, cameras: list[Camera], filler: Inpainter, of_slivers: I
     for camera in cameras:
         open_view = render(whole, camera)
         share = float(open_view.hole.mean())
-        chosen = replace(plan, inpainter=of_slivers) if share <= SLIVERS else plan
-        view, _ = fill(chosen, open_view, whole)
+        context = plan.context.near(camera)
+        law = context.law.with_aligned_edges(whole)
+        view, _ = inpaint(
+            open_view, of_slivers if share <= SLIVERS else plan.inpainter, replace(context, law=law), seed
+        )
         if share > KEPT:
             whole = fuse(whole, view, known=~open_view.hole)
         yield view

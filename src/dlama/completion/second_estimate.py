@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import cv2
 import numpy as np
 
-from dlama.completion.start import Plan, context_of
+from dlama.completion.start import Plan
 from dlama.errors import DepthError
 from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.frames.stored import Layer
@@ -63,15 +63,15 @@ def estimate_again(plan: Plan, scene: Scene, place: int, view: View) -> tuple[Pl
     frame = scene.frames[place].load()
     removed = frame.object_hole
     if plan.recipe.depth_by != "surfaces" or Origin.ESTIMATED not in frame.origins or not removed.any():
-        return plan, scene, FillReport(0, 0, 0, {})
+        return plan, scene, FillReport()
     begin_stage("estimate depth again")
     again = estimate_inverse_depth(view.color)
     make_room(removed.size)
     fit = fit_round_object(frame, removed, again)
     if not fit.notes["taken"]:
-        return plan, scene, FillReport(0, 0, 0, {"depth_estimated_again": fit.notes})
+        return plan, scene, FillReport(notes={"depth_estimated_again": fit.notes})
     plan, scene, moved = take_estimate(plan, scene, place, removed, view, again, fit)
-    return plan, scene, FillReport(0, moved, 0, {"depth_estimated_again": fit.notes})
+    return plan, scene, FillReport(law_moves=moved, notes={"depth_estimated_again": fit.notes})
 
 
 def take_estimate(
@@ -95,7 +95,7 @@ def take_estimate(
     own = clean if scene.frames[place] is measured else with_depth(frame, depth, changed, box)
     removals = tuple(background(one.load()) if of_camera(one) else one for one in scene.removals)
     known = dataclasses.replace(replace_frame(plan.measured, place, clean), removals=removals)
-    plan = dataclasses.replace(plan, measured=known, context=context_of(known, plan.recipe))
+    plan = dataclasses.replace(plan, measured=known)
     law = plan.context.near(view.camera).law.cropped(view, rows, columns)
     lawful, moved = law.project(part.camera, depth, changed & removed[box])
     fills = tuple(with_depth(one.load(), lawful, changed, box) if of_camera(one) else one for one in scene.fills)

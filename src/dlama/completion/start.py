@@ -8,6 +8,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,7 +17,6 @@ import numpy as np
 from dlama.completion.options import Options
 from dlama.completion.recipes import Recipe
 from dlama.errors import InputError
-from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType
 from dlama.geometry.frames import gathering
 from dlama.geometry.frames.gathering import FrameSource
@@ -45,16 +45,15 @@ class Plan:
     seed: int
     measured: Scene
     """The scene as measured, without removed objects; nothing is filled."""
-    context: FillContext
-    """What fillers know besides a view."""
     filler: str
     """The filler's name, for meta.json."""
     decisions: Mapping[str, Mapping[str, Any]]
     """For meta.json: what was chosen, and why."""
 
-    def is_of_frame(self, camera: Camera) -> bool:
-        """Whether a frame was taken by this camera."""
-        return any(camera.same_view_as(frame.camera) for frame in self.measured.frames)
+    @cached_property
+    def context(self) -> FillContext:
+        """What fillers know of the measured scene besides a view; nothing, where the recipe knows no law."""
+        return FillContext.of(self.measured) if self.recipe.law else FillContext(Law(()))
 
 
 class Dilation(NamedTuple):
@@ -136,11 +135,6 @@ def filler_of_recipe(filler: Inpainter, recipe: Recipe) -> Inpainter:
     return with_grey_depth(filler, recipe.clip) if recipe.eight_bit_depth and recipe.clip is not None else filler
 
 
-def context_of(scene: Scene, recipe: Recipe) -> FillContext:
-    """What fillers know of a scene besides a view; nothing, where the recipe knows no law."""
-    return FillContext.of(scene) if recipe.law else FillContext(Law(()))
-
-
 def describe_padding(scene: Scene) -> dict[str, dict[str, Any]]:
     """For meta.json: how many pixels of the frames in memory are padding round the picture (`RGBD.padding`); {} = none."""
     measured = (one for one in scene.frames if isinstance(one, View))
@@ -180,5 +174,5 @@ def plan_for(
         dilation = Dilation(removal.pixels, removal.known_pixels_given_up)
     measured = scene.unfilled
     decisions = decisions | describe_padding(measured)
-    filler, context = filler_of_recipe(inpainter, recipe), context_of(measured, recipe)
-    return Plan(recipe, filler, options.seed, measured, context, choice.name, decisions), scene, dilation
+    filler = filler_of_recipe(inpainter, recipe)
+    return Plan(recipe, filler, options.seed, measured, choice.name, decisions), scene, dilation

@@ -1,4 +1,4 @@
-"""The steps of the method, each a function from values to new values: `pipeline`, `paths` and `stereo` put them in order.
+"""The steps of the method, each a function from values to new values: `pipeline`, `photo3d` and `stereo` put them in order.
 
 fill each frame -> warp, mask (eq. 2-4) -> earlier fill -> fill (sec. 3.3) -> fuse (eq. 10)
 
@@ -8,33 +8,25 @@ used (`geometry.frames`); the rest is filled in the frame that sees most of it, 
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
+from dataclasses import replace
 from typing import Any, NamedTuple
-
-import numpy as np
 
 from dlama.completion.second_estimate import estimate_again
 from dlama.completion.start import NO_DILATION, Dilation, Plan
 from dlama.geometry.camera import Camera
-from dlama.geometry.codes import HoleType, Origin, has_code
 from dlama.geometry.frames.choosing import choose_frames
 from dlama.geometry.fusion import fuse
-from dlama.geometry.holes import box_around, dilate_mask, fill_with_nearest
-from dlama.geometry.rendering import Mode, render, render_fills
-from dlama.geometry.rgbd import replace_pixels
+from dlama.geometry.rendering import render_measured
 from dlama.geometry.scene import Scene, replace_frame
 from dlama.geometry.view import View
-from dlama.geometry.visibility import Law
-from dlama.inpainters.confidence import LARGEST_CONFIDENCE
-from dlama.inpainters.filling import FillReport, inpaint, paste_part
+from dlama.geometry.view_holes import close_by_earlier_fill, dilate_holes
+from dlama.inpainters.filling import FillReport, inpaint
 from dlama.progress import begin_stage
 
 StageClock = Callable[[str], AbstractContextManager[Any]]
 """Counts the seconds of the stage of that name."""
-SEEN_AGAIN = (Origin.REPROJECTED, Origin.ESTIMATED)
-"""Origins of what the source view shows, seen from elsewhere."""
 
 
 class CompletedView(NamedTuple):
@@ -50,15 +42,6 @@ class CompletedView(NamedTuple):
     """Of what earlier views had filled already, and of what was filled anew."""
 
 
-def fill(plan: Plan, view: View, scene: Scene | None = None) -> tuple[View, FillReport]:
-    """The view with all its holes filled under the plan's law, and what that did.
-
-    scene: whose depth edges count where its frames are drawn with them (`FillContext.with_aligned_edges`); None: as measured.
-    """
-    context = plan.context if scene is None else plan.context.near(view.camera).with_aligned_edges(scene)
-    return inpaint(view, plan.inpainter, context, plan.seed)
-
-
 def frames_to_fill(plan: Plan, scene: Scene, cameras: Sequence[Camera]) -> list[int]:
     """Places of the frames to fill first, of those that matter for `cameras` (all, where there are none), as the recipe says.
 
@@ -70,85 +53,15 @@ def frames_to_fill(plan: Plan, scene: Scene, cameras: Sequence[Camera]) -> list[
     chosen = {place for camera in cameras for place in choose_frames(frames, camera)} if cameras else range(len(frames))
     places = sorted(place for place in chosen if frames[place].has_holes)
     if len(places) > 1 and scene.removals:
-        behind = {place: measured_view(plan, plan.measured, frames[place].camera).object_hole for place in places}
-        unseen = {place: int(hole.sum()) for place, hole in behind.items()}
+        unseen = {place: count_unseen(plan, frames[place].camera) for place in places}
         places.sort(key=lambda place: (-unseen[place], place))
     return places
 
 
-def measured_view(plan: Plan, scene: Scene, camera: Camera) -> View:
-    """What the measurements alone show from `camera`: I', lambda' and M (eq. 2-4).
-
-    Away from the source cameras the depth of sensor holes, filled there (in `scene`), counts as measured.
-    """
-    frames = plan.measured.frames if plan.is_of_frame(camera) else scene.frames
-    view = render(dataclasses.replace(plan.measured, frames=frames), camera, plan.recipe.mode, close=False)
-    if plan.recipe.footprint and plan.measured.removals:
-        first, *others = plan.measured.removals
-        object_seen = render(Scene((first,), fills=tuple(others)), camera, plan.recipe.mode, types=False)
-        view = view.without(~object_seen.hole & ~view.hole, HoleType.OBJECT)
-    return view
-
-
-def dilate_holes(view: View, radius: int) -> tuple[View, Dilation]:
-    """The view with its holes dilated by `radius` px, and how they grew; a pixel given up takes the type of the nearest one."""
-    given_up = dilate_mask(view.hole, radius) & ~view.hole
-    grown = Dilation(int(view.hole.sum()), int(given_up.sum()))
-    if not given_up.any():
-        return view, grown
-    larger = view.without(given_up, HoleType.DISOCCLUDED)
-    types = np.where(given_up, fill_with_nearest(view.hole_type, view.hole), view.hole_type)
-    return dataclasses.replace(larger, hole_type=types), grown
-
-
-def show_earlier_fill(plan: Plan, scene: Scene, view: View) -> tuple[View, FillReport]:
-    """The view with its holes closed where `scene` was filled for a frame or for earlier cameras, and what that did."""
-    recipe = plan.recipe
-    redrawn = (
-        plan.is_of_frame(view.camera) or recipe.dilate_holes > 0 or recipe.footprint
-    )  # else `view` shows these frames
-    if scene is plan.measured or not view.hole.any() or not (scene.fills or redrawn):
-        return view, FillReport(0, 0, 0, {})
-    law = plan.context.near(view.camera).law
-    if len(scene.frames) == 1 and all(layer.camera.same_view_as(view.camera) for layer in scene.layers):
-        return show_fill_in_place(law, scene, view, recipe.mode)
-    return close_holes(law, view, render_fills(scene, view.camera, recipe.mode, view.hole, frames=redrawn))
-
-
-def show_fill_in_place(law: Law, scene: Scene, view: View, mode: Mode) -> tuple[View, FillReport]:
-    """As `show_earlier_fill` of a scene all of whose layers are of the view's own camera: the box of its holes is drawn alone."""
-    rows, columns = box_around(view.hole, 0)
-    part = view.cropped(rows, columns)
-    frames, fills = (tuple(one.load().cropped(rows, columns) for one in of) for of in (scene.frames, scene.fills))
-    earlier = render(Scene(frames, fills=fills), part.camera, mode, types=False, close=False)
-    closed, report = close_holes(law.cropped(view, rows, columns), part, earlier)
-    return paste_part(view, closed, rows, columns), report
-
-
-def close_holes(law: Law, view: View, earlier: View, *, measured: bool = False) -> tuple[View, FillReport]:
-    """The holes of a view closed with another rendering of the same camera, where that knows more, and what that did.
-
-    Colours that were measured stay. Surfaces are drawn between lawful pixel centres, so the depth that is taken over is
-    projected onto the law once more. measured: what `earlier` shows of measurements stays marked as such (REPROJECTED).
-    """
-    closed = view.hole & ~earlier.hole
-    depth, moved = law.project(view.camera, np.where(closed, earlier.depth, view.depth), closed)
-    of_color = closed & view.color_hole
-    again = has_code(earlier.origin, *SEEN_AGAIN) & (not measured)
-    origin = np.where(of_color, np.where(again, np.uint8(Origin.FILLED), earlier.origin), np.uint8(Origin.DEPTH_FILLED))
-    known = view.with_planes(
-        color=replace_pixels(view.color, of_color, earlier.color),
-        depth=depth,
-        hole=view.hole & ~closed,
-        origin=np.where(closed, origin, view.origin),
-        confidence=np.where(
-            closed, np.where(again, np.float32(LARGEST_CONFIDENCE), earlier.confidence), view.confidence
-        ),
-        errors=view.errors_with(earlier, closed),
-    )
-    if view.frame is not None and earlier.frame is not None:
-        known = known.with_planes(frame=np.where(of_color, earlier.frame, view.frame))
-    return known, FillReport(0, int(moved.sum()), 0, {})
+def count_unseen(plan: Plan, camera: Camera) -> int:
+    """Pixels of a camera's view in which nothing that was measured is behind a removed object."""
+    shown = render_measured(plan.measured, plan.measured, camera, plan.recipe.mode, plan.recipe.footprint)
+    return int(shown.object_hole.sum())
 
 
 def complete_frame(
@@ -156,31 +69,47 @@ def complete_frame(
 ) -> tuple[CompletedView, Scene]:
     """One frame, completed after what other frames and earlier fills show of it; and the scene, in which it has depth wherever it
     has a colour. clock: counts seconds by stage."""
+    recipe = plan.recipe
     with clock("fill"):
         begin_stage(f"fill frame {scene.numbers[place]}")
         frame = scene.frames[place].load()
-        before = measured_view(plan, scene, frame.camera)
-        known, taken_over = show_earlier_fill(plan, scene, before)
-        view, filled = fill(plan, known)
+        context = plan.context.near(frame.camera)
+        before = render_measured(plan.measured, scene, frame.camera, recipe.mode, recipe.footprint)
+        known, moved = before, 0
+        if scene is not plan.measured:
+            known, moved = close_by_earlier_fill(context.law, scene, before, recipe.mode, frames=True)
+        view, filled = inpaint(known, plan.inpainter, context, plan.seed)
         colored = frame.depth_hole
         if colored.any():
             scene = replace_frame(scene, place, frame.with_pixels(view, colored))
         larger = fuse(scene, view, before.hole & ~known.hole)
-    return CompletedView(before, view, NO_DILATION, (taken_over, filled)), larger
+    return CompletedView(before, view, NO_DILATION, (FillReport(law_moves=moved), filled)), larger
 
 
 def complete_view(
     plan: Plan, scene: Scene, camera: Camera, clock: StageClock = nullcontext
 ) -> tuple[CompletedView, Scene]:
-    """The view of one camera, completed, and the scene with what was filled for it. clock: counts seconds by stage."""
+    """The view of one camera, completed, and the scene with what was filled for it. clock: counts seconds by stage.
+
+    Depth edges count for the fill where the scene's frames are drawn with them.
+    """
+    recipe = plan.recipe
     with clock("render"):
-        before, grown = dilate_holes(measured_view(plan, scene, camera), plan.recipe.dilate_holes)
-        known, taken_over = show_earlier_fill(plan, scene, before)
+        context = plan.context.near(camera)
+        law = context.law.with_aligned_edges(scene)
+        before, given_up = render_measured(plan.measured, scene, camera, recipe.mode, recipe.footprint), 0
+        if recipe.dilate_holes:
+            before, given_up = dilate_holes(before, recipe.dilate_holes)
+        known, moved = before, 0
+        if scene is not plan.measured:
+            redrawn = plan.measured.has_frame_of(camera) or recipe.dilate_holes > 0 or recipe.footprint
+            known, moved = close_by_earlier_fill(context.law, scene, before, recipe.mode, redrawn)
     with clock("fill"):
-        view, filled = fill(plan, known, scene)
+        view, filled = inpaint(known, plan.inpainter, replace(context, law=law), plan.seed)
     with clock("fuse"):
         larger = fuse(scene, view, before.hole & ~known.hole)
-    return CompletedView(before, view, grown, (taken_over, filled)), larger
+    grown = Dilation(int(before.hole.sum()) - given_up, given_up)
+    return CompletedView(before, view, grown, (FillReport(law_moves=moved), filled)), larger
 
 
 def complete_views(

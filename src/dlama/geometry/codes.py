@@ -31,6 +31,10 @@ DEPTH_FROM_OTHERS = (Origin.DEPTH_FILLED, Origin.ELSEWHERE)
 """Origins of a frame's pixels with its own colour and a depth that the frame did not measure."""
 ESTIMATED_CONFIDENCE = 0.6
 """Confidence of measured colour with estimated depth; 1 is measured, fills have 0.5 and less."""
+LARGEST_CONFIDENCE = 0.99
+"""Largest probability of a filled pixel; 1 is what was measured."""
+SEEN_AGAIN = (Origin.REPROJECTED, Origin.ESTIMATED)
+"""Origins of what the source view shows, seen from elsewhere."""
 
 
 def has_code(codes: UInt8Array, *which: int) -> BoolArray:

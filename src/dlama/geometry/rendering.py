@@ -19,6 +19,7 @@ from dlama.geometry.cloud import PointCloud
 from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.drawing.canvas import Canvas
 from dlama.geometry.drawing.gaps import can_close_gaps, close_gaps
+from dlama.geometry.drawing.grid_mesh import close_grid
 from dlama.geometry.drawing.grid_mesh import find_flying_pixels as find_flying_pixels
 from dlama.geometry.drawing.layers import (
     ALL,
@@ -37,11 +38,11 @@ from dlama.geometry.drawing.layers import Mode as Mode
 from dlama.geometry.frames.choosing import may_show
 from dlama.geometry.frames.merging import keep_latest, merge_frames, surface_of
 from dlama.geometry.frames.stored import Layer
-from dlama.geometry.holes import box_around, fill_with_nearest
+from dlama.geometry.holes import box_around
 from dlama.geometry.kernels.drawing import hole_types as hole_kernels
 from dlama.geometry.kernels.jit import in_bands, threads
 from dlama.geometry.projection import project
-from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, freeze
+from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array, freeze
 from dlama.geometry.scene import Scene, contribution
 from dlama.geometry.view import View
 
@@ -104,6 +105,27 @@ def render(
     hole = drawn.canvas.depth == 0
     kinds = hole_types(drawn.grids, scene.removals, hole) if types else hole * np.uint8(HoleType.OUT_OF_VIEW)
     return drawn.view(camera, kinds)
+
+
+def render_measured(
+    measured: Scene, scene: Scene, camera: Camera, mode: Mode = "surface", footprint: bool = False
+) -> View:
+    """What the measurements alone show from `camera`: I', lambda' and M (eq. 2-4).
+
+    Away from the cameras of its frames the depth of sensor holes, filled in `scene`, counts as measured.
+
+    Args:
+        measured: The scene without fills.
+        scene: The same scene as far as it is filled.
+        footprint: What removed objects cover is a hole, too (fig. 5, the union).
+    """
+    frames = measured.frames if measured.has_frame_of(camera) else scene.frames
+    view = render(dataclasses.replace(measured, frames=frames), camera, mode, close=False)
+    if footprint and measured.removals:
+        first, *others = measured.removals
+        removed = render(Scene((first,), fills=tuple(others)), camera, mode, types=False)
+        view = view.without(~removed.hole & ~view.hole, HoleType.OBJECT)
+    return view
 
 
 def render_fills(scene: Scene, camera: Camera, mode: Mode, hole: BoolArray, frames: bool) -> View:
@@ -215,24 +237,6 @@ def hole_types(grids: list[Grid], removals: tuple[Layer, ...], hole: BoolArray) 
             in_bands(hole_kernels.mark_closed_mesh, len(hole), x, y, w, spans, grid.surface.mesh.joined, *marks)
             hole_kernels.mark_points(x, y, w, grid.surface.mesh.flying, hole_kernels.FLYING_RANK, hole, ranks)
     return np.asarray(cv2.LUT(ranks, TYPE_OF_RANK) * hole, np.uint8)
-
-
-def close_grid(view: View, removals: tuple[Layer, ...]) -> tuple[Float32Array, UInt8Array]:
-    """Depth of a layer with every gap closed, and the rank of the hole type of what was closed.
-
-    Removed objects get their own depth back, sensor holes the depth of the nearest pixel, far pixels a large one.
-    """
-    depth = view.known_depth
-    rank = np.zeros(depth.shape, np.uint8)
-    rank[view.hole & (view.hole_type == HoleType.SENSOR.value)] = hole_kernels.SENSOR_RANK
-    rank[view.object_hole] = hole_kernels.OBJECT_RANK
-    for removed in removals:
-        if removed.camera.same_view_as(view.camera):
-            part = removed.load()
-            depth = np.where((depth == 0) & part.valid, part.depth, depth)
-    horizon = 100 * float(np.where(depth < np.inf, depth, np.float32(0)).max()) or 1e4
-    depth = np.minimum(depth, np.float32(horizon))
-    return fill_with_nearest(depth, depth > 0), rank
 
 
 close_frame = keep_latest(close_grid)

@@ -11,6 +11,7 @@ from typing import Any
 
 from dlama.arguments import check
 from dlama.errors import InputError, ShapeError, format_count
+from dlama.geometry.camera import Camera
 from dlama.geometry.cloud import concatenate
 from dlama.geometry.codes import HoleType, Origin, from_filler
 from dlama.geometry.figures.points import point_viewer
@@ -73,6 +74,10 @@ class Scene:
     def has_estimated_depth(self) -> bool:
         """True if a network estimated the depth of a frame."""
         return any(Origin.ESTIMATED in frame.origins for frame in self.frames)
+
+    def has_frame_of(self, camera: Camera) -> bool:
+        """Whether a frame was taken by this camera."""
+        return any(camera.same_view_as(frame.camera) for frame in self.frames)
 
     @cached_property
     def unfilled(self) -> Scene:

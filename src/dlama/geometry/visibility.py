@@ -6,7 +6,8 @@ and covers no far pixel. A removed object's own depth counts as measured: its ba
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from weakref import WeakKeyDictionary
 
 import cv2
 import numpy as np
@@ -14,6 +15,8 @@ import numpy as np
 from dlama.arguments import check_arguments
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import from_source
+from dlama.geometry.drawing.picture_edges import align_edges
+from dlama.geometry.frames.stored import Layer
 from dlama.geometry.kernels import visibility as kernels
 from dlama.geometry.kernels.jit import as_input, in_bands
 from dlama.geometry.projection import px_from_px
@@ -28,12 +31,17 @@ MAX_ROUNDS = 8
 SIGMAS, EXACT, EDGES_PX = 3.0, 1e-3, 2
 """Slack of the law for many frames in standard deviations of depth; relative noise that counts as none; error of edges in px."""
 
+_aligned: WeakKeyDictionary[Law, tuple[tuple[Layer, ...], Law]] = WeakKeyDictionary()
+"""A law, the frames that its edges were last aligned by, and what came of it: cameras of one scene ask for the same."""
+
 
 @dataclass(frozen=True, eq=False)
 class Law:
     """Measurements of the source cameras: for each, H x W depth in metres, 0 = none, +inf = far."""
 
     measured: tuple[tuple[Camera, Float32Array], ...]
+    misplaced_edges: bool = False
+    """True where measured depth edges are misaligned with the picture (`with_aligned_edges`), as a sensor's are."""
 
     @classmethod
     def of(cls, scene: Scene) -> Law:
@@ -56,6 +64,24 @@ class Law:
             measured = [(camera, subtract_noise(depth, scene.noise)) for camera, depth in measured]
         return cls(tuple(measured))
 
+    def with_aligned_edges(self, scene: Scene) -> Law:
+        """The law with the scene's frames as they are drawn (`align_edges`). Near misaligned edges filled depth counts as
+        measured, and edges lie where the picture has them, if that forbids more."""
+        frames, aligned = _aligned.get(self, ((), self))
+        if frames is scene.frames:
+            return aligned
+        measured, misplaced = list(self.measured), self.misplaced_edges
+        for layer in scene.frames:
+            for number, (camera, known) in enumerate(measured):
+                if camera.same_view_as(layer.camera):
+                    placed = align_edges(layer.load())
+                    if placed.misaligned.any():
+                        measured[number] = camera, np.where(placed.misaligned, np.maximum(known, placed.depth), known)
+                        misplaced = True
+        aligned = Law(tuple(measured), misplaced)
+        _aligned[self] = scene.frames, aligned
+        return aligned
+
     def cropped(self, view: View, rows: slice, columns: slice) -> Law:
         """The law for a part of a view (`View.cropped`): measurements of the view's own camera are cropped as well."""
         part = view.camera.cropped_to(rows, columns)
@@ -63,7 +89,7 @@ class Law:
             (part, np.ascontiguousarray(known[rows, columns])) if camera.same_view_as(view.camera) else (camera, known)
             for camera, known in self.measured
         )
-        return Law(measured)
+        return replace(self, measured=measured)
 
     def violations(self, camera: Camera, depth: Float32Array, where: BoolArray) -> BoolArray:
         """H x W bool, True at pixels of `where` (H x W bool) whose `depth` (H x W metres, seen from `camera`) breaks the law."""

@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.codes import HoleType, Origin
+from dlama.geometry.codes import LARGEST_CONFIDENCE, HoleType, Origin
 from dlama.geometry.holes import erode_square, fill_with_nearest, nearest_known
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.projection import inverse_depth
@@ -40,8 +40,6 @@ REACH = 3.0
 """Features are clipped at so many standard deviations of the training data."""
 PIECE = 1 << 10
 """Pixels of one batch: so few that a matrix product takes one thread, since waiting threads took more time than the product."""
-LARGEST_CONFIDENCE = 0.99
-"""Largest probability of a filled pixel; 1 is what was measured."""
 WEIGHTS = Path(__file__).parents[1] / "assets" / "confidence" / "confidence.npz"
 
 

@@ -1,18 +1,14 @@
-"""What a filler knows besides its view: the visibility law of the scene, the colours of its sky, whether its edges are exact."""
+"""What a filler knows besides its view: the visibility law of the scene and the colours of its sky."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from weakref import WeakKeyDictionary
-
-import numpy as np
 
 from dlama.arguments import check_arguments
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import from_source
-from dlama.geometry.drawing.picture_edges import align_edges
 from dlama.geometry.frames.choosing import MOST_FRAMES, choose_frames
-from dlama.geometry.frames.stored import Layer, coarse_camera, coarse_depth
+from dlama.geometry.frames.stored import coarse_camera, coarse_depth
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law, subtract_noise
@@ -23,20 +19,15 @@ HELD_BYTES = 256_000_000
 MOST_COARSE = 24
 """Further frames, besides those drawn for a camera, whose coarse depth counts for its law."""
 
-_aligned: WeakKeyDictionary[FillContext, tuple[tuple[Layer, ...], FillContext]] = WeakKeyDictionary()
-"""A context, the frames that its edges were last aligned by, and what came of it: cameras of one scene ask for the same."""
-
 
 @dataclass(frozen=True, eq=False)
 class FillContext:
-    """The depth constraints, the sky and the depth edges of the scene that a view shows."""
+    """The depth constraints and the sky of the scene that a view shows."""
 
     law: Law
     """The visibility law; without measurements where `scene` is set."""
     sky: Sky | None = None
     """Colours of the measured far pixels, for views that show few of them; None: there were none."""
-    misplaced_edges: bool = False
-    """True where measured depth edges are misaligned with the picture (`with_aligned_edges`), as a sensor's are."""
     scene: Scene | None = None
     """The scene, for too many frames to hold their depth; `near` then gives the context for a camera."""
 
@@ -64,24 +55,6 @@ class FillContext:
             for each in (whole.frames[place] for place in places[MOST_FRAMES:])
         ]
         return FillContext(Law((*Law.of(drawn).measured, *coarse)), sky_of(drawn))
-
-    def with_aligned_edges(self, scene: Scene) -> FillContext:
-        """The context with the scene's frames as they are drawn (`align_edges`). Near misaligned edges filled depth counts as
-        measured, and edges lie where the picture has them, if that forbids more. Of very many frames: of the context `near`."""
-        frames, aligned = _aligned.get(self, ((), self))
-        if frames is scene.frames:
-            return aligned
-        measured, misplaced = list(self.law.measured), self.misplaced_edges
-        for layer in scene.frames:
-            for number, (camera, known) in enumerate(measured):
-                if camera.same_view_as(layer.camera):
-                    placed = align_edges(layer.load())
-                    if placed.misaligned.any():
-                        measured[number] = camera, np.where(placed.misaligned, np.maximum(known, placed.depth), known)
-                        misplaced = True
-        aligned = replace(self, law=Law(tuple(measured)), misplaced_edges=misplaced)
-        _aligned[self] = scene.frames, aligned
-        return aligned
 
     def cropped(self, view: View, rows: slice, columns: slice) -> FillContext:
         """The context for a part of a view (`View.cropped`)."""

@@ -7,7 +7,6 @@ origin and confidence mark what was filled.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
@@ -21,6 +20,7 @@ from dlama.geometry.holes import box_around, larger_box, sides_of
 from dlama.geometry.kernels.jit import begin_job
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, replace_pixels
 from dlama.geometry.view import View
+from dlama.geometry.view_holes import paste_part
 from dlama.inpainters.confidence import features_of_known, judge_fill
 from dlama.inpainters.context import FillContext
 
@@ -72,13 +72,13 @@ class Painter:
 class FillReport:
     """What filling one view did, for meta.json."""
 
-    hole_pixels: int
+    hole_pixels: int = 0
     """Pixels that were written."""
-    law_moves: int
+    law_moves: int = 0
     """Filled pixels whose proposed depth broke the visibility law and was projected onto it."""
-    law_violations: int
+    law_violations: int = 0
     """Filled pixels that still break it (0, or a bug)."""
-    notes: dict[str, Any]
+    notes: dict[str, Any] = field(default_factory=dict)
     """The filler's own."""
 
 
@@ -112,9 +112,9 @@ def inpaint(view: View, inpainter: Inpainter, context: FillContext, seed: int = 
     check_arguments(inpaint, locals())
     hole = view.hole
     if not hole.any():
-        return view, FillReport(0, 0, 0, {})
+        return view, FillReport()
     if not (view.valid | view.far).any():
-        return view, FillReport(0, 0, 0, {"nothing_visible": True})
+        return view, FillReport(notes={"nothing_visible": True})
     context = context.near(view.camera)
     rows, columns = box = box_with_context(hole)
     if np.prod(sides_of(box)) > WORTH_CROPPING * hole.size:
@@ -128,19 +128,6 @@ def box_with_context(hole: BoolArray) -> tuple[slice, slice]:
     tight = box_around(hole, 0)
     margin = max(CONTEXT_PX, round(CONTEXT * max(sides_of(tight))), round(CONTEXT_SHARE * max(hole.shape)))
     return larger_box(tight, margin, hole.shape)
-
-
-def paste_part(view: View, part: View, rows: slice, columns: slice) -> View:
-    """The view with a part of it (`View.cropped`) in its place."""
-    planes = {}
-    for one in dataclasses.fields(View)[1:]:
-        whole, inside = getattr(view, one.name), getattr(part, one.name)
-        if inside is None or (whole is not None and np.array_equal(whole[rows, columns], inside)):
-            continue
-        shape = (*view.hole.shape, *inside.shape[2:])
-        planes[one.name] = np.zeros(shape, inside.dtype) if whole is None else whole.copy()
-        planes[one.name][rows, columns] = inside
-    return view.with_planes(**planes)
 
 
 def _fill_whole(view: View, inpainter: Inpainter, context: FillContext, seed: int) -> tuple[View, FillReport]:

@@ -16,9 +16,8 @@ from dlama.completion.stereo.pair import MatchedPair
 from dlama.completion.stereo.stereo import stereo
 from dlama.errors import InputError
 from dlama.geometry.camera import Camera, StereoRig
-from dlama.geometry.codes import HoleType, Origin
+from dlama.geometry.codes import LARGEST_CONFIDENCE, HoleType, Origin
 from dlama.geometry.rendering import render
-from dlama.inpainters.confidence import LARGEST_CONFIDENCE
 from worlds import Box, Plane, World, moved
 
 CAMERA = Camera.from_fov(160, 120, 60)

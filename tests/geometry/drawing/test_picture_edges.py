@@ -18,6 +18,7 @@ from dlama.geometry.frames.stored import PixelCache
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
+from dlama.geometry.visibility import Law
 from dlama.inpainters import context as filling_context
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill
@@ -135,19 +136,19 @@ def test_depth_filled_beside_a_misplaced_edge_counts_for_the_law() -> None:
     depth[:, EDGE : EDGE + 4] = 0
     measured = Scene((View.from_rgbd(RGBD(source.color, depth, CAMERA)),))
     filled = dlama.complete(RGBD(source.color, depth, CAMERA), [CAMERA]).scene
-    context = FillContext.of(measured)
+    law = Law.of(measured)
     where = np.zeros(depth.shape, np.bool_)
     where[:, EDGE + 1 : EDGE + 3] = True
     table = np.full(depth.shape, 1.1, np.float32)
-    assert not context.law.violations(CAMERA, table, where).any()
-    assert context.with_aligned_edges(filled).law.violations(CAMERA, table, where)[where].mean() > 0.9
+    assert not law.violations(CAMERA, table, where).any()
+    assert law.with_aligned_edges(filled).violations(CAMERA, table, where)[where].mean() > 0.9
 
 
 def test_the_law_knows_whether_edges_are_misplaced() -> None:
     """A frame whose depth edge lies 3 px off the picture's, and one whose edges coincide."""
     for source, misplaced in ((frame(torn()), True), (frame(EDGE), False)):
         scene = Scene((View.from_rgbd(source),))
-        assert FillContext.of(scene).with_aligned_edges(scene).misplaced_edges is misplaced
+        assert Law.of(scene).with_aligned_edges(scene).misplaced_edges is misplaced
 
 
 @pytest.mark.parametrize("read_anew", [False, True], ids=["in memory", "read anew"])
@@ -169,7 +170,7 @@ def test_fillers_know_of_misplaced_edges_however_frames_are_kept(
 
     frames = [partial(source, off) if read_anew else source(off) for off in (0.0, 0.002)]
     dlama.complete(frames, [moved(CAMERA, shift=(0.1, 0, 0))], filler=recording)
-    assert contexts and contexts[-1].misplaced_edges
+    assert contexts and contexts[-1].law.misplaced_edges
 
 
 def enlarged(source: RGBD, width: int, height: int) -> RGBD:

@@ -204,7 +204,8 @@ def test_over_layers_depth_is_that_of_layered_and_colours_are_the_pictures() -> 
     view = View.from_rgbd(rgbd)
     view = view.without(hole, HoleType.OBJECT).without(crack, HoleType.CRACK)
     scene = Scene((view,))
-    context = FillContext.of(scene).with_aligned_edges(scene)
+    found = FillContext.of(scene)
+    context = FillContext(found.law.with_aligned_edges(scene), found.sky)
     fills = [find_filler(name)(view, context, 3) for name in ("layered", "layered-patches")]
     np.testing.assert_array_equal(fills[0].depth, fills[1].depth)
     np.testing.assert_array_equal(fills[0].color[crack], fills[1].color[crack])

@@ -7,15 +7,14 @@ import dataclasses
 import numpy as np
 
 from dlama.completion.report import Clock, Record
-from dlama.completion.start import Plan, context_of, filler_of_recipe
-from dlama.completion.steps import fill
+from dlama.completion.start import Plan, filler_of_recipe
 from dlama.completion.stereo.pair import CompletedPair, MatchedPair, without_object
 from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.holes import dilate_mask
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
-from dlama.inpainters.filling import FillReport
+from dlama.inpainters.filling import FillReport, inpaint
 
 
 def complete_pair_one_by_one(pair: MatchedPair, draft: Plan, clock: Clock) -> CompletedPair:
@@ -30,10 +29,10 @@ def complete_pair_one_by_one(pair: MatchedPair, draft: Plan, clock: Clock) -> Co
     fills: list[FillReport] = []
     for source, mask in zip(map(View.from_rgbd, flat), pair.masks):
         alone = Scene((source,))
-        plans.append(dataclasses.replace(draft, inpainter=inpainter, measured=alone, context=context_of(alone, recipe)))
+        plans.append(dataclasses.replace(draft, inpainter=inpainter, measured=alone))
         before.append(source.without(dilate_mask(mask, recipe.dilate or 0), HoleType.OBJECT))
         with clock("fill"):
-            view, report = fill(plans[-1], before[-1])
+            view, report = inpaint(before[-1], inpainter, plans[-1].context, draft.seed)
         filled.append(view)
         fills.append(report)
     with clock("match"):

@@ -25,12 +25,11 @@ from dlama.completion.report import Clock, Record, warn_of_disparity, warn_of_sc
 from dlama.completion.start import (
     Plan,
     choose_filler,
-    context_of,
     filler_of_recipe,
     refuse_model_of_auto,
     scene_of,
 )
-from dlama.completion.steps import close_holes, complete_frame, fill, frames_to_fill
+from dlama.completion.steps import complete_frame, frames_to_fill
 from dlama.completion.stereo.disparities import match_pair
 from dlama.completion.stereo.exchange import (
     add_seen_alone,
@@ -59,10 +58,9 @@ from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
-from dlama.geometry.visibility import Law
+from dlama.geometry.view_holes import close_holes
 from dlama.inpainters import AUTO, find_filler
-from dlama.inpainters.context import FillContext
-from dlama.inpainters.filling import FillReport, Inpainter
+from dlama.inpainters.filling import FillReport, Inpainter, inpaint
 from dlama.inpainters.networks.pair import PairFiller
 from dlama.perception.stereo.matching import Matcher
 from dlama.progress import Progress, take_progress
@@ -140,7 +138,7 @@ def stereo(
         growth = mask_growth(start, chosen.dilate)
         chosen, decisions = dataclasses.replace(chosen, dilate=growth.px), decisions | {"mask_growth": growth._asdict()}
     filler = inpainter or find_filler(choice.filler)
-    draft = Plan(chosen, filler, given.seed, start, FillContext(Law(())), choice.name, decisions)
+    draft = Plan(chosen, filler, given.seed, start, choice.name, decisions)
     complete_pair = complete_pair_one_by_one if one_by_one else complete_pair_together
     if choose_right_view(right_view, chosen, masks is not None) == "synthesised":
         complete_pair = synthesise_right
@@ -179,10 +177,9 @@ def complete_pair_together(pair: MatchedPair, draft: Plan, clock: Clock) -> Comp
     scene, grown_mask = without_object(clean, recipe)
     right_before = right_as_given(clean, recipe)
     lawful = with_object_depth(scene, pair.object_depth)
-    context = context_of(lawful, recipe)
-    plan = dataclasses.replace(draft, inpainter=left_filler(filler, pair, recipe), measured=scene, context=context)
+    plan = dataclasses.replace(draft, inpainter=left_filler(filler, pair, recipe), measured=lawful)
     both = dataclasses.replace(lawful, fills=(right_before,))  # what the right picture measured counts for the law too
-    context = context_of(both, recipe)
+    context = dataclasses.replace(draft, measured=both).context
 
     with clock("exchange"):
         other = right_before if pair.masks is None else continue_depth(right_before, context, plan.seed)
@@ -190,7 +187,7 @@ def complete_pair_together(pair: MatchedPair, draft: Plan, clock: Clock) -> Comp
         open_left = scene.frames[0].load()
         known_left = transfer_hidden(open_left, other, plan.context.law, recipe.mode)
     with clock("fill"):
-        left, left_fill = fill(plan, known_left)
+        left, left_fill = inpaint(known_left, plan.inpainter, plan.context, plan.seed)
     with clock("fuse"):
         guessed_or_transferred = open_left.color_hole
         measured = left.without(guessed_or_transferred, HoleType.OBJECT)
@@ -201,10 +198,9 @@ def complete_pair_together(pair: MatchedPair, draft: Plan, clock: Clock) -> Comp
 
     with clock("render"):
         shown = apply_gain(render(scene, pair.rig.right, recipe.mode, types=False, close=False), 1 / gain)
-    plan = dataclasses.replace(plan, context=context, inpainter=right_filler(filler, left, recipe))
-    known, taken_over = close_holes(context.law, right_before, shown, measured=True)
+    known, moved = close_holes(context.law, right_before, shown, measured=True)
     with clock("fill"):
-        right, right_fill = fill(plan, known)
+        right, right_fill = inpaint(known, right_filler(filler, left, recipe), context, plan.seed)
     with clock("fuse"):
         if pair.masks is None:
             scene = add_seen_alone(scene, apply_gain(right, gain), context.law, recipe.mode)
@@ -212,7 +208,7 @@ def complete_pair_together(pair: MatchedPair, draft: Plan, clock: Clock) -> Comp
         new = apply_gain(right, gain).without(own_depth, HoleType.NONE)
         scene = fuse(scene, new, right_before.hole & ~known.hole)
     left_before = left_before_filling(clean.left, scene)
-    record = Record([left_fill, taken_over, right_fill], clock.seconds, grown_mask)
+    record = Record([left_fill, FillReport(law_moves=moved), right_fill], clock.seconds, grown_mask)
     exchanged = {
         "right": "given",
         "gain": [round(float(value), 4) for value in gain],
@@ -225,24 +221,22 @@ def synthesise_right(pair: MatchedPair, draft: Plan, clock: Clock) -> CompletedP
     """The left view completed, and the right one made from it; of the right picture only the disparity is used."""
     source, recipe, filler = pair.left, draft.recipe, draft.inpainter
     scene = measured = scene_of(source, recipe.clip)
-    plan = dataclasses.replace(
-        draft, inpainter=left_filler(filler, pair, recipe), measured=measured, context=context_of(measured, recipe)
-    )
+    plan = dataclasses.replace(draft, inpainter=left_filler(filler, pair, recipe), measured=measured)
     fills: list[FillReport] = []
     for place in frames_to_fill(plan, measured, ()):
         found, scene = complete_frame(plan, scene, place, clock)
         fills += found.reports
     with clock("fill"):
-        left, left_fill = fill(plan, render(scene, pair.rig.left, recipe.mode, close=False))
+        open_left = render(scene, pair.rig.left, recipe.mode, close=False)
+        left, left_fill = inpaint(open_left, plan.inpainter, plan.context, plan.seed)
     left_before = left_before_filling(source, scene)
     left = dataclasses.replace(
         left, hole_type=np.where(left_before.hole_type > 0, left_before.hole_type, left.hole_type)
     )
     with clock("render"):
         right_before = render(scene, pair.rig.right, recipe.mode, close=False)
-    plan = dataclasses.replace(plan, inpainter=right_filler(filler, left, recipe))
     with clock("fill"):
-        right, right_fill = fill(plan, right_before)
+        right, right_fill = inpaint(right_before, right_filler(filler, left, recipe), plan.context, plan.seed)
     with clock("fuse"):
         scene = fuse(scene, right)
     record = Record([*fills, left_fill, right_fill], clock.seconds)

@@ -1,4 +1,4 @@
-"""A layer in; its depth without flying pixels, and which of its neighbouring pixels are one surface, out."""
+"""A layer in; its depth without flying pixels, which neighbouring pixels are one surface, and its depth without gaps, out."""
 
 from __future__ import annotations
 
@@ -8,9 +8,12 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from dlama.geometry.camera import Camera
-from dlama.geometry.codes import Origin
+from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.drawing.picture_edges import align_edges, behind_edges, edge_ratio
+from dlama.geometry.frames.stored import Layer
+from dlama.geometry.holes import fill_with_nearest
 from dlama.geometry.kernels import depth_edges as edges
+from dlama.geometry.kernels.drawing import hole_types as hole_kernels
 from dlama.geometry.kernels.jit import as_input, in_bands
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, paste
 from dlama.geometry.view import View
@@ -103,3 +106,21 @@ def prepare_mesh(view: View) -> GridMesh:
     depth, flying, w = remove_flying_pixels(view)
     MESHES[view] = flying, join_neighbours(w, view.camera)
     return GridMesh(depth, *MESHES[view])
+
+
+def close_grid(view: View, removals: tuple[Layer, ...]) -> tuple[Float32Array, UInt8Array]:
+    """Depth of a layer with every gap closed, and the rank of the hole type of what was closed.
+
+    Removed objects get their own depth back, sensor holes the depth of the nearest pixel, far pixels a large one.
+    """
+    depth = view.known_depth
+    rank = np.zeros(depth.shape, np.uint8)
+    rank[view.hole & (view.hole_type == HoleType.SENSOR.value)] = hole_kernels.SENSOR_RANK
+    rank[view.object_hole] = hole_kernels.OBJECT_RANK
+    for removed in removals:
+        if removed.camera.same_view_as(view.camera):
+            part = removed.load()
+            depth = np.where((depth == 0) & part.valid, part.depth, depth)
+    horizon = 100 * float(np.where(depth < np.inf, depth, np.float32(0)).max()) or 1e4
+    depth = np.minimum(depth, np.float32(horizon))
+    return fill_with_nearest(depth, depth > 0), rank

@@ -52,7 +52,7 @@ def layered_patches_filler(model: str | Path) -> Inpainter:
             hidden & (view.hole_type == kind.value) for kind in (HoleType.OBJECT, HoleType.DISOCCLUDED)
         )
         copied = removed
-        if context.misplaced_edges:  # cracks are too thin to gain by patches
+        if context.law.misplaced_edges:  # cracks are too thin to gain by patches
             copied = removed | uncovered | unseen_colors(view)
         guessed = copied.any() or uncovered.any()
         if guessed:
@@ -63,7 +63,7 @@ def layered_patches_filler(model: str | Path) -> Inpainter:
             guessing = begin_job(guess_coarsely, network.paint, view.color, hidden, seed, side)
         color = view.color
         if (view.color_hole & ~removed).any():
-            color = paint_surfaces(view, surfaces, context, seed, detail=not context.misplaced_edges)
+            color = paint_surfaces(view, surfaces, context, seed, detail=not context.law.misplaced_edges)
         guess = color
         if guessed:
             guess = guessing()

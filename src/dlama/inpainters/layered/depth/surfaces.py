@@ -41,7 +41,7 @@ def continue_surfaces(view: View, context: FillContext, seed: int = 0) -> Surfac
         by_color = fill_along_colors(view.color, missing, view.hole, known)
     if by_color is not None and (by_color.reached | ~view.hole).all():
         return Surfaces(by_color.inverse_depth, by_color.label, known.planes)
-    coarse = CoarseView.of(view, known, max(1.0, max(missing.shape) / GRID), context.misplaced_edges)
+    coarse = CoarseView.of(view, known, max(1.0, max(missing.shape) / GRID), context.law.misplaced_edges)
     leaves = begin_job(copy_leaves, view, known.inverse_depth, coarse.cut, seed)
     found = upsample_labels(view, known, coarse, coarse.label_costs(context), leaves)
     return found if by_color is None else set_missing_depth(found, by_color)
