@@ -30,7 +30,7 @@ from dlama.errors import CameraError, DlamaError, InputError, MaskError
         ("view a.png --resize-depth linear", "--resize-depth is 'linear'; nearest is expected"),
         ("remove a.png --mask-polarity white", "--mask-polarity is 'white'; fill or known is expected"),
         ("evaluate data --yaws 10 ten", "--yaws is 'ten'; a number is expected"),
-        ("evaluate data --protocol vpi all", "--protocol is 'all'; vpi, ori, sii or mask is expected"),
+        ("evaluate data --protocol vpi all", "--protocol is 'all'; vpi, ori or sii is expected"),
         ("serve --port abc", "--port is 'abc'; a whole number is expected"),
         ("serve --max-pages 0", "--max-pages is 0; more than 0 is expected"),
         ("serve --max-megapixels nan", "--max-megapixels is nan; more than 0 is expected"),

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from dlama import RGBD, Camera, MaskError, MaskSession, find_mask
-from dlama.evaluation.metrics.masks import box_of
 from dlama.geometry.holes import iou
 from dlama.geometry.rgbd import BoolArray, UInt8Array
 from dlama.perception.masks import photo, salient
@@ -55,6 +54,13 @@ def test_a_click_on_a_band_finds_the_whole_thing_that_depth_does_not_show(sessio
     found = session.find(clicks=[BAND])
     assert iou(found.mask, striped_post()[1]) > 0.9
     assert "found in estimated depth" in found.notes[0]
+
+
+def box_of(mask: BoolArray, larger: float) -> tuple[float, float, float, float]:
+    """x, y, width, height of the box of a mask, grown by a share of its sides."""
+    rows, columns = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
+    high, wide = float(np.ptp(rows) + 1), float(np.ptp(columns) + 1)
+    return columns[0] - larger / 2 * wide, rows[0] - larger / 2 * high, (1 + larger) * wide, (1 + larger) * high
 
 
 def test_a_box_finds_the_thing_in_it() -> None:
