@@ -43,7 +43,7 @@ from dlama.errors import CameraError, DlamaError, InputError, MaskError
         ("view a.png b.png --yaw nan --fov 500 -o out", "--fov is 500 degrees; a field of view between 0 and 180"),
         (
             "view a.png b.png --yaw 1e308 -o out",
-            "--yaw is 1e+308; a finite angle in degrees, at most 1e+06, is expected",
+            "--yaw is 1e+308; an angle of -360 to 360 degrees is expected",
         ),
         (
             "view a.png b.png --yaw 1 --dilate-holes 99999 -o out",

@@ -112,6 +112,8 @@ def test_wishes_that_are_no_numbers_are_refused() -> None:
         orbit(ANYWHERE, np.nan)
     with pytest.raises(InputError, match=r"pitch is inf"):
         orbit(ANYWHERE, 0, np.inf)
+    with pytest.raises(InputError, match=r"yaw is 700; an angle of -360 to 360 degrees"):
+        orbit(ANYWHERE, 700)
     with pytest.raises(InputError, match=r"pivot is -1"):
         orbit(ANYWHERE, 10, pivot=-1)
     with pytest.raises(InputError, match=r"dolly is nan"):

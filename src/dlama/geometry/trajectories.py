@@ -15,8 +15,8 @@ from dlama.geometry.poses import FARTHEST_M, make_pose, slerp
 
 PIVOT_M = 2.5
 """Default distance, metres ahead on the optical axis, of the point a camera orbits about (the paper's centroid, sec. 4)."""
-MOST_DEGREES = 1e6
-"""Angles beyond are mistakes: whole turns exceed the digits of such a number."""
+MOST_DEGREES = 360
+"""Larger angles are mistakes: 700 would mean -20."""
 
 
 def orbit(camera: Camera, yaw: float, pitch: float = 0.0, pivot: float = PIVOT_M) -> Camera:
@@ -26,7 +26,7 @@ def orbit(camera: Camera, yaw: float, pitch: float = 0.0, pivot: float = PIVOT_M
     down. The yaw goes first, about the source camera's y axis; then the pitch, about the x axis of the camera that the
     yaw has turned (both axes shifted into the pivot). Seen from a fixed camera the scene turns the other way:
     p' = C + R_x(pitch) R_y(yaw) (p - C) with C = (0, 0, pivot).
-    With pivot = 0 the camera turns in place. Raises InputError on angles that are not finite or pivot < 0.
+    With pivot = 0 the camera turns in place. Raises InputError on angles of more than 360 degrees or pivot < 0.
 
     Examples:
         >>> import dlama
@@ -37,7 +37,7 @@ def orbit(camera: Camera, yaw: float, pitch: float = 0.0, pivot: float = PIVOT_M
     check_arguments(orbit, locals())
     for name, value in (("yaw", yaw), ("pitch", pitch)):
         if not is_finite(value) or not abs(value) <= MOST_DEGREES:
-            raise InputError(f"`{name}` is {value!r}; a finite angle in degrees, at most {MOST_DEGREES:g}, is expected")
+            raise InputError(f"`{name}` is {value!r}; an angle of -{MOST_DEGREES} to {MOST_DEGREES} degrees is expected")
     if not is_finite(pivot) or not 0 <= pivot <= FARTHEST_M:
         raise InputError(f"`pivot` is {pivot!r}; a distance >= 0 in metres, ahead of the camera, is expected")
     center = np.array([0.0, 0.0, pivot])

@@ -38,7 +38,7 @@ def check_options(
         lambda: _check_results(check_results(given.get("only"), given.get("also") or ()), removes, pair),
         lambda: one("filler", AUTO) == AUTO or callable(given["filler"]) or model_file(given["filler"], one("model")),
         lambda: check_depth_options(one("depth_scale"), one("depth_range"), one("far")),
-        lambda: one("fov") is None or Camera.from_fov(2, 2, given["fov"]),
+        lambda: one("fov") is None or Camera.from_fov(1000, 1000, given["fov"]),
         *(lambda name=name: _check_move({name: given.get(name)}) for name in ("yaw", "pitch", "dolly")),
         lambda: _check_move({"pivot": given.get("pivot", "auto")}),
         lambda: _check_pointing(given, image),
