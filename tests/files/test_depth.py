@@ -175,7 +175,7 @@ def test_float_tiff(tmp_path: Path) -> None:
             r"every depth lies beyond 1e\+06 m with depth_scale=1 \(the nearest at 5e\+09 m\); is it the number",
         ),
         (np.array([[1, -2, -0.5]], np.float32), r"2 of 3 depth values are negative \(smallest -2\)"),
-        (np.array([[1, -np.inf]], np.float32), "negative"),
+        (np.array([[1, -np.inf, np.nan]], np.float32), r"1 of 3 depth values are negative \(smallest -inf\)"),
         (np.array([[5, -2]], np.int16), "negative"),
         (
             np.full((3, 4), 1520, np.float32),

@@ -75,5 +75,6 @@ def test_other_sizes(tmp_path: Path) -> None:
     paths = pair(tmp_path, depth)
     with pytest.raises(ShapeError, match="'linear'"):
         read_rgbd(*paths, fov=60, resize_depth="linear")  # type: ignore[arg-type]
-    with pytest.raises(ShapeError, match=r"d\.png is 4x4 and .*crop first"):
-        read_rgbd(*pair(tmp_path, np.ones((4, 4))), fov=60, resize_depth="nearest")
+    for how in ("nearest", None):  # an option that would be refused is not advised
+        with pytest.raises(ShapeError, match=r"d\.png is 4x4 and .*crop one of them to what both show$"):
+            read_rgbd(*pair(tmp_path, np.ones((4, 4))), fov=60, resize_depth=how)

@@ -190,15 +190,13 @@ def _resize_depth(
 ) -> Float32Array:
     """Nearest pixel; depths are never mixed, a mean of two surfaces lies on neither."""
     sizes = f"{depth} is {metres.shape[1]}x{metres.shape[0]} and {image} {hw[1]}x{hw[0]}"
+    proportions = metres.shape[1] / metres.shape[0] * hw[0] / hw[1]
+    if abs(proportions - 1) > SAME_PROPORTIONS:
+        raise ShapeError(f"{sizes}; they cannot show the same field of view: crop one of them to what both show")
     if how is None:
         raise ShapeError(f"{sizes}; both must have the same size, or give `resize_depth=nearest`")
     if how != "nearest":
         raise ShapeError(f"`resize_depth` is {how!r}; 'nearest' is expected")
-    proportions = metres.shape[1] / metres.shape[0] * hw[0] / hw[1]
-    if abs(proportions - 1) > SAME_PROPORTIONS:
-        raise ShapeError(
-            f"{sizes}; they do not show the same field of view, so depth cannot simply be resized: crop first"
-        )
     return nearest_pixels(metres, hw)
 
 

@@ -235,10 +235,10 @@ def _check_not_negative(path: PathLike, values: np.ndarray, what: str) -> None:
         advice = ""
         if not (values > 0).any():
             advice = "; where the camera looks along -z, save -z"
-        elif values.min() > -TINY:
+        elif values[negative].min() > -TINY:
             advice = "; lossy compression does that (B44, or DWA in R, G and B): save it as ZIP, or in a channel Z"
         raise DepthError(
-            f"{path}: {int(negative.sum())} of {values.size} {what} values are negative (smallest {values.min():.6g}); "
+            f"{path}: {int(negative.sum())} of {values.size} {what} values are negative (smallest {values[negative].min():.6g}); "
             f"values >= 0 are expected, 0 = missing{advice}"
         )
 
