@@ -60,6 +60,19 @@ def piped(folder: Path, *words: str, **environment: str) -> tuple[str, str]:
     return done.stdout, done.stderr
 
 
+@pytest.mark.parametrize("verb", ["photo3d", "demo"])
+def test_what_is_warned_of_while_a_verb_is_loaded_is_a_line(tmp_path: Path, verb: str) -> None:
+    """Law: as what it warns of later, without file and source line (kernels that are not compiled warn at import)."""
+    (tmp_path / "out").touch()
+    words = [verb, *(["none.jpg"] if verb == "photo3d" else []), "-o", "out"]
+    environment = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
+    done = subprocess.run(
+        [sys.executable, "-m", "dlama", *words], cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
+    )
+    first, second = done.stderr.splitlines()
+    assert first.startswith("warning: NUMBA_DISABLE_JIT is set") and second.startswith("error: ")
+
+
 @pytest.mark.slow
 def test_a_pipe_sees_one_line_and_the_first_run_one_more(tmp_path: Path) -> None:
     """No bar, no colours: one summary line on standard output. While kernels are compiled one line on standard error says so;
@@ -68,7 +81,7 @@ def test_a_pipe_sees_one_line_and_the_first_run_one_more(tmp_path: Path) -> None
     kernels = tmp_path / "kernels"
     cache = {"NUMBA_CACHE_DIR": str(kernels)}
     shown, errors = piped(tmp_path, *WORDS, **cache)
-    assert re.fullmatch(r"note: compiling kernels, [^\n]* seconds[^\n]*\n", errors)
+    assert re.fullmatch(r"note: compiling kernels [^\n]* seconds[^\n]*\n", errors)
     assert shown.count("\n") == 1 and "\x1b" not in shown
     shown, errors = piped(tmp_path, *WORDS, **cache)
     assert errors == "" and shown.count("\n") == 1

@@ -89,12 +89,12 @@ class Command(JobInputs):
         shares["share"] = round(float(found.mask.mean()), 6)
         shadow = "" if found.shadow is None or not found.shadow.any() else f", {found.shadow.mean():.1%} of it shadow"
         line = f"{output}: {found.chosen} by {found.masker}, {found.mask.mean():.1%} of the picture{shadow}"
-        line += f"{mask_notes(found.chosen, found.candidates, found.notes)}, {self.seconds:.1f} s"
+        line += f", {self.seconds:.1f} s{mask_notes(found.chosen, found.candidates, found.notes)}"
         self.result.add(line, files=[str(output), str(overlay)], **found.about, **shares)
 
 
 def summary_line(meta: dict[str, Any], place: object, seconds: float) -> str:
-    """One line: where it lies, what share was unknown and why, which filler filled it, what to know of the mask, seconds.
+    """One line: where it lies, what share was unknown and why, which filler filled it, seconds, what to know of the mask.
 
     Shares are means over the views. Pixels that lacked only depth have a share of their own; they are of type `sensor`.
     """
@@ -113,9 +113,9 @@ def summary_line(meta: dict[str, Any], place: object, seconds: float) -> str:
     how = f", filler {meta['filler']}"
     if estimate := meta.get("depth_estimate"):
         how += f", depth {describe_depth_source(estimate)}"
-    if pointed := meta.get("object_mask"):
-        how += mask_notes(pointed["candidate"], pointed["candidates"], pointed["notes"])
-    return f"{place}: {unknown:.1%} was unknown{why}{how}, {seconds:.1f} s"
+    pointed = meta.get("object_mask")
+    notes = mask_notes(pointed["candidate"], pointed["candidates"], pointed["notes"]) if pointed else ""
+    return f"{place}: {unknown:.1%} was unknown{why}{how}, {seconds:.1f} s{notes}"
 
 
 def summary_values(meta: dict[str, Any], place: Path, files: list[str], stages: Mapping[str, float]) -> dict[str, Any]:

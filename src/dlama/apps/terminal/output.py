@@ -103,7 +103,9 @@ def errors_as_lines(with_flags: Callable[[str], str] = str) -> Iterator[None]:
     show_any_text()
     code: int | str | None = None
     try:
-        with signals_raise():
+        with signals_raise(), warnings.catch_warnings():
+            # those that come before a verb reports: what it imports warns of kernels that cannot be kept
+            warnings.showwarning = lambda message, *_, **__: print_line("warning", str(message))
             try:
                 yield
             except KeyboardInterrupt as error:

@@ -56,7 +56,7 @@ np.empty(KEPT, np.uint8)
 
 LOG = logging.getLogger("dlama.kernels")
 """Says, once a process, that kernels are being compiled (at level INFO; the command line shows it)."""
-COMPILING = "compiling kernels, which takes about 10 seconds; later runs find them ready"
+COMPILING = "compiling kernels that no earlier command needed, which takes about 10 seconds; later runs find them ready"
 NOT_KEPT = (
     "compiled kernels cannot be kept, for neither the package's folder nor the user's cache can be written: every run compiles "
     "them again, which takes about 10 seconds; set NUMBA_CACHE_DIR to a folder that can be written"
