@@ -291,7 +291,6 @@ TRAIN = {
     "max_minutes": Reach("--max-minutes 2", "train.max_minutes", 2.0),
     "resume": Reach("--resume", "train.resume", True),
     "start": Reach("--start a.ckpt", "train.settings", attribute("network.start", "a.ckpt")),
-    "trunk": Reach("--trunk t.pth", "train.settings", attribute("loss.trunk_weights", "t.pth")),
     "steps": Reach("--steps 3", "train.settings", attribute("loop.steps", 3)),
     "batch": Reach("--batch 7", "train.settings", attribute("loop.batch", 7)),
     "precision": Reach("--precision bf16", "train.settings", attribute("loop.precision", "bf16")),
