@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType
-from dlama.geometry.rendering import MODES, Mode, find_flying_pixels, render
+from dlama.geometry.drawing.grid_mesh import find_joints
+from dlama.geometry.rendering import MODES, Mode, render
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import View
 from worlds import Box, Plane, Sphere, World, moved, pixels_of, points_of
@@ -46,7 +47,7 @@ def test_mixed_pixels_are_found_and_nothing_else(share: float) -> None:
     """Closed form: of all pixels exactly those that mix the box's and the wall's depth, at any proportion, on all sides."""
     frame, mixed = with_mixed_rim(share)
     assert mixed.sum() > 80
-    np.testing.assert_array_equal(find_flying_pixels(View.from_rgbd(frame)), mixed)
+    np.testing.assert_array_equal(find_joints(View.from_rgbd(frame)).flying, mixed)
 
 
 @pytest.mark.parametrize("share", [0.3, 0.5])
@@ -73,16 +74,16 @@ def test_planes_do_not_fly(angle_deg: float) -> None:
     rng = np.random.default_rng(3)
     for world in (World((steep(angle_deg),)), World((steep(angle_deg), Plane((0, 0, 40), (0, 0, -1))))):
         frame = world.rgbd(SOURCE)
-        assert not find_flying_pixels(View.from_rgbd(frame)).any()
+        assert not find_joints(View.from_rgbd(frame)).flying.any()
         noisy = frame.depth * (1 + 0.001 * rng.standard_normal(frame.depth.shape).astype(np.float32))
-        assert find_flying_pixels(View.from_rgbd(RGBD(frame.color, noisy, SOURCE))).mean() < 0.002
+        assert find_joints(View.from_rgbd(RGBD(frame.color, noisy, SOURCE))).flying.mean() < 0.002
 
 
 def test_edges_poles_and_stairs_do_not_fly() -> None:
     """Law: a sharp edge, a pole nearer than all, a gap farther than all, stairs with treads of two pixels, sky, missing."""
     pole = Box((-0.4, -10, 2), (-0.39, 10, 2.01))
     for shapes in ((BOX, WALL), (pole, WALL), (pole, BOX, WALL), (BOX, Plane((0, 1.2, 0), (0, -1, 0)))):
-        assert not find_flying_pixels(View.from_rgbd(World(shapes).rgbd(SOURCE))).any()
+        assert not find_joints(View.from_rgbd(World(shapes).rgbd(SOURCE))).flying.any()
     flat = np.full((12, 12), 3, np.float32)
     gap, stairs, sky = flat.copy(), flat.copy(), flat.copy()
     gap[:, 5] = 6
@@ -91,13 +92,13 @@ def test_edges_poles_and_stairs_do_not_fly() -> None:
     sky[:, :5], sky[:, 7:] = np.inf, 0  # 3 m next to sky, then to missing: there are no two surfaces to mix
     camera = Camera.from_fov(12, 12, 60)
     for depth in (gap, stairs, sky):
-        assert not find_flying_pixels(View.from_rgbd(RGBD(np.zeros((12, 12, 3), np.uint8), depth, camera))).any()
+        assert not find_joints(View.from_rgbd(RGBD(np.zeros((12, 12, 3), np.uint8), depth, camera))).flying.any()
 
 
 def test_of_a_sphere_only_the_outermost_ring_may_fly() -> None:
     """Closed form: a sphere falls off so fast in its last pixel that this one looks mixed; two pixels in, it does not."""
     world = World((Sphere((0, 0, 3.5), 0.8), WALL))
-    found = find_flying_pixels(View.from_rgbd(world.rgbd(SOURCE)))
+    found = find_joints(View.from_rgbd(world.rgbd(SOURCE))).flying
     _, number = world.trace(SOURCE)
     padded = np.pad(number, 2, mode="edge")
     ring = np.zeros_like(found)
@@ -112,7 +113,7 @@ def test_a_frame_without_flying_pixels_loses_none() -> None:
     target = moved(SOURCE, shift=(0, 0, -6 * 0.5))  # half the size: each pixel of the middle takes four points
     view = render(frame, target, "points")
     back = render(
-        View.from_rgbd(frame).without(find_flying_pixels(View.from_rgbd(frame)), HoleType.FLYING), target, "points"
+        View.from_rgbd(frame).without(find_joints(View.from_rgbd(frame)).flying, HoleType.FLYING), target, "points"
     )
     np.testing.assert_array_equal(view.depth, back.depth)
     assert (~view.hole).sum() >= 53 * 40
@@ -134,6 +135,6 @@ def test_noise_of_matching_tears_no_far_wall() -> None:
     target = moved(frame.camera, shift=(1, 0, 0))
     inside = np.s_[2:-2, 2:-24]
     assert render(frame, target, "surface").hole[inside].mean() < 0.005
-    assert not find_flying_pixels(View.from_rgbd(frame)).any()
+    assert not find_joints(View.from_rgbd(frame)).flying.any()
     beside = render(matched(World((Box((-0.5, -0.6, 5), (0.5, 0.6, 5.5)), wall)), 0.15), target, "surface")
     assert (beside.hole_type[inside] == HoleType.DISOCCLUDED).sum() > 200

@@ -13,9 +13,10 @@ from dlama.errors import InputError
 from dlama.geometry.camera import Camera
 from dlama.geometry.cloud import PointCloud
 from dlama.geometry.codes import HoleType, Origin
+from dlama.geometry.drawing.grid_mesh import find_joints
 from dlama.geometry.kernels import jit
 from dlama.geometry.projection import lift
-from dlama.geometry.rendering import MODES, Mode, find_flying_pixels, render
+from dlama.geometry.rendering import MODES, Mode, render
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
@@ -135,7 +136,7 @@ def test_points_of_a_view_and_of_its_cloud_are_the_same_picture() -> None:
     frame = World((Sphere((0, 0, 4), 1), Plane((0, 0, 6), (0, 0.1, -1)))).rgbd(source)
     target = moved(source, (3, -5, 2), (0.4, 0.1, 0.3))
     view = View.from_rgbd(frame)
-    cloud = lift(view.without(find_flying_pixels(view), HoleType.FLYING))  # which pixels fly is known in a grid alone
+    cloud = lift(view.without(find_joints(view).flying, HoleType.FLYING))  # which pixels fly is known in a grid alone
     of_grid, of_cloud = render(view, target, "points"), render(cloud, target, "points")
     np.testing.assert_array_equal(of_cloud.hole, of_grid.hole)
     known = ~of_grid.hole

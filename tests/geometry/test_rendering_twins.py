@@ -10,7 +10,7 @@ import pytest
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.drawing import grid_mesh
-from dlama.geometry.drawing.grid_mesh import close_grid, find_flying_pixels, mesh_grid
+from dlama.geometry.drawing.grid_mesh import close_grid, find_joints, mesh_grid
 from dlama.geometry.drawing.layers import NEAR, transform_depth
 from dlama.geometry.drawing.picture_edges import edge_ratio
 from dlama.geometry.projection import inverse_depth, px_from_px
@@ -82,7 +82,7 @@ def test_joints_and_flying_pixels(seed: int, least: float, monkeypatch: pytest.M
     frame, _, _ = pair(seed)
     view = View.from_rgbd(frame)
     w = inverse_depth(frame.depth)
-    np.testing.assert_array_equal(find_flying_pixels(view), edges.flying(w, edge_ratio(frame.camera), least))
+    np.testing.assert_array_equal(find_joints(view).flying, edges.flying(w, edge_ratio(frame.camera), least))
     depth, joined = mesh_grid(view)
     twin_depth, right, down = mesh_of(frame, least)
     np.testing.assert_array_equal(depth, twin_depth)

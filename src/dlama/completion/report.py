@@ -16,8 +16,8 @@ import numpy as np
 from dlama.completion.start import NO_DILATION, Dilation, Plan
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType, from_filler
+from dlama.geometry.drawing.grid_mesh import find_joints
 from dlama.geometry.projection import px_from_px
-from dlama.geometry.rendering import find_flying_pixels
 from dlama.geometry.rgbd import PLAUSIBLE_M, RGBD, Float32Array, is_valid
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
@@ -86,7 +86,7 @@ def meta_data(plan: Plan, source: View, warped: Sequence[View], record: Record) 
             "hole_pixels_before": [hole.pixels for hole in record.holes],
             "hole_known_pixels_given_up": [hole.known_pixels_given_up for hole in record.holes],
         },
-        "flying_pixels_rejected": int(find_flying_pixels(source).sum()) if moved else 0,
+        "flying_pixels_rejected": int(source.find_once(find_joints).flying.sum()) if moved else 0,
         "filled_pixels": record.total("hole_pixels"),
         "law_moves": record.total("law_moves"),
         "law_violations": record.total("law_violations"),

@@ -20,7 +20,6 @@ from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.drawing.canvas import Canvas
 from dlama.geometry.drawing.gaps import can_close_gaps, close_gaps
 from dlama.geometry.drawing.grid_mesh import close_grid
-from dlama.geometry.drawing.grid_mesh import find_flying_pixels as find_flying_pixels
 from dlama.geometry.drawing.layers import (
     ALL,
     NEAR,

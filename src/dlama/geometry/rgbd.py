@@ -227,6 +227,13 @@ def replace_pixels(array: np.ndarray, where: BoolArray, other: np.ndarray) -> np
     return out
 
 
+def sampled_pixels(hw: tuple[int, ...], step: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """h x 1 rows and 1 x w columns of every `step`-th pixel of a picture, those in the middle of squares of `step` x `step`; the
+    last square may cross the border."""
+    rows, columns = (np.minimum(np.arange(step // 2, n + step // 2, step), n - 1) for n in hw)
+    return rows[:, None], columns[None]
+
+
 def _is_frozen(array: np.ndarray) -> bool:
     """Whether the array and its base cannot be written to."""
     base: object = array

@@ -8,7 +8,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dlama.arguments import check, check_arguments
 from dlama.geometry.camera import Camera
@@ -22,6 +21,7 @@ from dlama.geometry.codes import (
 )
 from dlama.geometry.figures.false_color import depth_picture, hatch_holes, origin_picture
 from dlama.geometry.figures.html import Figured, Panel
+from dlama.geometry.kept import Kept
 from dlama.geometry.rgbd import (
     RGBD,
     BoolArray,
@@ -34,11 +34,12 @@ from dlama.geometry.rgbd import (
     is_valid,
     percent,
     replace_pixels,
+    sampled_pixels,
     select,
 )
 
 
-class Facts:
+class Facts(Kept):
     """What a scene asks of its layers, without their pixels once it is found."""
 
     def load(self) -> View:
@@ -292,10 +293,3 @@ class View(Figured, Facts):
         planes: dict[str, Any] = {name: freeze(getattr(self, name)[at]) for name in names}
         height, width = planes["hole"].shape
         return View(dataclasses.replace(self.camera, width=width, height=height), **planes)
-
-
-def sampled_pixels(hw: tuple[int, ...], step: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """h x 1 rows and 1 x w columns of every `step`-th pixel of a picture, those in the middle of squares of `step` x `step`; the
-    last square may cross the border."""
-    rows, columns = (np.minimum(np.arange(step // 2, n + step // 2, step), n - 1) for n in hw)
-    return rows[:, None], columns[None]

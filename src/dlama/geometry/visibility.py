@@ -74,7 +74,7 @@ class Law:
         for layer in scene.frames:
             for number, (camera, known) in enumerate(measured):
                 if camera.same_view_as(layer.camera):
-                    placed = align_edges(layer.load())
+                    placed = layer.load().find_once(align_edges)
                     if placed.misaligned.any():
                         measured[number] = camera, np.where(placed.misaligned, np.maximum(known, placed.depth), known)
                         misplaced = True

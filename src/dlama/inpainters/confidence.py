@@ -21,8 +21,8 @@ from dlama.geometry.codes import LARGEST_CONFIDENCE, HoleType, Origin
 from dlama.geometry.holes import erode_square, fill_with_nearest, nearest_known
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.projection import inverse_depth
-from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
-from dlama.geometry.view import View, sampled_pixels
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, sampled_pixels
+from dlama.geometry.view import View
 from dlama.models.perceptron import Perceptron, read_arrays
 
 DEPTH_WITHIN = 0.05

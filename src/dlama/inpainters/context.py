@@ -51,7 +51,7 @@ class FillContext:
         removed = [one for one in whole.removals if any(one.camera.same_view_as(each.camera) for each in frames)]
         drawn = Scene(tuple(frames), tuple(removed), noise=whole.noise)
         coarse = [
-            (coarse_camera(each.camera), subtract_noise(coarse_depth(each), whole.noise))
+            (coarse_camera(each.camera), subtract_noise(each.find_once(coarse_depth), whole.noise))
             for each in (whole.frames[place] for place in places[MOST_FRAMES:])
         ]
         return FillContext(Law((*Law.of(drawn).measured, *coarse)), sky_of(drawn))

@@ -11,7 +11,7 @@ import pytest
 
 import dlama
 from dlama.geometry.camera import Camera
-from dlama.geometry.drawing.grid_mesh import find_flying_pixels
+from dlama.geometry.drawing.grid_mesh import find_joints
 from dlama.geometry.drawing.picture_edges import MapGrid, align_edges, edge_uncertainty, find_other_surfaces
 from dlama.geometry.frames import gathering
 from dlama.geometry.frames.stored import PixelCache
@@ -70,7 +70,7 @@ def test_behind_an_edge_of_estimated_depth_is_a_halo(size: int) -> None:
     color, depth = (cv2.resize(one, wh, interpolation=cv2.INTER_NEAREST) for one in (exact.color, exact.depth))
     color[:, EDGE * size : EDGE * size + halo] = 255
     source = RGBD(color, depth, Camera.from_fov(*wh, 60), estimate={"estimator": "a network"})
-    found = find_flying_pixels(View.from_rgbd(source))
+    found = find_joints(View.from_rgbd(source)).flying
     expected = np.zeros(wh, np.bool_)
     expected[EDGE * size : EDGE * size + halo] = True
     np.testing.assert_array_equal(found, expected.T)

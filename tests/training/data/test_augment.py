@@ -6,7 +6,7 @@ import numpy as np
 from toy_runs import world_source
 
 from dlama.geometry.camera import Camera
-from dlama.geometry.drawing.grid_mesh import find_flying_pixels as flying_pixels
+from dlama.geometry.drawing.grid_mesh import find_joints
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import View
 from dlama.training.data import augment
@@ -54,7 +54,7 @@ def test_flying_pixels_fly() -> None:
     for row, column in changed:
         near = clean.depth[max(row - 1, 0) : row + 2, max(column - 1, 0) : column + 2]
         assert near[near > 0].min() <= made[row, column] <= near[np.isfinite(near)].max()
-    assert flying_pixels(View.from_rgbd(RGBD(clean.color, made, CAMERA))).sum() > 5
+    assert find_joints(View.from_rgbd(RGBD(clean.color, made, CAMERA))).flying.sum() > 5
 
 
 def test_sensor_holes_only_take_away() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from typing import NamedTuple
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -21,8 +20,15 @@ from dlama.geometry.view import View
 NOISE_REACH, NOISE_LINES, NOISE_STEPS, NOISY = 4, 32, 4.0, 2.5
 """Distance in px of the differences that measure noise; rows and columns used; standard deviations within one surface; and from
 which surfaces tear."""
-MESHES: WeakKeyDictionary[View, tuple[BoolArray, UInt8Array]] = WeakKeyDictionary()
-"""Cache by view, 2 bytes a pixel: its flying pixels and which neighbours are joined. Each is drawn into many cameras."""
+
+
+class Joints(NamedTuple):
+    """What is kept of a layer's mesh, 2 bytes a pixel."""
+
+    flying: BoolArray
+    """H x W, True at flying pixels: depth strictly between two adjacent surfaces, joined to neither."""
+    joined: UInt8Array
+    """H x W, `join_neighbours`."""
 
 
 class GridMesh(NamedTuple):
@@ -57,15 +63,16 @@ def step_by_noise(w: Float32Array, ratio: float) -> float:
     return NOISE_STEPS * noise if NOISY * noise > ratio * float(np.median(level)) else 0.0
 
 
-def find_flying_pixels(view: View) -> BoolArray:
-    """H x W, True at flying pixels: depth strictly between two adjacent surfaces, joined to neither."""
-    return MESHES[view][0] if view in MESHES else remove_flying_pixels(view)[1]
+def find_joints(view: View) -> Joints:
+    """A view's flying pixels, and which neighbours are joined."""
+    _, flying, w = remove_flying_pixels(view)
+    return Joints(flying, join_neighbours(w, view.camera))
 
 
 def remove_flying_pixels(view: View, step: float = 0.0) -> tuple[Float32Array, BoolArray, Float32Array]:
     """Depth without holes and flying pixels (0), its edges aligned with the picture; the flying pixels; and inverse depth with
     a margin, for `depth_edges`. step: in inverse depth (1/m), up to which neighbours are one surface at least."""
-    placed, mixed, _ = align_edges(view)
+    placed, mixed, _ = view.find_once(align_edges)
     if Origin.ESTIMATED in view.origins:
         mixed = mixed | behind_edges(view)
     unknown = view.hole | mixed
@@ -97,15 +104,11 @@ def mesh_grid(view: View, step: float = 0.0) -> tuple[Float32Array, UInt8Array]:
 
 
 def prepare_mesh(view: View) -> GridMesh:
-    """The mesh of a layer, found once."""
-    if view in MESHES:
-        flying, joined = MESHES[view]
-        depth = np.zeros(flying.shape, np.float32)
-        paste(align_edges(view).depth, ~(flying | view.hole), depth)
-        return GridMesh(depth, flying, joined)
-    depth, flying, w = remove_flying_pixels(view)
-    MESHES[view] = flying, join_neighbours(w, view.camera)
-    return GridMesh(depth, *MESHES[view])
+    """The mesh of a layer; its joints are found once."""
+    flying, joined = view.find_once(find_joints)
+    depth = np.zeros(flying.shape, np.float32)
+    paste(view.find_once(align_edges).depth, ~(flying | view.hole), depth)
+    return GridMesh(depth, flying, joined)
 
 
 def close_grid(view: View, removals: tuple[Layer, ...]) -> tuple[Float32Array, UInt8Array]:

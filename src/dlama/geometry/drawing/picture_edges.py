@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import Origin
-from dlama.geometry.frames.stored import once
 from dlama.geometry.holes import dilate_square, fill_with_nearest, nearest_along_colors, square
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.kernels.picture_edges import ROOM, find_mixed, fit_planes
@@ -134,7 +133,6 @@ class AlignedDepth(NamedTuple):
     """H x W, True within the reach of misaligned edges; all False where edges are aligned."""
 
 
-@once
 def align_edges(view: View) -> AlignedDepth:
     """Depth with its edges aligned to the picture; the depth itself where they are, or where this cannot be measured."""
     reach = edge_uncertainty(view)

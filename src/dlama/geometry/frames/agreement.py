@@ -11,7 +11,7 @@ import numpy as np
 
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.frames.choosing import sample_view
-from dlama.geometry.frames.stored import Layer, once
+from dlama.geometry.frames.stored import Layer
 from dlama.geometry.projection import inverse_depth, project
 from dlama.geometry.rgbd import Float32Array
 from dlama.geometry.view import View
@@ -52,10 +52,9 @@ class Overlap:
         )
 
 
-@once
 def make_comparable(layer: Layer) -> tuple[Float64Array, Float32Array]:
     """N x 3 points of a frame's samples, and their colours, small enough to be kept for all frames at once."""
-    samples = sample_view(layer)
+    samples = layer.find_once(sample_view)
     return samples.points, blur(layer.load())[samples.rows, samples.columns]
 
 
@@ -77,7 +76,7 @@ def measure_overlaps(views: Sequence[Layer]) -> dict[tuple[int, int], Overlap]:
     """Overlap of each pair of `frame_pairs`: (i, j) -> the samples of i seen by j. Each frame's pixels are read twice."""
     pairs = frame_pairs(len(views))
     every = max(1, len(pairs) // ALL_PAIRS**2)  # of more pairs every second, third, ... sample is kept
-    ready = [make_comparable(view) for view in views]
+    ready = [view.find_once(make_comparable) for view in views]
     seen_by: dict[int, list[int]] = {}
     for i, j in pairs:
         seen_by.setdefault(j, []).append(i)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.camera import Camera, Float64Array
-from dlama.geometry.frames.stored import Layer, once
+from dlama.geometry.frames.stored import Layer
 from dlama.geometry.projection import lift, project, unproject
 from dlama.geometry.rgbd import BoolArray, is_valid
 
@@ -31,7 +31,6 @@ MARGIN = 0.05
 """Margin of the frustum, over the picture's size: rims are drawn a little larger."""
 
 
-@once
 def box_of(layer: Layer) -> Float64Array | None:
     """8 x 3, the corners of the box that holds a view's points (NaN where there are none); None: far pixels are in no box."""
     view = layer.load()
@@ -40,7 +39,7 @@ def box_of(layer: Layer) -> Float64Array | None:
 
 def may_show(layer: Layer, camera: Camera) -> bool:
     """False where nothing of a view can be seen from a camera. Its pixels are read once, the box of its points is kept."""
-    box = box_of(layer)
+    box = layer.find_once(box_of)
     return box is None or bool(intersects_view(box[None], camera)[0])
 
 
@@ -80,9 +79,8 @@ class Samples(NamedTuple):
     """8 x 3, `bounding_box`."""
 
 
-@once
 def sample_view(layer: Layer) -> Samples:
-    """The samples of a view, taken once."""
+    """The samples of a view."""
     view = layer.load()
     grid = [
         np.minimum((np.arange(n) + 0.5) * size / n, size - 1).astype(np.intp)
@@ -105,7 +103,7 @@ def choose_frames(frames: Sequence[Layer], camera: Camera, most: int = MOST_FRAM
     if len(frames) == 1:
         return [0]
     own = next((place for place, frame in enumerate(frames) if frame.camera.same_view_as(camera)), None)
-    samples = [sample_view(frame) for frame in frames]
+    samples = [frame.find_once(sample_view) for frame in frames]
     visible = [int(place) for place in np.flatnonzero(intersects_view(np.stack([one.box for one in samples]), camera))]
     quality, nearest = _score_visibility(
         [frames[place] for place in visible], [samples[place] for place in visible], camera

@@ -86,7 +86,7 @@ def open_view(frame: FrameSource, name: str, cache: PixelCache) -> Layer:
     if isinstance(frame, RGBD):
         return first
     view = StoredView(first.camera, partial(_source_view, frame), cache, first)
-    view.origins, make_comparable(view), coarse_depth(view), view.has_holes, view.has_errors
+    view.origins, view.find_once(make_comparable), view.find_once(coarse_depth), view.has_holes, view.has_errors
     return view
 
 

@@ -6,13 +6,11 @@ size, which drops the least recently used. Its coarse depth is held for every fr
 
 from __future__ import annotations
 
-import functools
 import threading
 from collections import OrderedDict
 from collections.abc import Callable
 from functools import partial
-from typing import Any, TypeVar
-from weakref import WeakKeyDictionary
+from typing import Any
 
 import numpy as np
 
@@ -114,26 +112,8 @@ def unpack_bits(bits: UInt8Array, camera: Camera) -> BoolArray:
     return np.unpackbits(bits, count=camera.width * camera.height).reshape(camera.hw).astype(bool)
 
 
-Noun = TypeVar("Noun")
-Found = TypeVar("Found")
-
-
-def once(function: Callable[[Noun], Found]) -> Callable[[Noun], Found]:
-    """Decorator: what the function gave for a layer or a scene is kept as long as that is alive."""
-    kept: WeakKeyDictionary[Noun, Found] = WeakKeyDictionary()
-
-    @functools.wraps(function)
-    def of(noun: Noun) -> Found:
-        if noun not in kept:
-            kept[noun] = function(noun)
-        return kept[noun]
-
-    return of
-
-
-@once
 def coarse_depth(layer: Layer) -> Float32Array:
-    """The nearest depth measured in each block of pixels, ceil(H / BLOCK) x ceil(W / BLOCK) metres; computed once.
+    """The nearest depth measured in each block of pixels, ceil(H / BLOCK) x ceil(W / BLOCK) metres.
 
     0 where a pixel of the block has none, inf = far.
     """

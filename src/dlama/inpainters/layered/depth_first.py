@@ -10,8 +10,8 @@ from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.holes import dilate_mask, morphological_open, nearest_known, regions_touching, square
 from dlama.geometry.kernels.jit import begin_job
 from dlama.geometry.projection import inverse_depth
-from dlama.geometry.rgbd import BoolArray, Float32Array
-from dlama.geometry.view import View, sampled_pixels
+from dlama.geometry.rgbd import BoolArray, Float32Array, sampled_pixels
+from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill, Inpainter, Painter
