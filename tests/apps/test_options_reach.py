@@ -159,7 +159,10 @@ def _spy_on_the_rest(spy: Callable[..., None]) -> None:
     spy("dlama.worlds.writer.write_worlds", [])
     spy("dlama.diagnose", ())
     spy("dlama.sequence", {})
-    spy("dlama.datasets.sequences.loading.read_scene_of", SimpleNamespace(scene=SimpleNamespace(frames=())))
+    spy(
+        "dlama.datasets.sequences.loading.read_scene_of",
+        SimpleNamespace(scene=SimpleNamespace(frames=(), has_estimated_depth=False)),
+    )
     spy("dlama.completion.start.choose_filler", lambda **given: SimpleNamespace(name=given["filler"]))
     spy("dlama.datasets.sequences.camera_paths.path_for", [])
     spy("dlama.render_path", [])

@@ -13,12 +13,12 @@ import numpy as np
 from dlama.arguments import check_arguments
 from dlama.completion.memory import check_memory
 from dlama.completion.options import Options
-from dlama.completion.report import Clock, Record, about_depth, meta_data, warn_of_scale
-from dlama.completion.start import plan_for, scene_of
+from dlama.completion.report import Clock, Record, is_moved, meta_data, warn_of_scale
+from dlama.completion.start import describe_depth, describe_frames, plan_for, scene_of
 from dlama.completion.steps import CompletedView, complete_frame, complete_view, frames_to_fill
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType, Origin
-from dlama.geometry.drawing.grid_mesh import mesh_grid
+from dlama.geometry.drawing.grid_mesh import find_joints, mesh_grid
 from dlama.geometry.drawing.layers import rasterize_surface
 from dlama.geometry.frames.choosing import choose_frames
 from dlama.geometry.frames.stored import Layer
@@ -109,7 +109,8 @@ def photo3d(
     clock = Clock()
     with clock("prepare"):
         options = Options(filler=filler, model=model, seed=seed)
-        plan, small, _ = plan_for(subsample_scene(start, step), options)
+        begun = plan_for(subsample_scene(start, step), options)
+        plan, small = begun.plan, begun.scene
         given = len(small.fills)
         middle = small.middle_frame.camera
         box = HeadBox.of(source, angle, distance)
@@ -138,9 +139,13 @@ def photo3d(
         small = add_edge_layers(small, grid_box)
     scene = add_fills(start, small, small.fills[given:], step)
     reports = [report for one in steps for report in one.reports]
-    record = Record(reports, clock.seconds, holes=[one.grown for one in steps])
-    meta = about_depth(rgbd, start) | meta_data(plan, source, [one.before for one in steps], record)
-    return Photo3D(scene, box, meta | {"photo3d": describe_box(box, seen, step, unknown)})
+    warped = [one.before for one in steps]
+    flying = int(source.find_once(find_joints).flying.sum()) if is_moved(source.camera, warped) else 0
+    record = Record(reports, clock.seconds, holes=[one.grown for one in steps], flying_pixels=flying)
+    about = describe_depth(rgbd) if isinstance(rgbd, RGBD) else describe_frames(start)
+    return Photo3D(
+        scene, box, about | meta_data(plan, warped, record) | {"photo3d": describe_box(box, seen, step, unknown)}
+    )
 
 
 def describe_box(box: HeadBox, seen: list[Camera], step: int, unknown: Unknown) -> dict[str, Any]:

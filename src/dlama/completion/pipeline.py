@@ -12,21 +12,21 @@ from pathlib import Path
 
 from dlama.arguments import check_arguments
 from dlama.completion.completion import Completion
-from dlama.completion.memory import check_memory
 from dlama.completion.options import OptionKeywords, Options, Unpack, options_of, take_options
 from dlama.completion.report import (
     Clock,
     Record,
-    about_depth,
     expected_errors,
+    is_moved,
     meta_data,
     warn_of_scale,
     warn_of_unknown,
 )
-from dlama.completion.start import choose_filler, may_estimate_again, plan_for, scene_of
+from dlama.completion.start import choose_filler, plan_for
 from dlama.completion.steps import complete_views
 from dlama.errors import InputError
 from dlama.geometry.camera import Camera
+from dlama.geometry.drawing.grid_mesh import find_joints
 from dlama.geometry.frames.gathering import FrameSource
 from dlama.geometry.fusion import fuse
 from dlama.geometry.rendering import render
@@ -68,21 +68,21 @@ def complete(
     chosen = options_of(options)
     if not cameras and mask is None:
         raise InputError("cameras is empty; one camera or more is expected (rgbd.camera is the picture's own)")
-    again, start = may_estimate_again(rgbd), scene_of(rgbd, chosen.settings.clip)
-    source = start.frames[0].load()
-    check_memory((*(one.camera for one in start.frames if isinstance(one, View)), *cameras))
-    warn_of_scale(source.depth)
-    make_room(source.camera.width * source.camera.height)
     clock = Clock()
     with clock("prepare"):
-        plan, scene, grown_mask = plan_for(start, chosen, mask)
-    completed, fills, scene = complete_views(plan, scene, cameras, clock, again=again)
+        plan, given, scene, grown_mask, about = plan_for(rgbd, chosen, mask, cameras)
+    source = given.frames[0].load()
+    warn_of_scale(source.depth)
+    make_room(source.camera.width * source.camera.height)
+    completed, fills, scene = complete_views(plan, scene, cameras, clock)
     make_room(source.camera.width * source.camera.height)
     views, warped = tuple(one.view for one in completed), tuple(one.before for one in completed)
     if mask is None:
-        warn_of_unknown(source, warped)
-    record = Record(fills, clock.seconds, grown_mask, [one.grown for one in completed])
-    meta = about_depth(rgbd, start) | meta_data(plan, scene.frames[0].load(), warped, record) | expected_errors(views)
+        warn_of_unknown(source.camera, source.depth, warped)
+    first = scene.frames[0].load()
+    flying = int(first.find_once(find_joints).flying.sum()) if is_moved(first.camera, warped) else 0
+    record = Record(fills, clock.seconds, grown_mask, [one.grown for one in completed], flying)
+    meta = {**about, **meta_data(plan, warped, record), **expected_errors(views)}
     return Completion(views, warped, scene, source, meta).with_min_confidence(chosen.min_confidence)
 
 
@@ -117,7 +117,7 @@ def render_path(
     check_arguments(render_path, locals())
     if not cameras:
         raise InputError("cameras is empty; a path of one camera or more is expected")
-    inpainter = find_filler(choose_filler(scene, filler, model).filler, model)
+    inpainter = find_filler(choose_filler(scene.has_estimated_depth, filler, model).filler, model)
     return _views(scene, list(cameras), inpainter, find_filler("telea") if filler == AUTO else inpainter, seed)
 
 
@@ -125,7 +125,7 @@ def _views(scene: Scene, cameras: list[Camera], filler: Inpainter, of_slivers: I
     keys = min(KEYS, max(2, len(cameras) // CAMERAS_PER_KEY))
     places = sorted({round(number * (len(cameras) - 1) / (keys - 1)) for number in range(keys)})
     whole = complete(scene, [cameras[place] for place in places], filler=filler, seed=seed).scene
-    plan, _, _ = plan_for(whole, Options(filler=filler, seed=seed))
+    plan = plan_for(whole, Options(filler=filler, seed=seed)).plan
     for camera in cameras:
         open_view = render(whole, camera)
         share = float(open_view.hole.mean())

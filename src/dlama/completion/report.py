@@ -16,10 +16,8 @@ import numpy as np
 from dlama.completion.start import NO_DILATION, Dilation, Plan
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType, from_filler
-from dlama.geometry.drawing.grid_mesh import find_joints
 from dlama.geometry.projection import px_from_px
-from dlama.geometry.rgbd import PLAUSIBLE_M, RGBD, Float32Array, is_valid
-from dlama.geometry.scene import Scene
+from dlama.geometry.rgbd import PLAUSIBLE_M, RGBD, Float32Array, UInt8Array, is_valid
 from dlama.geometry.view import View
 from dlama.inpainters.filling import FillReport
 from dlama.progress import begin_stage
@@ -56,6 +54,8 @@ class Record:
     """How the object mask grew."""
     holes: Sequence[Dilation] = ()
     """How the hole of each view grew."""
+    flying_pixels: int = 0
+    """Of the first frame, as it is drawn from elsewhere; 0 where it is not."""
 
     @property
     def notes(self) -> dict[str, Any]:
@@ -67,10 +67,8 @@ class Record:
         return sum(getattr(one, name) for one in self.fills)
 
 
-def meta_data(plan: Plan, source: View, warped: Sequence[View], record: Record) -> dict[str, Any]:
-    """The meta data of a completion, JSON-ready (fields: docs/reference/formats.md). source: the first frame, as it was drawn;
-    warped: the views before filling."""
-    moved = any(not view.camera.same_view_as(source.camera) for view in warped)
+def meta_data(plan: Plan, warped: Sequence[View], record: Record) -> dict[str, Any]:
+    """The meta data of a completion, JSON-ready (fields: docs/reference/formats.md). warped: the views before filling."""
     return {
         "recipe": dataclasses.asdict(plan.recipe),
         "filler": plan.filler,
@@ -78,7 +76,7 @@ def meta_data(plan: Plan, source: View, warped: Sequence[View], record: Record) 
         "seed": plan.seed,
         "hole_share": [share(view.color_hole) for view in warped],
         "depth_only_share": [share(view.depth_hole) for view in warped],
-        "hole_share_by_type": [hole_shares(view) for view in warped],
+        "hole_share_by_type": [hole_shares(view.hole_type) for view in warped],
         "dilation": {
             "kernel": "disc of the radius given in the recipe",
             "mask_pixels": record.mask.pixels,
@@ -86,7 +84,7 @@ def meta_data(plan: Plan, source: View, warped: Sequence[View], record: Record) 
             "hole_pixels_before": [hole.pixels for hole in record.holes],
             "hole_known_pixels_given_up": [hole.known_pixels_given_up for hole in record.holes],
         },
-        "flying_pixels_rejected": int(source.find_once(find_joints).flying.sum()) if moved else 0,
+        "flying_pixels_rejected": record.flying_pixels,
         "filled_pixels": record.total("hole_pixels"),
         "law_moves": record.total("law_moves"),
         "law_violations": record.total("law_violations"),
@@ -96,26 +94,15 @@ def meta_data(plan: Plan, source: View, warped: Sequence[View], record: Record) 
     }
 
 
-def hole_shares(view: View) -> dict[str, float]:
-    """Share of the picture (0..1) by hole type, holes filled or not."""
-    counts = np.bincount(view.hole_type[view.hole_type > 0], minlength=len(HoleType))
-    return {kind.name.lower(): float(counts[kind]) / view.hole_type.size for kind in HoleType if kind}
+def hole_shares(hole_type: UInt8Array) -> dict[str, float]:
+    """Share of the picture (0..1) by hole type (H x W HoleType codes), holes filled or not."""
+    counts = np.bincount(hole_type[hole_type > 0], minlength=len(HoleType))
+    return {kind.name.lower(): float(counts[kind]) / hole_type.size for kind in HoleType if kind}
 
 
-def about_depth(rgbd: object, scene: Scene | None = None) -> dict[str, Any]:
-    """For meta.json: where the depth of a picture comes from, and how it was estimated; of a scene of several frames
-    their numbers, gains and noise, too."""
-    if isinstance(rgbd, RGBD) or scene is None:
-        estimate = getattr(rgbd, "estimate", None)
-        return {"depth": "measured"} if estimate is None else {"depth": "estimated", "depth_estimate": dict(estimate)}
-    about: dict[str, Any] = {"depth": "estimated" if scene.has_estimated_depth else "measured"}
-    if len(scene.frames) > 1:
-        about["frames"] = {
-            "numbers": list(scene.numbers),
-            "gains": [[round(gain, 4) for gain in gains] for gains in scene.gains],
-            "noise": {"metres": scene.noise[0], "per_metre": scene.noise[1]},
-        }
-    return about
+def is_moved(camera: Camera, warped: Sequence[View]) -> bool:
+    """Whether a view is of another camera than this one."""
+    return any(not view.camera.same_view_as(camera) for view in warped)
 
 
 def expected_errors(views: Sequence[View]) -> dict[str, Any]:
@@ -162,17 +149,18 @@ def warn_of_disparity(rgbd: RGBD) -> None:
         )
 
 
-def warn_of_unknown(rgbd: RGBD | View, warped: Sequence[View]) -> None:
-    """A view of which hardly anything is known, although the camera has hardly turned away from what the picture shows."""
+def warn_of_unknown(camera: Camera, depth: Float32Array, warped: Sequence[View]) -> None:
+    """A view of which hardly anything is known, although the camera has hardly turned away from what the picture (its camera,
+    its depth: H x W metres) shows."""
     shares = [float(view.color_hole.mean()) for view in warped]
     odd = [
         share
         for share, view in zip(shares, warped)
-        if MOST_UNKNOWN < share < 1 and share > share_out_of_view(rgbd.camera, view.camera) + BEYOND_TURN
+        if MOST_UNKNOWN < share < 1 and share > share_out_of_view(camera, view.camera) + BEYOND_TURN
     ]
     if not odd:  # of nothing at all meta.json speaks
         return
-    median = median_depth(rgbd.depth)
+    median = median_depth(depth)
     _warn(
         f"{100 * max(odd):.0f} % of the view is unknown, with a median depth of {median:.3g} m: if the scene is not that "
         "near or far, its scale is wrong (see `depth_scale`: TUM 5000, KITTI 256, millimetres 1000); else move the camera less"

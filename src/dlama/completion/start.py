@@ -14,13 +14,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from dlama.completion.memory import check_memory
 from dlama.completion.options import Options
 from dlama.completion.recipes import Recipe
 from dlama.errors import InputError
+from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType
 from dlama.geometry.frames import gathering
 from dlama.geometry.frames.gathering import FrameSource
 from dlama.geometry.frames.removal import remove_object
+from dlama.geometry.frames.stored import Layer
 from dlama.geometry.holes import looks_inverted
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.geometry.scene import Scene
@@ -32,6 +35,18 @@ from dlama.inpainters.filling import Inpainter
 from dlama.inpainters.grey_depth import with_grey_depth
 from dlama.inpainters.layered.depth_first import paint_over_depth
 from dlama.perception.monocular import DEFAULT
+
+
+class Dilation(NamedTuple):
+    """What growing masks or a hole cost."""
+
+    pixels: int
+    """Of the masks or the hole, before they grew."""
+    known_pixels_given_up: int
+    """Known pixels that they grew over."""
+
+
+NO_DILATION = Dilation(0, 0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +64,8 @@ class Plan:
     """The filler's name, for meta.json."""
     decisions: Mapping[str, Mapping[str, Any]]
     """For meta.json: what was chosen, and why."""
+    again: bool = False
+    """Whether estimated depth behind removed objects is estimated again (`second_estimate`)."""
 
     @cached_property
     def context(self) -> FillContext:
@@ -56,16 +73,18 @@ class Plan:
         return FillContext.of(self.measured) if self.recipe.law else FillContext(Law(()))
 
 
-class Dilation(NamedTuple):
-    """What growing masks or a hole cost."""
+class Start(NamedTuple):
+    """What a completion begins with."""
 
-    pixels: int
-    """Of the masks or the hole, before they grew."""
-    known_pixels_given_up: int
-    """Known pixels that they grew over."""
-
-
-NO_DILATION = Dilation(0, 0)
+    plan: Plan
+    given: Scene
+    """The scene as it was given, clipped."""
+    scene: Scene
+    """The scene that is completed: without what is masked."""
+    mask: Dilation
+    """How the masks grew."""
+    about: Mapping[str, Any]
+    """For meta.json: where the depth comes from."""
 
 
 class FillerChoice(NamedTuple):
@@ -106,8 +125,8 @@ def clip_frame(frame: FrameSource, clip: float | None) -> FrameSource:
     return frame.clip_depth(clip) if isinstance(frame, RGBD) else lambda: frame().clip_depth(clip)
 
 
-def choose_filler(scene: Scene, filler: str | Inpainter = AUTO, model: str | Path | None = None) -> FillerChoice:
-    """The filler as given; for `auto` the one that suits the depth of the scene.
+def choose_filler(estimated: bool, filler: str | Inpainter = AUTO, model: str | Path | None = None) -> FillerChoice:
+    """The filler as given; for `auto` the one that suits depth that was measured, or estimated.
 
     InputError: a model for `auto`.
     """
@@ -115,7 +134,7 @@ def choose_filler(scene: Scene, filler: str | Inpainter = AUTO, model: str | Pat
         named = filler if isinstance(filler, str) else getattr(filler, "__name__", type(filler).__name__)
         return FillerChoice(filler, named, "as given")
     refuse_model_of_auto(filler, model)
-    if scene.has_estimated_depth:
+    if estimated:
         return FillerChoice(ESTIMATED, ESTIMATED, "a network estimated the depth")
     return FillerChoice(MEASURED, MEASURED, "the depth was measured")
 
@@ -135,12 +154,31 @@ def filler_of_recipe(filler: Inpainter, recipe: Recipe) -> Inpainter:
     return with_grey_depth(filler, recipe.clip) if recipe.eight_bit_depth and recipe.clip is not None else filler
 
 
-def describe_padding(scene: Scene) -> dict[str, dict[str, Any]]:
+def describe_padding(frames: Sequence[Layer]) -> dict[str, dict[str, Any]]:
     """For meta.json: how many pixels of the frames in memory are padding round the picture (`RGBD.padding`); {} = none."""
-    measured = (one for one in scene.frames if isinstance(one, View))
+    measured = (one for one in frames if isinstance(one, View))
     pixels = sum(int(np.count_nonzero(one.hole_type == HoleType.OUT_OF_VIEW.value)) for one in measured)
     reason = "a white or black frame without depth runs round the picture: it is filled, as all that is out of view"
     return {"padding": {"pixels": pixels, "reason": reason}} if pixels else {}
+
+
+def describe_depth(rgbd: RGBD) -> dict[str, Any]:
+    """For meta.json: where the depth of a picture comes from, and how it was estimated."""
+    if rgbd.estimate is None:
+        return {"depth": "measured"}
+    return {"depth": "estimated", "depth_estimate": dict(rgbd.estimate)}
+
+
+def describe_frames(scene: Scene) -> dict[str, Any]:
+    """For meta.json: where the depth of a scene comes from; the numbers, gains and noise of several frames."""
+    about: dict[str, Any] = {"depth": "estimated" if scene.has_estimated_depth else "measured"}
+    if len(scene.frames) > 1:
+        about["frames"] = {
+            "numbers": list(scene.numbers),
+            "gains": [[round(gain, 4) for gain in gains] for gains in scene.gains],
+            "noise": {"metres": scene.noise[0], "per_metre": scene.noise[1]},
+        }
+    return about
 
 
 def warn_of_mask(mask: BoolArray | Mapping[int, BoolArray]) -> None:
@@ -156,15 +194,20 @@ def warn_of_mask(mask: BoolArray | Mapping[int, BoolArray]) -> None:
 
 
 def plan_for(
-    scene: Scene,
+    rgbd: RGBD | Scene | Sequence[FrameSource],
     options: Options,
     mask: BoolArray | Mapping[int, BoolArray] | None = None,
-) -> tuple[Plan, Scene, Dilation]:
-    """How a scene is completed, the scene that it starts from, without what is masked, and how the masks grew.
+    cameras: Sequence[Camera] = (),
+) -> Start:
+    """How a scene is completed, for which cameras, and the scene that this begins with, without what is masked.
 
     Raises InputError, MaskError, as `complete`.
     """
-    recipe, choice = options.settings, choose_filler(scene, options.filler, options.model)
+    recipe, again = options.settings, may_estimate_again(rgbd)
+    about = describe_depth(rgbd) if isinstance(rgbd, RGBD) else None
+    given = scene = scene_of(rgbd, recipe.clip)
+    check_memory((*(one.camera for one in given.frames if isinstance(one, View)), *cameras))
+    choice = choose_filler(given.has_estimated_depth, options.filler, options.model)
     inpainter, decisions, dilation = find_filler(choice.filler, options.model), choice.decision, NO_DILATION
     if mask is not None:
         removal = remove_object(scene, mask, recipe.dilate)
@@ -173,6 +216,7 @@ def plan_for(
         decisions = decisions | {"mask_growth": removal.growth._asdict()}
         dilation = Dilation(removal.pixels, removal.known_pixels_given_up)
     measured = scene.unfilled
-    decisions = decisions | describe_padding(measured)
+    decisions = decisions | describe_padding(measured.frames)
     filler = filler_of_recipe(inpainter, recipe)
-    return Plan(recipe, filler, options.seed, measured, choice.name, decisions), scene, dilation
+    plan = Plan(recipe, filler, options.seed, measured, choice.name, decisions, again)
+    return Start(plan, given, scene, dilation, describe_frames(given) if about is None else about)

@@ -113,16 +113,16 @@ def complete_view(
 
 
 def complete_views(
-    plan: Plan, scene: Scene, cameras: Sequence[Camera], clock: StageClock, *, again: bool
+    plan: Plan, scene: Scene, cameras: Sequence[Camera], clock: StageClock
 ) -> tuple[list[CompletedView], list[FillReport], Scene]:
     """The views of cameras, each of which sees what was filled before; the reports of all that was filled, frames first; and the
-    scene with it. again: whether estimated depth behind removed objects is estimated again (`second_estimate`)."""
+    scene with it."""
     completed: list[CompletedView] = []
     fills: list[FillReport] = []
     for place in frames_to_fill(plan, scene, cameras):
         found, scene = complete_frame(plan, scene, place, clock)
         fills += found.reports
-        if again and found.reports[1].hole_pixels:
+        if plan.again and found.reports[1].hole_pixels:
             with clock("fill"):
                 plan, scene, report = estimate_again(plan, scene, place, found.view)
             fills.append(report)

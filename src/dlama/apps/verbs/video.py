@@ -57,7 +57,7 @@ def video(
         scene = read_scene_of(source, options.pop("frames"), **options).scene
         cameras = path_for(path, scene, seconds, fps, width)
         how = given_options(filler)
-        chosen = choose_filler(scene, how.pop("filler", AUTO), how.get("model")).name
+        chosen = choose_filler(scene.has_estimated_depth, how.pop("filler", AUTO), how.get("model")).name
         views = dlama.render_path(scene, cameras, filler=chosen, **how)
 
         def pictures() -> Iterator[UInt8Array]:

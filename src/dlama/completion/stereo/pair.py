@@ -12,10 +12,11 @@ import numpy as np
 
 from dlama.completion.completion import StereoCompletion
 from dlama.completion.recipes import Recipe
-from dlama.completion.report import Record, expected_errors, meta_data
+from dlama.completion.report import Record, expected_errors, is_moved, meta_data
 from dlama.completion.start import NO_DILATION, Dilation, Plan, scene_of
 from dlama.errors import InputError, ShapeError
 from dlama.geometry.camera import StereoRig
+from dlama.geometry.drawing.grid_mesh import find_joints
 from dlama.geometry.frames.removal import remove_object
 from dlama.geometry.holes import check_mask
 from dlama.geometry.projection import depth_from_disparity, disparity_from_depth
@@ -104,7 +105,9 @@ class CompletedPair:
         left, right = (disparity_from_depth(view.depth, **lens) for view in self.views)
         agreement = consistency(self.views[0].color, self.views[1].color, left, right)
         source = View.from_rgbd(self.source)
-        meta = meta_data(self.plan, source, self.before, self.record) | expected_errors(self.views)
+        flying = int(source.find_once(find_joints).flying.sum()) if is_moved(source.camera, self.before) else 0
+        record = dataclasses.replace(self.record, flying_pixels=flying)
+        meta = meta_data(self.plan, self.before, record) | expected_errors(self.views)
         meta["stereo"] = {**lens, **self.about, "consistency": dataclasses.asdict(agreement)}
         return StereoCompletion(self.views, self.before, self.scene, source, meta, left, right, agreement)
 

@@ -132,7 +132,7 @@ def stereo(
     masks = masks_of_pair(found, mask_right, pair.disparities[0], rig)
     pair = dataclasses.replace(pair, masks=masks)
     start = scene_of(pair.left)
-    choice = choose_filler(start, given.filler)
+    choice = choose_filler(start.has_estimated_depth, given.filler)
     decisions = choice.decision
     if masks is not None:
         growth = mask_growth(start, chosen.dilate)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from dlama import __version__
 from dlama.arguments import check_arguments
-from dlama.completion.report import about_depth
+from dlama.completion.start import describe_depth
 from dlama.files.atomic_write import PathLike, new_directory
 from dlama.files.cameras import camera_as_json, write_camera
 from dlama.files.rasters.depth import write_depth_exr, write_depth_png
@@ -53,7 +53,7 @@ def write_depth(
     meta = {
         "dlama": __version__,
         "camera": camera_as_json(rgbd.camera),
-        **about_depth(rgbd),
+        **describe_depth(rgbd),
         "inputs": hash_inputs(inputs or {}),
         "legends": {name: text for name, text in legends().items() if name in (*FILES, "origin.png")},
         "versions": versions(),
