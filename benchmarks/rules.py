@@ -53,7 +53,7 @@ def _no_cut_crowns() -> None:
         nothing = np.zeros(loose.shape, np.int32)
         return room.CutObjects(beyond, nothing, np.zeros(1, np.float32), np.zeros((1, 3), np.float32))
 
-    _replace("inpainters.layered.depth.surface_labels", "find_cut_objects", plain)
+    _replace("inpainters.layered.depth.surfaces", "find_cut_objects", plain)
 
 
 def _low_frequency() -> None:

@@ -20,8 +20,7 @@ from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill, Painter
 from dlama.inpainters.layered import depth_first
 from dlama.inpainters.layered.color.low_frequency import blend_with_low_frequency
-from dlama.inpainters.layered.depth.surface_labels import Surfaces
-from dlama.inpainters.layered.depth.surfaces import continue_lawfully
+from dlama.inpainters.layered.depth.surfaces import Surfaces, continue_lawfully
 from dlama.inpainters.layered.depth_first import (
     BAND,
     MIXED_PX,

@@ -22,7 +22,7 @@ from dlama.geometry.visibility import Law
 from dlama.inpainters import AUTO, FILLER_NAMES, FILLERS, find_filler
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Painter, inpaint
-from dlama.inpainters.layered.depth.surface_labels import Surfaces
+from dlama.inpainters.layered.depth.surfaces import Surfaces
 from dlama.inpainters.patchmatch.completion import QUICK, complete_picture
 from dlama.inpainters.patchmatch.over_layers import copy_patches
 from dlama.inpainters.patchmatch.pyramid import build_pyramid, describe_pixels, halve

@@ -14,8 +14,7 @@ from dlama.inpainters.filling import Fill
 from dlama.inpainters.layered.color.low_frequency import blend_with_low_frequency, smooth_guess
 from dlama.inpainters.layered.color.rims import blend_at_rim
 from dlama.inpainters.layered.color.texture_synthesis import synthesize
-from dlama.inpainters.layered.depth.surface_labels import Surfaces
-from dlama.inpainters.layered.depth.surfaces import continue_lawfully
+from dlama.inpainters.layered.depth.surfaces import Surfaces, continue_lawfully
 from dlama.inpainters.layered.remaining_shadows import find_remaining_shadow
 from dlama.perception.planes import SKY, SMOOTH
 

@@ -24,8 +24,7 @@ from dlama.geometry.view import View
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill, Inpainter
 from dlama.inpainters.layered.color.low_frequency import blend_with_low_frequency, smooth_guess, unseen_colors
-from dlama.inpainters.layered.depth.surface_labels import Surfaces
-from dlama.inpainters.layered.depth.surfaces import continue_lawfully
+from dlama.inpainters.layered.depth.surfaces import Surfaces, continue_lawfully
 from dlama.inpainters.layered.depth_first import find_occluders, find_occluders_coarsely
 from dlama.inpainters.layered.filler import paint_surfaces
 from dlama.inpainters.layered.remaining_shadows import find_remaining_shadow

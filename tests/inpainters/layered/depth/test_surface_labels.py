@@ -22,6 +22,7 @@ from dlama.inpainters.layered.depth.surface_labels import (
     LEAST_INVERSE_DEPTH,
     CoarseView,
 )
+from dlama.inpainters.layered.depth.surfaces import sample_grid
 from dlama.inpainters.layered.kernels import surfaces as surface_kernels
 from dlama.perception.planes import SKY, KnownSurfaces
 from worlds import Box, Plane, World, moved
@@ -35,7 +36,7 @@ def floor_and_wall(kind: HoleType, in_front: Box | None = None) -> tuple[CoarseV
     hole = np.zeros(camera.hw, bool)
     hole[20:90, 50:80] = True
     w, view = inverse_depth(view.depth), view.without(hole, kind)
-    coarse = CoarseView.of(view, KnownSurfaces.of(w, view.valid, view.far, 0), 1.0)
+    coarse = sample_grid(view, KnownSurfaces.of(w, view.valid, view.far, 0), 1.0)
     return coarse, World(shapes).trace(camera)[1]
 
 

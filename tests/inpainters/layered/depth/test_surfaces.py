@@ -13,8 +13,8 @@ from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.layered.depth.distances import angle_to_far
-from dlama.inpainters.layered.depth.surface_labels import POTTS, RIM, cells_with_holes, with_larger_pixels
-from dlama.inpainters.layered.depth.surfaces import continue_surfaces
+from dlama.inpainters.layered.depth.surface_labels import POTTS, RIM, with_larger_pixels
+from dlama.inpainters.layered.depth.surfaces import cells_with_holes, continue_surfaces
 from dlama.inpainters.layered.kernels import surfaces as kernels
 from dlama.perception.planes import SKY
 from marks import first_quick

@@ -1,4 +1,4 @@
-"""Known surfaces of a view in; the surface that each hole pixel shows out, decided on a coarse grid.
+"""The known surfaces of a coarse grid in; the cost of each surface in each of its cells out.
 
 A labelling problem, solved by belief propagation. Surfaces extend from where they were last seen, meet where their planes
 intersect, and may be hidden by known pixels but not hide them (the visibility law).
@@ -6,34 +6,30 @@ intersect, and may be hidden by known pixels but not hide them (the visibility l
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.camera import Camera
-from dlama.geometry.codes import HoleType
-from dlama.geometry.holes import distance_to, fill_with_nearest
+from dlama.geometry.holes import distance_to
 from dlama.geometry.kernels.jit import begin_job
 from dlama.geometry.rgbd import BoolArray, Float32Array
-from dlama.geometry.view import View
 from dlama.inpainters.context import FillContext
-from dlama.inpainters.layered.depth.cut_objects import CutObjects, find_cut_objects
+from dlama.inpainters.layered.depth.cut_objects import CutObjects
 from dlama.inpainters.layered.depth.distances import CHORD, angle_to_far, enlarge, mean_chords
 from dlama.inpainters.layered.depth.out_of_view import (
     FOLLOWED,
     PlaneLines,
     above_horizon,
-    cells_near,
     cells_of_planes,
     ending_cost,
     follow_lines,
 )
 from dlama.inpainters.layered.depth.plane_edges import align_lines_to_edges
 from dlama.inpainters.layered.kernels import surfaces as surface_kernels
-from dlama.perception.planes import SMOOTH, KnownSurfaces, plane_values, plane_values_at
+from dlama.perception.planes import SMOOTH
 
 GRID = 256
 """Longer side of the coarse grid."""
@@ -65,33 +61,6 @@ LEAST_CELLS = 50
 """Least number of known cells that define the order of surfaces."""
 LEAST_INVERSE_DEPTH = 1e-3
 """Planes end at 1 km: beyond it they are horizon."""
-OFF_SURFACE = 0.05
-"""Relative difference of inverse depth from which a pixel is not on its surface any more."""
-PIECE = 1 << 16
-"""Hole pixels that are worked on at a time."""
-
-
-@dataclass(frozen=True, eq=False)
-class Surfaces:
-    """Inverse depth and surface label of every pixel of a view, known and filled."""
-
-    inverse_depth: Float32Array
-    """H x W, 1/m; 0 = far. Known pixels on planes are denoised."""
-    label: NDArray[np.int8]
-    """H x W; -1 = no plane, 0 = sky, k = k-th plane."""
-    planes: NDArray[np.float64]
-    """K x 3, w = a u + b v + c in pixels of the view."""
-    leaves: NDArray[np.intp] = field(default_factory=lambda: np.zeros((2, 0), np.intp))
-    """2 x N, as of `copy_leaves`: where foliage extends."""
-    off_surface: BoolArray | None = None
-    """H x W, True in hole pixels whose inverse depth the visibility law moved off that of their label by more than
-    OFF_SURFACE; None: the law was not asked yet."""
-
-    def without_leaves(self, where: BoolArray) -> BoolArray:
-        """`where` (H x W) without the pixels that foliage extends into."""
-        out = where.copy()
-        out.ravel()[self.leaves[0]] = False
-        return out
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,25 +84,6 @@ class CoarseView:
     """Least share of the known cells of a plane that is followed along lines out of view."""
     solid: bool = False
     """Whether followed planes also need chords of CHORD cells (geometric mean): with inexact depth edges slats end anywhere."""
-
-    @classmethod
-    def of(cls, view: View, surfaces: KnownSurfaces, step: float, solid: bool = False) -> CoarseView:
-        """The grid of cells `step` pixels wide. Planes of noisy depth are not followed."""
-        camera = with_larger_pixels(view.camera, step)
-        rows, columns = (
-            np.minimum(((np.arange(n) + 0.5) * step).astype(np.int64), size - 1)
-            for n, size in zip(camera.hw, view.hole.shape)
-        )
-        pick = np.ix_(rows, columns)
-        hole, w, label = cells_with_holes(view.hole, camera.wh), surfaces.inverse_depth[pick], surfaces.label[pick]
-        in_view = hole & cells_with_holes(view.hole & (view.hole_type != HoleType.OUT_OF_VIEW.value), camera.wh)
-        cut = begin_job(find_cut_objects, w, label, hole, cells_near(hole & ~in_view))
-        smooth = surface_kernels.far_side(w, hole)
-        candidates = np.concatenate(
-            [smooth[None], np.zeros_like(smooth)[None], plane_values(surfaces.planes, camera.hw, step)]
-        )
-        followed_from = np.inf if surfaces.noise else FOLLOWED
-        return cls(camera, hole, in_view, w, label, candidates, cut(), followed_from, solid)
 
     def label_costs(self, context: FillContext) -> Float32Array:
         """h x w x L cost of each label after belief propagation (lower is better)."""
@@ -241,44 +191,6 @@ class CoarseView:
             near = loose & (np.abs(value - self.inverse_depth) < RELIEF * self.inverse_depth) & (count > most)
             out[near], most[near] = number, count[near]
         return out
-
-
-def upsample_labels(
-    view: View,
-    known: KnownSurfaces,
-    coarse: CoarseView,
-    costs: Float32Array,
-    leaves_of: Callable[[], NDArray[np.intp]],
-) -> Surfaces:
-    """Label costs (h x w x L) interpolated to every hole pixel; each takes the label of least cost and its inverse depth.
-    Foliage covers it where it extends. known: its planes of pixels are taken over; leaves_of: gives `copy_leaves`.
-    """
-    places, wh = np.flatnonzero(view.hole), view.camera.wh
-    spread = fill_with_nearest(costs, coarse.hole)
-    no_plane = coarse.candidates[0]
-    filled = enlarge(fill_with_nearest(no_plane, coarse.hole & (no_plane > 0)), wh).take(places)
-    best, labels = np.full(len(places), np.inf, np.float32), np.full(len(places), SMOOTH, np.int8)
-    for number in range(costs.shape[2]):
-        cost = enlarge(spread[..., number], wh).take(places)
-        np.copyto(labels, np.int8(number - 1), where=cost < best)
-        np.minimum(best, cost, out=best)
-    for first in range(0, len(places), PIECE):
-        some = slice(first, first + PIECE)
-        on_plane = plane_values_at(known.planes, labels[some], *np.divmod(places[some], wh[0]))
-        on_plane = np.where(labels[some] > 0, np.maximum(0, on_plane), 0)
-        filled[some] = np.where(labels[some] == SMOOTH, filled[some], on_plane)
-    out, label = known.inverse_depth.ravel(), known.label.ravel()
-    out[places], label[places] = filled, labels
-    pixels, leaves = leaves_of()
-    nearer = out[leaves] > out[pixels]
-    pixels, leaves = pixels[nearer], leaves[nearer]
-    out[pixels], label[pixels] = out[leaves], SMOOTH
-    return Surfaces(known.inverse_depth, known.label, known.planes, np.stack([pixels, leaves]))
-
-
-def cells_with_holes(hole: BoolArray, wh: tuple[int, int]) -> BoolArray:
-    """Coarse cells that hold a hole pixel, so that a hole one pixel wide is not missed."""
-    return cv2.resize(hole.astype(np.float32), wh, interpolation=cv2.INTER_AREA) > 0
 
 
 def with_larger_pixels(camera: Camera, step: float) -> Camera:

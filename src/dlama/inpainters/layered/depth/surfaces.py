@@ -1,25 +1,63 @@
 """Surface continuation: a view's known surfaces in; inverse depth and a surface label for every hole pixel out.
 
 Ground and walls continue as planes, the sky as sky; anything else is interpolated from the far side of the hole.
-`surface_labels` decides which surface continues where. Where depth alone is missing, colours decide
+`surface_labels` decides on a coarse grid which surface continues where. Where depth alone is missing, colours decide
 (`missing_depth`).
 """
 
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
+from dataclasses import dataclass, field
 
+import cv2
 import numpy as np
+from numpy.typing import NDArray
 
+from dlama.geometry.codes import HoleType
+from dlama.geometry.holes import fill_with_nearest
 from dlama.geometry.kernels.jit import begin_job
 from dlama.geometry.projection import depth_from_inverse, inverse_depth
-from dlama.geometry.rgbd import Float32Array
+from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import View
 from dlama.inpainters.context import FillContext
+from dlama.inpainters.layered.depth.cut_objects import find_cut_objects
+from dlama.inpainters.layered.depth.distances import enlarge
 from dlama.inpainters.layered.depth.foliage import copy_leaves
-from dlama.inpainters.layered.depth.surface_labels import GRID, OFF_SURFACE, CoarseView, Surfaces, upsample_labels
+from dlama.inpainters.layered.depth.out_of_view import FOLLOWED, cells_near
+from dlama.inpainters.layered.depth.surface_labels import GRID, CoarseView, with_larger_pixels
+from dlama.inpainters.layered.kernels import surfaces as surface_kernels
 from dlama.inpainters.missing_depth.along_colors import DepthByColor, fill_along_colors
-from dlama.perception.planes import KnownSurfaces
+from dlama.perception.planes import SMOOTH, KnownSurfaces, plane_values, plane_values_at
+
+OFF_SURFACE = 0.05
+"""Relative difference of inverse depth from which a pixel is not on its surface any more."""
+PIECE = 1 << 16
+"""Hole pixels that are worked on at a time."""
+
+
+@dataclass(frozen=True, eq=False)
+class Surfaces:
+    """Inverse depth and surface label of every pixel of a view, known and filled."""
+
+    inverse_depth: Float32Array
+    """H x W, 1/m; 0 = far. Known pixels on planes are denoised."""
+    label: NDArray[np.int8]
+    """H x W; -1 = no plane, 0 = sky, k = k-th plane."""
+    planes: NDArray[np.float64]
+    """K x 3, w = a u + b v + c in pixels of the view."""
+    leaves: NDArray[np.intp] = field(default_factory=lambda: np.zeros((2, 0), np.intp))
+    """2 x N, as of `copy_leaves`: where foliage extends."""
+    off_surface: BoolArray | None = None
+    """H x W, True in hole pixels whose inverse depth the visibility law moved off that of their label by more than
+    OFF_SURFACE; None: the law was not asked yet."""
+
+    def without_leaves(self, where: BoolArray) -> BoolArray:
+        """`where` (H x W) without the pixels that foliage extends into."""
+        out = where.copy()
+        out.ravel()[self.leaves[0]] = False
+        return out
 
 
 def continue_lawfully(view: View, context: FillContext, seed: int) -> tuple[Surfaces, Float32Array, int]:
@@ -41,7 +79,7 @@ def continue_surfaces(view: View, context: FillContext, seed: int = 0) -> Surfac
         by_color = fill_along_colors(view.color, missing, view.hole, known)
     if by_color is not None and (by_color.reached | ~view.hole).all():
         return Surfaces(by_color.inverse_depth, by_color.label, known.planes)
-    coarse = CoarseView.of(view, known, max(1.0, max(missing.shape) / GRID), context.law.misplaced_edges)
+    coarse = sample_grid(view, known, max(1.0, max(missing.shape) / GRID), context.law.misplaced_edges)
     leaves = begin_job(copy_leaves, view, known.inverse_depth, coarse.cut, seed)
     found = upsample_labels(view, known, coarse, coarse.label_costs(context), leaves)
     return found if by_color is None else set_missing_depth(found, by_color)
@@ -56,3 +94,60 @@ def set_missing_depth(found: Surfaces, by_color: DepthByColor) -> Surfaces:
         label=np.where(there, by_color.label, found.label),
         leaves=found.leaves[:, ~there.ravel()[found.leaves[0]]],
     )
+
+
+def sample_grid(view: View, surfaces: KnownSurfaces, step: float, solid: bool = False) -> CoarseView:
+    """The grid of a view, of cells `step` pixels wide. Planes of noisy depth are not followed; solid: see `CoarseView`."""
+    camera = with_larger_pixels(view.camera, step)
+    rows, columns = (
+        np.minimum(((np.arange(n) + 0.5) * step).astype(np.int64), size - 1)
+        for n, size in zip(camera.hw, view.hole.shape)
+    )
+    pick = np.ix_(rows, columns)
+    hole, w, label = cells_with_holes(view.hole, camera.wh), surfaces.inverse_depth[pick], surfaces.label[pick]
+    in_view = hole & cells_with_holes(view.hole & (view.hole_type != HoleType.OUT_OF_VIEW.value), camera.wh)
+    cut = begin_job(find_cut_objects, w, label, hole, cells_near(hole & ~in_view))
+    smooth = surface_kernels.far_side(w, hole)
+    candidates = np.concatenate(
+        [smooth[None], np.zeros_like(smooth)[None], plane_values(surfaces.planes, camera.hw, step)]
+    )
+    followed_from = np.inf if surfaces.noise else FOLLOWED
+    return CoarseView(camera, hole, in_view, w, label, candidates, cut(), followed_from, solid)
+
+
+def upsample_labels(
+    view: View,
+    known: KnownSurfaces,
+    coarse: CoarseView,
+    costs: Float32Array,
+    leaves_of: Callable[[], NDArray[np.intp]],
+) -> Surfaces:
+    """Label costs (h x w x L) interpolated to every hole pixel; each takes the label of least cost and its inverse depth.
+    Foliage covers it where it extends. known: its planes of pixels are taken over; leaves_of: gives `copy_leaves`.
+    """
+    places, wh = np.flatnonzero(view.hole), view.camera.wh
+    spread = fill_with_nearest(costs, coarse.hole)
+    no_plane = coarse.candidates[0]
+    filled = enlarge(fill_with_nearest(no_plane, coarse.hole & (no_plane > 0)), wh).take(places)
+    best, labels = np.full(len(places), np.inf, np.float32), np.full(len(places), SMOOTH, np.int8)
+    for number in range(costs.shape[2]):
+        cost = enlarge(spread[..., number], wh).take(places)
+        np.copyto(labels, np.int8(number - 1), where=cost < best)
+        np.minimum(best, cost, out=best)
+    for first in range(0, len(places), PIECE):
+        some = slice(first, first + PIECE)
+        on_plane = plane_values_at(known.planes, labels[some], *np.divmod(places[some], wh[0]))
+        on_plane = np.where(labels[some] > 0, np.maximum(0, on_plane), 0)
+        filled[some] = np.where(labels[some] == SMOOTH, filled[some], on_plane)
+    out, label = known.inverse_depth.ravel(), known.label.ravel()
+    out[places], label[places] = filled, labels
+    pixels, leaves = leaves_of()
+    nearer = out[leaves] > out[pixels]
+    pixels, leaves = pixels[nearer], leaves[nearer]
+    out[pixels], label[pixels] = out[leaves], SMOOTH
+    return Surfaces(known.inverse_depth, known.label, known.planes, np.stack([pixels, leaves]))
+
+
+def cells_with_holes(hole: BoolArray, wh: tuple[int, int]) -> BoolArray:
+    """Coarse cells that hold a hole pixel, so that a hole one pixel wide is not missed."""
+    return cv2.resize(hole.astype(np.float32), wh, interpolation=cv2.INTER_AREA) > 0
