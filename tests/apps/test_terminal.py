@@ -67,7 +67,12 @@ def test_what_is_warned_of_while_a_verb_is_loaded_is_a_line(tmp_path: Path, verb
     words = [verb, *(["none.jpg"] if verb == "photo3d" else []), "-o", "out"]
     environment = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
     done = subprocess.run(
-        [sys.executable, "-m", "dlama", *words], cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
+        [sys.executable, "-m", "dlama", *words],
+        cwd=tmp_path,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
     )
     first, second = done.stderr.splitlines()
     assert first.startswith("warning: NUMBA_DISABLE_JIT is set") and second.startswith("error: ")

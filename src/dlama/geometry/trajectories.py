@@ -37,7 +37,9 @@ def orbit(camera: Camera, yaw: float, pitch: float = 0.0, pivot: float = PIVOT_M
     check_arguments(orbit, locals())
     for name, value in (("yaw", yaw), ("pitch", pitch)):
         if not is_finite(value) or not abs(value) <= MOST_DEGREES:
-            raise InputError(f"`{name}` is {value!r}; an angle of -{MOST_DEGREES} to {MOST_DEGREES} degrees is expected")
+            raise InputError(
+                f"`{name}` is {value!r}; an angle of -{MOST_DEGREES} to {MOST_DEGREES} degrees is expected"
+            )
     if not is_finite(pivot) or not 0 <= pivot <= FARTHEST_M:
         raise InputError(f"`pivot` is {pivot!r}; a distance >= 0 in metres, ahead of the camera, is expected")
     center = np.array([0.0, 0.0, pivot])
