@@ -228,7 +228,6 @@ EVALUATE = {
     "limit": Reach("--limit 1", "run.cases", each("yaw", [10.0, None])),
     "layout": Reach("--layout tum", "open_dataset_or_worlds.layout", "tum"),
     "depth_range": Reach("--depth-range 10", "open_dataset_or_worlds.depth_range", 10.0),
-    "gamma": Reach("--gamma linear", "open_dataset_or_worlds.gamma", "linear"),
     "removal_object": Reach("--removal-object barrel", "open_dataset_or_worlds.removal_object", "barrel"),
     "camera": Reach("--camera cam.json", "open_dataset_or_worlds.camera", Path("cam.json")),
     "recipes": Reach("--recipes paper", "run.methods", each("recipe", ["paper"])),
