@@ -62,7 +62,7 @@ def _low_frequency() -> None:
 
 
 def _remaining_shadows() -> None:
-    for place in ("inpainters.layered.filler", "inpainters.layered.depth_first", "inpainters.patchmatch.over_layers"):
+    for place in ("inpainters.layered.filler", "inpainters.layered.depth_first"):
         _replace(place, "find_remaining_shadow", lambda view, *rest: np.zeros_like(view.hole))
 
 

@@ -14,7 +14,7 @@ from dlama.arguments import check_arguments
 from dlama.completion.memory import check_memory
 from dlama.completion.options import Options
 from dlama.completion.report import Clock, Record, is_moved, meta_data, warn_of_scale
-from dlama.completion.start import describe_depth, describe_frames, plan_for, scene_of
+from dlama.completion.start import Plan, describe_depth, plan_for, scene_of
 from dlama.completion.steps import CompletedView, complete_frame, complete_view, frames_to_fill
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType, Origin
@@ -112,43 +112,48 @@ def photo3d(
         begun = plan_for(subsample_scene(start, step), options)
         plan, small = begun.plan, begun.scene
         given = len(small.fills)
-        middle = small.middle_frame.camera
         box = HeadBox.of(source, angle, distance)
+        grid_box = dataclasses.replace(box, camera=small.middle_frame.camera)
         steps: list[CompletedView] = []
-    for place in frames_to_fill(plan, small, [middle]):
+    for place in frames_to_fill(plan, small, [grid_box.camera]):
         found, small = complete_frame(plan, small, place, clock)
         steps.append(found)
     with clock("edges"):
         small = dataclasses.replace(small, frames=tuple(separate_colors(frame.load()) for frame in small.frames))
-    with clock("look"):
-        grid_box = dataclasses.replace(box, camera=middle)
-        unknown = Unknown.of(small, grid_box)
-    seen: list[Camera] = []
-    while unknown.share > ENOUGH and len(seen) < MOST_CAMERAS:
-        camera = unknown.next_camera() if len(seen) > 1 else grid_box.wide(-len(seen))
-        found, larger = complete_view(plan, small, camera, clock)
-        added = larger.fills[len(small.fills) :]
-        steps.append(found)
-        seen.append(camera)
-        with clock("look"):
-            for layer in added:
-                small = add_layer(small, found.view, layer.load().hole_type != HoleType.NONE.value, OVERLAP)
-            unknown.look(added)
-        begin_stage(f"filled for camera {len(seen)}, {unknown.share:.2%} still unknown")
+    small, seen, open_share = complete_box(plan, small, grid_box, clock)
+    steps += seen
     with clock("edges"):
         small = add_edge_layers(small, grid_box)
     scene = add_fills(start, small, small.fills[given:], step)
-    reports = [report for one in steps for report in one.reports]
-    warped = [one.before for one in steps]
+    reports, warped = [report for one in steps for report in one.reports], [one.before for one in steps]
     flying = int(source.find_once(find_joints).flying.sum()) if is_moved(source.camera, warped) else 0
     record = Record(reports, clock.seconds, holes=[one.grown for one in steps], flying_pixels=flying)
-    about = describe_depth(rgbd) if isinstance(rgbd, RGBD) else describe_frames(start)
+    meta = {**describe_depth(rgbd), **meta_data(plan, warped, record)}
     return Photo3D(
-        scene, box, about | meta_data(plan, warped, record) | {"photo3d": describe_box(box, seen, step, unknown)}
+        scene, box, meta | {"photo3d": describe_box(box, [one.view.camera for one in seen], step, open_share)}
     )
 
 
-def describe_box(box: HeadBox, seen: list[Camera], step: int, unknown: Unknown) -> dict[str, Any]:
+def complete_box(plan: Plan, scene: Scene, box: HeadBox, clock: Clock) -> tuple[Scene, list[CompletedView], float]:
+    """The scene completed for the cameras of a box, in whose frames everything has a depth; the views that were filled for it,
+    and the share that stays open of the view that has most of it."""
+    with clock("look"):
+        unknown = Unknown.of(scene, box)
+    seen: list[CompletedView] = []
+    while unknown.share > ENOUGH and len(seen) < MOST_CAMERAS:
+        camera = unknown.next_camera() if len(seen) > 1 else box.wide(-len(seen))
+        found, larger = complete_view(plan, scene, camera, clock)
+        added = larger.fills[len(scene.fills) :]
+        seen.append(found)
+        with clock("look"):
+            for layer in added:
+                scene = add_layer(scene, found.view, layer.load().hole_type != HoleType.NONE.value, OVERLAP)
+            unknown.look(added)
+        begin_stage(f"filled for camera {len(seen)}, {unknown.share:.2%} still unknown")
+    return scene, seen, unknown.share
+
+
+def describe_box(box: HeadBox, seen: list[Camera], step: int, open_share: float) -> dict[str, Any]:
     """`photo3d` of the meta data."""
     return {
         "pivot_m": round(box.pivot, 5),
@@ -156,7 +161,7 @@ def describe_box(box: HeadBox, seen: list[Camera], step: int, unknown: Unknown) 
         "distance": round(box.distance, 5),
         "filled_cameras": [camera.world_from_cam.tolist() for camera in seen],
         "hidden_step": step,
-        "open_share": round(unknown.share, 6),
+        "open_share": round(open_share, 6),
     }
 
 

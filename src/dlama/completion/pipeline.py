@@ -70,19 +70,19 @@ def complete(
         raise InputError("cameras is empty; one camera or more is expected (rgbd.camera is the picture's own)")
     clock = Clock()
     with clock("prepare"):
-        plan, given, scene, grown_mask, about = plan_for(rgbd, chosen, mask, cameras)
-    source = given.frames[0].load()
+        start = plan_for(rgbd, chosen, mask, cameras)
+    source = start.given.frames[0].load()
     warn_of_scale(source.depth)
     make_room(source.camera.width * source.camera.height)
-    completed, fills, scene = complete_views(plan, scene, cameras, clock)
+    completed, fills, scene = complete_views(start.plan, start.scene, cameras, clock)
     make_room(source.camera.width * source.camera.height)
     views, warped = tuple(one.view for one in completed), tuple(one.before for one in completed)
     if mask is None:
         warn_of_unknown(source.camera, source.depth, warped)
     first = scene.frames[0].load()
     flying = int(first.find_once(find_joints).flying.sum()) if is_moved(first.camera, warped) else 0
-    record = Record(fills, clock.seconds, grown_mask, [one.grown for one in completed], flying)
-    meta = {**about, **meta_data(plan, warped, record), **expected_errors(views)}
+    record = Record(fills, clock.seconds, start.mask, [one.grown for one in completed], flying)
+    meta = {**start.about, **meta_data(start.plan, warped, record), **expected_errors(views)}
     return Completion(views, warped, scene, source, meta).with_min_confidence(chosen.min_confidence)
 
 

@@ -162,21 +162,18 @@ def describe_padding(frames: Sequence[Layer]) -> dict[str, dict[str, Any]]:
     return {"padding": {"pixels": pixels, "reason": reason}} if pixels else {}
 
 
-def describe_depth(rgbd: RGBD) -> dict[str, Any]:
-    """For meta.json: where the depth of a picture comes from, and how it was estimated."""
-    if rgbd.estimate is None:
-        return {"depth": "measured"}
-    return {"depth": "estimated", "depth_estimate": dict(rgbd.estimate)}
-
-
-def describe_frames(scene: Scene) -> dict[str, Any]:
-    """For meta.json: where the depth of a scene comes from; the numbers, gains and noise of several frames."""
-    about: dict[str, Any] = {"depth": "estimated" if scene.has_estimated_depth else "measured"}
-    if len(scene.frames) > 1:
+def describe_depth(rgbd: RGBD | Scene) -> dict[str, Any]:
+    """For meta.json: where the depth comes from; of a picture how it was estimated, of a scene of several frames their numbers,
+    gains and noise, too."""
+    if isinstance(rgbd, RGBD):
+        estimate = rgbd.estimate
+        return {"depth": "measured"} if estimate is None else {"depth": "estimated", "depth_estimate": dict(estimate)}
+    about: dict[str, Any] = {"depth": "estimated" if rgbd.has_estimated_depth else "measured"}
+    if len(rgbd.frames) > 1:
         about["frames"] = {
-            "numbers": list(scene.numbers),
-            "gains": [[round(gain, 4) for gain in gains] for gains in scene.gains],
-            "noise": {"metres": scene.noise[0], "per_metre": scene.noise[1]},
+            "numbers": list(rgbd.numbers),
+            "gains": [[round(gain, 4) for gain in gains] for gains in rgbd.gains],
+            "noise": {"metres": rgbd.noise[0], "per_metre": rgbd.noise[1]},
         }
     return about
 
@@ -204,7 +201,7 @@ def plan_for(
     Raises InputError, MaskError, as `complete`.
     """
     recipe, again = options.settings, may_estimate_again(rgbd)
-    about = describe_depth(rgbd) if isinstance(rgbd, RGBD) else None
+    about = describe_depth(rgbd) if isinstance(rgbd, RGBD | Scene) else {}
     given = scene = scene_of(rgbd, recipe.clip)
     check_memory((*(one.camera for one in given.frames if isinstance(one, View)), *cameras))
     choice = choose_filler(given.has_estimated_depth, options.filler, options.model)
@@ -219,4 +216,4 @@ def plan_for(
     decisions = decisions | describe_padding(measured.frames)
     filler = filler_of_recipe(inpainter, recipe)
     plan = Plan(recipe, filler, options.seed, measured, choice.name, decisions, again)
-    return Start(plan, given, scene, dilation, describe_frames(given) if about is None else about)
+    return Start(plan, given, scene, dilation, about or describe_depth(given))

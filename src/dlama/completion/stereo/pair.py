@@ -12,7 +12,7 @@ import numpy as np
 
 from dlama.completion.completion import StereoCompletion
 from dlama.completion.recipes import Recipe
-from dlama.completion.report import Record, expected_errors, is_moved, meta_data
+from dlama.completion.report import Record, expected_errors, meta_data
 from dlama.completion.start import NO_DILATION, Dilation, Plan, scene_of
 from dlama.errors import InputError, ShapeError
 from dlama.geometry.camera import StereoRig
@@ -105,8 +105,7 @@ class CompletedPair:
         left, right = (disparity_from_depth(view.depth, **lens) for view in self.views)
         agreement = consistency(self.views[0].color, self.views[1].color, left, right)
         source = View.from_rgbd(self.source)
-        flying = int(source.find_once(find_joints).flying.sum()) if is_moved(source.camera, self.before) else 0
-        record = dataclasses.replace(self.record, flying_pixels=flying)
+        record = dataclasses.replace(self.record, flying_pixels=int(source.find_once(find_joints).flying.sum()))
         meta = meta_data(self.plan, self.before, record) | expected_errors(self.views)
         meta["stereo"] = {**lens, **self.about, "consistency": dataclasses.asdict(agreement)}
         return StereoCompletion(self.views, self.before, self.scene, source, meta, left, right, agreement)

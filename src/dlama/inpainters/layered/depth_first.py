@@ -58,10 +58,9 @@ def paint_over_depth(inpainter: Inpainter) -> Inpainter:
         notes = inpainter.notes() | {"depth_as": "surfaces continued", "planes": len(surfaces.planes)}
         if not view.color_hole.any():
             return Fill(view.color, depth, moved, notes)
-        shadow = find_remaining_shadow(view, surfaces.label, context.law)
-        hidden = view.color_hole | shadow | find_occluders(view, surfaces, depth, context.law)
+        hidden = hide_from_painter(view, surfaces, depth, context.law)
         leaves = find_leaves(view, surfaces)
-        del surfaces, shadow  # of a large picture a network needs their memory
+        del surfaces  # of a large picture a network needs their memory
         guess = begin_job(smooth_guess, view)
         color = inpainter.paint(view.color, hidden, seed)
         w = inverse_depth(np.where(view.hole, depth, view.depth))
@@ -69,6 +68,16 @@ def paint_over_depth(inpainter: Inpainter) -> Inpainter:
         return Fill(paint_leaves(color, view, leaves), depth, moved, notes)
 
     return fill
+
+
+def hide_from_painter(
+    view: View, surfaces: Surfaces, depth: Float32Array, law: Law, coarsely: bool = False
+) -> BoolArray:
+    """H x W, True in what a painter must not see: the colour holes, occluders next to them, the remaining shadow of a removed
+    object. surfaces: as continued; depth: H x W metres, filled; coarsely: for a painter that sees no finer picture."""
+    find = find_occluders_coarsely if coarsely else find_occluders
+    hidden = view.color_hole | find(view, surfaces, depth, law)
+    return hidden | find_remaining_shadow(view, surfaces.label, law) if view.object_hole.any() else hidden
 
 
 def find_occluders(view: View, surfaces: Surfaces, depth: Float32Array, law: Law) -> BoolArray:

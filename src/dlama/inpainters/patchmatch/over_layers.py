@@ -25,9 +25,8 @@ from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill, Inpainter
 from dlama.inpainters.layered.color.low_frequency import blend_with_low_frequency, smooth_guess, unseen_colors
 from dlama.inpainters.layered.depth.surfaces import Surfaces, continue_lawfully
-from dlama.inpainters.layered.depth_first import find_occluders, find_occluders_coarsely
+from dlama.inpainters.layered.depth_first import hide_from_painter
 from dlama.inpainters.layered.filler import paint_surfaces
-from dlama.inpainters.layered.remaining_shadows import find_remaining_shadow
 from dlama.inpainters.networks.migan import migan_filler
 from dlama.inpainters.patchmatch.completion import QUICK, complete_picture
 from dlama.inpainters.patchmatch.filler import GUESS_SIDE, blend_with_guess, guess_coarsely
@@ -55,10 +54,9 @@ def layered_patches_filler(model: str | Path) -> Inpainter:
             copied = removed | uncovered | unseen_colors(view)
         guessed = copied.any() or uncovered.any()
         if guessed:
-            find, side = (find_occluders, GUESS_SIDE) if removed.any() else (find_occluders_coarsely, VIEW_SIDE)
-            hidden = hidden | find(view, surfaces, depth, context.law)
-            if removed.any():
-                hidden |= find_remaining_shadow(view, surfaces.label, context.law)
+            coarsely = not removed.any()
+            hidden = hide_from_painter(view, surfaces, depth, context.law, coarsely)
+            side = VIEW_SIDE if coarsely else GUESS_SIDE
             guessing = begin_job(guess_coarsely, network.paint, view.color, hidden, seed, side)
         color = view.color
         if (view.color_hole & ~removed).any():
