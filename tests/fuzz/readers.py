@@ -23,15 +23,14 @@ import numpy as np
 import tifffile
 from PIL import Image
 
-from dlama.datasets.easysynth.text_files import METRIC_HEADER, UNREAL_HEADER, read_poses, read_rig
+from dlama.datasets.easysynth.text_files import HEADER, read_poses, read_rig
 from dlama.datasets.layouts import open_dataset
 from dlama.datasets.posed.trajectory_log import read_log
 from dlama.datasets.sequences.loading import open_frames
 from dlama.datasets.text_tables import read_pose
 from dlama.errors import InputError
-from dlama.evaluation.protocols.methods import Measure
 from dlama.evaluation.report.panels import choose
-from dlama.evaluation.runner.store import Stored, StoredRun, read_stored, result_rows, timing_rows, write_stored
+from dlama.evaluation.runner.store import Row, Stored, read_stored, write_stored
 from dlama.files.cameras import read_camera, read_cameras, read_stereo_calib
 from dlama.files.photos.depth import read_photo_depth
 from dlama.files.rasters.depth import read_depth, read_disparity, write_depth_exr, write_disparity_pfm
@@ -201,8 +200,7 @@ def tables() -> list[Reader]:
     listed = {"color": "c.png", "depth": "d.png", "world_from_cam": POSE}
     pairs = {"width": 12, "height": 9, "K": K, "frames": {"a": listed, "b": listed}, "pairs": [{"a": "a", "b": "b"}]}
     camera = json.dumps(LENS).encode()
-    unreal = ",".join(UNREAL_HEADER).encode() + b"\n0,1,2,3,0,0,0,1,0\n1,1,2,3,0,0,0,1,1\n"
-    metric = ",".join(METRIC_HEADER).encode() + b"\n0,1,2,3,1,0,0,0,10,10,6,4\n"
+    unreal = ",".join(HEADER).encode() + b"\n0,1,2,3,0,0,0,1,0\n1,1,2,3,0,0,0,1,1\n"
     pose = "\n".join(" ".join(map(str, row)) for row in POSE).encode()
     tum = {"rgb.txt": b"1.0 c.png\n2.0 e.png\n", "depth.txt": b"1.0 d.png\n2.0 d.png\n",
            "groundtruth.txt": b"1.0 0 0 0 0 0 0 1\n2.0 0.1 0 0 0 0 0 1\n", "camera.json": camera,
@@ -221,7 +219,6 @@ def tables() -> list[Reader]:
         Reader("pair.json", json.dumps(pair).encode(), read_stereo_calib),
         Reader("rig.json", json.dumps(rig).encode(), read_rig),
         Reader("unreal.csv", unreal, read_poses),
-        Reader("metric.csv", metric, read_poses),
         Reader("classes.csv", b"barrel,255,0,0\nwall, 1,2,3\n", read_classes),
         Reader("pose.txt", pose, read_pose),
         Reader("log.log", b"0 0 1\n" + pose + b"\n1 1 2\n" + pose, lambda path: read_log(path, 2)),
@@ -324,9 +321,12 @@ def networks() -> list[Reader]:
 def kept() -> list[Reader]:
     """What dlama itself wrote to be read again: hashes of models, results of an evaluation."""
     pins = {"big-lama.pt": {"sha256": "0" * 64, "bytes": 12}, "migan.onnx": {"sha256": "1" * 64, "bytes": 7}}
-    measures = (Measure("whole", "rgb", "ssim", 0.5), Measure("unseen", "rgb", "psnr", float("inf")))
-    runs = (StoredRun("", measures, "case--0.jpg"), StoredRun("object,dilate=3", measures))
-    case = Stored("key", "vpi", "street", "s01", "0001", -20.0, "dlama", "telea", runs, measures[:1], ("warned",))
+    rows = tuple(
+        Row("vpi", "street", "s01", "0001", -20.0, recipe, "telea", *measure)
+        for recipe in ("dlama", "dlama+object,dilate=3")
+        for measure in (("whole", "rgb", "ssim", 0.5), ("unseen", "rgb", "psnr", float("inf")))
+    )
+    case = Stored("key", rows, rows[:1], {"dlama": "case--0.jpg"}, ("warned",))
     return [
         Reader("pins.json", json.dumps(pins).encode(), pinned),
         Reader("case.json", made(lambda path: write_stored(path, case), ".json"), rows_of_stored),
@@ -343,7 +343,7 @@ def pinned(path: Path) -> object:
 def rows_of_stored(path: Path) -> object:
     """A stored result, as tables take it."""
     found = read_stored(path)
-    return None if found is None else (result_rows([found]), timing_rows([found]), choose([found]))
+    return None if found is None else choose([found])
 
 
 def big_tiff() -> bytes:

@@ -28,7 +28,6 @@ from dlama.evaluation.report.tables import Cell, Table
 from dlama.evaluation.report.templates import PARTS
 from dlama.evaluation.report.write import FILES, render, settings_hash, write_report
 from dlama.evaluation.runner.run import Results, run
-from dlama.evaluation.runner.store import result_rows
 from dlama.evaluation.runner.strips import CELL, GAP, color_error, depth_error, heat_map, strip
 from dlama.geometry.figures.html import shrink
 
@@ -231,7 +230,8 @@ def test_best_median_and_worst_by_hand(tmp_path: Path) -> None:
     done = evaluated(tmp_path, dataset, (Method("dlama", "telea"),))
     scores = sorted(
         (row.value, row.scene, row.frame)
-        for row in result_rows(done.stored)
+        for one in done.stored
+        for row in one.rows
         if (row.region, row.modality, row.metric, row.recipe) == ("unseen", "rgb", "lpips", "dlama")
     )
     chosen = choose(done.stored)

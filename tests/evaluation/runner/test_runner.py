@@ -21,14 +21,7 @@ from dlama.errors import InputError, OutputError
 from dlama.evaluation.protocols.methods import Method, ProtocolSettings
 from dlama.evaluation.runner import cache_key
 from dlama.evaluation.runner.run import Results, run
-from dlama.evaluation.runner.store import (
-    Row,
-    read_stored,
-    result_rows,
-    stem,
-    timing_rows,
-    write_rows,
-)
+from dlama.evaluation.runner.store import Row, read_stored, stem, write_rows
 
 SETTINGS = ProtocolSettings()
 
@@ -54,9 +47,14 @@ def lines(log: Path) -> int:
     return count
 
 
+def rows_of(done: Results) -> list[Row]:
+    """All numbers that are the same on every run."""
+    return [row for one in done.stored for row in one.rows]
+
+
 def written(folder: Path, done: Results) -> bytes:
     """results.csv of a run."""
-    write_rows(folder / "results.csv", result_rows(done.stored))
+    write_rows(folder / "results.csv", rows_of(done))
     return (folder / "results.csv").read_bytes()
 
 
@@ -64,9 +62,9 @@ def test_every_case_meets_every_method_in_order(tmp_path: Path) -> None:
     """Oracle: the product of cases and methods, two runs each (the second a variant)."""
     dataset = made_up_dataset()
     done = evaluated(dataset, tmp_path)
-    met = [(one.scene, one.frame, f"{one.recipe}/{one.filler}") for one in done.stored]
+    met = [(one.rows[0].scene, one.rows[0].frame, one.rows[0].method) for one in done.stored]
     assert met == [(case.scene, case.frame, method.label) for case in dataset.cases for method in METHODS]
-    assert {tuple(one.variant for one in stored.runs) for stored in done.stored} == {("", "object,dilate=3")}
+    assert {row.recipe.partition("+")[2] for row in rows_of(done)} == {"", "object,dilate=3"}
     assert done.failures == () and done.reused == 0
 
 
@@ -88,13 +86,13 @@ def test_csv_has_the_header_and_every_digit(tmp_path: Path) -> None:
     _, *lines = csv.reader((tmp_path / "results.csv").read_text("utf-8").splitlines())
     rows = [Row(*line[:4], float(line[4]) if line[4] else None, *line[5:10], float(line[10])) for line in lines]
     assert [row[7:] for row in rows if row.yaw == 10] == [tuple(one) for one in wanted]
-    assert rows == result_rows(done.stored)
+    assert rows == rows_of(done)
 
 
 def test_timings_stand_apart(tmp_path: Path) -> None:
     """Oracle: the protocol's own 0.25 s go first; memory is that of a process that has loaded numpy."""
     done = evaluated(made_up_dataset(1, (10.0,)), tmp_path, Method("dlama", "telea"))
-    values = {(row.modality, row.metric): row.value for row in timing_rows(done.stored)}
+    values = {(row.modality, row.metric): row.value for row in done.stored[0].timings}
     assert values["time", "seconds"] == 0.25
     assert values["time", "seconds_scored"] > 0
     assert 10 < values["memory", "peak_mib"] < 16_000
@@ -287,7 +285,7 @@ def test_names_are_safe_and_short() -> None:
 
 def test_a_damaged_store_counts_as_absent(tmp_path: Path) -> None:
     """Whatever a crash may leave."""
-    for text in ("", "[]", "{}", '{"runs": 3}', "\x00", "[" * 100_000, '{"runs": [3]}'):
+    for text in ("", "[]", "{}", '{"rows": 3}', "\x00", "[" * 100_000, '{"rows": [3]}'):
         (tmp_path / "a.json").write_text(text)
         assert read_stored(tmp_path / "a.json") is None
     assert read_stored(tmp_path / "no.json") is None

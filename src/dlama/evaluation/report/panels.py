@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from dlama.evaluation.report.columns import Which
 from dlama.evaluation.report.summary import ALL, yaw_labels
-from dlama.evaluation.runner.store import Stored, result_rows
+from dlama.evaluation.runner.store import Stored
 from dlama.evaluation.runner.strips import is_whole_jpeg
 
 RANKED_BY: tuple[Which, ...] = tuple(
@@ -39,18 +39,19 @@ class Chosen(NamedTuple):
 
 def choose(stored: Sequence[Stored]) -> list[Chosen]:
     """Best, median and worst frame of every protocol, yaw (± together) and method that has panels."""
-    labels = yaw_labels(result_rows(stored))
+    labels = yaw_labels(row for one in stored for row in one.rows)
     groups: dict[tuple[str, str, str], list[Chosen]] = defaultdict(list)
     for one in stored:
-        for run in one.runs:
-            values = {measure[:3]: measure.value for measure in run.measures}
+        for recipe, file in one.panels.items():
+            own = [row for row in one.rows if row.recipe == recipe]
+            values = {row[7:10]: row.value for row in own}
             which = next((one for one in RANKED_BY if values.get(one, math.nan) >= 0), None)
-            if run.panel is None or which is None:
-                continue
-            own = labels[one.protocol, one.dataset, one.yaw]
-            place = (one.protocol, own[1] if len(own) > 1 else ALL, f"{one.recipe_of(run)}/{one.filler}")
-            by, score = f"{which[0]} {which[2]}", values[which]
-            groups[place].append(Chosen(*place, "", one.scene, one.frame, by, score, run.panel))
+            if which is not None:
+                row = own[0]
+                yaws = labels[row.protocol, row.dataset, row.yaw]
+                place = (row.protocol, yaws[1] if len(yaws) > 1 else ALL, row.method)
+                by, score = f"{which[0]} {which[2]}", values[which]
+                groups[place].append(Chosen(*place, "", row.scene, row.frame, by, score, file))
     return [panel for group in groups.values() for panel in _rank(group)]
 
 

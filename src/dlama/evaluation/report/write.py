@@ -19,7 +19,7 @@ from dlama.evaluation.report.summary import RESAMPLES, Summary, summarise, write
 from dlama.evaluation.report.templates import template
 from dlama.evaluation.runner.cache_key import code_hash, short_hash, versions
 from dlama.evaluation.runner.run import Results
-from dlama.evaluation.runner.store import result_rows, timing_rows, write_rows
+from dlama.evaluation.runner.store import write_rows
 from dlama.evaluation.runner.strips import COLOR_FULL, COLUMNS, DEPTH_FULL
 from dlama.evaluation.runner.worker import Outcome
 from dlama.files.atomic_write import new_file
@@ -50,7 +50,7 @@ def write_report(
         OutputError: the folder cannot be written.
         MissingExtraError: jinja2 is not installed.
     """
-    rows, timings = result_rows(run.stored), timing_rows(run.stored)
+    rows, timings = ([row for one in run.stored for row in getattr(one, name)] for name in ("rows", "timings"))
     write_rows(folder / "results.csv", rows)
     write_rows(folder / "timings.csv", timings)
     summary = summarise(rows, seed=seed, about=report_meta(dataset, run, settings, seed, command))
@@ -99,9 +99,10 @@ def render(
 
 def report_meta(dataset: Dataset, run: Results, settings: ProtocolSettings, seed: int, command: str) -> dict[str, Any]:
     """What the numbers rest on."""
-    cases = {(one.protocol, one.scene, one.frame) for one in run.stored}
-    scenes = list(dict.fromkeys(one.scene for one in run.stored))
-    methods = {(one.recipe, one.filler) for one in run.stored}
+    rows = [row for one in run.stored for row in one.rows if "+" not in row.recipe]
+    cases = {(row.protocol, row.scene, row.frame) for row in rows}
+    scenes = list(dict.fromkeys(row.scene for row in rows))
+    methods = {row.method for row in rows}
     lead = f"{format_count(len(cases), 'case')} of {format_count(len(scenes), 'scene')}, {format_count(len(methods), 'method')}."
     failed = f" {len(run.failures)} failed and count nowhere." if run.failures else ""
     warned = sorted({line for one in run.stored for line in one.warnings})

@@ -169,4 +169,4 @@ def _plan(
 
 
 def _has_panels(folder: Path, found: Stored) -> bool:
-    return all(one.panel is None or is_whole_jpeg(folder / "panels" / one.panel) for one in found.runs)
+    return all(is_whole_jpeg(folder / "panels" / file) for file in found.panels.values())

@@ -6,102 +6,20 @@ Files are written whole or not at all. A JSON file that cannot be read counts as
 from __future__ import annotations
 
 import csv
-import dataclasses
 import hashlib
 import json
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from dlama.datasets.frames import Case
-from dlama.evaluation.protocols.methods import Measure, Method
+from dlama.evaluation.protocols.methods import Method
 from dlama.files.atomic_write import new_file
 
 LONGEST_NAME = 180
 """Characters of a file's stem; file systems take 255 bytes with suffix and a draft's extra."""
-
-
-@dataclass(frozen=True)
-class StoredRun:
-    """One `Scored`: its variant, its numbers, and the file of its panel under DIR/panels."""
-
-    variant: str
-    measures: tuple[Measure, ...]
-    panel: str | None = None
-
-
-@dataclass(frozen=True)
-class Stored:
-    """What one method made of one case."""
-
-    cache_key: str
-    """Of everything that the result depends on; see `dlama.evaluation.runner.cache_key`."""
-    protocol: str
-    dataset: str
-    scene: str
-    frame: str
-    yaw: float | None
-    recipe: str
-    filler: str
-    runs: tuple[StoredRun, ...]
-    timings: tuple[Measure, ...]
-    """Rows of modality time and memory; they differ from run to run, so they stay out of results.csv."""
-    warnings: tuple[str, ...] = ()
-
-    def recipe_of(self, run: StoredRun) -> str:
-        """With `+variant` where the run has one."""
-        return f"{self.recipe}+{run.variant}" if run.variant else self.recipe
-
-
-def stem(case: Case, method: Method) -> str:
-    """The name, without suffix, of the files of a case and a method; safe on every file system."""
-    extra = f"-{_short_hash(repr(sorted(method.changes.items())))}" if method.changes else ""
-    name = re.sub(r"[^\w.+,=@-]", "_", f"{case.key}__{method.recipe}-{method.filler}{extra}")
-    return name if len(name) <= LONGEST_NAME else f"{name[: LONGEST_NAME - 9]}-{_short_hash(name)}"
-
-
-def write_stored(path: Path, stored: Stored) -> None:
-    """Raises OutputError."""
-    content = dataclasses.asdict(stored)
-    for run, raw in zip(stored.runs, content["runs"]):
-        raw["measures"] = [_as_row(measure) for measure in run.measures]
-    content["timings"] = [_as_row(measure) for measure in stored.timings]
-    with new_file(path) as draft:
-        draft.write_text(json.dumps(content, allow_nan=False) + "\n", encoding="utf-8")
-
-
-def read_stored(path: Path) -> Stored | None:
-    """None where there is no such file or not all of it is there, as it was written."""
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-        runs = tuple(
-            StoredRun(_text(raw["variant"]), tuple(map(_as_measure, raw["measures"])), _file_name(raw["panel"]))
-            for raw in content.pop("runs")
-        )
-        timings, warnings = tuple(map(_as_measure, content.pop("timings"))), tuple(map(_text, content.pop("warnings")))
-        yaw = content.pop("yaw")
-        if type(yaw) not in (int, float, type(None)):
-            raise TypeError(f"yaw is {yaw!r}")
-        words = {name: _text(word) for name, word in content.items()}
-        return Stored(**words, yaw=yaw, runs=runs, timings=timings, warnings=warnings)
-    except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError):
-        return None
-
-
-def _text(value: Any) -> str:
-    """TypeError where it is none."""
-    if not isinstance(value, str):
-        raise TypeError(f"{value!r} is no text")
-    return value
-
-
-def _file_name(value: Any) -> str | None:
-    """TypeError, ValueError where it is neither None nor the name of a file."""
-    if value is not None and {"/", "\0"} & set(_text(value)):
-        raise ValueError(f"{value!r} is no name of a file")
-    return value
 
 
 class Row(NamedTuple):
@@ -126,23 +44,74 @@ class Row(NamedTuple):
         return f"{self.recipe}/{self.filler}"
 
 
-def result_rows(stored: Iterable[Stored]) -> list[Row]:
-    """The numbers that are the same on every run, in the order in which they were asked for."""
-    rows = []
-    for one in stored:
-        for run in one.runs:
-            head = (one.protocol, one.dataset, one.scene, one.frame, one.yaw, one.recipe_of(run), one.filler)
-            rows += [Row(*head, *measure) for measure in run.measures]
-    return rows
+@dataclass(frozen=True)
+class Stored:
+    """What one method made of one case."""
+
+    cache_key: str
+    """Of everything that the result depends on; see `dlama.evaluation.runner.cache_key`."""
+    rows: tuple[Row, ...]
+    """The numbers that are the same on every run, of the run itself and its variants."""
+    timings: tuple[Row, ...]
+    """Runtimes (seconds) and peak memory (MiB): they differ from run to run, so they stay out of results.csv."""
+    panels: Mapping[str, str]
+    """Recipe, with `+variant` where a run has one -> file of its panel under DIR/panels."""
+    warnings: tuple[str, ...] = ()
 
 
-def timing_rows(stored: Iterable[Stored]) -> list[Row]:
-    """Runtimes (seconds) and peak memory (MiB): they differ from run to run."""
-    return [
-        Row(one.protocol, one.dataset, one.scene, one.frame, one.yaw, one.recipe, one.filler, *measure)
-        for one in stored
-        for measure in one.timings
-    ]
+def stem(case: Case, method: Method) -> str:
+    """The name, without suffix, of the files of a case and a method; safe on every file system."""
+    extra = f"-{_short_hash(repr(sorted(method.changes.items())))}" if method.changes else ""
+    name = re.sub(r"[^\w.+,=@-]", "_", f"{case.key}__{method.recipe}-{method.filler}{extra}")
+    return name if len(name) <= LONGEST_NAME else f"{name[: LONGEST_NAME - 9]}-{_short_hash(name)}"
+
+
+def write_stored(path: Path, stored: Stored) -> None:
+    """Raises OutputError."""
+    content = vars(stored) | {name: [_as_json(row) for row in getattr(stored, name)] for name in ("rows", "timings")}
+    with new_file(path) as draft:
+        draft.write_text(json.dumps(content, allow_nan=False) + "\n", encoding="utf-8")
+
+
+def read_stored(path: Path) -> Stored | None:
+    """None where there is no such file or not all of it is there, as it was written."""
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+        rows, timings = (tuple(map(_as_row, content[name])) for name in ("rows", "timings"))
+        panels = {_text(recipe): _file_name(file) for recipe, file in content["panels"].items()}
+        key, warnings = _text(content["cache_key"]), tuple(map(_text, content["warnings"]))
+        return Stored(key, rows, timings, panels, warnings)
+    except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError):
+        return None
+
+
+def _text(value: Any) -> str:
+    """TypeError where it is none."""
+    if not isinstance(value, str):
+        raise TypeError(f"{value!r} is no text")
+    return value
+
+
+def _file_name(value: Any) -> str:
+    """TypeError, ValueError where it is not the name of a file."""
+    if {"/", "\0"} & set(_text(value)):
+        raise ValueError(f"{value!r} is no name of a file")
+    return str(value)
+
+
+def _as_json(row: Row) -> list[Any]:
+    """JSON has no infinity (the PSNR of equal pictures): what is not finite is written as text."""
+    value = float(row.value)
+    return [*row[:-1], value if abs(value) < float("inf") else str(value)]
+
+
+def _as_row(fields: list[Any]) -> Row:
+    row = Row(*fields)
+    if type(row.yaw) not in (int, float, type(None)):
+        raise TypeError(f"yaw is {row.yaw!r}")
+    for word in (*row[:4], *row[5:-1]):
+        _text(word)
+    return row._replace(value=float(row.value))
 
 
 def write_rows(path: Path, rows: Sequence[Row]) -> None:
@@ -153,17 +122,6 @@ def write_rows(path: Path, rows: Sequence[Row]) -> None:
         for row in rows:
             yaw = "" if row.yaw is None else f"{row.yaw:.10g}"
             writer.writerow([*row[:4], yaw, *row[5:10], repr(float(row.value))])
-
-
-def _as_row(measure: Measure) -> list[Any]:
-    """JSON has no infinity (the PSNR of equal pictures): what is not finite is written as text."""
-    value = float(measure.value)
-    return [*measure[:3], value if abs(value) < float("inf") else str(value)]
-
-
-def _as_measure(row: list[Any]) -> Measure:
-    region, modality, metric, value = row
-    return Measure(_text(region), _text(modality), _text(metric), float(value))
 
 
 def _short_hash(text: str) -> str:

@@ -12,7 +12,7 @@ from typing import Any
 
 from dlama.datasets.frames import Case, Truth
 from dlama.evaluation.protocols.methods import Measure, Method, ProtocolSettings, Scored
-from dlama.evaluation.runner.store import Stored, StoredRun, stem, write_stored
+from dlama.evaluation.runner.store import Row, Stored, stem, write_stored
 from dlama.evaluation.runner.strips import jpeg, strip
 from dlama.files.atomic_write import new_file
 from dlama.workers.memory import peak_mib, reset_peak
@@ -72,15 +72,18 @@ def _run_one(task: Task, truth: Truth, method: Method, key: str) -> None:
         scored = task.protocol(truth, method, task.settings)
     seconds, peak = time.perf_counter() - started, peak_mib(since_reset)
     name, case = stem(task.case, method), task.case
-    runs = tuple(_stored_run(task.folder, name, number, one) for number, one in enumerate(scored))
-    stored = Stored(
-        key,
-        *(case.protocol, case.dataset, case.scene, case.frame, case.yaw),
-        *(method.recipe, method.filler),
-        runs,
-        tuple(_timings(scored, seconds, peak)),
-        tuple(dict.fromkeys(str(one.message) for one in caught)),
-    )
+    head = case.protocol, case.dataset, case.scene, case.frame, case.yaw
+    rows, panels = list[Row](), dict[str, str]()
+    for number, one in enumerate(scored):
+        recipe = f"{method.recipe}+{one.variant}" if one.variant else method.recipe
+        rows += [Row(*head, recipe, method.filler, *each) for each in one.measures if each.modality not in TIMED]
+        if one.panel is not None:
+            panels[recipe] = f"{name}--{number}.jpg"
+            with new_file(task.folder / "panels" / panels[recipe]) as draft:
+                draft.write_bytes(jpeg(strip(one.panel)))
+    timings = (Row(*head, method.recipe, method.filler, *each) for each in _timings(scored, seconds, peak))
+    warned = dict.fromkeys(str(one.message) for one in caught)
+    stored = Stored(key, tuple(rows), tuple(timings), panels, tuple(warned))
     write_stored(task.folder / "cases" / f"{name}.json", stored)
 
 
@@ -98,15 +101,6 @@ def _timings(scored: Sequence[Scored], seconds: float, peak: float | None) -> It
     yield Measure("whole", "time", "seconds_scored", seconds)
     if peak is not None:
         yield Measure("whole", "memory", "peak_mib", peak)
-
-
-def _stored_run(folder: Path, name: str, number: int, scored: Scored) -> StoredRun:
-    panel = None
-    if scored.panel is not None:
-        panel = f"{name}--{number}.jpg"
-        with new_file(folder / "panels" / panel) as draft:
-            draft.write_bytes(jpeg(strip(scored.panel)))
-    return StoredRun(scored.variant, tuple(one for one in scored.measures if one.modality not in TIMED), panel)
 
 
 def _failure(case: Case, method: Method, error: Exception) -> Outcome:
