@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from dlama.errors import CameraError, FileError
+from dlama.errors import FileError
 from dlama.files.fields import FileFields, json_fields, read_json_fields
 
 
@@ -16,8 +16,10 @@ def test_json_objects(tmp_path: Path) -> None:
     fields = read_json_fields(path)
     assert fields.text("name") == "x" and fields.entries("list", "numbers") == [1]
     assert fields.part("part", fields.values["part"]).number("n") == 2
-    with pytest.raises(CameraError, match=r"a\.json: field 'list' is not known; known are name, part"):
-        read_json_fields(path, ["name", "part"])
+    with pytest.warns(
+        UserWarning, match=r"a\.json: fields that are not known are not used: 'list'; known are name, part$"
+    ):
+        fields.warn_of_unknown(["name", "part"])
 
 
 @pytest.mark.parametrize(

@@ -328,7 +328,7 @@ def test_bad_files_are_told_beside_their_field(pages: Pages, frame: Path, tmp_pa
         "the right picture of the stereo pair is expected"
     )
     page.set_input_files("#file-right", frame / "image.png")
-    playwright.expect(page.locator('[data-error="calib"]')).to_contain_text("calib.json: field 'K' is not known")
+    playwright.expect(page.locator('[data-error="calib"]')).to_contain_text("calib.json: field 'left_K' is missing")
     page.get_by_role("button", name="Start over").click()
     hand_in(page, frame)
 

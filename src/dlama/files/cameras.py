@@ -32,6 +32,7 @@ NO_INTRINSICS = (
 CAMERA_FIELDS = ("width", "height", "fx", "fy", "cx", "cy", "K", "pixel_center", "world_from_cam", "comment",
                  "intrinsics_from")  # fmt: skip
 """The last two say nothing of the camera; meta.json writes the last one."""
+PAIR_FIELDS = ("left_K", "right_K", "baseline_m", "doffs", "pixel_center", "width", "height", "comment")
 DOFFS_TOLERANCE = 0.01
 """Pixels by which doffs may differ from the principal points (published calibrations are rounded)."""
 
@@ -42,7 +43,8 @@ def read_camera(path: PathLike, *, hw: tuple[int, int] | None = None) -> Camera:
 
     JSON: `width, height` and `fx, fy, cx, cy` in pixels, or `K` (3x3) in the place of these four; optional `pixel_center` (where
     the file puts the first pixel's centre: 0.5, the default, or 0.0) and `world_from_cam` (4x4). `hw` is the size the picture
-    has; another size in the file is an error. Raises FileError, CameraError; warns of a principal point outside the picture.
+    has; another size in the file is an error. Raises FileError, CameraError; warns of a principal point outside the picture, and
+    of fields that are not known.
     """
     check_arguments(read_camera, locals())
     if _is_calib_txt(path):
@@ -50,7 +52,10 @@ def read_camera(path: PathLike, *, hw: tuple[int, int] | None = None) -> Camera:
     elif Path(path).suffix.lower() in SUFFIXES:
         fields, name = read_yaml_fields(path), "K"
     else:
-        return _camera_of(read_json_fields(path, CAMERA_FIELDS), hw)
+        fields = read_json_fields(path)
+        camera = _camera_of(fields, hw)
+        fields.warn_of_unknown(CAMERA_FIELDS)
+        return camera
     return make_camera(path, fields.size(hw), fields.intrinsics(name), 0.0)
 
 
@@ -76,15 +81,12 @@ def read_cameras(path: PathLike) -> dict[str, Camera]:
     whole, cameras = FileFields(file, {}), dict[str, Camera]()
     for number, values in enumerate(listed):
         fields = whole.part(f"camera {number}", values)
-        unknown = [name for name in fields.values if name not in (*CAMERA_FIELDS, "name")]
-        if unknown:
-            raise CameraError(
-                f"{fields.path}: field '{unknown[0]}' is not known; known are name, {', '.join(CAMERA_FIELDS)}"
-            )
         name = fields.text("name") if "name" in fields else f"{number:04d}"
         if name in cameras or Path(name).name != name:
             raise FileError(f"{fields.path}: name is {name!r}; a file's name that no other camera has is expected")
         cameras[name] = _camera_of(fields, None)
+        whole.values.update(fields.values)
+    whole.warn_of_unknown(("name", *CAMERA_FIELDS))
     return cameras
 
 
@@ -105,14 +107,15 @@ def read_stereo_calib(path: PathLike, *, hw: tuple[int, int] | None = None) -> S
         unit = f"baseline is {1000 * baseline:g} mm, as calib.txt counts; if it is in metres, write {1e6 * baseline:g}"
         doubtful = 0 < baseline < 1e-3
     else:
-        known = ("left_K", "right_K", "baseline_m", "doffs", "pixel_center", "width", "height", "comment")
-        fields = read_json_fields(path, known)
+        fields = read_json_fields(path)
         center = fields.pixel_center(0.5)
         left, right = _left_and_right(fields, "left_K", "right_K")
         baseline = fields.number("baseline_m")
         unit = f"baseline_m is {baseline:g} m; if it is in millimetres, write {baseline / 1000:g}"
         doubtful = baseline > 20
     rig = make_rig(path, fields.size(hw), (left, right), center, baseline)
+    if not _is_calib_txt(path):
+        fields.warn_of_unknown(PAIR_FIELDS)
     if doubtful:
         warnings.warn(f"{path}: {unit}", UserWarning, stacklevel=3)
     return rig

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+import warnings
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -99,6 +100,16 @@ class FileFields:
             )
         return height, width
 
+    def warn_of_unknown(self, known: Sequence[str]) -> None:
+        """Warn (UserWarning) of fields that nothing reads: one may be a misspelt pose, or a distortion."""
+        unknown = [f"'{name}'" for name in self.values if name not in known]
+        if unknown:
+            warnings.warn(
+                f"{self.path}: fields that are not known are not used: {', '.join(unknown)}; known are {', '.join(known)}",
+                UserWarning,
+                stacklevel=4,
+            )
+
     def text(self, name: str) -> str:
         """A text that is not empty; raises FileError."""
         return str(self._of_kind(name, str, "a text"))
@@ -136,18 +147,10 @@ def as_float(value: object) -> float | None:
         return math.inf
 
 
-def read_json_fields(path: PathLike, known: Sequence[str] | None = None) -> FileFields:
-    """The fields of a JSON object. Where `known` is given, any other is refused: a misspelt pose must not be ignored.
-
-    Raises FileError (no JSON: with line and column), CameraError (unknown field).
-    """
+def read_json_fields(path: PathLike) -> FileFields:
+    """The fields of a JSON object. Raises FileError (no JSON: with line and column)."""
     file = existing_file(path)
-    fields = json_fields(file, json_text(file))
-    unknown = [name for name in fields.values if known is not None and name not in known]
-    if unknown:
-        called = ", ".join(f"'{name}'" for name in unknown)
-        raise CameraError(f"{file}: field {called} is not known; known are {', '.join(known or ())}")
-    return fields
+    return json_fields(file, json_text(file))
 
 
 def json_text(file: Path) -> str:

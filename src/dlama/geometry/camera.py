@@ -96,10 +96,8 @@ class Camera:
         _check_size(width, height)
         focal = 0.5 * width / math.tan(math.radians(fov_deg) / 2)
         if not SMALLEST_FOCAL_PX <= focal <= LARGEST_PX:
-            raise CameraError(
-                f"`fov` is {format_value(fov_deg)} degrees, which no lens has: {width} pixels would have a focal length of "
-                f"{focal:.3g} px"
-            )
+            size = "wide" if focal < 1 else "narrow"
+            raise CameraError(f"`fov` is {format_value(fov_deg)} degrees; no lens is as {size} as that")
         pose = np.eye(4) if world_from_cam is None else check_pose(world_from_cam)
         return cls(width, height, focal, focal, width / 2, height / 2, pose)
 
