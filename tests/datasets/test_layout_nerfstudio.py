@@ -13,7 +13,7 @@ import pytest
 
 from dlama.datasets.layouts import open_dataset
 from dlama.datasets.posed.nerfstudio import lens_of
-from dlama.errors import CameraError, FileError, InputError
+from dlama.errors import CameraError, FileError, InputError, ShapeError
 from dlama.files.fields import FileFields
 from dlama.files.rasters.exr_files import write_exr
 from posed_folders import check_frames, truth, write_codes16, write_picture
@@ -63,6 +63,22 @@ def test_frames_of_a_closed_form_world(tmp_path: Path) -> None:
 def test_a_lens_of_each_frame_and_another_unit(tmp_path: Path) -> None:
     """Oracle: the world; a frame's own fields go before the shared ones."""
     check_frames(open_dataset(written(tmp_path, per_frame=True, unit=0.0002)), half_unit_m=0.000101, far=True)
+
+
+def test_where_its_mask_is_black_a_frame_shows_nothing(tmp_path: Path) -> None:
+    """Law of nerfstudio: black pixels of `mask_path` are left out. A mask of another size is refused."""
+    listing, black = stored(written(tmp_path)), np.zeros((72, 96), np.bool_)
+    black[10:30, 40:60] = True
+    write_picture(tmp_path / "masks/0.png", np.dstack([~black * np.uint8(255)] * 3))
+    write_picture(tmp_path / "masks/1.png", np.full((36, 48, 3), 255, np.uint8))
+    for number in (0, 1):
+        listing["frames"][number]["mask_path"] = f"masks/{number}.png"
+    save(tmp_path, listing)
+    first, second, third = open_dataset(tmp_path).frames[:3]
+    np.testing.assert_array_equal(first.load().padding, black)
+    with pytest.raises(ShapeError, match=r"f1\.png: is 96x72 and its mask 48x36"):
+        second.load()
+    assert third.load().padding is None
 
 
 @pytest.mark.parametrize("unit", [None, 0.01])

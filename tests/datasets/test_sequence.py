@@ -192,6 +192,10 @@ def test_what_is_less_sure_stays_open(room: Path, tmp_path: Path) -> None:
             np.testing.assert_array_equal(first[~now_open], second[~now_open])
         opened += int(now_open.sum())
     assert opened > 100 and meta["min_confidence"] == least
+    for frame in open_frames(tmp_path / "out"):  # read back, what is open is no black surface
+        source, black = frame.load(), np.array(Image.open(tmp_path / "out" / "masks" / f"{frame.name}.png")) == 0
+        np.testing.assert_array_equal(dlama.View.from_rgbd(source).color_hole, black)
+        assert not source.depth[black].any()
     for run, kinds in (("whole", set()), ("out", {"masks"})):
         frames = json.loads((tmp_path / run / "transforms.json").read_text())["frames"]
         assert {Path(each["mask_path"]).parent.name for each in frames if "mask_path" in each} == kinds

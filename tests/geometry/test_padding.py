@@ -1,5 +1,7 @@
 """`RGBD.padding` against frames that were drawn; what a view and a removal make of such a picture."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -64,6 +66,18 @@ def test_the_source_view_does_not_know_it() -> None:
     np.testing.assert_array_equal(view.color_hole, padding)
     assert (view.hole_type[padding] == HoleType.OUT_OF_VIEW).all()
     np.testing.assert_array_equal(view.color[~padding], given.color[~padding])
+
+
+def test_a_padding_that_is_given_is_the_one() -> None:
+    """Law: it is kept as given, depth in it is dropped, and it stays where a frame is given other depth; others are refused."""
+    where = np.zeros(HW, np.bool_)
+    where[40:50, 60:90] = True
+    given = replace(picture(no_depth=0), padding=where)
+    assert given.padding is not None and not given.depth[where].any() and (given.depth[~where] == 2).all()
+    np.testing.assert_array_equal(View.from_rgbd(given.clip_depth(1.0)).color_hole, where)
+    for wrong in (where[1:], where.astype(np.uint8)):
+        with pytest.raises(dlama.ShapeError, match=r"padding is .*bool H x W"):
+            replace(given, padding=wrong)
 
 
 def test_no_completion_shows_it() -> None:

@@ -158,7 +158,7 @@ def describe_padding(frames: Sequence[Layer]) -> dict[str, dict[str, Any]]:
     """For meta.json: how many pixels of the frames in memory are padding round the picture (`RGBD.padding`); {} = none."""
     measured = (one for one in frames if isinstance(one, View))
     pixels = sum(int(np.count_nonzero(one.hole_type == HoleType.OUT_OF_VIEW.value)) for one in measured)
-    reason = "a white or black frame without depth runs round the picture: it is filled, as all that is out of view"
+    reason = "the picture shows nothing of the scene there (a frame round it, say): filled as all that is out of view"
     return {"padding": {"pixels": pixels, "reason": reason}} if pixels else {}
 
 

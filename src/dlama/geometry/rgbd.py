@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -44,6 +43,9 @@ class RGBD(Figured):
     """The camera that took both."""
     estimate: Mapping[str, Any] | None = None
     """How the depth was estimated from the picture (model, scale, field of view), JSON-ready; None: it was measured."""
+    padding: BoolArray | None = None
+    """H x W, True where the picture shows nothing of the scene: it has no depth there. Not given: a white or black frame round
+    it where no depth is measured, as registered pictures of a Kinect have (NYU Depth v2: 5 to 11 px); None: there is none."""
 
     def __post_init__(self) -> None:
         color, depth = check_color(self.color), as_array(self.depth, "depth", "an array of metres")
@@ -74,8 +76,14 @@ class RGBD(Figured):
             least = depth.min()
         if least < 0:
             raise DepthError(f"depth holds negative values (smallest {least:.6g}); metres >= 0 are expected")
+        padding = _find_padding(color, depth) if self.padding is None else as_array(self.padding, "padding", "a mask")
+        if padding is not None:
+            if padding.dtype != np.bool_ or padding.shape != depth.shape:
+                raise ShapeError(f"padding is {padding.dtype} {padding.shape}; bool H x W is expected")
+            depth = freeze(np.where(padding, np.float32(0), depth))
         object.__setattr__(self, "color", make_read_only(color))
         object.__setattr__(self, "depth", make_read_only(depth))
+        object.__setattr__(self, "padding", padding)
 
     def __repr__(self) -> str:
         width, height = self.camera.wh
@@ -99,20 +107,6 @@ class RGBD(Figured):
     def missing(self) -> BoolArray:
         """H x W, True where the sensor measured nothing."""
         return self.depth == 0
-
-    @cached_property
-    def padding(self) -> BoolArray | None:
-        """H x W, True in a white or black frame round the picture, where no depth is measured; None: there is no such frame.
-
-        Registered pictures of a Kinect have one (NYU Depth v2: 5 to 11 px). It shows nothing of the scene.
-        """
-        lines = np.s_[0], np.s_[-1], np.s_[:, 0], np.s_[:, -1]
-        if any((self.depth[line] != 0).mean() > 1 - PADDING_SHARE for line in lines):
-            return None
-        for level in (255, 0):
-            if all(_is_level(self.color[line], level).mean() >= PADDING_SHARE for line in lines):
-                return _frame_of(_is_level(self.color, level) & self.missing)
-        return None
 
     def clip_depth(self, clip: float | None) -> RGBD:
         """The picture with everything at or beyond `clip` metres, sky too, at `clip`; itself where `clip` is None."""
@@ -140,6 +134,17 @@ def _color_advice(array: np.ndarray) -> str:
     if array.shape[2] == 3 and array.dtype.kind == "f" and array.size:
         return f"; of such numbers: {'(color * 255)' if array.max() <= 1 else 'color'}.round().astype(np.uint8)"
     return ""
+
+
+def _find_padding(color: UInt8Array, depth: Float32Array) -> BoolArray | None:
+    """The frame round a picture that `RGBD.padding` is by default."""
+    lines = np.s_[0], np.s_[-1], np.s_[:, 0], np.s_[:, -1]
+    if any((depth[line] != 0).mean() > 1 - PADDING_SHARE for line in lines):
+        return None
+    for level in (255, 0):
+        if all(_is_level(color[line], level).mean() >= PADDING_SHARE for line in lines):
+            return _frame_of(_is_level(color, level) & (depth == 0))
+    return None
 
 
 def _is_level(color: UInt8Array, level: int) -> BoolArray:

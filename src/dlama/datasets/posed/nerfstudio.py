@@ -4,7 +4,8 @@ sequence written as such a folder, which trainers of splats read.
 `transform_matrix` is camera to world with OpenGL axes (x right, y up, z back). `fl_x fl_y cx cy w h`, for all frames or for
 each; first pixel's centre at 0.5. Depth times `depth_unit_scale_factor` (default 0.001, for NPY too; 1 for EXR, which
 nerfstudio does not read) is metres; 0 is missing, 65535 in 16 bits far as in our own files. Distortion is refused where it
-shows. Format: docs.nerf.studio/quickstart/data_conventions.html.
+shows. Where a frame's `mask_path` is black its picture shows nothing of the scene.
+Format: docs.nerf.studio/quickstart/data_conventions.html.
 
 Written are images/NAME.png, depth/NAME.png (16-bit millimetres, 0 = missing, 65535 = far), hole/NAME.png (255 = colour and depth
 were filled), origin/NAME.png (codes, docs/concepts/conventions.md), source/NAME.png (16 bit: 1 + the number of the frame a pixel
@@ -14,6 +15,8 @@ comes from, 0 = none) and transforms.json, whose `source_frames` names those num
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +29,7 @@ from dlama.datasets.text_tables import pose_at
 from dlama.errors import CameraError
 from dlama.files.fields import FileFields, Intrinsics, read_json_fields
 from dlama.files.rasters.depth import write_depth_png
-from dlama.files.rasters.pictures import save_picture, write_codes, write_color, write_mask
+from dlama.files.rasters.pictures import read_region, save_picture, write_codes, write_color, write_mask
 from dlama.files.results.meta_json import write_json
 from dlama.geometry.camera import Camera
 from dlama.geometry.figures.false_color import ORIGIN_PALETTE
@@ -62,7 +65,10 @@ def list_frames(scene: str, folder: Path) -> list[PosedFrame]:
         pose = pose_at(f"{frame.path}: transform_matrix", frame.matrix("transform_matrix", (4, 4)) @ CV_FROM_GL)
         lens = lens_of(FileFields(frame.path, {**fields.values, **frame.values}))
         own = units_of_exr if depth.suffix.lower() == ".exr" else units
-        return color.stem, files_of(folder / color, folder / depth, lens, pose, own, has_far=True)
+        files = files_of(folder / color, folder / depth, lens, pose, own, has_far=True)
+        if "mask_path" in frame:
+            files = replace(files, shown=partial(read_region, folder / frame.text("mask_path")))
+        return color.stem, files
 
     return posed_frames(scene, fields.path, (listing(number, each) for number, each in enumerate(listed)))
 

@@ -29,7 +29,7 @@ from dlama.files.rasters.pictures import read_color_of_camera
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.holes import fill_with_nearest
 from dlama.geometry.projection import inverse_depth
-from dlama.geometry.rgbd import RGBD, Float32Array, UInt8Array
+from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.perception.sharpening import sharpen_depth
 
 CameraOption = PathLike | Camera | None
@@ -95,6 +95,8 @@ class FrameFiles:
     """Times its own size to which depth is enlarged at most, where the picture is larger."""
     has_far: bool = False
     """True: infinite depth is far, as in our own files; False: missing, as sensors mean it."""
+    shown: Callable[[], BoolArray] | None = None
+    """H x W of the picture, False where it shows nothing of the scene; None: it shows it everywhere."""
 
 
 def files_of(
@@ -152,10 +154,22 @@ def load_rgbd(files: FrameFiles) -> RGBD:
     camera = _camera(files, color.shape[:2], depth.shape)
     wide = min(color.shape[1], files.enlarged * depth.shape[1])
     if wide <= depth.shape[1]:
-        return RGBD(shrink_color(color, depth.shape), depth, camera)
+        return RGBD(shrink_color(color, depth.shape), depth, camera, padding=_padding(files, color.shape, depth.shape))
     hw = (max(1, round(color.shape[0] * wide / color.shape[1])), wide)
     color = shrink_color(color, hw)
     return RGBD(color, enlarge_depth(depth, color), camera.resized(hw[1], hw[0]))
+
+
+def _padding(files: FrameFiles, hw: tuple[int, ...], small: tuple[int, ...]) -> BoolArray | None:
+    """At the size `small`, True where a part of a pixel shows nothing of the scene; ShapeError: a mask of another size."""
+    if files.shown is None:
+        return None
+    shown = files.shown()
+    if shown.shape != tuple(hw[:2]):
+        raise ShapeError(
+            f"{files.names[0]}: is {hw[1]}x{hw[0]} and its mask {shown.shape[1]}x{shown.shape[0]}; one size is expected"
+        )
+    return np.asarray(cv2.resize(shown.astype(np.float32), (small[1], small[0]), interpolation=cv2.INTER_AREA) < 1)
 
 
 def load_depth(files: FrameFiles) -> tuple[Float32Array, Camera]:
