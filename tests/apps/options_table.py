@@ -96,8 +96,8 @@ BASE = {
     "worlds": "",
     "train": "tiny -o out",
     "models list": "",
-    "models info": "u2netp",
-    "models pull": "u2netp",
+    "models info": "mobile-sam-decoder",
+    "models pull": "mobile-sam-decoder",
     "models convert": "a.ckpt -o a.onnx",
     "models verify": "",
 }
@@ -368,7 +368,7 @@ SERVE = {
     "max_megapixels": Reach("--max-megapixels 2.5", "open_server.limits", attribute("megapixels", 2.5)),
     "max_pages": Reach("--max-pages 2", "open_server.limits", attribute("visits", 2)),
 }
-NAME = instead("big-lama", "record.name", "big-lama", "u2netp")
+NAME = instead("big-lama", "record.name", "big-lama", "mobile-sam-decoder")
 CONVERT = {
     "weights": instead("b.ckpt -o a.onnx", "convert.source", Path("b.ckpt"), "a.ckpt -o a.onnx"),
     "output": Reach("-o b.onnx", "convert.target", Path("b.onnx"), ("-o a.onnx",)),
@@ -424,6 +424,6 @@ TABLE: dict[str, dict[str, Reach]] = {
     "models info": {"name": NAME, **REPORT},
     "models pull": {"name": NAME, **REPORT},
     "models convert": {**CONVERT, **REPORT},
-    "models verify": {"name": Reach("u2netp", "record.name", "u2netp"), **REPORT},
+    "models verify": {"name": Reach("mobile-sam-decoder", "record.name", "mobile-sam-decoder"), **REPORT},
 }  # fmt: skip
 """Verb -> option -> what it reaches."""

@@ -77,10 +77,10 @@ def test_list_and_info(capsys: pytest.CaptureFixture[str], cache_dir: Path) -> N
 def test_errors_are_one_line(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     """Unknown name, missing file, damaged file, a target that is no ONNX file, a file that is no weights."""
     assert "known: big-lama" in error_line(capsys, "models", "info", "lama")
-    assert "`dlama models pull u2netp`" in error_line(capsys, "models", "verify", "u2netp")
+    assert "`dlama models pull mobile-sam-decoder`" in error_line(capsys, "models", "verify", "mobile-sam-decoder")
     (tmp_path / "cache").mkdir()
-    (tmp_path / "cache" / "u2netp.onnx").write_bytes(b"short")
-    assert "cut short: 5 bytes, expected 4574861" in error_line(capsys, "models", "verify")
+    (tmp_path / "cache" / "mobile-sam-decoder.onnx").write_bytes(b"short")
+    assert "cut short: 5 bytes, expected 16496559" in error_line(capsys, "models", "verify")
     assert "ends in .onnx" in error_line(capsys, "models", "convert", "a.ckpt", "-o", str(tmp_path / "a.pt"))
     assert "no such file, and no model" in error_line(
         capsys, "models", "convert", "a.ckpt", "-o", str(tmp_path / "a.onnx")
@@ -96,7 +96,7 @@ def test_pull_of_what_is_here(
     capsys: pytest.CaptureFixture[str], cache_dir: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Nobody is asked, the file is checked, and its hash pinned when none is published."""
-    toy = dataclasses.replace(CATALOGUE["u2netp"], name="toy", file="toy.onnx", sha256=None, bytes=None, urls=())
+    toy = dataclasses.replace(CATALOGUE["mobile-sam-decoder"], name="toy", file="toy.onnx", sha256=None, bytes=None, urls=())
     monkeypatch.setitem(CATALOGUE, "toy", toy)
     assert "nobody serves this file" in error_line(capsys, "models", "pull", "toy")
     (cache_dir / "toy.onnx").write_bytes(b"toy")
@@ -161,9 +161,9 @@ def test_model_for_other_words(tmp_path: Path, cache_dir: Path, monkeypatch: pyt
     """An ONNX file is taken as it is; a name of the catalogue must have been pulled; anything else lists the names."""
     (tmp_path / "a.onnx").write_bytes(b"")
     assert model_for(tmp_path / "a.onnx") == tmp_path / "a.onnx"
-    with pytest.raises(FileError, match="`dlama models pull u2netp`"):
-        model_for("u2netp")
-    monkeypatch.setitem(CATALOGUE, "toy", dataclasses.replace(CATALOGUE["u2netp"], file="toy.onnx", bytes=3))
+    with pytest.raises(FileError, match="`dlama models pull mobile-sam-decoder`"):
+        model_for("mobile-sam-decoder")
+    monkeypatch.setitem(CATALOGUE, "toy", dataclasses.replace(CATALOGUE["mobile-sam-decoder"], file="toy.onnx", bytes=3))
     cache_dir.mkdir()
     (cache_dir / "toy.onnx").write_bytes(b"toy")
     assert model_for("toy") == model_for(Path("toy")) == cache_dir / "toy.onnx"

@@ -137,17 +137,6 @@ CATALOGUE: dict[str, Record] = {
             seen=False,
             note="Size and sha256 are as two projects that load it publish them. Parts of DINOv2 in it are Apache-2.0.",
         ),
-        Record(
-            name="u2netp",
-            what="U2-Net-p: the mask of the salient object of a picture (ships in the package, for --salient)",
-            urls=("https://github.com/danielgatis/rembg/releases/download/v0.0.0/u2netp.onnx",),
-            sha256="309c8469258dda742793dce0ebea8e6dd393174f89934733ecc8b14c76f4ddd8",
-            bytes=4574861,
-            licence="Apache-2.0",
-            contract="mask-network",
-            file="u2netp.onnx",
-            note="The bytes that ship under assets/u2netp.",
-        ),
         _segment_anything(
             "sam-vit-b-encoder",
             "Segment Anything ViT-B, 8-bit weights: the encoder, for --masker segment-anything",
