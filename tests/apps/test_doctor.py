@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import shutil
+from pathlib import Path
 
 import pytest
 
@@ -58,3 +60,17 @@ def test_options_that_cannot_be_heeded_are_named(
         main(["doctor", *words])
     captured = capsys.readouterr()
     assert message in captured.out + captured.err
+
+
+def test_a_depth_range_that_doctor_asks_for_is_taken(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Law: with the option that the finding names, the finding is gone (a street without depth in millimetres)."""
+    main(["worlds", "--count", "1", "--size", "64", "--kind", "street", "-o", str(tmp_path)])
+    folder = next(tmp_path.glob("*/without"))
+    for exact in folder.rglob("DepthMM"):
+        shutil.rmtree(exact)
+    capsys.readouterr()
+    with pytest.raises(SystemExit):
+        main(["doctor", str(folder)])
+    assert "give --depth-range METRES" in capsys.readouterr().out
+    main(["doctor", str(folder), "--depth-range", "10"])
+    assert "nothing wrong: layout easysynth" in capsys.readouterr().out

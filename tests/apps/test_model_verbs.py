@@ -96,7 +96,9 @@ def test_pull_of_what_is_here(
     capsys: pytest.CaptureFixture[str], cache_dir: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Nobody is asked, the file is checked, and its hash pinned when none is published."""
-    toy = dataclasses.replace(CATALOGUE["mobile-sam-decoder"], name="toy", file="toy.onnx", sha256=None, bytes=None, urls=())
+    toy = dataclasses.replace(
+        CATALOGUE["mobile-sam-decoder"], name="toy", file="toy.onnx", sha256=None, bytes=None, urls=()
+    )
     monkeypatch.setitem(CATALOGUE, "toy", toy)
     assert "nobody serves this file" in error_line(capsys, "models", "pull", "toy")
     (cache_dir / "toy.onnx").write_bytes(b"toy")
@@ -163,7 +165,9 @@ def test_model_for_other_words(tmp_path: Path, cache_dir: Path, monkeypatch: pyt
     assert model_for(tmp_path / "a.onnx") == tmp_path / "a.onnx"
     with pytest.raises(FileError, match="`dlama models pull mobile-sam-decoder`"):
         model_for("mobile-sam-decoder")
-    monkeypatch.setitem(CATALOGUE, "toy", dataclasses.replace(CATALOGUE["mobile-sam-decoder"], file="toy.onnx", bytes=3))
+    monkeypatch.setitem(
+        CATALOGUE, "toy", dataclasses.replace(CATALOGUE["mobile-sam-decoder"], file="toy.onnx", bytes=3)
+    )
     cache_dir.mkdir()
     (cache_dir / "toy.onnx").write_bytes(b"toy")
     assert model_for("toy") == model_for(Path("toy")) == cache_dir / "toy.onnx"

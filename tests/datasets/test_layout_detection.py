@@ -69,6 +69,17 @@ def test_several_or_none(tmp_path: Path) -> None:
         assert f"{name}: {layout.looked_for}" in str(caught.value)
 
 
+def test_a_result_is_named_as_one(tmp_path: Path) -> None:
+    """Oracle: what leads on, in place of all layouts that were looked for."""
+    for name in ("meta.json", "image.png"):
+        (tmp_path / name).touch()
+    with pytest.raises(InputError, match=r"holds no scene\.npz; a result has a scene\.npz where .* --also scene"):
+        open_dataset(tmp_path)
+    (tmp_path / "scene.npz").touch()
+    with pytest.raises(InputError, match=r"is a result: give .*scene\.npz$"):
+        open_dataset(tmp_path)
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

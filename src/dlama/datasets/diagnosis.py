@@ -18,7 +18,7 @@ import numpy as np
 from dlama.arguments import check_arguments
 from dlama.datasets.frames import Dataset, Frame, RemovalTruth, StereoTruth
 from dlama.datasets.layouts import detect, is_capture_file, open_dataset
-from dlama.datasets.posed.posed_frames import LOG, CameraOption
+from dlama.datasets.posed.posed_frames import LOG
 from dlama.datasets.posed.scene_file import LAYOUT as SCENE
 from dlama.datasets.posed.scene_file import is_scene_file
 from dlama.datasets.posed.view_pairs import NoPairsError
@@ -93,7 +93,7 @@ def diagnose(
         second: The picture's depth, or the right picture; without it, the depth that a photo's file carries is looked at.
         mask: What is to be removed from the picture.
         calib: The calibration of a stereo pair.
-        layout: How the data set lies on disk, as in `dlama evaluate`; default: recognised. It also takes `camera`.
+        layout: How the data set lies on disk, as in `dlama evaluate`; default: recognised. `camera` and `depth_range` go with it.
         camera, fx, fy, cx, cy, fov, pixel_center, depth_scale, depth_range, channel, far, resize_depth: As in `read_rgbd`.
         mask_polarity, soft_mask, mask_class: As in `read_mask`.
 
@@ -110,7 +110,8 @@ def diagnose(
     examine: Callable[[], Found]
     place = Path(first)
     if place.is_dir() or (second is None and (is_scene_file(place) or is_capture_file(place))):
-        examine, takes = partial(_examine_dataset, place, layout, camera), {"layout", "camera"}
+        options = {"camera": camera, "depth_range": depth_range}
+        examine, takes = partial(_examine_dataset, place, layout, options), {"layout", *options}
     elif second is None and not place.exists():
         raise InputError(f"{place}: no such file or folder")
     elif second is None and calib is not None:
@@ -222,8 +223,8 @@ def _examine_pair(left: Path, right: Path, calib: PathLike) -> Found:
     return found, names, [*parts, f"baseline {rig.baseline_m:.3g} m", f"doffs {rig.doffs:.3g} px"]
 
 
-def _examine_dataset(root: Path, layout: str | None, camera: CameraOption) -> Found:
-    dataset, found = _open(root, layout, camera)
+def _examine_dataset(root: Path, layout: str | None, options: Mapping[str, Any]) -> Found:
+    dataset, found = _open(root, layout, options)
     examined: list[RGBD] = []
     for scene in list(dict.fromkeys(frame.scene for frame in dataset.frames))[:SCENES]:
         noted, rgbd = examine_scene([frame for frame in dataset.frames if frame.scene == scene])
@@ -241,12 +242,12 @@ def _examine_dataset(root: Path, layout: str | None, camera: CameraOption) -> Fo
     return found, root.name, [f"layout {dataset.layout}", *counts, *(describe_frame(examined[0]) if examined else [])]
 
 
-def _open(root: Path, layout: str | None, camera: CameraOption) -> tuple[Dataset, list[Finding]]:
+def _open(root: Path, layout: str | None, options: Mapping[str, Any]) -> tuple[Dataset, list[Finding]]:
     """The data set, also where no case can be made of its frames; what its reader logs (frames left out) are notes."""
     noted, found = list[str](), list[Finding]()
     try:
         with log_messages(noted.append, LOG, logging.getLogger("dlama.kernels")):
-            dataset = open_dataset(root, layout, camera=camera)
+            dataset = open_dataset(root, layout, **options)
     except NoPairsError as error:
         name = layout or (SCENE if is_scene_file(root) else detect(root))
         dataset = Dataset(root.name, name, root, error.frames, ())

@@ -22,6 +22,7 @@ from dlama.datasets.removal_folder import looks_like_removal, removal_folder
 from dlama.datasets.stereo_folder import looks_like_stereo, stereo_folder
 from dlama.datasets.text_tables import LEVELS, check_folder, check_scenes, files_in, folders_in, scene_folders
 from dlama.errors import FileError, InputError, system_errors
+from dlama.files.scenes.scene_npz import HOW_WRITTEN
 
 
 @dataclass(frozen=True)
@@ -181,7 +182,11 @@ def detect(root: Path) -> str:
 
 
 def _unknown_layout(root: Path) -> InputError:
-    """What a folder lacks that has parts of one layout; else what was looked for."""
+    """What a folder lacks that has parts of one layout, or is a result of ours; else what was looked for."""
+    if (root / "meta.json").is_file() and (root / "image.png").is_file():
+        scene = root / "scene.npz"
+        advice = f"is a result: give {scene}" if scene.is_file() else f"holds no scene.npz; {HOW_WRITTEN}"
+        return InputError(f"{root}: {advice}")
     lacks = [name for name, each in LAYOUTS.items() if any((root / part).exists() for part in each.parts)]
     if len(lacks) == 1:
         name = lacks[0]

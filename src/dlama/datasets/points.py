@@ -9,7 +9,7 @@ import numpy as np
 from dlama.datasets.layouts import RECORDINGS, open_dataset
 from dlama.errors import FileError, InputError
 from dlama.files.scenes.clouds import read_ply
-from dlama.files.scenes.scene_npz import HOW_WRITTEN, read_npz
+from dlama.files.scenes.scene_npz import read_npz
 from dlama.geometry.camera import Camera
 from dlama.geometry.cloud import PointCloud, concatenate
 from dlama.geometry.fusion import scene_cloud
@@ -36,8 +36,6 @@ def _read_points(path: Path) -> tuple[PointCloud, Camera | None, str]:
     if suffix == ".npz" or results.is_file():
         _, scene = read_npz(results if path.is_dir() else path)
         return scene_cloud(scene, objects=False), scene.frames[0].camera, ""
-    if (path / "meta.json").is_file() and (path / "image.png").is_file():
-        raise FileError(f"{path}: holds no scene.npz; {HOW_WRITTEN}")
     if path.is_dir() or suffix in RECORDINGS:
         return points_of_frames(path)
     if suffix == ".ply":

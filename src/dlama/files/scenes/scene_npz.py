@@ -39,7 +39,7 @@ FRAMES = ("numbers", "gains", "noise")
 """Of the scene's frames, its first layers."""
 ERRORS = ("depth_error", "color_error")
 """Planes of `View.errors`, where there are any: metres, levels."""
-HOW_WRITTEN = "a result has a scene.npz where it was asked for: --also scene (in Python, also: scene)"
+HOW_WRITTEN = "a result has a scene.npz where it was asked for: --also scene, in Python also=['scene']"
 ZIP_LEVEL = 1
 """As small as 6 within a few percent on depth, and five times as fast."""
 

@@ -19,8 +19,8 @@ FOUND = 1
 
 def doctor(
     first: Positional[Annotated[Path, option("IMAGE|LEFT|DATASET|SCENE.npz", None)]],
-    second: Positional[Annotated[Path | None, option("DEPTH|RIGHT")]] = None,
-    mask: Positional[Annotated[Path | None, option("MASK")]] = None,
+    second: Positional[Annotated[Path | None, option("[DEPTH|RIGHT]")]] = None,
+    mask: Positional[Annotated[Path | None, option("[MASK]")]] = None,
     /,
     *,
     lens: Lens,
