@@ -121,6 +121,23 @@ def pixels(page: Any, selector: str) -> np.ndarray:
     return cv2.imdecode(np.frombuffer(page.locator(selector).screenshot(), np.uint8), cv2.IMREAD_COLOR)
 
 
+def test_a_refused_click_goes_and_its_message_is_seen(pages: Pages, frame: Path) -> None:
+    """Law: what comes next is as if it had not been; the message does not lie below what sticks to the lower edge."""
+    page = pages.open()
+    hand_in(page, frame)
+    click(page, 5, 40)
+    complaint = page.locator('[data-error="marks"]')
+    playwright.expect(complaint).to_contain_text("a click holds 5,40, which lies on a plain surface")
+    message, bar = complaint.bounding_box(), page.locator("#card-do").bounding_box()
+    assert message["y"] + message["height"] <= bar["y"] or message["y"] >= bar["y"] + bar["height"]
+    playwright.expect(page.locator("#undo")).to_be_disabled()
+    click(page, 30, 24)
+    playwright.expect(page.locator("#mask-fact")).to_contain_text("% of the picture")
+    playwright.expect(complaint).to_be_hidden()
+    complete(page)
+    playwright.expect(page.locator("#command")).to_contain_text("--click 30,24 -o")
+
+
 def test_the_whole_way(pages: Pages, frame: Path, tmp_path: Path) -> None:
     """Hand in, click, preview, complete, compare, read a pixel, turn in 3-D, take the zip home."""
     page = pages.open(accept_downloads=True)

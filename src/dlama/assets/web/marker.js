@@ -18,7 +18,7 @@ export class Marker {
     canvas.addEventListener("blur", () => { this.cursor = null; this.draw(); });
   }
 
-  reset() { this.picture = null; this.marks = []; this.mask = null; this.drag = null; }
+  reset() { this.picture = null; this.marks = this.accepted = []; this.mask = null; this.drag = null; }
 
   show(picture, width, height) {
     this.picture = picture;
@@ -31,7 +31,13 @@ export class Marker {
     this.draw();
   }
 
-  setMarks(marks) { this.marks = marks; this.draw(); }
+  setMarks(marks) { this.marks = this.accepted = marks; this.draw(); }
+
+  // Marks that the server refused go, else they would be sent again with the next one.
+  refuse(sent) {
+    this.marks = this.marks.filter((one) => this.accepted.includes(one) || !sent.includes(one));
+    this.draw();
+  }
 
   // The mask that the server found (an ImageBitmap, white = to go), tinted, with its rim.
   setMask(picture) {

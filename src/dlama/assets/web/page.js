@@ -176,7 +176,10 @@ function sendMarks() {
 async function findMask() {
   clearErrors("marks");
   await shownWhile(async () => {
-    const answer = await server.ask("mark", { marks: marker.marks, with_shadow: $("shadow").checked, candidate: $("candidate").value || "object", grow: Number($("grow").value) });
+    const sent = marker.marks;
+    const answer = await server.ask("mark", { marks: sent, with_shadow: $("shadow").checked, candidate: $("candidate").value || "object", grow: Number($("grow").value) })
+      .catch((error) => { if (error.status === 400) { marker.refuse(sent); showMarkButtons(); } throw error; });
+    marker.accepted = sent;
     marker.setMask(answer.share > 0 ? await server.bitmap("mask") : null);
     const notes = answer.notes.length ? `; ${answer.notes.join("; ")}` : "";
     $("mask-fact").textContent = answer.share > 0 ? `${percent(answer.share)} of the picture${notes}` : "";
