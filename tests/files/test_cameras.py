@@ -330,7 +330,7 @@ def test_camera_from_exif(tmp_path: Path) -> None:
 def test_no_intrinsics_teach_fov(tmp_path: Path) -> None:
     Image.new("RGB", (8, 6)).save(tmp_path / "plain.jpg")
     for image in (None, tmp_path / "plain.jpg"):
-        with pytest.raises(CameraError, match=r"give fov, .*phone.*65.*camera"):
+        with pytest.raises(CameraError, match=r"give fov in degrees, .*phone.*65.*camera"):
             camera_for((6, 8), image=image)
 
 

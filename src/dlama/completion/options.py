@@ -77,10 +77,10 @@ class Options:
     """How a scene is completed. InputError names every option that cannot be, and those that contradict each other."""
 
     filler: str | Inpainter = option("NAME", AUTO, AUTO, kind=str)
-    """What fills the holes: layered continues planes and sky from behind, telea diffuses; migan runs a network that comes with
-    the package, patchmatch adds patches of the picture to what that one guesses, layered-patches mixes it with layered and with
-    patches; auto is layered-patches, or patchmatch where depth is estimated; lama, joint and pair (stereo only) run that of
-    model. In Python also a function (view, context, seed) -> Fill."""
+    """What fills the holes. layered: texture of the surfaces that continue there; patchmatch: a network and patches of the
+    picture; layered-patches: both; telea: diffusion; migan: a network that ships; lama, joint, pair (stereo only): the network
+    of --model. auto: layered-patches, or patchmatch where depth is estimated. In Python also a function
+    (view, context, seed) -> Fill."""
     model: str | Path | None = option("FILE|NAME", kind=str | None)
     """Network of a filler that runs one: an ONNX or LaMa file, or a name of `dlama models list`."""
     recipe: str | Recipe = option("|".join(RECIPE_NAMES), "dlama", "dlama", kind=str)

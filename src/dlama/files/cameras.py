@@ -26,8 +26,8 @@ FILM_DIAGONAL_MM = math.hypot(36, 24)
 OPTIONS = "camera options"
 """What messages call a camera that no file gives."""
 NO_INTRINSICS = (
-    "how wide the camera sees is not known: give `fov`, its horizontal field of view in degrees (phone main camera about 65, "
-    "webcam 60, Kinect 57 to 63, EasySynth 90), or `camera`, a JSON file, or `fx` `fy` `cx` `cy` in pixels"
+    "how wide the camera sees is not known: give `fov` in degrees, across the picture (phone main camera about 65, webcam 60, "
+    "Kinect 57 to 63, EasySynth 90), or `camera=FILE.json`"
 )
 CAMERA_FIELDS = ("width", "height", "fx", "fy", "cx", "cy", "K", "pixel_center", "world_from_cam", "comment",
                  "intrinsics_from")  # fmt: skip

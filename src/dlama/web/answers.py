@@ -57,6 +57,7 @@ FIELDS: dict[str, str] = {
 WORDS = {
     "fov": "the field of view",
     "camera": "a camera file",
+    "camera=FILE.json": "a camera file",
     "depth_scale": "units per metre",
     "depth_range": "what 1.0 means",
     "far": "where the sky begins",
