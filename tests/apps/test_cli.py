@@ -60,8 +60,8 @@ def test_remove_writes_both_clouds(frame: Path) -> None:
     out = run(
         frame, "remove", "image.png", "depth.png", "mask.png", "--fov", 60, "--dilate", 1, "--also", "points", *FAST
     )
-    assert {path.name for path in out.iterdir()} == RESULT_FILES | {"scene.ply", "background.ply", "completed.ply"}
-    assert read_ply(out / "background.ply").points[:, 2].min() > 2.5
+    assert {path.name for path in out.iterdir()} == RESULT_FILES | {"scene.ply", "completed.ply"}
+    assert read_ply(out / "scene.ply").points[:, 2].min() > 2.5
     assert read_ply(out / "completed.ply").points[:, 2].min() == pytest.approx(2.0, abs=1e-3)
     meta = json.loads((out / "meta.json").read_text())
     assert meta["hole_share_by_type"][0]["object"] > 0.02

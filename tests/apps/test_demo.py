@@ -79,7 +79,7 @@ def test_stereo_depth_is_the_rendered_depth(demo: Path) -> None:
 def test_stereo_files(demo: Path) -> None:
     """Both views, both disparities, and how well they agree."""
     names = {path.relative_to(demo / "stereo").as_posix() for path in (demo / "stereo").rglob("*.p*")}
-    assert {"image.png", "right/image.png", "disparity_left.pfm", "disparity_right.pfm", "background.ply"} <= names
+    assert {"image.png", "right/image.png", "disparity_left.pfm", "disparity_right.pfm", "completed.ply"} <= names
     meta = json.loads((demo / "stereo" / "meta.json").read_text())
     assert 0.5 < meta["stereo"]["consistency"]["left_right_within_1px"] <= 1
     assert set(meta["inputs"]) == {"left", "right", "calib", "mask"}

@@ -28,7 +28,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_a_scene_its_folder_and_its_points_show_the_same(results: Path) -> None:
     """Those of the completed background; a scene and its folder also say from where it is seen first."""
-    background = read_ply(results / "background.ply")
+    background = read_ply(results / "scene.ply")
     for path in (results, results / "scene.npz", results / "scene.ply"):
         cloud, camera, note = points_in(path)
         assert len(cloud) == len(background) and note == ""

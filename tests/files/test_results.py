@@ -79,17 +79,11 @@ def test_npz_is_everything(removal: Completion, folder: Path) -> None:
 
 
 def test_clouds(removal: Completion, folder: Path) -> None:
-    """scene = background = c-, completed = c+ (oracle: plyfile, and the clouds)."""
-    counts = {
-        name: len(PlyData.read(str(folder / f"{name}.ply"))["vertex"]) for name in ("scene", "background", "completed")
-    }
-    assert counts == {
-        "scene": len(removal.background),
-        "background": len(removal.background),
-        "completed": len(removal.completed),
-    }
-    assert counts["completed"] > counts["background"]
-    origins = PlyData.read(str(folder / "background.ply"))["vertex"]["origin"]
+    """scene = c-, completed = c+ (oracle: plyfile, and the clouds)."""
+    counts = {name: len(PlyData.read(str(folder / f"{name}.ply"))["vertex"]) for name in ("scene", "completed")}
+    assert counts == {"scene": len(removal.background), "completed": len(removal.completed)}
+    assert counts["completed"] > counts["scene"]
+    origins = PlyData.read(str(folder / "scene.ply"))["vertex"]["origin"]
     assert set(np.unique(origins)) <= {Origin.MEASURED, Origin.DEPTH_FILLED, Origin.FILLED}
 
 

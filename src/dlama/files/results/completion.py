@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -39,7 +38,7 @@ RESULTS: dict[str, tuple[str, ...]] = {
     "origin": ("origin.png",),
     "confidence": ("confidence.png",),
     "disparity": ("disparity_left.pfm", "disparity_right.pfm"),
-    "points": ("scene.ply", "background.ply", "completed.ply"),
+    "points": ("scene.ply", "completed.ply"),
     "mesh": ("scene.glb",),
     "scene": ("scene.npz",),
     "preview": ("preview.png",),
@@ -120,8 +119,7 @@ def describe_written(results: Mapping[str, Any], names: Sequence[str], completio
 
 def file_names(completion: Completion, only: Sequence[str] | None = None, also: Sequence[str] = ()) -> list[str]:
     """The files that `write` makes of a completion, relative to its directory, sorted. Raises InputError as `write` does."""
-    files = ["meta.json", *chosen_writers(Path(), completion, check_results(only, also))]
-    return sorted([*files, *(["background.ply"] if "scene.ply" in files and completion.scene.removals else [])])
+    return sorted(["meta.json", *chosen_writers(Path(), completion, check_results(only, also))])
 
 
 def check_inputs_stay(directory: Path, files: Sequence[str], inputs: Mapping[str, PathLike]) -> None:
@@ -220,15 +218,9 @@ def write_image(path: Path, view: View, plate: PathLike | None) -> int:
 
 def scene_writers(folder: Path, completion: Completion) -> dict[str, Writer]:
     """The scene as arrays, points (without removed objects, and with them) and triangles, and a pair's disparities."""
-
-    def points() -> None:
-        clouds.write_ply(folder / "scene.ply", completion.background)
-        if completion.scene.removals:
-            shutil.copyfile(folder / "scene.ply", folder / "background.ply")
-
     writers: dict[str, Writer] = {
         "scene.glb": lambda: textured_mesh.write_textured_glb(folder / "scene.glb", completion.scene),
-        "scene.ply": points,
+        "scene.ply": lambda: clouds.write_ply(folder / "scene.ply", completion.background),
         "scene.npz": lambda: scenes.write_npz(folder / "scene.npz", main_view(completion), completion.scene),
     }
     if completion.scene.removals:
