@@ -103,17 +103,22 @@ def choose_frames(frames: Sequence[Layer], camera: Camera, most: int = MOST_FRAM
     if len(frames) == 1:
         return [0]
     own = next((place for place, frame in enumerate(frames) if frame.camera.same_view_as(camera)), None)
-    samples = [frame.find_once(sample_view) for frame in frames]
-    visible = [int(place) for place in np.flatnonzero(intersects_view(np.stack([one.box for one in samples]), camera))]
-    quality, nearest = _score_visibility(
-        [frames[place] for place in visible], [samples[place] for place in visible], camera
-    )
-    cells = quality * (nearest * OCCLUDED <= nearest.min(0, initial=np.inf))
+    visible, cells = find_visible(frames, camera)
     if own is None:
         return [visible[row] for row in _take_greedily(cells, [], most)] or [0]
     first = [visible.index(own)] if own in visible else []
     others = _take_greedily(cells, first, most - 1, least=LEAST_WORTH)
     return [own, *(visible[row] for row in others)]
+
+
+def find_visible(frames: Sequence[Layer], camera: Camera) -> tuple[list[int], Float64Array]:
+    """Places of the frames that may be seen by a camera, and N x cells, how well each of them shows the cells of its picture; 0
+    where another one is clearly nearer."""
+    samples = [frame.find_once(sample_view) for frame in frames]
+    visible = [int(place) for place in np.flatnonzero(intersects_view(np.stack([one.box for one in samples]), camera))]
+    seen = [frames[place] for place in visible], [samples[place] for place in visible]
+    quality, nearest = _score_visibility(*seen, camera)
+    return visible, quality * (nearest * OCCLUDED <= nearest.min(0, initial=np.inf))
 
 
 def _take_greedily(cells: Float64Array, first: Sequence[int], most: int, least: float = 0.0) -> list[int]:

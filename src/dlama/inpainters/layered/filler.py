@@ -13,6 +13,7 @@ from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill
 from dlama.inpainters.layered.color.low_frequency import blend_with_low_frequency, smooth_guess
 from dlama.inpainters.layered.color.rims import blend_at_rim
+from dlama.inpainters.layered.color.texture_grid import TextureGrid
 from dlama.inpainters.layered.color.texture_synthesis import synthesize
 from dlama.inpainters.layered.depth.surfaces import Surfaces, continue_lawfully
 from dlama.inpainters.layered.remaining_shadows import find_remaining_shadow
@@ -46,7 +47,8 @@ def paint_surfaces(view: View, surfaces: Surfaces, context: FillContext, seed: i
     if view.object_hole.any():
         shadow = find_remaining_shadow(view, label, context.law)
     open_ = surfaces.without_leaves(view.color_hole)
-    color = synthesize(leafy, open_, w, label, view.camera, seed=seed, sky=context.sky, spoiled=shadow, detail=detail)
+    grid = TextureGrid.of(leafy, open_, w, label, view.camera, spoiled=shadow)
+    color = synthesize(grid, seed=seed, sky=context.sky, detail=detail)
     return blend_at_rim(color, view.color_hole, open_ & ~has_code(view.hole_type, *NOT_BLENDED), w, label, shadow)
 
 

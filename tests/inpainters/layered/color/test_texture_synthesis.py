@@ -45,7 +45,7 @@ def test_a_period_goes_on_in_perspective(tilt_deg, period):
     camera, w, s, t = slanted_plane(256, tilt_deg)
     truth, hole = waves(s, t, period), border_and_gap(256)
     color = np.where(hole[..., None], np.uint8(0), truth)
-    filled = synthesize(color, hole, w, np.ones(hole.shape, np.int8), camera)
+    filled = synthesize(TextureGrid.of(color, hole, w, np.ones(hole.shape, np.int8), camera))
     error = np.mean((filled[hole].astype(float) - truth[hole]) ** 2)
     assert 10 * np.log10(255**2 / error) > 36
 
@@ -57,10 +57,10 @@ def test_what_is_far_and_no_sky_keeps_its_texture():
     v, u = np.mgrid[:256, :256] + 0.5
     truth, hole = waves(u, v, 24.0), border_and_gap(256)
     w, label = np.zeros((256, 256), np.float32), np.zeros((256, 256), np.int8)
-    filled = synthesize(np.where(hole[..., None], np.uint8(0), truth), hole, w, label, camera)
+    filled = synthesize(TextureGrid.of(np.where(hole[..., None], np.uint8(0), truth), hole, w, label, camera))
     assert 10 * np.log10(255**2 / np.mean((filled[hole].astype(float) - truth[hole]) ** 2)) > 25
     sky = np.random.default_rng(0).integers(150, 153, truth.shape, dtype=np.uint8)
-    assert synthesize(sky, hole, w, label, camera)[hole].std() < 0.6
+    assert synthesize(TextureGrid.of(sky, hole, w, label, camera))[hole].std() < 0.6
 
 
 @pytest.mark.parametrize("kind", [-1, 0, 1])
@@ -70,7 +70,7 @@ def test_constant_colour_stays_constant(kind):
     hole = border_and_gap(160)
     color = np.where(hole[..., None], np.uint8(255), np.array([37, 141, 203], np.uint8))
     w = np.zeros_like(w) if kind == 0 else w
-    filled = synthesize(color, hole, w, np.full(hole.shape, kind, np.int8), camera)
+    filled = synthesize(TextureGrid.of(color, hole, w, np.full(hole.shape, kind, np.int8), camera))
     assert (filled == [37, 141, 203]).all()
 
 
@@ -92,7 +92,7 @@ def occluded_scene(label_behind: int):
 def test_the_occluder_never_bleeds_in(label_behind):
     """Law: of a red post before a wall without red, and of its anti-aliased fringe, nothing enters the fill of the wall."""
     color, hole, w, label, camera = occluded_scene(label_behind)
-    filled = synthesize(color, hole, w, label, camera)
+    filled = synthesize(TextureGrid.of(color, hole, w, label, camera))
     assert filled[hole][:, 0].max() == 0
     assert filled[hole][:, 1].min() > 60
 
@@ -105,7 +105,7 @@ def test_a_rough_surface_takes_nothing_nearer_even_if_labels_agree():
     color[w > 0.3], color[w < 0.3] = (255, 0, 0), (0, 0, 200)
     hole = np.zeros(w.shape, bool)
     hole[:, 64:90] = True
-    filled = synthesize(color, hole, w, np.full(w.shape, -1, np.int8), Camera.from_fov(128, 96, 60))
+    filled = synthesize(TextureGrid.of(color, hole, w, np.full(w.shape, -1, np.int8), Camera.from_fov(128, 96, 60)))
     assert (filled[hole] == (0, 0, 200)).all()
 
 
@@ -119,7 +119,7 @@ def test_what_stands_out_is_not_copied_as_grain():
         truth[y : y + 5, x : x + 5] = 250
     hole = np.zeros(w.shape, bool)
     hole[:, 110:] = True
-    filled = synthesize(truth, hole, w, np.ones(w.shape, np.int8), camera)[hole].astype(float)
+    filled = synthesize(TextureGrid.of(truth, hole, w, np.ones(w.shape, np.int8), camera))[hole].astype(float)
     assert filled.max() < 110 + 6 * 6
     assert 1 < filled.std() < 8
 
@@ -151,10 +151,10 @@ def test_any_size_keeps_what_is_known(shape):
     """Law: known pixels come back bit-identical, twice the same, the input untouched, at every size."""
     color, hole, w, label, camera = random_scene(np.random.default_rng(3), shape)
     before = color.copy()
-    filled = synthesize(color, hole, w, label, camera, seed=5)
+    filled = synthesize(TextureGrid.of(color, hole, w, label, camera), seed=5)
     assert (color == before).all()
     assert (filled[~hole] == color[~hole]).all()
-    np.testing.assert_array_equal(filled, synthesize(color, hole, w, label, camera, seed=5))
+    np.testing.assert_array_equal(filled, synthesize(TextureGrid.of(color, hole, w, label, camera), seed=5))
 
 
 def test_the_hole_s_content_does_not_matter():
@@ -164,7 +164,10 @@ def test_the_hole_s_content_does_not_matter():
     rng = np.random.default_rng(1)
     truth = waves(s, t, 0.4)
     noise = np.where(hole[..., None], rng.integers(0, 256, truth.shape, dtype=np.uint8), truth)
-    np.testing.assert_array_equal(synthesize(truth, hole, w, label, camera), synthesize(noise, hole, w, label, camera))
+    np.testing.assert_array_equal(
+        synthesize(TextureGrid.of(truth, hole, w, label, camera)),
+        synthesize(TextureGrid.of(noise, hole, w, label, camera)),
+    )
 
 
 def test_nothing_known_is_grey_and_an_unseen_sky_is_pale():
@@ -172,12 +175,12 @@ def test_nothing_known_is_grey_and_an_unseen_sky_is_pale():
     camera = Camera.from_fov(20, 20, 60)
     color, w = np.zeros((20, 20, 3), np.uint8), np.ones((20, 20), np.float32)
     label, hole = np.full((20, 20), -1, np.int8), np.ones((20, 20), bool)
-    assert (synthesize(color, hole, w, label, camera) == GREY).all()
+    assert (synthesize(TextureGrid.of(color, hole, w, label, camera)) == GREY).all()
     hole[10:] = False
     w[:10] = 0.2
-    assert (synthesize(color, hole, w, label, camera)[:10] == GREY).all()
+    assert (synthesize(TextureGrid.of(color, hole, w, label, camera))[:10] == GREY).all()
     w[:10], label[:10] = 0, 0
-    assert (synthesize(color, hole, w, label, camera)[:10] == SKY_COLOR).all()
+    assert (synthesize(TextureGrid.of(color, hole, w, label, camera))[:10] == SKY_COLOR).all()
 
 
 @pytest.mark.parametrize("known_rows", [0, 6])
@@ -193,7 +196,9 @@ def test_the_sky_goes_on_by_height(known_rows: int) -> None:
     hole = np.zeros((48, 64), bool)
     hole[: 40 - known_rows] = True
     color = np.clip(np.where(label[..., None] == 0, truth - 12, 90), 0, 255).astype(np.uint8)
-    out = synthesize(color, hole, np.where(label, 0.2, 0).astype(np.float32), label, camera, sky=sky).astype(float)
+    out = synthesize(
+        TextureGrid.of(color, hole, np.where(label, 0.2, 0).astype(np.float32), label, camera), sky=sky
+    ).astype(float)
     if known_rows:
         np.testing.assert_allclose(out[40 - known_rows - 4 : 40 - known_rows], truth[30:34] - 12, atol=4)
     else:
@@ -207,7 +212,7 @@ def test_a_plane_that_is_nowhere_seen_takes_what_lies_at_its_depth():
     hole[:, 40:] = True
     label[hole] = 9
     color = np.full((64, 64, 3), (10, 90, 30), np.uint8)
-    assert (synthesize(color, hole, w, label, Camera.from_fov(64, 64, 60)) == (10, 90, 30)).all()
+    assert (synthesize(TextureGrid.of(color, hole, w, label, Camera.from_fov(64, 64, 60))) == (10, 90, 30)).all()
 
 
 def test_leaves_may_be_copied_though_none_is_far_from_its_rim() -> None:

@@ -63,7 +63,10 @@ class TextureGrid:
         camera: Camera,
         spoiled: BoolArray | None = None,
     ) -> TextureGrid:
-        """The grid of C-contiguous arrays of one size; what is `spoiled` (H x W) is copied only where all of its surface is."""
+        """The grid of arrays of one size; what is `spoiled` (H x W) is copied only where all of its surface is."""
+        color, hole = np.ascontiguousarray(color), np.ascontiguousarray(hole)
+        inverse_depth = np.ascontiguousarray(inverse_depth, np.float32)
+        label = np.ascontiguousarray(label, np.int8)
         cell_size = max(1, -(-max(hole.shape) // WORK_SIZE))
         trusted = trusted_labels(hole, inverse_depth, label)
         if spoiled is not None and spoiled.any():

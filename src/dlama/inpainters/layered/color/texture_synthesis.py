@@ -1,5 +1,5 @@
-"""Texture synthesis: a picture with inverse depth and surface labels everywhere in; the hole's colours, from the background,
-out.
+"""Texture synthesis: a picture with inverse depth and surface labels everywhere (a grid) in; the hole's colours, from the
+background, out.
 
 Every hole pixel is a smooth *base*, interpolated along its own surface. On planes *detail* is added, copied from the same plane
 by a 3D translation within it, so that bricks and planks follow perspective. The weight of the detail is the autocorrelation of
@@ -14,12 +14,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.camera import Camera
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.inpainters.layered.color.offset_search import Bases, CopiedDetail
 from dlama.inpainters.layered.color.patch_offsets import copy_detail
-from dlama.inpainters.layered.color.texture_grid import UNTRUSTED, HoleRegion, Labels, TextureGrid, labels_in
+from dlama.inpainters.layered.color.texture_grid import UNTRUSTED, HoleRegion, TextureGrid, labels_in
 from dlama.inpainters.layered.kernels import base_color as base_kernels
 from dlama.inpainters.layered.kernels.patch_offsets import paint
 from dlama.inpainters.sky import Sky
@@ -38,39 +37,17 @@ DEPTH_SCREEN = 0.002
 """The same for no plane, towards the mean of all cells at that depth and behind: a small rim must not colour everything."""
 
 
-def synthesize(
-    color: UInt8Array,
-    hole: BoolArray,
-    inverse_depth: Float32Array,
-    label: Labels,
-    camera: Camera,
-    *,
-    seed: int = 0,
-    sky: Sky | None = None,
-    spoiled: BoolArray | None = None,
-    detail: bool = True,
-) -> UInt8Array:
-    """Colour for the hole, from known pixels of the same surface; known pixels come back bit-identical.
+def synthesize(grid: TextureGrid, *, seed: int = 0, sky: Sky | None = None, detail: bool = True) -> UInt8Array:
+    """H x W x 3: colour for the hole of a grid, from known pixels of the same surface; known pixels come back bit-identical.
 
-    color: H x W x 3 uint8 (RGB; ignored in the hole). hole: H x W bool, True = to be filled. inverse_depth: H x W
-    float32, 1/m, 0 = sky, filled everywhere. label: H x W int8, -1 = non-planar, 0 = sky, k >= 1 = the k-th plane,
-    filled everywhere. camera gives K. sky: of all source pictures. detail: False leaves the smooth base colours alone. The same
-    seed gives the same bits.
+    sky: of all source pictures; detail: False leaves the smooth base colours alone. The same seed gives the same bits.
     """
-    out = np.array(color)
+    out, hole = np.array(grid.color), grid.hole
     if not hole.any():
         return out
-    grid = TextureGrid.of(
-        np.ascontiguousarray(color),
-        np.ascontiguousarray(hole),
-        np.ascontiguousarray(inverse_depth, np.float32),
-        np.ascontiguousarray(label, np.int8),
-        camera,
-        spoiled,
-    )
     out[hole] = GREY
     open_air = hole & (grid.label == 0) & ~hole.all()
-    under = None if sky is None or not open_air.any() else sky.render_sky(camera, grid.base_cell_size)
+    under = None if sky is None or not open_air.any() else sky.render_sky(grid.camera, grid.base_cell_size)
     if under is None:
         out[open_air] = SKY_COLOR
     else:
