@@ -68,6 +68,8 @@ def complete(
     chosen = options_of(options)
     if not cameras and mask is None:
         raise InputError("cameras is empty; one camera or more is expected (rgbd.camera is the picture's own)")
+    if isinstance(rgbd, Scene) and (clip := chosen.settings.clip) is not None:
+        raise InputError(f"`clip` is {clip} m: a scene cannot be clipped; give its frames instead")
     clock = Clock()
     with clock("prepare"):
         start = plan_for(rgbd, chosen, mask, cameras)

@@ -78,7 +78,7 @@ class Start(NamedTuple):
 
     plan: Plan
     given: Scene
-    """The scene as it was given, clipped."""
+    """The scene as it was given; of pictures clipped."""
     scene: Scene
     """The scene that is completed: without what is masked."""
     mask: Dilation
@@ -101,13 +101,11 @@ class FillerChoice(NamedTuple):
 
 
 def scene_of(rgbd: RGBD | Scene | Sequence[FrameSource], clip: float | None = None) -> Scene:
-    """The scene that a completion starts from, clipped at `clip` metres. InputError: a scene cannot be clipped any more."""
+    """The scene that a completion starts from; of pictures clipped at `clip` metres."""
     if isinstance(rgbd, RGBD):
         return Scene((View.from_rgbd(rgbd.clip_depth(clip)),))
     if not isinstance(rgbd, Scene):
         return gathering.scene([clip_frame(frame, clip) for frame in rgbd])
-    if clip is not None:
-        raise InputError(f"`clip` is {clip} m: a scene cannot be clipped; give its frames instead")
     return rgbd
 
 
