@@ -38,7 +38,7 @@ from dlama.datasets.frames import Case, RemovalTruth, Truth, ViewTruth
 from dlama.datasets.layouts import open_dataset
 from dlama.errors import InputError
 from dlama.evaluation.metrics.depth import depth_errors
-from dlama.evaluation.metrics.lpips import Lpips
+from dlama.evaluation.metrics.lpips import distance_map, features
 from dlama.evaluation.metrics.pictures import mse_map
 from dlama.evaluation.protocols import ori, vpi
 from dlama.evaluation.protocols.methods import Method, ProtocolSettings, run_method
@@ -79,7 +79,6 @@ SHELF_EVERY = 8
 SETTINGS = ProtocolSettings(mask_changes=(), object_dilations=())
 MARGIN = 48
 """Pixels round what is measured that LPIPS sees."""
-LPIPS = Lpips()
 SHOWN = (
     "mask lpips", "mask mse", "mask mae", "unseen lpips", "unseen mse", "unseen mae",
     "disoccluded lpips", "disoccluded mse", "out-of-view lpips", "out-of-view mse", "ece", "seconds",
@@ -172,8 +171,8 @@ def lpips_map(truth: UInt8Array, mine: UInt8Array, region: BoolArray) -> np.ndar
             slice(max(0, each[0] - MARGIN), max(each[-1] + 1 + MARGIN, min(size, max(0, each[0] - MARGIN) + 64)))
             for each, size in ((rows, region.shape[0]), (columns, region.shape[1]))
         )
-        features = [LPIPS.features(np.ascontiguousarray(one[box])) for one in (truth, mine)]
-        out[box] = LPIPS.distance_map(*features, truth[box].shape[:2])
+        taps = [features(np.ascontiguousarray(one[box])) for one in (truth, mine)]
+        out[box] = distance_map(*taps, truth[box].shape[:2])
     return out
 
 

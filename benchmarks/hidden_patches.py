@@ -18,7 +18,7 @@ import cv2
 import numpy as np
 
 import dlama
-from dlama.evaluation.metrics.lpips import Lpips
+from dlama.evaluation.metrics.lpips import lpips
 from dlama.files.rasters.pictures import write_color
 from dlama.geometry.holes import dilate_mask
 from dlama.geometry.rgbd import RGBD, BoolArray
@@ -78,7 +78,7 @@ def main() -> None:
     parser.add_argument("--every", type=int, default=1)
     parser.add_argument("-o", "--output", type=Path, help="folder for the pictures: truth, then each filler's")
     given = parser.parse_args()
-    lpips, rng, shapes = Lpips(), np.random.default_rng(SEED), shapes_of_things(given.folder)
+    rng, shapes = np.random.default_rng(SEED), shapes_of_things(given.folder)
     rows: dict[str, list[tuple[float, float, float]]] = {filler: [] for filler in given.fillers}
     number = -1
     for index in range(len(list(given.folder.glob("images/*.jpg")))):
@@ -97,7 +97,7 @@ def main() -> None:
                 color = dlama.remove(rgbd, mask, filler=filler).view.color
                 seconds = time.process_time() - before
                 off = color[region].astype(float) - rgbd.color[region]
-                error = lpips.region(color[box], rgbd.color[box], region[box])
+                error = lpips(color[box], rgbd.color[box], region[box])
                 rows[filler].append((float((off**2).mean()), error, seconds))
                 strip.append(color[box])
             if given.output:

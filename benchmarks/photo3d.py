@@ -21,7 +21,7 @@ import cv2
 import numpy as np
 
 import dlama
-from dlama.evaluation.metrics.lpips import Lpips
+from dlama.evaluation.metrics.lpips import lpips
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.projection import px_from_px
 from dlama.geometry.rgbd import BoolArray, UInt8Array
@@ -29,9 +29,9 @@ from dlama.geometry.rgbd import BoolArray, UInt8Array
 SCENES = ("s03", "s05", "s06", "s08")
 
 
-def scores(lpips: Lpips, color: UInt8Array, truth: UInt8Array, region: BoolArray) -> tuple[float, float]:
+def scores(color: UInt8Array, truth: UInt8Array, region: BoolArray) -> tuple[float, float]:
     """LPIPS and squared error over what the source did not show."""
-    return lpips.region(color, truth, region), float(((color.astype(float) - truth) ** 2).mean(2)[region].mean())
+    return lpips(color, truth, region), float(((color.astype(float) - truth) ** 2).mean(2)[region].mean())
 
 
 def world_jobs(count: int, cameras: int) -> Iterator[tuple[str, dlama.RGBD, dlama.Photo3D, list[dlama.RGBD]]]:
@@ -60,7 +60,7 @@ def street_jobs(folder: Path) -> Iterator[tuple[str, dlama.RGBD, dlama.Photo3D, 
 
 def compare(jobs: Iterator[tuple[str, dlama.RGBD, dlama.Photo3D, list[dlama.RGBD]]]) -> None:
     """A line a scene: means over its cameras, of the 3-D photo and of each camera alone; and the change over all."""
-    lpips, rows = Lpips(), []
+    rows = []
     for name, source, photo, truths in jobs:
         for truth in truths:
             alone = dlama.complete(source, [truth.camera])
@@ -68,9 +68,7 @@ def compare(jobs: Iterator[tuple[str, dlama.RGBD, dlama.Photo3D, list[dlama.RGBD
             if region.sum() < 100:
                 continue
             together = dlama.render(photo.scene, truth.camera).color
-            rows.append(
-                (*scores(lpips, together, truth.color, region), *scores(lpips, alone.view.color, truth.color, region))
-            )
+            rows.append((*scores(together, truth.color, region), *scores(alone.view.color, truth.color, region)))
         of_photo, of_alone = np.split(np.mean(rows[-len(truths) :], 0), 2)
         print(
             f"{name}: 3-D photo LPIPS {of_photo[0]:.4f} MSE {of_photo[1]:.0f}, alone {of_alone[0]:.4f} {of_alone[1]:.0f}"

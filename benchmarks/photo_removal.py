@@ -24,7 +24,7 @@ import numpy as np
 import dlama
 from dlama.datasets.frames import RemovalTruth
 from dlama.datasets.layouts import open_dataset
-from dlama.evaluation.metrics.lpips import Lpips
+from dlama.evaluation.metrics.lpips import lpips
 from dlama.files.rasters.pictures import read_color
 from dlama.geometry.codes import Origin
 from dlama.geometry.rgbd import BoolArray, UInt8Array
@@ -105,7 +105,7 @@ def main() -> None:
     parser.add_argument("--sheet", type=Path, help="a picture of all cases: known, each filler, truth")
     options = parser.parse_args()
     warnings.simplefilter("ignore")
-    lpips, rows = Lpips(), []
+    rows = []
     scores: dict[tuple[str, str], list[Score]] = {}
     for case in [*pictures(options.folder), *photos(options.folder, options.photos, options.seed)]:
         rgbd, shown = dlama.estimate_depth(case.color).rgbd, []
@@ -115,7 +115,7 @@ def main() -> None:
             spent, hole = time.process_time() - started, done.origin == Origin.FILLED
             pasted = np.where(hole[..., None], done.color, case.truth)
             squared = float(((pasted.astype(float) - case.truth) ** 2)[hole].mean())
-            scores.setdefault((case.kind, filler), []).append((squared, lpips.region(pasted, case.truth, hole), spent))
+            scores.setdefault((case.kind, filler), []).append((squared, lpips(pasted, case.truth, hole), spent))
             shown.append(done.color)
         known = np.where(hole[..., None], np.uint8([255, 0, 255]), rgbd.color)
         rows.append([known, *shown, case.truth])

@@ -10,9 +10,10 @@ from pathlib import Path
 import numpy as np
 
 from dlama.datasets.frames import Case, Dataset, Protocol, ViewTruth
-from dlama.evaluation.protocols.methods import Measure, Method, Panel, ProtocolSettings, Scored
+from dlama.evaluation.protocols.methods import Measure, Method, ProtocolSettings, Scored
+from dlama.evaluation.protocols.strips import strip
 from dlama.geometry.camera import Camera
-from dlama.geometry.rgbd import RGBD
+from dlama.geometry.rgbd import RGBD, UInt8Array
 
 LOG = "MADE_UP_LOG"
 """Environment variable with a file that gets a line for every run of the protocol."""
@@ -81,14 +82,14 @@ def protocol(truth: ViewTruth, method: Method, settings: ProtocolSettings) -> li
     return [Scored((*measures, *extra), panel=shown), Scored(tuple(changed), "object,dilate=3")]
 
 
-def panel(truth: ViewTruth, level: float) -> Panel:
+def panel(truth: ViewTruth, level: float) -> UInt8Array:
     """The truth, with noise for a fill."""
     color, depth = truth.source.color, truth.source.depth
     hole = np.zeros(depth.shape, bool)
     hole[4:12, 6:15] = True
     filled = np.where(hole[..., None], np.uint8(level), color)
     known = np.where(hole, 0, depth).astype(np.float32)
-    return Panel(color, color, filled, color, hole, depth, known, (depth * 1.1).astype(np.float32), depth)
+    return strip((color, color, filled, color), (depth, known, (depth * 1.1).astype(np.float32), depth), hole)
 
 
 METHODS = tuple(Method(recipe, filler) for recipe in ("dlama", "paper") for filler in ("layered", "telea", "none"))

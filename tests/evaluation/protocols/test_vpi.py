@@ -67,8 +67,6 @@ def test_scores_by_hand(constant_filler: str) -> None:
     assert found["whole", "depth_m", "law_violations"] == 0 and found["whole", "time", "seconds"] > 0
     assert not any(np.isnan(value) for value in found.values())
     assert plain.panel is not None and plain.variant == ""
-    np.testing.assert_array_equal(plain.panel.filled, answer)
-    np.testing.assert_array_equal(plain.panel.hole, UNSEEN)
 
 
 def test_the_second_experiment(constant_filler: str) -> None:

@@ -20,6 +20,7 @@ from made_up import METHODS, made_up_dataset
 from dlama.datasets.frames import Dataset
 from dlama.errors import MissingExtraError
 from dlama.evaluation.protocols.methods import Method, ProtocolSettings
+from dlama.evaluation.protocols.strips import CELL, GAP, color_error, depth_error, heat_map
 from dlama.evaluation.report import panels
 from dlama.evaluation.report.panels import Chosen, as_data_urls, choose
 from dlama.evaluation.report.sections import EXPLAINED, Section
@@ -28,7 +29,6 @@ from dlama.evaluation.report.tables import Cell, Table
 from dlama.evaluation.report.templates import PARTS
 from dlama.evaluation.report.write import FILES, render, settings_hash, write_report
 from dlama.evaluation.runner.run import Results, run
-from dlama.evaluation.runner.strips import CELL, GAP, color_error, depth_error, heat_map, strip
 from dlama.geometry.figures.html import shrink
 
 SETTINGS = ProtocolSettings()
@@ -268,25 +268,22 @@ def test_a_damaged_panel_is_left_out(tmp_path: Path, damage: str) -> None:
 
 def test_errors_in_panels_by_hand() -> None:
     """Colour: mean over channels of 64 levels is full. Depth: a quarter off is full, a tenth 0.4; far for near is full."""
-    plain = made_up.panel(made_up.truth(0, 24), 50)
-    filled = plain.truth.astype(int)
-    filled[0, 0] = filled[0, 0] + np.where(filled[0, 0] > 127, -96, 96)
-    filled[0, 1] = np.where(filled[0, 1] > 127, filled[0, 1] - 32, filled[0, 1] + 32)
-    depth, truth = plain.depth_truth.copy(), plain.depth_truth.copy()
-    depth[0, :5] = (2.2, 2.5, 3.0, np.inf, np.inf)
-    truth[0, 3:6] = (2.0, np.inf, 0)
-    shown = dataclasses.replace(plain, filled=filled.astype(np.uint8), depth_filled=depth, depth_truth=truth)
-    assert color_error(shown)[0, :3] == pytest.approx([1, 0.5, 0])
-    assert depth_error(shown)[0, :5] == pytest.approx([0.4, 1, 1, 1, 0]) and np.isnan(depth_error(shown)[0, 5])
+    color = np.array([[[200, 9, 0], [90, 130, 9], [7, 7, 7]]], np.uint8)
+    filled = np.array([[[104, 105, 96], [122, 98, 41], [7, 7, 7]]], np.uint8)
+    assert color_error(filled, color)[0] == pytest.approx([1, 0.5, 0])
+    depth, truth = (np.float32([row]) for row in ((2.2, 2.5, 3.0, np.inf, np.inf, 2), (2, 2, 2, 2, np.inf, 0)))
+    assert depth_error(depth, truth)[0, :5] == pytest.approx([0.4, 1, 1, 1, 0]) and np.isnan(
+        depth_error(depth, truth)[0, 5]
+    )
     black, bright = heat_map(np.array([[0, 1]], np.float32))[0]
     assert black.max() < 10 and bright.min() > 150
 
 
 def test_a_strip_is_two_rows_of_five() -> None:
     """Oracles: the input's own pixels at the top left, the truth's in the fourth column; large pictures shrink."""
-    panel = made_up.panel(made_up.truth(0, 24), 50)
-    sheet = strip(panel)
+    source = made_up.truth(0, 24).source.color
+    sheet = made_up.panel(made_up.truth(0, 24), 50)
     assert sheet.shape == (2 * 24 + GAP, 5 * 24 + 4 * GAP, 3)
-    assert (sheet[:24, :24] == panel.source).all() and (sheet[:24, 3 * (24 + GAP) :][:, :24] == panel.truth).all()
+    assert (sheet[:24, :24] == source).all() and (sheet[:24, 3 * (24 + GAP) :][:, :24] == source).all()
     assert (sheet[24 : 24 + GAP] == 0).all()
     assert shrink(np.zeros((300, 600, 3), np.uint8), CELL).shape == (CELL // 2, CELL, 3)

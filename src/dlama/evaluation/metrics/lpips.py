@@ -6,14 +6,12 @@ with the package (assets/lpips, made by `benchmarks/lpips_export.py`). 0 = the s
 
 from __future__ import annotations
 
-import hashlib
 import math
-from collections import OrderedDict
 from functools import lru_cache
 from pathlib import Path
 
+import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from dlama.errors import ShapeError
 from dlama.evaluation.metrics.pictures import SETTINGS
@@ -31,64 +29,61 @@ Features = tuple[Float32Array, ...]
 """Five taps, C x h x w each: unit-normalised features times the square root of their LPIPS weight."""
 
 
-class Lpips:
-    """LPIPS with the shipped network; cheap to make, the network is opened once per process."""
+def lpips(mine: UInt8Array, truth: UInt8Array, region: BoolArray | None = None) -> float:
+    """LPIPS of the whole (None), or over a region: the mean there of the map, the truth pasted outside.
 
-    def __init__(self) -> None:
-        self._remembered: OrderedDict[bytes, Features] = OrderedDict()
+    Pasting keeps what lies outside from being seen by features inside. nan where the region is empty.
 
-    def features(self, picture: UInt8Array) -> Features:
-        """The five taps of a picture.
+    Args:
+        mine, truth: uint8, H x W x 3 or H x W, sides >= 31.
+        region: H x W.
+    Raises:
+        ShapeError: the shapes differ, or a side is too short.
+    """
+    if mine.shape != truth.shape or (region is not None and region.shape != truth.shape[:2]):
+        came = "" if region is None else f", region {region.shape}"
+        raise ShapeError(f"LPIPS: mine is {mine.shape}, truth {truth.shape}{came}; one size is expected")
+    if region is None:
+        return distance(features(truth), features(mine))
+    _refuse_others(truth)
+    if not region.any():
+        return math.nan
+    inside = region if truth.ndim == 2 else region[..., None]
+    pasted = features(np.where(inside, mine, truth))
+    return float(distance_map(features(truth), pasted, truth.shape[:2])[region].mean())
 
-        Args:
-            picture: uint8, H x W x 3 RGB, or H x W (depth), which is replicated to three channels; sides >= 31.
-        Raises:
-            ShapeError: no such picture.
-        """
-        _refuse_others(picture)
-        key = hashlib.sha1(repr(picture.shape).encode() + picture.tobytes(), usedforsecurity=False).digest()
-        if key not in self._remembered:
-            taps = _network().run_all({"picture": _network_input(picture)})
-            self._remembered[key] = tuple(tap[0] for tap in taps)
-        self._remembered.move_to_end(key)
-        while len(self._remembered) > REMEMBERED:
-            self._remembered.popitem(last=False)
-        return self._remembered[key]
 
-    def distance(self, a: Features, b: Features) -> float:
-        """LPIPS of two pictures by their features: the mean over each tap's own map, summed over taps."""
-        return float(sum(tap.mean() for tap in _tap_maps(a, b)))
+def features(picture: UInt8Array) -> Features:
+    """The five taps of a picture.
 
-    def distance_map(self, a: Features, b: Features, hw: tuple[int, int]) -> Float64Array:
-        """LPIPS of every pixel, H x W: each tap's map, bilinearly enlarged to `hw` (pixel centres kept), summed.
+    Args:
+        picture: uint8, H x W x 3 RGB, or H x W (depth), which is replicated to three channels; sides >= 31.
+    Raises:
+        ShapeError: no such picture.
+    """
+    _refuse_others(picture)
+    return _features(picture.tobytes(), picture.shape)
 
-        As the published code's `spatial=True` does it. Its mean is near `distance`, not equal: enlarging weighs the
-        border otherwise.
-        """
-        return np.sum([_upsample(tap, hw) for tap in _tap_maps(a, b)], axis=0)
 
-    def region(self, mine: UInt8Array, truth: UInt8Array, region: BoolArray | None = None) -> float:
-        """LPIPS of the whole (None), or over a region: the mean there of the map, the truth pasted outside.
+@lru_cache(maxsize=REMEMBERED)
+def _features(levels: bytes, shape: tuple[int, ...]) -> Features:
+    picture = np.frombuffer(levels, np.uint8).reshape(shape)
+    return tuple(tap[0] for tap in _network().run_all({"picture": _network_input(picture)}))
 
-        Pasting keeps what lies outside from being seen by features inside. nan where the region is empty.
 
-        Args:
-            mine, truth: uint8, H x W x 3 or H x W, sides >= 31.
-            region: H x W.
-        Raises:
-            ShapeError: the shapes differ, or a side is too short.
-        """
-        if mine.shape != truth.shape or (region is not None and region.shape != truth.shape[:2]):
-            came = "" if region is None else f", region {region.shape}"
-            raise ShapeError(f"LPIPS: mine is {mine.shape}, truth {truth.shape}{came}; one size is expected")
-        if region is None:
-            return self.distance(self.features(truth), self.features(mine))
-        _refuse_others(truth)
-        if not region.any():
-            return math.nan
-        inside = region if truth.ndim == 2 else region[..., None]
-        pasted = self.features(np.where(inside, mine, truth))
-        return float(self.distance_map(self.features(truth), pasted, truth.shape[:2])[region].mean())
+def distance(a: Features, b: Features) -> float:
+    """LPIPS of two pictures by their features: the mean over each tap's own map, summed over taps."""
+    return float(sum(tap.mean() for tap in _tap_maps(a, b)))
+
+
+def distance_map(a: Features, b: Features, hw: tuple[int, int]) -> Float64Array:
+    """LPIPS of every pixel, H x W: each tap's map, bilinearly enlarged to `hw` (pixel centres kept), summed.
+
+    As the published code's `spatial=True` does it. Its mean is near `distance`, not equal: enlarging weighs the
+    border otherwise.
+    """
+    maps = [cv2.resize(tap, hw[::-1], interpolation=cv2.INTER_LINEAR) for tap in _tap_maps(a, b)]
+    return np.sum(maps, axis=0, dtype=np.float64)
 
 
 @lru_cache
@@ -116,20 +111,4 @@ def _network_input(picture: UInt8Array) -> Float32Array:
 
 def _tap_maps(a: Features, b: Features) -> list[Float64Array]:
     """The squared difference of each tap, summed over channels: five h x w."""
-    if [tap.shape for tap in a] != [tap.shape for tap in b]:
-        raise ShapeError(f"LPIPS: features of pictures of two sizes (first taps {a[0].shape} and {b[0].shape})")
     return [np.einsum("chw,chw->hw", d, d).astype(np.float64) for d in (first - second for first, second in zip(a, b))]
-
-
-def _upsample(values: Float64Array, hw: tuple[int, int]) -> Float64Array:
-    """Bilinear, pixel centres at +0.5, the border repeated (torch's align_corners=False)."""
-    (top, bottom, down), (left, right, across) = (_interpolation_weights(n, m) for n, m in zip(values.shape, hw))
-    rows = values[top] * (1 - down)[:, None] + values[bottom] * down[:, None]
-    return rows[:, left] * (1 - across) + rows[:, right] * across
-
-
-def _interpolation_weights(size: int, new_size: int) -> tuple[NDArray[np.int64], NDArray[np.int64], Float64Array]:
-    """For each of `new_size` places the two of `size` places it lies between, and the weight of the second."""
-    at = np.clip((np.arange(new_size) + 0.5) * (size / new_size) - 0.5, 0, size - 1)
-    first = np.floor(at).astype(np.int64)
-    return first, np.minimum(first + 1, size - 1), at - first

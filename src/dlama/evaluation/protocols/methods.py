@@ -15,7 +15,7 @@ from dlama.completion.completion import Completion
 from dlama.completion.pipeline import complete
 from dlama.completion.recipes import Recipe, check_seed, find_recipe
 from dlama.geometry.camera import Camera
-from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
+from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
 from dlama.geometry.view import View
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill
@@ -91,24 +91,6 @@ class Measure(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Panel:
-    """The pictures of one case and method that the report shows, one row colour, one row depth."""
-
-    source: UInt8Array
-    """H x W x 3, the input."""
-    warped: UInt8Array
-    filled: UInt8Array
-    truth: UInt8Array
-    hole: BoolArray
-    """H x W, True = was unknown before filling."""
-    depth_source: Float32Array
-    """H x W metres, 0 = missing, inf = far; so are the next three."""
-    depth_warped: Float32Array
-    depth_filled: Float32Array
-    depth_truth: Float32Array
-
-
-@dataclass(frozen=True, eq=False)
 class Scored:
     """One run of a method on a case, measured."""
 
@@ -116,7 +98,8 @@ class Scored:
     variant: str = ""
     """What differs from the method as named (`object,dilate=3`, `mask+3`); empty for the run itself. Joined to the recipe
     with a `+` in results.csv."""
-    panel: Panel | None = None
+    panel: UInt8Array | None = None
+    """H x W x 3, a strip of small pictures for the report (`dlama.evaluation.protocols.strips`)."""
     meta: Mapping[str, Any] = field(default_factory=dict)
     """The completion's own meta data."""
 

@@ -9,16 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
 from dlama.evaluation.metrics.artifacts import edge_offset, law_broken, leak_share
 from dlama.evaluation.metrics.depth import depth_errors
-from dlama.evaluation.metrics.lpips import Lpips
+from dlama.evaluation.metrics.lpips import lpips
 from dlama.evaluation.metrics.pictures import SETTINGS, depth_8bit, mse_map, psnr, region_mean, ssim_map, with_gain
-from dlama.evaluation.protocols.methods import Measure, MethodRun, Panel, ProtocolSettings
+from dlama.evaluation.protocols.methods import Measure, MethodRun, ProtocolSettings
+from dlama.evaluation.protocols.strips import strip
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import View
@@ -110,7 +110,7 @@ class Reference:
             if modality == "rgb":
                 values["psnr"] = psnr(values["mse"])
             if self.settings.lpips:
-                values["lpips"] = perceptual().region(mine, truth, region)
+                values["lpips"] = lpips(mine, truth, region)
             found += [Measure(name + self.suffix, modality, metric, value) for metric, value in values.items()]
         return found
 
@@ -121,26 +121,12 @@ def region_ssim(ssim: Float64Array, region: BoolArray | None) -> float:
     return region_mean(ssim, region) if region is not None else region_mean(ssim[edge:-edge, edge:-edge])
 
 
-@lru_cache
-def perceptual() -> Lpips:
-    """One LPIPS for the process, so that it remembers the truth's features from one method to the next."""
-    return Lpips()
-
-
-def picture_panel(run: MethodRun, reference: Reference, source: RGBD, truth: RGBD, number: int = -1) -> Panel:
+def picture_panel(run: MethodRun, reference: Reference, source: RGBD, truth: RGBD, number: int = -1) -> UInt8Array:
     """The pictures of one view that the report shows; the method's are in the truth's exposure."""
     warped, view = run.completion.warped[number], run.view(number)
-    return Panel(
-        source=source.color,
-        warped=reference.match_exposure(warped.color),
-        filled=reference.match_exposure(view.color),
-        truth=truth.color,
-        hole=warped.hole,
-        depth_source=source.depth,
-        depth_warped=warped.depth,
-        depth_filled=view.depth,
-        depth_truth=truth.depth,
-    )
+    mine = [reference.match_exposure(one.color) for one in (warped, view)]
+    depths = source.depth, warped.depth, view.depth, truth.depth
+    return strip((source.color, *mine, truth.color), depths, warped.hole)
 
 
 def artifact_measures(

@@ -9,10 +9,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from dlama.evaluation.protocols.strips import is_whole_jpeg
 from dlama.evaluation.report.columns import Which
 from dlama.evaluation.report.summary import ALL, yaw_labels
 from dlama.evaluation.runner.store import Stored
-from dlama.evaluation.runner.strips import is_whole_jpeg
 
 RANKED_BY: tuple[Which, ...] = tuple(
     (region, "rgb", metric) for metric in ("lpips", "mse") for region in ("unseen", "mask", "whole")

@@ -13,6 +13,7 @@ from dlama.datasets.frames import Dataset
 from dlama.errors import format_count
 from dlama.evaluation.metrics.pictures import SETTINGS as METRIC_SETTINGS
 from dlama.evaluation.protocols.methods import ProtocolSettings
+from dlama.evaluation.protocols.strips import COLOR_FULL, COLUMNS, DEPTH_FULL
 from dlama.evaluation.report.panels import Chosen, as_data_urls, choose
 from dlama.evaluation.report.sections import EXPLAINED, PROTOCOLS, Section, protocols_of, sections
 from dlama.evaluation.report.summary import RESAMPLES, Summary, summarise, write_summary
@@ -20,7 +21,6 @@ from dlama.evaluation.report.templates import template
 from dlama.evaluation.runner.cache_key import code_hash, short_hash, versions
 from dlama.evaluation.runner.run import Results
 from dlama.evaluation.runner.store import write_rows
-from dlama.evaluation.runner.strips import COLOR_FULL, COLUMNS, DEPTH_FULL
 from dlama.evaluation.runner.worker import Outcome
 from dlama.files.atomic_write import new_file
 

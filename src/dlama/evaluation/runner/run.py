@@ -15,9 +15,9 @@ from pathlib import Path
 from dlama.datasets.frames import Case, Protocol
 from dlama.errors import InputError, OutputError
 from dlama.evaluation.protocols.methods import Method, ProtocolSettings
+from dlama.evaluation.protocols.strips import is_whole_jpeg
 from dlama.evaluation.runner.cache_key import cache_key, case_hash, method_hash
 from dlama.evaluation.runner.store import Stored, read_stored, stem
-from dlama.evaluation.runner.strips import is_whole_jpeg
 from dlama.evaluation.runner.worker import Outcome, ProtocolFunction, Task, work, work_all
 from dlama.files.atomic_write import new_file
 from dlama.files.drafts import remove_abandoned

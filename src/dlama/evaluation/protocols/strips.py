@@ -1,14 +1,15 @@
-"""A Panel in; one strip of small pictures out: input, warped, filled, truth, error; colour above, depth below."""
+"""What a method made of a case in; one strip of small pictures out: input, warped, filled, truth, error; colour above, depth
+below."""
 
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 
 import cv2
 import numpy as np
 
-from dlama.evaluation.protocols.methods import Panel
 from dlama.geometry.figures.false_color import depth_limits, depth_picture, hatch_holes
 from dlama.geometry.figures.html import shrink
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
@@ -23,35 +24,36 @@ DEPTH_FULL = 0.25
 """Share of the true depth by which a fill is off that is shown brightest; far against near is brightest too."""
 
 
-def strip(panel: Panel) -> UInt8Array:
-    """uint8 H x W x 3 on black: two rows of the five pictures; the depths share their colours, holes are hatched."""
-    limits = depth_limits(panel.depth_truth, panel.depth_source)
-    depths = [
-        depth_picture(panel.depth_source, None, *limits),
-        depth_picture(panel.depth_warped, panel.hole, *limits),
-        depth_picture(panel.depth_filled, None, *limits),
-        depth_picture(panel.depth_truth, None, *limits),
-        heat_map(depth_error(panel)),
+def strip(colors: Sequence[UInt8Array], depths: Sequence[Float32Array], hole: BoolArray) -> UInt8Array:
+    """uint8 H x W x 3 on black: two rows of the five pictures; the depths share their colours, holes are hatched.
+
+    Args:
+        colors: input, warped, filled, truth, H x W x 3 each.
+        depths: the same in metres, 0 = missing, inf = far.
+        hole: H x W, True = was unknown before filling.
+    """
+    source, warped, filled, truth = depths
+    limits = depth_limits(truth, source)
+    below = [
+        depth_picture(source, None, *limits),
+        depth_picture(warped, hole, *limits),
+        depth_picture(filled, None, *limits),
+        depth_picture(truth, None, *limits),
+        heat_map(depth_error(filled, truth)),
     ]
-    colors = [
-        panel.source,
-        hatch_holes(panel.warped, panel.hole),
-        panel.filled,
-        panel.truth,
-        heat_map(color_error(panel)),
-    ]
-    return stack([[shrink(cell, CELL) for cell in row] for row in (colors, depths)])
+    above = [colors[0], hatch_holes(colors[1], hole), colors[2], colors[3], heat_map(color_error(*colors[2:]))]
+    return stack([[shrink(cell, CELL) for cell in row] for row in (above, below)])
 
 
-def color_error(panel: Panel) -> Float32Array:
+def color_error(filled: UInt8Array, truth: UInt8Array) -> Float32Array:
     """H x W, 0..1: mean absolute difference over the channels, 1 = COLOR_FULL levels or more."""
-    gap = np.abs(panel.filled.astype(np.float32) - panel.truth.astype(np.float32)).mean(axis=2)
+    gap = np.abs(filled.astype(np.float32) - truth.astype(np.float32)).mean(axis=2)
     return np.minimum(gap / COLOR_FULL, 1).astype(np.float32)
 
 
-def depth_error(panel: Panel) -> Float32Array:
+def depth_error(filled: Float32Array, truth: Float32Array) -> Float32Array:
     """H x W, 0..1, NaN where the truth is missing: share of the true depth, 1 = DEPTH_FULL or more, or far for near."""
-    filled, truth = np.nan_to_num(panel.depth_filled, nan=0, posinf=np.inf), panel.depth_truth
+    filled = np.nan_to_num(filled, nan=0, posinf=np.inf)
     valid = (truth > 0) & (truth < np.inf) & (filled < np.inf)
     gap = np.where(np.isinf(filled) & np.isinf(truth), 0.0, 1.0)
     gap[valid] = np.abs(filled[valid] - truth[valid]) / (DEPTH_FULL * truth[valid])
