@@ -9,7 +9,6 @@ with `K, width, height, depth_scale` (metres per unit), optional `pixel_center` 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -32,18 +31,6 @@ NEEDED = (
 )
 
 
-@dataclass(frozen=True, eq=False)
-class RemovalFiles:
-    """What `load_removal` reads."""
-
-    source: FrameFiles
-    without: FrameFiles
-    mask: Path
-    compare: Path | None
-    shadow: Path | None
-    exposure_varies: bool
-
-
 def looks_like_removal(root: Path) -> bool:
     """True where a folder holds the colours with the object and without it."""
     return (root / "with.color.png").is_file() and (root / "without.color.png").is_file()
@@ -56,12 +43,13 @@ def removal_folder(root: Path, *, scenes: Sequence[str] | None = None) -> Datase
     frames, cases = [], []
     for scene, folder in folders.items():
         files = _files(folder)
-        frames += [posed_frame(scene, "with", files.source), posed_frame(scene, "without", files.without)]
-        cases.append(Case("ori", name, scene, "with", partial(load_removal, files)))
+        frames += [posed_frame(scene, which, one) for which, one in zip(("with", "without"), files[:2])]
+        cases.append(Case("ori", name, scene, "with", partial(load_removal, *files)))
     return Dataset(name, "removal", root, tuple(frames), tuple(cases))
 
 
-def _files(folder: Path) -> RemovalFiles:
+def _files(folder: Path) -> tuple[FrameFiles, FrameFiles, Path, Path | None, Path | None, bool]:
+    """The arguments of `load_removal`."""
     for name in NEEDED:
         if not (folder / name).is_file():
             raise FileError(f"{folder / name}: no such file; {', '.join(NEEDED)} are expected")
@@ -77,17 +65,23 @@ def _files(folder: Path) -> RemovalFiles:
     compare, shadow = (
         folder / name if (folder / name).is_file() else None for name in ("compare_region.png", "shadow_mask.png")
     )
-    return RemovalFiles(source, without, folder / "object_mask.png", compare, shadow, varies)
+    return source, without, folder / "object_mask.png", compare, shadow, varies
 
 
-def load_removal(files: RemovalFiles) -> RemovalTruth:
+def load_removal(
+    source: FrameFiles,
+    without: FrameFiles,
+    mask: Path,
+    compare: Path | None,
+    shadow: Path | None,
+    exposure_varies: bool,
+) -> RemovalTruth:
     """Read the frame with the object, the one without it and the masks; raises FileError, MaskError, DepthError, ShapeError."""
-    source, without = load_rgbd(files.source), load_rgbd(files.without)
-    mask = read_mask(files.mask)
-    compare, shadow = (None if path is None else read_region(path) for path in (files.compare, files.shadow))
-    for path, found in ((files.mask, mask), (files.compare, compare), (files.shadow, shadow)):
+    frame, truth, removed = load_rgbd(source), load_rgbd(without), read_mask(mask)
+    region, cast = (None if path is None else read_region(path) for path in (compare, shadow))
+    for path, found in ((mask, removed), (compare, region), (shadow, cast)):
         if path is not None and found is not None:
-            check_size(path, found.shape, source.camera.hw)
-    if shadow is not None:
-        shadow = shadow & ~mask  # never part of the mask
-    return RemovalTruth(source, without, mask, compare, shadow, files.exposure_varies)
+            check_size(path, found.shape, frame.camera.hw)
+    if cast is not None:
+        cast = cast & ~removed  # never part of the mask
+    return RemovalTruth(frame, truth, removed, region, cast, exposure_varies)

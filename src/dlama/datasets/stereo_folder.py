@@ -10,7 +10,6 @@ Format: vision.middlebury.edu/stereo/data/scenes2014.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -26,17 +25,6 @@ from dlama.geometry.rgbd import Float32Array
 
 NOMINAL_BASELINE_M = 0.16
 """Of a rig whose numbers are not known; its focal length is the picture's width, px. Middlebury's own is 0.16 m."""
-
-
-@dataclass(frozen=True)
-class StereoFiles:
-    """What `load_stereo` reads."""
-
-    left: Path
-    right: Path
-    calib: Path
-    disparity_left: Path
-    disparity_right: Path | None
 
 
 def looks_like_stereo(root: Path) -> bool:
@@ -57,13 +45,14 @@ def stereo_folder(root: Path, *, scenes: Sequence[str] | None = None) -> Dataset
     name = root.resolve().name
     folders = scene_folders(root, looks_like_stereo, "im0.png and im1.png, or left.png and right.png", scenes)
     cases = tuple(
-        Case("sii", name, scene, "left_to_right", partial(load_stereo, _files(folder)))
+        Case("sii", name, scene, "left_to_right", partial(load_stereo, *_files(folder)))
         for scene, folder in folders.items()
     )
     return Dataset(name, "stereo", root, (), cases)
 
 
-def _files(folder: Path) -> StereoFiles:
+def _files(folder: Path) -> tuple[Path, Path, Path, Path, Path | None]:
+    """The arguments of `load_stereo`."""
     left, right = next(names for names in _PICTURES if (folder / names[0]).is_file())
     calib = folder / ("calib.txt" if left == "im0.png" else "calib.json")
     if not calib.is_file():
@@ -71,27 +60,29 @@ def _files(folder: Path) -> StereoFiles:
     truth = _first(folder, _LEFT_DISPARITY[left])
     if truth is None:
         raise FileError(f"{folder}: has no true disparity; {' or '.join(_LEFT_DISPARITY[left])} is expected")
-    return StereoFiles(folder / left, folder / right, calib, truth, _first(folder, _RIGHT_DISPARITY[left]))
+    return folder / left, folder / right, calib, truth, _first(folder, _RIGHT_DISPARITY[left])
 
 
 def _first(folder: Path, names: tuple[str, ...]) -> Path | None:
     return next((folder / name for name in names if (folder / name).is_file()), None)
 
 
-def load_stereo(files: StereoFiles) -> StereoTruth:
+def load_stereo(
+    left: Path, right: Path, calib: Path, disparity_left: Path, disparity_right: Path | None
+) -> StereoTruth:
     """Read a pair and its truth; raises FileError, DepthError, CameraError, ShapeError."""
-    left, right = read_color_of_camera(files.left), read_color_of_camera(files.right)
-    hw = left.shape[0], left.shape[1]
-    check_size(files.right, right.shape, hw, "the left picture")
-    if files.calib.suffix == ".txt":
-        rig, scale, metric = read_stereo_calib(files.calib, hw=hw), None, True
+    pair = read_color_of_camera(left), read_color_of_camera(right)
+    hw = pair[0].shape[0], pair[0].shape[1]
+    check_size(right, pair[1].shape, hw, "the left picture")
+    if calib.suffix == ".txt":
+        rig, scale, metric = read_stereo_calib(calib, hw=hw), None, True
     else:
-        fields = read_json_fields(files.calib)
+        fields = read_json_fields(calib)
         rig, metric = _rig(fields, hw)
         scale = fields.number("disparity_scale") if "disparity_scale" in fields else None
-    disparity = _disparity(files.disparity_left, scale, hw)
-    other = None if files.disparity_right is None else _disparity(files.disparity_right, scale, hw)
-    return StereoTruth(left, right, rig, disparity, other, metric=metric)
+    disparity = _disparity(disparity_left, scale, hw)
+    other = None if disparity_right is None else _disparity(disparity_right, scale, hw)
+    return StereoTruth(*pair, rig, disparity, other, metric=metric)
 
 
 def _disparity(path: Path, scale: float | None, hw: tuple[int, int]) -> Float32Array:

@@ -7,9 +7,6 @@ import dataclasses
 import functools
 import json
 import os
-import subprocess
-import sys
-import time
 from pathlib import Path
 
 import made_up
@@ -191,52 +188,6 @@ def test_a_panel_that_a_power_cut_emptied_is_made_again(tmp_path: Path, log: Pat
     panel.write_bytes(damaged)
     assert evaluated(dataset, tmp_path, method).reused == 1
     assert panel.read_bytes() == whole
-
-
-PARENT = """
-import functools, sys
-import made_up
-from dlama.evaluation.protocols.methods import Method, ProtocolSettings
-from dlama.evaluation.runner.run import run
-from pathlib import Path
-import dataclasses
-
-def slow(folder, n):
-    import os, signal
-    (Path(folder) / f"pid-{os.getpid()}").touch()
-    signal.pause()
-
-if __name__ == "__main__":
-    folder = sys.argv[1]
-    whole = made_up.made_up_dataset(1)
-    cases = [dataclasses.replace(case, load=functools.partial(slow, folder, n)) for n, case in enumerate(whole.cases)]
-    run(cases, [Method("dlama", "telea")], {"vpi": made_up.protocol}, ProtocolSettings(), Path(folder) / "out", jobs=2)
-"""
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(not Path("/proc").is_dir(), reason="processes are counted in /proc")
-def test_no_process_outlives_a_killed_evaluation(tmp_path: Path) -> None:
-    """Oracle: the process table, after SIGKILL of the first process."""
-    script = tmp_path / "parent.py"
-    script.write_text(PARENT)
-    path = os.pathsep.join([str(Path(made_up.__file__).parent), os.environ.get("PYTHONPATH", "")])
-    with subprocess.Popen([sys.executable, str(script), str(tmp_path)], env={**os.environ, "PYTHONPATH": path}) as run:
-        for _ in range(6000):
-            if len(list(tmp_path.glob("pid-*"))) == 2:
-                break
-            time.sleep(0.1)
-        run.kill()
-    children = [int(mark.name[4:]) for mark in tmp_path.glob("pid-*")]
-    assert len(children) == 2
-    for _ in range(6000):
-        if not any(
-            Path(f"/proc/{child}/cmdline").exists() and Path(f"/proc/{child}/cmdline").read_bytes()
-            for child in children
-        ):
-            return
-        time.sleep(0.1)
-    pytest.fail("a process outlived its parent by 600 s")
 
 
 def test_an_interrupted_run_keeps_what_is_done(tmp_path: Path, log: Path) -> None:

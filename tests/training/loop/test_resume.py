@@ -173,18 +173,6 @@ def test_every_index_comes_once_per_epoch(group_size):
         assert [index % group_size for index in epochs[0][:8]] == [0, 0, 0, 0, 1, 1, 1, 1]
 
 
-def test_sources_too_large_to_shuffle():
-    """Oracle: law; any index may come, and number n is the same one every time."""
-
-    class Endless:
-        def __len__(self):
-            return 1 << 40
-
-    drawn = [NumberedSamples(Endless(), 3).index(number) for number in range(50)]
-    assert drawn == [NumberedSamples(Endless(), 3).index(number) for number in range(50)]
-    assert len(set(drawn)) == 50 and max(drawn) > 1 << 38
-
-
 @pytest.mark.slow
 def test_workers_give_the_same_batches():
     """Oracle: the batches made without workers."""

@@ -22,8 +22,6 @@ from dlama.training.data.batches import Batch, check_sample
 from dlama.training.data.sources import SampleSource
 from dlama.training.settings import TrainSettings
 
-LARGEST_SHUFFLE = 1 << 22
-"""Sources with more indices (or groups of them) are drawn from with replacement."""
 GROUPS_IN_TURN = 4
 """Groups of indices that samples are taken from in turn, so that a batch shows several worlds; a worker caches as many."""
 TRAIN, HELD_OUT, SHUFFLE = 0, 1, 2
@@ -48,12 +46,8 @@ class NumberedSamples(Dataset[dict[str, np.ndarray]]):
         block, within = divmod(number, in_turn * size)
         offset, column = divmod(within, in_turn)
         drawn = block * in_turn + column
-        if groups > LARGEST_SHUFFLE:
-            group = int(np.random.default_rng([self.seed, SHUFFLE, drawn]).integers(groups))
-        else:
-            epoch, place = divmod(drawn, groups // in_turn * in_turn)
-            group = int(_shuffle(groups, self.seed, epoch)[place])
-        return group * size + offset
+        epoch, place = divmod(drawn, groups // in_turn * in_turn)
+        return int(_shuffle(groups, self.seed, epoch)[place]) * size + offset
 
 
 class BatchNumbers(Sampler[list[int]]):
