@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -132,26 +134,36 @@ def _nearest_labels(known: BoolArray) -> tuple[Float32Array, NDArray[np.int32]]:
     return np.asarray(distance, np.float32), np.asarray(labels, np.int32)
 
 
+class DepthCost(NamedTuple):
+    """What it costs a path to reach a pixel whose measured depth is another surface's."""
+
+    w: Float32Array
+    """H x W inverse depth, 1/m; 0 = unknown."""
+    ratio: float
+    """Relative step of w between neighbours up to which they are one surface."""
+    added: float
+    """px."""
+
+
 def nearest_along_colors(
     color: Float32Array,
     known: BoolArray,
     free: BoolArray,
-    w: Float32Array,
     *,
     longest: float,
     start: Float32Array | float = 0.0,
-    ratio: float = 0.0,
-    contrary: float = 0.0,
+    against: DepthCost | None = None,
 ) -> NDArray[np.int32]:
     """Flat index (H x W) of the known pixel with the shortest geodesic path in colour to each `free` pixel; negative where
     there is none.
 
-    color: H x W x 3 levels. w: H x W 1/m, 0 = unknown. longest: px, longest path that counts; start: px added to paths from a
-    known pixel; ratio, contrary: cost of a path against measured depth. See the kernel `nearest_by_color`.
+    color: H x W x 3 levels. longest: px, longest path that counts; start: px added to paths from a known pixel; against: costs
+    of depth that was measured; None: there are none. See the kernel `nearest_by_color`.
     """
     source = np.where(known, np.arange(known.size, dtype=np.int32).reshape(known.shape), -1).astype(np.int32)
     distance = np.where(known, np.float32(start), np.float32(longest)).astype(np.float32)
-    nearest_by_color(distance, source, free, color, STEP, DEAREST, w, ratio, contrary, ROUNDS)
+    w, ratio, added = against or DepthCost(np.zeros(known.shape, np.float32), 0.0, 0.0)
+    nearest_by_color(distance, source, free, color, STEP, DEAREST, w, ratio, added, ROUNDS)
     return source
 
 

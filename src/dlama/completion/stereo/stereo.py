@@ -118,11 +118,7 @@ def stereo(
     chosen = given.settings
     check_memory((rig.left, rig.right))
     inpainter = filler_of_pair(given)
-    one_by_one = mask is not None and not chosen.source_first
-    if disparity is not None and one_by_one:
-        raise InputError(
-            f"`disparity` is given and the recipe {chosen.name!r} matches the filled pictures anew; a matcher is expected"
-        )
+    one_by_one = fills_one_by_one(chosen, mask is not None, disparity is not None)
     clock = Clock()
     with clock("match"):
         pair = match_pair((left, right), rig, far, disparity=disparity, matcher=matcher, max_disparity=max_disparity)
@@ -158,6 +154,16 @@ def filler_of_pair(options: Options) -> Inpainter | None:
             f"`depth_by` is {depth_by!r} and the filler 'pair', which fills no depth; surfaces is expected"
         )
     return inpainter
+
+
+def fills_one_by_one(recipe: Recipe, removing: bool, matched: bool) -> bool:
+    """Whether the pictures of a pair are filled each alone, and matched then. InputError: they are `matched` already."""
+    one_by_one = removing and not recipe.source_first
+    if matched and one_by_one:
+        raise InputError(
+            f"`disparity` is given and the recipe {recipe.name!r} matches the filled pictures anew; a matcher is expected"
+        )
+    return one_by_one
 
 
 def choose_right_view(asked: RightView | None, recipe: Recipe, removing: bool) -> RightView:

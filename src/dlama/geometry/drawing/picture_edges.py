@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import Origin
-from dlama.geometry.holes import dilate_square, fill_with_nearest, nearest_along_colors, square
+from dlama.geometry.holes import DepthCost, dilate_square, fill_with_nearest, nearest_along_colors, square
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.kernels.picture_edges import ROOM, find_mixed, fit_planes
 from dlama.geometry.projection import inverse_depth
@@ -196,7 +196,8 @@ def find_other_surfaces(
     """
     soft = np.asarray(cv2.medianBlur(color, 3), np.float32)  # grain is no edge
     reliable = known & ~band
-    source = nearest_along_colors(soft, reliable, band, w, longest=FARTHEST, ratio=ratio, contrary=CONTRARY)
+    against = DepthCost(w, ratio, CONTRARY)
+    source = nearest_along_colors(soft, reliable, band, longest=FARTHEST, against=against)
     rows, columns = np.nonzero(band & (source >= 0))
     there, across = np.divmod(source[rows, columns], w.shape[1])
     own, other = w[rows, columns], w[there, across]

@@ -57,7 +57,7 @@ def fill_along_colors(color: UInt8Array, missing: BoolArray, hole: BoolArray, su
     seen = fill_with_nearest(color, missing | ~hole).astype(np.float32)
     smooth_color = np.asarray(cv2.GaussianBlur(seen, (0, 0), BLUR), np.float32)
     start = (label == SMOOTH) * np.float32(DETACHED) if surfaces.noise else 0.0
-    source = nearest_along_colors(smooth_color, ~hole, missing, w, longest=FARTHEST, start=start)
+    source = nearest_along_colors(smooth_color, ~hole, missing, longest=FARTHEST, start=start)
     reached = missing & (source >= 0)
     known = source[reached]
     out, labels = w.copy(), label.copy()
