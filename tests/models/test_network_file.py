@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import os
+import subprocess
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -30,6 +32,17 @@ def test_what_is_in_the_file_and_what_it_gives(tmp_path: Path) -> None:
     np.testing.assert_array_equal(model.run(fed), wanted)
     assert len(model.run_all(fed)) == 1
     assert model.notes["model"] == "c.onnx" and model.notes["provider"] in PROVIDERS
+
+
+def test_nothing_is_kept_for_or_sent_to_the_makers_of_the_runtime(tmp_path: Path) -> None:
+    """Law: a run leaves no file at home (what ONNX Runtime has to report from 1.29 on lies in ~/.cache until it is sent)."""
+    model, home = constant(tmp_path / "c.onnx", 3, 0.1, 0.2, 0.3), tmp_path / "home"
+    home.mkdir()
+    code = "import pathlib, sys; from dlama.models import network_file as f; f.NetworkFile(pathlib.Path(sys.argv[1])).session"
+    unset = ("CI", "GITHUB_ACTIONS", "XDG_CACHE_HOME", "ORT_DISABLE_TELEMETRY")
+    environment = {name: value for name, value in os.environ.items() if name not in unset} | {"HOME": str(home)}
+    subprocess.run([sys.executable, "-c", code, str(model)], env=environment, check=True)
+    assert list(home.rglob("*")) == []
 
 
 def test_sessions_close_for_large_pictures_and_open_again(tmp_path: Path) -> None:

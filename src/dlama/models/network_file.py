@@ -92,6 +92,9 @@ class NetworkFile:
             ) from error
 
     def _onnxruntime_session(self) -> Any:
+        os.environ.setdefault(
+            "ORT_DISABLE_TELEMETRY", "1"
+        )  # from 1.29 on it reports model files and runs to its makers
         ort = import_extra("onnxruntime", "running a network", "onnxruntime", "onnx")
         options = ort.SessionOptions()
         options.intra_op_num_threads = self.threads
