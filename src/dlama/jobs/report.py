@@ -158,7 +158,7 @@ def values(found: Summary, output: Output) -> dict[str, Any]:
         ("of these", ", ".join(f"{stage} {seconds / done:.2f}" for stage, seconds in found.stages.items())),
         ("hosts", ", ".join(f"{host} ({count})" for host, count in sorted(found.hosts.items()))),
         ("peak memory of a worker", f"{found.peak_mib:.0f} MiB"),
-        ("unknown before filling", f"{found.hole_shares / done:.1%} of a picture, on the average"),
+        ("unknown before filling", f"{found.hole_shares / done:.1%} of a picture on average"),
         ("filled pixels moved behind what was measured", f"{found.law_moves}"),
         ("that still hide what was measured", f"{found.law_violations}"),
     ]

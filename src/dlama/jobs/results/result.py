@@ -139,7 +139,7 @@ class Totals:
             stages = ", ".join(f"{name} {seconds / fresh:.2f}" for name, seconds in self.stages.items())
             rows.append(("seconds a job", f"{self.seconds / fresh:.2f} ({stages})"))
         if self.done:
-            rows.append(("unknown before", f"{self.hole_shares / self.done:.1%} of a picture, on the average"))
+            rows.append(("unknown before", f"{self.hole_shares / self.done:.1%} of a picture on average"))
             rows.append(("law violations", f"{self.law_violations}"))
             rows.append(("peak memory", f"{self.peak_mib:.0f} MiB a worker"))
         rows.append(("rows", f"{output}/manifest.csv"))
