@@ -193,16 +193,14 @@ def plan_for(
     options: Options,
     mask: BoolArray | Mapping[int, BoolArray] | None = None,
     cameras: Sequence[Camera] = (),
-    *,
-    clipped: bool = False,
 ) -> Start:
     """How a scene is completed, for which cameras, and the scene that this begins with, without what is masked.
 
-    clipped: whether its frames were clipped as they were read. Raises InputError, MaskError, as `complete`.
+    Raises InputError, MaskError, as `complete`.
     """
     recipe, again = options.settings, may_estimate_again(rgbd)
     about = describe_depth(rgbd) if isinstance(rgbd, RGBD | Scene) else {}
-    given = scene = scene_of(rgbd, None if clipped else recipe.clip)
+    given = scene = scene_of(rgbd, recipe.clip)
     check_memory((*(one.camera for one in given.frames if isinstance(one, View)), *cameras))
     choice = choose_filler(given.has_estimated_depth, options.filler, options.model)
     inpainter, decisions, dilation = find_filler(choice.filler, options.model), choice.decision, NO_DILATION
