@@ -157,7 +157,7 @@ def measure(truth: Truth, method: Method) -> dict[str, float]:
             found |= {f"{name} mse": float(squared[chosen].mean()), f"{name} lpips": float(distance[chosen].mean())}
             known = chosen & (reference.depth > 0)
             if known.sum() >= SETTINGS.smallest_region:
-                found[f"{name} mae"] = depth_errors(view.depth, reference.depth, known, SETTINGS.clip_m)["mae"]
+                found[f"{name} mae"] = depth_errors(view.depth, reference.depth, known)["mae"]
         found |= {one.metric: one.value for one in reliability_measures(run_, reference)}
     return found
 

@@ -17,9 +17,8 @@ import cv2
 import numpy as np
 from numpy.random import Generator
 
-from click_photos import Object, estimated, photo_with_objects, put_object
+from click_photos import Object, estimated, innermost_pixel, largest_region, photo_with_objects, put_object
 from click_worlds import ClickWorld, objects_in_sight
-from dlama.evaluation.metrics.masks import innermost_pixel, largest_region
 from dlama.geometry.holes import dilate_mask
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
 from dlama.perception.masks.click_network import (

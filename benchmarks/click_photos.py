@@ -18,7 +18,6 @@ import numpy as np
 from numpy.random import Generator
 
 from dlama.errors import InputError, MaskError
-from dlama.evaluation.metrics.masks import largest_region
 from dlama.geometry.holes import iou
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.perception.masks.salient import saliency
@@ -58,6 +57,19 @@ def group_of(file: Path) -> int:
     """0 to 9 for a photo by its name, frames of a video (all before the first _, where a folder holds several) together."""
     name = file.stem if file.parent.name not in VIDEOS else file.stem.split("_")[0]
     return int(hashlib.sha256(name.encode()).hexdigest(), 16) % 10
+
+
+def innermost_pixel(where: BoolArray) -> tuple[int, int]:
+    """x, y of the pixel farthest from where `where` (H x W, not empty) ends; the picture's rim ends it too."""
+    distance = cv2.distanceTransform(np.pad(where.astype(np.uint8), 1), cv2.DIST_L2, 5)[1:-1, 1:-1]
+    row, column = np.unravel_index(int(distance.argmax()), distance.shape)
+    return int(column), int(row)
+
+
+def largest_region(where: BoolArray) -> BoolArray:
+    """The largest 8-connected region of `where` (H x W, not empty)."""
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(where.astype(np.uint8), connectivity=8)
+    return np.asarray(labels == 1 + int(stats[1:, cv2.CC_STAT_AREA].argmax()))
 
 
 def photos_of(folder: Path, groups: Sequence[int]) -> list[Path]:

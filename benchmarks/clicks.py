@@ -26,12 +26,19 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from click_photos import TUNE, VALIDATE, clear_objects, photo_with_objects, photos_of
+from click_photos import (
+    TUNE,
+    VALIDATE,
+    clear_objects,
+    innermost_pixel,
+    largest_region,
+    photo_with_objects,
+    photos_of,
+)
 from click_worlds import ClickScene, ClickWorld, objects_in_sight
 from dlama.datasets.frames import RemovalTruth
 from dlama.datasets.layouts import open_dataset
 from dlama.errors import MaskError
-from dlama.evaluation.metrics.masks import innermost_pixel, largest_region
 from dlama.geometry.holes import dilate_mask, iou
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.perception.object_masks import MaskSession

@@ -116,7 +116,7 @@ def score_sequence(frames: Sequence[RGBD], held_out: Sequence[int], counts: Sequ
 
 def visibility_by_count(sources: Sequence[RGBD], truth: RGBD) -> Regions:
     """H x W of the truth each: pixels that one, several or none of the sources see, and `seen` by any; of known depth only."""
-    seen = [source_visibility(source, truth, None, SETTINGS.seen_tolerance) for source in sources]
+    seen = [source_visibility(source, truth) for source in sources]
     count = sum(each.seen.astype(np.int64) for each in seen)
     known = np.any([each.seen | each.unseen for each in seen], axis=0)
     return {

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
 from dlama.geometry.camera import Camera
@@ -200,3 +201,10 @@ def random_camera(rng: np.random.Generator, width: int, height: int) -> Camera:
     focal = rng.uniform(0.6, 1.5) * width
     fy, (cx, cy) = focal * rng.uniform(0.8, 1.2), rng.uniform(0.3, 0.7, 2) * (width, height)
     return Camera(width, height, focal, fy, cx, cy, pose)
+
+
+def innermost_pixel(where: np.ndarray) -> tuple[int, int]:
+    """x, y of the pixel farthest from where `where` (H x W, not empty) ends: where one clicks on what is seen."""
+    distance = cv2.distanceTransform(np.pad(where.astype(np.uint8), 1), cv2.DIST_L2, 5)[1:-1, 1:-1]
+    row, column = np.unravel_index(int(distance.argmax()), distance.shape)
+    return int(column), int(row)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import click_crops
+from click_photos import innermost_pixel, largest_region
 from clicks import Click
 from dlama import RGBD, Camera
 from dlama.models.network_file import NetworkFile
@@ -104,3 +105,18 @@ def test_the_score_of_a_click_on_nothing() -> None:
     assert [Click((0, 0), nothing, nothing).score(found) for found in (nothing, some)] == [1, 0]
     assert Click((0, 0), some, ~some).score(np.ones_like(some)) == 1
     assert Click((0, 0), some, nothing).score(np.ones_like(some)) == 0.25
+
+
+def square(top: int, left: int, side: int) -> np.ndarray:
+    out = np.zeros((60, 60), bool)
+    out[top : top + side, left : left + side] = True
+    return out
+
+
+def test_where_to_click() -> None:
+    """The innermost pixel of a square is its middle, of two the larger one's; at the picture's rim it is off the rim."""
+    assert all(abs(one - 20) <= 1 for one in innermost_pixel(square(11, 11, 19)))
+    both = square(5, 5, 9) | square(30, 30, 21)
+    np.testing.assert_array_equal(largest_region(both), square(30, 30, 21))
+    x, y = innermost_pixel(square(0, 0, 21))
+    assert 9 <= x <= 11 and 9 <= y <= 11

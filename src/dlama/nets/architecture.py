@@ -120,20 +120,6 @@ def generator_shapes(settings: GeneratorSettings) -> dict[str, tuple[int, ...]]:
     return dict(_generator_entries(settings))
 
 
-def discriminator_shapes(settings: DiscriminatorSettings) -> dict[str, tuple[int, ...]]:
-    """Every published parameter and buffer name of that discriminator with its shape."""
-    shapes: dict[str, tuple[int, ...]] = {}
-    before = settings.in_channels
-    for layer in range(settings.layers + 1):
-        here = settings.channels_at(layer)
-        shapes |= {f"model{layer}.0.weight": (here, before, 4, 4), f"model{layer}.0.bias": (here,)}
-        if layer:
-            shapes |= dict(_norm(f"model{layer}.1", here))
-        before = here
-    last = settings.layers + 1
-    return shapes | {f"model{last}.0.weight": (1, before, 4, 4), f"model{last}.0.bias": (1,)}
-
-
 def count_parameters(shapes: dict[str, tuple[int, ...]]) -> int:
     """Number of trained parameters of tensors by name; running statistics of batch norms are not trained."""
     return sum(math.prod(shape) for name, shape in shapes.items() if name.endswith(("weight", "bias")))

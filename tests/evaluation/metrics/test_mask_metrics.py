@@ -1,11 +1,11 @@
-"""Clicks where they must be; shadows darker by a tenth or more."""
+"""Agreement of masks; shadows darker by a tenth or more."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from dlama.evaluation.metrics.masks import darkened_by_shadow, innermost_pixel, largest_region
+from dlama.evaluation.metrics.masks import darkened_by_shadow
 from dlama.geometry.holes import iou
 
 
@@ -19,15 +19,6 @@ def test_iou_of_shifted_squares() -> None:
     """Half a square off: 200 of 600 pixels."""
     assert iou(square(10, 10), square(10, 20)) == pytest.approx(1 / 3)
     assert iou(square(10, 10), square(10, 10)) == 1 and iou(square(0, 0) & False, square(0, 0) & False) == 0
-
-
-def test_where_to_click() -> None:
-    """The innermost pixel of a square is its middle, of two the larger one's; at the picture's rim it is off the rim."""
-    assert all(abs(one - 20) <= 1 for one in innermost_pixel(square(11, 11, 19)))
-    both = square(5, 5, 9) | square(30, 30, 21)
-    np.testing.assert_array_equal(largest_region(both), square(30, 30, 21))
-    x, y = innermost_pixel(square(0, 0, 21))
-    assert 9 <= x <= 11 and 9 <= y <= 11
 
 
 def test_darkened_pixels() -> None:

@@ -46,12 +46,6 @@ def test_only_the_region_counts() -> None:
     assert got["mae"] == got["absrel"] == 0
 
 
-def test_the_cut_is_a_parameter() -> None:
-    """Truth 20, mine 15: 5 m wrong when cut at 30 m, 0 when cut at 10 m."""
-    assert depth_errors(row(15), row(20), clip_m=30)["mae"] == 5
-    assert depth_errors(row(15), row(20))["mae"] == 0
-
-
 @pytest.mark.parametrize("truth", [row(MISSING, np.nan), row(1, 1)])
 def test_nothing_to_count_is_nan(truth: np.ndarray) -> None:
     """An unknown truth, or an empty region."""

@@ -128,10 +128,10 @@ def test_what_was_touched_is_counted() -> None:
     depth[0, :2], depth[5, 5] = 3, 5
     changed = View(SOURCE, color, depth, np.zeros((SIZE, SIZE), bool), view.hole_type, view.origin, view.confidence)
     outside = ~SQUARE_IN_SOURCE
-    found = values(change_outside(changed, source, outside, 10.0))
+    found = values(change_outside(changed, source, outside))
     assert found["outside", "rgb", "changed_pixels"] == 3 and found["outside", "depth", "changed_pixels"] == 1
     assert found["outside", "rgb", "mse_source"] == pytest.approx(300 / outside.sum())
-    assert set(values(change_outside(view, source, outside, 10.0)).values()) == {0.0}
+    assert set(values(change_outside(view, source, outside)).values()) == {0.0}
 
 
 def test_no_fill_is_black() -> None:

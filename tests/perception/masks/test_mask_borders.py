@@ -7,13 +7,12 @@ import numpy as np
 import pytest
 
 from dlama import find_mask
-from dlama.evaluation.metrics.masks import innermost_pixel
 from dlama.geometry.camera import Camera
 from dlama.geometry.holes import iou
 from dlama.geometry.rgbd import RGBD
 from dlama.perception.masks import borders
 from dlama.perception.masks.borders import MOST_PX, correct_at_click, decide_by_color, run_grabcut
-from worlds import Box, Plane, World
+from worlds import Box, Plane, World, innermost_pixel
 
 
 def test_a_carpet_is_no_part_of_what_stands_on_it() -> None:

@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from dlama import find_mask
-from dlama.evaluation.metrics.masks import innermost_pixel
 from dlama.geometry.camera import Camera
 from dlama.geometry.holes import iou
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.worlds.dataset import world
-from worlds import Box, Plane, World
+from worlds import Box, Plane, World, innermost_pixel
 
 CAMERA = Camera.from_fov(320, 240, 70)
 GROUND, WALL = Plane((0, 1, 0), (0, -1, 0)), Plane((0, 0, 6), (0, 0, -1))

@@ -3,7 +3,7 @@
 Every true pixel is valid (finite, > 0), far (inf) or missing (0, NaN); where the truth is missing nothing is counted.
 Two rules then, because sky has no metres:
 
-- `mae` and `rmse` count every pixel whose truth is valid or far, both depths cut at `clip_m`: sky is at `clip_m`, and so
+- `mae` and `rmse` count every pixel whose truth is valid or far, both depths cut at the paper's clip: sky is there, and so
   is an estimate that is far or missing.
 - `absrel` counts the pixels where truth and estimate are both valid;
   `coverage` is their share of the validly true pixels. `delta*` counts all validly true pixels, and an estimate that
@@ -25,16 +25,13 @@ from dlama.geometry.camera import Float64Array
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 
 
-def depth_errors(
-    mine: Float32Array, truth: Float32Array, region: BoolArray | None = None, clip_m: float = SETTINGS.depth_clip_m
-) -> dict[str, float]:
+def depth_errors(mine: Float32Array, truth: Float32Array, region: BoolArray | None = None) -> dict[str, float]:
     """Depth errors over a region; the rules stand at the top of the file.
 
     Args:
         mine: H x W metres; 0 or NaN = missing, inf = far.
         truth: likewise.
         region: H x W; None = everywhere.
-        clip_m: metres, where `mae` and `rmse` cut both.
     Returns:
         mae, rmse (metres), absrel, delta1.05, delta1.25, coverage (0..1); nan where no pixel
         counts.
@@ -46,7 +43,8 @@ def depth_errors(
     there, guess = (np.nan_to_num(d[chosen].astype(np.float64).ravel(), posinf=np.inf) for d in (truth, mine))
     known = there > 0
     there, guess = there[known], guess[known]
-    cut = np.where(guess > 0, np.minimum(guess, clip_m), clip_m) - np.minimum(there, clip_m)
+    limit = SETTINGS.depth_clip_m
+    cut = np.where(guess > 0, np.minimum(guess, limit), limit) - np.minimum(there, limit)
     return {"mae": mean_or_nan(np.abs(cut)), "rmse": math.sqrt(mean_or_nan(cut**2)), **_valid_errors(guess, there)}
 
 

@@ -1,4 +1,4 @@
-"""The truth in; where to click on an object, and which pixels its shadow darkens, out."""
+"""A picture with and without an object in; which pixels its shadow darkens, by the truth, out."""
 
 from __future__ import annotations
 
@@ -16,19 +16,6 @@ SMALLEST_SHADOW_PX = 60
 """A smaller shadow counts as none."""
 EDGE_PX = 2
 """Around the object colours are mixes of it and the background."""
-
-
-def innermost_pixel(where: BoolArray) -> tuple[int, int]:
-    """x, y of the pixel farthest from where `where` (H x W, not empty) ends; the picture's rim ends it too."""
-    distance = cv2.distanceTransform(np.pad(where.astype(np.uint8), 1), cv2.DIST_L2, 5)[1:-1, 1:-1]
-    row, column = np.unravel_index(int(distance.argmax()), distance.shape)
-    return int(column), int(row)
-
-
-def largest_region(where: BoolArray) -> BoolArray:
-    """The largest 8-connected region of `where` (H x W, not empty)."""
-    _, labels, stats, _ = cv2.connectedComponentsWithStats(where.astype(np.uint8), connectivity=8)
-    return np.asarray(labels == 1 + int(stats[1:, cv2.CC_STAT_AREA].argmax()))
 
 
 def outside_contact_band(mask: BoolArray) -> BoolArray:

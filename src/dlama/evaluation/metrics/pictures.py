@@ -21,7 +21,7 @@ from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 
 @dataclass(frozen=True)
 class MetricSettings:
-    """Every number and choice that a metric's value depends on."""
+    """Every number that a metric's value depends on. A colour picture's SSIM is the mean of its channels'."""
 
     data_range: float = 255.0
     """Of SSIM and PSNR: pictures are 0..255."""
@@ -33,26 +33,15 @@ class MetricSettings:
     """True: variances are divided by n - 1."""
     ssim_k1: float = 0.01
     ssim_k2: float = 0.03
-    ssim_channels: str = "mean"
-    """Of a colour picture: each channel by itself, then their mean (scikit-image's channel_axis)."""
-    ssim_border_whole: str = "cropped"
-    """The score of a whole picture leaves the outer (window - 1) / 2 pixels out, as scikit-image does."""
-    ssim_border_region: str = "kept"
-    """The score of a region keeps them; there the window sees the picture mirrored at its border."""
-    lpips_net: str = "alex"
-    lpips_version: str = "0.1"
     lpips_low: float = -1.0
     """What level 0 is for the network; `lpips_high` is level 255."""
     lpips_high: float = 1.0
-    lpips_weights: str = "float16, computed in float32"
-    lpips_region: str = "mean of the spatial map, truth pasted outside"
     depth_clip_m: float = 10.0
     """Metres: 8-bit depth is 255 from here on (the paper's clip), and `mae` and `rmse` of depth are cut here."""
     depth_levels: int = 255
     depth_deltas: tuple[float, ...] = (1.05, 1.25)
     cloud_thresholds_m: tuple[float, ...] = (0.02, 0.05, 0.10)
     disparity_bad_px: tuple[float, ...] = (1.0, 2.0)
-    gain: str = "ratio of means per channel, levels 5..250, residuals up to twice their median"
 
 
 SETTINGS = MetricSettings()
@@ -126,14 +115,15 @@ def mean_or_nan(values: NDArray[Any]) -> float:
     return float(values.mean()) if len(values) else math.nan
 
 
-def depth_8bit(depth: Float32Array, clip_m: float = SETTINGS.depth_clip_m) -> UInt8Array:
-    """Depth as the paper shows it: 0..255 for 0..clip_m metres, rounded; far and anything beyond is 255, missing is 0.
+def depth_8bit(depth: Float32Array) -> UInt8Array:
+    """Depth as the paper shows it: 0..255 for 0..depth_clip_m metres, rounded; far and anything beyond is 255, missing is 0.
 
     Args:
         depth: H x W metres; 0 or NaN = missing, inf = far.
     """
     metres = np.where(np.isnan(depth), 0.0, depth).astype(np.float64)
-    return np.rint(np.clip(metres, 0.0, clip_m) * (SETTINGS.depth_levels / clip_m)).astype(np.uint8)
+    limit = SETTINGS.depth_clip_m
+    return np.rint(np.clip(metres, 0.0, limit) * (SETTINGS.depth_levels / limit)).astype(np.uint8)
 
 
 def channel_gain(mine: UInt8Array, truth: UInt8Array, region: BoolArray) -> tuple[float, float, float]:

@@ -73,15 +73,12 @@ class SourceVisibility:
         return color[self.row, self.column] * self.seen[..., None]
 
 
-def source_visibility(
-    source: RGBD, target: RGBD, object_mask: BoolArray | None = None, tolerance: float = SEEN_TOLERANCE
-) -> SourceVisibility:
+def source_visibility(source: RGBD, target: RGBD, object_mask: BoolArray | None = None) -> SourceVisibility:
     """The target's pixels sorted by what the source sees of them; the rules stand at the top of the file.
 
     Args:
         source, target: with their true depths and cameras, in one world.
         object_mask: H x W of the source, True = the object; what it hides is a type of its own.
-        tolerance: relative, in inverse depth.
     Raises:
         ShapeError: the mask is not of the source's size.
     """
@@ -91,8 +88,8 @@ def source_visibility(
     column, row = (clip_index(np.floor(at), size) for at, size in zip((x, y), source.camera.wh))
     there = np.where(source.missing, np.nan, inverse_depth(source.depth)).astype(np.float64)
     with np.errstate(invalid="ignore"):
-        matches = matches_neighbour(there, x, y, w, tolerance)
-        nearer = there[row, column] > w * (1 + tolerance)
+        matches = matches_neighbour(there, x, y, w)
+        nearer = there[row, column] > w * (1 + SEEN_TOLERANCE)
     known = ~np.isnan(there[row, column])
     given = ~target.missing
     seen = given & inside & (matches | (known & ~nearer))
@@ -119,9 +116,7 @@ def project_target(source: RGBD, target: RGBD) -> tuple[Float64Array, Float64Arr
     return x, y, w / z, inside
 
 
-def matches_neighbour(
-    there: Float64Array, x: Float64Array, y: Float64Array, w: Float64Array, tolerance: float
-) -> BoolArray:
+def matches_neighbour(there: Float64Array, x: Float64Array, y: Float64Array, w: Float64Array) -> BoolArray:
     """True where one of the four source pixels round (x, y), or their bilinear mean, has the inverse depth w.
 
     A pixel without bilinear weight does not count: a point on a pixel's centre has one pixel round it. On a plane inverse
@@ -130,7 +125,6 @@ def matches_neighbour(
     Args:
         there: inverse depth of the source, H x W in 1/m, nan = missing.
         x, y: source pixels, of the target's H x W; so are w (1/m) and what is returned.
-        tolerance: relative.
     """
     height, width = there.shape
     left, top = np.floor(x - 0.5), np.floor(y - 0.5)
@@ -141,9 +135,9 @@ def matches_neighbour(
         for dx, weight_x in ((0, 1 - across), (1, across)):
             found = there[clip_index(top + dy, height), clip_index(left + dx, width)]
             weight = weight_x * weight_y
-            matches |= (weight > SMALLEST_WEIGHT) & (np.abs(found - w) <= tolerance * np.maximum(found, w))
+            matches |= (weight > SMALLEST_WEIGHT) & (np.abs(found - w) <= SEEN_TOLERANCE * np.maximum(found, w))
             mean += weight * found
-    return matches | (np.abs(mean - w) <= tolerance * np.maximum(mean, w))
+    return matches | (np.abs(mean - w) <= SEEN_TOLERANCE * np.maximum(mean, w))
 
 
 def clip_index(at: Float64Array, size: int) -> IndexArray:

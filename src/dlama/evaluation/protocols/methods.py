@@ -67,10 +67,6 @@ class ProtocolSettings:
     """ORI: width of the ring round the mask; beyond it nothing may change."""
     matched_stereo: bool = True
     """SII without masks: one more run in which the method has to find the disparity itself."""
-    seen_tolerance: float = 0.02
-    """Relative difference in inverse depth up to which source and target show one surface."""
-    clip_m: float = 10.0
-    """Metres at which 8-bit depth is white, and `mae` and `rmse` are cut (the paper's clip)."""
     smallest_region: int = 50
     """Pixels; a smaller region gets no row."""
     lpips: bool = True

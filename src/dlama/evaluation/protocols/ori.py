@@ -76,7 +76,7 @@ def removal_measures(run: MethodRun, reference: Reference, truth: RemovalTruth) 
         *reference.color_measures(view.color),
         *reference.depth_measures(view.depth),
         *reference.metre_measures(view.depth, run.without_depth()),
-        *change_outside(view, truth.source, reference.regions["outside"], reference.settings.clip_m),
+        *change_outside(view, truth.source, reference.regions["outside"]),
         *cloud_measures(run, truth.without, inside),
         *reliability_measures(run, reference),
         *artifact_measures(
@@ -119,10 +119,10 @@ def removal_gain(truth: RemovalTruth, shadow: BoolArray | None, outside: BoolArr
     return channel_gain(truth.source.color, truth.without.color, both)
 
 
-def change_outside(view: View, source: RGBD, outside: BoolArray, clip_m: float) -> list[Measure]:
+def change_outside(view: View, source: RGBD, outside: BoolArray) -> list[Measure]:
     """What changed beyond the ring, against the source: colour, and 8-bit depth where the source has depth."""
     changed = (view.color != source.color).any(2)
-    mine, given = depth_8bit(view.depth, clip_m), depth_8bit(source.depth, clip_m)
+    mine, given = depth_8bit(view.depth), depth_8bit(source.depth)
     measured = outside & ~source.missing
     return [
         Measure("outside", "rgb", "changed_pixels", float((changed & outside).sum())),

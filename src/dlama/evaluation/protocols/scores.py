@@ -72,7 +72,7 @@ class Reference:
             return []
         known = self.depth > 0
         counted = known if self.comparable is None else known & self.comparable
-        truth, mine = (depth_8bit(one, self.settings.clip_m) for one in (self.depth, depth))
+        truth, mine = (depth_8bit(one) for one in (self.depth, depth))
         return self._picture_measures("depth", truth, mine, None if counted.all() else counted)
 
     def metre_measures(self, depth: Float32Array, hole: BoolArray | None = None) -> list[Measure]:
@@ -87,7 +87,7 @@ class Reference:
         found = []
         for name, region in self._regions(counted):
             if hole is None or name in ("whole", "seen"):
-                errors = depth_errors(depth, self.depth, region, self.settings.clip_m)
+                errors = depth_errors(depth, self.depth, region)
                 found += [Measure(name + self.suffix, "depth_m", metric, value) for metric, value in errors.items()]
         return [measure for measure in found if not np.isnan(measure.value)]
 

@@ -74,9 +74,7 @@ def target_reference(truth: ViewTruth, settings: ProtocolSettings, without_objec
     """The target frame with regions by what the source sees of it, made once for all methods of a case; with `without_object`
     what the object hides is a type of its own. Gain and tolerance of colours: of the source carried over by the true depth."""
     target = target_frame(truth, without_object)
-    found = source_visibility(
-        truth.source, target, truth.object_mask if without_object else None, settings.seen_tolerance
-    )
+    found = source_visibility(truth.source, target, truth.object_mask if without_object else None)
     gain, carried = (1.0, 1.0, 1.0), found.warp_color(truth.source.color)
     if truth.exposure_varies:
         gain = channel_gain(carried, target.color, found.seen)
