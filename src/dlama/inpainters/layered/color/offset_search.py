@@ -16,12 +16,12 @@ Array = NDArray[np.float64]
 Bases = tuple[Float32Array, Float32Array]
 """Two smooth colour fields on the base grid (rows x cols x 3): one true to the rim, one much smoother."""
 
-SEARCHED = 0.003
-"""Least share of the picture of a region whose plane is searched for repeating texture."""
 SAMPLES = 320
 """Number of known points at which an offset is scored."""
 COARSE = 2
-"""Of the known points every second one is enough to find where the texture may repeat; all refine and choose."""
+"""Of the known points every second one is enough to find where the texture may repeat; all refine and choose in the end."""
+NEAR, FAR = (20, 1, 3, 12), (36, 5, 2, 60)
+"""Two searches: ticks to either side, work cells between them, ticks within which the best counts, and how many are kept."""
 MOST_OFFSETS = 28
 """Most offsets of a region."""
 GRAIN = 9.0
@@ -143,8 +143,7 @@ class OffsetSearch:
 
     def choose_offsets(self, rng: np.random.Generator) -> Array:
         """The few offsets that together bring every hole cell a good source (greedy cover)."""
-        found = self._find_repeating() if self._is_worth_searching() else np.zeros((0, 2))
-        offsets = np.ascontiguousarray(np.concatenate([found, self._sample_to_known(rng)]))
+        offsets = np.ascontiguousarray(np.concatenate([self._find_repeating(), self._sample_to_known(rng)]))
         some = np.ascontiguousarray(self.centres[rng.permutation(len(self.centres))[:600]])
         scale = kernels.change_of_scale(offsets, some, *self._sources())
         worth = np.maximum(0.3 + self.score(offsets)[:, None] - 0.25 * scale, 0.01) * (scale >= 0)
@@ -158,31 +157,29 @@ class OffsetSearch:
             best = np.maximum(best, worth[i])
         return np.ascontiguousarray(offsets[chosen])
 
-    def _is_worth_searching(self) -> bool:
-        return len(self.region.pixels) >= SEARCHED * self.grid.hole.size
-
     def _find_repeating(self) -> Array:
         """Offsets under which the known texture repeats: a fine search near, a coarse one far, multiples; then refined."""
-        short, far = self._peaks(20, 1, 3, 24), self._peaks(36, 5, 2, 60)
-        lattice = [short[:4] * m for m in (2, 3, 4, 6, 8)]
-        offsets = np.concatenate([short, far, *lattice])
+        near, far = self._peaks(*NEAR), self._peaks(*FAR)
+        offsets = np.concatenate([near, far, *(near[:4] * m for m in (2, 3, 4))])
         around = np.stack(np.meshgrid([-1, 0, 1], [-1, 0, 1]), -1).reshape(-1, 2)
-        for size in (2.0, 1.0, 0.5, 0.25):
+        for size, every in ((2.0, COARSE), (1.0, COARSE), (0.5, COARSE), (0.25, 1)):
             tried = offsets[:, None] + size * self.step * around
-            best = self.score(tried.reshape(-1, 2)).reshape(-1, 9).argmax(1)
+            best = self.score(tried.reshape(-1, 2), every=every).reshape(-1, 9).argmax(1)
             offsets = tried[np.arange(len(best)), best]
         return offsets
 
     def _peaks(self, reach: int, spacing: int, radius: int, many: int) -> Array:
-        """Best local maxima of the score on a (2 reach + 1)^2 grid, best first; the centre (no offset) is left out."""
+        """Best local maxima of the score on a (2 reach + 1)^2 grid, best first; the centre (no offset) is left out. There and back
+        the texture correlates alike: half of the grid is scored."""
         ticks = np.arange(-reach, reach + 1)
         grid = np.stack(np.meshgrid(ticks, ticks), -1)
-        offsets = grid * (spacing * self.step)
-        score = self.score(offsets.reshape(-1, 2), every=COARSE).reshape(grid.shape[:2])
+        offsets = (grid * (spacing * self.step)).reshape(-1, 2)
+        half = self.score(offsets[: len(offsets) // 2 + 1], every=COARSE)
+        score = np.concatenate([half, half[-2::-1]]).reshape(grid.shape[:2])
         score[np.abs(grid).max(-1) * spacing < 3] = 0
         window = np.ones((2 * radius + 1, 2 * radius + 1), np.uint8)
-        top = (score > 0) & (score >= cv2.dilate(score, window))
-        order = np.argsort(-score[top], kind="stable")[:many]
+        top = ((score > 0) & (score >= cv2.dilate(score, window))).ravel()
+        order = np.argsort(-score.ravel()[top], kind="stable")[:many]
         return offsets[top][order]
 
     def _sample_to_known(self, rng: np.random.Generator) -> Array:
