@@ -201,10 +201,10 @@ def test_easysynths_own_options_reach_its_reader(tmp_path: Path, monkeypatch: py
         return Dataset("d", "easysynth", root, (), ())
 
     monkeypatch.setitem(LAYOUTS, "easysynth", dataclasses.replace(LAYOUTS["easysynth"], read=read))
-    open_dataset(tmp_path, "easysynth", depth_range=5.0, removal_object="barrel")
+    open_dataset(tmp_path, "easysynth", gamma="linear", removal_object="barrel")
     open_dataset(tmp_path, "easysynth")
-    assert got == [{"depth_range": 5.0, "removal_object": "barrel"}, {}]
-    for option, flag in (({"depth_range": 5.0}, "depth_range"), ({"removal_object": "x"}, "removal_object")):
+    assert got == [{"gamma": "linear", "removal_object": "barrel"}, {}]
+    for option, flag in (({"gamma": "srgb"}, "gamma"), ({"removal_object": "x"}, "removal_object")):
         with pytest.raises(InputError, match=f"{flag} does not apply .* it is for easysynth"):
             open_dataset(tmp_path, "tum", **option)
 

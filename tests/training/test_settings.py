@@ -66,6 +66,7 @@ def test_what_a_file_leaves_out_keeps_its_default():
         lambda: LossSettings(adversarial=-1),
         lambda: LossSettings(perceptual=float("nan")),
         lambda: LossSettings(trunk="resnet50-dilated"),
+        lambda: LossSettings(trunk="random", trunk_weights="x.pth"),
         lambda: LoopSettings(batch=0),
         lambda: LoopSettings(precision="fp16"),
         lambda: DataSettings(mixture={}),
@@ -147,3 +148,25 @@ def test_resuming_with_other_settings_is_refused():
     refuse_changes(had, replace(had, loop=replace(had.loop, steps=7, log_every=1)))
     with pytest.raises(InputError, match=r"loss.perceptual is 1.0, the run to resume has 30.0"):
         refuse_changes(had, replace(had, loss=LossSettings(perceptual=1.0)))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", PRESETS)
+def test_presets_say_their_flop(name):
+    """Oracle: a real pass at an eighth of the size; two for each weight and pixel of a convolution, transforms left out."""
+    torch = pytest.importorskip("torch", reason="the networks need torch: pip install 'dlama[train]'")
+    from dlama.nets.generator import Generator
+
+    counted = [0]
+
+    def count(part, planes, out):
+        pixels = planes[0] if isinstance(part, torch.nn.ConvTranspose2d) else out
+        counted[0] += 2 * part.weight.numel() * pixels.shape[2] * pixels.shape[3]
+
+    network = Generator(PRESETS[name].settings.network.generator)
+    for part in network.modules():
+        if isinstance(part, (torch.nn.Conv2d, torch.nn.ConvTranspose2d)):
+            part.register_forward_hook(count)
+    with torch.no_grad():
+        network(torch.zeros(1, network.settings.in_channels, 64, 64))
+    assert PRESETS[name].gflop == pytest.approx(counted[0] * 64 / 1e9, rel=0.07)

@@ -10,7 +10,7 @@ from typing import Any, TypedDict
 from dlama.completion.options import Unpack
 from dlama.datasets.captures import arkitscenes, azure_kinect, polycam, record3d, rosbag, scannetpp, stray_scanner
 from dlama.datasets.easysynth.dataset import easysynth, looks_like_easysynth
-from dlama.datasets.frames import Dataset
+from dlama.datasets.frames import Dataset, Gamma
 from dlama.datasets.pairs_json import looks_like_pairs, pairs_json
 from dlama.datasets.posed import colmap, nerfstudio, scannet, trajectory_log, tum
 from dlama.datasets.posed.numbered_frames import SEVEN_SCENES, TSDF_FUSION
@@ -36,7 +36,7 @@ class Layout:
     read: Callable[..., Dataset]
     """`read(root, **options)`; reads listings, no pictures but the depth that pairs are chosen by."""
     options: frozenset[str] = frozenset()
-    """Which of `depth_range`, `removal_object`, `camera`, `scenes`, `limit` it takes; the last two are applied
+    """Which of `depth_range`, `gamma`, `removal_object`, `camera`, `scenes`, `limit` it takes; the last two are applied
     afterwards where not."""
     files: tuple[str, ...] = ()
     """Endings of files that are such a data set by themselves."""
@@ -81,7 +81,7 @@ LAYOUTS: dict[str, Layout] = {
         "CameraPoses.csv or CameraRig.json, and ColorImage",
         looks_like_easysynth,
         easysynth,
-        frozenset({"depth_range", "removal_object"}),
+        frozenset({"depth_range", "gamma", "removal_object"}),
     ),
     "pairs": Layout("pairs.json", looks_like_pairs, pairs_json, _FOLDERS),
     "removal": Layout("with.color.png and without.color.png", looks_like_removal, removal_folder, _FOLDERS),
@@ -117,6 +117,8 @@ class DatasetOptions(TypedDict, total=False):
 
     depth_range: float | None
     """Metres (easysynth)."""
+    gamma: Gamma | None
+    """How 8-bit depth is encoded (easysynth)."""
     removal_object: str | None
     """A semantic class (easysynth)."""
     camera: CameraOption

@@ -19,6 +19,9 @@ from dlama.nets.architecture import (
 )
 from dlama.training.kinds import PLANES, SAMPLES, Planes, PlanesKind
 
+TRUNKS = ("auto", "resnet50-dilated", "random", "lpips")
+"""Names of the perceptual term's frozen network."""
+
 
 @dataclass(frozen=True)
 class NetworkSettings:
@@ -96,19 +99,27 @@ class LossSettings:
     """1 - cosine between normals: planes are flat in inverse depth too."""
     depth_law: float = 30.0
     """By how much filled depth is nearer than the visibility law allows."""
-    trunk: Literal["random", "lpips"] = "random"
-    """Network of the perceptual term: random (frozen random weights); lpips (the distance of the evaluation, in place of
-    equation 5)."""
+    trunk: str = "auto"
+    """Network of the perceptual term: resnet50-dilated, random (frozen random weights, no file); lpips (the distance of the
+    evaluation, from the file that ships, in place of equation 5); auto: resnet50-dilated with `trunk_weights`, else random."""
+    trunk_weights: str | None = None
+    """Its weight file: .safetensors or .pth."""
     trunk_width: int = 32
     """First layer's channels of the random trunk."""
 
     def __post_init__(self) -> None:
-        check_word(self.trunk, "loss.trunk", ("random", "lpips"))
+        check_word(self.trunk, "loss.trunk", TRUNKS)
         for each in fields(self):
             value = getattr(self, each.name)
             if isinstance(value, (int, float)) and not 0 <= value < float("inf"):
                 raise InputError(f"`loss.{each.name}` is {value}; 0 or more is expected")
         _at_least("loss", self, 1, "penalty_every", "trunk_width")
+        if self.trunk in ("random", "lpips") and self.trunk_weights:
+            raise InputError(
+                f"loss.trunk is {self.trunk!r}, which takes no weights, but loss.trunk_weights names a file"
+            )
+        if self.trunk not in ("auto", "random", "lpips") and not self.trunk_weights:
+            raise InputError(f"loss.trunk is {self.trunk!r}; loss.trunk_weights must name its weight file")
 
     @property
     def uses_discriminator(self) -> bool:

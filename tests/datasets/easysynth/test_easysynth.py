@@ -9,13 +9,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from dlama.datasets.easysynth.dataset import easysynth, looks_like_easysynth, orbit_yaw
-from dlama.datasets.easysynth.text_files import opencv_pose, unreal_pose
+from dlama.datasets.easysynth.text_files import opencv_pose, read_poses, unreal_pose
 from dlama.datasets.easysynth.writer import write_scene
 from dlama.datasets.frames import RemovalTruth, StereoTruth, ViewTruth
 from dlama.datasets.posed.posed_frames import PosedFrame
-from dlama.errors import CameraError, DepthError, FileError, MaskError
+from dlama.errors import CameraError, DepthError, FileError, InputError, MaskError
 from dlama.geometry.poses import quaternion_from_rotation, rotation_from_quaternion
 from dlama.geometry.trajectories import dolly, orbit
 from rendered_walls import CAMERA, CLASSES, edit_json, frame
@@ -115,6 +116,23 @@ def test_poses_there_and_back(turn: tuple[float, float, float]) -> None:
     np.testing.assert_allclose(rotation_from_quaternion(quaternion_from_rotation(turned)), turned, atol=1e-12)
 
 
+def test_the_metric_dialect_means_the_same(sequence: Path) -> None:
+    """Oracle: EasySynth 1.0's exporter, which wrote (Y, -Z, X) / 100 and (w, -y, z, -x) of Unreal's pose."""
+    table = sequence / "CameraComponent" / "CameraPoses.csv"
+    wanted = {identity: pose.world_from_cam for identity, pose in read_poses(table).items()}
+    lines = ["id,tx,ty,tz,qw,qx,qy,qz,fx,fy,cx,cy"]
+    for line in table.read_text().splitlines()[1:]:
+        number, tx, ty, tz, qx, qy, qz, qw, _ = map(float, line.split(","))
+        values = (ty / 100, -tz / 100, tx / 100, qw, -qy, qz, -qx, 9.5, 9.5, 8, 6)
+        lines.append(f"{number:.0f}," + ",".join(f"{value:.9f}" for value in values))
+    table.write_text("\r\n".join(lines) + "\r\n")
+    (sequence / "CameraRig.json").unlink()
+    for number, found in enumerate(easysynth(sequence).frames):
+        camera = found.load().camera
+        np.testing.assert_allclose(camera.world_from_cam, wanted[number], atol=1e-8)
+        assert (camera.fx, camera.cx, camera.cy) == (9.5, 8, 6)
+
+
 def test_orbit_yaw_is_signed_and_knows_what_is_none() -> None:
     """Oracle: `orbit` itself, also of a camera that looks down and orbits about the vertical; dollies and pans are none."""
     start = moved(CAMERA, turn=(0, 30, 0), shift=(1, 2, 3))
@@ -160,14 +178,22 @@ def test_normalised_depth_needs_its_range(sequence: Path) -> None:
     assert np.array_equal(depth, frame.load().depth) and camera.same_view_as(frame.load().camera)
 
 
-def test_depth_of_8_bit_is_refused(sequence: Path) -> None:
-    """Guard: 256 steps, and nothing says how they are encoded."""
+def test_png_depth_must_say_its_encoding(sequence: Path) -> None:
+    """Closed form: level 188 is 0.5029 of linear light (IEC 61966-2-1), 188 / 255 as it stands; 255 is far, 0 missing."""
     place = sequence / "CameraComponent"
     shutil.rmtree(place / "DepthMM")
     for path in (place / "DepthImage").iterdir():
-        path.rename(path.with_suffix(".png"))
-    with pytest.raises(DepthError, match=r"png: depth as PNG .*render DepthImage as EXR"):
+        levels = np.full(CAMERA.hw, 188, np.uint8)
+        levels[0, 0], levels[0, 1] = 255, 0
+        Image.fromarray(np.repeat(levels[..., None], 3, axis=2)).save(path.with_suffix(".png"))
+        path.unlink()
+    with pytest.raises(DepthError, match=r"gamma-encoded.*gamma=srgb .*gamma=linear"):
         easysynth(sequence, depth_range=10)
+    with pytest.raises(InputError, match=r"gamma is True; 'srgb' or 'linear' is expected"):
+        easysynth(sequence, depth_range=10, gamma=True)  # type: ignore[arg-type]
+    for gamma, share in (("srgb", 0.502886), ("linear", 188 / 255)):
+        depth = easysynth(sequence, depth_range=10, gamma=gamma).frames[0].load().depth
+        assert depth[5, 5] == pytest.approx(10 * share, abs=1e-4) and depth[0, 0] == np.inf and depth[0, 1] == 0
 
 
 # Layouts

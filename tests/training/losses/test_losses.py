@@ -11,15 +11,15 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="training needs torch: pip install 'dlama[train]'")
 
-from toy_runs import world_source  # noqa: E402
+from toy_runs import Exploit, world_source  # noqa: E402
 
-from dlama.errors import ShapeError  # noqa: E402
+from dlama.errors import FileError, ShapeError  # noqa: E402
 from dlama.nets.architecture import DiscriminatorSettings  # noqa: E402
 from dlama.nets.generator import Discriminator  # noqa: E402
 from dlama.nets.safetensors_file import read_safetensors  # noqa: E402
 from dlama.training.data.batches import check_sample, composite, hole_planes, pictures  # noqa: E402
 from dlama.training.loop.validation import hole_metrics, metric_names, telea  # noqa: E402
-from dlama.training.losses import perceptual, pixels, terms  # noqa: E402
+from dlama.training.losses import pixels, terms, trunks  # noqa: E402
 from dlama.training.losses.perceptual import PerceptualLoss, perceptual_loss, reference_picture  # noqa: E402
 from dlama.training.losses.terms import (  # noqa: E402
     GENERATOR_TERMS,
@@ -30,6 +30,7 @@ from dlama.training.losses.terms import (  # noqa: E402
     used_terms,
 )
 from dlama.training.settings import LossSettings, NetworkSettings  # noqa: E402
+from marks import first_quick  # noqa: E402
 
 VECTORS = Path(__file__).parents[2] / "data" / "lama_vectors" / "discriminator_ndf8_n3.safetensors"
 RGB = NetworkSettings("rgb")
@@ -117,6 +118,14 @@ def test_gradient_penalty_has_its_weight(vector):
     assert list(found[1]) == ["discriminator"]
 
 
+def test_trunks_that_would_run_code_are_refused(tmp_path):
+    """Oracle: the marker file of a pickle that writes one."""
+    torch.save({"conv1.weight": Exploit(tmp_path / "ran")}, tmp_path / "trunk.pth")
+    with pytest.raises(FileError, match=r"trunk\.pth"):
+        perceptual_loss(LossSettings(trunk_weights=str(tmp_path / "trunk.pth")))
+    assert not (tmp_path / "ran").exists()
+
+
 def test_perceptual_loss_is_a_mean_of_means():
     """Oracle: closed form of equation 5 for a trunk of two layers of different sizes."""
 
@@ -124,15 +133,14 @@ def test_perceptual_loss_is_a_mean_of_means():
         def forward(self, x):
             return [x, x[:, :1, ::2, ::2] * 2]
 
-    loss = PerceptualLoss(Two())
-    loss.scales.fill_(1)
+    loss = PerceptualLoss(Two(), "two")
     truth = torch.rand(2, 3, 8, 8)
-    std = torch.tensor(perceptual.IMAGENET_STD)
+    std = torch.tensor(trunks.IMAGENET_STD)
     first, second = (0.1 / std).square().mean(), (0.2 / std[0]).square()
     assert number(loss(truth + 0.1, truth)) == pytest.approx(number(first + second) / 2, rel=1e-5)
 
 
-def test_layers_of_the_random_trunk_count_alike():
+def test_the_random_trunk_is_on_the_scale_of_the_other():
     """Oracle: closed form; against a trunk that sees nothing, each layer of the reference picture counts 1."""
     loss = perceptual_loss(LossSettings())
     picture = reference_picture()
@@ -241,12 +249,49 @@ def test_the_discriminator_sees_no_depth_without_truth():
     assert discriminator_input(torch.ones(1, 6, 4, 4), {}).all()
 
 
+@pytest.mark.parametrize("suffix", first_quick([".safetensors", ".pth"]))
+def test_a_trunk_is_read_strictly(suffix, tmp_path):
+    """Oracle: round trip with random weights of the published structure; half a file is refused by name."""
+    from safetensors.torch import save_file
+
+    trunk = trunks.DilatedResnet50().eval()
+    state = trunk.state_dict() | {"fc.weight": torch.zeros(3)}
+    path = tmp_path / f"trunk{suffix}"
+    save = {".safetensors": save_file, ".pth": torch.save}[suffix]
+    save(state, path)
+    loss = perceptual_loss(LossSettings(trunk_weights=str(path)))
+    assert loss.name == "resnet50-dilated" and not loss.trunk.training
+    picture = torch.rand(1, 3, 64, 64)
+    with torch.no_grad():
+        for mine, wanted in zip(loss.trunk(picture), trunk(picture)):
+            torch.testing.assert_close(mine, wanted)
+    missing = next(key for key in state if key.endswith("conv3.weight"))
+    save({key: tensor for key, tensor in state.items() if key != missing}, path)
+    with pytest.raises(FileError, match=missing):
+        perceptual_loss(LossSettings(trunk="resnet50-dilated", trunk_weights=str(path)))
+
+
+def test_the_dilated_trunk_sees_far():
+    """Oracle: closed form; its last stages halve nothing, and it has the parameters of ResNet-50 with a deep stem."""
+    trunk = trunks.DilatedResnet50().eval()
+    with torch.no_grad():
+        sizes = [tuple(x.shape[1:]) for x in trunk(torch.rand(1, 3, 64, 64))]
+    assert sizes == [(256, 16, 16), (512, 8, 8), (1024, 8, 8), (2048, 8, 8)]
+    stem = 3 * 64 * 9 + 64 * 64 * 9 + 64 * 128 * 9 + 2 * (64 + 64 + 128)
+    plain_stem, plain = (
+        3 * 64 * 49 + 2 * 64,
+        25_557_032 - 2048 * 1000 - 1000,
+    )  # torchvision's resnet50 without its classifier
+    wider_first_block = 64 * (64 + 256)  # 128 planes come in, not 64
+    assert sum(p.numel() for p in trunk.parameters()) == plain - plain_stem + stem + wider_first_block
+
+
 def test_the_random_trunk_is_always_the_same():
     """Oracle: round trip; drawing random numbers before or after changes nothing, and nothing else is drawn."""
     state = torch.get_rng_state()
-    first = perceptual.random_trunk(4).state_dict()
+    first = trunks.random_trunk(4).state_dict()
     torch.rand(3)
-    second = perceptual.random_trunk(4).state_dict()
+    second = trunks.random_trunk(4).state_dict()
     assert all(torch.equal(first[key], second[key]) for key in first)
     torch.set_rng_state(state)
 

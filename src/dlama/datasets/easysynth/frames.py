@@ -7,14 +7,18 @@ from pathlib import Path
 
 import numpy as np
 
-from dlama.datasets.frames import RemovalTruth, StereoTruth, ViewTruth
+from dlama.datasets.frames import Gamma, RemovalTruth, StereoTruth, ViewTruth
 from dlama.datasets.posed.posed_frames import FrameFiles, load_rgbd
-from dlama.errors import CameraError, FileError, MaskError
+from dlama.errors import CameraError, DepthError, FileError, MaskError
+from dlama.files.rasters.images import read_stored
 from dlama.files.rasters.pictures import read_classes
 from dlama.files.semantic_classes import RGB
 from dlama.geometry.camera import StereoRig
 from dlama.geometry.projection import disparity_from_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array
+
+SRGB_LINEAR_BELOW = 0.04045
+"""IEC 61966-2-1."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,3 +93,15 @@ def _disparity(rig: StereoRig, depth: Float32Array) -> Float32Array:
     """H x W px; 0 where depth is missing, or disparity is not > 0."""
     disparity = disparity_from_depth(depth, fx=rig.left.fx, baseline_m=rig.baseline_m, doffs=rig.doffs)
     return np.maximum(disparity, 0)
+
+
+def read_png_depth(path: Path, depth_range: float, gamma: Gamma) -> Float32Array:
+    """H x W metres of a DepthImage in 8 bit; its largest value is far, 0 is missing. DepthError, FileError."""
+    stored = read_stored(path).values
+    values = stored if stored.ndim == 2 else stored[..., 0]
+    if stored.dtype != np.uint8 or (stored.ndim == 3 and (stored[..., :3] != values[..., None]).any()):
+        raise DepthError(f"{path}: is {stored.dtype} {stored.shape}; 8-bit grey is what EasySynth writes as PNG depth")
+    share = values / 255.0
+    if gamma == "srgb":
+        share = np.where(share <= SRGB_LINEAR_BELOW, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
+    return np.where(values == 255, np.inf, share * depth_range).astype(np.float32)

@@ -8,11 +8,12 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from dlama.datasets.easysynth.frames import RenderedFrame
-from dlama.datasets.easysynth.text_files import RigCamera, read_poses, read_rig
+from dlama.datasets.easysynth.frames import RenderedFrame, read_png_depth
+from dlama.datasets.easysynth.text_files import Pose, RigCamera, read_poses, read_rig
+from dlama.datasets.frames import Gamma
 from dlama.datasets.posed.posed_frames import FrameFiles
 from dlama.datasets.text_tables import folders_in
-from dlama.errors import CameraError, DepthError, FileError
+from dlama.errors import CameraError, DepthError, FileError, InputError
 from dlama.files.rasters.depth import read_depth
 from dlama.files.rasters.images import picture_hw
 from dlama.files.rasters.pictures import read_color_of_camera
@@ -62,17 +63,19 @@ def sequence_folders(root: Path) -> list[tuple[Path, list[Path]]]:
     return [(scene, found) for scene, found in below if found]
 
 
-def read_sequence(folder: Path, depth_range: float | None) -> RenderedSequence:
-    """The frames of one rendering output folder; pictures are not opened. depth_range: as in `easysynth`.
+def read_sequence(folder: Path, depth_range: float | None, gamma: Gamma | None) -> RenderedSequence:
+    """The frames of one rendering output folder; pictures are not opened. depth_range, gamma: as in `easysynth`.
 
-    Raises FileError, CameraError, DepthError.
+    Raises FileError, CameraError, DepthError, InputError.
     """
+    if gamma not in ("srgb", "linear", None):
+        raise InputError(f"`gamma` is {gamma!r}; 'srgb' or 'linear' is expected")
     rig = read_rig(folder / RIG) if (folder / RIG).exists() else {}
     places = {each.name: each for each in _folders(folder) if (each / COLOR).is_dir()}
     missing = [name for name in rig if name not in places]
     if missing:
         raise FileError(f"{folder / missing[0] / COLOR}: no such folder; {folder / RIG} has a camera '{missing[0]}'")
-    cameras = {name: _camera(folder, place, rig.get(name), depth_range) for name, place in places.items()}
+    cameras = {name: _camera(folder, place, rig.get(name), depth_range, gamma) for name, place in places.items()}
     return RenderedSequence(folder, cameras)
 
 
@@ -86,29 +89,44 @@ def _folders(root: Path) -> list[Path]:
     return sorted(folders_in(root)) if root.is_dir() else []
 
 
-def _camera(folder: Path, place: Path, rig: RigCamera | None, depth_range: float | None) -> dict[int, RenderedFrame]:
+def _camera(
+    folder: Path, place: Path, rig: RigCamera | None, depth_range: float | None, gamma: Gamma | None
+) -> dict[int, RenderedFrame]:
     """The frames of one camera, by id."""
-    if rig is None:
-        raise FileError(f"{folder / RIG}: no such file, or no camera '{place.name}' in it, which has the intrinsics")
-    own = place / POSES
-    rig_poses = read_poses(own if own.exists() else folder / POSES)
-    poses = rig_poses if own.exists() else {each: pose @ rig.rig_from_cam for each, pose in rig_poses.items()}
-    read, depths = _depth_pictures(place, list(poses), depth_range)
+    table, poses = _poses(folder, place, rig)
+    read, depths = _depth_pictures(place, list(poses), depth_range, gamma)
     colors = _pictures(place / COLOR, list(poses))
     semantics = _pictures(place / SEMANTIC, list(poses)) if (place / SEMANTIC).is_dir() else {}
     frames = {}
     for identity, pose in poses.items():
+        lens = pose.lens or (rig.lens if rig else None)
+        if lens is None:
+            raise FileError(
+                f"{folder / RIG}: no such file, or no camera '{place.name}' in it; {table} has no intrinsics"
+            )
         color, depth = colors[identity], depths[identity]
-        reading = partial(read_color_of_camera, color), partial(read, depth), rig.lens, pose
+        reading = partial(read_color_of_camera, color), partial(read, depth), lens, pose.world_from_cam
         files = FrameFiles((str(color), str(depth)), *reading, partial(picture_hw, color), has_far=True)
         frames[identity] = RenderedFrame(files, color, semantics.get(identity))
     return frames
 
 
+def _poses(folder: Path, place: Path, rig: RigCamera | None) -> tuple[Path, dict[int, Pose]]:
+    """(table, the camera's own poses): from its folder, else the rig's poses and where the camera sits in the rig."""
+    if (place / POSES).exists():
+        return place / POSES, read_poses(place / POSES)
+    if rig is None:
+        raise FileError(f"{place / POSES}: no such file")
+    poses = read_poses(folder / POSES)
+    return folder / POSES, {
+        identity: Pose(pose.world_from_cam @ rig.rig_from_cam, pose.lens) for identity, pose in poses.items()
+    }
+
+
 def _depth_pictures(
-    place: Path, identities: list[int], depth_range: float | None
+    place: Path, identities: list[int], depth_range: float | None, gamma: Gamma | None
 ) -> tuple[Callable[[Path], Float32Array], dict[int, Path]]:
-    """Pictures, and how each is read: DepthMM (16-bit mm) where it is there, else DepthImage (EXR), by its range."""
+    """Pictures, and how each is read: DepthMM (16-bit mm) where it is there, else DepthImage, if the options say how."""
     if (place / MILLIMETRES).is_dir():
         return read_depth, _pictures(place / MILLIMETRES, identities)
     pictures = _pictures(place / DEPTH, identities)
@@ -117,9 +135,16 @@ def _depth_pictures(
         raise DepthError(
             f"{place / DEPTH}: depth is divided by EasySynth's 'Depth range', which no file holds: give `depth_range=METRES`"
         )
-    if first.suffix.lower() != ".exr":
-        raise DepthError(f"{first}: depth as PNG or JPEG has 256 steps, and Unreal's gamma; render DepthImage as EXR")
-    return partial(read_depth, depth_range=depth_range), pictures
+    if first.suffix.lower() == ".exr":
+        return partial(read_depth, depth_range=depth_range), pictures
+    if first.suffix.lower() != ".png":
+        raise DepthError(f"{first}: depth as JPEG is not exact; render DepthImage as EXR")
+    if gamma is None:
+        raise DepthError(
+            f"{first}: depth as PNG has 256 steps and is usually gamma-encoded by Unreal; render it as EXR, or say how it is "
+            "encoded: `gamma=srgb` (to be undone) or `gamma=linear`"
+        )
+    return partial(read_png_depth, depth_range=depth_range, gamma=gamma), pictures
 
 
 def _pictures(folder: Path, identities: list[int]) -> dict[int, Path]:

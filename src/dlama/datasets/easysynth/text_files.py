@@ -26,8 +26,20 @@ from dlama.geometry.poses import QUATERNION_TOLERANCE, make_pose, quaternion_fro
 OPENCV_FROM_UNREAL = np.array([[0.0, 1, 0], [0, 0, -1], [1, 0, 0]])
 """x = Y, y = -Z, z = X."""
 CENTIMETRES = 100.0
-HEADER = ("id", "tx", "ty", "tz", "qx", "qy", "qz", "qw", "t")
+UNREAL_HEADER = ("id", "tx", "ty", "tz", "qx", "qy", "qz", "qw", "t")
 """EasySynth 1.2 and later, and its branch for Unreal 4.27: centimetres, Unreal axes, no intrinsics."""
+METRIC_HEADER = ("id", "tx", "ty", "tz", "qw", "qx", "qy", "qz", "fx", "fy", "cx", "cy")
+"""EasySynth 1.0 and 1.1: metres, x right, y down, z forward (its README), intrinsics in pixels."""
+
+
+@dataclass(frozen=True, eq=False)
+class Pose:
+    """One line of CameraPoses.csv."""
+
+    world_from_cam: Float64Array
+    """4x4, OpenCV axes, metres."""
+    lens: Lens | None
+    """What the line itself says (dialect of 1.0 and 1.1); None: CameraRig.json says it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,25 +51,27 @@ class RigCamera:
     """4x4, OpenCV axes, metres."""
 
 
-def read_poses(path: Path) -> dict[int, Float64Array]:
-    """The poses of a CameraPoses.csv (4x4, OpenCV axes, metres) by frame id, in the file's order.
+def read_poses(path: Path) -> dict[int, Pose]:
+    """The poses of a CameraPoses.csv by frame id, in the file's order; the header names the dialect.
 
     Raises FileError naming line and column: an unknown header, a value that is no finite number, an id given twice, a
     quaternion whose length is not 1, no pose at all.
     """
     rows = read_rows(path, commas=True, text=unreal_text(path))
     header = rows[0].words if rows else ()
-    if header != HEADER:
+    read = {UNREAL_HEADER: _unreal_pose, METRIC_HEADER: _metric_pose}.get(header)
+    if read is None:
         raise FileError(
-            f"{path}:1:1: the header is '{','.join(header)[:80]}'; '{','.join(HEADER)}' (EasySynth 1.2 and later) is expected"
+            f"{path}:1:1: the header is '{','.join(header)[:80]}'; '{','.join(UNREAL_HEADER)}' (EasySynth 1.2 and later) "
+            f"or '{','.join(METRIC_HEADER)}' (1.0, 1.1) is expected"
         )
-    poses: dict[int, Float64Array] = {}
+    poses: dict[int, Pose] = {}
     for row in rows[1:]:
-        row.need(len(HEADER), ",".join(HEADER))
+        row.need(len(header), ",".join(header))
         identity = row.whole(0)
         if identity in poses:
             raise FileError(f"{row.at(0)}: id is {identity} for the second time; every frame has one line")
-        poses[identity] = _pose(row)
+        poses[identity] = read(row)
     if not poses:
         raise FileError(f"{path}:2:1: there is no pose; a line per frame is expected")
     return poses
@@ -86,13 +100,38 @@ def unreal_pose(world_from_cam: Float64Array) -> tuple[Float64Array, Float64Arra
     return OPENCV_FROM_UNREAL.T @ world_from_cam[:3, 3] * CENTIMETRES, quaternion_from_rotation(rotation)
 
 
-def _pose(row: Row) -> Float64Array:
-    tx, ty, tz, *quaternion, _ = (row.number(place) for place in range(1, len(HEADER)))
+def _unreal_pose(row: Row) -> Pose:
+    *translation, _ = _numbers(row, UNREAL_HEADER, "tx", "ty", "tz", "t")
+    return Pose(opencv_pose(translation, _quaternion(row, UNREAL_HEADER)), None)
+
+
+def _metric_pose(row: Row) -> Pose:
+    rotation = rotation_from_quaternion(_quaternion(row, METRIC_HEADER))
+    pose = make_pose(rotation, _numbers(row, METRIC_HEADER, "tx", "ty", "tz"))
+    names = ("fx", "fy", "cx", "cy")
+    intrinsics = _numbers(row, METRIC_HEADER, *names)
+    for name, value in zip(names, intrinsics):
+        if value <= 0:
+            raise FileError(
+                f"{row.at(METRIC_HEADER.index(name))}: {name} is {value:g}; a number of pixels > 0 is expected"
+            )
+    fx, fy, cx, cy = intrinsics
+    hw = max(1, round(2 * cy)), max(1, round(2 * cx))  # cx, cy are written as half the picture
+    return Pose(pose, Lens(str(row.path), (fx, fy, cx, cy), 0.5, hw, scales=True))
+
+
+def _numbers(row: Row, header: tuple[str, ...], *names: str) -> list[float]:
+    """The values of these columns."""
+    return [row.number(header.index(name)) for name in names]
+
+
+def _quaternion(row: Row, header: tuple[str, ...]) -> list[float]:
+    quaternion = _numbers(row, header, "qx", "qy", "qz", "qw")
     length = math.hypot(*quaternion)
     if abs(length - 1) > QUATERNION_TOLERANCE:
-        where = row.at(HEADER.index("qx"))
+        where = row.at(header.index("qx"))
         raise FileError(f"{where}: qx begins a quaternion of length {length:.6g}; length 1 is expected")
-    return opencv_pose((tx, ty, tz), quaternion)
+    return quaternion
 
 
 def _rig_camera(path: Path, name: str, values: Any) -> RigCamera:

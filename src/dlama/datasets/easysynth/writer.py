@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 
 from dlama.datasets.easysynth.listing import COLOR, DEPTH, MILLIMETRES, POSES, RIG, SEMANTIC
-from dlama.datasets.easysynth.text_files import HEADER, unreal_pose
+from dlama.datasets.easysynth.text_files import UNREAL_HEADER, unreal_pose
 from dlama.errors import OutputError
 from dlama.files.atomic_write import new_directory, new_file
 from dlama.files.rasters.depth import write_depth_png
@@ -126,7 +126,7 @@ def _rig_camera(camera: Camera, rig_from_cam: Float64Array) -> dict[str, list[fl
 
 
 def _write_poses(path: Path, cameras: list[Camera]) -> None:
-    lines = [",".join(HEADER)]
+    lines = [",".join(UNREAL_HEADER)]
     for number, camera in enumerate(cameras):
         translation, quaternion = unreal_pose(camera.world_from_cam)
         values = [*_round(translation), *_round(quaternion), (number + 1) / 30]  # t begins at one frame time

@@ -33,16 +33,25 @@ MAY_CHANGE = {
 """Settings that may differ in a resumed run; all others would make it another run."""
 
 
-def choose_settings(name: str, start: Path | None, run: Path | None = None, **loop: Any) -> TrainSettings:
+def choose_settings(
+    name: str, start: Path | None, trunk: Path | None, run: Path | None = None, **loop: Any
+) -> TrainSettings:
     """A file's or a preset's settings with what the command line says put in; InputError.
 
     run: directory of a run to resume, which began with the weights that neither the command line nor the settings name.
     """
     found = settings_of(name)
-    if run is not None and (run / SETTINGS).is_file() and found.network.start is None:
-        found = replace(found, network=replace(found.network, start=settings_of(run / SETTINGS).network.start))
+    if run is not None and (run / SETTINGS).is_file():
+        begun = settings_of(run / SETTINGS)
+        if found.network.start is None:
+            found = replace(found, network=replace(found.network, start=begun.network.start))
+        if found.loss.trunk_weights is None and begun.loss.trunk_weights is not None:
+            weights = begun.loss.trunk_weights
+            found = replace(found, loss=replace(found.loss, trunk=begun.loss.trunk, trunk_weights=weights))
     if start is not None:
         found = replace(found, network=replace(found.network, start=str(start)))
+    if trunk is not None:
+        found = replace(found, loss=replace(found.loss, trunk="auto", trunk_weights=str(trunk)))
     changes = {key: value for key, value in loop.items() if value is not None}
     return replace(found, loop=replace(found.loop, **changes))
 

@@ -1,13 +1,12 @@
 """Pictures B x 3 x H x W in 0..1, output and truth, in -> the high receptive field perceptual loss (equation 5) out.
 
-The paper's weight (30) was found for its trunk, whose batch norms keep activations near 1. Those of the random trunk, which needs
-no file, are far larger, and would outweigh every other term; so its layers are scaled to mean square 1 on one picture.
+The paper's weight (30) was found for the published trunk, whose batch norms keep activations near 1. Those of the random trunk
+are far larger, and would outweigh every other term; so its layers are scaled to mean square 1 on one picture.
 LPIPS (AlexNet v0.1) is a scalar; its weights ship.
 """
 
 from __future__ import annotations
 
-import itertools
 from pathlib import Path
 from typing import Any
 
@@ -16,15 +15,14 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import mse_loss
 
-from dlama.errors import import_extra
+from dlama.errors import FileError, import_extra
+from dlama.models.cache import user_path
 from dlama.training.losses.pixels import widen_half
+from dlama.training.losses.trunks import IMAGENET_MEAN, IMAGENET_STD, random_trunk, read_trunk
 from dlama.training.settings import LossSettings
 
 FILE = Path(__file__).parents[2] / "assets" / "lpips" / "alex.onnx"
 EPSILON = 1e-10
-IMAGENET_MEAN, IMAGENET_STD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
-SEED = 20240301
-"""Of the random trunk."""
 
 
 class LpipsLoss(nn.Module):
@@ -78,60 +76,25 @@ class LpipsLoss(nn.Module):
         return found
 
 
-class TappedChain(nn.Module):
-    """A chain `features` that gives the activations after some of its layers."""
-
-    def __init__(self, layers: list[nn.Module], taps: tuple[int, ...]) -> None:
-        super().__init__()
-        self.features, self.taps = nn.Sequential(*layers), taps
-
-    def forward(self, x: Tensor) -> list[Tensor]:
-        """B x 3 x H x W, normalised -> the activations at the taps."""
-        found = []
-        for i, layer in enumerate(self.features):
-            x = layer(x)
-            if i in self.taps:
-                found.append(x)
-        return found
-
-
-def random_trunk(width: int) -> TappedChain:
-    """Seven 3x3 convolutions, two of them halving, then dilated 1, 2, 4, 8: the last sees about 130 pixels.
-
-    Weights are orthogonal with ReLU's gain, drawn from a fixed seed by torch's CPU generator.
-    """
-    widths = (3, width, 2 * width, 2 * width, *4 * (4 * width,))
-    steps = ((1, 1), (2, 1), (2, 1), (1, 1), (1, 2), (1, 4), (1, 8))
-    layers: list[nn.Module] = []
-    generator = torch.Generator().manual_seed(SEED)
-    for (before, after), (stride, dilation) in zip(itertools.pairwise(widths), steps, strict=True):
-        convolution = nn.Conv2d(before, after, 3, stride, dilation, dilation)
-        nn.init.orthogonal_(convolution.weight, 2**0.5, generator)
-        nn.init.zeros_(convolution.bias)  # type: ignore[arg-type]
-        layers += [convolution, nn.LeakyReLU(0.2)]
-    return TappedChain(layers, tuple(range(1, 2 * len(steps), 2)))
-
-
 class PerceptualLoss(nn.Module):
-    """Mean squared difference of a frozen trunk's activations. Its weights are not kept in checkpoints.
+    """Mean squared difference of a frozen trunk's activations; always in eval mode. Its weights are not kept in checkpoints.
 
-    trunk: B x 3 x H x W (ImageNet-normalised) -> activations, each divided by its mean square at `reference_picture`.
+    Args:
+        trunk: B x 3 x H x W (ImageNet-normalised) -> a list of activations.
+        name: for `note`.
+        scaled: whether each layer is divided by the mean square of its activations at `reference_picture`.
     """
 
     mean: Tensor
     std: Tensor
     scales: Tensor
-    note = "perceptual trunk random: frozen, drawn from a fixed seed, never trained on pictures"
 
-    def __init__(self, trunk: nn.Module) -> None:
+    def __init__(self, trunk: nn.Module, name: str, scaled: bool = False) -> None:
         super().__init__()
-        self.trunk = trunk.requires_grad_(False)
+        self.trunk, self.name = trunk.eval().requires_grad_(False), name
         self.register_buffer("mean", torch.tensor(IMAGENET_MEAN).view(1, 3, 1, 1), persistent=False)
         self.register_buffer("std", torch.tensor(IMAGENET_STD).view(1, 3, 1, 1), persistent=False)
-        with torch.no_grad():
-            found = self.trunk((reference_picture() - self.mean) / self.std)
-        scales = 1 / torch.stack([layer.square().mean() for layer in found])
-        self.register_buffer("scales", scales, persistent=False)
+        self.register_buffer("scales", self._scales() if scaled else torch.ones(()), persistent=False)
 
     def forward(self, output: Tensor, truth: Tensor) -> Tensor:
         """Equation 5: the mean over layers of the mean squared difference of activations; a scalar.
@@ -143,6 +106,23 @@ class PerceptualLoss(nn.Module):
         found = self.trunk((output - self.mean) / self.std)
         layers = torch.stack([mse_loss(widen_half(one), widen_half(other)) for one, other in zip(found, true)])
         return (layers * self.scales).mean()
+
+    @torch.no_grad()
+    def _scales(self) -> Tensor:
+        """One over the mean square of each layer's activations."""
+        found = self.trunk((reference_picture() - self.mean) / self.std)
+        return 1 / torch.stack([layer.square().mean() for layer in found])
+
+    def train(self, mode: bool = True) -> PerceptualLoss:
+        """Stays in eval mode: its batch norms, where it has any, keep their statistics."""
+        return super().train(False)
+
+    @property
+    def note(self) -> str:
+        """For the log and the model card."""
+        if self.name == "random":
+            return "perceptual trunk random: frozen, drawn from a fixed seed, never trained on pictures"
+        return f"perceptual trunk {self.name}"
 
 
 def reference_picture() -> Tensor:
@@ -156,5 +136,12 @@ def reference_picture() -> Tensor:
 
 
 def perceptual_loss(settings: LossSettings) -> PerceptualLoss | LpipsLoss:
-    """As the settings say."""
-    return LpipsLoss() if settings.trunk == "lpips" else PerceptualLoss(random_trunk(settings.trunk_width))
+    """As the settings say; FileError where their weight file is not there or is no such trunk."""
+    if settings.trunk == "lpips":
+        return LpipsLoss()
+    if settings.trunk_weights is None:
+        return PerceptualLoss(random_trunk(settings.trunk_width), "random", scaled=True)
+    path = user_path(settings.trunk_weights)
+    if not path.is_file():
+        raise FileError(f"{path}: no such file (loss.trunk_weights)")
+    return PerceptualLoss(read_trunk(path), "resnet50-dilated")

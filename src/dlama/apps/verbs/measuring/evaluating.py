@@ -40,6 +40,7 @@ def open_cases(path: str, cases: Cases) -> Dataset:
         path,
         cases.layout,
         depth_range=cases.depth_range,
+        gamma=cases.gamma,
         removal_object=cases.removal_object,
         camera=cases.camera,
         limit=None if cases.yaws else cases.limit,

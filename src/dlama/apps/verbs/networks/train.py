@@ -36,6 +36,7 @@ def train(
     max_minutes: Annotated[float | None, option("MINUTES", "until the last step")] = None,
     resume: Annotated[bool, option("", "a new run")] = False,
     start: Weights = None,
+    trunk: Weights = None,
     steps: Number = None,
     batch: Number = None,
     precision: Annotated[Literal["bf16", "fp32"] | None, option("bf16|fp32", "the settings'")] = None,
@@ -51,6 +52,7 @@ def train(
         max_minutes: Stop after so long, with a checkpoint and the network as it is then.
         resume: Continue the run in this directory, exactly as if it had never stopped.
         start: A LaMa checkpoint to start from; planes it lacks are added.
+        trunk: Weights of the perceptual trunk, the dilated ResNet-50 of ADE20K (.safetensors, .pth).
         steps: Batches until the end.
         batch: Samples of a batch, on each device.
         precision: bf16 is faster on GPUs, and on CPUs that have it (lscpu says avx512_bf16 or amx_bf16).
@@ -66,10 +68,13 @@ def train(
         raise InputError("no directory of the run is given: give -o DIR")
     if max_minutes is not None and not max_minutes > 0:
         raise InputError(f"`max_minutes` is {max_minutes}; more than 0 is expected")
-    check_folder_apart(output, {f"data {path}": path for path in data}, {"settings": settings, "start": start})
+    check_folder_apart(
+        output, {f"data {path}": path for path in data}, {"settings": settings, "start": start, "trunk": trunk}
+    )
     chosen = choose_settings(
         settings,
         start,
+        trunk,
         output if resume else None,
         steps=steps,
         batch=batch,
