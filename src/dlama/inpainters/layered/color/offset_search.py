@@ -169,8 +169,10 @@ class OffsetSearch:
         return offsets
 
     def _peaks(self, reach: int, spacing: int, radius: int, many: int) -> Array:
-        """Best local maxima of the score on a (2 reach + 1)^2 grid, best first; the centre (no offset) is left out. There and back
-        the texture correlates alike: half of the grid is scored."""
+        """Best local maxima of the score on a (2 reach + 1)^2 grid, best first; the centre (no offset) is left out.
+
+        Texture correlates alike there and back: half of the grid is scored.
+        """
         ticks = np.arange(-reach, reach + 1)
         grid = np.stack(np.meshgrid(ticks, ticks), -1)
         offsets = (grid * (spacing * self.step)).reshape(-1, 2)
