@@ -11,7 +11,7 @@ from typing import get_args
 
 import pytest
 
-from dlama.errors import FileError, InputError, ShapeError
+from dlama.errors import FileError, InputError
 from dlama.nets.architecture import count_parameters
 from dlama.training.kinds import PLANES, SAMPLES, Planes
 from dlama.training.presets import PRESETS, from_json, settings_of, to_json
@@ -82,12 +82,6 @@ def test_contradictions_are_refused(make):
     """Oracle: law."""
     with pytest.raises(InputError):
         make()
-
-
-def test_networks_that_no_generator_is():
-    """Oracle: the architecture's own checks."""
-    with pytest.raises(ShapeError):
-        NetworkSettings(blocks=0)
 
 
 def test_an_unknown_name_lists_the_presets():

@@ -281,26 +281,11 @@ def test_names_and_sides() -> None:
     """Which side is good, as the metrics' definitions say."""
     for metric in ("ssim", "psnr", "delta1.05", "fscore_0.02", "coverage"):
         assert better_direction(metric) == 1, metric
-    for metric in (
-        "lpips",
-        "mse",
-        "absrel",
-        "accuracy",
-        "bad-1",
-        "epe",
-        "leaks",
-        "law_broken",
-        "edge_offset",
-    ):
+    for metric in ("lpips", "mse", "absrel", "accuracy", "bad-1", "epe", "leaks", "law_broken", "edge_offset"):
         assert better_direction(metric) == -1, metric
     assert better_direction("mask_ratio") == better_direction("share") == 0
-    assert (
-        column_title("whole", "depth_m", "mae") == "depth MAE, m"
-        and column_title("whole", "depth", "mae") == "depth (8 bit) MAE"
-    )
-    assert (
-        format_value(math.inf, "psnr") == "∞"
-        and format_value(0.12345, "ssim") == "0.1235"
-        and format_value(12.345, "mse") == "12.35"
-    )
+    titles = [column_title("whole", modality, "mae") for modality in ("depth_m", "depth")]
+    assert titles == ["depth MAE, m", "depth (8 bit) MAE"]
+    shown = ((math.inf, "psnr", "∞"), (0.12345, "ssim", "0.1235"), (12.345, "mse", "12.35"))
+    assert all(format_value(value, metric) == text for value, metric, text in shown)
     assert sorted(["all", "-10", "±20", "±10", "+10"], key=yaw_order) == ["±10", "+10", "-10", "±20", "all"]

@@ -16,7 +16,7 @@ from dlama.training.data.cases import frames_of, split_cases
 from dlama.training.data.crops import resize_frame
 from dlama.training.data.sources import Mixture, source_for
 from dlama.training.settings import DataSettings, NetworkSettings, TrainSettings
-from posed_folders import truth
+from posed_folders import LENS, text_K, truth, write_numbered
 
 
 def settings(planes: str, size: int = 64, **mixture: float) -> TrainSettings:
@@ -45,28 +45,10 @@ def photos(tmp_path: Path) -> Path:
 @pytest.fixture
 def posed(tmp_path: Path) -> Path:
     """A data set of two scenes, four frames each."""
-    return write_scannet(tmp_path / "posed")
-
-
-def write_scannet(folder: Path) -> Path:
-    """The closed-form world of posed_folders in ScanNet's layout, twice."""
-    from dlama.files.rasters.depth import write_depth_png
-    from dlama.files.rasters.pictures import write_color
-
     for scene in ("one", "two"):
-        root = folder / scene
-        (root / "color").mkdir(parents=True)
-        for name in ("depth", "pose", "intrinsic"):
-            (root / name).mkdir()
-        K = np.eye(4)
-        for number, rgbd in enumerate(truth()):
-            write_color(root / "color" / f"{number}.jpg", rgbd.color)
-            write_depth_png(root / "depth" / f"{number}.png", rgbd.depth)
-            np.savetxt(root / "pose" / f"{number}.txt", rgbd.camera.world_from_cam)
-            K[:3, :3] = rgbd.camera.K
-        for name in ("intrinsic_color.txt", "intrinsic_depth.txt"):
-            np.savetxt(root / "intrinsic" / name, K)
-    return folder
+        root = write_numbered(tmp_path / "posed" / scene)
+        (root / "camera-intrinsics.txt").write_text(text_K(LENS))
+    return tmp_path / "posed"
 
 
 def test_frames_of_a_pair(posed: Path) -> None:
