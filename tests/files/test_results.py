@@ -87,6 +87,16 @@ def test_clouds(removal: Completion, folder: Path) -> None:
     assert set(np.unique(origins)) <= {Origin.MEASURED, Origin.DEPTH_FILLED, Origin.FILLED}
 
 
+def test_what_stays_of_an_earlier_result_is_named(removal: Completion, tmp_path: Path) -> None:
+    """Law: once; not of files that are replaced, nor of a folder that is no result."""
+    (tmp_path / "depth.png").touch()
+    write(removal, tmp_path, only=["image"])
+    (tmp_path / "mine.txt").touch()
+    with pytest.warns(UserWarning, match=r": of an earlier result there is still depth\.png$"):
+        write(removal, tmp_path, only=["image"])
+    write(removal, tmp_path, only=["image", "depth"])
+
+
 def test_legend_covers_every_code(folder: Path) -> None:
     """Oracle: the enums."""
     legends = json.loads((folder / "meta.json").read_text())["legends"]

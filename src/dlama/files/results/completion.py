@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextvars import copy_context
@@ -71,7 +72,7 @@ def write(
 
     Args:
         completion: What `view`, `remove`, `stereo` or `complete` gave.
-        directory: Files of the same names in it are replaced, all others stay.
+        directory: Files of the same names in it are replaced, all others stay; of those of an earlier result a warning says so.
         only: Which of "image", "depth", "hole", "origin", "confidence", "disparity" (of pairs), "points", "mesh", "scene",
             "preview" and "mask"; None: image, depth, origin, confidence, mesh and preview. meta.json is always written.
         also: More of them. "scene" is the file that `read_scene` and `dlama view` read.
@@ -94,7 +95,9 @@ def write(
             f"`{'also' if 'mask' in also else 'only'}` names mask, and no object was removed whose mask it would be"
         )
     target, started, inputs = Path(directory), time.perf_counter(), inputs or {}
-    check_inputs_stay(target, file_names(completion, names), inputs)
+    files = file_names(completion, names)
+    check_inputs_stay(target, files, inputs)
+    warn_of_earlier_results(target, files)
     meta = {**describe_completion(completion, intrinsics_from), "inputs": hash_inputs(inputs, input_addresses)}
     make_room(main_view(completion).hole.size)
     with new_directory(target) as folder:
@@ -131,6 +134,14 @@ def check_inputs_stay(directory: Path, files: Sequence[str], inputs: Mapping[str
                 raise OutputError(
                     f"{place}: is the {role} that was read, the result of this name would replace it; give another directory"
                 )
+
+
+def warn_of_earlier_results(directory: Path, files: Sequence[str]) -> None:
+    """Warn (UserWarning) of files in a directory that an earlier result left there and `files` do not replace."""
+    known = {name for each in RESULTS.values() for name in each}
+    stay = sorted(name for name in known.difference(files) if (directory / name).is_file())
+    if stay and (directory / "meta.json").is_file():
+        warnings.warn(f"{directory}: of an earlier result there is still {', '.join(stay)}", UserWarning, stacklevel=4)
 
 
 def check_results(only: Sequence[str] | None, also: Sequence[str] = ()) -> tuple[str, ...]:
