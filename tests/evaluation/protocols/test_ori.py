@@ -19,9 +19,8 @@ from square_world import (
     values,
 )
 
-from dlama.datasets.frames import RemovalTruth, ViewTruth
+from dlama.datasets.frames import RemovalTruth
 from dlama.datasets.layouts import open_dataset
-from dlama.errors import InputError
 from dlama.evaluation.protocols import PROTOCOLS
 from dlama.evaluation.protocols.methods import NO_FILL, Method, ProtocolSettings, Scored
 from dlama.evaluation.protocols.ori import change_outside, find_true_shadow, reference_of
@@ -139,12 +138,6 @@ def test_no_fill_is_black() -> None:
     found = values(scored(NO_FILL)[0].measures)
     assert found["mask", "rgb", "mse"] == WALL**2 and found["mask", "depth", "mse"] == 102**2
     assert not any(modality == "cloud" for _, modality, _ in found) and ("mask", "depth_m", "mae") not in found
-
-
-def test_another_protocols_truth_is_refused() -> None:
-    """Law: the message names what came and what was wanted."""
-    with pytest.raises(InputError, match="ViewTruth; a RemovalTruth is expected"):
-        PROTOCOLS["ori"](ViewTruth(TRUTH.source, TRUTH.without), Method("paper", NO_FILL), PLAIN)
 
 
 def test_the_ring_is_16_pixels_wide() -> None:

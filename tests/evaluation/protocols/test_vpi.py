@@ -20,8 +20,7 @@ from square_world import (
     values,
 )
 
-from dlama.datasets.frames import RemovalTruth, ViewTruth
-from dlama.errors import InputError
+from dlama.datasets.frames import ViewTruth
 from dlama.evaluation.metrics.pictures import psnr, ssim_map
 from dlama.evaluation.protocols import PROTOCOLS
 from dlama.evaluation.protocols.methods import NO_FILL, Method, ProtocolSettings, Scored
@@ -132,13 +131,6 @@ def test_small_regions_have_no_rows(constant_filler: str) -> None:
         found = values(scored(constant_filler, settings=settings)[0].measures)
         assert (("disoccluded", "rgb", "mse") in found) is there
         assert (("disoccluded", "depth_m", "mae") in found) is there
-
-
-def test_another_protocols_truth_is_refused() -> None:
-    """Law: the message names what came and what was wanted."""
-    other = RemovalTruth(TRUTH.source, TRUTH.source, SQUARE_IN_SOURCE)
-    with pytest.raises(InputError, match="RemovalTruth; a ViewTruth is expected"):
-        PROTOCOLS["vpi"](other, Method("paper", NO_FILL), QUICK)
 
 
 @pytest.mark.parametrize(("behind", "region"), [(1.015, "seen"), (1.03, "disoccluded")])

@@ -17,7 +17,6 @@ from functools import lru_cache
 import numpy as np
 
 from dlama.datasets.frames import RemovalTruth, Truth
-from dlama.errors import InputError
 from dlama.evaluation.metrics.clouds import cloud_scores
 from dlama.evaluation.metrics.masks import SMALLEST_SHADOW_PX, darkened_by_shadow
 from dlama.evaluation.metrics.pictures import channel_gain, depth_8bit, mse_map, region_mean
@@ -38,10 +37,9 @@ def score(truth: Truth, method: Method, settings: ProtocolSettings) -> list[Scor
     """The plain run, with its panel, and one run for each change of the mask that leaves something of it.
 
     Raises:
-        InputError: not a RemovalTruth, or what the completion raises.
+        InputError: what the completion raises.
     """
-    if not isinstance(truth, RemovalTruth):
-        raise InputError(f"ori: the case holds a {type(truth).__name__}; a RemovalTruth is expected")
+    assert isinstance(truth, RemovalTruth)
     scored = [score_mask(truth, method, settings, 0)]
     for change in settings.mask_changes:
         mask = grow_or_shrink(truth.mask, change)

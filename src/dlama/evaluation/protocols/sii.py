@@ -48,10 +48,9 @@ def score(truth: Truth, method: Method, settings: ProtocolSettings) -> list[Scor
     """The plain run, with its panel; without masks also the run that finds the disparity itself.
 
     Raises:
-        InputError: not a StereoTruth, masks without true frames, or what the completion raises.
+        InputError: masks without true frames, or what the completion raises.
     """
-    if not isinstance(truth, StereoTruth):
-        raise InputError(f"sii: the case holds a {type(truth).__name__}; a StereoTruth is expected")
+    assert isinstance(truth, StereoTruth)
     if truth.mask_left is not None:
         return [score_removal(truth, method, settings)]
     source = RGBD(truth.left, depth_of(truth.disparity_left, truth.rig), truth.rig.left)

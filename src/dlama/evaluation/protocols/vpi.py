@@ -13,7 +13,6 @@ from __future__ import annotations
 from functools import lru_cache
 
 from dlama.datasets.frames import Truth, ViewTruth
-from dlama.errors import InputError
 from dlama.evaluation.metrics.pictures import channel_gain, with_gain
 from dlama.evaluation.metrics.regions import source_visibility
 from dlama.evaluation.metrics.reliability import color_tolerance
@@ -28,10 +27,9 @@ def score(truth: Truth, method: Method, settings: ProtocolSettings) -> list[Scor
     """The plain run, with its panel, and the runs of the second experiment, where the truth has what they need.
 
     Raises:
-        InputError: not a ViewTruth, or what the completion raises.
+        InputError: what the completion raises.
     """
-    if not isinstance(truth, ViewTruth):
-        raise InputError(f"vpi: the case holds a {type(truth).__name__}; a ViewTruth is expected")
+    assert isinstance(truth, ViewTruth)
     scored = [score_view(truth, method, settings)]
     if truth.object_mask is not None and truth.target_without is not None and truth.object_mask.any():
         scored += [score_view(truth, method, settings, dilate) for dilate in settings.object_dilations]
