@@ -9,7 +9,7 @@ from dlama.geometry.holes import shrink_known, smaller_size
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.inpainters.opencv import paint
 
-LARGEST = 128
+LARGEST = 256
 """Longer side of the picture in which `spread_small` works, in pixels: the result is a blur in any case."""
 
 
