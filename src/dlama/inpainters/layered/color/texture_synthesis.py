@@ -150,7 +150,7 @@ def depth_base(grid: TextureGrid, region: HoleRegion) -> Float32Array:
     cells = _order_from_rim(inside)
     mean, any_behind = _mean_behind(known, depth.ravel()[cells], far)
     base.reshape(-1, 3)[cells] = np.where(any_behind[:, None], mean, GREY)
-    base_kernels.spread(base, depth, (far >= 0) & ~inside, cells, mean, DEPTH_SCREEN * any_behind, 40)
+    base_kernels.spread(base, depth, (far >= 0) & ~inside, cells, mean, DEPTH_SCREEN * any_behind, 80)
     return base_kernels.skirt(base, depth, inside)
 
 
@@ -209,5 +209,5 @@ def _extrapolate(
     mean = value[0, 0].astype(np.float64)
     for level in reversed(ladder):
         value = base_kernels.push(*level, value, 1.0)
-    base_kernels.relax(value, usable, cells, mean, SCREEN, 20)
+    base_kernels.relax(value, usable, cells, mean, SCREEN, 40)
     return value
