@@ -17,7 +17,7 @@ from dlama.completion.recipes import RECIPES, DepthBy, Recipe
 from dlama.errors import InputError, InputTypeError
 from dlama.geometry.rendering import MODES
 from dlama.jobs.parameters import METHOD
-from dlama.web.completions.request import PAGE_OPTIONS
+from dlama.web.form import describe_form
 
 NAMES = [one.name for one in fields(Options)]
 
@@ -28,7 +28,9 @@ def test_keywords_flags_columns_and_the_page_have_the_fields_of_options() -> Non
         assert annotation == OptionKeywords.__annotations__[name].__forward_arg__
     assert list(options_in(Options)) == list(flags_of(Method)) == list(METHOD) == NAMES
     assert {name: getattr(Method(), name) for name in NAMES} == {one.name: one.default for one in fields(Options)}
-    assert set(PAGE_OPTIONS) <= set(NAMES)
+    for field in describe_form()["method"]:
+        one = options_in(Options)[field["name"]]
+        assert field["label"].startswith(one.label) and field["help"] == one.text
 
 
 def test_help_shows_what_the_docstrings_of_the_fields_say() -> None:

@@ -15,7 +15,8 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
 from dlama.web import api
 from dlama.web.answers import PageError, field_of, hide_paths, use_page_words
-from dlama.web.inputs import Upload, file_name, read_options, shrink
+from dlama.web.form import PARTS, labelled, read_form
+from dlama.web.inputs import Upload, file_name, shrink
 from dlama.web.visits import Visit
 from marks import first_quick
 
@@ -49,7 +50,7 @@ def test_other_endings_are_refused(name: str, role: str) -> None:
 
 
 def test_fields_become_options() -> None:
-    """By hand; empty ones say nothing."""
+    """By hand; empty ones say nothing, and none is a path."""
     fields = {
         "fov": "65.5",
         "far": 30,
@@ -58,17 +59,20 @@ def test_fields_become_options() -> None:
         "resize_depth": "nearest",
         "else": "x",
     }
-    assert read_options(fields) == {
-        "fov": 65.5,
-        "far": 30.0,
-        "resize_depth": "nearest",
-        "metres_at": ((3, 4, 2.5), (5, 6, 7)),
-    }
-    for name, value, field in (("fov", "wide", "camera"), ("far", "inf", "scale"), ("metres_at", "3=4", "known")):
+    assert read_form(fields, "lens", "depth") == {"fov": 65.5, "far": 30.0, "resize_depth": "nearest"}
+    assert read_form(fields, "estimate") == {"metres_at": ((3, 4, 2.5), (5, 6, 7))}
+    for name, value, field in (
+        ("fov", "wide", "camera"),
+        ("far", "inf", "scale"),
+        ("metres_at", "3=4", "known"),
+        ("filler", "lama", "method"),
+    ):
         with pytest.raises(PageError) as caught:
-            read_options({name: value})
+            read_form({name: value}, *PARTS)
         assert caught.value.field == field
-    assert read_options({"camera": "/etc/passwd", "sharpen": True}) == {}
+    assert read_form({"camera": "/etc/passwd", "depth_model": "/etc/passwd", "model": "/etc/passwd"}, *PARTS) == {}
+    kinds = {Path, Path | None, str | Path | None}
+    assert not any(one.kind in kinds for part in PARTS for one in labelled(part).values())
 
 
 def test_what_was_found_is_told(visit: Visit, frame: Path) -> None:
@@ -130,12 +134,12 @@ def test_a_damaged_file_is_named_as_the_visitor_names_it(visit: Visit, frame: Pa
 @pytest.mark.parametrize(
     ("message", "told"),
     [
-        ("give `fov`, or `camera`, a file", "give the field of view, or a camera file, a file"),
+        ("give `fov`, or `camera`, a file", "give “Field of view”, or a camera file, a file"),
         ("or give `resize_depth=nearest`", "or give “Bring depth to the picture's size”"),
         ("a.json: fx is 3 and the camera is far", "a.json: fx is 3 and the camera is far"),
         ("`clicks` holds 3,4, which lies on a wall; far away", "a click holds 3,4, which lies on a wall; far away"),
-        ("no depth is nearer than `far`, 3 m", "no depth is nearer than where the sky begins, 3 m"),
-        ("see `depth_by` and `depth_scale=5`", "see depth_by and units per metre=5"),
+        ("no depth is nearer than `far`, 3 m", "no depth is nearer than “Sky from”, 3 m"),
+        ("see `depth_by` and `depth_scale=5`", "see depth_by and “Units per metre”=5"),
     ],
 )  # fmt: skip
 def test_messages_speak_of_the_page(message: str, told: str) -> None:

@@ -49,14 +49,18 @@ class Option(NamedTuple):
     """Its flag, where that is not its name."""
     value: Any = None
     """Its default."""
+    label: str = ""
+    """What the page calls it; "": the page has no field for it."""
     text: str = ""
     """Its docstring, in one line."""
 
 
-def option(metavar: str, default: str = "none", value: Any = None, kind: Any = None, flag: str | None = None) -> Any:
+def option(
+    metavar: str, default: str = "none", value: Any = None, kind: Any = None, flag: str | None = None, label: str = ""
+) -> Any:
     """A field of a group of options (a dataclass in which every field has a docstring); value: its default; kind: how it is typed
     in text, where that is not the field's own type."""
-    return field(default=value, metadata={"option": Option(metavar, default, kind, flag)})
+    return field(default=value, metadata={"option": Option(metavar, default, kind, flag, value, label)})
 
 
 @functools.cache
@@ -76,18 +80,18 @@ def options_in(group: Any) -> dict[str, Option]:
 class Options:
     """How a scene is completed. InputError names every option that cannot be, and those that contradict each other."""
 
-    filler: str | Inpainter = option("NAME", AUTO, AUTO, kind=str)
+    filler: str | Inpainter = option("NAME", AUTO, AUTO, kind=str, label="Filler")
     """What fills the holes. layered: texture of the surfaces that continue there; patchmatch: a network and patches of the
     picture; layered-patches: both; telea: diffusion; migan: a network that ships; lama, joint, pair (stereo only): the network
     of --model. auto: layered-patches, or patchmatch where depth is estimated. In Python also a function
     (view, context, seed) -> Fill."""
     model: str | Path | None = option("FILE|NAME", kind=str | None)
     """Network of a filler that runs one: an ONNX or LaMa file, or a name of `dlama models list`."""
-    recipe: str | Recipe = option("|".join(RECIPE_NAMES), "dlama", "dlama", kind=str)
+    recipe: str | Recipe = option("|".join(RECIPE_NAMES), "dlama", "dlama", kind=str, label="Recipe")
     """dlama: surfaces, metric depth; paper: as published (points, 10 m clip, 8-bit depth, 3 px dilation)."""
     mode: Mode | None = option("surface|points", "the recipe's", kind=Literal["surface", "points"] | None)
     """Draw the pixel grid as a surface cut at depth edges, or project each pixel to the nearest one."""
-    dilate: int | None = option("PX", "the recipe's", kind=int | None)
+    dilate: int | None = option("PX", "the recipe's", kind=int | None, label="Grow the hole")
     """Grow the mask by this many pixels before the object is removed (both recipes: 3; dlama: 6 in a depth camera's picture)."""
     dilate_holes: int | None = option("PX", "the recipe's", kind=int | None)
     """Grow the holes of the new view by this many pixels (both recipes: 0)."""
@@ -95,9 +99,9 @@ class Options:
     """Put everything at or beyond this depth, sky too, at this depth (paper: 10)."""
     depth_by: DepthBy | None = option("surfaces|filler", "the recipe's", kind=Literal["surfaces", "filler"] | None)
     """Depth with telea, lama, migan, patchmatch: surfaces continued behind the hole, or the filler's own."""
-    seed: int = option("N", "0", 0, kind=int)
+    seed: int = option("N", "0", 0, kind=int, label="Seed")
     """Fillers draw their random numbers from this; the same seed gives the same pixels."""
-    min_confidence: float = option("P", "0", 0.0, kind=float)
+    min_confidence: float = option("P", "0", 0.0, kind=float, label="Leave open below")
     """Leave open what is filled and right with a smaller probability (0 to 1), in pictures, clouds and meshes."""
 
     def __post_init__(self) -> None:

@@ -57,7 +57,7 @@ class Lens:
     """Principal point, x, in pixels."""
     cy: float | None = option("PX", "the middle")
     """Principal point, y, in pixels."""
-    fov: float | None = option("DEG")
+    fov: float | None = option("DEG", label="Field of view")
     """Horizontal field of view in degrees: phone main camera about 65, Kinect 57 to 63, EasySynth 90."""
     pixel_center: float = option("0.5|0.0", "0.5", 0.5)
     """Where --cx and --cy put the centre of the first pixel: 0.5 (COLMAP) or 0.0 (OpenCV, TUM, Open3D, Middlebury)."""
@@ -67,15 +67,15 @@ class Lens:
 class Reading:
     """How the depth file is read: 16-bit PNG or TIFF, EXR, PFM, NPY or NPZ; --far goes with estimated depth too."""
 
-    depth_scale: float | None = option("UNITS", "1000 for 16-bit files, 1 for float files")
+    depth_scale: float | None = option("UNITS", "1000 for 16-bit files, 1 for float files", label="Units per metre")
     """Units per metre: 1000 = millimetres, TUM 5000, KITTI 256."""
-    depth_range: float | None = option("METRES")
+    depth_range: float | None = option("METRES", label="1.0 means")
     """Metres that 1.0 stands for in depth normalised to 0..1 (EasySynth); 1.0 itself is far."""
     channel: str | None = option("NAME", "Z, R or Y")
     """Which channel of an EXR file holds depth."""
-    far: float | None = option("METRES")
+    far: float | None = option("METRES", label="Sky from")
     """Depth at or beyond this is far (sky): it turns with the camera but never comes nearer."""
-    resize_depth: Literal["nearest"] | None = option("nearest")
+    resize_depth: Literal["nearest"] | None = option("nearest", label="Bring depth to the picture's size")
     """Bring a depth map of another size to the picture's, each pixel from the nearest one."""
 
 
@@ -86,10 +86,10 @@ class Estimating:
     depth_model: str | None = option("NAME|FILE|NAME=FILE", "tcmonodepth, which ships")
     """Network that estimates depth: depth-anything-small, or in metres depth-anything-indoor, depth-anything-outdoor and
     moge-small (`dlama models pull` gets them); or an ONNX file with a contract; NAME=FILE: a file with that one's contract."""
-    metres_at: tuple[str, ...] = option("X,Y=D ...", "none", ())
+    metres_at: tuple[str, ...] = option("X,Y=D ...", "none", (), label="Known depths")
     """Known depths: the pixel x to the right, y down, and its metres along the optical axis; several fit better."""
-    camera_height: float | None = option("METRES")
-    """The camera's height above the ground that the picture shows, instead of --metres-at."""
+    camera_height: float | None = option("METRES", label="Camera above the ground")
+    """The camera's height above the ground that the picture shows, instead of known depths."""
     sharpen: bool = option("", "on", True)
     """Leave the blurred edges of estimated depth as they are, instead of moving them to the picture's."""
 

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from dlama.completion.options import Options, options_in
 from dlama.errors import CameraError, DepthError, DlamaError, InputError, MaskError, name_parameters, plain_name
-from dlama.jobs.parameters import ESTIMATING, LENS, METHOD, MOVE, READING
+from dlama.jobs.options import Estimating, Lens, Move, Reading
 
 Fields = Mapping[str, Any]
 """What the page sent: JSON."""
@@ -45,31 +46,29 @@ class Limits:
 
 
 FIELDS: dict[str, str] = {
-    **dict.fromkeys(METHOD, "method"),
-    **dict.fromkeys(LENS, "camera"),
-    **dict.fromkeys(READING, "scale"),
-    **dict.fromkeys(ESTIMATING, "known"),
-    **dict.fromkeys(MOVE, "move"),
+    **dict.fromkeys(options_in(Options), "method"),
+    **dict.fromkeys(options_in(Lens), "camera"),
+    **dict.fromkeys(options_in(Reading), "scale"),
+    **dict.fromkeys(options_in(Estimating), "known"),
+    **dict.fromkeys(options_in(Move), "move"),
     **dict.fromkeys(("calib", "baseline"), "calib"),
     **dict.fromkeys(("clicks", "not_clicks", "box", "mask", "dilate"), "marks"),
 }
 """Parameter that a message names -> field of the page."""
 WORDS = {
-    "fov": "the field of view",
     "camera": "a camera file",
     "camera=FILE.json": "a camera file",
-    "depth_scale": "units per metre",
-    "depth_range": "what 1.0 means",
-    "far": "where the sky begins",
-    "resize_depth=nearest": "“Bring depth to the picture's size”",
-    "metres_at": "known depths",
-    "camera_height": "the camera's height above the ground",
     "clicks": "a click",
     "not_clicks": "a click outside the object",
-    "dilate": "growth of the hole",
-    "min_confidence": "“Leave open below”",
+    **{
+        named: f"“{one.label}”"
+        for group in (Options, Lens, Reading, Estimating)
+        for name, one in options_in(group).items()
+        if one.label
+        for named in (name, plain_name(name, one.metavar))
+    },
 }
-"""Parameter that a message of the library names -> what the page calls it."""
+"""Parameter that a message of the library names, alone or with what stands for its value -> what the page calls it."""
 KINDS: tuple[tuple[type[DlamaError], str], ...] = ((CameraError, "camera"), (DepthError, "depth"), (MaskError, "marks"))
 """Kind of an error -> the field it is about where nothing else names it."""
 

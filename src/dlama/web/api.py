@@ -11,13 +11,13 @@ from collections.abc import Callable
 from typing import Any
 
 import dlama
-from dlama.completion.options import RECIPE_NAMES
 from dlama.errors import DlamaError
 from dlama.web import pictures
 from dlama.web.answers import Blob, Fields, Limits, PageError, hide_paths, use_page_words
 from dlama.web.completions import results
-from dlama.web.completions.request import PAGE_FILLERS, read_request
+from dlama.web.completions.request import read_request
 from dlama.web.completions.runs import warnings_of_thread
+from dlama.web.form import describe_form
 from dlama.web.inputs import ROLES, Upload, check_size, file_name, pixel_of, read_source
 from dlama.web.marks import find, mask_of, others, pointing, read_marks
 from dlama.web.visits import Visit
@@ -36,8 +36,7 @@ def settings(limits: Limits) -> dict[str, Any]:
         "version": dlama.__version__,
         "limits": {"bytes": limits.bytes, "pixels": int(limits.megapixels * 1e6)},
         "roles": {role: list(endings) for role, endings in ROLES.items()},
-        "fillers": list(PAGE_FILLERS),
-        "recipes": list(RECIPE_NAMES),
+        "form": describe_form(),
         "examples": {name: title for name, (title, _, _) in EXAMPLES.items()},
     }
 

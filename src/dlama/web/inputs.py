@@ -19,9 +19,9 @@ from dlama.files.rgbd import nearest_pixels
 from dlama.geometry.rgbd import RGBD, UInt8Array, describe_depth_range, percent
 from dlama.jobs import parameters
 from dlama.jobs.inputs import JobInputs
-from dlama.jobs.parameters import ESTIMATING, LENS, READING
 from dlama.perception.depth_scale import RULES, describe_depth_source
-from dlama.web.answers import Fields, PageError, field_of, use_page_words
+from dlama.web.answers import Fields, PageError, use_page_words
+from dlama.web.form import read_form
 
 ROLES: dict[str, tuple[str, ...]] = {
     "picture": SUFFIXES,
@@ -32,15 +32,6 @@ ROLES: dict[str, tuple[str, ...]] = {
 }
 """What a visitor can hand in -> the endings its file may have."""
 LONGEST_NAME = 80
-OPTIONS = {**LENS, **READING, **ESTIMATING}
-"""Options of `read_rgbd` as a job list has them; the page's fields are called so."""
-del OPTIONS["camera"], OPTIONS["sharpen"]  # which the page has no fields for; no field is ever taken for a path
-NAMES = {"channel": r"[\w.]{1,40}", "depth_model": r"[\w-]{1,40}"}
-"""What a name may look like: none is a path."""
-MOST_KNOWN = 20
-"""Pixels of known depth."""
-OF_DEPTH_FILE = ("depth_scale", "depth_range", "channel", "resize_depth")
-OF_ESTIMATE = ("depth_model", "metres_at", "camera_height")
 
 
 @dataclass(frozen=True)
@@ -88,20 +79,6 @@ def file_name(name: str, role: str, taken: Mapping[str, Upload]) -> tuple[str, s
     return clean, suffix
 
 
-def read_options(fields: Mapping[str, Any]) -> dict[str, Any]:
-    """Keyword arguments of `read_rgbd` from the fields of the page; empty ones are left out. PageError."""
-    given = {name: fields[name] for name in OPTIONS if fields.get(name) not in (None, "")}
-    for name, pattern in NAMES.items():
-        if name in given and not re.fullmatch(pattern, str(given[name])):
-            raise PageError(f"`{name}` is {str(given[name])[:40]!r}; a name is expected", "scale")
-    if "metres_at" in given:
-        given["metres_at"] = " ".join(str(given["metres_at"]).split()[:MOST_KNOWN])
-    try:
-        return {name: OPTIONS[name](name, value) for name, value in given.items()}
-    except InputError as error:
-        raise PageError(error.marked, field_of(error, {})) from None
-
-
 def number(name: str, value: Any, where: str) -> float:
     """A finite number. PageError, about the field `where`."""
     try:
@@ -131,9 +108,7 @@ def read_source(files: Mapping[str, Upload], fields: Mapping[str, Any]) -> Sourc
 
 def read_picture(files: Mapping[str, Upload], fields: Mapping[str, Any]) -> Source:
     """A picture with its depth file, or with estimated depth."""
-    options = read_options(fields)
-    for name in OF_ESTIMATE if "depth" in files else OF_DEPTH_FILE:
-        options.pop(name, None)
+    options = read_form(fields, "lens", "depth" if "depth" in files else "estimate")
     job = JobInputs()
     used = {role: files[role] for role in ("picture", "depth", "camera") if role in files}
     paths = {"image" if role == "picture" else role: upload.path for role, upload in used.items()}

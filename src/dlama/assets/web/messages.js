@@ -4,8 +4,20 @@ import { Failure } from "/server.js";
 export const $ = (id) => document.getElementById(id);
 export const all = (selector) => [...document.querySelectorAll(selector)];
 export const chosen = (name) => document.querySelector(`input[name="${name}"]:checked`).value;
-export function offer(list, id, titles = {}) {
-  $(id).replaceChildren(...list.map((name) => Object.assign(document.createElement("option"), { value: name, textContent: titles[name] ?? name })));
+const choices = (list) => list.map((name) => Object.assign(document.createElement("option"), { value: name, textContent: name }));
+export function offer(list, id) { $(id).replaceChildren(...choices(list)); }
+
+// A field of the form, as the server describes it: several choices, a single one to tick, or a text; `fact` describes it, too.
+export function formField({ name, label, choices: words, hint, help }, fact) {
+  const about = { id: name, name, title: help };
+  const row = document.createElement("div"), text = Object.assign(document.createElement("label"), { htmlFor: name, textContent: label });
+  const field = Object.assign(document.createElement(words.length > 1 ? "select" : "input"), about);
+  if (words.length > 1) field.append(...choices(words));
+  else if (words.length) Object.assign(field, { type: "checkbox", value: words[0] });
+  else Object.assign(field, { autocomplete: "off", placeholder: hint });
+  if (fact) field.setAttribute("aria-describedby", fact);
+  if (words.length === 1) { text.className = "check"; text.prepend(field); row.append(text); } else row.append(text, field);
+  return row;
 }
 
 // ---- messages

@@ -9,7 +9,7 @@ export function request() {
   return {
     yaw: Number($("yaw").value), pitch: Number($("pitch").value), dolly: Number($("dolly").value),
     pivot: $("auto-pivot").checked ? "auto" : Number($("pivot").value),
-    filler: $("filler").value, recipe: $("recipe").value, dilate: $("dilate").value, seed: $("seed").value, min_confidence: $("min_confidence").value,
+    ...Object.fromEntries(new FormData($("method-fields"))),
   };
 }
 

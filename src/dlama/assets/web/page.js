@@ -1,7 +1,7 @@
 // The page: from the picture over marks and camera to the result. What the server says is shown next to the field it is about.
 import { rolesOf } from "/files.js";
 import { Marker } from "/marker.js";
-import { $, TABS, all, chosen, clearErrors, enable, failed, offer, onOpen, openTab, percent, ramp, warnings } from "/messages.js";
+import { $, TABS, all, chosen, clearErrors, enable, failed, formField, offer, onOpen, openTab, percent, ramp, warnings } from "/messages.js";
 import { UNITS, request, showMove, showPreview } from "/move.js";
 import { noResult, repaint, showResult } from "/result.js";
 import * as server from "/server.js";
@@ -55,19 +55,13 @@ function showUploads(files) {
   for (const [kind, on] of [["depth", "depth" in files], ["estimate", !("depth" in files)]]) document.querySelector(`[data-for="${kind}"]`).hidden = !on;
 }
 
-function fieldsOfReading() {
-  const values = Object.fromEntries(new FormData($("fields")));
-  if (!$("fields").elements.resize_depth.checked) delete values.resize_depth;
-  return values;
-}
-
 async function read() {
   clearErrors();
   noSource();
   const state = await server.ask("state");
   showUploads(state.files);
   if (!Object.keys(state.files).length) return;
-  await shownWhile(async () => showSource(await server.ask("read", fieldsOfReading())), "picture");
+  await shownWhile(async () => showSource(await server.ask("read", Object.fromEntries(new FormData($("fields"))))), "picture");
 }
 
 async function shownWhile(work, fallback) {
@@ -120,6 +114,7 @@ for (const name of ["dragover", "dragenter"]) document.addEventListener(name, (e
 for (const name of ["dragleave", "drop"]) document.addEventListener(name, () => { $("drop").classList.remove("over"); $("empty").classList.remove("over"); });
 document.addEventListener("drop", (event) => { event.preventDefault(); takeFiles(event.dataTransfer.files); });
 $("fields").addEventListener("submit", (event) => { event.preventDefault(); server.inTurn(read); });
+$("method-fields").addEventListener("submit", (event) => event.preventDefault());
 for (const input of all('input[name="shown"]')) input.addEventListener("change", () => shownWhile(async () => {
   const { blob, headers } = await server.fetched("source", { kind: chosen("shown") });
   marker.show(await createImageBitmap(blob), source.width, source.height);
@@ -153,8 +148,7 @@ function showSettings() {
     return row;
   }));
   $("files").accept = [...new Set(Object.values(settings.roles).flat())].join(",");
-  offer(settings.fillers, "filler");
-  offer(settings.recipes, "recipe", { paper: "paper, as published" });
+  for (const box of all("[data-form]")) box.replaceChildren(...settings.form[box.dataset.form].map((field) => formField(field, box.dataset.factOf)));
 }
 
 // ---- 2 marks

@@ -1,0 +1,66 @@
+"""What a visitor typed into the page's form in; the options of the library, checked, out. The form itself is made of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Literal, get_args, get_origin
+
+from dlama.completion.options import RECIPE_NAMES, Option, Options, options_in
+from dlama.errors import InputError
+from dlama.inpainters import AUTO, FILLERS
+from dlama.jobs import options as groups
+from dlama.jobs.parameters import Parse, one_of, parsers, read_parameters
+from dlama.web.answers import PageError, field_of
+
+CHOICES: dict[str, tuple[str, ...]] = {
+    "filler": (AUTO, *(name for name, record in FILLERS.items() if not record.needs_model or record.shipped)),
+    "recipe": RECIPE_NAMES,
+}
+"""Options of which the page offers these: fillers that run without a file of the user's."""
+PARTS: dict[str, Any] = {
+    "lens": groups.Lens, "depth": groups.Reading, "estimate": groups.Estimating, "method": Options
+}  # fmt: skip
+"""Part of the form -> its options, those with a label. None of them names a file."""
+UNITS = {"DEG": "degrees", "METRES": "metres", "PX": "px"}
+
+
+def describe_form() -> dict[str, list[dict[str, Any]]]:
+    """The fields of each part, for the page."""
+    return {part: [describe_field(name, one) for name, one in labelled(part).items()] for part in PARTS}
+
+
+def describe_field(name: str, one: Option) -> dict[str, Any]:
+    """One field: choices of which one is chosen (or a single one, ticked or not), or else a text or a number that is typed."""
+    words = next((get_args(each) for each in (one.kind, *get_args(one.kind)) if get_origin(each) is Literal), ())
+    return {
+        "name": name,
+        "label": ", ".join(filter(None, (one.label, UNITS.get(one.metavar)))),
+        "choices": list(CHOICES.get(name, words)),
+        "hint": one.default if one.default != "none" else "" if one.metavar in UNITS else one.metavar,
+        "help": one.text,
+    }
+
+
+def labelled(part: str) -> dict[str, Option]:
+    """The options of a part that the page has."""
+    return {name: one for name, one in options_in(PARTS[part]).items() if one.label}
+
+
+def parsers_of(part: str) -> dict[str, Parse]:
+    """What reads each of them."""
+    read = parsers(PARTS[part])
+    return {name: one_of(*CHOICES[name]) if name in CHOICES else read[name] for name in labelled(part)}
+
+
+def read_form(fields: Mapping[str, Any], *parts: str) -> dict[str, Any]:
+    """The options of these parts that were filled in. PageError."""
+    known = {name: parse for part in parts for name, parse in parsers_of(part).items()}
+    return read_fields(known, fields)
+
+
+def read_fields(known: Mapping[str, Parse], fields: Mapping[str, Any]) -> dict[str, Any]:
+    """The values of the fields that were filled in, of those `known`. PageError."""
+    try:
+        return read_parameters(known, {name: fields[name] for name in known if fields.get(name) not in (None, "")})
+    except InputError as error:
+        raise PageError(error.marked, field_of(error, {})) from None
