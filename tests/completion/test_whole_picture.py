@@ -92,14 +92,6 @@ def test_every_filler_leaves_measured_pixels(filler: str, recipe: str) -> None:
     check_same(completed(recipe, filler, removing=False, yaw=0.0), street(), RECIPES[recipe].clip or np.inf)
 
 
-@pytest.mark.parametrize("filler", RUN_AS_THEY_ARE)
-def test_yaw_of_0_and_of_360_agree(filler: str) -> None:
-    """Law: every array of the results is equal."""
-    one, two = (view(street(), yaw=yaw, filler=filler).view for yaw in (0.0, 360.0))
-    for name in ("color", "depth", "origin", "confidence", "hole_type"):
-        np.testing.assert_array_equal(getattr(one, name), getattr(two, name), err_msg=name)
-
-
 @pytest.mark.parametrize("suffix", ["png", "npy", "npz", "exr"])
 def test_files_of_a_picture(suffix: str, tmp_path: Path) -> None:
     """Law: what was read is what is seen, whatever file depth lay in; float files hold it as it is."""

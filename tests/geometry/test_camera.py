@@ -110,13 +110,6 @@ def test_what_no_camera_has_is_refused(change: dict[str, Any], said: str) -> Non
         Camera(**{**GOOD, **change})
 
 
-@pytest.mark.parametrize("fov_deg", [0, 180, -5, np.nan, 1e-9])
-def test_impossible_field_of_view_is_refused(fov_deg: float) -> None:
-    """Oracle: the message says what came."""
-    with pytest.raises(CameraError, match=r"fov is (0|180|-5|nan|1e-09) degrees"):
-        Camera.from_fov(4, 4, fov_deg)
-
-
 def test_a_rounded_rotation_becomes_an_exact_one() -> None:
     """Law: a published pose of four digits is taken, and comes out orthonormal to 1e-12, no farther off than it was."""
     exact = pose_of((0.3, -1.1, 0.7), (1, 2, 3))
@@ -231,10 +224,10 @@ def test_cameras_say_what_they_are_in_one_line() -> None:
         (("64", 48, 60), "camera width is '64'"),
         ((64, None, 60), "camera height is None"),
         ((64, 48, "60"), "fov is '60' degrees"),
-        ((64, 48, float("nan")), "fov is nan degrees"),
+        *(((64, 48, fov), f"fov is {fov} degrees") for fov in (0, 180, -5, np.nan, 1e-9)),
     ],
 )
-def test_numbers_of_another_type_are_refused(given: tuple[Any, ...], message: str) -> None:
+def test_numbers_that_no_lens_has_are_refused(given: tuple[Any, ...], message: str) -> None:
     """Message: names the field and what came; no bare TypeError."""
     with pytest.raises(CameraError, match=message):
         Camera.from_fov(*given)

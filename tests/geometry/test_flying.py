@@ -107,18 +107,6 @@ def test_of_a_sphere_only_the_outermost_ring_may_fly() -> None:
     assert not (found & ~(ring & (number == 0))).any()
 
 
-def test_a_frame_without_flying_pixels_loses_none() -> None:
-    """Law: every pixel of a clean frame is drawn from another camera: as many points as there are pixels inside."""
-    frame = World((WALL,)).rgbd(SOURCE)
-    target = moved(SOURCE, shift=(0, 0, -6 * 0.5))  # half the size: each pixel of the middle takes four points
-    view = render(frame, target, "points")
-    back = render(
-        View.from_rgbd(frame).without(find_joints(View.from_rgbd(frame)).flying, HoleType.FLYING), target, "points"
-    )
-    np.testing.assert_array_equal(view.depth, back.depth)
-    assert (~view.hole).sum() >= 53 * 40
-
-
 def matched(world: World, px: float) -> RGBD:
     """A frame whose depth was matched: off by `px` of disparity (standard deviation), f b = 100 px m."""
     camera = Camera.from_fov(160, 120, 60)

@@ -14,7 +14,6 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.cloud import Mesh
 from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.fusion import OVERLAP, fuse, layer_mesh, scene_cloud, scene_mesh
-from dlama.geometry.projection import lift
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene, contribution
@@ -23,7 +22,6 @@ from dlama.geometry.visibility import Law
 from dlama.inpainters import find_filler
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import inpaint
-from whole_picture import counts
 from worlds import Box, Plane, Sphere, World, moved, pixels_of, points_of
 
 CAMERA = Camera.from_fov(48, 36, 60, moved(Camera.from_fov(1, 1, 60), (5, 20, -3), (10, -20, 3)).world_from_cam)
@@ -88,40 +86,6 @@ def ball_removed() -> tuple[Scene, RGBD, np.ndarray]:
     filled, _ = inpaint(scene.layers[0], find_filler("layered"), FillContext.of(scene))
     background = filled.without(filled.filled, HoleType.OBJECT)
     return fuse(dataclasses.replace(scene, frames=(background,)), filled), frame, taken
-
-
-def test_clouds_hold_each_pixel_once_by_origin() -> None:
-    """Closed form (eq. 10, 11): measured = valid pixels (less the object in c-), filled = the object's finite pixels,
-    depth-filled = the sensor hole; nothing reprojected, nothing unknown, no far point."""
-    scene, frame, taken = ball_removed()
-    plus, minus = scene_cloud(scene), scene_cloud(scene, objects=False)
-    expected = dict.fromkeys(Origin, 0) | {
-        Origin.UNKNOWN: 0,
-        Origin.MEASURED: int(frame.valid.sum()),
-        Origin.REPROJECTED: 0,
-        Origin.DEPTH_FILLED: 12,
-        Origin.FILLED: int((scene.layers[1].valid & taken).sum()),
-        Origin.ESTIMATED: 0,
-    }
-    assert expected[Origin.FILLED] > 50
-    assert counts(plus.origin) == expected
-    assert counts(minus.origin) == {**expected, Origin.MEASURED: int((frame.valid & ~taken).sum())}
-    assert np.isfinite(plus.points).all()
-
-
-def test_c_plus_holds_the_measured_points_themselves() -> None:
-    """Law: the measured points of c+ are the lifted frame's, bit for bit; c- has none of the ball, c+ has all of it."""
-    scene, frame, taken = ball_removed()
-    plus, minus = scene_cloud(scene), scene_cloud(scene, objects=False)
-    measured = plus.origin == Origin.MEASURED
-    own = lift(frame)
-    mine, theirs = (set(map(tuple, points)) for points in (plus.points[measured], own.points))
-    assert mine == theirs
-    assert (plus.confidence[measured] == 1).all() and (plus.confidence[~measured] < 1).all()
-    centre = CAMERA.world_from_cam[:3, :3] @ (0, 0, 2) + CAMERA.world_from_cam[:3, 3]
-    ball = Sphere(tuple(centre), 0.4)
-    assert (ball.distance(plus.points) < 1e-3).sum() == taken.sum()
-    assert ball.distance(minus.points).min() > 0.5
 
 
 def joined_quad(joints: tuple[bool, bool, bool, bool], monkeypatch: pytest.MonkeyPatch) -> Mesh:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dlama.completion.stereo import disparities as pairs
-from dlama.completion.stereo.pair import AS_NEAR, OBJECT_REACH, largest_object_disparity, remove_bleeding
+from dlama.completion.stereo.pair import OBJECT_REACH, largest_object_disparity
 from dlama.completion.stereo.stereo import stereo
 from dlama.geometry.camera import Camera, StereoRig
 from worlds import Box, Plane, World, moved
@@ -34,19 +34,6 @@ def test_the_nearest_of_an_object_is_its_largest_disparity_around() -> None:
         surely, maybe = (disparity[rows, columns][apart <= OBJECT_REACH + margin] for margin in (-1, 1))
         assert surely.max(initial=0) <= got[row, column] <= maybe.max(initial=0)
     np.testing.assert_array_equal(largest_object_disparity(disparity, ~mask & mask), 0)
-
-
-def test_disparity_that_bled_over_the_objects_edge_is_missing() -> None:
-    """Closed form: beside a mask at 10 px, AS_NEAR of that and more is missing, less stays; so do the mask and all far off."""
-    disparity = np.tile(np.array([10, AS_NEAR * 10 + 0.1, AS_NEAR * 10 - 0.1, 2], np.float32), (40, 10))
-    mask = np.zeros(disparity.shape, bool)
-    mask[15:20, 12:16], disparity[15:20, 12:16] = True, 10
-    got = remove_bleeding(disparity, largest_object_disparity(disparity, mask), mask, 0.0)
-    np.testing.assert_array_equal(got[mask], 10)
-    near = np.zeros_like(mask)
-    near[17 - OBJECT_REACH + 3 : 17 + OBJECT_REACH - 2, 12:16] = True
-    np.testing.assert_array_equal(got[near & ~mask], np.where(disparity < AS_NEAR * 10, disparity, 0)[near & ~mask])
-    np.testing.assert_array_equal(got[:, 30:], disparity[:, 30:])
 
 
 @pytest.mark.parametrize("filler", ["layered", "telea"])

@@ -9,7 +9,7 @@ import pytest
 
 from dlama.completion.completion import StereoCompletion
 from dlama.completion.stereo import disparities as pairs
-from dlama.completion.stereo.pair import MatchedPair, default_far, depth_in_metres, masks_of_pair
+from dlama.completion.stereo.pair import MatchedPair, default_far, depth_in_metres
 from dlama.completion.stereo.stereo import stereo
 from dlama.errors import DepthError, InputError
 from dlama.geometry.camera import Camera, StereoRig
@@ -72,23 +72,10 @@ def test_bleeding_is_measured_from_infinity(doffs: float) -> None:
         for cleaned in pair.without_bleeding().disparities:
             assert (cleaned[18:22, 40:42] == 0).all() == missing
             np.testing.assert_array_equal(cleaned[THING], 20 - doffs)
+            np.testing.assert_array_equal(cleaned[:, :20], 2 - doffs)
         depth = pair.object_depth
         assert depth is not None
         np.testing.assert_allclose(depth[THING], 1, rtol=1e-5)
-
-
-def test_the_right_mask_is_the_left_one_carried_by_its_disparity() -> None:
-    """Closed form: 6 px to the left; a mask of the right picture is taken as it is, and none without a left one."""
-    disparity = np.full(CAMERA.hw, 6, np.float32)
-    masks = masks_of_pair(THING, None, disparity, rig())
-    assert masks is not None
-    np.testing.assert_array_equal(masks[0], THING)
-    np.testing.assert_array_equal(masks[1], square((15, 25), (24, 34)))
-    own = square((10, 20), (5, 15))
-    given = masks_of_pair(THING, own, disparity, rig())
-    assert given is not None
-    np.testing.assert_array_equal(given[1], own)
-    assert masks_of_pair(None, None, disparity, rig()) is None
 
 
 def completed(monkeypatch: pytest.MonkeyPatch, asked: dict[str, Any] | None = None, **options: Any) -> StereoCompletion:

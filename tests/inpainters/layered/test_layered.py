@@ -57,15 +57,6 @@ def test_a_floor_goes_on_out_of_view(shift: tuple[float, float, float]) -> None:
     assert relative_error(filled, world.trace(target)[0])[before.hole].max() < 1e-3
 
 
-@pytest.mark.parametrize("box", [Box((-0.4, -0.4, 2), (0.4, 0.4, 2.4)), Box((-0.9, -0.3, 1.5), (0.1, 0.6, 1.8))])
-def test_the_wall_behind_a_removed_box(box: Box) -> None:
-    """Closed form: the wall, to 1e-3, and its colour family in every pixel."""
-    before, filled, truth = taken_out((WALL,), box)
-    assert before.hole.sum() > 2000
-    assert relative_error(filled, truth)[before.hole].max() < 1e-3
-    assert (shape_shown(filled.color)[before.hole] == 0).all()
-
-
 @pytest.mark.parametrize("box", [Box((-0.4, 0.2, 2.5), (0.4, 1, 3)), Box((-0.6, 0.1, 2.5), (0.2, 1, 3.2))])
 def test_floor_and_wall_meet_behind_a_removed_box(box: Box) -> None:
     """Closed form: both planes to 1e-3, and their crease where it is: only the pixel row at it may take the other plane."""

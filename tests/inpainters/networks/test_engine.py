@@ -140,13 +140,6 @@ def test_one_engine_stays_open(tmp_path: Path) -> None:
     assert open_engine(model) is not again
 
 
-def test_networks_in_turn_are_opened_once_each(tmp_path: Path) -> None:
-    """Two methods case after case (oracle: the engines themselves)."""
-    two = [constant(tmp_path / f"{name}.onnx", 3, 0.2, 0.2, 0.2) for name in "ab"]
-    first = [open_engine(model) for model in two]
-    assert [open_engine(model) for model in two * 3] == first * 3
-
-
 def test_engines_that_stay_open_are_few_and_small() -> None:
     """Four at most, of 100 bytes together at most, and always the last one."""
     made: list[str] = []

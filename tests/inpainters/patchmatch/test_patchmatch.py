@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 import dlama
-from dlama.errors import InputError
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType
 from dlama.geometry.kernels import jit
@@ -267,5 +266,3 @@ def test_auto_is_the_filler_that_suits_the_depth() -> None:
     assert done.meta["filler"] == "patchmatch" and done.meta["depth"] == "estimated"
     assert dlama.remove(estimated, HOLE, filler="layered").meta["filler"] == "layered"
     assert dlama.remove(estimated, HOLE, filler="telea").meta["filler"] == "telea"
-    with pytest.raises(InputError, match="filler is 'lama-xl'; one of auto, layered"):
-        dlama.remove(rgbd, HOLE, filler="lama-xl")

@@ -40,29 +40,19 @@ def painted(view: View) -> np.ndarray:
     return np.where(view.hole[..., None], PAINTED, view.color).astype(np.uint8)
 
 
-@pytest.mark.parametrize("nearness", [0.0, 0.6, 0.8])
+@pytest.mark.parametrize("nearness", [0.0, 0.6, 0.8, 1.0, 2.0])
 def test_a_guess_leans_on_the_known_colour_by_distance(nearness: float) -> None:
     """Closed form: of what is known in one colour, the share grows as 1 - exp(-distance / reach), and fades with nearness:
-    full at half the median inverse depth and less, nothing at the median."""
+    full at half the median inverse depth and less, nothing at the median and nearer."""
     view = view_of()
     w = np.where(view.hole, np.float32(0.25 * nearness), np.float32(0.25))
     out = blend_with_low_frequency(view, painted(view), view.hole, w)
     distance = cv2.distanceTransform(view.hole.astype(np.uint8), cv2.DIST_L2, 5)[view.hole]
     share = LARGEST_SHARE * (1 - np.exp(-distance / (REACH * 60))) * np.clip(2 * (1 - nearness), 0, 1)
     wanted = PAINTED * (1 - share[:, None]) + KNOWN * share[:, None]
-    assert share.max() > 0.2
+    assert share.max() > 0.2 or nearness >= 1
     assert np.abs(out[view.hole] - wanted).max() <= DRIFT
     np.testing.assert_array_equal(out[~view.hole], view.color[~view.hole])
-
-
-def test_near_planes_are_sure_to_go_on() -> None:
-    """At the median distance and nearer nothing changes, however far from what was seen."""
-    view = view_of()
-    for w in (0.25, 0.5):
-        color = painted(view)
-        np.testing.assert_array_equal(
-            blend_with_low_frequency(view, color, view.hole, np.full(HW, w, np.float32)), color
-        )
 
 
 def test_fine_detail_stays_where_colours_are_hedged() -> None:
