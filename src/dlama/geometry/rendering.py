@@ -19,7 +19,7 @@ from dlama.geometry.cloud import PointCloud
 from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.drawing.canvas import Canvas
 from dlama.geometry.drawing.gaps import can_close_gaps, close_gaps
-from dlama.geometry.drawing.grid_mesh import close_grid
+from dlama.geometry.drawing.grid_mesh import close_grid, find_joints
 from dlama.geometry.drawing.layers import (
     ALL,
     NEAR,
@@ -233,8 +233,9 @@ def hole_types(grids: list[Grid], removals: tuple[Layer, ...], hole: BoolArray) 
             x, y, w, spans = transform_depth(depth, grid.matrix, grid.offset)
             crack_rank = hole_kernels.CRACK_RANK if grid.mode == "points" else hole_kernels.DISOCCLUDED_RANK
             marks = grid_rank, crack_rank, hole, count, box_room(len(hole)), ranks
-            in_bands(hole_kernels.mark_closed_mesh, len(hole), x, y, w, spans, grid.surface.mesh.joined, *marks)
-            hole_kernels.mark_points(x, y, w, grid.surface.mesh.flying, hole_kernels.FLYING_RANK, hole, ranks)
+            flying, joined = layer.find_once(find_joints)
+            in_bands(hole_kernels.mark_closed_mesh, len(hole), x, y, w, spans, joined, *marks)
+            hole_kernels.mark_points(x, y, w, flying, hole_kernels.FLYING_RANK, hole, ranks)
     return np.asarray(cv2.LUT(ranks, TYPE_OF_RANK) * hole, np.uint8)
 
 

@@ -31,17 +31,6 @@ class Joints(NamedTuple):
     """H x W, `join_neighbours`."""
 
 
-class GridMesh(NamedTuple):
-    """What of a layer is drawn."""
-
-    depth: Float32Array
-    """H x W metres, 0 in holes and flying pixels."""
-    flying: BoolArray
-    """H x W, True at flying pixels."""
-    joined: UInt8Array
-    """H x W, `join_neighbours`."""
-
-
 def step_by_noise(w: Float32Array, ratio: float) -> float:
     """Step in inverse depth (1/m) between neighbouring pixels caused by noise alone; 0 where `ratio` covers it at the median.
 
@@ -95,20 +84,17 @@ def join_neighbours(w: Float32Array, camera: Camera, step: float = 0.0) -> UInt8
 
 
 def mesh_grid(view: View, step: float = 0.0) -> tuple[Float32Array, UInt8Array]:
-    """Depth without flying pixels, and which neighbours are joined into one surface (`step`: as of `remove_flying_pixels`)."""
-    if step == 0:
-        mesh = prepare_mesh(view)
-        return mesh.depth, mesh.joined
-    depth, _, w = remove_flying_pixels(view, step)
-    return depth, join_neighbours(w, view.camera, step)
+    """Depth without holes and flying pixels (0), and which neighbours are joined into one surface.
 
-
-def prepare_mesh(view: View) -> GridMesh:
-    """The mesh of a layer; its joints are found once."""
+    step: as of `remove_flying_pixels`; at 0 the view's joints are found once.
+    """
+    if step > 0:
+        depth, _, w = remove_flying_pixels(view, step)
+        return depth, join_neighbours(w, view.camera, step)
     flying, joined = view.find_once(find_joints)
     depth = np.zeros(flying.shape, np.float32)
     paste(view.find_once(align_edges).depth, ~(flying | view.hole), depth)
-    return GridMesh(depth, flying, joined)
+    return depth, joined
 
 
 def close_grid(view: View, removals: tuple[Layer, ...]) -> tuple[Float32Array, UInt8Array]:

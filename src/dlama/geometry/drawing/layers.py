@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.codes import Origin
 from dlama.geometry.drawing.canvas import Canvas
-from dlama.geometry.drawing.grid_mesh import GridMesh, prepare_mesh
+from dlama.geometry.drawing.grid_mesh import mesh_grid
 from dlama.geometry.frames.stored import Layer
 from dlama.geometry.kernels.drawing import chunks, shading
 from dlama.geometry.kernels.drawing import rasterize as raster
@@ -41,9 +41,9 @@ class Surface:
     layer: View
 
     @cached_property
-    def mesh(self) -> GridMesh:
-        """As `prepare_mesh`."""
-        return prepare_mesh(self.layer)
+    def mesh(self) -> tuple[Float32Array, UInt8Array]:
+        """Its depth, and which neighbours are joined (`mesh_grid`)."""
+        return mesh_grid(self.layer)
 
     @cached_property
     def knots(self) -> Float32Array:
@@ -53,12 +53,13 @@ class Surface:
     @cached_property
     def rim(self) -> NDArray[np.int64]:
         """As `footprints.rim`."""
-        return rim(self.mesh.joined, self.mesh.depth)
+        depth, joined = self.mesh
+        return rim(joined, depth)
 
     @cached_property
     def smooth(self) -> UInt8Array:
         """Where colours are read by splines (`sampling.smooth_quads`)."""
-        return smooth_quads(self.mesh.joined)
+        return smooth_quads(self.mesh[1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,7 +153,7 @@ def draw_as_points(grid: Grid, canvas: Canvas) -> None:
     height, width = layer.camera.hw
     x, y, w = (np.empty((1, width), np.float32) for _ in range(3))
     nearest, place = np.zeros(rows * columns, np.uint64), np.empty(width, np.int32)
-    to_target = grid.surface.mesh.depth, grid.matrix, grid.offset, NEAR
+    to_target = grid.surface.mesh[0], grid.matrix, grid.offset, NEAR
     in_bands(raster.draw_points, height, *to_target, x, y, w, place, nearest, columns, band=height)
     pixels = layer.color.reshape(-1, 3), layer.origin.ravel(), layer.confidence.ravel()
     nearest = nearest.reshape(rows, columns)
@@ -166,7 +167,7 @@ def draw_as_points(grid: Grid, canvas: Canvas) -> None:
 def draw_as_surface(grid: Grid, canvas: Canvas, count: NDArray[np.int32] = ALL) -> None:
     """The layer's mesh, and footprints at its rim."""
     layer, rows = grid.layer, grid.camera.height
-    depth, _, joined = grid.surface.mesh
+    depth, joined = grid.surface.mesh
     wbuf, where = rasterize_surface(depth, joined, grid.surface.rim, layer.camera, grid.camera, count)
     smooth = grid.surface.smooth if grid.fine else np.zeros_like(joined)
     found = wbuf, where, joined, smooth, layer.color, grid.knots, grid.fine

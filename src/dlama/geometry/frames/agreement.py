@@ -144,31 +144,11 @@ def fit_noise(found: Sequence[Overlap]) -> tuple[float, float]:
 def fit_gains(count: int, found: dict[tuple[int, int], Overlap]) -> Float64Array:
     """count x 3 gains of each frame's channels that make all equally bright; their geometric mean is 1.
 
-    Least squares over the median ratio of each pair with enough common samples. 1 where there is none.
+    Least squares over the median ratio of each pair with enough common samples, by normal equations: their size is that of the
+    frames for any number of pairs. 1 where there is none.
     """
-    if count > ALL_PAIRS:
-        return _fit_many_gains(count, found)
-    rows, targets, weights = [], [], []
-    for (i, j), each in found.items():
-        if len(each.ratio) >= ENOUGH:
-            row = np.zeros(count)
-            row[i], row[j] = 1, -1
-            rows.append(row)
-            targets.append(np.median(each.ratio, axis=0))
-            weights.append(np.sqrt(len(each.ratio)))
-    if not rows:
-        return np.ones((count, 3))
-    weight = np.array(weights)[:, None]
-    tie = 1e-3 * np.eye(count)  # what no pair ties to the others stays as it is
-    system = np.vstack([np.array(rows) * weight, tie])
-    right = np.vstack([np.array(targets) * weight, np.zeros((count, 3))])
-    logs = np.linalg.lstsq(system, right, rcond=None)[0]
-    return np.exp(logs - logs.mean(0))
-
-
-def _fit_many_gains(count: int, found: dict[tuple[int, int], Overlap]) -> Float64Array:
-    """The same by normal equations, of size count x count for any number of pairs."""
-    system, right = 1e-6 * np.eye(count), np.zeros((count, 3))
+    system = 1e-6 * np.eye(count)  # what no pair ties to the others stays as it is
+    right = np.zeros((count, 3))
     for (i, j), each in found.items():
         if len(each.ratio) >= ENOUGH:
             weight, targets = len(each.ratio), np.median(each.ratio, axis=0)

@@ -239,20 +239,15 @@ class OffsetSearch:
         return np.asarray(ordinary * np.minimum(1, GRAIN / np.sqrt(copied + 1e-3)), np.float32)
 
     def _sources_of(self, places: Array, move: Array) -> tuple[Float32Array, Float32Array]:
-        """Columns and rows on the grid of cells to which homogeneous displacements `move` take places (u, v, w)."""
-        u, v, w = places.T
+        """Columns and rows on the grid of cells to which homogeneous displacements `move` take places (... x 3, u, v and w)."""
+        u, v, w = np.moveaxis(places, -1, 0)
         z = 1 + w * move[:, 2]
         z = np.where(z > 1e-3, z, 1) * self.grid.cell_size
         return ((u + w * move[:, 0]) / z - 0.5).astype(np.float32), ((v + w * move[:, 1]) / z - 0.5).astype(np.float32)
 
     def _copy_color(self, offsets: Array) -> Float32Array:
         """Cells x offsets x 3: the detail that each offset would copy to each hole cell."""
-        w = self.centres[:, 2:]
-        move = offsets @ self.axes
-        z = 1 + w * move[:, 2]
-        z = np.where(z > 1e-3, z, 1) * self.grid.cell_size
-        x = ((self.centres[:, :1] + w * move[:, 0]) / z - 0.5).astype(np.float32)
-        y = ((self.centres[:, 1:2] + w * move[:, 1]) / z - 0.5).astype(np.float32)
+        x, y = self._sources_of(self.centres[:, None], offsets @ self.axes)
         picture = cv2.remap(self.bands[0], x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         return np.ascontiguousarray(picture, np.float32)
 
