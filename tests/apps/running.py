@@ -1,8 +1,11 @@
-"""`dlama` run in this process on files of a folder; what it wrote or refused."""
+"""`dlama` run in this process on files of a folder, or by a shell; what it wrote or refused."""
 
 from __future__ import annotations
 
+import os
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -10,7 +13,7 @@ import pytest
 from box_frame import pixels
 from dlama.apps.cli import main
 
-__all__ = ["FAST", "error_line", "pixels", "refused", "run"]
+__all__ = ["FAST", "error_line", "pixels", "refused", "run", "shell"]
 FAST = ["--filler", "telea"]
 
 
@@ -43,3 +46,11 @@ def refused(capsys: pytest.CaptureFixture[str], folder: Path, *words: object) ->
     line = error_line(capsys, *words_in(folder, *words))
     assert sorted(folder.rglob("*")) == before
     return line
+
+
+def shell(words: str, folder: Path, **environment: str) -> subprocess.CompletedProcess[str]:
+    """`dlama WORDS`, redirections and all; its streams are no terminal."""
+    line = f"{sys.executable} -m dlama {words}"
+    return subprocess.run(
+        ["sh", "-c", line], cwd=folder, env={**os.environ, **environment}, capture_output=True, text=True, timeout=600
+    )

@@ -1,4 +1,4 @@
-"""--quiet, --json and --version (oracles: the files on disk, json, a pseudo terminal where one is needed)."""
+"""--quiet and --json (oracles: the files on disk, json, a pseudo terminal where one is needed)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ import pytest
 from PIL import Image
 from running import FAST, pixels, refused, run
 
-import dlama
 from dlama.apps.cli import main
 from dlama.apps.options import Report
 from dlama.apps.terminal import output as terminal
@@ -122,12 +121,6 @@ def test_json_of_worlds_and_evaluate(tmp_path: Path, capsys: pytest.CaptureFixtu
     done = json.loads(capsys.readouterr().out)
     assert Path(done["report"]).is_file()
     assert (done["verb"], done["failed"]) == ("evaluate", 0) and done["results"] > 0
-
-
-def test_version_flag(capsys: pytest.CaptureFixture[str]) -> None:
-    """One line (oracle: the package's own number)."""
-    main(["--version"])
-    assert capsys.readouterr().out == f"dlama {dlama.__version__}\n"
 
 
 def test_a_line_a_minute(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:

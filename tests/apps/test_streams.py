@@ -11,20 +11,13 @@ from functools import partial
 from pathlib import Path
 
 import pytest
+from running import shell
 
 from dlama.apps.terminal.output import errors_as_lines
 from dlama.apps.terminal.streams import PLAINLY
 from dlama.apps.verbs.demo import ASSETS
 
 PICTURE = f"{ASSETS / 'street.jpg'} {ASSETS / 'depth.png'} --fov 90 --yaw 5 --only image -o out"
-
-
-def shell(words: str, folder: Path, **environment: str) -> subprocess.CompletedProcess[str]:
-    """`dlama WORDS`, redirections and all."""
-    line = f"{sys.executable} -m dlama {words}"
-    return subprocess.run(
-        ["sh", "-c", line], cwd=folder, env={**os.environ, **environment}, capture_output=True, text=True, timeout=600
-    )
 
 
 @pytest.mark.parametrize(

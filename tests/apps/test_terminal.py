@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from running import shell
 
 from dlama.apps.verbs.demo import ASSETS
 
@@ -46,35 +48,12 @@ def test_a_terminal_sees_stages(tmp_path: Path) -> None:
     assert shown.rstrip().splitlines()[-1].startswith("out: ")
 
 
-def piped(folder: Path, *words: str, **environment: str) -> tuple[str, str]:
-    """What `python -m dlama WORDS` prints on standard output and standard error, which are no terminal."""
-    done = subprocess.run(
-        [sys.executable, "-m", "dlama", *words],
-        cwd=folder,
-        env={**os.environ, **environment},
-        capture_output=True,
-        text=True,
-        timeout=600,
-        check=True,
-    )
-    return done.stdout, done.stderr
-
-
 @pytest.mark.parametrize("verb", ["photo3d", "demo"])
 def test_what_is_warned_of_while_a_verb_is_loaded_is_a_line(tmp_path: Path, verb: str) -> None:
     """Law: as what it warns of later, without file and source line (kernels that are not compiled warn at import)."""
     (tmp_path / "out").touch()
-    words = [verb, *(["none.jpg"] if verb == "photo3d" else []), "-o", "out"]
-    environment = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
-    done = subprocess.run(
-        [sys.executable, "-m", "dlama", *words],
-        cwd=tmp_path,
-        env=environment,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    first, second = done.stderr.splitlines()
+    picture = "none.jpg" if verb == "photo3d" else ""
+    first, second = shell(f"{verb} {picture} -o out", tmp_path, NUMBA_DISABLE_JIT="1").stderr.splitlines()
     assert first.startswith("warning: NUMBA_DISABLE_JIT is set") and second.startswith("error: ")
 
 
@@ -85,13 +64,14 @@ def test_a_pipe_sees_one_line_and_the_first_run_one_more(tmp_path: Path) -> None
     has to be compiled again."""
     kernels = tmp_path / "kernels"
     cache = {"NUMBA_CACHE_DIR": str(kernels)}
-    shown, errors = piped(tmp_path, *WORDS, **cache)
-    assert re.fullmatch(r"note: compiling kernels [^\n]* seconds[^\n]*\n", errors)
-    assert shown.count("\n") == 1 and "\x1b" not in shown
-    shown, errors = piped(tmp_path, *WORDS, **cache)
-    assert errors == "" and shown.count("\n") == 1
+    words = shlex.join(WORDS)
+    first, second = (shell(words, tmp_path, **cache) for _ in range(2))
+    assert re.fullmatch(r"note: compiling kernels [^\n]* seconds[^\n]*\n", first.stderr)
+    assert first.stdout.count("\n") == 1 and "\x1b" not in first.stdout
+    assert second.stderr == "" and second.stdout.count("\n") == 1
     kept = {path.name for path in kernels.rglob("*.nbi")}
     lost = next(path for path in kernels.rglob("depth_edges.*.nbi"))
     lost.unlink()
-    assert piped(tmp_path, *WORDS, "--quiet", **cache) == ("", "")
+    quiet = shell(f"{words} --quiet", tmp_path, **cache)
+    assert (quiet.returncode, quiet.stdout, quiet.stderr) == (0, "", "")
     assert {path.name for path in kernels.rglob("*.nbi")} == kept

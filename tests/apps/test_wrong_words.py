@@ -86,11 +86,6 @@ def test_one_line_says_what_is_wrong(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_bad_mask_is_told_before_depth_is_estimated(frame: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """One line, no warning of an estimate before it."""
-    assert "the mask not given?" in refused(capsys, frame, "remove", "image.png", "depth.png", "--fov", 60)
-
-
 @pytest.mark.parametrize(("error", "guide"), [(CameraError, "concepts/conventions"), (MaskError, "guides/remove")])
 def test_an_error_names_the_guide_that_explains_it(
     capsys: pytest.CaptureFixture[str], error: type[DlamaError], guide: str
