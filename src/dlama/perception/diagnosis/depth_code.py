@@ -7,6 +7,8 @@ the stored value, whose noise does not depend on the coding.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -31,12 +33,25 @@ PLANAR = 0.01
 """A part counts if some code fits it by a plane with a smaller relative residual."""
 FEWEST_PARTS = 8
 GAMMA = 2.2
-LEAST_T = 2.5
-"""By how many standard errors a code must fit better than plain depth (parts overlap: a quarter of them count)."""
-LEAST_GAIN = 0.035
-"""And least gain in the logarithm of the mean residuals."""
-DOUBTED = (1.3, 0.012)
-"""Both limits where the unit of depth makes no likely scene, and for the codings that never fit plain depth best."""
+
+
+class Lead(NamedTuple):
+    """How much better a code fits than plain depth."""
+
+    t: float
+    """Standard errors (parts overlap: a quarter of them count)."""
+    gain: float
+    """Mean difference of the logarithms of residuals."""
+
+    def reaches(self, least: Lead) -> bool:
+        """Whether both are at least so large."""
+        return self.t >= least.t and self.gain >= least.gain
+
+
+CLEAR = Lead(2.5, 0.035)
+"""Least lead that is reported;"""
+DOUBTED = Lead(1.3, 0.012)
+"""where the unit of depth makes no likely scene, and for the codings that never fit plain depth best."""
 NEVER_PLAIN = ("inverse", "radial", "gamma")
 """None of 256 good inputs (68 real, 104 streets, 84 worlds) was fitted best by these."""
 CODES = {
@@ -66,28 +81,41 @@ CODES = {
 
 def check_depth_code(seen: Observed) -> list[Finding]:
     """Reports a coding other than plain depth; nothing where too little of the picture is planar."""
-    fits = fit_codes(seen)
-    if fits is None:
+    best, lead = find_best_code(seen.depth, seen.camera, tuple(CODES))
+    if best not in CODES or not lead.reaches(DOUBTED):
         return []
-    best = min(fits, key=lambda name: float(fits[name].mean()))
-    gain = fits["linear"] - fits[best]
-    t = gain.mean() / (gain.std() / np.sqrt(max(gain.size / 4, 1)) + 1e-6)
-    if best == "linear" or t < DOUBTED[0] or gain.mean() < DOUBTED[1]:
-        return []
-    least_t, least_gain = DOUBTED if best in NEVER_PLAIN or check_depth_unit(seen) else (LEAST_T, LEAST_GAIN)
-    if t < least_t or gain.mean() < least_gain:
+    least = DOUBTED if best in NEVER_PLAIN or check_depth_unit(seen) else CLEAR
+    if not lead.reaches(least):
         return []
     check, holds, mend = CODES[best]
     what = f"{seen.names[1]}: holds {holds}; planes of the scene are flat so, and bent as depth"
-    return [Finding(check, "fault", certainty(t - least_t + 1, 0.8), what, mend)]
+    return [Finding(check, "fault", certainty(lead.t - least.t + 1, 0.8), what, mend)]
 
 
-def fit_codes(seen: Observed) -> dict[str, Floats] | None:
+def looks_inverse(depth: NDArray[np.floating]) -> bool:
+    """Whether H x W values that were read as depth (0 = missing, inf = far) are clearly inverse depth."""
+    camera = Camera.from_fov(depth.shape[1], depth.shape[0], 60)  # neither of the two codes depends on the lens
+    best, lead = find_best_code(depth, camera, ("inverse",))
+    return best == "inverse" and lead.reaches(CLEAR)
+
+
+def find_best_code(depth: NDArray[np.floating], camera: Camera, others: tuple[str, ...]) -> tuple[str, Lead]:
+    """Which of the codes `linear` and `others` fits best, and how far it leads `linear`; that where too little is planar."""
+    fits = fit_codes(depth, camera, ("linear", *others))
+    if fits is None:
+        return "linear", Lead(0.0, 0.0)
+    best = min(fits, key=lambda name: float(fits[name].mean()))
+    gain = fits["linear"] - fits[best]
+    return best, Lead(gain.mean() / (gain.std() / np.sqrt(max(gain.size / 4, 1)) + 1e-6), gain.mean())
+
+
+def fit_codes(depth: NDArray[np.floating], camera: Camera, names: tuple[str, ...]) -> dict[str, Floats] | None:
     """Logarithm of the relative residuals of each planar part under each code; None where there are too few parts."""
-    values, known, ray = square_parts(seen.depth, seen.camera)
+    values, known, ray = square_parts(depth, camera)
     if len(values) < FEWEST_PARTS:
         return None
-    codes = inverse_depths(values / np.percentile(seen.depth[seen.valid], 99), ray)
+    every = inverse_depths(values / np.median(values), ray)
+    codes = {name: every[name] for name in names}
     first = np.stack([residuals(*code, known) for code in codes.values()])
     best = first[np.median(first, 2).argmin(0), np.arange(len(values))]
     kept = known * (best < OUTLIERS * np.median(best, 1, keepdims=True) + EXACT)
@@ -111,15 +139,15 @@ def inverse_depths(v: Floats, ray: Floats) -> dict[str, tuple[Floats, Floats]]:
     }
 
 
-def square_parts(values: Floats, camera: Camera) -> tuple[Floats, Floats, Floats]:
+def square_parts(values: NDArray[np.floating], camera: Camera) -> tuple[Floats, Floats, Floats]:
     """Samples of the parts with enough known ones, each T x N: depth (the part's median where it is not known), 1 where it is
     known and 0 elsewhere, length of the ray with z = 1."""
     rows, columns = (np.concatenate(each) for each in zip(*(_grid(values.shape, n) for n in PARTS)))
-    known = (values > 0) & np.isfinite(values)
-    enough = known[rows, columns].mean(1) > KNOWN_SHARE
-    rows, columns = rows[enough], columns[enough]
-    there = known[rows, columns]
-    found = np.where(there, values[rows, columns], np.nan)
+    sampled = values[rows, columns].astype(np.float64)
+    known = (sampled > 0) & np.isfinite(sampled)
+    enough = known.mean(1) > KNOWN_SHARE
+    rows, columns, there = rows[enough], columns[enough], known[enough]
+    found = np.where(there, sampled[enough], np.nan)
     if len(found):
         found = np.where(there, found, np.nanmedian(found, axis=1, keepdims=True))
     x = (np.arange(camera.width) + 0.5 - camera.cx) / camera.fx
