@@ -129,7 +129,7 @@ def _network_alone() -> Callable[[], None]:
         from dlama.perception.shadows import classifier as room
 
         marked = room.network_probability(planes, room.color_shares(planes))
-        return (marked, marked > room.SHADOW, 1.0) if (marked > room.SHADOW).any() else None
+        return marked if (marked > room.SHADOW).any() else None
 
     return _shadow("shadow_probability", marked_alone)
 
@@ -160,7 +160,6 @@ SHADOW_RULES: dict[str, Callable[[], None]] = {
     "pixel-classifier": _no_pixel_classifier,
     "cast-candidates": _shadow("TRIED", 0, "classifier"),
     "second-candidate": _shadow("TRIED", 1, "classifier"),
-    "near-only": _shadow("regions_touching", lambda mask, seeds: mask),
 }
 """The same of `dlama.perception.shadows`, for `shadow_rules.py`."""
 

@@ -154,12 +154,11 @@ def verdict_features(
     return np.array([*own, *features], np.float32)
 
 
-def shadow_probability(planes: Float32Array) -> tuple[Float32Array, BoolArray, float] | None:
-    """h x w probabilities, the h x w shape, and the probability of the whole. None where no shadow is likely."""
+def shadow_probability(planes: Float32Array) -> Float32Array | None:
+    """h x w probabilities of the likeliest shadow. None where none is likely."""
     parts = classifiers()
     found = find_likely_shadows(planes, parts)
     if not found:
         return None
     certainty = parts["verdict"](np.stack([one.features for one in found]))
-    best = found[int(certainty.argmax())]
-    return (best.probability, best.shape, float(certainty.max())) if certainty.max() >= CERTAIN else None
+    return found[int(certainty.argmax())].probability if certainty.max() >= CERTAIN else None

@@ -22,8 +22,6 @@ DARKER = 0.1
 """Least darkness of an ambient shadow (natural logarithm): a tenth."""
 EVEN, RIM_PX = 0.07, 4
 """Largest residual of the ambient fit (mean of the logarithm), outside the shadow's border, for ambient shadows to be used."""
-NEAR_PX = 5
-"""Largest gap in px between a shadow and its cast shape or object."""
 
 
 def find_shadow(rgbd: RGBD, mask: BoolArray) -> BoolArray:
@@ -33,13 +31,11 @@ def find_shadow(rgbd: RGBD, mask: BoolArray) -> BoolArray:
     if ground is None:
         return none
     planes, crop, occlusion = shadow_planes(rgbd, mask, ground)
-    answer = shadow_probability(planes)
-    if answer is None:
+    probability = shadow_probability(planes)
+    if probability is None:
         return none
-    probability, shape = (crop.large(each.astype(np.float32), mask.shape) for each in answer[:2])
     usable = ground.surface & ~dilate_mask(mask, EDGE_PX)
-    cast = (shape > 0.5) & usable
-    shadow = regions_touching((probability > SHADOW) & usable, cast | dilate_mask(mask, NEAR_PX))
+    shadow = (crop.large(probability, mask.shape) > SHADOW) & usable
     shadow |= grow_ambient_shadow(rgbd, mask, ground, usable, shadow, occlusion)
     if shadow.sum() < SMALLEST_PX:
         return none
