@@ -18,7 +18,7 @@ from dlama.errors import DepthError, InputError
 from dlama.geometry.camera import Camera
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array
-from dlama.perception.planes import find_planes, fit_plane
+from dlama.perception.planes import find_planes, fit_plane, plane_normal
 
 ASSUMED_MEDIAN_M = 3.0
 """Median depth of a picture of which nothing is known in metres."""
@@ -206,8 +206,7 @@ def ground_plane(w: Float32Array, camera: Camera) -> np.ndarray | None:
         inliers = residual < near
         if inliers.sum() < 12:
             continue
-        a, b, c = fit_plane(u[inliers], v[inliers], value[inliers], near[inliers])
-        normal = np.array([a * camera.fx, b * camera.fy, c + a * camera.cx + b * camera.cy])
+        normal = plane_normal(fit_plane(u[inliers], v[inliers], value[inliers], near[inliers]), camera)
         if normal[1] > LEVEL * np.linalg.norm(normal) and inliers.sum() > most:
             best, most = normal, int(inliers.sum())
     return best

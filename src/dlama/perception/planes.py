@@ -129,8 +129,7 @@ def fit_plane(u: np.ndarray, v: np.ndarray, w: np.ndarray, near: np.ndarray) -> 
 
 def plane_normal(plane: NDArray[np.float64], camera: Camera) -> NDArray[np.float64]:
     """3: the normal, in camera axes, of a plane w = a u + b v + c; its length is 1 over the camera's distance from it (1/m)."""
-    a, b, c = plane
-    return np.array([a * camera.fx, b * camera.fy, a * camera.cx + b * camera.cy + c])
+    return np.asarray(plane @ camera.K)
 
 
 def plane_values(planes: NDArray[np.float64], hw: tuple[int, int], step: float = 1.0, top: int = 0) -> Float32Array:

@@ -182,8 +182,7 @@ def plane_coefficients(candidates: Float32Array) -> NDArray[np.float64]:
 
 def normals(planes: NDArray[np.float64], camera: Camera) -> NDArray[np.float64]:
     """K x 3 unit normals, in camera axes, of planes w = a x + b y + c over cells."""
-    a, b, c = planes.T
-    n = np.stack([a * camera.fx, b * camera.fy, a * (camera.cx - 0.5) + b * (camera.cy - 0.5) + c], axis=1)
+    n = planes @ matrix_of_cells(camera)
     return np.asarray(n / np.maximum(np.linalg.norm(n, axis=1, keepdims=True), LEAST_LENGTH), np.float64)
 
 
