@@ -22,6 +22,7 @@ from dlama.inpainters import AUTO, FILLER_NAMES, FILLERS, find_filler
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Painter, inpaint
 from dlama.inpainters.layered.depth.surfaces import Surfaces
+from dlama.inpainters.patchmatch import search
 from dlama.inpainters.patchmatch.completion import QUICK, complete_picture
 from dlama.inpainters.patchmatch.over_layers import copy_patches
 from dlama.inpainters.patchmatch.pyramid import build_pyramid, describe_pixels, halve
@@ -55,18 +56,19 @@ def test_a_pattern_goes_on_whatever_the_guess() -> None:
     assert (wrong <= 12).mean() > 0.9
 
 
-def test_the_structure_of_a_networks_guess_stays() -> None:
+def test_the_structure_of_a_networks_guess_stays(monkeypatch: pytest.MonkeyPatch) -> None:
     """Law: drawn to the guess, what is painted has the guess's large shapes, which it has not alone, in the picture's grain."""
     grain = np.random.default_rng(3).normal(0, 12, (96, 128, 1))
     light = (COLUMNS // 20 % 2)[..., None]
     picture = np.clip(np.where(light, 170, 90) + grain + np.zeros(3), 0, 255).astype(np.uint8)
     guess = np.where(HOLE[..., None], np.where((ROWS > 50)[..., None], 170, 90), picture).astype(np.uint8)
     off = {}
-    for guided in (False, True):
-        done = complete_picture(picture, HOLE, guess, guided=guided).color.astype(np.float32)
-        off[guided] = np.abs(cv2.blur(done - guess, (9, 9)))[HOLE].mean()
+    for pull in (0, search.PULL):
+        monkeypatch.setattr(search, "PULL", pull)
+        done = complete_picture(picture, HOLE, guess).color.astype(np.float32)
+        off[pull] = np.abs(cv2.blur(done - guess, (9, 9)))[HOLE].mean()
         assert 6 < (done - cv2.blur(done, (5, 5)))[HOLE].std() < 18
-    assert off[True] < 0.7 * off[False]
+    assert off[search.PULL] < 0.7 * off[0]
 
 
 def test_nothing_is_painted_that_the_picture_does_not_show() -> None:

@@ -71,13 +71,12 @@ def complete_picture(
     *,
     label: NDArray[np.integer] | None = None,
     effort: Effort = THOROUGH,
-    guided: bool = False,
 ) -> Completed:
     """The picture with its hole painted from known patches; known pixels as they are.
 
-    picture, guess: H x W x 3 uint8 RGB; hole: H x W; label: H x W, the surface of each pixel, hole or not: patches of another
-    one cost more; guided: the guess is a network's, whose structure stays. Where no patch of 7 x 7 px is known the guess comes
-    back. The same seed gives the same bits.
+    picture, guess: H x W x 3 uint8 RGB, the guess a network's, whose structure stays; hole: H x W; label: H x W, the surface of
+    each pixel, hole or not: patches of another one cost more. Where no patch of 7 x 7 px is known the guess comes back. The same
+    seed gives the same bits.
     """
     out = replace_pixels(picture, hole, guess)
     surface = np.zeros(hole.shape, np.int32) if label is None else label.astype(np.int32)
@@ -87,7 +86,7 @@ def complete_picture(
     rng = np.random.default_rng(seed)
     coarser: Search | None = None
     for i in reversed(range(len(levels))):
-        search = Search(levels[i], rng, penalty_weights(max(hole.shape) / 2**i), guided)
+        search = Search(levels[i], rng, penalty_weights(max(hole.shape) / 2**i))
         matched = levels[i].hole.size <= LARGEST_MATCHED and (i > 0 or effort.at_full_size)
         if coarser is None:
             search.compare_all(rng, effort.pairs)

@@ -130,7 +130,7 @@ def patchmatch_filler(model: str | Path) -> Painter:
         if not hole.any():
             return picture
         guess = guess_coarsely(network.paint, picture, hole, seed)
-        painted = complete_picture(picture, hole, guess, seed, guided=True).color
+        painted = complete_picture(picture, hole, guess, seed).color
         return blend_with_guess(painted, guess, hole, guess_share=GUESS_SHARE)
 
     def notes() -> dict[str, Any]:

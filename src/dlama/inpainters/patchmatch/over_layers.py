@@ -98,7 +98,7 @@ def copy_patches(
         start[removed | near], label = guess[removed | near], None
     if unseen.any():
         start[unseen] = (color[unseen].astype(np.uint16) + guess[unseen]) // 2
-    done = complete_picture(color, copied | near, start, seed, label=label, effort=QUICK, guided=True)
+    done = complete_picture(color, copied | near, start, seed, label=label, effort=QUICK)
     out = done.color
     if removed.any():
         out = blend_with_guess(out, start, removed, view.color_hole | near, spread=done.spread_of_votes())

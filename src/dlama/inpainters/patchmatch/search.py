@@ -24,8 +24,8 @@ SOFT, WIDE = 4.0, 1e3
 SHARP, NARROW = 8.0, 1.4
 """The same in the last round: only the best patches count, near their centre, since means of many are blurred."""
 PULL, PULL_PX = 0.6, 3.0
-"""Share by which each round but the last brings what it painted back to a network's guess, of the differences averaged over so
-many pixels (sigma): the guess has the structure, patches the texture. Other guesses are poorer than the patches."""
+"""Share by which each round but the last brings what it painted back to the guess, of the differences averaged over so many
+pixels (sigma): the guess, a network's, has the structure, patches the texture."""
 BAND = 512
 """Patches per task."""
 DRAWN = 65536
@@ -35,7 +35,7 @@ DRAWN = 65536
 class Search:
     """The search on one level: patches that touch the hole, and the known patch matched to each; mutable."""
 
-    def __init__(self, level: Level, rng: np.random.Generator, weights: Float32Array, guided: bool = False) -> None:
+    def __init__(self, level: Level, rng: np.random.Generator, weights: Float32Array) -> None:
         self.values, self.sources, self.label = level.values, level.sources, level.label
         """As of Level; the values of the hole change."""
         touched = dilate_by_patch(level.hole)
@@ -49,8 +49,8 @@ class Search:
         """N weights of the targets' patches."""
         self.box = box_around(touched, 0)
         """Rows and columns that hold all targets."""
-        self.guess = level.values[self.box][..., :3].copy() if guided else None
-        """Colours of the guess in the rows and columns of `box`, of the picture where it is known; None: it is no guide."""
+        self.guess = level.values[self.box][..., :3].copy()
+        """Colours of the guess in the rows and columns of `box`, of the picture where it is known."""
         self.around = sum_over_patch(touched[self.box].astype(np.float32))[touched[self.box]]
         """N, how many patches cover the pixel at a target's centre."""
         self.weights, self.random = weights, rng.uniform(-1, 1, (DRAWN, 2))
@@ -119,8 +119,7 @@ class Search:
             self._paint(SHARP, NARROW, np.ones_like(self.trust))
         else:
             self._paint(SOFT, WIDE, self.trust)
-            if self.guess is not None:
-                self._pull_to(self.guess)
+            self._pull_to_guess()
             self._weigh()
 
     def spread_of_votes(self) -> Float32Array:
@@ -132,11 +131,11 @@ class Search:
         spread[self.pixels[:, 0], self.pixels[:, 1]] = out
         return spread
 
-    def _pull_to(self, guess: Float32Array) -> None:
+    def _pull_to_guess(self) -> None:
         """Bring the hole's colours nearer to the guess, but for their detail."""
         rows, columns = self.pixels.T
         top, left = (side.start for side in self.box)
-        step = cv2.GaussianBlur(guess - self.values[self.box][..., :3], (0, 0), PULL_PX)
+        step = cv2.GaussianBlur(self.guess - self.values[self.box][..., :3], (0, 0), PULL_PX)
         self.values[rows, columns, :3] += PULL * step[rows - top, columns - left]
 
     def _paint(self, sharpness: float, width_px: float, trust: Float32Array) -> None:
