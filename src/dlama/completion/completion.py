@@ -103,7 +103,7 @@ class Completion(Figured):
     @cached_property
     def mesh(self) -> Mesh:
         """The completed scene, without removed objects, as triangles. World metres; computed once."""
-        return scene_mesh(self.scene, objects=False)
+        return scene_mesh(self.scene)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

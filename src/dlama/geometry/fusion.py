@@ -67,10 +67,10 @@ def scene_cloud(scene: Scene, objects: bool = True) -> PointCloud:
     )
 
 
-def scene_mesh(scene: Scene, objects: bool = True) -> Mesh:
-    """The scene's surfaces as one triangle mesh, cut where rendering cuts it. Far pixels have no vertices."""
-    layers = (*scene.layers, *scene.removals) if objects else scene.layers
-    return join_meshes([layer_mesh(layer.load()) for layer in layers])
+def scene_mesh(scene: Scene) -> Mesh:
+    """The scene's surfaces, without removed objects, as one triangle mesh, cut where rendering cuts it. Far pixels have no
+    vertices."""
+    return join_meshes([layer_mesh(layer.load()) for layer in scene.layers])
 
 
 HALVES = ("abc", "bdc", "abd", "adc")

@@ -90,17 +90,15 @@ ROWS_AT_ONCE = 64
 """Of a picture, so that what is computed on the way stays in the processor's cache."""
 
 
-def mm_from_depth(depth: Float32Array, units: float = MILLIMETRES) -> tuple[NDArray[np.uint16], int]:
-    """16-bit codes of H x W metres: 0 = missing, 65535 = far; and how many pixels were too deep and got 65534.
-
-    units: codes per metre, 1000 = millimetres. A valid depth is at least 1, so that it does not read as missing.
-    """
+def mm_from_depth(depth: Float32Array) -> tuple[NDArray[np.uint16], int]:
+    """16-bit millimetres of H x W metres: 0 = missing, 65535 = far; and how many pixels were too deep and got 65534. A valid
+    depth is at least 1, so that it does not read as missing."""
     depth = np.asarray(depth)
     codes, clipped = np.empty(depth.shape, np.uint16), 0
     for first in range(0, len(depth), ROWS_AT_ONCE):
         some = depth[first : first + ROWS_AT_ONCE].astype(np.float64)
         far = np.isposinf(some)
-        steps = np.rint(np.where(_valid(some), some, 0) * units)
+        steps = np.rint(np.where(_valid(some), some, 0) * MILLIMETRES)
         clipped += int((steps >= FAR_CODE).sum())
         found = np.where(_valid(some), np.clip(steps, 1, FAR_CODE - 1), 0)
         codes[first : first + ROWS_AT_ONCE] = np.where(far, FAR_CODE, found)
