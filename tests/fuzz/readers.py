@@ -23,7 +23,7 @@ import numpy as np
 import tifffile
 from PIL import Image
 
-from dlama.datasets.easysynth.text_files import HEADER, read_poses, read_rig
+from dlama.datasets.easysynth.text_files import METRIC_HEADER, UNREAL_HEADER, read_poses, read_rig
 from dlama.datasets.layouts import open_dataset
 from dlama.datasets.posed.trajectory_log import read_log
 from dlama.datasets.sequences.loading import open_frames
@@ -200,7 +200,8 @@ def tables() -> list[Reader]:
     listed = {"color": "c.png", "depth": "d.png", "world_from_cam": POSE}
     pairs = {"width": 12, "height": 9, "K": K, "frames": {"a": listed, "b": listed}, "pairs": [{"a": "a", "b": "b"}]}
     camera = json.dumps(LENS).encode()
-    unreal = ",".join(HEADER).encode() + b"\n0,1,2,3,0,0,0,1,0\n1,1,2,3,0,0,0,1,1\n"
+    unreal = ",".join(UNREAL_HEADER).encode() + b"\n0,1,2,3,0,0,0,1,0\n1,1,2,3,0,0,0,1,1\n"
+    metric = ",".join(METRIC_HEADER).encode() + b"\n0,1,2,3,1,0,0,0,10,10,6,4\n"
     pose = "\n".join(" ".join(map(str, row)) for row in POSE).encode()
     tum = {"rgb.txt": b"1.0 c.png\n2.0 e.png\n", "depth.txt": b"1.0 d.png\n2.0 d.png\n",
            "groundtruth.txt": b"1.0 0 0 0 0 0 0 1\n2.0 0.1 0 0 0 0 0 1\n", "camera.json": camera,
@@ -219,6 +220,7 @@ def tables() -> list[Reader]:
         Reader("pair.json", json.dumps(pair).encode(), read_stereo_calib),
         Reader("rig.json", json.dumps(rig).encode(), read_rig),
         Reader("unreal.csv", unreal, read_poses),
+        Reader("metric.csv", metric, read_poses),
         Reader("classes.csv", b"barrel,255,0,0\nwall, 1,2,3\n", read_classes),
         Reader("pose.txt", pose, read_pose),
         Reader("log.log", b"0 0 1\n" + pose + b"\n1 1 2\n" + pose, lambda path: read_log(path, 2)),

@@ -239,7 +239,8 @@ function setRunning(on) {
 }
 
 $("complete").addEventListener("click", complete);
-$("cancel").addEventListener("click", () => server.ask("cancel").catch((error) => failed(error, "method")));
+// In turn: before "complete" was answered nothing would be there to cancel.
+$("cancel").addEventListener("click", () => server.inTurn(() => server.ask("cancel")).catch((error) => failed(error, "method")));
 
 // ---- the page itself
 $("theme").addEventListener("click", () => {
