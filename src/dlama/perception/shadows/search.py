@@ -41,8 +41,6 @@ SHORTEST_PX = 20
 """Least border length in the normalisation: short borders are no evidence."""
 FEWEST_PX = 8
 """Least pixels of the cast shape on the visible surface; a smaller one has no strength."""
-OTHER = 0.6
-"""Relative offset from the best direction beyond which a direction is a different one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,10 +51,6 @@ class CastShape:
     """Metres over the surface for each metre of height, in camera axes."""
     strength: float
     """Flux over its standard deviation by chance; less for a low sun."""
-    next_best: float
-    """Strength of the best different direction."""
-    step: float
-    """Mean gradient of the logarithm outwards, a pixel."""
 
 
 def best_direction(caster: StandingObject, rgbd: RGBD, seen: BoolArray) -> CastShape | None:
@@ -66,18 +60,16 @@ def best_direction(caster: StandingObject, rgbd: RGBD, seen: BoolArray) -> CastS
     """
     search = Search(caster, rgbd, seen)
     slopes, turns = (each.ravel() for each in np.meshgrid(SLOPES, np.arange(TURNS) * 1.0, indexing="ij"))
-    coarse = search.strengths(slopes, turns)[0]
+    coarse = search.strengths(slopes, turns)
     top = np.argsort(-coarse, kind="stable")[:REFINED]
     factors, shifts = (each.ravel() for each in np.meshgrid(FINE_SLOPES, FINE_TURNS, indexing="ij"))
     near = np.outer(slopes[top], factors).ravel(), np.add.outer(turns[top], shifts).ravel()
-    fine, steps = search.strengths(*near)
+    fine = search.strengths(*near)
     best = int(fine.argmax())
     if fine[best] <= 0:
         return None
     over = search.over(near[0][best : best + 1], near[1][best : best + 1])[0]
-    every = search.over(slopes, turns)
-    others = np.where(np.linalg.norm(every - over, axis=1) > OTHER * np.linalg.norm(over), coarse, 0)
-    return CastShape(over, float(fine[best]), max(float(others.max()), 0.0), float(steps[best]))
+    return CastShape(over, float(fine[best]))
 
 
 class Search:
@@ -99,17 +91,15 @@ class Search:
         """K x 3: metres over the surface for each metre of height, in camera axes."""
         return light_offsets(self.up, slopes, -2 * np.pi * turns / TURNS)
 
-    def strengths(
-        self, slopes: NDArray[np.float64], turns: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Strengths of the shapes cast by K directions, and the mean steps at their borders."""
+    def strengths(self, slopes: NDArray[np.float64], turns: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Strengths of the shapes cast by K directions."""
         out = np.zeros((len(slopes), 3))
         stamps = np.zeros((-(-len(slopes) // DIRECTIONS_A_TASK), *self.seen.shape), np.int32)
         args = self.base, self.rise, self.over(slopes, turns), self.lens, self.divergence, self.seen, stamps, out
         in_bands(cast_shapes, len(slopes), *args, band=DIRECTIONS_A_TASK)
         flux, pixels, border = out.T
         strength = flux / (self.spread * np.sqrt(np.maximum(border, SHORTEST_PX))) / (1 + (slopes / LONG) ** 2)
-        return np.where(pixels < FEWEST_PX, 0, strength), flux / np.maximum(border, 1)
+        return np.asarray(np.where(pixels < FEWEST_PX, 0, strength))
 
 
 def divergence_of(color: UInt8Array, seen: BoolArray) -> tuple[NDArray[np.float64], float]:
