@@ -1,7 +1,8 @@
 """Rows of results in; JSONL shards while a run lasts, manifest.csv at its end, and what earlier runs have done, out.
 
 The shards below OUT/manifest are the truth: one line a result, the last one of an id counts, a line that a killed run left
-unfinished is none. An index of ids on disk (SQLite, in a temporary file) keeps the memory the same for any number of jobs.
+unfinished is none. A copy of the last rows on disk (SQLite, in a temporary file) keeps the memory the same for any number of
+jobs.
 """
 
 from __future__ import annotations
@@ -48,11 +49,10 @@ class Manifest:
         self._index.executescript(
             "pragma journal_mode=off; pragma synchronous=off;"
             "create table jobs (number integer primary key, id text unique);"
-            "create table rows (id text primary key, shard integer, place integer) without rowid;"
+            "create table rows (id text unique, line text);"
         )
         self._index.execute("begin")
         self._shards: list[Path] = []
-        self._readers: dict[int, IO[bytes]] = {}
         self._writer: IO[bytes] | None = None
         self._shard_rows = 0
         self._sent = (0, time.monotonic())
@@ -93,8 +93,8 @@ class Manifest:
 
     def find(self, name: str) -> JobResult | None:
         """The last row of a job; None: it has none."""
-        found = self._index.execute("select shard, place from rows where id = ?", (name,)).fetchone()
-        return None if found is None else self._row(*found)
+        found = self._index.execute("select line from rows where id = ?", (name,)).fetchone()
+        return None if found is None else JobResult.from_json(found[0])
 
     def find_done(self, job: Job) -> JobResult | None:
         """The row of a job that is done, from the same inputs with the same options, and whose result is there; else None."""
@@ -118,11 +118,11 @@ class Manifest:
         if self._writer is None or self._shard_rows >= SHARD_ROWS:
             self._new_shard()
         assert self._writer is not None
-        place = self._writer.tell()
+        line = row.as_json()
         with writing(self._shards[-1]):  # an error names no file
-            self._writer.write(row.as_json().encode() + b"\n")
+            self._writer.write(line.encode() + b"\n")
             self._writer.flush()
-        self._index.execute("insert or replace into rows values (?, ?, ?)", (row.id, len(self._shards) - 1, place))
+        self._index.execute("insert or replace into rows values (?, ?)", (row.id, line))
         self._shard_rows += 1
         if self.output.is_remote:
             rows, last = self._sent
@@ -133,11 +133,11 @@ class Manifest:
 
     def rows(self) -> Iterator[JobResult]:
         """One a job: those of the list in its order, then those of other lists by id."""
-        listed = "select shard, place from jobs join rows using (id) order by number"
-        others = "select shard, place from rows where id not in (select id from jobs) order by id"
+        listed = "select line from jobs join rows using (id) order by number"
+        others = "select line from rows where id not in (select id from jobs) order by id"
         for query in (listed, others):
-            for shard, place in self._index.execute(query):
-                yield self._row(shard, place)
+            for (line,) in self._index.execute(query):
+                yield JobResult.from_json(line)
 
     @system_errors(OutputError)
     def write_table(self) -> str:
@@ -164,7 +164,7 @@ class Manifest:
         with contextlib.ExitStack() as stack:
             stack.callback(self._temporary.cleanup)
             stack.callback(self._index.close)
-            for stream in (*self._readers.values(), self._writer, self._lock):
+            for stream in (self._writer, self._lock):
                 if stream is not None:
                     stack.callback(stream.close)
             if self.output.is_remote and self._writer is not None:
@@ -191,13 +191,11 @@ class Manifest:
             self._fetch()
         for path in sorted(self._folder.glob("*.jsonl")):
             self._shards.append(path)
-            number, place = len(self._shards) - 1, 0
             with path.open("rb") as stream:
                 for line in stream:
                     with contextlib.suppress(ValueError, TypeError, KeyError):
-                        name = JobResult.from_json(line.decode()).id
-                        self._index.execute("insert or replace into rows values (?, ?, ?)", (name, number, place))
-                    place += len(line)
+                        row = JobResult.from_json(line.decode())
+                        self._index.execute("insert or replace into rows values (?, ?)", (row.id, line.decode()))
 
     def _fetch(self) -> None:
         system, inside = file_system(self.output.of(FOLDER))
@@ -206,15 +204,6 @@ class Manifest:
             for one in system.ls(inside, detail=False):
                 if one.endswith(".jsonl"):
                     system.get_file(one, str(self._folder / one.rpartition("/")[2]))
-
-    def _row(self, shard: int, place: int) -> JobResult:
-        if shard not in self._readers:
-            if len(self._readers) > 100:
-                self._readers.pop(next(iter(self._readers))).close()
-            self._readers[shard] = self._shards[shard].open("rb")
-        stream = self._readers[shard]
-        stream.seek(place)
-        return JobResult.from_json(stream.readline().decode())
 
     def _new_shard(self) -> None:
         if self._writer is not None:
