@@ -13,7 +13,15 @@ import numpy as np
 
 from dlama.geometry.camera import Float64Array
 from dlama.perception.diagnosis.finding import Finding, certainty
-from dlama.perception.diagnosis.frames.landing import FEWEST, Landed, SmallFrame, find_landing_points, reproject
+from dlama.perception.diagnosis.frames.landing import (
+    FEWEST,
+    LEAST_FIT,
+    LEAST_LEAD,
+    Landed,
+    SmallFrame,
+    find_landing_points,
+    reproject,
+)
 
 NEIGHBOURS = 4
 """Frames that each one is compared with; most of them must agree."""
@@ -21,11 +29,6 @@ FACTORS = 1.05 ** np.arange(-10, 11)
 """Tried factors of the focal length, 0.61 to 1.63."""
 LEAST_CHANGE = 1.1
 """Least factor that is reported."""
-LEAST_FIT = 0.12
-"""Least agreement of two frames with the factor (1: every point lands, colours agree fully),"""
-LEAST_LEAD = 1.3
-"""and least gain over the frame as read. Without a fault at most 1.05 (89 real frames, 52 of streets, 60 of worlds); with one
-1.48."""
 LEAST_CURVE = 1.4
 """Least ratio of contrasts (in logarithms) that is reported as a gamma; without one at most 1.23 in the same frames."""
 

@@ -16,12 +16,8 @@ from dlama.errors import CameraError
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.poses import invert_pose, make_pose, quaternion_from_rotation, rotation_from_quaternion
 from dlama.perception.diagnosis.finding import Finding, certainty
-from dlama.perception.diagnosis.frames.landing import Landed, SmallFrame, find_landing_points
+from dlama.perception.diagnosis.frames.landing import LEAST_FIT, LEAST_LEAD, Landed, SmallFrame, find_landing_points
 
-LEAST_LEAD = 1.3
-"""Least gain of another convention,"""
-LEAST_FIT = 0.12
-"""and its least agreement (1: every point lands, colours agree fully)."""
 GL = np.diag([1.0, -1.0, -1.0, 1.0])
 """OpenGL's camera axes (y up, z back) in OpenCV's."""
 LEFT_HANDED = np.diag([1.0, -1.0, 1.0, 1.0])
