@@ -7,6 +7,7 @@ and covers no far pixel. A removed object's own depth counts as measured: its ba
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from weakref import WeakKeyDictionary
 
 import cv2
@@ -81,6 +82,13 @@ class Law:
         aligned = Law(tuple(measured), misplaced)
         _aligned[self] = scene.frames, aligned
         return aligned
+
+    @cached_property
+    def of_far(self) -> Law:
+        """The law of the far pixels alone."""
+        return Law(
+            tuple((camera, np.where(np.isposinf(known), known, np.float32(0))) for camera, known in self.measured)
+        )
 
     def cropped(self, view: View, rows: slice, columns: slice) -> Law:
         """The law for a part of a view (`View.cropped`): measurements of the view's own camera are cropped as well."""

@@ -84,15 +84,30 @@ def test_lines_count_what_they_meet() -> None:
     hole = np.zeros(w.shape, bool)
     hole[:, :24] = True
     w[20:, 24:30], label[20:, 24:30] = 0.5, -1
-    away = cv2.distanceTransform(hole.astype(np.uint8), cv2.DIST_L2, 5)
+    away = cv2.distanceTransform(hole.astype(np.uint8), cv2.DIST_L2, 5)[None]
     plane, level, every = np.array([[0.0, 0.0, 0.25]]), np.array([[1.0, 0.0, 0.0]]), np.ones(1, np.bool_)
-    first, length = seen_on_lines(plane, level, every, w, label, hole, away, hole, 1)
+    known = w, label, hole, np.zeros((1, *hole.shape), np.bool_), away, hole
+    first, length = seen_on_lines(plane, level, every, *known, 1)
     for row, start, count in ((5, 24, 0), (15, 24, 36), (30, 30, 30)):
         np.testing.assert_allclose(first[0, row, :24], start - np.arange(24), atol=1)
         np.testing.assert_array_equal(length[0, row, :24], count)
     assert (first[0, :, 24:] == -1).all()
-    upwards = seen_on_lines(plane, np.array([[0.0, 1.0, 0.0]]), every, w, label, hole, away, hole, 1)
+    upwards = seen_on_lines(plane, np.array([[0.0, 1.0, 0.0]]), every, *known, 1)
     assert (upwards[0] == -1).all()
+
+
+def test_a_plane_has_ended_where_the_sky_was_seen_through_it() -> None:
+    """By hand: a plane seen in the right half, and in rows 10 to 19 six columns of the hole in which it cannot be: lines from
+    left of those look past it there, and find it above and below; its costs are PAST and CONTINUED_COST."""
+    w, label = np.full((40, 60), 0.25, np.float32), np.ones((40, 60), np.int8)
+    hole, past = np.zeros(w.shape, np.bool_), np.zeros((1, *w.shape), np.bool_)
+    hole[:, :24], past[0, 10:20, 12:18] = True, True
+    candidates = np.stack([np.full(w.shape, value, np.float32) for value in (0.25, 0, 0.25)])
+    lines = PlaneLines.of(Camera.from_fov(60, 40, 60), candidates, hole, label, past)
+    on, cost = follow_lines(lines, candidates, hole, hole, w, label, np.ones(1, bool))
+    np.testing.assert_allclose(cost[2, 12:18, 2:8], PAST, atol=1e-3)
+    assert not on[2, 12:18, 2:8].any() and (on[2, [4, 30], 2:8] > 0.99).all()
+    assert (cost[2, [4, 30], 2:8] < 0.6 * CONTINUED_COST).all()
 
 
 def test_cost_of_a_wall_that_goes_on_and_of_one_that_has_ended() -> None:
@@ -103,7 +118,7 @@ def test_cost_of_a_wall_that_goes_on_and_of_one_that_has_ended() -> None:
     hole = np.zeros(w.shape, bool)
     hole[:, :24] = True
     candidates = np.stack([np.full(w.shape, value, np.float32) for value in (0.25, 0, 0.25)])
-    lines = PlaneLines.of(Camera.from_fov(60, 40, 60), candidates, hole, label)
+    lines = PlaneLines.of(Camera.from_fov(60, 40, 60), candidates, hole, label, np.zeros((1, *w.shape), np.bool_))
     on, cost = follow_lines(lines, candidates, hole, hole, w, label, np.ones(1, bool))
     away = 24 - np.arange(4, 20)
     for row in (26, 34):
@@ -152,7 +167,8 @@ def test_nothing_is_said_in_view() -> None:
     for count in (2, 4):
         candidates = np.full((count, *hole.shape), 0.25, np.float32)
         known = ~hole, np.full(hole.shape, 0.25, np.float32), np.ones(hole.shape, np.int8)
-        lines = PlaneLines.of(Camera.from_fov(30, 20, 60), candidates, hole, known[2])
+        past = np.zeros((count - 2, *hole.shape), np.bool_)
+        lines = PlaneLines.of(Camera.from_fov(30, 20, 60), candidates, hole, known[2], past)
         for part in follow_lines(lines, candidates, hole, *known, np.ones(count - 2, bool)):
             assert part.shape == candidates.shape and not part.any()
 

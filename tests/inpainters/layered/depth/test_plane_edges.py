@@ -27,7 +27,7 @@ def scene(tabletop: bool = True, round_one: bool = False) -> tuple[PlaneLines, P
     w = np.where(table, on_table, np.maximum(on_floor, 0)).astype(np.float32)
     candidates = np.stack([np.zeros_like(w), np.zeros_like(w), on_table, on_floor]).astype(np.float32)
     hole = columns >= 150
-    lines = PlaneLines.of(CAMERA, candidates, hole, label)
+    lines = PlaneLines.of(CAMERA, candidates, hole, label, np.zeros((len(candidates) - 2, *hole.shape), np.bool_))
     return lines, align_lines_to_edges(lines, CAMERA, candidates, hole, hole, w, label)
 
 

@@ -2,8 +2,9 @@
 out.
 
 A wall that the border cuts continues along its horizontals. Of planes visible over T cells and continued over t, the share T /
-(T + t) continues for t more. A plane hides what is behind it. It has ended where its line looks past it, at the sky above or at
-a surface behind its end. Where no line meets the plane, it was never seen to extend there.
+(T + t) continues for t more. A plane hides what is behind it. It has ended where its line looks past it, at the sky above, at
+a surface behind its end, or where a source camera saw the sky through it. Where no line meets the plane, it was never seen to
+extend there.
 """
 
 from __future__ import annotations
@@ -59,18 +60,25 @@ class PlaneLines(NamedTuple):
     """K x 3, homogeneous, in cells: vanishing point of each plane's horizontals."""
     across: NDArray[np.float64]
     """K x 3: vanishing point of its lines at right angles to them."""
+    past: BoolArray
+    """K x h x w, the hole cells in which a source camera saw the sky through each plane."""
     away: Float32Array
-    """h x w distance to known cells, in cells."""
+    """K x h x w distance to known cells, or such, in cells."""
     by_edges: BoolArray
     """K, True where lines run along the plane's own edges (`plane_edges`): a table top, which hangs over what is below it."""
 
     @classmethod
-    def of(cls, camera: Camera, candidates: Float32Array, hole: BoolArray, label: NDArray[np.int8]) -> PlaneLines:
-        """camera: of the grid; candidates: L x h x w inverse depth (1/m) of no plane, sky, planes; hole, label: h x w."""
+    def of(
+        cls, camera: Camera, candidates: Float32Array, hole: BoolArray, label: NDArray[np.int8], past: BoolArray
+    ) -> PlaneLines:
+        """camera: of the grid; candidates: L x h x w inverse depth (1/m) of no plane, sky, planes; hole, label: h x w; past:
+        see the field."""
         planes = plane_coefficients(candidates[2:])
         points = vanishing_points(planes, camera, cells_of_planes(label, hole, len(planes)))
-        away = np.asarray(cv2.distanceTransform(hole.astype(np.uint8), cv2.DIST_L2, 5), np.float32)
-        return cls(planes, *points, away, np.zeros(len(planes), np.bool_))
+        away = np.zeros(past.shape, np.float32)
+        for k, there in enumerate(past):
+            away[k] = cv2.distanceTransform((hole & ~there).view(np.uint8), cv2.DIST_L2, 5)
+        return cls(planes, *points, past, away, np.zeros(len(planes), np.bool_))
 
 
 def follow_lines(
@@ -91,9 +99,11 @@ def follow_lines(
     on, cost = np.zeros(candidates.shape, np.float32), np.zeros(candidates.shape, np.float32)
     if not unseen.any() or not followed.any():
         return on, cost
-    planes, along, across, away = lines[:4]
-    first, length = seen_on_lines(planes, along, followed, w, label, hole, away, unseen, STRIDE)
-    other_first, other_length = seen_on_lines(planes, across, followed, w, label, hole, away, unseen, STRIDE_ACROSS)
+    planes, along, across, past, away = lines[:5]
+    first, length = seen_on_lines(planes, along, followed, w, label, hole, past, away, unseen, STRIDE)
+    other_first, other_length = seen_on_lines(
+        planes, across, followed, w, label, hole, past, away, unseen, STRIDE_ACROSS
+    )
     few = candidates[:, ::STRIDE, ::STRIDE], unseen[::STRIDE, ::STRIDE]
     few_on, few_cost = np.zeros_like(few[0]), np.zeros_like(few[0])
     hidden = np.zeros_like(few[0])

@@ -91,7 +91,8 @@ class CoarseView:
         unseen = self.hole & ~self.hole_in_view
         followed = self.followed_planes()
         known = self.hole, unseen, self.inverse_depth, self.label
-        lines = PlaneLines.of(self.camera, self.candidates, self.hole, self.label)
+        past = self.seen_through(context, followed)
+        lines = PlaneLines.of(self.camera, self.candidates, self.hole, self.label, past)
         lines = align_lines_to_edges(lines, self.camera, self.candidates, *known)
         followed |= lines.by_edges
         on, penalty = follow_lines(lines, self.candidates, *known, followed)
@@ -126,6 +127,15 @@ class CoarseView:
             if number != 1:
                 depth = np.where(possible, LEEWAY / np.maximum(value, 1e-6), np.inf).astype(np.float32)
                 out[number] &= ~context.law.violations(self.camera, depth, self.hole & possible)
+        return out
+
+    def seen_through(self, context: FillContext, followed: BoolArray) -> BoolArray:
+        """K x h x w, True in hole cells in which a source camera saw the sky through a followed plane (K): it has ended there."""
+        out = np.zeros((len(followed), *self.hole.shape), np.bool_)
+        for k in np.flatnonzero(followed & (context.sky is not None)):
+            there = self.hole & (self.candidates[k + 2] > LEAST_INVERSE_DEPTH)
+            depth = LEEWAY / np.maximum(self.candidates[k + 2], np.float32(LEAST_INVERSE_DEPTH))
+            out[k] = context.law.of_far.violations(self.camera, depth.astype(np.float32), there)
         return out
 
     def out_of_order(self) -> BoolArray:

@@ -26,6 +26,7 @@ def follow_line(
     w: Float32Array,
     label: NDArray[np.int8],
     hole: BoolArray,
+    past: BoolArray,
     away: Float32Array,
     row: Real,
     column: Real,
@@ -47,11 +48,11 @@ def follow_line(
         value = plane[0] * x + plane[1] * y + plane[2]
         if r < 0 or c < 0 or r >= height or c >= width or value <= 1e-3:
             break
-        if hole[r, c]:
-            jump = np.float64(away[r, c]) - 1.5
+        if hole[r, c] and not past[own - 1, r, c]:
+            jump = np.float64(away[own - 1, r, c]) - 1.5
             continue
         jump = 1.0
-        known = np.float64(w[r, c])
+        known = np.float64(0.0 if hole[r, c] else w[r, c])
         if known > SAME * value:  # it stands before the plane, which may continue behind it
             continue
         if known * SAME >= value and label[r, c] > 0 and label[r, c] != own:  # where two planes meet
@@ -85,6 +86,7 @@ def line_rows(
     w: Float32Array,
     label: NDArray[np.int8],
     hole: BoolArray,
+    past: BoolArray,
     away: Float32Array,
     asking: BoolArray,
     stride: Whole,
@@ -106,7 +108,7 @@ def line_rows(
                     continue
                 dc, dr = dc / size, dr / size
                 for _way in range(2):
-                    found, cells = follow_line(planes[k], k + 1, w, label, hole, away, y, x, dr, dc)
+                    found, cells = follow_line(planes[k], k + 1, w, label, hole, past, away, y, x, dr, dc)
                     if found > 0 and (first[k, row, column] < 0 or found < first[k, row, column]):
                         first[k, row, column] = found
                         length[k, row, column] = cells
@@ -120,6 +122,7 @@ def seen_on_lines(
     w: Float32Array,
     label: NDArray[np.int8],
     hole: BoolArray,
+    past: BoolArray,
     away: Float32Array,
     asking: BoolArray,
     stride: int,
@@ -128,12 +131,13 @@ def seen_on_lines(
 
     planes: K x 3, w = a x + b y + c over cells (first cell: x = y = 0); towards: K x 3, homogeneous vanishing point of each
     plane's lines; followed: K, the planes that are looked for; w, label: h x w inverse depth and label of the known cells;
-    hole, asking: h x w; away: h x w, cells to known ones. Every stride-th row and column is queried. -1: undecided, or not
+    hole, asking: h x w; past: K x h x w, the hole cells in which a source camera saw the sky through each plane; away: K x h x w,
+    cells to known ones or such. Every stride-th row and column is queried. -1: undecided, or not
     looked for; length 0: the line looks behind the plane.
     """
     height, width = (-(-size // stride) for size in hole.shape)
     first = np.full((len(planes), height, width), -1, np.float32)
     length = np.zeros_like(first)
-    known = w, label, hole, away, asking
+    known = w, label, hole, past, away, asking
     in_bands(line_rows, height, planes, towards, followed, *known, stride, first, length, band=8)
     return first, length
