@@ -7,7 +7,6 @@ and covers no far pixel. A removed object's own depth counts as measured: its ba
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 from weakref import WeakKeyDictionary
 
 import cv2
@@ -83,7 +82,6 @@ class Law:
         _aligned[self] = scene.frames, aligned
         return aligned
 
-    @cached_property
     def of_far(self) -> Law:
         """The law of the far pixels alone."""
         return Law(

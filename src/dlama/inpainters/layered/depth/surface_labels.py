@@ -132,10 +132,13 @@ class CoarseView:
     def seen_through(self, context: FillContext, followed: BoolArray) -> BoolArray:
         """K x h x w, True in hole cells in which a source camera saw the sky through a followed plane (K): it has ended there."""
         out = np.zeros((len(followed), *self.hole.shape), np.bool_)
-        for k in np.flatnonzero(followed & (context.sky is not None)):
+        if context.sky is None or not followed.any():
+            return out
+        far = context.law.of_far()
+        for k in np.flatnonzero(followed):
             there = self.hole & (self.candidates[k + 2] > LEAST_INVERSE_DEPTH)
             depth = LEEWAY / np.maximum(self.candidates[k + 2], np.float32(LEAST_INVERSE_DEPTH))
-            out[k] = context.law.of_far.violations(self.camera, depth.astype(np.float32), there)
+            out[k] = far.violations(self.camera, depth.astype(np.float32), there)
         return out
 
     def out_of_order(self) -> BoolArray:
