@@ -126,7 +126,7 @@ def photo3d(
         small = add_edge_layers(small, grid_box)
     scene = add_fills(start, small, small.fills[given:], step)
     reports, warped = [report for one in steps for report in one.reports], [one.before for one in steps]
-    flying = int(source.find_once(find_joints).flying.sum()) if is_moved(source.camera, warped) else 0
+    flying = source.find_once(find_joints).flying_pixels if is_moved(source.camera, warped) else 0
     record = Record(reports, clock.seconds, holes=[one.grown for one in steps], flying_pixels=flying)
     meta = {**describe_depth(rgbd), **meta_data(plan, warped, record)}
     return Photo3D(

@@ -82,7 +82,7 @@ def complete(
     if mask is None:
         warn_of_unknown(source.camera, source.depth, warped)
     first = scene.frames[0].load()
-    flying = int(first.find_once(find_joints).flying.sum()) if is_moved(first.camera, warped) else 0
+    flying = first.find_once(find_joints).flying_pixels if is_moved(first.camera, warped) else 0
     record = Record(fills, clock.seconds, start.mask, [one.grown for one in completed], flying)
     meta = {**start.about, **meta_data(start.plan, warped, record), **expected_errors(views)}
     return Completion(views, warped, scene, source, meta).with_min_confidence(chosen.min_confidence)

@@ -105,7 +105,7 @@ class CompletedPair:
         left, right = (disparity_from_depth(view.depth, **lens) for view in self.views)
         agreement = consistency(self.views[0].color, self.views[1].color, left, right)
         source = View.from_rgbd(self.source)
-        record = dataclasses.replace(self.record, flying_pixels=int(source.find_once(find_joints).flying.sum()))
+        record = dataclasses.replace(self.record, flying_pixels=source.find_once(find_joints).flying_pixels)
         meta = meta_data(self.plan, self.before, record) | expected_errors(self.views)
         meta["stereo"] = {**lens, **self.about, "consistency": dataclasses.asdict(agreement)}
         return StereoCompletion(self.views, self.before, self.scene, source, meta, left, right, agreement)

@@ -114,8 +114,7 @@ def sequence(
     others = dict.fromkeys(set(names) - set(kept), "it contradicts all others")
     others |= dict.fromkeys(not_chosen, f"`frames` is {frames}")
     numbered = fit_masks(masks_by_number(masks or {}, names, damaged, others), given)
-    begun = plan_for(given, method, numbered or None)
-    plan, start = begun.plan, begun.scene
+    plan, _, start, *_ = plan_for(given, method, numbered or None)
     steps, settings = steps_for(plan, start, kept, cameras), settings_of(plan, method)
     state = SequenceState(target, settings | {"views": [(step.name, step.shown) for step in steps]}, start, __version__)
     done = complete_steps(plan, start, steps, state, target, progress, min_confidence)

@@ -30,6 +30,11 @@ class Joints(NamedTuple):
     joined: UInt8Array
     """H x W, `join_neighbours`."""
 
+    @property
+    def flying_pixels(self) -> int:
+        """How many pixels fly."""
+        return int(self.flying.sum())
+
 
 def step_by_noise(w: Float32Array, ratio: float) -> float:
     """Step in inverse depth (1/m) between neighbouring pixels caused by noise alone; 0 where `ratio` covers it at the median.
