@@ -164,8 +164,8 @@ def written(folder: Path) -> Figures:
 
 def rendering(mode: str, types: bool, fine: bool = True) -> Figures:
     """The demo frame drawn to yaw 20; where Open3D is installed the share of its projection's time, too. fine: by splines."""
+    from dlama import orbit
     from dlama.geometry.rendering import render
-    from dlama.geometry.trajectories import orbit
     from dlama.geometry.view import View
 
     rgbd = demo_frame()

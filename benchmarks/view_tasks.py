@@ -14,9 +14,9 @@ import numpy as np
 
 from dlama.completion.pipeline import complete
 from dlama.geometry.camera import Camera
+from dlama.geometry.motion.trajectories import dolly, median_pivot, orbit
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD
-from dlama.geometry.trajectories import dolly, median_pivot, orbit
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.context import FillContext

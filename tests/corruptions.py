@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from dlama.geometry.camera import Float64Array
-from dlama.geometry.poses import invert_pose
+from dlama.geometry.motion.poses import invert_pose
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.perception.diagnosis.finding import Observed
 from dlama.perception.diagnosis.frames.poses import BODY, GL, LEFT_HANDED, Undo, reorder_quaternion

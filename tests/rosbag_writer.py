@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from dlama.geometry.camera import Camera
-from dlama.geometry.poses import quaternion_from_rotation
+from dlama.geometry.motion.poses import quaternion_from_rotation
 
 
 class Writer:

@@ -10,7 +10,7 @@ import pytest
 
 import dlama
 
-MODULES = ("completion.verbs", "geometry.camera", "geometry.projection", "geometry.trajectories")
+MODULES = ("completion.verbs", "geometry.camera", "geometry.projection", "geometry.motion.trajectories")
 """Modules of public functions that have examples."""
 
 

@@ -55,11 +55,11 @@ if TYPE_CHECKING:  # what type checkers and editors read; a test holds it equal 
     from dlama.geometry.frames.stored import StoredView as StoredView
     from dlama.geometry.fusion import fuse as fuse
     from dlama.geometry.layers.head_box import HeadBox as HeadBox
+    from dlama.geometry.motion.trajectories import orbit as orbit
     from dlama.geometry.projection import lift as lift
     from dlama.geometry.rendering import render as render
     from dlama.geometry.rgbd import RGBD as RGBD
     from dlama.geometry.scene import Scene as Scene
-    from dlama.geometry.trajectories import orbit as orbit
     from dlama.geometry.view import View as View
     from dlama.geometry.visibility import Law as Law
     from dlama.inpainters.context import FillContext as FillContext
@@ -122,7 +122,7 @@ NAMES = {
     "geometry.rendering": ("render",),
     "geometry.rgbd": ("RGBD",),
     "geometry.scene": ("Scene",),
-    "geometry.trajectories": ("orbit",),
+    "geometry.motion.trajectories": ("orbit",),
     "geometry.view": ("View",),
     "geometry.visibility": ("Law",),
     "inpainters.context": ("FillContext",),

@@ -7,8 +7,8 @@ import pytest
 
 import dlama
 from dlama.geometry.camera import Camera
+from dlama.geometry.motion.trajectories import orbit
 from dlama.geometry.rendering import render
-from dlama.geometry.trajectories import orbit
 from view_tasks import SMALLEST, photo_task, pipeline_tasks
 from worlds import Box, Plane, Sphere, World
 

@@ -22,10 +22,10 @@ from dlama.errors import ShapeError
 from dlama.files.scenes.scene_npz import read_npz, write_npz
 from dlama.geometry.camera import Camera, StereoRig
 from dlama.geometry.codes import HoleType, Origin
+from dlama.geometry.motion.trajectories import orbit
 from dlama.geometry.projection import disparity_from_depth
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
-from dlama.geometry.trajectories import orbit
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law, violations
 from whole_picture import assert_same_view

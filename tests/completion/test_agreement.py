@@ -13,9 +13,9 @@ from dlama.completion.pipeline import complete
 from dlama.completion.recipes import RECIPES
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import Origin
+from dlama.geometry.motion.trajectories import dolly, orbit
 from dlama.geometry.rendering import render
 from dlama.geometry.scene import Scene
-from dlama.geometry.trajectories import dolly, orbit
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
 from marks import first_quick

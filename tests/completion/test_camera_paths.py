@@ -12,9 +12,9 @@ from dlama.completion.pipeline import complete
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import Origin
 from dlama.geometry.fusion import scene_cloud
+from dlama.geometry.motion.trajectories import orbit
 from dlama.geometry.rendering import render
 from dlama.geometry.scene import contribution
-from dlama.geometry.trajectories import orbit
 from worlds import Box, Plane, World
 
 CAMERA = Camera.from_fov(160, 120, 70)

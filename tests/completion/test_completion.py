@@ -14,7 +14,7 @@ from dlama.completion.report import hole_shares
 from dlama.completion.verbs import remove, view
 from dlama.errors import InputError
 from dlama.geometry.camera import Camera
-from dlama.geometry.trajectories import orbit
+from dlama.geometry.motion.trajectories import orbit
 
 
 def test_clouds_and_mesh_are_computed_once(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -16,7 +16,7 @@ from dlama.errors import InputError
 from dlama.files.scenes.scene_npz import write_npz
 from dlama.geometry.camera import StereoRig
 from dlama.geometry.codes import HoleType, Origin
-from dlama.geometry.trajectories import orbit
+from dlama.geometry.motion.trajectories import orbit
 from dlama.geometry.view import View
 from dlama.inpainters import find_filler
 from dlama.inpainters.context import FillContext

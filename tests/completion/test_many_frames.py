@@ -14,8 +14,8 @@ from dlama.completion.start import scene_of
 from dlama.errors import InputError
 from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.frames.gathering import drop_seen_depth
+from dlama.geometry.motion.trajectories import orbit
 from dlama.geometry.rendering import render
-from dlama.geometry.trajectories import orbit
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
 from worlds import World

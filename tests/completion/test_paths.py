@@ -10,7 +10,7 @@ from small_street import CAMERA, street
 
 import dlama
 from dlama.errors import InputError
-from dlama.geometry.trajectories import PATHS, interpolate_cameras, named_path, orbit
+from dlama.geometry.motion.trajectories import PATHS, interpolate_cameras, named_path, orbit
 from worlds import moved
 
 

@@ -17,9 +17,9 @@ from dlama.errors import InputError, MaskError
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.holes import dilate_mask
+from dlama.geometry.motion.trajectories import dolly, orbit
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
-from dlama.geometry.trajectories import dolly, orbit
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law, violations
 from dlama.inpainters import FILLERS

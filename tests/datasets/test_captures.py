@@ -22,7 +22,7 @@ from dlama.datasets.posed.posed_frames import enlarge_depth
 from dlama.datasets.sequences.loading import open_frames
 from dlama.errors import FileError, MissingExtraError
 from dlama.geometry.camera import Camera
-from dlama.geometry.poses import invert_pose, quaternion_from_rotation
+from dlama.geometry.motion.poses import invert_pose, quaternion_from_rotation
 from posed_folders import LENS, check_frames, truth, write_codes16, write_picture
 
 GL_FROM_CV = np.diag([1.0, -1.0, -1.0, 1.0])

@@ -22,7 +22,7 @@ from dlama.datasets.layouts import detect
 from dlama.datasets.sequences.loading import open_frames
 from dlama.errors import FileError
 from dlama.geometry.camera import Camera
-from dlama.geometry.poses import invert_pose
+from dlama.geometry.motion.poses import invert_pose
 from dlama.geometry.rgbd import RGBD
 from posed_folders import LENS, WORLD, cameras, check_registered, read_or_refuse
 from rosbag_writer import Writer

@@ -20,7 +20,7 @@ from dlama.datasets.sequences.loading import open_frames
 from dlama.datasets.sequences.sequence import sequence
 from dlama.errors import CameraError, FileError, MissingExtraError
 from dlama.geometry.camera import Camera
-from dlama.geometry.poses import invert_pose, rotation_deg
+from dlama.geometry.motion.poses import invert_pose, rotation_deg
 from posed_folders import LENS, WORLD, cameras, check_frames, check_registered, read_or_refuse, truth
 from rosbag_writer import Writer
 from worlds import pose_of

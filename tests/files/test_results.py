@@ -22,8 +22,8 @@ from dlama.files.scenes import textured_mesh
 from dlama.files.scenes.scene_npz import read_npz
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType, Origin
+from dlama.geometry.motion.trajectories import orbit
 from dlama.geometry.rgbd import RGBD
-from dlama.geometry.trajectories import orbit
 
 CAMERA = Camera.from_fov(56, 40, 60)
 EVERY = tuple(name for name in RESULTS if name not in ("disparity", "mask"))

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from dlama.errors import CameraError
 from dlama.geometry.camera import Camera, StereoRig
-from dlama.geometry.poses import FARTHEST_M, check_pose, invert_pose
+from dlama.geometry.motion.poses import FARTHEST_M, check_pose, invert_pose
 from dlama.geometry.projection import project, px_from_px
 from worlds import pixels_of, points_of, pose_of
 

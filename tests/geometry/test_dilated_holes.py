@@ -9,9 +9,9 @@ import pytest
 
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType, Origin
+from dlama.geometry.rendering import dilate_holes
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import View
-from dlama.geometry.view_holes import dilate_holes
 
 
 def a_view(hole_type: np.ndarray) -> View:

@@ -8,10 +8,10 @@ import pytest
 
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType
+from dlama.geometry.motion.trajectories import orbit
 from dlama.geometry.rendering import MODES, Mode, render
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
-from dlama.geometry.trajectories import orbit
 from dlama.geometry.view import View
 from worlds import Box, Plane, Sphere, World, moved, pixels_of, points_of, rays_of
 

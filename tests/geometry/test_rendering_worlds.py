@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from dlama.geometry.camera import Camera
+from dlama.geometry.motion.trajectories import orbit
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD
-from dlama.geometry.trajectories import orbit
 from worlds import Box, Plane, Sphere, World, moved, pixels_of, points_of, shape_shown
 
 SOURCE = Camera.from_fov(160, 120, 60, [[0, 0, 1, 3], [1, 0, 0, -2], [0, 1, 0, 5], [0, 0, 0, 1]])

@@ -17,9 +17,9 @@ from dlama.evaluation.metrics.reliability import calibration
 from dlama.evaluation.protocols.reliability import depth_deviation
 from dlama.files.scenes.scene_npz import read_npz, write_npz
 from dlama.geometry.codes import HoleType, Origin
+from dlama.geometry.motion.trajectories import orbit
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD
-from dlama.geometry.trajectories import orbit
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.confidence import (

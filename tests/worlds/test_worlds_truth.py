@@ -13,7 +13,7 @@ import pytest
 from dlama.errors import FileError, InputError, ShapeError
 from dlama.geometry.camera import Camera
 from dlama.geometry.kernels import jit
-from dlama.geometry.trajectories import orbit
+from dlama.geometry.motion.trajectories import orbit
 from dlama.worlds.dataset import _from_seed, world
 from dlama.worlds.world import World
 from marks import first_quick
@@ -92,7 +92,7 @@ def test_the_same_seed_gives_the_same_bytes_on_every_number_of_threads(monkeypat
 
 
 def test_cameras_orbit_the_point_ahead_and_the_rig_is_rectified() -> None:
-    """Oracle: geometry.trajectories.orbit of the first camera; 0.12 m along its x axis."""
+    """Oracle: geometry.motion.trajectories.orbit of the first camera; 0.12 m along its x axis."""
     made = world(2)
     first = made.camera(size=100, fov=70)
     assert first.fov_deg == pytest.approx(70) and first.world_from_cam[1, 3] == -made.eye_m

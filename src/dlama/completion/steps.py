@@ -17,11 +17,10 @@ from dlama.completion.second_estimate import estimate_again
 from dlama.completion.start import NO_DILATION, Dilation, Plan
 from dlama.geometry.camera import Camera
 from dlama.geometry.frames.choosing import choose_frames
-from dlama.geometry.fusion import fuse
-from dlama.geometry.rendering import render_measured
+from dlama.geometry.fusion import close_by_earlier_fill, fuse
+from dlama.geometry.rendering import dilate_holes, render_measured
 from dlama.geometry.scene import Scene, replace_frame
 from dlama.geometry.view import View
-from dlama.geometry.view_holes import close_by_earlier_fill, dilate_holes
 from dlama.inpainters.filling import FillReport, inpaint
 from dlama.progress import begin_stage
 

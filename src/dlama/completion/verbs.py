@@ -11,10 +11,10 @@ from dlama.completion.options import OptionKeywords, Unpack, take_options
 from dlama.completion.pipeline import complete
 from dlama.errors import InputError, InputTypeError
 from dlama.geometry.camera import Camera
+from dlama.geometry.motion.trajectories import PIVOT_M, median_pivot, orbit
+from dlama.geometry.motion.trajectories import dolly as dollied
 from dlama.geometry.rgbd import RGBD, BoolArray, is_valid
 from dlama.geometry.scene import Scene
-from dlama.geometry.trajectories import PIVOT_M, median_pivot, orbit
-from dlama.geometry.trajectories import dolly as dollied
 from dlama.geometry.view import View
 from dlama.progress import Progress
 

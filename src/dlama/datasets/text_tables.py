@@ -12,7 +12,7 @@ import numpy as np
 from dlama.errors import CameraError, FileError, InputError, ShapeError
 from dlama.files.rasters.images import existing_file
 from dlama.geometry.camera import Float64Array
-from dlama.geometry.poses import QUATERNION_TOLERANCE, check_pose, make_pose, rotation_from_quaternion
+from dlama.geometry.motion.poses import QUATERNION_TOLERANCE, check_pose, make_pose, rotation_from_quaternion
 
 LEVELS = 3
 """A data set is the folder itself, or in its folders, or in theirs (7-Scenes: chess/seq-01)."""

@@ -20,9 +20,9 @@ from numpy.typing import ArrayLike
 
 from dlama.arguments import check, format_value, is_finite
 from dlama.errors import CameraError
-from dlama.geometry.poses import FARTHEST_M as FARTHEST_M
-from dlama.geometry.poses import Float64Array as Float64Array
-from dlama.geometry.poses import as_matrix, check_pose, invert_pose
+from dlama.geometry.motion.poses import FARTHEST_M as FARTHEST_M
+from dlama.geometry.motion.poses import Float64Array as Float64Array
+from dlama.geometry.motion.poses import as_matrix, check_pose, invert_pose
 
 LARGEST_PX = 1e7
 """Pixels: no focal length or principal point lies beyond (a telescope's is some 1e6)."""

@@ -16,7 +16,7 @@ from dlama.arguments import check_arguments
 from dlama.errors import CameraError, DepthError, ShapeError
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.cloud import PointCloud
-from dlama.geometry.poses import transform_points
+from dlama.geometry.motion.poses import transform_points
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
 from dlama.geometry.view import View
 

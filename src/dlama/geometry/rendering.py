@@ -37,7 +37,7 @@ from dlama.geometry.drawing.layers import Mode as Mode
 from dlama.geometry.frames.choosing import may_show
 from dlama.geometry.frames.merging import keep_latest, merge_frames, surface_of
 from dlama.geometry.frames.stored import Layer
-from dlama.geometry.holes import box_around
+from dlama.geometry.holes import box_around, dilate_mask, fill_with_nearest
 from dlama.geometry.kernels.drawing import hole_types as hole_kernels
 from dlama.geometry.kernels.jit import in_bands, threads
 from dlama.geometry.projection import project
@@ -241,6 +241,17 @@ def hole_types(grids: list[Grid], removals: tuple[Layer, ...], hole: BoolArray) 
 
 close_frame = keep_latest(close_grid)
 """As `close_grid`, of one of many frames."""
+
+
+def dilate_holes(view: View, radius: int) -> tuple[View, int]:
+    """The view with its holes dilated by `radius` px, and how many known pixels that gave up; each takes the type of the nearest
+    hole pixel."""
+    given_up = dilate_mask(view.hole, radius) & ~view.hole
+    if not given_up.any():
+        return view, 0
+    larger = view.without(given_up, HoleType.DISOCCLUDED)
+    types = np.where(given_up, fill_with_nearest(view.hole_type, view.hole), view.hole_type)
+    return dataclasses.replace(larger, hole_type=types), int(given_up.sum())
 
 
 def render_cloud(cloud: PointCloud, camera: Camera, mode: Mode) -> View:

@@ -16,11 +16,11 @@ import numpy as np
 from dlama.arguments import check, check_arguments
 from dlama.errors import DepthError, ShapeError
 from dlama.geometry.codes import Origin
+from dlama.geometry.fusion import paste_part
 from dlama.geometry.holes import box_around, larger_box, sides_of
 from dlama.geometry.kernels.jit import begin_job
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, replace_pixels
 from dlama.geometry.view import View
-from dlama.geometry.view_holes import paste_part
 from dlama.inpainters.confidence import features_of_known, judge_fill
 from dlama.inpainters.context import FillContext
 

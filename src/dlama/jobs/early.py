@@ -15,7 +15,7 @@ from dlama.files.rasters.depth import check_depth_options
 from dlama.files.rasters.images import picture_hw
 from dlama.files.results.completion import check_results
 from dlama.geometry.camera import Camera
-from dlama.geometry.trajectories import PIVOT_M, dolly, orbit
+from dlama.geometry.motion.trajectories import PIVOT_M, dolly, orbit
 from dlama.inpainters import AUTO, model_file
 from dlama.jobs.parameters import METHOD, POINTING, mask_settings
 

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from dlama.errors import InputError
 from dlama.geometry.camera import Camera, Float64Array, StereoRig
+from dlama.geometry.motion.trajectories import move_sideways, orbit
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, make_read_only
-from dlama.geometry.trajectories import move_sideways, orbit
 from dlama.worlds.raycast.bounding_boxes import boxes_by_depth, shadow_cells
 from dlama.worlds.raycast.shape_rows import BLOCKED, COLUMNS, GROUP, LEVELS, LIT, OBJECT_GROUP, SIDE
 from dlama.worlds.raycast.tiles import cast_rays

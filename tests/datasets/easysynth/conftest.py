@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from dlama.datasets.easysynth.writer import write_scene
-from dlama.geometry.trajectories import orbit
+from dlama.geometry.motion.trajectories import orbit
 from rendered_walls import CAMERA, CLASSES, frame
 
 

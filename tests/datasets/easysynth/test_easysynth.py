@@ -17,8 +17,8 @@ from dlama.datasets.easysynth.writer import write_scene
 from dlama.datasets.frames import RemovalTruth, StereoTruth, ViewTruth
 from dlama.datasets.posed.posed_frames import PosedFrame
 from dlama.errors import CameraError, DepthError, FileError, InputError, MaskError
-from dlama.geometry.poses import quaternion_from_rotation, rotation_from_quaternion
-from dlama.geometry.trajectories import dolly, orbit
+from dlama.geometry.motion.poses import quaternion_from_rotation, rotation_from_quaternion
+from dlama.geometry.motion.trajectories import dolly, orbit
 from rendered_walls import CAMERA, CLASSES, edit_json, frame
 from worlds import moved, rotation
 

@@ -14,8 +14,8 @@ from dlama.datasets.frames import RemovalTruth, StereoTruth, ViewTruth
 from dlama.errors import OutputError
 from dlama.files.rasters.exr_files import read_exr
 from dlama.geometry.camera import Camera
+from dlama.geometry.motion.trajectories import orbit
 from dlama.geometry.rgbd import RGBD
-from dlama.geometry.trajectories import orbit
 from worlds import Box, Plane, World, moved
 
 CLASSES = {"background": (0, 0, 0), "object": (255, 0, 0), "sky": (70, 130, 180)}

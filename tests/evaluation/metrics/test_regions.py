@@ -21,8 +21,8 @@ from dlama.errors import ShapeError
 from dlama.evaluation.metrics.regions import removal_regions, source_visibility, stereo_regions
 from dlama.geometry.camera import Camera
 from dlama.geometry.holes import dilate_mask
+from dlama.geometry.motion.trajectories import orbit
 from dlama.geometry.rgbd import RGBD
-from dlama.geometry.trajectories import orbit
 from worlds import Box, Plane, Sphere, World, moved
 
 STREET = World((Plane((0, 1, 0), (0, 1, 0)), Box((-9, -0.6, 6), (9, 1, 7)), Sphere((0.2, 0.2, 2.2), 0.4)))

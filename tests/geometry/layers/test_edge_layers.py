@@ -7,10 +7,10 @@ import numpy as np
 from dlama.geometry.camera import Camera
 from dlama.geometry.fusion import add_layer
 from dlama.geometry.layers.edge_layers import continue_under_edges
+from dlama.geometry.motion.trajectories import orbit
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
-from dlama.geometry.trajectories import orbit
 from dlama.geometry.view import View
 
 CAMERA = Camera.from_fov(64, 48, 60)

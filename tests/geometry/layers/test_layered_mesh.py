@@ -11,10 +11,10 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.codes import Origin
 from dlama.geometry.layers.head_box import HeadBox
 from dlama.geometry.layers.layered_mesh import MeshPart, depth_of_sphere, fill_own_holes, mesh_layers, sky_distance
+from dlama.geometry.motion.trajectories import orbit
 from dlama.geometry.projection import project, rays
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import contribution
-from dlama.geometry.trajectories import orbit
 from dlama.geometry.view import View
 from worlds import Box, Plane, World
 

@@ -17,7 +17,7 @@ from dlama.files.atomic_write import new_directory
 from dlama.files.results.contact_sheet import write_contact_sheet
 from dlama.files.results.preview import demo_legend, demo_panels
 from dlama.files.results.video import write_video
-from dlama.geometry.trajectories import interpolate_cameras
+from dlama.geometry.motion.trajectories import interpolate_cameras
 from dlama.jobs.early import check_options
 from dlama.jobs.parameters import check_parameters
 from dlama.jobs.verbs import perform

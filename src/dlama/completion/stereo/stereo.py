@@ -52,13 +52,12 @@ from dlama.errors import InputError
 from dlama.geometry.camera import StereoRig
 from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.frames.removal import mask_growth
-from dlama.geometry.fusion import fuse
+from dlama.geometry.fusion import close_holes, fuse
 from dlama.geometry.holes import dilate_mask
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
-from dlama.geometry.view_holes import close_holes
 from dlama.inpainters import AUTO, find_filler
 from dlama.inpainters.filling import FillReport, Inpainter, inpaint
 from dlama.inpainters.networks.pair import PairFiller

@@ -17,7 +17,7 @@ from dlama.datasets.posed.posed_frames import FrameFiles, Lens, PosedFrame, pose
 from dlama.datasets.text_tables import files_by_stem, nearest_in_time, pose_at, read_rows
 from dlama.errors import FileError
 from dlama.geometry.camera import Float64Array
-from dlama.geometry.poses import invert_pose, make_pose
+from dlama.geometry.motion.poses import invert_pose, make_pose
 
 DEPTH, POSES = "lowres_depth", "lowres_wide.traj"
 PICTURES = ("vga_wide", "lowres_wide")

@@ -26,7 +26,7 @@ from dlama.errors import FileError
 from dlama.files.fields import FileFields, json_fields
 from dlama.files.rasters.video_frames import read_raw_frame, read_video_frame, video_times, video_tracks
 from dlama.geometry.camera import Float64Array
-from dlama.geometry.poses import invert_pose, make_pose
+from dlama.geometry.motion.poses import invert_pose, make_pose
 from dlama.geometry.rgbd import Float32Array, UInt8Array
 
 MODEL = "CALIBRATION_LensDistortionModelBrownConrady"

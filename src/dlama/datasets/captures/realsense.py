@@ -14,7 +14,7 @@ from typing import Any
 
 from dlama.datasets.text_tables import pose_of
 from dlama.geometry.camera import Float64Array
-from dlama.geometry.poses import invert_pose
+from dlama.geometry.motion.poses import invert_pose
 
 STREAM = re.compile(r"/(device_\d+/sensor_\d+)/([^/]+_\d+)/")
 EXTRINSICS = re.compile(STREAM.pattern + r"tf/(\d+)$")

@@ -19,7 +19,7 @@ from dlama.datasets.text_tables import nearest_in_time, pose_of
 from dlama.errors import FileError
 from dlama.files.rasters.images import check_pixels, picture_of_bytes
 from dlama.geometry.camera import Float64Array
-from dlama.geometry.poses import invert_pose, slerp
+from dlama.geometry.motion.poses import invert_pose, slerp
 from dlama.geometry.rgbd import Float32Array, UInt8Array
 
 COLORS: dict[str, tuple[int, int | None]] = {

@@ -28,7 +28,7 @@ from dlama.datasets.text_tables import check_folder
 from dlama.errors import CameraError, FileError
 from dlama.files.semantic_classes import CLASSES_FILE, RGB, class_color
 from dlama.geometry.camera import Float64Array
-from dlama.geometry.poses import invert_pose, rotation_deg
+from dlama.geometry.motion.poses import invert_pose, rotation_deg
 
 LAYOUT = "easysynth"
 SAME_POSE = 1e-4

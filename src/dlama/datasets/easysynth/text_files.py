@@ -21,7 +21,12 @@ from dlama.errors import CameraError, FileError
 from dlama.files.fields import FileFields, json_fields
 from dlama.files.semantic_classes import unreal_text
 from dlama.geometry.camera import Float64Array
-from dlama.geometry.poses import QUATERNION_TOLERANCE, make_pose, quaternion_from_rotation, rotation_from_quaternion
+from dlama.geometry.motion.poses import (
+    QUATERNION_TOLERANCE,
+    make_pose,
+    quaternion_from_rotation,
+    rotation_from_quaternion,
+)
 
 OPENCV_FROM_UNREAL = np.array([[0.0, 1, 0], [0, 0, -1], [1, 0, 0]])
 """x = Y, y = -Z, z = X."""

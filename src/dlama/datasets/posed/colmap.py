@@ -25,7 +25,7 @@ from dlama.files.atomic_write import new_file
 from dlama.files.fields import Intrinsics
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.cloud import PointCloud
-from dlama.geometry.poses import invert_pose, make_pose, quaternion_from_rotation, rotation_from_quaternion
+from dlama.geometry.motion.poses import invert_pose, make_pose, quaternion_from_rotation, rotation_from_quaternion
 
 PARAMETERS = {"SIMPLE_PINHOLE": 3, "PINHOLE": 4, "SIMPLE_RADIAL": 4, "RADIAL": 5, "OPENCV": 8}
 """How many each model has, in the order of their numbers in binary files."""

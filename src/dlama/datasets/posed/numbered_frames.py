@@ -30,7 +30,7 @@ from dlama.datasets.posed.posed_frames import (
 from dlama.datasets.posed.registered_depth import register_depth
 from dlama.datasets.text_tables import files_in, read_pose
 from dlama.errors import FileError
-from dlama.geometry.poses import invert_pose
+from dlama.geometry.motion.poses import invert_pose
 
 DEPTH_LENS = Lens("7-Scenes' published camera", (585.0, 585.0, 320.0, 240.0), 0.0, (480, 640))
 COLOR_LENS = Lens("7-Scenes' measured colour camera", (526.0, 526.0, 320.0, 237.0), 0.0, (480, 640))

@@ -15,7 +15,7 @@ from dlama.datasets.frames import Case, Dataset, ViewTruth
 from dlama.datasets.posed.posed_frames import PosedFrame
 from dlama.errors import FileError, InputError, format_count
 from dlama.geometry.camera import Camera, Float64Array
-from dlama.geometry.poses import rotation_deg, transform_points
+from dlama.geometry.motion.poses import rotation_deg, transform_points
 from dlama.geometry.projection import project, rays
 from dlama.geometry.rgbd import RGBD, Float32Array
 

@@ -8,8 +8,8 @@ from collections.abc import Mapping
 from dlama.errors import InputError
 from dlama.files.cameras import read_cameras
 from dlama.geometry.camera import Camera
+from dlama.geometry.motion.trajectories import PATHS, interpolate_cameras, median_pivot, named_path
 from dlama.geometry.scene import Scene
-from dlama.geometry.trajectories import PATHS, interpolate_cameras, median_pivot, named_path
 
 VIEWS_OF_PATH = 24
 """Cameras of a path by name, where no number is given."""

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.figures.false_color import ORIGIN_PALETTE
-from dlama.geometry.poses import transform_points
+from dlama.geometry.motion.poses import transform_points
 
 PAGE = Path(__file__).parents[2] / "assets" / "figures" / "points.html"
 MOST_POINTS = 20_000

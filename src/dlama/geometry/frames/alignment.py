@@ -18,7 +18,7 @@ import numpy as np
 from dlama.arguments import check_arguments
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.frames.pose_system import Matches, adjust_poses, measure_offset
-from dlama.geometry.poses import transform_points
+from dlama.geometry.motion.poses import transform_points
 from dlama.geometry.projection import unproject
 from dlama.geometry.rgbd import RGBD, Float32Array
 

@@ -22,7 +22,7 @@ from dlama.geometry.frames.choosing import choose_frames
 from dlama.geometry.frames.foreground import find_foreground, grow_region
 from dlama.geometry.frames.stored import Layer
 from dlama.geometry.holes import check_mask, dilate_mask, erode_mask, morphological_close, morphological_open, square
-from dlama.geometry.poses import transform_points
+from dlama.geometry.motion.poses import transform_points
 from dlama.geometry.projection import project_to_pixels, rays
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import BoolArray

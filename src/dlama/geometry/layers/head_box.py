@@ -11,9 +11,9 @@ import numpy as np
 from dlama.arguments import is_finite
 from dlama.errors import DepthError, InputError
 from dlama.geometry.camera import Camera
-from dlama.geometry.poses import transform_points
+from dlama.geometry.motion.poses import transform_points
+from dlama.geometry.motion.trajectories import dolly, orbit
 from dlama.geometry.projection import inverse_depth, project
-from dlama.geometry.trajectories import dolly, orbit
 from dlama.geometry.view import View
 
 PARALLAX = 0.04

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.random import Generator
 
-from dlama.geometry.trajectories import PIVOT_M
+from dlama.geometry.motion.trajectories import PIVOT_M
 from dlama.worlds.materials.palette import Palette
 from dlama.worlds.props.street import Prop
 from dlama.worlds.raycast.shape_rows import OBJECT_GROUP

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.camera import Camera, Float64Array
-from dlama.geometry.poses import transform_points
+from dlama.geometry.motion.poses import transform_points
 from dlama.worlds.raycast import shape_rows as k
 
 Int32Array = NDArray[np.int32]

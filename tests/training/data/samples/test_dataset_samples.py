@@ -14,8 +14,8 @@ from dlama.datasets.layouts import open_dataset
 from dlama.errors import InputError
 from dlama.geometry.camera import Camera, StereoRig
 from dlama.geometry.holes import dilate_mask
+from dlama.geometry.motion.trajectories import move_sideways
 from dlama.geometry.rgbd import RGBD
-from dlama.geometry.trajectories import move_sideways
 from dlama.training.data import crops
 from dlama.training.data.batches import check_sample
 from dlama.training.data.cases import frames_of, scene_of, split_cases

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dlama.geometry.camera import Camera
-from dlama.geometry.trajectories import dolly, orbit
+from dlama.geometry.motion.trajectories import dolly, orbit
 from dlama.geometry.visibility import Law
 from dlama.training.data.samples.views import law_limit
 from reference.limit import limit as marched

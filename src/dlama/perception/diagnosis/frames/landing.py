@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.camera import Camera, Float64Array
-from dlama.geometry.poses import transform_points
+from dlama.geometry.motion.poses import transform_points
 from dlama.geometry.projection import project_to_pixels, rays
 from dlama.geometry.rgbd import RGBD, Float32Array, is_valid
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from dlama.errors import CameraError
 from dlama.geometry.camera import Float64Array
-from dlama.geometry.poses import invert_pose, make_pose, quaternion_from_rotation, rotation_from_quaternion
+from dlama.geometry.motion.poses import invert_pose, make_pose, quaternion_from_rotation, rotation_from_quaternion
 from dlama.perception.diagnosis.finding import Finding, certainty
 from dlama.perception.diagnosis.frames.landing import LEAST_FIT, LEAST_LEAD, Landed, SmallFrame, find_landing_points
 

@@ -15,8 +15,8 @@ import numpy as np
 
 from dlama.errors import InputError
 from dlama.geometry.camera import Camera
+from dlama.geometry.motion.trajectories import dolly, move_sideways, orbit
 from dlama.geometry.rgbd import RGBD, UInt8Array
-from dlama.geometry.trajectories import dolly, move_sideways, orbit
 from dlama.training.data.photos import read_photo, square_crop
 from dlama.worlds.dataset import world
 from dlama.worlds.world import Raycast, World

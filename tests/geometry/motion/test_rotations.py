@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dlama.geometry.poses import quaternion_from_rotation, rotation_deg, rotation_from_quaternion, slerp
+from dlama.geometry.motion.poses import quaternion_from_rotation, rotation_deg, rotation_from_quaternion, slerp
 
 
 def about(axis: list[float], degrees: float) -> np.ndarray:

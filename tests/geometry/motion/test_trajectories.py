@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 
 from dlama.errors import DepthError, InputError
 from dlama.geometry.camera import Camera
+from dlama.geometry.motion.trajectories import dolly, median_pivot, orbit
 from dlama.geometry.projection import project
-from dlama.geometry.trajectories import dolly, median_pivot, orbit
 
 ANYWHERE = Camera.from_fov(64, 48, 70, [[0, 0, 1, 3], [1, 0, 0, -2], [0, 1, 0, 5], [0, 0, 0, 1]])
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from dlama.arguments import check_arguments, check_word, is_finite
 from dlama.errors import DepthError, InputError
 from dlama.geometry.camera import Camera, Float64Array
-from dlama.geometry.poses import FARTHEST_M, make_pose, slerp
+from dlama.geometry.motion.poses import FARTHEST_M, make_pose, slerp
 
 PIVOT_M = 2.5
 """Default distance, metres ahead on the optical axis, of the point a camera orbits about (the paper's centroid, sec. 4)."""
