@@ -1,4 +1,8 @@
-"""The table of test_options_reach.py: for every option of every verb the words, and the keyword and value they must become."""
+"""The table of test_options_reach.py: for every option of every verb the words, and the keyword and value they must become.
+
+Options of a group (Lens, Method ...) reach the keyword of their own name in the function that the group is for. A verb's own
+options are written out.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +13,14 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+from dlama.apps import options as groups
+from dlama.apps.cli import VERBS
+from dlama.apps.terminal.flags import flags_of
+from dlama.apps.verbs.batch import Running
+from dlama.apps.verbs.measuring.options import Cases
+from dlama.apps.verbs.networks import model_verbs
+from dlama.apps.verbs.sequence import Source
 
 
 @dataclass(frozen=True)
@@ -107,89 +119,109 @@ REPORT = {
     "quiet": Reach("--quiet", "report_result.report", attribute("quiet", True)),
     "json": Reach("--json", "report_result.report", attribute("json", True)),
 }
-
-
-POINTING = {
-    "click": Reach("--click 1,2 3,4.5", "find_mask.clicks", [[1, 2], [3, 4.5]]),
-    "not_click": Reach("--not 1,2", "find_mask.not_clicks", [[1, 2]]),
-    "box": Reach("--box 1,2,3,4", "find_mask.box", [1, 2, 3, 4]),
-    "candidate": Reach("--click 1,2 --candidate part", "find_mask.candidate", "part"),
-    "salient": Reach("--salient", "find_mask.masker", "salient"),
-    "masker": Reach("--click 1,2 --masker segment-anything", "find_mask.masker", "segment-anything"),
-    "mask_model": Reach(
-        "--click 1,2 --masker segment-anything --mask-model mobile-sam", "find_mask.mask_model", "mobile-sam"
-    ),
-    "object_class": Reach("--class barrel", "read_mask.mask_class", "barrel"),
-    "with_shadow": Reach("--click 1,2 --with-shadow", "find_mask.with_shadow", True),
+OF_KIND: dict[Any, tuple[str, Any]] = {
+    float: ("7", 7.0), int: ("5", 5), str: ("other", "other"), Path: ("other.json", Path("other.json"))
+}  # fmt: skip
+"""What is typed for an option of a kind, and what that becomes."""
+OF_OPTION: dict[str, tuple[str, Any]] = {
+    "model": ("m.onnx", Path("cache/m.onnx")),
+    "filler": ("telea", "telea"),
+    "recipe": ("paper", "paper"),
+    "min_confidence": ("0.5", 0.5),
+    "pixel_center": ("0.0", 0.0),
+    "to": ("target.json", "target"),
+    "metres_at": ("3,4=2 5,6=7", ((3.0, 4.0, 2.0), (5.0, 6.0, 7.0))),
+    "click": ("1,2 3,4.5", [[1, 2], [3, 4.5]]),
+    "not_click": ("1,2", [[1, 2]]),
+    "box": ("1,2,3,4", [1, 2, 3, 4]),
+    "salient": ("", "salient"),
+    "masker": ("segment-anything", "segment-anything"),
+    "candidate": ("part", "part"),
+    "only": ("image,depth", ("image", "depth")),
+    "also": ("scene,points", ("scene", "points")),
 }
-
-
-def pointed(instead_of: str) -> dict[str, Reach]:
-    """The same options in place of a mask file, or of another way to point."""
-    return {name: dataclasses.replace(reach, drop=(instead_of,)) for name, reach in POINTING.items()}
-
-
-def move(verb: str) -> dict[str, Reach]:
-    """Where the new camera stands."""
-    return {
-        "yaw": Reach("--yaw 7", f"{verb}.yaw", 7.0, ("--yaw 5",)),
-        "pitch": Reach("--pitch 7", f"{verb}.pitch", 7.0),
-        "pivot": Reach("--pivot 3", f"{verb}.pivot", 3.0),
-        "dolly": Reach("--dolly -0.5", f"{verb}.dolly", -0.5),
-        "to": Reach("--to target.json", f"{verb}.camera", "target", ("--yaw 5",)),
-    }
-
-
-LENS = {
-    "camera": Reach("--camera cam.json", "camera_for.camera", Path("cam.json"), ("--fov 60",)),
-    "fx": Reach("--fx 50", "camera_for.fx", 50.0, ("--fov 60",)),
-    "fy": Reach("--fy 50", "camera_for.fy", 50.0),
-    "cx": Reach("--cx 30", "camera_for.cx", 30.0),
-    "cy": Reach("--cy 20", "camera_for.cy", 20.0),
-    "fov": Reach("--fov 70", "camera_for.fov", 70.0, ("--fov 60",)),
-    "pixel_center": Reach("--pixel-center 0.0", "camera_for.pixel_center", 0.0),
+"""The same of options with a form or with checks of their own."""
+AS_TYPED = {
+    "to": Path("target.json"),
+    "metres_at": ("3,4=2", "5,6=7"),
+    "click": ("1,2", "3,4.5"),
+    "not_click": ("1,2",),
+    "box": "1,2,3,4",
+    "salient": True,
+    "only": "image,depth",
+    "also": "scene,points",
 }
-READING = {
-    "depth_scale": Reach("--depth-scale 5000", "read_rgbd.depth_scale", 5000.0),
-    "depth_range": Reach("--depth-range 10", "read_rgbd.depth_range", 10.0),
-    "channel": Reach("--channel Z", "read_rgbd.channel", "Z"),
-    "far": Reach("--far 30", "read_rgbd.far", 30.0),
-    "resize_depth": Reach("--resize-depth nearest", "read_rgbd.resize_depth", "nearest"),
+"""What goes to the jobs of a list as it is typed."""
+KEYWORDS = {"to": "camera", "click": "clicks", "not_click": "not_clicks", "salient": "masker"}
+"""Options that reach a keyword of another name."""
+TOGETHER = {
+    "candidate": "--click 1,2",
+    "masker": "--click 1,2",
+    "mask_model": "--click 1,2 --masker segment-anything",
+    "with_shadow": "--click 1,2",
 }
-ESTIMATING = {
-    "depth_model": Reach("--depth-model midas", "read_rgbd.depth_model", "midas"),
-    "metres_at": Reach("--metres-at 3,4=2 5,6=7", "read_rgbd.metres_at", ((3.0, 4.0, 2.0), (5.0, 6.0, 7.0))),
-    "camera_height": Reach("--camera-height 1.6", "read_rgbd.camera_height", 1.6),
-    "sharpen": Reach("--no-sharpen", "read_rgbd.sharpen", False),
+"""Words without which an option has no meaning."""
+LEFT_OUT = {"camera": "--fov 60", "fx": "--fov 60", "fov": "--fov 60", "yaw": "--yaw 5", "to": "--yaw 5"}
+"""Words of the base that an option takes the place of."""
+POINTED = {"remove": "mask.png", "stereo": "--mask mask.png", "mask": "--click 9,9"}
+"""Words of the base that all options which point at an object take the place of."""
+TAKERS = {
+    groups.Lens: "camera_for",
+    groups.Reading: "read_rgbd",
+    groups.Estimating: "read_rgbd",
+    groups.Masking: "read_mask",
+    groups.Pointing: "find_mask",
+    groups.Results: "write",
+    Source: "read_scene_of",
+    Cases: "open_dataset_or_worlds",
 }
-MASKING = {
-    "mask_polarity": Reach("--mask-polarity known", "read_mask.mask_polarity", "known"),
-    "soft_mask": Reach("--soft-mask", "read_mask.soft_mask", True),
-    "mask_class": Reach("--mask-class barrel", "read_mask.mask_class", "barrel"),
+"""Group -> the function that it is for; of the others it is the verb's own."""
+OTHER_TAKERS = {
+    ("doctor", groups.Lens): "diagnose",
+    ("doctor", groups.Reading): "diagnose",
+    ("doctor", groups.Masking): "diagnose",
+    ("depth", groups.Lens): "read_rgbd",
+    ("demo", groups.Method): "view+remove+stereo",
+    ("sequence", Source): "sequence",
+    ("video", groups.Filler): "render_path",
 }
+"""The same of a group in one verb."""
 
 
-def method(verbs: str) -> dict[str, Reach]:
-    """How the scene is completed."""
-    return {
-        "filler": Reach("--filler telea", f"{verbs}.filler", "telea"),
-        "model": Reach("--model m.onnx", f"{verbs}.model", Path("cache/m.onnx")),
-        "recipe": Reach("--recipe paper", f"{verbs}.recipe", "paper"),
-        "mode": Reach("--mode points", f"{verbs}.mode", "points"),
-        "dilate": Reach("--dilate 5", f"{verbs}.dilate", 5),
-        "dilate_holes": Reach("--dilate-holes 2", f"{verbs}.dilate_holes", 2),
-        "clip": Reach("--clip 8", f"{verbs}.clip", 8.0),
-        "depth_by": Reach("--depth-by filler", f"{verbs}.depth_by", "filler"),
-        "seed": Reach("--seed 9", f"{verbs}.seed", 9),
-        "min_confidence": Reach("--min-confidence 0.5", f"{verbs}.min_confidence", 0.5),
-    }
+def sample(name: str, hint: Any, default: Any) -> tuple[str, Any]:
+    """What is typed for an option, and what that becomes: another value than its default."""
+    if name in OF_OPTION:
+        return OF_OPTION[name]
+    if isinstance(default, bool):
+        return "", not default
+    kinds = [kind for part in typing.get_args(hint)[:1] for kind in typing.get_args(part) or (part,)]
+    words = [word for kind in kinds for word in typing.get_args(kind) or (kind,) if isinstance(word, str)]
+    if words and float not in kinds:
+        return words[-1], words[-1]
+    return next(OF_KIND[kind] for kind in kinds if kind in OF_KIND)
 
 
-OUTPUT = Reach("-o elsewhere", "write.directory", Path("elsewhere"), ("-o out",))
-FILES_WRITTEN = {
-    "only": Reach("--only image,depth", "write.only", ("image", "depth")),
-    "also": Reach("--also scene,points", "write.also", ("scene", "points")),
-}
+def rows_of_group(verb: str, group: Any) -> dict[str, Reach]:
+    """Each option of a group of a verb: it reaches its keyword of the group's function; of a list of jobs, the defaults."""
+    if group is groups.Report:
+        return REPORT
+    taker = OTHER_TAKERS.get((verb, group)) or TAKERS.get(group, verb)
+    found, flags = {}, flags_of(group)
+    for name, hint, default in fields_of(group):
+        typed, value = sample(name, hint, default)
+        words = f"{TOGETHER.get(name, '')} {flags[name]} {typed}"
+        if verb == "batch" and group is not Running:
+            found[name] = Reach(words, "batch.defaults", entry(name, AS_TYPED.get(name, value)))
+            continue
+        instead_of = POINTED.get(verb, "") if group is groups.Pointing else LEFT_OUT.get(name, "")
+        where = "read_mask.mask_class" if name == "object_class" else f"{taker}.{KEYWORDS.get(name, name)}"
+        found[name] = Reach(words, where, value, (instead_of,) if instead_of else ())
+    return found
+
+
+def entry(name: str, value: Any) -> Callable[[Any], bool]:
+    """True of a dictionary with this entry."""
+    return lambda given: given is not None and given.get(name) == value
 
 
 def instead(words: str, where: str, value: Any, old: str) -> Reach:
@@ -203,6 +235,7 @@ PICTURE = {
 }
 THREE = "image.png depth.png mask.png"
 REMOVED = {
+    "mask": Reach("--mask m.png", "read_mask.path", Path("m.png"), ("mask.png",)),
     "image": instead("a.png depth.png mask.png", "read_rgbd.image", Path("a.png"), THREE),
     "depth_and_mask": instead("image.png b.png mask.png", "read_rgbd.depth", Path("b.png"), THREE),
 }
@@ -212,12 +245,9 @@ PAIR = {
     "calib": Reach("--calib c.json", "read_stereo_calib.path", Path("c.json"), ("--calib calib.txt",)),
     "mask": Reach("--mask m.png", "stereo.mask", "m.png", ("--mask mask.png",)),
     "mask_right": Reach("--mask-right r.png", "stereo.mask_right", "r.png"),
-    "max_disparity": Reach("--max-disparity 40", "stereo.max_disparity", 40.0),
     "far": Reach("--far 30", "stereo.far", 30.0),
     "disparity": Reach("--disparity d.pfm", "stereo.disparity", "d.pfm"),
     "disparity_scale": Reach("--disparity d.png --disparity-scale 4", "read_disparity.scale", 4.0),
-    "matcher": Reach("--matcher net.onnx", "stereo.matcher", Path("net.onnx")),
-    "right_view": Reach("--right-view given", "stereo.right_view", "given"),
 }
 EVALUATE = {
     "dataset": instead("other", "open_dataset_or_worlds.path", "other", "toy"),
@@ -226,11 +256,6 @@ EVALUATE = {
     "scenes": Reach("--scenes room", "open_dataset_or_worlds.scenes", ("room",)),
     "yaws": Reach("--yaws 20", "run.cases", each("yaw", [20.0, None])),
     "limit": Reach("--limit 1", "run.cases", each("yaw", [10.0, None])),
-    "layout": Reach("--layout tum", "open_dataset_or_worlds.layout", "tum"),
-    "depth_range": Reach("--depth-range 10", "open_dataset_or_worlds.depth_range", 10.0),
-    "gamma": Reach("--gamma linear", "open_dataset_or_worlds.gamma", "linear"),
-    "removal_object": Reach("--removal-object barrel", "open_dataset_or_worlds.removal_object", "barrel"),
-    "camera": Reach("--camera cam.json", "open_dataset_or_worlds.camera", Path("cam.json")),
     "recipes": Reach("--recipes paper", "run.methods", each("recipe", ["paper"])),
     "fillers": Reach("--fillers telea", "run.methods", each("filler", ["telea"])),
     "model": Reach("--model migan=m.onnx --fillers migan", "run.methods", each("model", [Path("cache/m.onnx")])),
@@ -246,43 +271,15 @@ SEQUENCE = {
     "views": Reach("--views orbit", "sequence.views", "orbit"),
     "only": Reach("--only scene,video", "sequence.only", ("scene", "video")),
     "also": Reach("--also scene", "sequence.also", ("scene",)),
-    "align": Reach("--align", "sequence.align", True),
-    "frames": Reach("--frames 0:9:3", "sequence.frames", "0:9:3"),
-    "layout": Reach("--layout tum", "sequence.layout", "tum"),
-    "scene": Reach("--scene kitchen", "sequence.scene", "kitchen"),
-    "camera": Reach("--camera cam.json", "sequence.camera", Path("cam.json")),
-    "depth_range": Reach("--depth-range 10", "sequence.depth_range", 10.0),
-    "filler": Reach("--filler telea", "sequence.filler", "telea"),
-    "model": Reach("--model m.onnx", "sequence.model", Path("cache/m.onnx")),
-    "recipe": Reach("--recipe paper", "sequence.recipe", "paper"),
-    "dilate": Reach("--dilate 5", "sequence.dilate", 5),
-    "seed": Reach("--seed 9", "sequence.seed", 9),
-    "min_confidence": Reach("--min-confidence 0.5", "sequence.min_confidence", 0.5),
 }
 VIDEO = {
+    "frames": Reach("--frames 0:9:3", "read_scene_of.which", "0:9:3"),
     "source": instead("other", "read_scene_of.dataset", Path("other"), "scene.npz"),
     "output": Reach("-o b.gif", "write_video.path", Path("b.gif"), ("-o out.gif",)),
     "path": Reach("--path orbit", "path_for.path", "orbit"),
     "seconds": Reach("--seconds 2", "path_for.seconds", 2.0),
     "fps": Reach("--fps 10", "write_video.fps", 10.0),
     "width": Reach("--width 320", "path_for.width", 320),
-    "frames": Reach("--frames 0:9:3", "read_scene_of.which", "0:9:3"),
-    "layout": Reach("--layout tum", "read_scene_of.layout", "tum"),
-    "scene": Reach("--scene kitchen", "read_scene_of.scene", "kitchen"),
-    "camera": Reach("--camera cam.json", "read_scene_of.camera", Path("cam.json")),
-    "align": Reach("--align", "read_scene_of.align", True),
-    "depth_range": Reach("--depth-range 10", "read_scene_of.depth_range", 10.0),
-    "filler": Reach("--filler telea", "render_path.filler", "telea"),
-    "model": Reach("--model m.onnx", "render_path.model", Path("cache/m.onnx")),
-    "seed": Reach("--seed 9", "render_path.seed", 9),
-}
-WORLDS = {
-    "output": Reach("-o elsewhere", "write_worlds.folder", Path("elsewhere")),
-    "count": Reach("--count 2", "write_worlds.count", 2),
-    "seed": Reach("--seed 9", "write_worlds.seed", 9),
-    "size": Reach("--size 64", "write_worlds.size", 64),
-    "kind": Reach("--kind room", "write_worlds.kind", "room"),
-    "textures": Reach("--textures photos", "write_worlds.textures", Path("photos")),
 }
 TRAIN = {
     "settings": instead("small-rgbd", "train.settings", attribute("name", "small-rgbd"), "tiny"),
@@ -297,6 +294,14 @@ TRAIN = {
     "precision": Reach("--precision bf16", "train.settings", attribute("loop.precision", "bf16")),
     "devices": Reach("--devices 2", "train.settings", attribute("loop.devices", 2)),
 }
+WORLDS = {
+    "output": Reach("-o elsewhere", "write_worlds.folder", Path("elsewhere")),
+    "count": Reach("--count 2", "write_worlds.count", 2),
+    "seed": Reach("--seed 9", "write_worlds.seed", 9),
+    "size": Reach("--size 64", "write_worlds.size", 64),
+    "kind": Reach("--kind room", "write_worlds.kind", "room"),
+    "textures": Reach("--textures photos", "write_worlds.textures", Path("photos")),
+}
 SHOW = {
     "what": instead("scene.npz", "points_in.path", Path("scene.npz"), "out"),
     "output": Reach("-o page.html", "show_page.output", Path("page.html")),
@@ -304,43 +309,13 @@ SHOW = {
     "open_browser": Reach("--no-open-browser", "show_page.open_browser", False),
 }
 DOCTOR = {
-    **{
-        name: dataclasses.replace(reach, where=f"diagnose.{name}")
-        for name, reach in {**LENS, **READING, **MASKING}.items()
-    },
     "first": instead("a.png depth.png mask.png", "diagnose.first", Path("a.png"), THREE),
     "second": instead("image.png b.png mask.png", "diagnose.second", Path("b.png"), THREE),
     "mask": instead("image.png depth.png c.png", "diagnose.mask", Path("c.png"), THREE),
     "calib": Reach("--calib c.json", "diagnose.calib", Path("c.json")),
     "layout": Reach("--layout tum", "diagnose.layout", "tum"),
 }
-OF_JOBS = {**move("batch"), **LENS, **READING, **ESTIMATING, **MASKING, **POINTING, **method("batch")}
-"""Options that hold for every job of a list."""
-AS_TYPED = {
-    "to": Path("target.json"),
-    "metres_at": ("3,4=2", "5,6=7"),
-    "click": ("1,2", "3,4.5"),
-    "not_click": ("1,2",),
-    "box": "1,2,3,4",
-    "salient": True,
-}
-"""Those that go to the jobs as they are typed."""
-
-
-def default(words: str, name: str, value: Any) -> Reach:
-    """An option that arrives among the defaults of the jobs."""
-    return Reach(words, "batch.defaults", lambda given: given is not None and given.get(name) == value)
-
-
 BATCH = {
-    **{name: default(reach.words, name, AS_TYPED.get(name, reach.value)) for name, reach in OF_JOBS.items()},
-    "only": default("--only image,depth", "only", "image,depth"),
-    "also": default("--also scene", "also", "scene"),
-    "calib": default("--calib c.json", "calib", Path("c.json")),
-    "right_view": default("--right-view given", "right_view", "given"),
-    "disparity_scale": default("--disparity-scale 4", "disparity_scale", 4.0),
-    "matcher": default("--matcher net.onnx", "matcher", Path("net.onnx")),
-    "max_disparity": default("--max-disparity 40", "max_disparity", 40.0),
     "words": instead("other.csv", "batch.jobs", "other.csv", "jobs.csv"),
     "output": Reach("-o elsewhere", "batch.out", Path("elsewhere"), ("-o out",)),
     "images": Reach("--images x/*.png --verb depth", "batch.jobs", attribute("images", "x/*.png"), ("jobs.csv",)),
@@ -351,15 +326,8 @@ BATCH = {
         "--images x --masks z/{stem}.png --verb remove", "batch.jobs", attribute("masks", "z/{stem}.png"), ("jobs.csv",)
     ),
     "verb": Reach("--verb view", "batch.verb", "view"),
-    "workers": Reach("--workers 2", "batch.workers", 2),
-    "threads": Reach("--threads 2", "batch.threads", 2),
-    "resume": Reach("--no-resume", "batch.resume", False),
-    "stop_after_failures": Reach("--stop-after-failures 3", "batch.stop_after_failures", 3),
-    "pack": Reach("--pack 100", "batch.pack", 100),
     "data": Reach("--data room", "batch.jobs", attribute("root", Path("room")), ("jobs.csv",)),
     "layout": Reach("--data room --layout tum", "batch.jobs", attribute("layout", "tum"), ("jobs.csv",)),
-    "ray": Reach("--ray auto", "batch.ray", "auto"),
-    "gpus_per_worker": Reach("--gpus-per-worker 0.25", "batch.gpus_per_worker", 0.25),
     "dry_run": Reach("--dry-run --verb view", "plan_lines.verb", "view"),
 }
 SERVE = {
@@ -376,56 +344,65 @@ CONVERT = {
     "output": Reach("-o b.onnx", "convert.target", Path("b.onnx"), ("-o a.onnx",)),
     "licence": Reach("--licence MIT", "convert.licence", "MIT"),
 }
-TABLE: dict[str, dict[str, Reach]] = {
-    "view": {
-        **PICTURE, **move("view"), **LENS, **READING, **ESTIMATING, **method("view"), **REPORT, "output": OUTPUT, **FILES_WRITTEN,
-    },
-    "remove": {
-        "mask": Reach("--mask m.png", "read_mask.path", Path("m.png"), ("mask.png",)),
-        **REMOVED, **move("remove"), **LENS, **READING, **ESTIMATING, **MASKING, **pointed("mask.png"),
-        **method("remove"), **REPORT, "output": OUTPUT, **FILES_WRITTEN,
-    },
-    "depth": {
-        "image": instead("a.png", "read_rgbd.image", Path("a.png"), "image.png"), "far": READING["far"], **ESTIMATING, **REPORT,
-        **{name: dataclasses.replace(row, where=row.where.replace("camera_for", "read_rgbd")) for name, row in LENS.items()},
-        "output": Reach("-o elsewhere", "write_depth.directory", Path("elsewhere"), ("-o out",)),
-    },
+OUTPUT = {"output": Reach("-o elsewhere", "write.directory", Path("elsewhere"), ("-o out",))}
+OWN: dict[str, dict[str, Reach]] = {
+    "view": {**PICTURE, **OUTPUT},
+    "remove": {**REMOVED, **OUTPUT},
     "mask": {
-        **PICTURE, **LENS, **READING, **ESTIMATING, **pointed("--click 9,9"), **REPORT,
+        **PICTURE,
         "output": Reach("-o found.png", "write_mask.output", Path("found.png"), ("-o mask.png",)),
     },
-    "stereo": {**PAIR, **MASKING, **pointed("--mask mask.png"), **method("stereo"), **REPORT, "output": OUTPUT, **FILES_WRITTEN},
+    "stereo": {**PAIR, **OUTPUT},
+    "depth": {
+        "image": instead("a.png", "read_rgbd.image", Path("a.png"), "image.png"),
+        "far": Reach("--far 30", "read_rgbd.far", 30.0),
+        "output": Reach("-o elsewhere", "write_depth.directory", Path("elsewhere"), ("-o out",)),
+    },
     "demo": {
-        **method("view+remove+stereo"), **REPORT, **FILES_WRITTEN,
         "output": Reach("-o elsewhere", "write_contact_sheet.path", lambda path: "elsewhere" in Path(path).parent.name),
     },
-    "sequence": {
-        **SEQUENCE, **MASKING, **REPORT,
-    },
-    "batch": {**BATCH, **REPORT},
-    "video": {**VIDEO, **REPORT},
     "photo3d": {
-        **PICTURE, **LENS, **READING, **ESTIMATING, **REPORT,
-        **{name: dataclasses.replace(row, where=row.where.replace("render_path", "photo3d")) for name, row in VIDEO.items()
-           if name in ("filler", "model", "seed")},
+        **PICTURE,
         "angle": Reach("--angle 3", "photo3d.angle", 3.0),
         "distance": Reach("--distance 0.1", "photo3d.distance", 0.1),
         "output": Reach("-o elsewhere", "write_photo3d.directory", Path("elsewhere"), ("-o out",)),
         "only": Reach("--only mesh,splats", "write_photo3d.only", ("mesh", "splats")),
         "also": Reach("--also stereo", "write_photo3d.also", ("stereo",)),
     },
-    "doctor": {**DOCTOR, **REPORT},
-    "show": {**SHOW, **REPORT},
-    "serve": {**SERVE, **REPORT},
-    "version": {},
-    "warm-up": REPORT,
-    "evaluate": {**EVALUATE, **REPORT},
-    "worlds": {**WORLDS, **REPORT},
-    "train": {**TRAIN, **REPORT},
+    "sequence": SEQUENCE,
+    "batch": BATCH,
+    "video": VIDEO,
+    "doctor": DOCTOR,
+    "show": SHOW,
+    "serve": SERVE,
+    "evaluate": EVALUATE,
+    "worlds": WORLDS,
+    "train": TRAIN,
     "models list": REPORT,
     "models info": {"name": NAME, **REPORT},
     "models pull": {"name": NAME, **REPORT},
     "models convert": {**CONVERT, **REPORT},
     "models verify": {"name": Reach("mobile-sam-decoder", "record.name", "mobile-sam-decoder"), **REPORT},
-}  # fmt: skip
+}
+"""Verb -> option -> what it reaches, of the options that are in no group, and of those in a group that are no rule."""
+
+
+def commands() -> dict[str, Callable[..., Any]]:
+    """Every verb; of `models`, each of its tasks."""
+    found = {name: verb for name, verb in VERBS.items() if name != "models"}
+    tasks = typing.get_args(typing.get_type_hints(model_verbs.models, include_extras=True)["task"])
+    for task in tasks:
+        kind, note = typing.get_args(task)[:2]
+        found[f"models {note.name}"] = kind
+    return found
+
+
+def rows_of(verb: str, taker: Callable[..., Any]) -> dict[str, Reach]:
+    """All options of a verb."""
+    kinds = typing.get_type_hints(taker).values()
+    of_groups = [rows_of_group(verb, kind) for kind in kinds if dataclasses.is_dataclass(kind)]
+    return {name: row for rows in (*of_groups, OWN.get(verb, {})) for name, row in rows.items()}
+
+
+TABLE = {verb: rows_of(verb, taker) for verb, taker in commands().items()}
 """Verb -> option -> what it reaches."""

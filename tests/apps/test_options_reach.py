@@ -11,7 +11,6 @@ import functools
 import importlib
 import inspect
 import pkgutil
-import typing
 from collections.abc import Callable
 from contextlib import nullcontext
 from pathlib import Path
@@ -20,11 +19,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from options_table import BASE, TABLE, fields_of
+from options_table import BASE, TABLE, commands, fields_of
 
 import dlama
-from dlama.apps.cli import VERBS, main
-from dlama.apps.verbs.networks import model_verbs
+from dlama.apps.cli import main
 from dlama.datasets.frames import Case, Dataset
 
 CASES = (
@@ -33,16 +31,6 @@ CASES = (
     Case("ori", "toy", "hall", "one", lambda: None),  # type: ignore[arg-type,return-value]
 )
 Calls = dict[str, list[dict[str, Any]]]
-
-
-def commands() -> dict[str, Callable[..., Any]]:
-    """Every verb; of `models`, each of its tasks."""
-    found = {name: verb for name, verb in VERBS.items() if name != "models"}
-    tasks = typing.get_args(typing.get_type_hints(model_verbs.models, include_extras=True)["task"])
-    for task in tasks:
-        kind, note = typing.get_args(task)[:2]
-        found[f"models {note.name}"] = kind
-    return found
 
 
 def test_every_option_of_every_verb_stands_in_the_table() -> None:
