@@ -15,7 +15,7 @@ from running import FAST, error_line, pixels, run
 import dlama
 from box_frame import small_frame
 from dlama.apps.cli import main
-from dlama.apps.reading import mask_notes
+from dlama.apps.reading import mask_notes, remaining_shadow
 from dlama.jobs import inputs
 
 
@@ -100,6 +100,16 @@ def test_what_to_know_of_a_mask_is_in_the_last_line(tmp_path: Path, capsys: pyte
         == "; --candidate part or group gives another mask; look"
     )
     assert mask_notes("object", ["object"], []) == ""
+
+
+def test_a_shadow_that_stays_is_in_the_last_line() -> None:
+    """Law: with the option that removes it, until it was given; a few dark pixels are no shadow."""
+    meta = {"filled_pixels": 1000, "notes": {"remaining_shadow_px": 300}}
+    assert "300 pixels" in remaining_shadow(meta, with_shadow=False)
+    assert "--with-shadow" in remaining_shadow(meta, with_shadow=False)
+    assert remaining_shadow(meta, with_shadow=True) == ""
+    assert remaining_shadow(meta | {"notes": {"remaining_shadow_px": 5}}, with_shadow=False) == ""
+    assert remaining_shadow(meta | {"notes": {}}, with_shadow=False) == ""
 
 
 def easysynth_frame(tmp_path: Path) -> Path:

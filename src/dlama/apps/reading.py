@@ -29,6 +29,8 @@ from dlama.perception.depth_scale import RULES, describe_depth_source
 
 ASSUMED = "the (scale of the estimated depth|field of view) is assumed"
 """Warnings of a picture whose depth is estimated; a mask in it depends on neither."""
+SHADOW_SHOWN = 0.02
+"""Pixels of a remaining shadow, over the filled ones, from which the line about a result names it."""
 
 
 @dataclass
@@ -115,7 +117,16 @@ def summary_line(meta: dict[str, Any], place: object, seconds: float) -> str:
         how += f", depth {describe_depth_source(estimate)}"
     pointed = meta.get("object_mask")
     notes = mask_notes(pointed["candidate"], pointed["candidates"], pointed["notes"]) if pointed else ""
-    return f"{place}: {unknown:.1%} was unknown{why}{how}, {seconds:.1f} s{notes}"
+    shadow = remaining_shadow(meta, bool(pointed and pointed.get("with_shadow")))
+    return f"{place}: {unknown:.1%} was unknown{why}{how}, {seconds:.1f} s{notes}{shadow}"
+
+
+def remaining_shadow(meta: dict[str, Any], with_shadow: bool) -> str:
+    """For the last line: how many pixels look like the removed object's shadow and stay; "" where few do, or it was removed."""
+    pixels = meta["notes"].get("remaining_shadow_px", 0)
+    if with_shadow or pixels < SHADOW_SHOWN * meta["filled_pixels"]:
+        return ""
+    return f"; {pixels} pixels next to the object look like its shadow and stay: --with-shadow removes it, too"
 
 
 def summary_values(meta: dict[str, Any], place: Path, files: list[str], stages: Mapping[str, float]) -> dict[str, Any]:

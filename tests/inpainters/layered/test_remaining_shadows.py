@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+import dlama
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.holes import dilate_mask
@@ -75,3 +76,12 @@ def test_what_lies_far_behind_the_thing_or_in_estimated_depth_is_no_shadow() -> 
         assert find_remaining_shadow(view, label, law)[dark].any() == found
     guessed = view.with_planes(origin=np.where(view.hole, view.origin, np.uint8(Origin.ESTIMATED)))
     assert not find_remaining_shadow(guessed, label, NOTHING).any()
+
+
+def test_how_much_of_it_stays_is_noted() -> None:
+    """Closed form: the drawn pixels that the mask leaves, but for a rim; none where nothing is dark."""
+    for shadows, least, most in (((BESIDE,), 0.8, 1.25), ((), 0.0, 0.0)):
+        view, dark = ground_without_thing(*shadows)
+        frame = RGBD(view.color, view.depth, CAMERA)
+        done = dlama.complete(frame, [CAMERA], mask=view.hole, filler="telea", dilate=0)
+        assert least * dark.sum() <= done.meta["notes"]["remaining_shadow_px"] <= most * dark.sum()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -58,7 +60,8 @@ def paint_over_depth(inpainter: Inpainter) -> Inpainter:
         notes = inpainter.notes() | {"depth_as": "surfaces continued", "planes": len(surfaces.planes)}
         if not view.color_hole.any():
             return Fill(view.color, depth, moved, notes)
-        hidden = hide_from_painter(view, surfaces, depth, context.law)
+        hidden, shadow_notes = hide_from_painter(view, surfaces, depth, context.law)
+        notes |= shadow_notes
         leaves = find_leaves(view, surfaces)
         del surfaces  # of a large picture a network needs their memory
         guess = begin_job(smooth_guess, view)
@@ -72,12 +75,18 @@ def paint_over_depth(inpainter: Inpainter) -> Inpainter:
 
 def hide_from_painter(
     view: View, surfaces: Surfaces, depth: Float32Array, law: Law, coarsely: bool = False
-) -> BoolArray:
+) -> tuple[BoolArray, dict[str, Any]]:
     """H x W, True in what a painter must not see: the colour holes, occluders next to them, the remaining shadow of a removed
-    object. surfaces: as continued; depth: H x W metres, filled; coarsely: for a painter that sees no finer picture."""
+    object; and how many pixels of shadow remain, for the notes of a Fill.
+
+    surfaces: as continued; depth: H x W metres, filled; coarsely: for a painter that sees no finer picture.
+    """
     find = find_occluders_coarsely if coarsely else find_occluders
     hidden = view.color_hole | find(view, surfaces, depth, law)
-    return hidden | find_remaining_shadow(view, surfaces.label, law) if view.object_hole.any() else hidden
+    if not view.object_hole.any():
+        return hidden, {}
+    shadow = find_remaining_shadow(view, surfaces.label, law)
+    return hidden | shadow, {"remaining_shadow_px": int(shadow.sum())}
 
 
 def find_occluders(view: View, surfaces: Surfaces, depth: Float32Array, law: Law) -> BoolArray:

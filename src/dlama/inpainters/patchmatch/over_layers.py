@@ -55,7 +55,8 @@ def layered_patches_filler(model: str | Path) -> Inpainter:
         guessed = copied.any() or uncovered.any()
         if guessed:
             coarsely = not removed.any()
-            hidden = hide_from_painter(view, surfaces, depth, context.law, coarsely)
+            hidden, shadow_notes = hide_from_painter(view, surfaces, depth, context.law, coarsely)
+            notes |= shadow_notes
             side = VIEW_SIDE if coarsely else GUESS_SIDE
             guessing = begin_job(guess_coarsely, network.paint, view.color, hidden, seed, side)
         color = view.color
