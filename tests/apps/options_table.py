@@ -6,10 +6,8 @@ options are written out.
 
 from __future__ import annotations
 
-import dataclasses
-import inspect
 import typing
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,6 +19,7 @@ from dlama.apps.verbs.batch import Running
 from dlama.apps.verbs.measuring.options import Cases
 from dlama.apps.verbs.networks import model_verbs
 from dlama.apps.verbs.sequence import Source
+from verb_options import fields_of, groups_in
 
 
 @dataclass(frozen=True)
@@ -56,16 +55,6 @@ class Reach:
         if isinstance(self.value, Path) and isinstance(arrived, str):
             return self.value == Path(arrived)
         return bool(self.value(arrived)) if callable(self.value) else bool(arrived == self.value)
-
-
-def fields_of(taker: Callable[..., Any]) -> Iterator[tuple[str, Any, Any]]:
-    """Name, type hint with its notes, and default of each option of a verb, those of its dataclasses too."""
-    hints = typing.get_type_hints(taker, include_extras=True)
-    for name, parameter in inspect.signature(taker).parameters.items():
-        if dataclasses.is_dataclass(hints[name]):
-            yield from fields_of(hints[name])
-        elif name != "task":
-            yield name, hints[name], parameter.default
 
 
 def attribute(path: str, value: Any) -> Callable[[Any], bool]:
@@ -399,8 +388,7 @@ def commands() -> dict[str, Callable[..., Any]]:
 
 def rows_of(verb: str, taker: Callable[..., Any]) -> dict[str, Reach]:
     """All options of a verb."""
-    kinds = typing.get_type_hints(taker).values()
-    of_groups = [rows_of_group(verb, kind) for kind in kinds if dataclasses.is_dataclass(kind)]
+    of_groups = [rows_of_group(verb, group) for group in groups_in(taker)]
     return {name: row for rows in (*of_groups, OWN.get(verb, {})) for name, row in rows.items()}
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ast
 import contextlib
-import dataclasses
 import functools
 import inspect
 import io
@@ -12,11 +11,9 @@ import re
 import subprocess
 import sys
 import textwrap
-import typing
 from typing import Any, TypeGuard, get_args
 
 import pytest
-from options_table import fields_of
 from tyro.conf import Positional
 
 import dlama
@@ -28,6 +25,7 @@ from dlama.completion.options import options_in
 from dlama.inpainters import FILLERS
 from dlama.jobs.options import Results
 from test_docs import WORDS
+from verb_options import fields_of, groups_in
 
 COMMANDS = [[verb] for verb in VERBS if verb != "models"] + [
     ["models", word] for word in ("list", "info", "pull", "convert", "verify")
@@ -102,12 +100,11 @@ def test_shown_defaults_are_the_defaults(verb: str) -> None:
 def test_line_breaks_of_the_source_are_not_shown(verb: str) -> None:
     """Where the source breaks a description help would break it too, in the middle of a sentence (oracle: the source)."""
     assert not re.search(r"\n {5,}\S", join_lines(str(VERBS[verb].__doc__)))
-    for hint in typing.get_type_hints(VERBS[verb]).values():
-        if dataclasses.is_dataclass(hint):
-            (parsed,) = ast.parse(textwrap.dedent(inspect.getsource(typing.cast(type, hint)))).body
-            assert isinstance(parsed, ast.ClassDef)
-            texts = [one.value.value for one in parsed.body[1:] if isinstance(one, ast.Expr) and is_text(one.value)]
-            assert [text for text in texts if "\n" in text] == []
+    for group in groups_in(VERBS[verb]):
+        (parsed,) = ast.parse(textwrap.dedent(inspect.getsource(group))).body
+        assert isinstance(parsed, ast.ClassDef)
+        texts = [one.value.value for one in parsed.body[1:] if isinstance(one, ast.Expr) and is_text(one.value)]
+        assert [text for text in texts if "\n" in text] == []
 
 
 def is_text(node: ast.expr) -> TypeGuard[Any]:

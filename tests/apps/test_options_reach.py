@@ -19,11 +19,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from options_table import BASE, TABLE, commands, fields_of
+from options_table import BASE, TABLE, commands
 
 import dlama
 from dlama.apps.cli import main
 from dlama.datasets.frames import Case, Dataset
+from verb_options import fields_of
 
 CASES = (
     Case("vpi", "toy", "room", "one", lambda: None, 10.0),  # type: ignore[arg-type,return-value]

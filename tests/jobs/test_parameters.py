@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import inspect
-import typing
-from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -18,13 +15,12 @@ from dlama.jobs.batch import check_defaults
 from dlama.jobs.job import job_of
 from dlama.jobs.parameters import FILES, KNOWN, NEEDED, NETWORKS, VERBS, check_parameters
 from dlama.jobs.verbs import PERFORM
+from verb_options import fields_of
 
 
-def options_of(taker: Callable[..., Any]) -> Iterator[str]:
-    """Names of all that a verb takes."""
-    hints = typing.get_type_hints(taker, include_extras=True)
-    for name in inspect.signature(taker).parameters:
-        yield from options_of(hints[name]) if dataclasses.is_dataclass(hints[name]) else [name]
+def options_of(verb: str) -> set[str]:
+    """Names of all that a verb of the command line takes."""
+    return {name for name, *_ in fields_of(COMMANDS[verb])}
 
 
 JSON_VALUES = (
@@ -58,7 +54,7 @@ def test_a_path_in_a_row_is_a_file() -> None:
 @pytest.mark.parametrize("verb", VERBS)
 def test_names_are_those_of_the_command_line(verb: str) -> None:
     """Oracle: the verb's signature; depth and mask of `remove` are one option there, output and report the list's affair."""
-    wanted = set(options_of(COMMANDS[verb])) - {"output", "quiet", "json"}
+    wanted = options_of(verb) - {"output", "quiet", "json"}
     if "depth_and_mask" in wanted:
         wanted = wanted - {"depth_and_mask"} | {"depth", "mask"}
     assert set(VERBS[verb]) == wanted
@@ -70,7 +66,7 @@ def test_defaults_of_the_command_line_are_parameters() -> None:
     from dlama.apps.verbs.batch import Running, Which
 
     own = {one.name for group in (Running, Which) for one in dataclasses.fields(group)}
-    offered = set(options_of(COMMANDS["batch"])) - own - {"words", "output", "quiet", "json"}
+    offered = options_of("batch") - own - {"words", "output", "quiet", "json"}
     assert offered <= set(KNOWN)
     assert set(KNOWN) - offered == set(FILES) - {"camera", "to", "calib"}
     assert set(NETWORKS) <= set(KNOWN)

@@ -18,7 +18,7 @@ from tyro.conf import FlagCreatePairsOff, OmitArgPrefixes
 import dlama
 from dlama.apps.command import STAGES
 from dlama.apps.examples import EXAMPLES
-from dlama.apps.options import Method, Report, Results, option
+from dlama.apps.options import CompletingOptions, Report, option
 from dlama.apps.terminal.flags import flags_of, repeated_list, with_flags, wrong_value
 from dlama.apps.terminal.output import errors_as_lines, report_result, stages_bar
 from dlama.apps.verbs.batch import batch
@@ -53,7 +53,7 @@ dlama completes what a camera could not see. The most usual commands:
 DEMO_FOLDER = Annotated[Path, option("DIR", "dlama-demo", aliases=["-o"])]
 
 
-def demo(method: Method, results: Results, report: Report, output: DEMO_FOLDER = Path("dlama-demo")) -> None:
+def demo(completing: CompletingOptions, report: Report, output: DEMO_FOLDER = Path("dlama-demo")) -> None:
     """All jobs on the street scene that comes with dlama: another view, an object removed, a stereo pair, a photo without depth.
 
     Args:
@@ -63,7 +63,7 @@ def demo(method: Method, results: Results, report: Report, output: DEMO_FOLDER =
     from dlama.apps.verbs.demo import demo
 
     with report_result("demo", report) as result, stages_bar("demo", 4 * STAGES, report):
-        demo(output, method, result, results)
+        demo(output, completing, result)
 
 
 def version() -> None:

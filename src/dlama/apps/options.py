@@ -103,6 +103,23 @@ class Masking: ...
 class Pointing: ...
 
 
+@dataclass(frozen=True)
+class _Picture:
+    """How a picture is read, and its depth."""
+
+    lens: Lens
+    reading: Reading
+    estimating: Estimating
+
+
+@dataclass(frozen=True)
+class _Object:
+    """Which object is meant."""
+
+    masking: Masking
+    pointing: Pointing
+
+
 @as_flags(groups.Pair)
 class Pair: ...
 
@@ -112,12 +129,15 @@ class Matching: ...
 
 
 def given_options(*groups: Any) -> dict[str, Any]:
-    """The options of some groups that differ from their defaults, by name; a network as the ONNX file that runs."""
+    """The options of some groups, and of groups in them, that differ from their defaults, by name; a network as the ONNX file
+    that runs."""
     found: dict[str, Any] = {}
     for group in groups:
         for one in dataclasses.fields(group):
             value = getattr(group, one.name)
-            if value != one.default:
+            if dataclasses.is_dataclass(value):
+                found |= given_options(value)
+            elif value != one.default:
                 found[one.name] = model_for(value) if one.name == "model" else value
     return found
 
@@ -152,6 +172,21 @@ def check_of_object(given: Mapping[str, Any], *masks: Path | None) -> None:
 @as_flags(Options)
 class Method:
     """How the scene is completed."""
+
+
+@dataclass(frozen=True)
+class _Completing:
+    """How the scene is completed, and what is written of it."""
+
+    method: Method
+    results: Results
+
+
+Together = arg(name="")
+"""Groups in a group: --help shows each as if it stood alone."""
+PictureOptions = Annotated[_Picture, Together]
+ObjectOptions = Annotated[_Object, Together]
+CompletingOptions = Annotated[_Completing, Together]
 
 
 @as_flags(Options, "filler", "model", "recipe", "dilate", "seed", "min_confidence")

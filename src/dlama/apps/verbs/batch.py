@@ -14,16 +14,12 @@ from tyro.conf import Positional
 
 import dlama
 from dlama.apps.options import (
-    Estimating,
-    Lens,
-    Masking,
-    Method,
+    CompletingOptions,
     Move,
+    ObjectOptions,
     Pair,
-    Pointing,
-    Reading,
+    PictureOptions,
     Report,
-    Results,
     given_options,
     option,
 )
@@ -95,14 +91,10 @@ def batch(
     which: Which,
     running: Running,
     move: Move,
-    lens: Lens,
-    reading: Reading,
-    estimating: Estimating,
-    masking: Masking,
-    pointing: Pointing,
+    picture: PictureOptions,
+    chosen: ObjectOptions,
     pair: Pair,
-    method: Method,
-    results: Results,
+    completing: CompletingOptions,
     report: Report,
 ) -> None:
     """Many jobs at once: a list of them, or a folder of pictures; what is done is kept, what fails is one row.
@@ -116,7 +108,7 @@ def batch(
         write_page(words[1:], report)
         return
     with report_result("batch", report) as result:
-        defaults = given_options(move, lens, reading, estimating, masking, pointing, pair, method, results)
+        defaults = given_options(move, picture, chosen, pair, completing)
         jobs = source(words, which, defaults)
         if running.dry_run:
             for line in plan_lines(jobs, which.verb, defaults):

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import dlama
-from dlama.apps.options import Method, Results, given_options
+from dlama.apps.options import CompletingOptions, given_options
 from dlama.apps.places import check_folder_apart
 from dlama.apps.reading import Command
 from dlama.apps.terminal.output import Result
@@ -49,13 +49,13 @@ def demo_video(path: Path, done: dlama.Completion) -> None:
     write_video(path, [*pictures, *pictures[-2:0:-1]], VIDEO_FPS)
 
 
-def demo(output: Path, method: Method, result: Result, results: Results) -> None:
+def demo(output: Path, completing: CompletingOptions, result: Result) -> None:
     """Each job's results to a folder of `output`, what they read to inputs/, preview.png of all, and video.webp.
 
     `result` takes a line for each. Raises OutputError, and InputError for options that cannot be; then nothing is left behind.
     """
     check_folder_apart(output, {})
-    given, check = given_options(method, results), partial(check_options, pair=True)
+    given, check = given_options(completing), partial(check_options, pair=True)
     jobs = {name: check_parameters(verb, own | given, False, check) for name, (_, verb, own) in JOBS.items()}
     panels, completions = [], []
     with new_directory(output) as folder, warnings.catch_warnings():

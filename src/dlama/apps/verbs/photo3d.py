@@ -10,7 +10,7 @@ from tyro.conf import Positional
 
 import dlama
 from dlama.apps.command import command
-from dlama.apps.options import Depth, Estimating, Filler, Lens, Output, Reading, Report, given_options, names_in, option
+from dlama.apps.options import Depth, Filler, Output, PictureOptions, Report, given_options, names_in, option
 from dlama.apps.places import check_folder_apart, given_files
 from dlama.errors import format_count
 from dlama.jobs.parameters import METHOD, PICTURE, read_parameters
@@ -22,9 +22,7 @@ def photo3d(
     /,
     *,
     output: Output,
-    lens: Lens,
-    reading: Reading,
-    estimating: Estimating,
+    picture: PictureOptions,
     filler: Filler,
     report: Report,
     angle: Annotated[float | None, option("DEG", "4 % of the width of parallax")] = None,
@@ -57,7 +55,7 @@ def photo3d(
         check_names(chosen, more)
         files = {"image": image, "depth": depth}
         check_folder_apart(output, files)
-        given = given_files(files) | given_options(lens, reading, estimating, filler)
+        given = given_files(files) | given_options(picture, filler)
         p = read_parameters(PICTURE, given, partial(check_options, image=image))
         source: dlama.RGBD | dlama.Scene
         if image.is_dir() or is_capture_file(image):

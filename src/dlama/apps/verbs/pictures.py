@@ -9,21 +9,20 @@ from tyro.conf import Positional
 
 from dlama.apps.command import command
 from dlama.apps.options import (
+    CompletingOptions,
     Depth,
     DepthAndMask,
     Estimating,
     Image,
     Lens,
-    Masking,
     Matching,
-    Method,
     Metres,
     Move,
+    ObjectOptions,
     Output,
+    PictureOptions,
     Pointing,
-    Reading,
     Report,
-    Results,
     check_of_object,
     given_options,
     option,
@@ -41,11 +40,8 @@ def view(
     *,
     output: Output,
     move: Move,
-    lens: Lens,
-    reading: Reading,
-    estimating: Estimating,
-    method: Method,
-    results: Results,
+    picture: PictureOptions,
+    completing: CompletingOptions,
     report: Report,
 ) -> None:
     """The scene from another viewpoint, with what was hidden filled in.
@@ -57,7 +53,7 @@ def view(
     """
     with command("view", report) as this:
         files = {"image": image, "depth": depth}
-        this.run("view", output, files, move, lens, reading, estimating, method, results)
+        this.run("view", output, files, move, picture, completing)
 
 
 def remove(
@@ -68,13 +64,9 @@ def remove(
     mask: Annotated[Path | None, option("MASK")] = None,
     output: Output,
     move: Move,
-    lens: Lens,
-    reading: Reading,
-    estimating: Estimating,
-    masking: Masking,
-    pointing: Pointing,
-    method: Method,
-    results: Results,
+    picture: PictureOptions,
+    chosen: ObjectOptions,
+    completing: CompletingOptions,
     report: Report,
 ) -> None:
     """The scene without an object: what it hid is restored, seen from the same place or from elsewhere.
@@ -87,9 +79,9 @@ def remove(
         output: Directory for the results, made if need be; files of the same names are replaced.
     """
     with command("remove", report) as this:
-        files = {"image": image} | split_depth_and_mask(depth_and_mask, vars(pointing), mask)
-        check_of_object(given_options(masking, pointing), files["mask"])
-        this.run("remove", output, files, move, lens, reading, estimating, masking, pointing, method, results)
+        files = {"image": image} | split_depth_and_mask(depth_and_mask, vars(chosen.pointing), mask)
+        check_of_object(given_options(chosen), files["mask"])
+        this.run("remove", output, files, move, picture, chosen, completing)
 
 
 def stereo(
@@ -98,11 +90,9 @@ def stereo(
     /,
     calib: Annotated[Path, option("CALIB", None)],
     output: Output,
-    masking: Masking,
-    pointing: Pointing,
+    chosen: ObjectOptions,
     matching: Matching,
-    method: Method,
-    results: Results,
+    completing: CompletingOptions,
     report: Report,
     mask: Annotated[Path | None, option("MASK")] = None,
     mask_right: Annotated[Path | None, option("MASK", "--mask carried over by disparity")] = None,
@@ -123,8 +113,8 @@ def stereo(
     """
     with command("stereo", report) as this:
         files = {"left": left, "right": right, "mask": mask, "mask_right": mask_right, "disparity": disparity}
-        check_of_object(given_options(masking, pointing), mask, mask_right)
-        this.run("stereo", output, files, masking, pointing, matching, method, results, calib=calib, far=far)
+        check_of_object(given_options(chosen), mask, mask_right)
+        this.run("stereo", output, files, chosen, matching, completing, calib=calib, far=far)
 
 
 def depth(
@@ -154,9 +144,7 @@ def mask(
     *,
     output: Annotated[Path, option("MASK.png", None, aliases=["-o"])],
     pointing: Pointing,
-    lens: Lens,
-    reading: Reading,
-    estimating: Estimating,
+    picture: PictureOptions,
     report: Report,
 ) -> None:
     """The mask of an object that you point at: click on it, or draw a box around it.
@@ -171,7 +159,7 @@ def mask(
         files, overlay = {"image": image, "depth": depth}, overlay_of(output)
         for file in (output, overlay):
             check_file_apart(file, files)
-        given = given_options(pointing, lens, reading, estimating)
+        given = given_options(pointing, picture)
         if not is_pointed(given):
             raise InputError(
                 "no object is pointed at: give --click X,Y on it, --box X,Y,W,H round it, --salient or --class NAME"
