@@ -66,9 +66,12 @@ def test_the_kernel_is_a_weighted_median() -> None:
     """Oracle: a slow literal twin on random numbers."""
     values = RNG.random((30, 34), np.float32)
     votes, blurred = RNG.random((2, 30, 34)) > 0.4
-    color = RNG.random((30, 34, 3), np.float32) * 30
+    color = RNG.integers(0, 30, (30, 34, 3), np.uint8)
     out, room = np.empty_like(values), np.empty((30, 2, MOST), np.float32)
-    joint_median(0, 30, values, blurred, votes, color, 6, 2, 14.0, 4.0, room, out)
+    alike = np.exp(-np.arange(3 * 30**2) / 392).astype(np.float32)
+    step = np.arange(-6, 7, 2)
+    near = np.exp(-(step[:, None] ** 2 + step**2) / 32).astype(np.float32)
+    joint_median(0, 30, values, blurred, votes, color, 6, 2, alike, near, room, out)
     for row in range(30):
         for column in range(34):
             if not blurred[row, column]:
@@ -78,7 +81,7 @@ def test_the_kernel_is_a_weighted_median() -> None:
                 (
                     values[y, x],
                     np.exp(
-                        -((color[y, x] - color[row, column]) ** 2).sum() / 392
+                        -((color[y, x].astype(float) - color[row, column]) ** 2).sum() / 392
                         - ((y - row) ** 2 + (x - column) ** 2) / 32
                     ),
                 )

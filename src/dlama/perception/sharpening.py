@@ -28,6 +28,8 @@ STEEP, BEND = 0.02, 1.6
 1.5 radii: ground is not steeper than its surroundings."""
 REACH = 4.0
 """px round a ramp that are replaced, too."""
+UNLIKE = 40
+"""Squared colour difference, over the square of its sigma, from which a voter counts for nothing."""
 FURTHER, FURTHER_RADIUS, FURTHER_COLOR_SIGMA = 2, 4.0, 60.0
 """Further medians, in which moved pixels vote, too: on a texture neighbours choose different depths in the first one, and seen
 from elsewhere a surface is torn between them; half their window, and how fast their votes weaken with unlike colour."""
@@ -47,7 +49,7 @@ def sharpen_depth(values: Float32Array, color: UInt8Array, inverse: bool = True)
     blurred = dilate_square(ramp, 2 * round(REACH * size) + 1)
     if not ramp.any() or ramp.all():
         return values
-    smooth = cv2.GaussianBlur(color, (0, 0), 0.7).astype(np.float32)
+    smooth = np.asarray(cv2.GaussianBlur(color, (0, 0), 0.7), np.uint8)
     out = _median(values, blurred, ~ramp, smooth, RADIUS * size, COLOR_SIGMA, SPACE_SIGMA * size)
     radius, all_vote = FURTHER_RADIUS * size, np.ones_like(blurred)
     for _ in range(FURTHER):
@@ -59,7 +61,7 @@ def _median(
     values: Float32Array,
     blurred: BoolArray,
     votes: BoolArray,
-    color: Float32Array,
+    color: UInt8Array,
     radius: float,
     color_sigma: float,
     space_sigma: float,
@@ -68,8 +70,12 @@ def _median(
     px = max(2, round(radius))
     step = max(1, math.ceil((2 * px + 1) / 15))
     out, room = np.empty_like(values), np.empty((len(values), 2, MOST), np.float32)
+    differences = np.arange(min(UNLIKE * color_sigma**2, 3 * 255**2) + 1)
+    alike = np.exp(-differences / (2 * color_sigma**2)).astype(np.float32)
+    places = np.arange(-px, px + 1, step)
+    near = np.exp(-(places[:, None] ** 2 + places**2) / (2 * space_sigma**2)).astype(np.float32)
     marks = np.ascontiguousarray(values), blurred, votes, color
-    in_bands(joint_median, len(values), *marks, px, step, float(color_sigma), float(space_sigma), room, out)
+    in_bands(joint_median, len(values), *marks, px, step, alike, near, room, out)
     return out
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+import numpy as np
 
 from dlama.geometry.kernels.jit import Real, Whole, kernel, piece
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
@@ -12,14 +12,14 @@ MOST = 256
 
 
 @piece
-def weighted_median(value: Float32Array, weight: Float32Array, count: Whole, total: Real) -> Real:
-    """The largest of `count` values whose weight, with that of all above it, reaches half the total; reorders both arrays.
+def weighted_median(
+    value: Float32Array, weight: Float32Array, begin: Whole, end: Whole, above: Real, total: Real
+) -> Real:
+    """The largest of the values [begin, end) whose weight, with `above` and that of all above it, reaches half the total;
+    reorders both arrays.
 
     By quickselect: of a span that holds the median the part is kept that does, larger or smaller than a value amid it.
     """
-    begin: Whole
-    end: Whole
-    begin, end, above = 0, count, 0.0
     while True:
         pivot, of_larger, of_same = value[(begin + end) // 2], 0.0, 0.0
         larger, at, smaller = begin, begin, end  # from `begin` on the larger values, from `smaller` on the smaller ones
@@ -53,43 +53,56 @@ def joint_median(
     values: Float32Array,
     blurred: BoolArray,
     votes: BoolArray,
-    color: Float32Array,
+    color: UInt8Array,
     radius: Whole,
     step: Whole,
-    color_sigma: Real,
-    space_sigma: Real,
+    alike: Float32Array,
+    near: Float32Array,
     room: Float32Array,
     out: Float32Array,
 ) -> None:
     """At `blurred` pixels the weighted median of the voters around, weighted by distance and colour difference.
 
-    values: float32 H x W. blurred, votes: bool H x W. color: float32 H x W x 3. radius, step: px of the window and of its grid.
-    room: float32 H x 2 x MOST, scratch. out: float32 H x W, as `values` elsewhere.
+    values: float32 H x W. blurred, votes: bool H x W. color: H x W x 3. radius, step: px of the window and of its grid.
+    alike: weight of a voter by its squared colour difference, the last one of all greater ones, too; near: N x N, by its place
+    in the window, N x N of at most MOST. room: float32 H x 2 x MOST, scratch. out: float32 H x W, as `values` elsewhere.
     """
     height, width = values.shape
+    side, most = len(near), len(alike) - 1
     for row in range(first, last):
         for column in range(width):
             out[row, column] = values[row, column]
             if not blurred[row, column]:
                 continue
-            count, total = 0, 0.0
-            for dy in range(-radius, radius + 1, step):
-                y = row + dy
+            # voters are split by a value near the median while they are read: from `smaller` on those up to it
+            guess = out[row, column - step] if column >= step and blurred[row, column - step] else values[row, column]
+            larger, smaller, above, total = 0, MOST, 0.0, 0.0
+            value, weight = room[row, 0], room[row, 1]
+            for j in range(side):
+                y = row + step * j - radius
                 if y < 0 or y >= height:
                     continue
-                for dx in range(-radius, radius + 1, step):
-                    x = column + dx
-                    if x < 0 or x >= width or count == MOST or not votes[y, x]:
+                for i in range(side):
+                    x = column + step * i - radius
+                    if x < 0 or x >= width or not votes[y, x]:
                         continue
-                    unlike = 0.0
+                    unlike: Whole = 0
                     for channel in range(3):
-                        unlike += (color[y, x, channel] - color[row, column, channel]) ** 2
-                    w = math.exp(-unlike / (2 * color_sigma**2) - (dx * dx + dy * dy) / (2 * space_sigma**2))
-                    room[row, 0, count], room[row, 1, count] = values[y, x], w
+                        apart = np.int64(color[y, x, channel]) - np.int64(color[row, column, channel])
+                        unlike += apart * apart
+                    here, w = values[y, x], near[j, i] * alike[min(unlike, most)]
                     total += w
-                    count += 1
-            if count and total > 1e-12:
-                out[row, column] = weighted_median(room[row, 0], room[row, 1], count, total)
+                    if here > guess:
+                        value[larger], weight[larger] = here, w
+                        above, larger = above + w, larger + 1
+                    else:
+                        smaller -= 1
+                        value[smaller], weight[smaller] = here, w
+            if total > 1e-12:
+                if above >= 0.5 * total:
+                    out[row, column] = weighted_median(value, weight, 0, larger, 0.0, total)
+                else:
+                    out[row, column] = weighted_median(value, weight, smaller, MOST, above, total)
 
 
 @kernel
