@@ -53,7 +53,7 @@ def measured(folder: Path, views: int) -> str:
     """A line: seconds to gather, then seconds a camera (between two frames, each completed), and peak memory."""
     dlama.complete(dlama.read_rgbd(dlama.example() / "street.jpg", dlama.example() / "depth.png", fov=90), [_warm()])
     started, used = time.perf_counter(), time.process_time()
-    _, scene, _ = read_scene_of(folder)
+    scene = read_scene_of(folder).scene
     gathered, gathered_used = time.perf_counter() - started, time.process_time() - used
     numbers = np.linspace(0, len(scene.numbers) - 1, views).round().astype(int)
     frames = [scene.layers[number].camera for number in numbers]

@@ -13,6 +13,7 @@ from dlama.perception.masks.click_network import (
     PLANES,
     SALIENT,
     SIDE,
+    ClickAnswer,
     click_planes,
     object_probability,
     salient_about,
@@ -104,7 +105,7 @@ def test_the_mask_that_the_network_agrees_with(monkeypatch: pytest.MonkeyPatch, 
     """Of several masks the one that is most like the network's; its own where none is."""
     scene = step_scene()
     object_, wrong = scene.depth == 1.0, scene.depth == 2.0
-    monkeypatch.setattr(room, "object_probability", lambda *_: (object_.astype(np.float32), 1, 1.0))
+    monkeypatch.setattr(room, "object_probability", lambda *_: ClickAnswer(object_.astype(np.float32), 1, 1.0))
     masks = {"object": wrong, "part": object_} if agreed else {"object": wrong}
     found = room.choose_mask(scene, Prompt(HW, ((65, 55),)), lambda prompt: masks, 0.4)
     np.testing.assert_array_equal(found["object"], object_)
@@ -119,7 +120,7 @@ def test_a_click_where_depth_is_missing(monkeypatch: pytest.MonkeyPatch) -> None
 
     scene = step_scene()
     hole = scene.depth == 0
-    monkeypatch.setattr(room, "object_probability", lambda *_: (hole.astype(np.float32), 1, 1.0))
+    monkeypatch.setattr(room, "object_probability", lambda *_: ClickAnswer(hole.astype(np.float32), 1, 1.0))
     assert room.choose_mask(scene, Prompt(HW, ((60, 82),)), refuse, 0.4)["object"][82, 60]
     with pytest.raises(MaskError, match="nothing there"):
         room.choose_mask(scene, Prompt(HW, ((65, 55),)), refuse, 0.4)
@@ -141,7 +142,7 @@ def test_a_click_in_estimated_depth_that_the_masker_refuses(
 
     scene = estimated(step_scene())
     object_ = scene.depth == 1
-    monkeypatch.setattr(room, "object_probability", lambda *_: (object_ * np.float32(confidence), 1, 1.0))
+    monkeypatch.setattr(room, "object_probability", lambda *_: ClickAnswer(object_ * np.float32(confidence), 1, 1.0))
     seen, prompt = salient.WindowSaliency(scene.color), Prompt(HW, ((65, 55),))
     if taken:
         np.testing.assert_array_equal(room.choose_mask(scene, prompt, refuse, 0.4, seen)["object"], object_)
@@ -155,7 +156,7 @@ def test_a_click_on_nothing(monkeypatch: pytest.MonkeyPatch, is_estimated: bool)
     """An error where the network says that no object is there, whatever the masker says; not with a box or another click."""
     scene = estimated(step_scene()) if is_estimated else step_scene()
     wall, object_ = scene.depth == 2, scene.depth == 1
-    answer = lambda rgbd, pixel, seen: (object_.astype(np.float32), 1, float(object_[pixel]))  # noqa: E731
+    answer = lambda rgbd, pixel, seen: ClickAnswer(object_.astype(np.float32), 1, float(object_[pixel]))  # noqa: E731
     monkeypatch.setattr(room, "object_probability", answer)
     seen, masks = salient.WindowSaliency(scene.color) if is_estimated else None, {"object": wall}
     click, box = (20, 30), (5, 25, 30, 30)

@@ -7,6 +7,7 @@ found a network chooses at clicks, or gives its own (`click_network`).
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -71,30 +72,60 @@ def choose_mask(
 
     seen: the picture's saliency where depth is estimated, None elsewhere.
     """
-    clicks = prompt.on
-    found = [object_probability(rgbd, pixel, seen) for pixel in clicks]
-    probability = np.where(prompt.inside, np.maximum.reduce([each for each, *_ in found]), np.float32(0))
-    own, reach = probability > 0.5, 1 + max(px for _, px, _ in found)
+    network = NetworkMask.of(rgbd, prompt, seen)
     try:
-        rated = [(expected_iou(probability, mask), mask) for mask in find(prompt).values()]
+        rated = [(network.iou(mask), mask) for mask in find(prompt).values()]
     except MaskError:
-        confident = (
-            seen is not None
-            and expected_iou(probability, own) > CONFIDENT
-            and not any(rgbd.far[pixel] for pixel in clicks)
-        )
-        if not own.any() or not (confident or all(rgbd.missing[pixel] for pixel in clicks)):
+        confident = seen is not None and network.iou(network.own) > CONFIDENT and not on_sky(rgbd, prompt)
+        missing = all(rgbd.missing[pixel] for pixel in prompt.on)
+        if not (network.own.any() and (confident or missing)):
             raise
         rated = []
-    if prompt.box is None and max(there for *_, there in found) < LEAST:
+    if prompt.box is None and network.there < LEAST:
         where = "where nothing stands apart: that is ground, a wall or the sky"
-        raise nothing_at(clicks[0], where, "amid an object")
+        raise nothing_at(prompt.on[0], where, "amid an object")
     rated.sort(key=lambda each: -each[0])
     masks = [mask for _, mask in rated]
-    if rated and rated[0][0] >= agrees * expected_iou(probability, own):
+    if rated and rated[0][0] >= agrees * network.iou(network.own):
         return name_masks(masks[0], masks[1:])
-    band = dilate_mask(own, reach) & ~erode_mask(own, reach) & prompt.inside
-    return name_masks(correct_at_clicks(rgbd, decide_by_color(rgbd, own, band), prompt, clicks), masks)
+    return name_masks(network.fit(rgbd, prompt), masks)
+
+
+@dataclass(frozen=True, eq=False)
+class NetworkMask:
+    """What the network says of all clicks together."""
+
+    probability: Float32Array
+    """H x W, of belonging to the object, in the box of the prompt."""
+    own: BoolArray
+    """H x W, its mask."""
+    reach: int
+    """By how many pixels that may be off."""
+    there: float
+    """Probability that an object is at the click where that is likeliest."""
+
+    @classmethod
+    def of(cls, rgbd: RGBD, prompt: Prompt, seen: WindowSaliency | None) -> NetworkMask:
+        """Of a picture. seen: as of `choose_mask`."""
+        found = [object_probability(rgbd, pixel, seen) for pixel in prompt.on]
+        whole = np.maximum.reduce([each.probability for each in found])
+        probability = np.where(prompt.inside, whole, np.float32(0))
+        reach, there = 1 + max(each.px for each in found), max(each.there for each in found)
+        return cls(probability, probability > 0.5, reach, there)
+
+    def iou(self, mask: BoolArray) -> float:
+        """Expected intersection over union of a mask and the object."""
+        return expected_iou(self.probability, mask)
+
+    def fit(self, rgbd: RGBD, prompt: Prompt) -> BoolArray:
+        """Its mask, along the picture's colours, with the clicks and without the negative ones."""
+        band = dilate_mask(self.own, self.reach) & ~erode_mask(self.own, self.reach) & prompt.inside
+        return correct_at_clicks(rgbd, decide_by_color(rgbd, self.own, band), prompt, prompt.on)
+
+
+def on_sky(rgbd: RGBD, prompt: Prompt) -> bool:
+    """Whether a click is on what is far."""
+    return any(rgbd.far[pixel] for pixel in prompt.on)
 
 
 def expected_iou(probability: Float32Array, mask: BoolArray) -> float:

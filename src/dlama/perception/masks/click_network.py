@@ -10,6 +10,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -35,6 +36,8 @@ SLOPE, SLOPE_RANGE = 20.0, 2.0
 """Scale and range of relative slopes of inverse depth."""
 CLICK_PX = 4
 """Standard deviation of the click in its plane, and the distance from it at which a region is the clicked one."""
+MIDDLE = slice(SIDE // 2 - CLICK_PX, SIDE // 2 + CLICK_PX + 1)
+"""Rows, or columns, of the network's planes near the click."""
 FIRST_WINDOW, LARGEST_WINDOW, SMALLEST_WINDOW = 0.75, 1.4, 40
 """Side of the first square and of the largest, over the picture's longer side, and the least in px."""
 WINDOW, MARGIN_PX = 3.0, 8
@@ -110,36 +113,62 @@ def probability_in_window(planes: Float32Array, file: NetworkFile) -> tuple[Floa
     return np.asarray((found[0] + found[1][:, ::-1]) / 2, np.float32), [float(each.mean()) for each in objects]
 
 
+class ClickAnswer(NamedTuple):
+    """What the network says of a click."""
+
+    probability: Float32Array
+    """H x W, of belonging to the object at the click."""
+    px: int
+    """Pixels of the picture for each of the network."""
+    there: float
+    """Probability that an object is there: the largest of all squares."""
+
+
 def object_probability(
     rgbd: RGBD, pixel: Pixel, seen: WindowSaliency | None = None, file: NetworkFile | None = None
-) -> tuple[Float32Array, int, float]:
-    """H x W probability of belonging to the object at (row, column), px of the picture for each of the network, and the
-    probability that an object is there: the largest of all squares.
+) -> ClickAnswer:
+    """What the network says of a click at (row, column).
 
     seen: saliency of the picture where depth is estimated; None: depth says more, and sooner.
     """
     file = file or network(seen is not None)
-    middle = slice(SIDE // 2 - CLICK_PX, SIDE // 2 + CLICK_PX + 1)
-    longer = max(rgbd.depth.shape)
-    radius = int(FIRST_WINDOW * longer / 2)
-    salient = [salient_about(seen, pixel, first_window(rgbd.depth.shape))] * len(SALIENT) if seen else []
+    hw = rgbd.depth.shape
+    radius = int(FIRST_WINDOW * max(hw) / 2)
+    salient = [salient_about(seen, pixel, first_window(hw))] * len(SALIENT) if seen else []
     found, objects = probability_in_window(click_planes(rgbd, pixel, radius, salient), file)
     for number in range(ROUNDS):
-        side, part = 2 * radius + 1, region_at(found > 0.5, (middle, middle))
-        reach = np.abs(np.argwhere(part) - (SIDE - 1) / 2).max() * side / SIDE if part.any() else side / 4
-        wanted = WINDOW * reach + MARGIN_PX if part.any() else side / 2
-        wanted = float(np.clip(wanted, SMALLEST_WINDOW, LARGEST_WINDOW * longer))
-        if number and 1 / SAME_WINDOW < wanted / side < SAME_WINDOW:
+        side = 2 * radius + 1
+        expected = next_side(found, side, max(hw))
+        if number and 1 / SAME_WINDOW < expected / side < SAME_WINDOW:
             break
-        radius = int(wanted / 2)
+        radius = int(expected / 2)
         if seen and not number:
             salient[1] = salient_about(seen, pixel, 2 * radius + 1)
         found, more = probability_in_window(click_planes(rgbd, pixel, radius, salient), file)
         objects += more
+    out = place_square(found, pixel, radius, hw)
+    return ClickAnswer(
+        out, -(-(2 * radius + 1) // SIDE), max(objects or [float(out[square_about(pixel, NEAR_PX)].max())])
+    )
+
+
+def next_side(found: Float32Array, side: int, longer: int) -> float:
+    """Side in px of the square about the object whose probability (SIDE x SIDE) was found in a square of `side`; half of it where
+    none was found. longer: longer side of the picture."""
+    part = region_at(found > 0.5, (MIDDLE, MIDDLE))
+    expected = side / 2
+    if part.any():
+        reach = np.abs(np.argwhere(part) - (SIDE - 1) / 2).max() * side / SIDE
+        expected = WINDOW * reach + MARGIN_PX
+    return float(np.clip(expected, SMALLEST_WINDOW, LARGEST_WINDOW * longer))
+
+
+def place_square(found: Float32Array, pixel: Pixel, radius: int, hw: tuple[int, ...]) -> Float32Array:
+    """H x W: SIDE x SIDE values in the square of 2 radius + 1 px about (row, column), 0 round it."""
     side = 2 * radius + 1
     large = cv2.resize(found, (side, side), interpolation=cv2.INTER_LINEAR if side >= SIDE else cv2.INTER_AREA)
-    out = np.zeros(rgbd.depth.shape, np.float32)
+    out = np.zeros(hw, np.float32)
     span = square_about(pixel, radius)
     rows, columns = (slice(max(radius - at, 0), max(radius - at, 0) + n) for at, n in zip(pixel, out[span].shape))
     out[span] = large[rows, columns]
-    return out, -(-side // SIDE), max(objects or [float(out[square_about(pixel, NEAR_PX)].max())])
+    return out
