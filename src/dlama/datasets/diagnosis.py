@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -36,9 +36,8 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD, BoolArray, describe_depth_range, percent
 from dlama.perception.depth_scale import describe_depth_source
 from dlama.perception.diagnosis.finding import Finding, Observed
-from dlama.perception.diagnosis.frames.landing import shrink
-from dlama.perception.diagnosis.frames.odd_frames import find_odd_frames
-from dlama.perception.diagnosis.frames.poses import check_poses
+from dlama.perception.diagnosis.frames.landing import SmallFrame, shrink
+from dlama.perception.diagnosis.frames.odd_frames import compare_frames
 from dlama.perception.diagnosis.lens import check_exif, check_lens
 from dlama.perception.diagnosis.registration import correlate_edges
 from dlama.perception.diagnosis.rgbd_checks import run_checks
@@ -106,32 +105,44 @@ def diagnose(
     """
     given = dict(locals())
     check_arguments(diagnose, given)
-    lens, reading, masking = ({name: given[name] for name in names} for names in (LENS, READING, MASKING))
-    examine: Callable[[], Found]
-    place = Path(first)
-    if place.is_dir() or (second is None and (is_scene_file(place) or is_capture_file(place))):
-        options = {"camera": camera, "depth_range": depth_range}
-        examine, takes = partial(_examine_dataset, place, layout, options), {"layout", *options}
-    elif second is None and not place.exists():
-        raise InputError(f"{place}: no such file or folder")
-    elif second is None and calib is not None:
-        raise InputError(f"{place}: a left picture needs its right one")
-    elif second is None:
-        examine, takes = partial(_examine_photo, place, lens), set(LENS)
-    elif calib is not None:
-        examine, takes = partial(_examine_pair, place, Path(second), calib), {"second", "calib"}
-    else:
-        examine = partial(_examine_picture, place, Path(second), mask, lens | reading, masking)
-        takes = {"second", "mask", *LENS, *READING, *MASKING}
+    examine, takes = examination_of(Path(first), given)
     for name, value in given.items():
         if name not in takes | {"first"} and value is not None and value != DEFAULTS.get(name):
-            raise InputError(f"{place}: `{name}` is {value}; it does not apply to these inputs")
+            raise InputError(f"{Path(first)}: `{name}` is {value}; it does not apply to these inputs")
     try:
         found, names, parts = examine()
     except InputError as error:
         return (Finding("reading", "fault", 1.0, error.marked),)
     verdict = "read as" if any(each.severity == "fault" for each in found) else "nothing wrong:"
     return (*found, Finding("understood", "fine", 1.0, f"{names}: {verdict} {', '.join(parts)}"))
+
+
+class Examination(NamedTuple):
+    """How inputs are looked at."""
+
+    run: Callable[[], Found]
+    takes: set[str]
+    """The arguments of `diagnose` that apply to them."""
+
+
+def examination_of(place: Path, given: Mapping[str, Any]) -> Examination:
+    """What the inputs are, by the arguments of `diagnose`: a data set, a photo, a stereo pair, or a picture and its depth.
+    InputError: there is nothing, or a pair without its right picture."""
+    second, calib = given["second"], given["calib"]
+    lens, reading, masking = ({name: given[name] for name in names} for names in (LENS, READING, MASKING))
+    if place.is_dir() or (second is None and (is_scene_file(place) or is_capture_file(place))):
+        options = {name: given[name] for name in ("camera", "depth_range")}
+        return Examination(partial(_examine_dataset, place, given["layout"], options), {"layout", *options})
+    if second is None and not place.exists():
+        raise InputError(f"{place}: no such file or folder")
+    if second is None and calib is not None:
+        raise InputError(f"{place}: a left picture needs its right one")
+    if second is None:
+        return Examination(partial(_examine_photo, place, lens), set(LENS))
+    if calib is not None:
+        return Examination(partial(_examine_pair, place, Path(second), calib), {"second", "calib"})
+    run = partial(_examine_picture, place, Path(second), given["mask"], lens | reading, masking)
+    return Examination(run, {"second", "mask", *LENS, *READING, *MASKING})
 
 
 def _examine_picture(
@@ -162,10 +173,8 @@ def check_orientation(rgbd: RGBD, image: Path, depth: Path) -> tuple[list[Findin
     if not doubtful_turn(image, depth):
         return [], rgbd
     turns = [orientation_of(image), orientation_of(depth)]
-    color, metres = (
-        apply_orientation(rgbd.color, UNTURNED[turns[0]]),
-        apply_orientation(rgbd.depth, UNTURNED[turns[1]]),
-    )
+    color = apply_orientation(rgbd.color, UNTURNED[turns[0]])
+    metres = apply_orientation(rgbd.depth, UNTURNED[turns[1]])
     same_size = color.shape[:2] == metres.shape == rgbd.depth.shape
     if same_size and correlate_edges(color, metres) > correlate_edges(rgbd.color, rgbd.depth):
         what = f"{orientation_difference(image, depth)}; picture and depth fit as their pixels are stored"
@@ -260,19 +269,25 @@ def examine_scene(frames: Sequence[Frame]) -> tuple[list[Finding], RGBD]:
     """Findings on the frames of a scene, each read once; and the first frame in a row."""
     row = frames_in_a_row(frames)
     spread = np.linspace(0, len(frames) - 1, min(len(frames), COMPARED)).round().astype(int)
-    first, small, name = None, {}, f"{row[0].scene}/{row[0].name}"
+    first, small = None, dict[str, SmallFrame]()
     for frame in {each.name: each for each in (*(frames[place] for place in spread), *row)}.values():
         rgbd = frame.load()
-        small[f"{frame.scene}/{frame.name}"] = shrink(rgbd)
+        small[name_of(frame)] = shrink(rgbd)
         first = rgbd if frame is row[0] else first
     assert first is not None
-    found = run_checks(Observed.of(first, (name, name, name)))
-    of_poses = check_poses([small[f"{each.scene}/{each.name}"] for each in row], row[0].scene)
-    if all(each.severity != "fault" for each in of_poses):  # one odd frame also makes frames in a row fit badly
-        of_poses = find_odd_frames(list(small.values()), list(small)) or of_poses
+    name = name_of(row[0])
+    found, of_poses = (
+        run_checks(Observed.of(first, (name, name, name))),
+        compare_frames(small, [name_of(each) for each in row], row[0].scene),
+    )
     if any(each.check == "depth-scale" and each.what.startswith(f"{name}:") for each in of_poses):
         found = [each for each in found if each.check != "depth-scale"]
     return [*found, *of_poses], first
+
+
+def name_of(frame: Frame) -> str:
+    """How findings call a frame."""
+    return f"{frame.scene}/{frame.name}"
 
 
 def frames_in_a_row(frames: Sequence[Frame]) -> list[Frame]:

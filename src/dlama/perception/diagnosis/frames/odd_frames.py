@@ -7,7 +7,7 @@ reported if they agree clearly better with its depth, or focal length, multiplie
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from dlama.perception.diagnosis.frames.landing import (
     find_landing_points,
     reproject,
 )
+from dlama.perception.diagnosis.frames.poses import check_poses
 
 NEIGHBOURS = 4
 """Frames that each one is compared with; most of them must agree."""
@@ -31,6 +32,17 @@ LEAST_CHANGE = 1.1
 """Least factor that is reported."""
 LEAST_CURVE = 1.4
 """Least ratio of contrasts (in logarithms) that is reported as a gamma; without one at most 1.23 in the same frames."""
+
+
+def compare_frames(frames: Mapping[str, SmallFrame], row: Sequence[str], scene: str) -> list[Finding]:
+    """Findings on the poses of frames in a row (by name); where these fit, on frames that do not fit the others.
+
+    One odd frame also makes its neighbours in the row fit badly. scene: what messages call it.
+    """
+    of_row = check_poses([frames[name] for name in row], scene)
+    if any(each.severity == "fault" for each in of_row):
+        return of_row
+    return find_odd_frames(list(frames.values()), list(frames)) or of_row
 
 
 def find_odd_frames(frames: Sequence[SmallFrame], names: Sequence[str]) -> list[Finding]:
