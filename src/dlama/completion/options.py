@@ -66,14 +66,27 @@ def option(
 @functools.cache
 def options_in(group: Any) -> dict[str, Option]:
     """The options of a group, by name."""
-    (cls,) = ast.parse(inspect.getsource(group)).body
-    texts = [ast.literal_eval(one.value) for one in cls.body[1:] if isinstance(one, ast.Expr)]  # type: ignore[attr-defined]
+    texts, kinds = docstrings_of_fields(group.__module__)[group.__name__], None
     found: dict[str, Option] = {}
     for one, text in zip(fields(group), texts):
         typed: Option = one.metadata["option"]
-        kind = get_type_hints(group)[one.name] if typed.kind is None else typed.kind
+        kind = typed.kind
+        if kind is None:
+            kinds = kinds or get_type_hints(group)
+            kind = kinds[one.name]
         found[one.name] = typed._replace(kind=kind, value=one.default, text=" ".join(text.split()))
     return found
+
+
+@functools.cache
+def docstrings_of_fields(module: str) -> dict[str, list[str]]:
+    """The docstrings of the fields of each class of a module, in order, by the name of the class: read once, for
+    `inspect.getsource` of a class parses all of its module."""
+    classes = [one for one in ast.parse(inspect.getsource(sys.modules[module])).body if isinstance(one, ast.ClassDef)]
+    return {
+        one.name: [ast.literal_eval(line.value) for line in one.body[1:] if isinstance(line, ast.Expr)]
+        for one in classes
+    }
 
 
 @dataclass(frozen=True, kw_only=True)
