@@ -36,8 +36,9 @@ if (
         f"the environment variable {THREADS_VARIABLE} is {asked!r}; a whole number, 1 or more, is expected"
     )
 
+from llvmlite.binding import parse_assembly  # noqa: E402
 from numba import config, njit  # noqa: E402
-from numba.core.caching import FunctionCache  # noqa: E402
+from numba.core.caching import CompileResultCacheImpl, FunctionCache  # noqa: E402
 from numba.core.event import Event, Listener, register  # noqa: E402
 
 if vars(config)["DISABLE_JIT"]:
@@ -94,11 +95,25 @@ def kernel(function: Loop) -> Loop:
     return dispatcher
 
 
+class StoredKernel(CompileResultCacheImpl):
+    """What numba keeps of a kernel, but for the code that others would be linked with: no kernel is a part of another one, and
+    reading it took half the time of a load. In its place stand the names that are looked up in it."""
+
+    def reduce(self, cres: Any) -> Any:
+        """What is stored of a compiled kernel."""
+        (name, kind, (machine_code, _)), about, *others = super().reduce(cres)
+        names = about.llvm_func_name, about.llvm_cpython_wrapper_name
+        stubs = "\n".join(f'define void @"{one}"() {{\n unreachable\n}}' for one in names)
+        return (name, kind, (machine_code, parse_assembly(stubs).as_bitcode())), about, *others
+
+
 class KernelCache(FunctionCache):
     """numba's cache on disk, without the types and functions that it prepares for a compilation at every load.
 
     A third of a second for the first kernel of a process; numba prepares them again before it compiles anything.
     """
+
+    _impl_class = StoredKernel
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """The compiled kernel of that signature; None where it is not on disk."""
