@@ -115,7 +115,7 @@ def _no_pixel_classifier() -> None:
     def of_network(planes: Any, parts: Any, file: Any = None) -> Any:
         import dataclasses
 
-        marked = room.network_probability(planes, room.color_shares(planes), file)
+        marked = room.network_probability(planes, file)
         return [dataclasses.replace(one, probability=marked) for one in before(planes, parts, file)]
 
     before = room.find_likely_shadows
@@ -128,7 +128,7 @@ def _network_alone() -> Callable[[], None]:
     def marked_alone(planes: Any) -> Any:
         from dlama.perception.shadows import classifier as room
 
-        marked = room.network_probability(planes, room.color_shares(planes))
+        marked = room.network_probability(planes)
         return marked if (marked > room.SHADOW).any() else None
 
     return _shadow("shadow_probability", marked_alone)
@@ -139,11 +139,10 @@ def _empty_plane(name: str) -> Callable[[], None]:
 
     def off() -> None:
         from dlama.perception.shadows import find
-        from dlama.perception.shadows.planes import PLANES
 
         def emptied(*args: Any) -> Any:
             planes, *rest = before(*args)
-            planes[PLANES.index(name)] = 0
+            planes.plane(name)[:] = 0
             return planes, *rest
 
         before = find.shadow_planes

@@ -26,9 +26,10 @@ from torch.nn.functional import binary_cross_entropy_with_logits
 from dlama.geometry.holes import regions_touching
 from dlama.models.network_file import NetworkFile
 from dlama.perception.shadows.classifier import CLIP, PARTS, SHADOW, Classifier, LikelyShadows, find_likely_shadows
-from dlama.perception.shadows.features import candidate_features, cast_interiors, color_shares, pixel_features
+from dlama.perception.shadows.features import candidate_features, cast_interiors, pixel_features
 from dlama.perception.shadows.network import NETWORK
-from shadow_crops import ShadowCrops, write_shadow_crops
+from dlama.perception.shadows.planes import ShadowPlanes
+from shadow_crops import Crop, ShadowCrops, write_shadow_crops
 
 TRAIN_SEED, PAVED_SEED, HELD_OUT_SEED = 50_000, 55_000, 90_000
 FEWEST_PX, GOOD = 25, 0.5
@@ -36,9 +37,6 @@ FEWEST_PX, GOOD = 25, 0.5
 PIXELS, BATCH, STEPS, RATE, NOISE, DECAY = 800, 4096, 900, 4e-3, 0.08, 2e-2
 HIDDEN = 32, 16
 RIDGE = 3.0
-
-Crop = tuple[np.ndarray, np.ndarray]
-"""Planes, and the share of each pixel that is shadow (-1: does not count)."""
 
 
 def logistic_weights(features: np.ndarray, right: np.ndarray, ridge: float) -> np.ndarray:
@@ -65,14 +63,14 @@ def logistic(features: np.ndarray, right: np.ndarray) -> Classifier:
     return Classifier(middle.astype(np.float32), spread.astype(np.float32), (layer,))
 
 
-def right_shapes(planes: np.ndarray, target: np.ndarray) -> np.ndarray:
+def right_shapes(planes: ShadowPlanes, target: np.ndarray) -> np.ndarray:
     true = target > 0.5
     shapes = [shape & (target >= 0) for shape in cast_interiors(planes)]
     return np.array([true.sum() >= FEWEST_PX and (one & true).sum() > 0.5 * max(one.sum(), 1) for one in shapes])
 
 
-def candidates_of(planes: np.ndarray) -> np.ndarray:
-    return candidate_features(planes, cast_interiors(planes), color_shares(planes))
+def candidates_of(planes: ShadowPlanes) -> np.ndarray:
+    return candidate_features(planes, cast_interiors(planes))
 
 
 def fit_candidates(crops: Sequence[Crop]) -> Classifier:
@@ -112,13 +110,12 @@ def fit_pixels(crops: Sequence[Crop], candidates: Classifier, seed: int) -> Clas
         if (target > 0.5).sum() < FEWEST_PX:
             continue
         shapes, right = cast_interiors(planes), np.flatnonzero(right_shapes(planes, target))
-        shares = color_shares(planes)
-        sure = candidates(np.nan_to_num(candidate_features(planes, shapes, shares)))
+        sure = candidates(np.nan_to_num(candidate_features(planes, shapes)))
         used = [(shapes[number], max(float(sure[number]), 0.4)) for number in right]
-        used.append((as_thrown(target > 0.5, planes[4] > 0.5, rng), float(rng.uniform(0.4, 1))))
+        used.append((as_thrown(target > 0.5, planes.surface, rng), float(rng.uniform(0.4, 1))))
         for shape, certain in used:
             if shape.sum() > 10:
-                features, where = pixel_features(planes, shape, certain, shares)
+                features, where = pixel_features(planes, shape, certain)
                 rows, true, weight = pixel_rows(features, target[where], rng)
                 made.append((rows, true, weight / len(used)))
     return perceptron(*(np.concatenate(part).astype(np.float32) for part in zip(*made)), seed)

@@ -22,7 +22,7 @@ from dlama.geometry.holes import dilate_mask, erode_mask
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.perception.masks.supports import find_planes_of_picture
 from dlama.perception.shadows.ground import EDGE_PX, find_ground
-from dlama.perception.shadows.planes import shadow_planes
+from dlama.perception.shadows.planes import ShadowPlanes, shadow_planes
 from dlama.training.data.augment import add_depth_faults
 from dlama.worlds.dataset import Textures, world
 from dlama.worlds.layouts.random_scene import direction_to_light
@@ -47,10 +47,12 @@ LIGHTS, DOME, LIGHT_PX = 12, 24, 128
 """Directions of a lobe and of the sky of a soft light, and the side of the pictures that they are looked at in."""
 
 
-def shadow_crop(
-    seed: int, textures: Textures = None, *, paved: bool = False
-) -> tuple[Float32Array, Float32Array] | None:
-    """Planes (`shadow_planes`) and h x w: the share of each pixel that is shadow, -1 where it does not count (off the surface,
+Crop = tuple[ShadowPlanes, Float32Array]
+"""Planes, and the share of each pixel that is shadow (-1: does not count)."""
+
+
+def shadow_crop(seed: int, textures: Textures = None, *, paved: bool = False) -> Crop | None:
+    """Its planes and h x w: the share of each pixel that is shadow, -1 where it does not count (off the surface,
     outside the picture). None: nothing in that world stands on a surface. paved: `add_paving`."""
     case = shadow_case(seed, textures, paved=paved)
     if case is None:
@@ -60,7 +62,7 @@ def shadow_crop(
     if ground is None:
         return None
     planes, crop, _ = shadow_planes(source, mask, ground)
-    target = np.full(planes.shape[1:], -1, np.float32)
+    target = np.full(planes.surface.shape, -1, np.float32)
     wide, high = crop.size
     counts = crop.small(ground.surface & ~dilate_mask(mask, EDGE_PX)) > 0.5
     target[:high, :wide] = np.where(counts, crop.small(true), -1)
@@ -243,11 +245,11 @@ def write_shadow_crops(folder: Path, count: int, seed: int, textures: Path | Non
         if made is not None:
             planes, target = made
             with new_file(file) as draft, draft.open("wb") as stream:
-                np.savez(stream, planes=planes.astype(np.float16), target=target.astype(np.float16))
+                np.savez(stream, planes=planes.values.astype(np.float16), target=target.astype(np.float16))
     return len(list(folder.glob("*.npz")))
 
 
-class ShadowCrops(Sequence[tuple[Float32Array, Float32Array]]):
+class ShadowCrops(Sequence[Crop]):
     """The crops of a folder by `write_shadow_crops`, in the order of their seeds, each read when it is asked for."""
 
     def __init__(self, files: Sequence[Path]) -> None:
@@ -260,10 +262,10 @@ class ShadowCrops(Sequence[tuple[Float32Array, Float32Array]]):
     def __len__(self) -> int:
         return len(self.files)
 
-    def __getitem__(self, number: int) -> tuple[Float32Array, Float32Array]:  # type: ignore[override]
+    def __getitem__(self, number: int) -> Crop:  # type: ignore[override]
         """Planes and target, as `shadow_crop`."""
         with np.load(self.files[number]) as file:
-            return file["planes"].astype(np.float32), file["target"].astype(np.float32)
+            return ShadowPlanes(file["planes"].astype(np.float32)), file["target"].astype(np.float32)
 
     def fifths(self) -> tuple[ShadowCrops, ShadowCrops]:
         """Four crops of five, for the network and the classifiers of shapes and pixels, and each fifth, for the verdict on their

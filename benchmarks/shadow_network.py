@@ -21,8 +21,8 @@ from torch.nn.functional import binary_cross_entropy_with_logits
 
 from dlama.perception.shadows.crop import SIDE
 from dlama.perception.shadows.network import network_planes
-from dlama.perception.shadows.planes import FIRST_CAST, MULTIPLE, PLANES
-from shadow_crops import ShadowCrops
+from dlama.perception.shadows.planes import FIRST_CAST, MULTIPLE, PLANES, ShadowPlanes
+from shadow_crops import Crop, ShadowCrops
 from shadow_export import export_shadow
 from shadow_net import ShadowNet
 
@@ -41,13 +41,13 @@ ABOUT = {
     "dlama.licence": "Apache-2.0",
 }
 
-Crop = tuple[np.ndarray, np.ndarray]
+Input = tuple[np.ndarray, np.ndarray]
 """The network's planes, and the share of each pixel that is shadow (-1: does not count)."""
 
 
-def varied(planes: np.ndarray, target: np.ndarray, rng: np.random.Generator) -> Crop:
+def varied(known: ShadowPlanes, target: np.ndarray, rng: np.random.Generator) -> Input:
     """A crop mirrored, in another contrast and tint, at another scale, some thrown shapes left out."""
-    planes = network_planes(planes)
+    planes = network_planes(known)
     if rng.random() < 0.5:
         planes, target = cv2.flip(planes.reshape(-1, target.shape[1]), 1).reshape(planes.shape), cv2.flip(target, 1)
         planes[PLANES.index("right")] *= -1
@@ -68,7 +68,7 @@ def varied(planes: np.ndarray, target: np.ndarray, rng: np.random.Generator) -> 
     return planes, target
 
 
-def batch_of(crops: Sequence[Crop]) -> tuple[Tensor, Tensor]:
+def batch_of(crops: Sequence[Input]) -> tuple[Tensor, Tensor]:
     """B x planes x H x W and B x H x W, as large as the largest of them."""
     high, wide = (max(target.shape[axis] for _, target in crops) for axis in (0, 1))
     planes = np.zeros((len(crops), len(crops[0][0]), high, wide), np.float32)

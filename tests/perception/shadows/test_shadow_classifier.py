@@ -21,11 +21,10 @@ from dlama.perception.shadows.features import (
     CANDIDATE_FEATURES,
     candidate_features,
     cast_interiors,
-    color_shares,
     pixel_features,
     tone_steps,
 )
-from dlama.perception.shadows.planes import FIRST_CAST, LOG_RANGE, PLANES
+from dlama.perception.shadows.planes import FIRST_CAST, LOG_RANGE, PLANES, ShadowPlanes
 
 FLAT = np.zeros((len(PLANES), 96, 128), np.float32)
 FLAT[4:6] = 1  # surface all over the picture
@@ -43,12 +42,11 @@ def test_the_file_that_ships_fits_the_features() -> None:
     """Contract: each part takes as many features as are made, and gives one probability a row."""
     parts = classifiers()
     assert tuple(parts) == tuple(PARTS) and MODEL.stat().st_size < 100_000
-    planes = with_shape()
-    shares = color_shares(planes)
-    candidates = candidate_features(planes, cast_interiors(planes), shares)
+    planes = ShadowPlanes(with_shape())
+    candidates = candidate_features(planes, cast_interiors(planes))
     assert candidates.shape == (len(PLANES[FIRST_CAST:]) + 2, CANDIDATE_FEATURES)
-    rows, where = pixel_features(planes, planes[FIRST_CAST] > 0, 0.5, shares)
-    assert len(rows) == where.sum() == (planes[4] > 0.5).sum()
+    rows, where = pixel_features(planes, planes.casts[0] > 0, 0.5)
+    assert len(rows) == where.sum() == planes.surface.sum()
     for part, features in (("candidate", np.nan_to_num(candidates)), ("pixel", rows)):
         said = parts[part](features)
         assert said.shape == (len(features),) and (said >= 0).all() and (said <= 1).all()
@@ -72,8 +70,8 @@ def test_a_perceptron_against_its_literal_twin() -> None:
 
 def test_on_an_even_surface_there_is_no_shadow() -> None:
     """Nothing is darker than anything else: whatever was thrown there, it is none."""
-    assert shadow_probability(FLAT) is None
-    assert shadow_probability(with_shape()) is None
+    assert shadow_probability(ShadowPlanes(FLAT)) is None
+    assert shadow_probability(ShadowPlanes(with_shape())) is None
 
 
 def test_a_crop_and_back() -> None:
@@ -101,7 +99,7 @@ def test_a_shadow_darkens_all_tones_alike(stained: bool) -> None:
     region[66:90, 12:108] = True
     darker = 0.3 * (region & (level < -0.1)) if stained else 0.3 * region
     planes[:3] = (level - darker) / LOG_RANGE
-    *steps, light, least = tone_steps(planes, region)
+    *steps, light, least = tone_steps(ShadowPlanes(planes), region)
     if stained:
         assert steps[1] == pytest.approx(0.3, abs=0.07) and abs(steps[-2]) < 0.07 and least < 0.2
     else:

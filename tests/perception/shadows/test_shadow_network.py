@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from dlama.perception.shadows.crop import SIDE
-from dlama.perception.shadows.features import color_shares
 from dlama.perception.shadows.network import (
     LOG_SHARE,
     NETWORK,
@@ -15,7 +14,7 @@ from dlama.perception.shadows.network import (
     network_planes,
     network_probability,
 )
-from dlama.perception.shadows.planes import MULTIPLE, PLANES
+from dlama.perception.shadows.planes import MULTIPLE, PLANES, ShadowPlanes
 
 FLAT = np.zeros((len(PLANES), 96, 128), np.float32)
 FLAT[4:6] = 1  # surface all over the picture
@@ -25,8 +24,8 @@ FLAT[3, 30:60, 50:70], FLAT[4, 30:60, 50:70] = 1, 0
 def test_the_file_that_ships_fits_the_planes() -> None:
     """Contract: it takes the planes that are made, at sides that crops have, and gives one probability a pixel of the surface."""
     assert NETWORK.stat().st_size < 500_000 and SIDE % MULTIPLE == 0
-    assert next(iter(network().inputs.values()))[1][1] == len(network_planes(FLAT))
-    said = network_probability(FLAT, color_shares(FLAT))
+    assert next(iter(network().inputs.values()))[1][1] == len(network_planes(ShadowPlanes(FLAT)))
+    said = network_probability(ShadowPlanes(FLAT))
     assert said.shape == FLAT.shape[1:] and (said >= 0).all() and (said <= 1).all()
     assert not said[FLAT[4] < 0.5].any()
 
@@ -38,7 +37,7 @@ def test_how_common_colours_are() -> None:
     planes[:3, 80:, 64:] = -0.45 / 2  # darker by one of the steps that lit partners are looked for at
     where = planes[4] > 0.5
     dark = planes[0][where] < -0.1
-    share, raised, _ = (plane[where] for plane in network_planes(planes)[len(PLANES) :])
+    share, raised, _ = (plane[where] for plane in network_planes(ShadowPlanes(planes))[len(PLANES) :])
     expected = np.log((~dark).sum() / dark.sum())
     assert LOG_SHARE * (share[~dark].mean() - share[dark].mean()) == pytest.approx(expected, abs=0.05)
     assert LOG_SHARE * raised[dark].mean() == pytest.approx(expected, abs=0.05)
@@ -51,7 +50,7 @@ def test_darkness_by_hue() -> None:
     shadow = np.zeros(FLAT.shape[1:], np.bool_)
     shadow[60:70, 20:110] = True
     planes[:3, shadow] -= 0.2
-    found = darkness_by_hue(planes)
+    found = darkness_by_hue(ShadowPlanes(planes))
     inner = np.zeros_like(shadow)
     inner[64:67] = shadow[64:67]
     rug, floor = np.arange(128) < 60, np.arange(128) > 70

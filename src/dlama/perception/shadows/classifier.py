@@ -22,11 +22,11 @@ from dlama.perception.shadows.features import (
     FEWEST_PX,
     candidate_features,
     cast_interiors,
-    color_shares,
     pixel_features,
     tone_steps,
 )
 from dlama.perception.shadows.network import network_probability
+from dlama.perception.shadows.planes import ShadowPlanes
 
 MODEL = Path(__file__).parents[2] / "assets" / "shadow" / "shadow.npz"
 CLIP = 5.0
@@ -75,15 +75,14 @@ class LikelyShadows:
 
 
 def find_likely_shadows(
-    planes: Float32Array, parts: dict[str, Classifier], file: NetworkFile | None = None
+    planes: ShadowPlanes, parts: dict[str, Classifier], file: NetworkFile | None = None
 ) -> list[LikelyShadows]:
     """The candidates from the likeliest cast shapes, extended to where their shadow ends, and from the network (`file`, or the
     one that ships)."""
-    shares = color_shares(planes)
-    marked = network_probability(planes, shares, file)
-    region, surface = marked > SHADOW, planes[4] > 0.5
+    marked = network_probability(planes, file)
+    region = marked > SHADOW
     shapes = cast_interiors(planes)
-    every = candidate_features(planes, [*shapes, region], shares)
+    every = candidate_features(planes, [*shapes, region])
     features, own = every[:-1], every[-1]
     there = np.isfinite(features).all(1)
     certainty = np.where(there, parts["candidate"](np.nan_to_num(features)), 0)
@@ -91,7 +90,7 @@ def find_likely_shadows(
     for number in np.argsort(-certainty, kind="stable")[:TRIED]:
         if certainty[number] < LIKELY:
             break
-        rows, where = pixel_features(planes, shapes[number], float(certainty[number]), shares)
+        rows, where = pixel_features(planes, shapes[number], float(certainty[number]))
         marked_by_pixel = np.zeros(where.shape, np.float32)
         marked_by_pixel[where] = parts["pixel"](rows)
         last = verdict_features(
@@ -99,13 +98,13 @@ def find_likely_shadows(
         )
         mean = np.asarray((marked_by_pixel + marked) / 2, np.float32)
         tones = tone_steps(planes, regions_touching(mean > SHADOW, shapes[number]))
-        last = np.r_[last, agreement(marked, marked_by_pixel > SHADOW, surface), 0, tones]
+        last = np.r_[last, agreement(marked, marked_by_pixel > SHADOW, planes.surface), 0, tones]
         out.append(LikelyShadows(shapes[number], mean, last))
     if region.sum() >= 25:  # px
         certain = float(parts["candidate"](own[None])[0])
         last = verdict_features(planes, region, marked, certain, own, certainty)
         tones = tone_steps(planes, region)
-        out.append(LikelyShadows(region, marked, np.r_[last, agreement(marked, region, surface), 1, tones]))
+        out.append(LikelyShadows(region, marked, np.r_[last, agreement(marked, region, planes.surface), 1, tones]))
     return out
 
 
@@ -119,7 +118,7 @@ def agreement(marked: Float32Array, region: BoolArray, where: BoolArray) -> Floa
 
 
 def verdict_features(
-    planes: Float32Array,
+    planes: ShadowPlanes,
     shape: BoolArray,
     marked_by_pixel: Float32Array,
     certainty: float,
@@ -127,34 +126,38 @@ def verdict_features(
     all_probabilities: np.ndarray,
 ) -> Float32Array:
     """Features of a region: probabilities inside and outside, the step at its border, and the features of its shape."""
-    where, dark = planes[4] > 0.5, planes[9]
+    where, dark = planes.surface, planes.plane("darkness")
     region = regions_touching(marked_by_pixel > SHADOW, shape)
     out = cv2.distanceTransform((~region).astype(np.uint8), cv2.DIST_L2, 3)
     ring, rest = (out > 2) & (out < 8) & where, (out >= 8) & where
-    enough = region.sum() >= FEWEST_PX <= ring.sum()
     inner = region & erode_square(region, 3)
     inner = inner if inner.sum() >= FEWEST_PX else region
-    deep = float(np.median(dark[inner])) if enough else 0.0
-    around, spread = (float(np.median(dark[ring])), float(dark[ring].std())) if enough else (0.0, 0.0)
-    middle = (deep + around) / 2
+    deep = around = step = likely = likely_around = apart = 0.0
+    if region.sum() >= FEWEST_PX <= ring.sum():
+        deep, around = float(np.median(dark[inner])), float(np.median(dark[ring]))
+        step = min((deep - around) / max(float(dark[ring].std()), 0.05), 4.0)
+        likely, likely_around = float(marked_by_pixel[region].mean()), float(marked_by_pixel[ring].mean())
+        middle = (deep + around) / 2
+        apart = float((dark[inner] > middle).mean() + (dark[ring] < middle).mean()) - 1
+    has_rest = rest.sum() > 50  # px
     own = [
         float(np.log(certainty + 1e-3) - np.log(1 - certainty + 1e-3)),
         float(np.sort(all_probabilities)[-2]) if len(all_probabilities) > 1 else 0.0,
         float(marked_by_pixel[shape].mean()) if shape.any() else 0.0,
-        float(marked_by_pixel[region].mean()) if enough else 0.0,
-        float(marked_by_pixel[ring].mean()) if enough else 0.0,
+        likely,
+        likely_around,
         float(np.log1p(region.sum()) - np.log1p(shape.sum())),
-        float((marked_by_pixel[rest] > SHADOW).mean()) if rest.sum() > 50 else 0.0,
+        float((marked_by_pixel[rest] > SHADOW).mean()) if has_rest else 0.0,
         deep - around,
-        min((deep - around) / max(spread, 0.05), 4.0),
-        float((dark[inner] > middle).mean() + (dark[ring] < middle).mean()) - 1 if enough else 0.0,
-        float((dark[rest] > middle).mean()) if rest.sum() > 50 else 0.5,
+        step,
+        apart,
+        float((dark[rest] > (deep + around) / 2).mean()) if has_rest else 0.5,
         float(region[shape].mean()) if shape.any() else 0.0,
     ]
     return np.array([*own, *features], np.float32)
 
 
-def shadow_probability(planes: Float32Array) -> Float32Array | None:
+def shadow_probability(planes: ShadowPlanes) -> Float32Array | None:
     """h x w probabilities of the likeliest shadow. None where none is likely."""
     parts = classifiers()
     found = find_likely_shadows(planes, parts)

@@ -12,14 +12,10 @@ import numpy as np
 
 from dlama.geometry.holes import box_mean, dilate_mask, distance_to, erode_square, nearest_known
 from dlama.geometry.rgbd import BoolArray, Float32Array
-from dlama.perception.shadows.planes import FAR, FIRST_CAST, LOG_RANGE
+from dlama.perception.shadows.planes import FAR, LOG_RANGE, ShadowPlanes
 
 WINDOWS = 9, 19, 41
 """Pixels of the crop over which darkness is averaged."""
-COLORS, DARKEST, BRIGHTEST = 24, -2.5, 1.5
-"""Bins of log colour a channel, and what they cover."""
-LIGHTER = 0.12, 0.25, 0.45, 0.8
-"""Steps in log level to the lit partner of a pixel's colour."""
 STEPS = 8
 """Samples on the way to the object."""
 REACH = 20.0
@@ -35,21 +31,17 @@ OCCLUDED = 0.3
 """Occluded share of the sky from which a pixel belongs to the shape of an overcast day."""
 
 
-ColorShares = tuple[np.ndarray, list[np.ndarray]]
-"""Log frequencies of the colours of N surface pixels, and those of the same colours raised by LIGHTER."""
-
-
-def cast_interiors(planes: Float32Array) -> list[BoolArray]:
+def cast_interiors(planes: ShadowPlanes) -> list[BoolArray]:
     """The visible cast shapes of the crop, the region of strong ambient occlusion, and the surface round the ground contact."""
-    where = planes[4] > 0.5
-    cast = [np.asarray((plane > 0.5 * plane.max()) & (plane > 0) & where) for plane in planes[FIRST_CAST:]]
-    return [*cast, np.asarray((planes[10] > OCCLUDED) & where), near_ground_contact(planes) & where]
+    where = planes.surface
+    cast = [np.asarray((plane > 0.5 * plane.max()) & (plane > 0) & where) for plane in planes.casts]
+    return [*cast, np.asarray((planes.plane("occluded") > OCCLUDED) & where), near_ground_contact(planes) & where]
 
 
-def near_ground_contact(planes: Float32Array) -> BoolArray:
+def near_ground_contact(planes: ShadowPlanes) -> BoolArray:
     """h x w, True within CONTACT of the object's size of its lowest part."""
-    caster = planes[3] > 0.5
-    low = caster & (planes[6] < LOW / 2)
+    caster = planes.caster
+    low = caster & (planes.plane("height") < LOW / 2)
     low = low if low.any() else caster
     if not low.any():
         return low
@@ -57,13 +49,13 @@ def near_ground_contact(planes: Float32Array) -> BoolArray:
     return np.asarray((apart < max(5.0, CONTACT * float(np.sqrt(caster.sum())))) & ~caster)
 
 
-def candidate_features(planes: Float32Array, shapes: list[BoolArray], shares: ColorShares) -> Float32Array:
+def candidate_features(planes: ShadowPlanes, shapes: list[BoolArray]) -> Float32Array:
     """K x features of the K cast shapes; rows of nan where there is none. shapes: `cast_interiors`, and optionally one more
-    region; shares: `color_shares`."""
-    where, caster, dark = planes[4] > 0.5, planes[3] > 0.5, planes[9]
+    region."""
+    where, caster, dark = planes.surface, planes.caster, planes.plane("darkness")
     apart = distance_to(caster)
-    common, raised = (to_plane(each, where) for each in (shares[0], np.max(shares[1], 0)))
-    probability = [*(float(plane.max()) for plane in planes[FIRST_CAST:]), 0.0, 0.0, 0.0]
+    common, raised = (to_plane(each, where) for each in (planes.shares.own, np.max(planes.shares.raised, 0)))
+    probability = [*(float(plane.max()) for plane in planes.casts), 0.0, 0.0, 0.0]
     rows = []
     for number, inside in enumerate(shapes):
         if inside.sum() < FEWEST_PX:
@@ -74,7 +66,7 @@ def candidate_features(planes: Float32Array, shapes: list[BoolArray], shares: Co
         ring = ring if ring.sum() >= FEWEST_PX else where
         deep, around = float(np.median(dark[inside])), float(np.median(dark[ring]))
         middle = (deep + around) / 2
-        ratio = planes[:3, ring].mean(1) - planes[:3, inside].mean(1)
+        ratio = planes.color[:, ring].mean(1) - planes.color[:, inside].mean(1)
         agree = [overlap(inside, other) if n != number else 0.0 for n, other in enumerate(shapes)]
         spread = float(dark[ring].std())
         rows.append(
@@ -86,7 +78,7 @@ def candidate_features(planes: Float32Array, shapes: list[BoolArray], shares: Co
                 float((dark[rest] > middle).mean()) if rest.sum() > 50 else 0.5,
                 float(common[inside].mean() - common[ring].mean()), float((raised - common)[inside].mean()),
                 float(np.log(inside.sum() / max(float(caster.sum()), 1.0))), float(np.log(inside.sum())),
-                min(float(apart[inside].min()), 40.0) / 10, float(where.mean()), float(planes[11, inside].mean()),
+                min(float(apart[inside].min()), 40.0) / 10, float(where.mean()), float(planes.plane("ambient")[inside].mean()),
             ]
         )  # fmt: skip
     return np.array(rows, np.float32)
@@ -95,14 +87,14 @@ def candidate_features(planes: Float32Array, shapes: list[BoolArray], shares: Co
 CANDIDATE_FEATURES = 23
 
 
-def tone_steps(planes: Float32Array, region: BoolArray) -> Float32Array:
+def tone_steps(planes: ShadowPlanes, region: BoolArray) -> Float32Array:
     """TONE_STEPS numbers: how much lighter the surface is round a region (h x w) than in it, at each of TONES; the steps of the
     light tones and the least step, over the middle one. A shadow darkens all tones alike, joints and stains few."""
-    where = planes[4] > 0.5
+    where = planes.surface
     inside = region & where
     if inside.sum() < FEWEST_PX:
         return np.zeros(TONE_STEPS, np.float32)
-    level = cv2.blur(planes[:3].mean(0) * LOG_RANGE, (2, 2))
+    level = cv2.blur(planes.color.mean(0) * LOG_RANGE, (2, 2))
     ring = dilate_mask(region, TONES_PX) & ~dilate_mask(region, 3) & where
     ring = ring if ring.sum() >= ENOUGH_PX else where
     inner = erode_square(inside, 5)
@@ -124,13 +116,10 @@ def to_plane(values: np.ndarray, where: BoolArray) -> Float32Array:
     return out
 
 
-def pixel_features(
-    planes: Float32Array, shape: BoolArray, probability: float, shares: ColorShares
-) -> tuple[Float32Array, BoolArray]:
-    """N x features of the N visible surface pixels, and h x w, where those are. shape: h x w, cast; `probability`: the shape's;
-    shares: `color_shares`."""
-    where, caster = planes[4] > 0.5, planes[3] > 0.5
-    there, dark = where.astype(np.float32), planes[9] * (planes[4] > 0.5)
+def pixel_features(planes: ShadowPlanes, shape: BoolArray, probability: float) -> tuple[Float32Array, BoolArray]:
+    """N x features of the N visible surface pixels, and h x w, where those are. shape: h x w, cast; probability: the shape's."""
+    where, caster = planes.surface, planes.caster
+    there, dark = where.astype(np.float32), planes.plane("darkness") * where
     inside = shape & where
     out = cv2.distanceTransform((~inside).astype(np.uint8), cv2.DIST_L2, 3)
     within = cv2.distanceTransform(inside.astype(np.uint8), cv2.DIST_L2, 3)
@@ -142,8 +131,8 @@ def pixel_features(
     spread = np.sqrt(np.maximum(box_mean(dark * dark, there, WINDOWS[1], 1e-3) - smooth[1] ** 2, 0))
     apart, nearest = nearest_object_pixel(caster)
     tall = max(float(np.sqrt(caster.sum())), 4.0)
-    right, away = (FAR * np.arctanh(np.clip(planes[n], -0.999, 0.999)) for n in (7, 8))
-    ratio = planes[:3] - (planes[:3, ring].mean(1) if ring.sum() >= FEWEST_PX else np.zeros(3))[:, None, None]
+    right, away = (FAR * np.arctanh(np.clip(plane, -0.999, 0.999)) for plane in map(planes.plane, ("right", "away")))
+    ratio = planes.color - (planes.color[:, ring].mean(1) if ring.sum() >= FEWEST_PX else np.zeros(3))[:, None, None]
     flat = [dark, *smooth, spread, box_mean(there, np.ones_like(there), WINDOWS[1])]
     flat += [np.clip(each / scale, -1.5, 2.5) for each in (dark, smooth[0], smooth[1])]
     flat += [np.clip((out - within) / REACH, -1, 1), np.exp(-out / 5), np.clip((out - within) / tall, -1, 2)]
@@ -152,28 +141,13 @@ def pixel_features(
     flat += [
         np.clip(mean_towards(smooth[0], there, target) / scale, -1, 2) for target in (nearest, ground_contact(caster))
     ]
-    flat += [planes[10], planes[11], np.clip(planes[11] / scale, 0, 2.5)]
+    ambient = planes.plane("ambient")
+    flat += [planes.plane("occluded"), ambient, np.clip(ambient / scale, 0, 2.5)]
     columns = [np.asarray(plane, np.float32)[where] for plane in flat]
-    common, raised = shares
+    common, raised = planes.shares
     columns += [common, *(each - common for each in raised)]
     columns += [np.full(len(common), value, np.float32) for value in (probability, deep, deep - around)]
     return np.stack(columns, 1).astype(np.float32), where
-
-
-def color_shares(planes: Float32Array) -> ColorShares:
-    """Frequencies of colours on the surface."""
-    color = planes[:3, planes[4] > 0.5].T * LOG_RANGE
-    place = (np.clip((color - DARKEST) / (BRIGHTEST - DARKEST), 0, 0.9999) * COLORS).astype(int)
-    flat = (place[:, 0] * COLORS + place[:, 1]) * COLORS + place[:, 2]
-    counts = np.bincount(flat, minlength=COLORS**3).astype(np.float32).reshape((COLORS,) * 3)
-    for axis in range(3):
-        counts += (np.roll(counts, 1, axis) + np.roll(counts, -1, axis) - 2 * counts) / 4
-    share = np.log(counts / max(len(color), 1) + 1e-4)
-    raised = []
-    for more in LIGHTER:
-        higher = (np.clip((color + more - DARKEST) / (BRIGHTEST - DARKEST), 0, 0.9999) * COLORS).astype(int)
-        raised.append(share[tuple(higher.T)])
-    return share[tuple(place.T)], raised
 
 
 def nearest_object_pixel(caster: BoolArray) -> tuple[Float32Array, tuple[Float32Array, Float32Array]]:

@@ -14,8 +14,7 @@ import numpy as np
 
 from dlama.geometry.rgbd import Float32Array
 from dlama.models.network_file import NetworkFile
-from dlama.perception.shadows.features import ColorShares, color_shares
-from dlama.perception.shadows.planes import LOG_RANGE
+from dlama.perception.shadows.planes import LOG_RANGE, ShadowPlanes
 
 NETWORK = Path(__file__).parents[2] / "assets" / "shadow" / "shadow.onnx"
 LOG_SHARE = 4.0
@@ -30,23 +29,23 @@ def network() -> NetworkFile:
     return NetworkFile(NETWORK)
 
 
-def network_planes(planes: Float32Array, shares: ColorShares | None = None) -> Float32Array:
+def network_planes(planes: ShadowPlanes) -> Float32Array:
     """The planes with three more: frequency of each colour on the surface, gain in frequency if it were lit, and darkness
     relative to its hue (`darkness_by_hue`)."""
-    where = planes[4] > 0.5
-    share, raised = shares or color_shares(planes)
+    where = planes.surface
+    share, raised = planes.shares
     added = np.zeros((3, *where.shape), np.float32)
     if where.any():
         added[0, where], added[1, where] = share / LOG_SHARE, (np.max(raised, 0) - share) / LOG_SHARE
         added[2] = darkness_by_hue(planes)
-    return np.concatenate([planes, added])
+    return np.concatenate([planes.values, added])
 
 
-def darkness_by_hue(planes: Float32Array) -> Float32Array:
+def darkness_by_hue(planes: ShadowPlanes) -> Float32Array:
     """h x w mean log level of all surface pixels with similar ratios of red, green and blue, over the pixel's own. A shadow is
     equally far below its own material on a rug and on the floor next to it. 0 off the surface."""
-    where = planes[4] > 0.5
-    color = np.stack([cv2.GaussianBlur(plane, (0, 0), HUE_BLUR_PX) for plane in planes[:3]])[:, where] * LOG_RANGE
+    where = planes.surface
+    color = np.stack([cv2.GaussianBlur(plane, (0, 0), HUE_BLUR_PX) for plane in planes.color])[:, where] * LOG_RANGE
     ratios = np.clip((np.stack([color[0] - color[1], color[2] - color[1]]) / HUE_RANGE + 1) / 2, 0, 0.9999)
     place, level = (ratios * HUES).astype(int), color.mean(0)
     flat = place[0] * HUES + place[1]
@@ -59,7 +58,7 @@ def darkness_by_hue(planes: Float32Array) -> Float32Array:
     return out
 
 
-def network_probability(planes: Float32Array, shares: ColorShares, file: NetworkFile | None = None) -> Float32Array:
-    """h x w probability of each pixel of the surface; planes: `shadow_planes`, shares: `color_shares`, file: another network."""
-    logits = (file or network()).run({"planes": network_planes(planes, shares)[None]})[0]
-    return np.asarray(np.where(planes[4] > 0.5, 1 / (1 + np.exp(-logits)), 0), np.float32)
+def network_probability(planes: ShadowPlanes, file: NetworkFile | None = None) -> Float32Array:
+    """h x w probability of each pixel of the surface; file: another network."""
+    logits = (file or network()).run({"planes": network_planes(planes)[None]})[0]
+    return np.asarray(np.where(planes.surface, 1 / (1 + np.exp(-logits)), 0), np.float32)

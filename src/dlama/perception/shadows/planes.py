@@ -7,6 +7,10 @@ common light of all objects.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -29,10 +33,71 @@ FIRST_CAST = PLANES.index("cast")
 """First plane of a cast shape."""
 LOG_RANGE, FAR = 2.0, 4.0
 """Log colour, and distance in object heights, that are 1 in a plane (the latter through tanh)."""
+COLORS, DARKEST, BRIGHTEST = 24, -2.5, 1.5
+"""Bins of log colour a channel, and what they cover."""
+LIGHTER = 0.12, 0.25, 0.45, 0.8
+"""Steps in log level to the lit partner of a pixel's colour."""
 
 
-def shadow_planes(rgbd: RGBD, mask: BoolArray, ground: Ground) -> tuple[Float32Array, Crop, Float32Array]:
-    """PLANES x h x w, sides multiples of MULTIPLE and at most `crop.SIDE`; the crop; and H x W, the ambient occlusion."""
+class ColorShares(NamedTuple):
+    """How frequent colours are on the surface."""
+
+    own: np.ndarray
+    """N logarithms, of the colour of each pixel of the surface."""
+    raised: list[np.ndarray]
+    """The same of colours lighter by each of LIGHTER."""
+
+
+@dataclass(frozen=True, eq=False)
+class ShadowPlanes:
+    """What is known of each pixel of a crop."""
+
+    values: Float32Array
+    """PLANES x h x w."""
+
+    def plane(self, name: str) -> Float32Array:
+        """One of PLANES, h x w."""
+        return self.values[PLANES.index(name)]
+
+    @property
+    def color(self) -> Float32Array:
+        """3 x h x w logarithms against the lit surface, over LOG_RANGE."""
+        return self.values[:3]
+
+    @cached_property
+    def caster(self) -> BoolArray:
+        """h x w, True on the object."""
+        return np.asarray(self.plane("object") > 0.5)
+
+    @cached_property
+    def surface(self) -> BoolArray:
+        """h x w, True on the visible surface that it stands on."""
+        return np.asarray(self.plane("surface") > 0.5)
+
+    @property
+    def casts(self) -> Float32Array:
+        """K x h x w, cast shapes, each times the probability of its light."""
+        return self.values[FIRST_CAST:]
+
+    @cached_property
+    def shares(self) -> ColorShares:
+        """Frequencies of colours on the surface."""
+        color = self.color[:, self.surface].T * LOG_RANGE
+        place = (np.clip((color - DARKEST) / (BRIGHTEST - DARKEST), 0, 0.9999) * COLORS).astype(int)
+        flat = (place[:, 0] * COLORS + place[:, 1]) * COLORS + place[:, 2]
+        counts = np.bincount(flat, minlength=COLORS**3).astype(np.float32).reshape((COLORS,) * 3)
+        for axis in range(3):
+            counts += (np.roll(counts, 1, axis) + np.roll(counts, -1, axis) - 2 * counts) / 4
+        share = np.log(counts / max(len(color), 1) + 1e-4)
+        raised = []
+        for more in LIGHTER:
+            higher = (np.clip((color + more - DARKEST) / (BRIGHTEST - DARKEST), 0, 0.9999) * COLORS).astype(int)
+            raised.append(share[tuple(higher.T)])
+        return ColorShares(share[tuple(place.T)], raised)
+
+
+def shadow_planes(rgbd: RGBD, mask: BoolArray, ground: Ground) -> tuple[ShadowPlanes, Crop, Float32Array]:
+    """The planes, sides multiples of MULTIPLE and at most `crop.SIDE`; the crop; and H x W, the ambient occlusion."""
     crop = crop_around(mask)
     points, rise = object_points(rgbd, mask, ground)
     caster = measure_object(points, rise, ground)
@@ -56,7 +121,7 @@ def shadow_planes(rgbd: RGBD, mask: BoolArray, ground: Ground) -> tuple[Float32A
     for plane, shape in zip(view[FIRST_CAST:], find_cast_shapes(rgbd, ground, usable, caster, tall)):
         if shape is not None:
             plane[:] = shape[0] * crop.small(shape[1])
-    return out, crop, occlusion
+    return ShadowPlanes(out), crop, occlusion
 
 
 def places(
