@@ -13,7 +13,7 @@ import pytest
 
 import dlama
 from dlama.arguments import check, check_arguments, check_count, check_number
-from dlama.errors import DlamaError, InputError
+from dlama.errors import DlamaError, InputError, InputTypeError
 from dlama.files.atomic_write import PathLike
 
 pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")
@@ -218,3 +218,15 @@ def test_a_filler_whose_depth_is_none_is_told_so(wrong: float) -> None:
 
     with pytest.raises(InputError, match=r"the filler's depth is NaN or negative in .* pixels of the hole"):
         dlama.view(RGBD, yaw=10, filler=filler)
+
+
+def test_an_unknown_keyword_is_refused_with_the_one_that_was_meant() -> None:
+    """Law: of all that the function takes, its options and its own; the same where nothing is like it."""
+    with pytest.raises(
+        InputTypeError, match=r"yaww is no parameter of view; did you mean yaw\? It takes rgbd, camera, yaw"
+    ):
+        dlama.view(RGBD, yaww=20)
+    with pytest.raises(InputTypeError, match=r"fillr is no parameter of complete; did you mean filler\?"):
+        dlama.complete(RGBD, [CAMERA], fillr="telea")
+    with pytest.raises(InputTypeError, match="xyz is no parameter of remove; It takes"):
+        dlama.remove(RGBD, DEPTH < 2, xyz=1)

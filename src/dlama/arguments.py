@@ -6,6 +6,7 @@ itself, whose message says more: the range of numbers, arrays (`as_array`, their
 
 from __future__ import annotations
 
+import difflib
 import functools
 import inspect
 import math
@@ -15,7 +16,7 @@ import types
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence, Sized
 from numbers import Integral, Real
 from pathlib import Path
-from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
 import numpy as np
 
@@ -54,9 +55,19 @@ def check_arguments(function: Callable[..., Any], given: Mapping[str, object]) -
 
     The message names the parameter, or its element (`inputs['depth']`, `cameras[1]`), the type that came and what is expected.
     """
+    refuse_unknown(function, cast("Mapping[str, object]", given.get("options", {})))
     for name, annotation in _annotations(function).items():
         if name in given and not isinstance(given[name], _classes(annotation)):
             check(given[name], annotation, name)
+
+
+def refuse_unknown(function: Callable[..., Any], names: Iterable[str]) -> None:
+    """Raise InputTypeError for the first of the keywords that is no parameter of the function, with the one that was meant."""
+    for name in names:
+        known = list(inspect.signature(function).parameters)
+        if name not in known:
+            meant = "".join(f"did you mean {one}? " for one in difflib.get_close_matches(name, known, 1))
+            raise InputTypeError(f"{name} is no parameter of {function.__name__}; {meant}It takes {', '.join(known)}")
 
 
 @functools.lru_cache(None)
