@@ -48,34 +48,14 @@ class RGBD(Figured):
     it where no depth is measured, as registered pictures of a Kinect have (NYU Depth v2: 5 to 11 px); None: there is none."""
 
     def __post_init__(self) -> None:
-        color, depth = check_color(self.color), as_array(self.depth, "depth", "an array of metres")
-        if depth.shape != color.shape[:2]:
-            raise ShapeError(
-                f"depth is {depth.shape[1]}x{depth.shape[0]} and the picture {color.shape[1]}x{color.shape[0]}; "
-                "both must have the same size"
-                if depth.ndim == 2
-                else f"depth has shape {depth.shape}; H x W is expected"
-            )
+        color = check_color(self.color)
+        depth = check_depth(self.depth, color.shape[:2])
         check(self.camera, Camera, "camera")
         if self.camera.hw != depth.shape:
             raise ShapeError(
                 f"the camera is {self.camera.width}x{self.camera.height} and the picture "
                 f"{depth.shape[1]}x{depth.shape[0]}; both must have the same size"
             )
-        if depth.dtype.kind in "iu":
-            raise DepthError(
-                f"depth is {depth.dtype}, and nothing says in which unit; metres as floating-point numbers are expected: "
-                "depth / 1000 of millimetres, depth.astype(np.float32) of metres"
-            )
-        if depth.dtype.kind != "f":
-            raise DepthError(f"depth is {depth.dtype}; metres as numbers are expected")
-        depth = np.asarray(depth, np.float32)
-        least = depth.min()
-        if np.isnan(least):
-            depth = freeze(np.where(np.isnan(depth), np.float32(0), depth))
-            least = depth.min()
-        if least < 0:
-            raise DepthError(f"depth holds negative values (smallest {least:.6g}); metres >= 0 are expected")
         padding = _find_padding(color, depth) if self.padding is None else as_array(self.padding, "padding", "a mask")
         if padding is not None:
             if padding.dtype != np.bool_ or padding.shape != depth.shape:
@@ -119,6 +99,32 @@ def check_color(color: ArrayLike, name: str = "colour") -> UInt8Array:
     if array.dtype != np.uint8 or array.ndim != 3 or array.shape[2] != 3 or not array.size:
         raise ShapeError(f"{name} is {array.dtype} {array.shape}; uint8 H x W x 3 is expected{_color_advice(array)}")
     return array
+
+
+def check_depth(depth: ArrayLike, hw: tuple[int, ...]) -> Float32Array:
+    """Metres (H x W, as `hw`) in float32, 0 where they are nan. ShapeError; DepthError unless they are floats from 0 on."""
+    array = as_array(depth, "depth", "an array of metres")
+    if array.ndim != 2:
+        raise ShapeError(f"depth has shape {array.shape}; H x W is expected")
+    if array.shape != hw:
+        raise ShapeError(
+            f"depth is {array.shape[1]}x{array.shape[0]} and the picture {hw[1]}x{hw[0]}; both must have the same size"
+        )
+    if array.dtype.kind in "iu":
+        raise DepthError(
+            f"depth is {array.dtype}, and nothing says in which unit; metres as floating-point numbers are expected: "
+            "depth / 1000 of millimetres, depth.astype(np.float32) of metres"
+        )
+    if array.dtype.kind != "f":
+        raise DepthError(f"depth is {array.dtype}; metres as numbers are expected")
+    metres = np.asarray(array, np.float32)
+    least = metres.min()
+    if np.isnan(least):
+        metres = freeze(np.where(np.isnan(metres), np.float32(0), metres))
+        least = metres.min()
+    if least < 0:
+        raise DepthError(f"depth holds negative values (smallest {least:.6g}); metres >= 0 are expected")
+    return metres
 
 
 def _color_advice(array: np.ndarray) -> str:

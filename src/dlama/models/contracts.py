@@ -7,13 +7,15 @@ made by `dlama models convert`, checks more; the key of the metadata is the same
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import asdict, fields
 from pathlib import Path
-from typing import Any, ClassVar, TypeVar
+from typing import ClassVar, TypeVar
 
 import numpy as np
 
-from dlama.errors import FileError, InputError
+from dlama.errors import FileError, InputError, any_error
 from dlama.geometry.rgbd import Float32Array
 from dlama.models.network_file import NetworkFile
 
@@ -58,7 +60,7 @@ class ColorContract:
 
         strict: the text may be written by hand, so that fields which there are not are refused instead of passed over.
         """
-        try:
+        with contract_errors(file):
             words = json.loads(text)
             if words.get("network") != cls.network:
                 expected = repr(cls.network) if strict else cls.network
@@ -69,15 +71,17 @@ class ColorContract:
             strange = sorted(set(words) - known - {"network", "version"})
             if strict and strange:
                 raise FileError(f"{file}: its contract has {', '.join(strange)}; known are {', '.join(sorted(known))}")
-            listed: dict[str, Any] = {
-                name: tuple(value) if isinstance(value, list) else value
-                for name, value in words.items()
-                if name in known
-            }
-            return cls(**listed)
-        except FileError:
-            raise
-        except (ValueError, TypeError, AttributeError, RecursionError) as error:
-            if strict and isinstance(error, InputError):
-                raise FileError(f"{file}: {error}") from error
-            raise FileError(f"{file}: its contract cannot be read ({error})") from error
+            listed = {name: words[name] for name in words if name in known}
+            return cls(**{name: tuple(one) if isinstance(one, list) else one for name, one in listed.items()})
+
+
+@contextmanager
+def contract_errors(file: object) -> Iterator[None]:
+    """Context: what a contract that cannot be raises becomes a FileError that names the file."""
+    try:
+        with any_error(FileError, f"{file}: its contract cannot be read"):
+            yield
+    except FileError:
+        raise
+    except InputError as error:
+        raise FileError(f"{file}: {error}") from error

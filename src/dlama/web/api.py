@@ -19,7 +19,7 @@ from dlama.web.completions.request import read_request
 from dlama.web.completions.runs import warnings_of_thread
 from dlama.web.form import describe_form
 from dlama.web.inputs import ROLES, Upload, check_size, file_name, pixel_of, read_source
-from dlama.web.marks import find, mask_of, others, pointing, read_marks
+from dlama.web.marks import find, mask_of, pointing, read_marks
 from dlama.web.visits import Visit
 
 EXAMPLES: dict[str, tuple[str, dict[str, str], dict[str, Any]]] = {
@@ -168,12 +168,19 @@ def mark(visit: Visit, fields: Fields) -> dict[str, Any]:
     visit.marks, visit.mask = marks, mask if mask.any() else None
     visit.listed = list(fields.get("marks") or [])
     visit.preview.clear()
+    return {"share": float(mask.mean()), **describe_found(found)}
+
+
+def describe_found(found: dlama.ObjectMask | None) -> dict[str, Any]:
+    """The object that clicks or a box mean, for the page."""
+    if found is None:
+        return {"candidates": [], "chosen": "", "notes": [], "shadow": None}
+    shadow = None if found.shadow is None else float(found.shadow.mean())
     return {
-        "share": float(mask.mean()),
-        "candidates": list(others(found)),
-        "chosen": found.chosen if found else "",
-        "notes": list(found.notes) if found else [],
-        "shadow": float(found.shadow.mean()) if found and found.shadow is not None else None,
+        "candidates": list(found.candidates),
+        "chosen": found.chosen,
+        "notes": list(found.notes),
+        "shadow": shadow,
     }
 
 

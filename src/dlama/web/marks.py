@@ -62,29 +62,39 @@ class Marks:
 
 def read_marks(fields: Mapping[str, Any]) -> Marks:
     """The marks that the page sent. PageError."""
-    listed = fields.get("marks") or []
-    if not isinstance(listed, list) or len(listed) > MOST_MARKS:
-        raise PageError(f"marks must be a list of at most {MOST_MARKS}", "marks")
-    clicks: list[tuple[float, float]] = []
-    not_clicks: list[tuple[float, float]] = []
-    strokes: list[Stroke] = []
-    box = None
-    for mark in listed:
-        kind = mark.get("kind") if isinstance(mark, dict) else None
-        if kind in ("click", "not"):
-            (clicks if kind == "click" else not_clicks).append(point(mark.get("at")))
-        elif kind == "box":
-            box = numbers(mark.get("box"), 4)
-        elif kind in ("add", "erase"):
-            strokes.append(read_stroke(mark, MOST_POINTS - sum(len(stroke.points) for stroke in strokes)))
-        else:
-            raise PageError("a mark is a click, not, box, add or erase", "marks")
+    listed = list_marks(fields)
+    clicks, not_clicks = (tuple(point(mark.get("at")) for mark in listed[kind]) for kind in ("click", "not"))
+    boxes = [numbers(mark.get("box"), 4) for mark in listed["box"]]
     grow = round(number("grow", fields.get("grow") or 0, "marks"))
     if abs(grow) > MOST_GROWTH:
         raise PageError(f"grow is {grow} px; {-MOST_GROWTH} to {MOST_GROWTH} is expected", "marks")
     reading = str(fields.get("candidate") or "object")[:20]
     shadow = fields.get("with_shadow") is True
-    return Marks(tuple(clicks), tuple(not_clicks), box, tuple(strokes), shadow, reading, grow)  # type: ignore[arg-type]
+    strokes = read_strokes(listed["stroke"])
+    return Marks(clicks, not_clicks, boxes[-1] if boxes else None, strokes, shadow, reading, grow)  # type: ignore[arg-type]
+
+
+def list_marks(fields: Mapping[str, Any]) -> dict[str, list[Mapping[str, Any]]]:
+    """Kind -> the marks of it that the page sent, in their order; of strokes those that add and those that erase. PageError."""
+    listed = fields.get("marks") or []
+    if not isinstance(listed, list) or len(listed) > MOST_MARKS:
+        raise PageError(f"marks must be a list of at most {MOST_MARKS}", "marks")
+    found: dict[str, list[Mapping[str, Any]]] = {"click": [], "not": [], "box": [], "stroke": []}
+    for mark in listed:
+        kind = mark.get("kind") if isinstance(mark, dict) else None
+        kind = "stroke" if kind in ("add", "erase") else kind
+        if kind not in found:
+            raise PageError("a mark is a click, not, box, add or erase", "marks")
+        found[kind].append(mark)
+    return found
+
+
+def read_strokes(marks: Sequence[Mapping[str, Any]]) -> tuple[Stroke, ...]:
+    """Strokes of MOST_POINTS together. PageError."""
+    strokes: list[Stroke] = []
+    for mark in marks:
+        strokes.append(read_stroke(mark, MOST_POINTS - sum(len(stroke.points) for stroke in strokes)))
+    return tuple(strokes)
 
 
 def read_stroke(mark: Mapping[str, Any], most: int) -> Stroke:
@@ -147,8 +157,3 @@ def paint(mask: np.ndarray, stroke: Stroke) -> None:
     cv2.polylines(mask, [corners.reshape(-1, 1, 2)], False, value, 2 * radius)
     for x, y in corners[[0, -1]].tolist():
         cv2.circle(mask, (x, y), radius, value, -1)
-
-
-def others(found: dlama.ObjectMask | None) -> Sequence[str]:
-    """Names of the readings that an ambiguous click has."""
-    return () if found is None else tuple(found.candidates)

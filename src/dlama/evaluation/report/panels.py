@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import math
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -41,18 +41,22 @@ def choose(stored: Sequence[Stored]) -> list[Chosen]:
     """Best, median and worst frame of every protocol, yaw (± together) and method that has panels."""
     labels = yaw_labels(row for one in stored for row in one.rows)
     groups: dict[tuple[str, str, str], list[Chosen]] = defaultdict(list)
-    for one in stored:
-        for recipe, file in one.panels.items():
-            own = [row for row in one.rows if row.recipe == recipe]
-            values = {row[7:10]: row.value for row in own}
-            which = next((one for one in RANKED_BY if values.get(one, math.nan) >= 0), None)
-            if which is not None:
-                row = own[0]
-                yaws = labels[row.protocol, row.dataset, row.yaw]
-                place = (row.protocol, yaws[1] if len(yaws) > 1 else ALL, row.method)
-                by, score = f"{which[0]} {which[2]}", values[which]
-                groups[place].append(Chosen(*place, "", row.scene, row.frame, by, score, file))
+    for panel in (panel for one in stored for panel in panels_of(one, labels)):
+        groups[panel.protocol, panel.yaw, panel.method].append(panel)
     return [panel for group in groups.values() for panel in _rank(group)]
+
+
+def panels_of(one: Stored, labels: Mapping[tuple[str, str, float | None], Sequence[str]]) -> Iterator[Chosen]:
+    """The panels of one frame that can be ranked; labels: `yaw_labels`."""
+    for recipe, file in one.panels.items():
+        own = [row for row in one.rows if row.recipe == recipe]
+        values = {row[7:10]: row.value for row in own}
+        which = next((one for one in RANKED_BY if values.get(one, math.nan) >= 0), None)
+        if which is not None:
+            row = own[0]
+            yaws = labels[row.protocol, row.dataset, row.yaw]
+            yaw, by = yaws[1] if len(yaws) > 1 else ALL, f"{which[0]} {which[2]}"
+            yield Chosen(row.protocol, yaw, row.method, "", row.scene, row.frame, by, values[which], file)
 
 
 def as_data_urls(folder: Path, chosen: Sequence[Chosen]) -> list[tuple[Chosen, str]]:

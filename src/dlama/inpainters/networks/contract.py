@@ -16,7 +16,7 @@ import numpy as np
 
 from dlama.errors import FileError, InputError
 from dlama.geometry.rgbd import BoolArray, Float32Array
-from dlama.models.contracts import CONTRACT_KEY
+from dlama.models.contracts import CONTRACT_KEY, contract_errors
 from dlama.models.verify import sha256_of
 
 FIELDS = ("in_planes", "out_planes", "in_range", "out_range", "mask", "hole", "multiple", "minimum")
@@ -174,7 +174,7 @@ def from_metadata(metadata: Mapping[str, str], file: str) -> Contract | None:
     text = metadata.get(CONTRACT_KEY)
     if text is None:
         return None
-    try:
+    with contract_errors(file):
         if len(text) > LONGEST_TEXT:
             raise FileError(f"{file}: its contract has {len(text)} characters; at most {LONGEST_TEXT} are read")
         words = json.loads(text)
@@ -196,12 +196,6 @@ def from_metadata(metadata: Mapping[str, str], file: str) -> Contract | None:
             str(words.get("network", "unknown")),
             None if words.get("side") is None else _pixels(words, "side"),
         )
-    except FileError:
-        raise
-    except InputError as error:
-        raise FileError(f"{file}: {error}") from error
-    except (ValueError, TypeError, OverflowError, RecursionError) as error:
-        raise FileError(f"{file}: its contract cannot be read ({error})") from error
 
 
 def _names(words: Mapping[str, Any], field: str) -> tuple[str, ...]:

@@ -25,6 +25,14 @@ FILE = Path(__file__).parents[2] / "assets" / "lpips" / "alex.onnx"
 EPSILON = 1e-10
 
 
+def convolution(node: Any, weight: Tensor, bias: Tensor) -> nn.Conv2d:
+    """The layer of a node of an ONNX graph."""
+    about: dict[str, Any] = {each.name: list(each.ints) for each in node.attribute}
+    layer = nn.Conv2d(weight.shape[1], weight.shape[0], about["kernel_shape"], about["strides"], about["pads"][:2])
+    layer.load_state_dict({"weight": weight, "bias": bias})
+    return layer
+
+
 class LpipsLoss(nn.Module):
     """The distance that the evaluation measures, with gradients; no parameter of it is trained or kept in checkpoints."""
 
@@ -47,13 +55,7 @@ class LpipsLoss(nn.Module):
         self.convolutions, self.pool = nn.ModuleList(), nn.MaxPool2d(3, 2)
         for node in graph.node:
             if node.op_type == "Conv":
-                about: dict[str, Any] = {each.name: list(each.ints) for each in node.attribute}
-                weight, bias = (constants[name] for name in node.input[1:])
-                layer = nn.Conv2d(
-                    weight.shape[1], weight.shape[0], about["kernel_shape"], about["strides"], about["pads"][:2]
-                )
-                layer.load_state_dict({"weight": weight, "bias": bias})
-                self.convolutions.append(layer)
+                self.convolutions.append(convolution(node, *(constants[name] for name in node.input[1:])))
         for name, node in zip(("shift", "scale", *(f"head{n}" for n in range(len(heads)))), (shift, scale, *heads)):
             self.register_buffer(name, constants[node.input[1]], persistent=False)
         self.requires_grad_(False)
