@@ -3,7 +3,8 @@ closed-form worlds, and lines counted by hand)."""
 
 from __future__ import annotations
 
-import cv2
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -13,6 +14,7 @@ from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import inpaint
+from dlama.inpainters.layered.depth.coarse_cells import CoarseCells
 from dlama.inpainters.layered.depth.out_of_view import (
     CONTINUED_COST,
     CROWN_COST,
@@ -24,10 +26,10 @@ from dlama.inpainters.layered.depth.out_of_view import (
     ending_cost,
     follow_lines,
     has_ended,
+    seen_on_lines,
     vanishing_points,
 )
 from dlama.inpainters.layered.filler import layered
-from dlama.inpainters.layered.kernels.lines import seen_on_lines
 from worlds import Box, Plane, Shape, World, moved
 
 CAMERA = Camera.from_fov(160, 120, 60)
@@ -76,6 +78,12 @@ def test_a_cut_pole_ends_before_the_wall_behind_it(side: int) -> None:
     assert (np.abs(filled.depth[beyond] / truth[beyond] - 1) < 0.02).mean() > 0.95
 
 
+def out_of_view(w: np.ndarray, label: np.ndarray, hole: np.ndarray, candidates: np.ndarray) -> CoarseCells:
+    """Cells by hand, the whole hole out of view."""
+    camera = Camera.from_fov(hole.shape[1], hole.shape[0], 60)
+    return CoarseCells(camera, hole, np.zeros_like(hole), w, label, candidates)
+
+
 def test_lines_count_what_they_meet() -> None:
     """By hand: a plane at 4 m seen in 30 columns, sky above row 10, an object before it in 6 columns next to the hole: lines from
     the hole skip it, find the plane after it and count its cells; in the sky they look past it; upright ones meet nothing."""
@@ -84,15 +92,14 @@ def test_lines_count_what_they_meet() -> None:
     hole = np.zeros(w.shape, bool)
     hole[:, :24] = True
     w[20:, 24:30], label[20:, 24:30] = 0.5, -1
-    away = cv2.distanceTransform(hole.astype(np.uint8), cv2.DIST_L2, 5)[None]
-    plane, level, every = np.array([[0.0, 0.0, 0.25]]), np.array([[1.0, 0.0, 0.0]]), np.ones(1, np.bool_)
-    known = w, label, hole, np.zeros((1, *hole.shape), np.bool_), away, hole
-    first, length = seen_on_lines(plane, level, every, *known, 1)
+    cells, every = out_of_view(w, label, hole, np.full((3, *w.shape), 0.25, np.float32)), np.ones(1, np.bool_)
+    lines = PlaneLines.of(cells, np.zeros((1, *hole.shape), np.bool_))
+    first, length = seen_on_lines(lines, np.array([[1.0, 0.0, 0.0]]), cells, every, 1)
     for row, start, count in ((5, 24, 0), (15, 24, 36), (30, 30, 30)):
         np.testing.assert_allclose(first[0, row, :24], start - np.arange(24), atol=1)
         np.testing.assert_array_equal(length[0, row, :24], count)
     assert (first[0, :, 24:] == -1).all()
-    upwards = seen_on_lines(plane, np.array([[0.0, 1.0, 0.0]]), every, *known, 1)
+    upwards = seen_on_lines(lines, np.array([[0.0, 1.0, 0.0]]), cells, every, 1)
     assert (upwards[0] == -1).all()
 
 
@@ -103,8 +110,8 @@ def test_a_plane_has_ended_where_the_sky_was_seen_through_it() -> None:
     hole, past = np.zeros(w.shape, np.bool_), np.zeros((1, *w.shape), np.bool_)
     hole[:, :24], past[0, 10:20, 12:18] = True, True
     candidates = np.stack([np.full(w.shape, value, np.float32) for value in (0.25, 0, 0.25)])
-    lines = PlaneLines.of(Camera.from_fov(60, 40, 60), candidates, hole, label, past)
-    on, cost = follow_lines(lines, candidates, hole, hole, w, label, np.ones(1, bool))
+    cells = out_of_view(w, label, hole, candidates)
+    on, cost = follow_lines(PlaneLines.of(cells, past), cells, np.ones(1, bool))
     np.testing.assert_allclose(cost[2, 12:18, 2:8], PAST, atol=1e-3)
     assert not on[2, 12:18, 2:8].any() and (on[2, [4, 30], 2:8] > 0.99).all()
     assert (cost[2, [4, 30], 2:8] < 0.6 * CONTINUED_COST).all()
@@ -118,8 +125,8 @@ def test_cost_of_a_wall_that_goes_on_and_of_one_that_has_ended() -> None:
     hole = np.zeros(w.shape, bool)
     hole[:, :24] = True
     candidates = np.stack([np.full(w.shape, value, np.float32) for value in (0.25, 0, 0.25)])
-    lines = PlaneLines.of(Camera.from_fov(60, 40, 60), candidates, hole, label, np.zeros((1, *w.shape), np.bool_))
-    on, cost = follow_lines(lines, candidates, hole, hole, w, label, np.ones(1, bool))
+    cells = out_of_view(w, label, hole, candidates)
+    on, cost = follow_lines(PlaneLines.of(cells, np.zeros((1, *w.shape), np.bool_)), cells, np.ones(1, bool))
     away = 24 - np.arange(4, 20)
     for row in (26, 34):
         np.testing.assert_allclose(on[2, row, 4:20], 1, atol=1e-3)
@@ -158,7 +165,10 @@ def test_the_horizon_is_that_of_the_floor() -> None:
     design = np.stack([columns.ravel(), rows.ravel(), np.ones(rows.size)], 1)[np.isfinite(depth).ravel()]
     plane = np.linalg.lstsq(design, 1 / depth[np.isfinite(depth)], rcond=None)[0]
     candidates = (plane[0] * columns + plane[1] * rows + plane[2]).astype(np.float32)[None]
-    np.testing.assert_array_equal(above_horizon(CAMERA, candidates, np.array([100])), candidates[0] < 0)
+    values = np.concatenate([np.zeros((2, *CAMERA.hw), np.float32), candidates])
+    floor, none = np.ones(CAMERA.hw, np.int8), np.zeros(CAMERA.hw, np.bool_)
+    cells = CoarseCells(CAMERA, none, none, candidates[0], floor, values)
+    np.testing.assert_array_equal(above_horizon(cells), candidates[0] < 0)
 
 
 def test_nothing_is_said_in_view() -> None:
@@ -166,10 +176,10 @@ def test_nothing_is_said_in_view() -> None:
     hole = np.ones((20, 30), bool)
     for count in (2, 4):
         candidates = np.full((count, *hole.shape), 0.25, np.float32)
-        known = ~hole, np.full(hole.shape, 0.25, np.float32), np.ones(hole.shape, np.int8)
-        past = np.zeros((count - 2, *hole.shape), np.bool_)
-        lines = PlaneLines.of(Camera.from_fov(30, 20, 60), candidates, hole, known[2], past)
-        for part in follow_lines(lines, candidates, hole, *known, np.ones(count - 2, bool)):
+        known = np.full(hole.shape, 0.25, np.float32), np.ones(hole.shape, np.int8), candidates
+        cells = CoarseCells(Camera.from_fov(30, 20, 60), hole, hole, *known)
+        lines = PlaneLines.of(cells, np.zeros((count - 2, *hole.shape), np.bool_))
+        for part in follow_lines(lines, cells, np.ones(count - 2, bool)):
             assert part.shape == candidates.shape and not part.any()
 
 
@@ -181,12 +191,13 @@ def test_what_ends_within_the_picture_does_not_go_on_outside_it() -> None:
     label[20:40, 10:30] = 2
     beyond = np.tile(np.maximum(np.arange(100, dtype=np.float32) - 65, 0), (60, 1))
     not_followed, jump = np.zeros(2, bool), 12.8
-    assert not ending_cost(hole, np.zeros_like(hole), label, not_followed, beyond, jump).any()
-    assert not ending_cost(hole, hole, label, ~not_followed, beyond, jump)[1:].any()
-    loose, sky, cut, ended = ending_cost(hole, hole, label, not_followed, beyond, jump)
+    cells = out_of_view(np.full(hole.shape, 0.25, np.float32), label, hole, np.zeros((4, *hole.shape), np.float32))
+    assert not ending_cost(dataclasses.replace(cells, hole_in_view=hole), not_followed, beyond, jump).any()
+    assert not ending_cost(cells, ~not_followed, beyond, jump)[1:].any()
+    loose, sky, cut, ended = ending_cost(cells, not_followed, beyond, jump)
     assert not sky.any() and not cut.any()
     np.testing.assert_array_equal(ended, ENDING_COST * hole.astype(np.float32))
     np.testing.assert_allclose(loose, np.clip(2 * beyond / jump, 0, ENDING_COST) * hole, atol=1e-5)
     assert not loose[:, :66].any() and loose[30, 99] == ENDING_COST
-    crown = ending_cost(hole, hole, label, not_followed, np.full_like(beyond, np.inf), jump)[0]
+    crown = ending_cost(cells, not_followed, np.full_like(beyond, np.inf), jump)[0]
     np.testing.assert_array_equal(crown, CROWN_COST * hole.astype(np.float32))

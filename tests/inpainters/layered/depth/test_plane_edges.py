@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.camera import Camera
+from dlama.inpainters.layered.depth.coarse_cells import CoarseCells
 from dlama.inpainters.layered.depth.out_of_view import PlaneLines
 from dlama.inpainters.layered.depth.plane_edges import align_lines_to_edges, straight_across
 
@@ -27,8 +28,9 @@ def scene(tabletop: bool = True, round_one: bool = False) -> tuple[PlaneLines, P
     w = np.where(table, on_table, np.maximum(on_floor, 0)).astype(np.float32)
     candidates = np.stack([np.zeros_like(w), np.zeros_like(w), on_table, on_floor]).astype(np.float32)
     hole = columns >= 150
-    lines = PlaneLines.of(CAMERA, candidates, hole, label, np.zeros((len(candidates) - 2, *hole.shape), np.bool_))
-    return lines, align_lines_to_edges(lines, CAMERA, candidates, hole, hole, w, label)
+    cells = CoarseCells(CAMERA, hole, np.zeros_like(hole), w, label, candidates)
+    lines = PlaneLines.of(cells, np.zeros((len(candidates) - 2, *hole.shape), np.bool_))
+    return lines, align_lines_to_edges(lines, cells)
 
 
 def inside(x: NDArray[np.float64], y: NDArray[np.float64], round_one: bool) -> NDArray[np.bool_]:

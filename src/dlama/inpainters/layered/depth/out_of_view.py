@@ -16,10 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.camera import Camera
-from dlama.geometry.holes import dilate_mask
+from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.projection import rays
 from dlama.geometry.rgbd import BoolArray, Float32Array
-from dlama.inpainters.layered.kernels.lines import seen_on_lines
+from dlama.inpainters.layered.depth.coarse_cells import CoarseCells
+from dlama.inpainters.layered.kernels.lines import line_rows
 
 UPRIGHT = 0.5
 """Least sine of the angle between a plane's normal and up for the plane to have horizontals of its own."""
@@ -46,8 +47,8 @@ ENDING_COST = 1.0
 """Largest cost of a surface out of view that should have ended; it grows twice as fast as the cost of distance."""
 CROWN_COST = 3.0
 """Cost of no plane next to foliage that the border cuts: foliage extends as its circle."""
-NEAR_CELLS, CUT_CELLS = 2, 3
-"""A plane with so many known cells (second) within so many cells of the hole out of view (first) is cut by the border."""
+CUT_CELLS = 3
+"""A plane with so many known cells next to the hole out of view is cut by the border."""
 LEAST_LENGTH = 1e-12
 
 
@@ -68,42 +69,42 @@ class PlaneLines(NamedTuple):
     """K, True where lines run along the plane's own edges (`plane_edges`): a table top, which hangs over what is below it."""
 
     @classmethod
-    def of(
-        cls, camera: Camera, candidates: Float32Array, hole: BoolArray, label: NDArray[np.int8], past: BoolArray
-    ) -> PlaneLines:
-        """camera: of the grid; candidates: L x h x w inverse depth (1/m) of no plane, sky, planes; hole, label: h x w; past:
-        see the field."""
-        planes = plane_coefficients(candidates[2:])
-        points = vanishing_points(planes, camera, cells_of_planes(label, hole, len(planes)))
+    def of(cls, cells: CoarseCells, past: BoolArray) -> PlaneLines:
+        """Of the planes of a grid; past: see the field."""
+        planes = plane_coefficients(cells.candidates[2:])
+        points = vanishing_points(planes, cells.camera, cells.plane_cells)
         away = np.zeros(past.shape, np.float32)
         for k, there in enumerate(past):
-            away[k] = cv2.distanceTransform((hole & ~there).view(np.uint8), cv2.DIST_L2, 5)
+            away[k] = cv2.distanceTransform((cells.hole & ~there).view(np.uint8), cv2.DIST_L2, 5)
         return cls(planes, *points, past, away, np.zeros(len(planes), np.bool_))
 
 
-def follow_lines(
-    lines: PlaneLines,
-    candidates: Float32Array,
-    hole: BoolArray,
-    unseen: BoolArray,
-    w: Float32Array,
-    label: NDArray[np.int8],
-    followed: BoolArray,
+def seen_on_lines(
+    lines: PlaneLines, towards: NDArray[np.float64], cells: CoarseCells, followed: BoolArray, stride: int
 ) -> tuple[Float32Array, Float32Array]:
-    """(on, cost), both L x h x w, 0 except in `unseen` cells: 0..1, how far a label is visible along its line; cost of each
-    label.
+    """K x h' x w' cells from each queried cell to the plane along its line, and the length over which the plane is seen there.
 
-    lines: of the grid; candidates: L x h x w inverse depth (1/m) of no plane, sky, planes; hole, unseen (its part out of view):
-    h x w; w, label: h x w, of the known cells; followed: K, the planes that are followed.
+    towards: K x 3, homogeneous vanishing point of each plane's lines; followed: K, the planes that are looked for. Every
+    stride-th row and column out of view is queried. -1: undecided, or not looked for; length 0: the line looks behind the plane.
     """
+    height, width = (-(-size // stride) for size in cells.hole.shape)
+    first = np.full((len(lines.planes), height, width), -1, np.float32)
+    length = np.zeros_like(first)
+    known = cells.inverse_depth, cells.label, cells.hole, lines.past, lines.away, cells.unseen
+    in_bands(line_rows, height, lines.planes, towards, followed, *known, stride, first, length, band=8)
+    return first, length
+
+
+def follow_lines(lines: PlaneLines, cells: CoarseCells, followed: BoolArray) -> tuple[Float32Array, Float32Array]:
+    """(on, cost), both L x h x w, 0 except in cells out of view: 0..1, how far a label is visible along its line; cost of each
+    label. followed: K, the planes that are followed.
+    """
+    candidates, unseen, hw = cells.candidates, cells.unseen, cells.hole.shape
     on, cost = np.zeros(candidates.shape, np.float32), np.zeros(candidates.shape, np.float32)
     if not unseen.any() or not followed.any():
         return on, cost
-    planes, along, across, past, away = lines[:5]
-    first, length = seen_on_lines(planes, along, followed, w, label, hole, past, away, unseen, STRIDE)
-    other_first, other_length = seen_on_lines(
-        planes, across, followed, w, label, hole, past, away, unseen, STRIDE_ACROSS
-    )
+    first, length = seen_on_lines(lines, lines.along, cells, followed, STRIDE)
+    other_first, other_length = seen_on_lines(lines, lines.across, cells, followed, STRIDE_ACROSS)
     few = candidates[:, ::STRIDE, ::STRIDE], unseen[::STRIDE, ::STRIDE]
     few_on, few_cost = np.zeros_like(few[0]), np.zeros_like(few[0])
     hidden = np.zeros_like(few[0])
@@ -121,35 +122,28 @@ def follow_lines(
         hides = there * np.minimum(np.log1p(1 / farther), MOST_HIDDEN)
         np.maximum(hidden, hides * (IN_FRONT * few[0] < value), out=hidden)
     weight = few[1].astype(np.float32)
-    total = np.maximum(enlarge_strided(weight, hole.shape), 1e-6)
+    total = np.maximum(enlarge_strided(weight, hw), 1e-6)
     for out, values in ((on, few_on), (cost, few_cost + hidden)):
         for number in np.flatnonzero(values.any((1, 2))):
-            out[number] = enlarge_strided(values[number] * weight, hole.shape) / total * unseen
+            out[number] = enlarge_strided(values[number] * weight, hw) / total * unseen
     return on, cost
 
 
-def ending_cost(
-    hole: BoolArray, unseen: BoolArray, label: NDArray[np.int8], followed: BoolArray, beyond: Float32Array, jump: float
-) -> Float32Array:
-    """L x h x w cost in `unseen` cells of surfaces that should have ended: planes that are not followed (K) and end within the
+def ending_cost(cells: CoarseCells, followed: BoolArray, beyond: Float32Array, jump: float) -> Float32Array:
+    """L x h x w cost in cells out of view of surfaces that should have ended: planes that are not followed (K) and end within the
     picture, and no plane (a tree that the border cuts) `beyond` its extent.
 
-    hole, unseen: h x w; label: h x w; beyond: h x w cells, see `CutObjects`; jump: cells of distance that cost 1.
+    beyond: h x w cells, see `CutObjects`; jump: cells of distance that cost 1.
     """
-    out = np.zeros((2 + len(followed), *hole.shape), np.float32)
+    unseen = cells.unseen
+    out = np.zeros(cells.candidates.shape, np.float32)
     if not unseen.any():
         return out
-    adjacent = cells_near(unseen)
     for number in 2 + np.flatnonzero(~followed):
-        if (adjacent & ~hole & (label == number - 1)).sum() < CUT_CELLS:
+        if (cells.near_unseen & ~cells.hole & (cells.label == number - 1)).sum() < CUT_CELLS:
             out[number] = ENDING_COST * unseen
     out[0] = np.where(np.isinf(beyond), CROWN_COST, np.minimum(2 * beyond / jump, ENDING_COST)) * unseen
     return out
-
-
-def cells_near(unseen: BoolArray) -> BoolArray:
-    """h x w, True within NEAR_CELLS of `unseen` cells."""
-    return dilate_mask(unseen, NEAR_CELLS)
 
 
 def has_ended(first: Float32Array, length: Float32Array, floating: bool = False) -> BoolArray:
@@ -230,12 +224,7 @@ def vanishing_points(
     return along, across
 
 
-def cells_of_planes(label: NDArray[np.int8], hole: BoolArray, count: int) -> NDArray[np.int64]:
-    """How many known cells each of `count` planes holds. label, hole: h x w."""
-    return np.bincount(label[~hole].clip(0), minlength=count + 1)[1:]
-
-
-def above_horizon(camera: Camera, candidates: Float32Array, cells: NDArray[np.int64]) -> BoolArray:
-    """h x w, True in cells of the grid's camera that look upwards; candidates: K x h x w of the planes, cells: K."""
-    up = estimate_up(normals(plane_coefficients(candidates), camera), cells)
-    return np.asarray(rays(camera) @ up > 0)
+def above_horizon(cells: CoarseCells) -> BoolArray:
+    """h x w, True in cells that look upwards."""
+    up = estimate_up(normals(plane_coefficients(cells.candidates[2:]), cells.camera), cells.plane_cells)
+    return np.asarray(rays(cells.camera) @ up > 0)

@@ -12,12 +12,11 @@ from numpy.typing import NDArray
 from dlama.geometry.camera import Camera
 from dlama.geometry.holes import dilate_mask, morphological_close, morphological_open, square
 from dlama.geometry.rgbd import BoolArray, Float32Array
+from dlama.inpainters.layered.depth.coarse_cells import CoarseCells
 from dlama.inpainters.layered.depth.out_of_view import (
     CUT_CELLS,
     LEVEL,
     PlaneLines,
-    cells_near,
-    cells_of_planes,
     estimate_up,
     matrix_of_cells,
     normals,
@@ -41,35 +40,21 @@ TURNS = 90
 """Number of tried directions, over a right angle."""
 
 
-def align_lines_to_edges(
-    lines: PlaneLines,
-    camera: Camera,
-    candidates: Float32Array,
-    hole: BoolArray,
-    unseen: BoolArray,
-    w: Float32Array,
-    label: NDArray[np.int8],
-) -> PlaneLines:
-    """The lines, with those of level planes that the border cuts turned along their own edges.
-
-    camera: of the grid; candidates: L x h x w inverse depth (1/m) of no plane, sky, planes; hole, unseen (its part out of
-    view): h x w; w, label: h x w, of the known cells.
-    """
-    normal = normals(lines.planes, camera)
-    level = np.abs(normal @ estimate_up(normal, cells_of_planes(label, hole, len(normal)))) > LEVEL
+def align_lines_to_edges(lines: PlaneLines, cells: CoarseCells) -> PlaneLines:
+    """The lines, with those of level planes that the border cuts turned along their own edges."""
+    hole, unseen, w = cells.hole, cells.unseen, cells.inverse_depth
+    normal = normals(lines.planes, cells.camera)
+    level = np.abs(normal @ estimate_up(normal, cells.plane_cells)) > LEVEL
     by_edges, points = lines.by_edges.copy(), [lines.along.copy(), lines.across.copy()]
-    adjacent = cells_near(unseen) & ~hole
     for k in np.flatnonzero(level):
-        there = morphological_close(~hole & (label == k + 1), square(WIDE))
-        cut = there & adjacent
-        beyond = ~hole & (SAME * w < candidates[k + 2])
+        there = morphological_close(~hole & (cells.label == k + 1), square(WIDE))
+        cut = there & cells.near_unseen & ~hole
+        beyond = ~hole & (SAME * w < cells.candidates[k + 2])
         if cut.sum() < CUT_CELLS or beyond.sum() < SEEN_PAST * there.sum():
             continue
         # where the picture's border cuts a plane it has no outline
-        outline = (
-            there & ~cells_near(unseen) & dilate_mask(beyond | morphological_open(hole & ~unseen, square(WIDE)), 1)
-        )
-        found = edge_directions(there, outline, normal[k], camera)
+        outline = there & ~cells.near_unseen & dilate_mask(beyond | morphological_open(hole & ~unseen, square(WIDE)), 1)
+        found = edge_directions(there, outline, normal[k], cells.camera)
         if found is None:
             continue
         first = straight_across(cut, found)

@@ -17,16 +17,10 @@ from dlama.geometry.holes import distance_to
 from dlama.geometry.kernels.jit import begin_job
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.inpainters.context import FillContext
+from dlama.inpainters.layered.depth.coarse_cells import CoarseCells
 from dlama.inpainters.layered.depth.cut_objects import CutObjects
 from dlama.inpainters.layered.depth.distances import CHORD, angle_to_far, enlarge, mean_chords
-from dlama.inpainters.layered.depth.out_of_view import (
-    FOLLOWED,
-    PlaneLines,
-    above_horizon,
-    cells_of_planes,
-    ending_cost,
-    follow_lines,
-)
+from dlama.inpainters.layered.depth.out_of_view import FOLLOWED, PlaneLines, above_horizon, ending_cost, follow_lines
 from dlama.inpainters.layered.depth.plane_edges import align_lines_to_edges
 from dlama.inpainters.layered.kernels import surfaces as surface_kernels
 from dlama.perception.planes import SMOOTH
@@ -64,20 +58,9 @@ LEAST_INVERSE_DEPTH = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class CoarseView:
-    """A view on a grid of at most GRID cells a side, h x w: one sample of each cell. Labels: -1 none, 0 sky, k >= 1 planes."""
+class CoarseView(CoarseCells):
+    """A view on a grid of at most GRID cells a side, and how far its surfaces extend."""
 
-    camera: Camera
-    hole: BoolArray
-    """h x w, True in cells that hold a hole pixel."""
-    hole_in_view: BoolArray
-    """h x w, True in the part of the hole that is inside the source's view."""
-    inverse_depth: Float32Array
-    """h x w, 1/m, of the known cells."""
-    label: NDArray[np.int8]
-    """h x w, of the known cells."""
-    candidates: Float32Array
-    """L x h x w inverse depth (1/m) that each label would give: no plane, sky, planes."""
     cut: CutObjects
     """Extents of objects without a plane out of view."""
     followed_from: float = FOLLOWED
@@ -88,15 +71,11 @@ class CoarseView:
     def label_costs(self, context: FillContext) -> Float32Array:
         """h x w x L cost of each label after belief propagation (lower is better)."""
         distances = begin_job(self.distance_to_known, context)
-        unseen = self.hole & ~self.hole_in_view
         followed = self.followed_planes()
-        known = self.hole, unseen, self.inverse_depth, self.label
-        past = self.seen_through(context, followed)
-        lines = PlaneLines.of(self.camera, self.candidates, self.hole, self.label, past)
-        lines = align_lines_to_edges(lines, self.camera, self.candidates, *known)
+        lines = align_lines_to_edges(PlaneLines.of(self, self.seen_through(context, followed)), self)
         followed |= lines.by_edges
-        on, penalty = follow_lines(lines, self.candidates, *known, followed)
-        penalty += ending_cost(self.hole, unseen, self.label, followed, self.cut.beyond, REACH * GRID)
+        on, penalty = follow_lines(lines, self, followed)
+        penalty += ending_cost(self, followed, self.cut.beyond, REACH * GRID)
         penalty[0] += SMOOTH_PENALTY
         penalty[1:] += np.float32(ORDER_COST) * self.out_of_order()
         distance = distances()
@@ -160,8 +139,7 @@ class CoarseView:
 
     def followed_planes(self) -> BoolArray:
         """K bool, the planes that are followed along lines out of view: the large ones, or the large and `solid`."""
-        cells = cells_of_planes(self.label, self.hole, len(self.candidates) - 2)
-        out = np.asarray(cells >= self.followed_from * (~self.hole).sum())
+        out = np.asarray(self.plane_cells >= self.followed_from * (~self.hole).sum())
         for k in np.flatnonzero(out & self.solid):
             along, across = mean_chords(~self.hole & (self.label == k + 1))
             out[k] = along * across >= CHORD**2
@@ -188,8 +166,7 @@ class CoarseView:
             coarser = with_larger_pixels(self.camera, 4)  # smooth: a quarter of the cells is enough
             angle = angle_to_far(coarser, context.law)
             out[1] = np.minimum(out[1], self.camera.fx * enlarge(angle, self.camera.wh))
-            cells = cells_of_planes(self.label, self.hole, len(self.candidates) - 2)
-            open_air = self.hole & ~self.hole_in_view & above_horizon(self.camera, self.candidates[2:], cells)
+            open_air = self.unseen & above_horizon(self)
             out[1] = np.where(open_air, np.minimum(out[1], out.min(0) + REACH * GRID), out[1])
         return out
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.camera import Float64Array
-from dlama.geometry.kernels.jit import Real, Whole, in_bands, kernel, piece
+from dlama.geometry.kernels.jit import Real, Whole, kernel, piece
 from dlama.geometry.rgbd import BoolArray, Float32Array
 
 CLEAR = 3
@@ -93,7 +93,7 @@ def line_rows(
     first: Float32Array,
     length: Float32Array,
 ) -> None:
-    """Rows of `seen_on_lines`."""
+    """Rows of `seen_on_lines` (depth/out_of_view). asking: h x w, cells of which every stride-th is queried."""
     for row in range(begin, end):
         for column in range(first.shape[2]):
             y, x = row * stride, column * stride
@@ -113,31 +113,3 @@ def line_rows(
                         first[k, row, column] = found
                         length[k, row, column] = cells
                     dc, dr = -dc, -dr
-
-
-def seen_on_lines(
-    planes: NDArray[np.float64],
-    towards: NDArray[np.float64],
-    followed: BoolArray,
-    w: Float32Array,
-    label: NDArray[np.int8],
-    hole: BoolArray,
-    past: BoolArray,
-    away: Float32Array,
-    asking: BoolArray,
-    stride: int,
-) -> tuple[Float32Array, Float32Array]:
-    """K x h' x w' cells from each queried cell to the plane along its line, and the length over which the plane is seen there.
-
-    planes: K x 3, w = a x + b y + c over cells (first cell: x = y = 0); towards: K x 3, homogeneous vanishing point of each
-    plane's lines; followed: K, the planes that are looked for; w, label: h x w inverse depth and label of the known cells;
-    hole, asking: h x w; past: K x h x w, the hole cells in which a source camera saw the sky through each plane; away: K x h x w,
-    cells to known ones or such. Every stride-th row and column is queried. -1: undecided, or not
-    looked for; length 0: the line looks behind the plane.
-    """
-    height, width = (-(-size // stride) for size in hole.shape)
-    first = np.full((len(planes), height, width), -1, np.float32)
-    length = np.zeros_like(first)
-    known = w, label, hole, past, away, asking
-    in_bands(line_rows, height, planes, towards, followed, *known, stride, first, length, band=8)
-    return first, length
