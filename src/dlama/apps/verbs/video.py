@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -21,6 +22,20 @@ if TYPE_CHECKING:
     from dlama.geometry.rgbd import UInt8Array
 
 
+@dataclass(frozen=True)
+class Moving:
+    """How the camera moves, and the size of the video."""
+
+    path: Annotated[str, option("orbit|spiral|dolly|CAMERAS.json", "spiral")] = "spiral"
+    """How the camera moves from the middle frame; or a file with a list of cameras, between which it moves evenly."""
+    seconds: Annotated[float, option("S", "6")] = 6.0
+    """How long it is."""
+    fps: Annotated[float, option("N", "24")] = 24.0
+    """Pictures a second."""
+    width: Annotated[int | None, option("PX", "the frames'")] = None
+    """Of the video; its height follows."""
+
+
 def video(
     source: Positional[Annotated[Path, option("SCENE.npz|DATASET", None)]],
     /,
@@ -28,21 +43,14 @@ def video(
     output: Annotated[Path, option("OUT.mp4", None, aliases=["-o"])],
     frames: Source,
     filler: Filler,
+    moving: Moving,
     report: Report,
-    path: Annotated[str, option("orbit|spiral|dolly|CAMERAS.json", "spiral")] = "spiral",
-    seconds: Annotated[float, option("S", "6")] = 6.0,
-    fps: Annotated[float, option("N", "24")] = 24.0,
-    width: Annotated[int | None, option("PX", "the frames'")] = None,
 ) -> None:
     """A video of a camera that moves through a scene; what no picture shows is filled once, so that nothing flickers.
 
     Args:
         source: A scene.npz that dlama wrote, or the folder of a data set of posed frames.
         output: The video: .mp4 (extra `video`), or .webp or .gif, which need nothing more.
-        path: How the camera moves from the middle frame; or a file with a list of cameras, between which it moves evenly.
-        seconds: How long it is.
-        fps: Pictures a second.
-        width: Of the video; its height follows.
     """
     from dlama.completion.start import choose_filler
     from dlama.datasets.sequences.camera_paths import path_for
@@ -55,7 +63,7 @@ def video(
         check_file_apart(output, {"what is shown": source})
         options = dict(vars(frames))
         scene = read_scene_of(source, options.pop("frames"), **options).scene
-        cameras = path_for(path, scene, seconds, fps, width)
+        cameras = path_for(moving.path, scene, moving.seconds, moving.fps, moving.width)
         how = given_options(filler)
         chosen = choose_filler(scene.has_estimated_depth, how.pop("filler", AUTO), how.get("model")).name
         views = dlama.render_path(scene, cameras, filler=chosen, **how)
@@ -66,6 +74,7 @@ def video(
                     bar(number, len(cameras))
                 yield view.color
 
+        fps = moving.fps
         count = write_video(output, pictures(), fps)
         line = f"{output}: {format_count(count, 'picture')}, {count / fps:.1f} s at {fps:g} a second, filler {chosen}"
         result.add(f"{line}, {time.perf_counter() - started:.1f} s", output=str(output), pictures=count, filler=chosen)

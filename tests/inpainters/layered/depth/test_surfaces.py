@@ -12,8 +12,9 @@ from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.context import FillContext
+from dlama.inpainters.layered.depth.cut_objects import CutObjects
 from dlama.inpainters.layered.depth.distances import angle_to_far
-from dlama.inpainters.layered.depth.surface_labels import POTTS, RIM, with_larger_pixels
+from dlama.inpainters.layered.depth.surface_labels import GRID, POTTS, REACH, RIM, CoarseView, with_larger_pixels
 from dlama.inpainters.layered.depth.surfaces import cells_with_holes, continue_surfaces
 from dlama.inpainters.layered.kernels import surfaces as kernels
 from dlama.perception.planes import SKY
@@ -56,7 +57,7 @@ def test_far_side_between_two_walls_is_the_farther_one() -> None:
 
 
 def costs_setup(seed: int, labels: int = 4) -> tuple:
-    """Random arguments of `unary_costs`."""
+    """Random arguments of the twin of `unary_costs`."""
     rng = np.random.default_rng(seed)
     w, hole = holed(seed)
     values = rng.uniform(0, 1, (labels, *w.shape)).astype(np.float32)
@@ -67,14 +68,18 @@ def costs_setup(seed: int, labels: int = 4) -> tuple:
     values = np.where(there, w * rng.uniform(0.9, 1.1, values.shape), values).astype(np.float32)
     distance = rng.uniform(0, 30, values.shape).astype(np.float32)
     penalty = rng.uniform(0, 2, values.shape).astype(np.float32)
-    return values, rng.random(values.shape) < 0.8, distance, hole, w, label, 12.8, penalty, np.array(RIM)
+    return values, rng.random(values.shape) < 0.8, distance, hole, w, label, REACH * GRID, penalty, np.array(RIM)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_unary_costs_equal_their_twin(seed: int) -> None:
     """Twin: label by label, neighbour by neighbour."""
-    args = costs_setup(seed)
-    np.testing.assert_allclose(kernels.unary_costs(*args), twin.unary(*args), rtol=1e-5, atol=1e-5)
+    values, allowed, distance, hole, w, label, _, penalty, _ = args = costs_setup(seed)
+    camera = Camera.from_fov(hole.shape[1], hole.shape[0], 60)
+    none = np.zeros(1, np.float32), np.zeros((1, 3), np.float32)
+    nothing = CutObjects(np.zeros(hole.shape, np.float32), np.zeros(hole.shape, np.int32), *none)
+    found = CoarseView(camera, hole, hole, w, label, values, nothing).unary_costs(allowed, distance, penalty)
+    np.testing.assert_allclose(found, twin.unary(*args), rtol=1e-5, atol=1e-5)
 
 
 @pytest.mark.parametrize(

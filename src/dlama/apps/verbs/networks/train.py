@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from contextlib import AbstractContextManager, nullcontext, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -27,20 +28,33 @@ Weights = Annotated[Path | None, option("FILE", "the settings'")]
 Data = Annotated[tuple[Path, ...], option("PATH ...", "procedural worlds")]
 
 
+@dataclass(frozen=True)
+class Replaced:
+    """Values in place of those of the settings."""
+
+    start: Weights = None
+    """A LaMa checkpoint to start from; planes it lacks are added."""
+    trunk: Weights = None
+    """Weights of the perceptual trunk, the dilated ResNet-50 of ADE20K (.safetensors, .pth)."""
+    steps: Number = None
+    """Batches until the end."""
+    batch: Number = None
+    """Samples of a batch, on each device."""
+    precision: Annotated[Literal["bf16", "fp32"] | None, option("bf16|fp32", "the settings'")] = None
+    """bf16 is faster on GPUs, and on CPUs that have it (lscpu says avx512_bf16 or amx_bf16)."""
+    devices: Number = None
+    """GPUs, or processes on a CPU."""
+
+
 def train(
     settings: Positional[Annotated[str, option("SETTINGS.json|PRESET", None)]],
     /,
+    replaced: Replaced,
     report: Report,
     output: Annotated[Path | None, option("DIR", None, aliases=["-o"])] = None,
     data: Data = (),
     max_minutes: Annotated[float | None, option("MINUTES", "until the last step")] = None,
     resume: Annotated[bool, option("", "a new run")] = False,
-    start: Weights = None,
-    trunk: Weights = None,
-    steps: Number = None,
-    batch: Number = None,
-    precision: Annotated[Literal["bf16", "fp32"] | None, option("bf16|fp32", "the settings'")] = None,
-    devices: Number = None,
 ) -> None:
     """Train a network that fills colour and depth, or both pictures of a stereo pair, together.
 
@@ -51,12 +65,6 @@ def train(
             samples are made of.
         max_minutes: Stop after so long, with a checkpoint and the network as it is then.
         resume: Continue the run in this directory, exactly as if it had never stopped.
-        start: A LaMa checkpoint to start from; planes it lacks are added.
-        trunk: Weights of the perceptual trunk, the dilated ResNet-50 of ADE20K (.safetensors, .pth).
-        steps: Batches until the end.
-        batch: Samples of a batch, on each device.
-        precision: bf16 is faster on GPUs, and on CPUs that have it (lscpu says avx512_bf16 or amx_bf16).
-        devices: GPUs, or processes on a CPU.
     """
     from dlama.training.loop.run_files import choose_settings
     from dlama.training.presets import preset_lines
@@ -68,19 +76,9 @@ def train(
         raise InputError("no directory of the run is given: give -o DIR")
     if max_minutes is not None and not max_minutes > 0:
         raise InputError(f"`max_minutes` is {max_minutes}; more than 0 is expected")
-    check_folder_apart(
-        output, {f"data {path}": path for path in data}, {"settings": settings, "start": start, "trunk": trunk}
-    )
-    chosen = choose_settings(
-        settings,
-        start,
-        trunk,
-        output if resume else None,
-        steps=steps,
-        batch=batch,
-        precision=precision,
-        devices=devices,
-    )
+    weights = {"start": replaced.start, "trunk": replaced.trunk}
+    check_folder_apart(output, {f"data {path}": path for path in data} | {"settings": settings, **weights})
+    chosen = choose_settings(settings, run=output if resume else None, **vars(replaced))
     require_extra("training a network", "train", NEEDED)
     from dlama.training.loop import train as loop
 

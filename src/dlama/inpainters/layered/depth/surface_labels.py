@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from dlama.geometry.camera import Camera
 from dlama.geometry.holes import distance_to
-from dlama.geometry.kernels.jit import begin_job
+from dlama.geometry.kernels.jit import begin_job, in_bands
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.layered.depth.coarse_cells import CoarseCells
@@ -80,18 +80,19 @@ class CoarseView(CoarseCells):
         penalty[1:] += np.float32(ORDER_COST) * self.out_of_order()
         distance = distances()
         distance += on * (distance.min(0) - distance)  # what is seen on its line is as near as anything
-        unary = surface_kernels.unary_costs(
-            self.candidates,
-            self.allowed(context),
-            distance,
-            self.hole,
-            self.inverse_depth,
-            self.label,
-            REACH * GRID,
-            penalty,
-            np.array(RIM),
-        )
+        unary = self.unary_costs(self.allowed(context), distance, penalty)
         return surface_kernels.beliefs(unary, self.candidates, self.hole, POTTS, ROUNDS)
+
+    def unary_costs(self, allowed: BoolArray, distance: Float32Array, penalty: Float32Array) -> Float32Array:
+        """h x w x L unary cost of each label in each hole cell: distance to where the surface was last seen, and the rim.
+
+        allowed, penalty (further cost): L x h x w; distance: L x h x w cells to the nearest known cell of a label.
+        """
+        out = np.zeros((*self.hole.shape, len(self.candidates)), np.float32)
+        known = self.hole, self.inverse_depth, self.label
+        costs = REACH * GRID, penalty, np.array(RIM), out
+        in_bands(surface_kernels.unary_rows, len(out), self.candidates, allowed, distance, *known, *costs)
+        return out
 
     def allowed(self, context: FillContext) -> BoolArray:
         """L x h x w, False where a label is impossible: behind the camera, never seen, or against the law by over 3 %."""

@@ -135,7 +135,11 @@ def unary_rows(
     rim: Float64Array,
     out: Float32Array,
 ) -> None:
-    """Rows of `unary_costs`."""
+    """Rows of `CoarseView.unary_costs`, into `out` (H x W x L).
+
+    values: L x H x W inverse depth; allowed, penalty: L x H x W; distance: L x H x W px to the nearest known pixel of a label;
+    scale: px of distance that cost as much as one full jump. Label l is `l - 1` in `label`.
+    """
     count, height, width = values.shape
     for row in range(first, last):
         for column in range(width):
@@ -158,29 +162,6 @@ def unary_rows(
                         )
                     dr, dc = dc, -dr
                 out[row, column, k] = cost
-
-
-def unary_costs(
-    values: Float32Array,
-    allowed: BoolArray,
-    distance: Float32Array,
-    hole: BoolArray,
-    w: Float32Array,
-    label: NDArray[np.int8],
-    scale: float,
-    penalty: Float32Array,
-    rim: NDArray[np.float64],
-) -> Float32Array:
-    """H x W x L unary cost of each label at each hole pixel: distance to where the surface was last seen, and the rim.
-
-    values: L x H x W inverse depth; allowed: L x H x W bool; distance: L x H x W px to the nearest known pixel of a label;
-    scale: px of distance that cost as much as one full jump; penalty: L x H x W further cost. Label l is `l - 1` in `label`.
-    """
-    out = np.zeros((*hole.shape, len(values)), np.float32)
-    in_bands(
-        unary_rows, len(hole), values, allowed, distance, hole, w, label, float(scale), penalty, np.asarray(rim), out
-    )
-    return out
 
 
 @piece
