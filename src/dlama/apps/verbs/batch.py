@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -20,6 +19,7 @@ from dlama.apps.options import (
     Pair,
     PictureOptions,
     Report,
+    Together,
     given_options,
     option,
 )
@@ -83,6 +83,17 @@ class Running:
     """Run nothing; print how many jobs there are and show the first ten as they would run."""
 
 
+@dataclass(frozen=True)
+class Defaults:
+    """What holds for every job whose verb has it."""
+
+    move: Move
+    picture: PictureOptions
+    chosen: ObjectOptions
+    pair: Pair
+    completing: CompletingOptions
+
+
 def batch(
     words: Positional[Annotated[tuple[str, ...], option("[JOBS | report OUT]")]] = (),
     /,
@@ -90,11 +101,7 @@ def batch(
     output: Annotated[Path | None, option("DIR", "needed to run", aliases=["-o"])] = None,
     which: Which,
     running: Running,
-    move: Move,
-    picture: PictureOptions,
-    chosen: ObjectOptions,
-    pair: Pair,
-    completing: CompletingOptions,
+    defaults: Annotated[Defaults, Together],
     report: Report,
 ) -> None:
     """Many jobs at once: a list of them, or a folder of pictures; what is done is kept, what fails is one row.
@@ -107,26 +114,32 @@ def batch(
     if words[:1] == ("report",):
         write_page(words[1:], report)
         return
+    given = given_options(defaults)
     with report_result("batch", report) as result:
-        defaults = given_options(move, picture, chosen, pair, completing)
-        jobs = source(words, which, defaults)
+        jobs = source(words, which, given)
         if running.dry_run:
-            for line in plan_lines(jobs, which.verb, defaults):
+            for line in plan_lines(jobs, which.verb, given):
                 result.add(line)
             return
         if output is None:
             raise InputError("`output` is missing; a directory for the results is expected: -o DIR")
         listed = Path(local_path(words[0])) if words and not is_address(words[0]) else None
         check_folder_apart(output, {"folder of frames": which.data, "list of jobs": listed})
-        totals = Totals()
-        options = {name: value for name, value in dataclasses.asdict(running).items() if name != "dry_run"}
-        with show_progress(report, totals) as progress:
-            defaults = {} if which.data else defaults  # a data set's jobs have theirs
-            for row in dlama.batch(jobs, output, verb=which.verb, progress=progress, **options, **defaults):
-                totals.add(row)
+        options = {name: value for name, value in vars(running).items() if name != "dry_run"}
+        options |= {} if which.data else given  # a data set's jobs have theirs
+        totals = run_jobs(jobs, output, which.verb, options, report)
         result.add("\n".join(totals.lines(str(output))), **totals.values(str(output)))
     if totals.failed:
         raise SystemExit(FAILED)
+
+
+def run_jobs(jobs: Any, output: Path, verb: str | None, options: dict[str, Any], report: Report) -> Totals:
+    """The jobs, done under a bar; how many ended how. verb: of jobs that name none; options: of `dlama.batch`."""
+    totals = Totals()
+    with show_progress(report, totals) as progress:
+        for row in dlama.batch(jobs, output, verb=verb, progress=progress, **options):
+            totals.add(row)
+    return totals
 
 
 def write_page(words: Sequence[str], report: Report) -> None:

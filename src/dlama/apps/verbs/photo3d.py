@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Annotated
@@ -16,6 +17,31 @@ from dlama.errors import format_count
 from dlama.jobs.parameters import METHOD, PICTURE, read_parameters
 
 
+@dataclass(frozen=True)
+class Box:
+    """How far it moves."""
+
+    angle: Annotated[float | None, option("DEG", "4 % of the width of parallax")] = None
+    """Degrees to which it turns to each side, up and down."""
+    distance: Annotated[float | None, option("SHARE", "half the way to the side")] = None
+    """How far it goes forward and back, as a share of the distance it turns about."""
+
+
+FILES = (
+    "What is written, of page (photo3d.html), mesh (photo3d.glb), usdz (extra usd), splats (.ply), spz (the splats, "
+    "compressed), stereo (side by side, anaglyph), loop (.mp4 and .webp, extra video), scene."
+)
+
+
+@dataclass(frozen=True)
+class Results:
+    """Which files are written."""
+
+    only: Annotated[str | None, option("NAME,...", "page,mesh", help=FILES)] = None
+    also: Annotated[str | None, option("NAME,...")] = None
+    """More of these names."""
+
+
 def photo3d(
     image: Positional[Annotated[Path, option("IMAGE|SCENE.npz|DATASET", None)]],
     depth: Positional[Depth] = None,
@@ -24,11 +50,9 @@ def photo3d(
     output: Output,
     picture: PictureOptions,
     filler: Filler,
+    box: Box,
+    results: Results,
     report: Report,
-    angle: Annotated[float | None, option("DEG", "4 % of the width of parallax")] = None,
-    distance: Annotated[float | None, option("SHARE", "half the way to the side")] = None,
-    only: Annotated[str | None, option("NAME,...", "page,mesh")] = None,
-    also: Annotated[str | None, option("NAME,...")] = None,
 ) -> None:
     """A 3-D photo: one HTML file that turns under the finger, and a mesh, with what the picture hides filled in.
 
@@ -38,11 +62,6 @@ def photo3d(
             --depth-range are for these, too.
         depth: Its depth, same size: 16-bit PNG or TIFF (millimetres), EXR, PFM, NPY or NPZ; without it, it is estimated.
         output: Directory for the results, made if need be; files of the same names are replaced.
-        angle: Degrees to which it turns to each side, up and down.
-        distance: How far it goes forward and back, as a share of the distance it turns about.
-        only: What is written, of page (photo3d.html), mesh (photo3d.glb), usdz (extra usd), splats (.ply), spz (the
-            splats, compressed), stereo (side by side, anaglyph), loop (.mp4 and .webp, extra video), scene.
-        also: More of these names.
     """
     from dlama.datasets.layouts import is_capture_file
     from dlama.datasets.sequences.loading import read_scene_of
@@ -51,7 +70,7 @@ def photo3d(
     from dlama.jobs.inputs import refuse_of_pictures, select
 
     with command("photo3d", report) as this:
-        chosen, more = names_in(only), names_in(also) or ()
+        chosen, more = names_in(results.only), names_in(results.also) or ()
         check_names(chosen, more)
         files = {"image": image, "depth": depth}
         check_folder_apart(output, files)
@@ -63,7 +82,7 @@ def photo3d(
             source = read_scene_of(image, camera=given.get("camera"), depth_range=given.get("depth_range")).scene
         else:
             source = this.read_source(p)
-        done = dlama.photo3d(source, angle=angle, distance=distance, **select(p, METHOD))
+        done = dlama.photo3d(source, **vars(box), **select(p, METHOD))
         dlama.write_photo3d(
             done,
             output,
@@ -73,13 +92,13 @@ def photo3d(
             intrinsics_from=this.intrinsics_from or "the scene",
             seconds=this.stages,
         )
-        figures, box = done.meta["photo3d"], done.box
+        figures, turned = done.meta["photo3d"], done.box
         cameras = format_count(len(figures["filled_cameras"]), "camera")
-        line = f"{output}: turns by {box.angle:.1f} degrees about {box.pivot:.3g} m, filled for {cameras}"
+        line = f"{output}: turns by {turned.angle:.1f} degrees about {turned.pivot:.3g} m, filled for {cameras}"
         values = {
             "output": str(output),
-            "angle": box.angle,
-            "distance": box.distance,
+            "angle": turned.angle,
+            "distance": turned.distance,
             "open_share": figures["open_share"],
         }
         this.result.add(

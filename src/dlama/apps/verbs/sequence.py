@@ -50,42 +50,60 @@ class Source:
     """Make the poses agree with the pictures first, where they are off by a pixel or more, as hand-held ones are."""
 
 
+@dataclass(frozen=True)
+class Objects:
+    """What is removed from all frames."""
+
+    mask: Annotated[tuple[str, ...], option("FRAME=FILE ...")] = ()
+    """An object to remove from all frames, in one or several of them: a frame's name or its place from 0, and its mask."""
+    masks: Annotated[Path | None, option("FOLDER")] = None
+    """The same: a folder of masks with the names of their frames; those of no object (black) are passed over."""
+
+
+VIEWS = (
+    "Which cameras are completed: the frames' own, a path from the middle frame, or those of a file (a list of cameras as "
+    "--to of dlama view takes one, each with an optional name)."
+)
+
+
+@dataclass(frozen=True)
+class Results:
+    """Which cameras are completed, and which files are written."""
+
+    views: Annotated[str, option("frames|orbit|spiral|dolly|CAMERAS.json", "frames", help=VIEWS)] = "frames"
+    only: Annotated[str | None, option("NAME,...", "mesh,colmap,video")] = None
+    """What is written next to the views, of scene, points, mesh, colmap, video (.mp4 with the extra video, else .webp)."""
+    also: Annotated[str | None, option("NAME,...")] = None
+    """More of these names: scene (scene.npz, which view, video and show read), points."""
+
+
 def sequence(
     dataset: Positional[Annotated[Path, option("DATASET|SCENE.npz", None)]],
     /,
     *,
     output: Output,
     source: Source,
+    objects: Objects,
     masking: Masking,
     method: SequenceMethod,
+    results: Results,
     report: Report,
-    mask: Annotated[tuple[str, ...], option("FRAME=FILE ...")] = (),
-    masks: Annotated[Path | None, option("FOLDER")] = None,
-    views: Annotated[str, option("frames|orbit|spiral|dolly|CAMERAS.json", "frames")] = "frames",
-    only: Annotated[str | None, option("NAME,...", "mesh,colmap,video")] = None,
-    also: Annotated[str | None, option("NAME,...")] = None,
 ) -> None:
     """Many posed frames of one scene, completed: what one frame lacks another one shows, and only the rest is filled, once.
 
     Args:
         dataset: The folder of posed frames with depth, in any layout that `dlama evaluate` reads; or a scene.npz.
         output: Directory for the results, a data set in nerfstudio's layout, and scene.glb; a killed run continues.
-        mask: An object to remove from all frames, in one or several of them: a frame's name or its place from 0, and its mask.
-        masks: The same: a folder of masks with the names of their frames; those of no object (black) are passed over.
-        views: Which cameras are completed: the frames' own, a path from the middle frame, or those of a file (a list of cameras
-            as --to of dlama view takes one, each with an optional name).
-        only: What is written next to the views, of scene, points, mesh, colmap, video (.mp4 with the extra video, else .webp).
-        also: More of these names: scene (scene.npz, which view, video and show read), points.
     """
     started = time.perf_counter()
     with report_result("sequence", report) as result:
-        check_folder_apart(output, {"data set": dataset, "folder of masks": masks})
-        files, how = mask_files(mask, masks), given_options(masking)
+        check_folder_apart(output, {"data set": dataset, "folder of masks": objects.masks})
+        files, how = mask_files(objects.mask, objects.masks), given_options(masking)
         check_of_object(how, *files.values())
         found = read_masks(files, **how)
         with show_progress("sequence", report) as progress:
-            options = {"masks": found, "views": views, **vars(source)}
-            options |= {"only": names_in(only), "also": names_in(also) or ()}
+            options = {"masks": found, "views": results.views, **vars(source)}
+            options |= {"only": names_in(results.only), "also": names_in(results.also) or ()}
             meta = dlama.sequence(dataset, output, progress=progress, **options, **given_options(method))
         result.add(summary_line(meta, output, time.perf_counter() - started), **summary_values(meta, output))
 
