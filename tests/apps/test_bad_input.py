@@ -74,7 +74,7 @@ def spoiled(frame: Path, what: str) -> None:
     ("what", "words"),
     [
         ("image missing", ["image.png", "no such file"]),
-        ("depth smaller", ["32x24", "64x48", "--resize-depth nearest"]),
+        ("depth smaller", ["32x24", "64x48", "--resize-depth guided"]),
         ("depth all zero", ["depth.png"]),
         ("depth in metres", ["--depth-scale 1"]),
         ("mask smaller", ["64x40", "64x48"]),

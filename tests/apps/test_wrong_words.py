@@ -27,7 +27,7 @@ from dlama.errors import CameraError, DlamaError, InputError, MaskError
         ("view a.png --pivot here", "--pivot is 'here'; a number or auto is expected"),
         ("view a.png --seed 1.5", "--seed is '1.5'; a whole number is expected"),
         ("view a.png --mode mesh", "--mode is 'mesh'; surface or points is expected"),
-        ("view a.png --resize-depth linear", "--resize-depth is 'linear'; nearest is expected"),
+        ("view a.png --resize-depth linear", "--resize-depth is 'linear'; guided or nearest is expected"),
         ("remove a.png --mask-polarity white", "--mask-polarity is 'white'; fill or known is expected"),
         ("evaluate data --yaws 10 ten", "--yaws is 'ten'; a number is expected"),
         ("evaluate data --protocol vpi all", "--protocol is 'all'; vpi, ori or sii is expected"),

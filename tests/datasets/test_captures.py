@@ -18,7 +18,6 @@ from PIL import Image
 
 from dlama.datasets.diagnosis import diagnose
 from dlama.datasets.layouts import LAYOUTS, detect, open_dataset
-from dlama.datasets.posed.posed_frames import enlarge_depth
 from dlama.datasets.sequences.loading import open_frames
 from dlama.errors import FileError, MissingExtraError
 from dlama.geometry.camera import Camera
@@ -250,19 +249,6 @@ def test_packed_depth_of_scannetpp(tmp_path: Path, packing: str) -> None:
 def deflate(data: bytes) -> bytes:
     packer = zlib.compressobj(wbits=-zlib.MAX_WBITS)
     return packer.compress(data) + packer.flush()
-
-
-def test_small_depth_gets_the_edges_of_its_picture() -> None:
-    """A square of 1 m before a wall of 3 m, depth at a quarter of the picture's size: nine in ten pixels within two of the edge
-    take the depth of the side whose colour they have, against seven in ten of plain enlargement; none lies between."""
-    true = np.full((192, 256), 3, np.float32)
-    true[61:130, 81:170] = 1
-    color = np.where(true[..., None] < 2, np.uint8(200), np.uint8(60)).repeat(3, 2)
-    found = enlarge_depth(true[2::4, 2::4], color)
-    np.testing.assert_array_equal(np.abs(found - true) < 0.05, True)
-    missing = true[2::4, 2::4].copy()
-    missing[:4, :6] = 0
-    assert (enlarge_depth(missing, color) == 0).sum() == 16 * 24
 
 
 def test_readings_beyond_the_range_are_missing(tmp_path: Path) -> None:

@@ -103,7 +103,7 @@ def test_what_the_reader_refuses_is_the_finding(tmp_path: Path) -> None:
     eight = tmp_path / "eight.png"
     Image.fromarray(np.clip(scene()[1] * 10, 0, 255).astype(np.uint8)).save(eight)
     for files, said in (
-        ((image, depth), "resize_depth=nearest"),
+        ((image, depth), "resize_depth=guided"),
         ((image, eight), "8-bit"),
         ((image, tmp_path / "negative.npy"), "negative"),
         ((image, tmp_path / "none.png"), "no such file"),

@@ -15,6 +15,7 @@ from dlama.files.rasters.exr_files import write_exr
 from dlama.files.rasters.pictures import write_color
 from dlama.files.rgbd import read_rgbd
 from dlama.geometry.camera import Camera
+from dlama.perception.upsampling import upsample_depth
 
 COLOR = np.random.default_rng(0).integers(0, 256, (6, 8, 3)).astype(np.uint8)
 
@@ -61,11 +62,26 @@ def test_a_camera_itself_or_its_file(tmp_path: Path) -> None:
         read_rgbd(*paths, camera=camera, fov=90)
 
 
+def test_depth_that_was_enlarged_before(tmp_path: Path) -> None:
+    """Law: a map enlarged by the nearest pixel is named, and guided as if it had come small; others are as they came."""
+    small = (1 / (0.1 + np.arange(48)[:, None] / 100 + np.arange(64) / 500)).astype(np.float32)
+    large = np.kron(small, np.ones((4, 4), np.float32))
+    image, *maps = (tmp_path / name for name in ("c.png", "small.npy", "large.npy"))
+    write_color(image, np.zeros((192, 256, 3), np.uint8))
+    np.save(maps[0], small)
+    np.save(maps[1], large)
+    with pytest.warns(UserWarning, match="a map of 64x48 pixels that was enlarged .*`resize_depth=guided`"):
+        np.testing.assert_array_equal(read_rgbd(image, maps[1], fov=60).depth, large)
+    for each in maps:
+        guided = read_rgbd(image, each, fov=60, resize_depth="guided")
+        np.testing.assert_array_equal(guided.depth, upsample_depth(small, guided.color))
+
+
 def test_other_sizes(tmp_path: Path) -> None:
     """Oracle: every depth pixel of a half-size map covers 2 x 2 pixels; of 3 x 3 finer ones the middle one is nearest."""
     depth = np.arange(1, 13).reshape(3, 4)
     paths = pair(tmp_path, depth)
-    with pytest.raises(ShapeError, match=r"d\.png is 4x3 and .*c\.png 8x6.*resize_depth=nearest"):
+    with pytest.raises(ShapeError, match=r"d\.png is 4x3 and .*c\.png 8x6.*resize_depth=guided"):
         read_rgbd(*paths, fov=60)
     resized = read_rgbd(*paths, fov=60, resize_depth="nearest")
     assert np.array_equal(resized.depth, np.kron(depth, np.ones((2, 2))))
@@ -73,7 +89,7 @@ def test_other_sizes(tmp_path: Path) -> None:
     third = read_rgbd(*pair(tmp_path, finer), fov=60, resize_depth="nearest")
     np.testing.assert_allclose(third.depth, finer[1::3, 1::3], rtol=1e-6)
     paths = pair(tmp_path, depth)
-    with pytest.raises(ShapeError, match="'linear'"):
+    with pytest.raises(ShapeError, match="'linear'; 'guided' or 'nearest' is expected"):
         read_rgbd(*paths, fov=60, resize_depth="linear")  # type: ignore[arg-type]
     for how in ("nearest", None):  # an option that would be refused is not advised
         with pytest.raises(ShapeError, match=r"d\.png is 4x4 and .*crop one of them to what both show$"):

@@ -135,7 +135,7 @@ def test_a_damaged_file_is_named_as_the_visitor_names_it(visit: Visit, frame: Pa
     ("message", "told"),
     [
         ("give `fov`, or `camera`, a file", "give “Field of view”, or a camera file, a file"),
-        ("or give `resize_depth=nearest`", "or give “Bring depth to the picture's size”"),
+        ("or give `resize_depth=guided`", "or give “Bring depth to the picture's size”=guided"),
         ("a.json: fx is 3 and the camera is far", "a.json: fx is 3 and the camera is far"),
         ("`clicks` holds 3,4, which lies on a wall; far away", "a click holds 3,4, which lies on a wall; far away"),
         ("no depth is nearer than `far`, 3 m", "no depth is nearer than “Sky from”, 3 m"),

@@ -80,7 +80,7 @@ def diagnose(
     depth_range: float | None = None,
     channel: str | None = None,
     far: float | None = None,
-    resize_depth: Literal["nearest"] | None = None,
+    resize_depth: Literal["guided", "nearest"] | None = None,
     mask_polarity: Literal["fill", "known"] = "fill",
     soft_mask: bool = False,
     mask_class: str | None = None,

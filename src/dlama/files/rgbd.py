@@ -21,10 +21,12 @@ from dlama.files.rasters.images import read_stored
 from dlama.files.rasters.pictures import read_color
 from dlama.files.rasters.turned_pairs import refuse_turned, warn_of_turn
 from dlama.geometry.camera import Camera
+from dlama.geometry.drawing.picture_edges import MapGrid
 from dlama.geometry.projection import rays
 from dlama.geometry.rgbd import RGBD, Float32Array, UInt8Array, mark_far
 from dlama.perception.depth_networks import DepthPrediction
 from dlama.perception.monocular import DEFAULT, Estimator, estimate_depth
+from dlama.perception.upsampling import upsample_depth
 
 SAME_PROPORTIONS = 0.02
 """Relative difference of width / height up to which depth of another size is of the same field of view."""
@@ -46,7 +48,7 @@ def read_rgbd(
     depth_range: float | None = None,
     channel: str | None = None,
     far: float | None = None,
-    resize_depth: Literal["nearest"] | None = None,
+    resize_depth: Literal["guided", "nearest"] | None = None,
     depth_model: str | Path | Estimator | None = None,
     metres_at: Sequence[tuple[float, float, float]] = (),
     camera_height: float | None = None,
@@ -62,7 +64,9 @@ def read_rgbd(
         camera: A Camera, or its file; else fx, fy, cx, cy, fov and pixel_center as in `camera_for`, or the picture's EXIF.
         depth_scale, depth_range, channel: As in `read_depth`, of a depth file.
         far: What lies at or beyond so many metres is far (sky).
-        resize_depth: "nearest" brings depth of another size to the picture's.
+        resize_depth: Brings depth of another size to the picture's. "guided": interpolated on each surface, with edges where the
+            picture has them (`upsample_depth`), also a map that was enlarged by the nearest pixel before; "nearest": from the
+            nearest pixel. Depth larger than the picture is taken from the nearest pixel.
         depth_model, metres_at, camera_height, sharpen: As in `estimate_depth`, of a picture without depth.
 
     Raises:
@@ -95,8 +99,7 @@ def read_rgbd(
         warn_of_far_plane(depth, metres)
     refuse_turned(image, depth, hw, (metres.shape[0], metres.shape[1]))
     warn_of_turn(image, depth)
-    if metres.shape != hw:
-        metres = _resize_depth(image, depth, metres, hw, resize_depth)
+    metres = _resize_depth(image, depth, metres, color, resize_depth)
     return RGBD(color, metres, camera_for(hw, image=image, **lens)[0])
 
 
@@ -186,18 +189,35 @@ def _use_photo_depth(
 
 
 def _resize_depth(
-    image: PathLike, depth: PathLike, metres: Float32Array, hw: tuple[int, int], how: str | None
+    image: PathLike, depth: PathLike, metres: Float32Array, color: UInt8Array, how: str | None
 ) -> Float32Array:
-    """Nearest pixel; depths are never mixed, a mean of two surfaces lies on neither."""
+    """At the picture's size. ShapeError: of another size or field of view. Warns of a map that was enlarged before."""
+    if how not in (None, "guided", "nearest"):
+        raise ShapeError(f"`resize_depth` is {how!r}; 'guided' or 'nearest' is expected")
+    hw = color.shape[:2]
+    if metres.shape == hw:
+        grid = MapGrid.of(metres)
+        if not grid.enlarged:
+            return metres
+        if how == "guided":
+            return upsample_depth(grid.sample_map(metres), color)
+        if how is None:
+            size = f"{len(grid.columns.middles)}x{len(grid.rows.middles)}"
+            warnings.warn(
+                f"{depth}: looks like a map of {size} pixels that was enlarged by the nearest pixel, so surfaces are terraces; "
+                "`resize_depth=guided` interpolates on each surface",
+                UserWarning,
+                stacklevel=3,
+            )
+        return metres
     sizes = f"{depth} is {metres.shape[1]}x{metres.shape[0]} and {image} {hw[1]}x{hw[0]}"
     proportions = metres.shape[1] / metres.shape[0] * hw[0] / hw[1]
     if abs(proportions - 1) > SAME_PROPORTIONS:
         raise ShapeError(f"{sizes}; they cannot show the same field of view: crop one of them to what both show")
     if how is None:
-        raise ShapeError(f"{sizes}; both must have the same size, or give `resize_depth=nearest`")
-    if how != "nearest":
-        raise ShapeError(f"`resize_depth` is {how!r}; 'nearest' is expected")
-    return nearest_pixels(metres, hw)
+        raise ShapeError(f"{sizes}; both must have the same size, or give `resize_depth=guided`")
+    smaller = metres.size < hw[0] * hw[1]
+    return upsample_depth(metres, color) if how == "guided" and smaller else nearest_pixels(metres, hw)
 
 
 def nearest_pixels(values: np.ndarray, hw: tuple[int, int]) -> np.ndarray:

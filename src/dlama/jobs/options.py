@@ -75,8 +75,11 @@ class Reading:
     """Which channel of an EXR file holds depth."""
     far: float | None = option("METRES", label="Sky from")
     """Depth at or beyond this is far (sky): it turns with the camera but never comes nearer."""
-    resize_depth: Literal["nearest"] | None = option("nearest", label="Bring depth to the picture's size")
-    """Bring a depth map of another size to the picture's, each pixel from the nearest one."""
+    resize_depth: Literal["guided", "nearest"] | None = option(
+        "guided|nearest", label="Bring depth to the picture's size"
+    )
+    """Bring a depth map of another size to the picture's. guided: interpolated on each surface, with edges where the picture has
+    them, also a map that was enlarged by the nearest pixel before. nearest: each pixel from the nearest one."""
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,8 @@
 """Readers of a picture, its depth and its confidence in; one frame of a phone's recording out.
 
-A phone's depth is small (256 x 192) and its picture large: depth is enlarged to up to four times its size in inverse depth, its
-edges are moved to the picture's, and the picture is shrunk to the same size. Low confidence, and what lies beyond the range of
-the sensor, is missing depth.
+A phone's depth is small (256 x 192) and its picture large: depth is enlarged to up to four times its size, guided by the picture
+(`upsample_depth`), which is shrunk to the same size. Low confidence, and what lies beyond the range of the sensor, is missing
+depth.
 """
 
 from __future__ import annotations

@@ -27,10 +27,8 @@ from dlama.files.rasters.float_files import read_colmap_depth
 from dlama.files.rasters.images import picture_hw
 from dlama.files.rasters.pictures import read_color_of_camera
 from dlama.geometry.camera import Camera, Float64Array
-from dlama.geometry.holes import fill_with_nearest
-from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
-from dlama.perception.sharpening import sharpen_depth
+from dlama.perception.upsampling import upsample_depth
 
 CameraOption = PathLike | Camera | None
 """The option `camera` of layouts whose files may say nothing of intrinsics: a camera file, or a Camera (its pose is not used)."""
@@ -157,7 +155,7 @@ def load_rgbd(files: FrameFiles) -> RGBD:
         return RGBD(shrink_color(color, depth.shape), depth, camera, padding=_padding(files, color.shape, depth.shape))
     hw = (max(1, round(color.shape[0] * wide / color.shape[1])), wide)
     color = shrink_color(color, hw)
-    return RGBD(color, enlarge_depth(depth, color), camera.resized(hw[1], hw[0]))
+    return RGBD(color, upsample_depth(depth, color), camera.resized(hw[1], hw[0]))
 
 
 def _padding(files: FrameFiles, hw: tuple[int, ...], small: tuple[int, ...]) -> BoolArray | None:
@@ -194,17 +192,6 @@ def measured_depth(files: FrameFiles) -> Float32Array:
             )
         known &= confidence >= files.least_confidence
     return np.where(known, depth, np.float32(0)).astype(np.float32)
-
-
-def enlarge_depth(depth: Float32Array, color: UInt8Array) -> Float32Array:
-    """h x w metres (0 = missing) at the picture's size (H x W x 3), edges where the picture has them; missing stays missing."""
-    known, wh = depth > 0, (color.shape[1], color.shape[0])
-    if not known.any():
-        return np.zeros(color.shape[:2], np.float32)
-    w = fill_with_nearest(inverse_depth(depth), known)
-    large = sharpen_depth(np.asarray(cv2.resize(w, wh, interpolation=cv2.INTER_LINEAR), np.float32), color)
-    shown = cv2.resize(known.astype(np.uint8), wh, interpolation=cv2.INTER_NEAREST) > 0
-    return inverse_depth(large * shown)
 
 
 def lens_for(folder: Path, root: Path, camera: CameraOption, names: Sequence[str], advice: str) -> Lens:

@@ -1,0 +1,57 @@
+"""A depth map smaller than its picture in; depth at the picture's size, with edges where the picture has them, out.
+
+After Kopf et al., "Joint Bilateral Upsampling" (2007): near map pixels of like colour count. But surfaces are never mixed: a
+pixel lies on the surface of one of the four map pixels round it, and is interpolated among those of them that lie on it.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from dlama.geometry.kernels.jit import in_bands
+from dlama.geometry.projection import inverse_depth
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+from dlama.perception.kernels.upsampling import DOWN, RIGHT, upsample_joined
+
+JUMP = 0.1
+"""Relative step of inverse depth up to which neighbours of the map lie on one surface,"""
+BEND, STEEP = 0.06, 0.35
+"""and, on a slanted one, up to which steps differ that follow each other, and the largest of them."""
+COLOR_SIGMA = 20.0
+"""Levels by which colours differ on one surface (each channel)."""
+LEAST_NEAR = 0.15
+"""Added to the bilinear weights of the four, so that the farthest may be chosen for its colour."""
+
+
+def upsample_depth(depth: Float32Array, color: UInt8Array) -> Float32Array:
+    """H x W metres (0 = missing, inf = far): depth at the size of its picture, where that is larger.
+
+    depth: h x w metres; color: H x W x 3 RGB, of the same field of view. What is nearest to a missing pixel stays missing.
+    """
+    known, far = depth > 0, depth == np.inf
+    w = np.where(known, inverse_depth(depth), np.float32(-1))
+    joined = RIGHT * joined_along(w, known, far) + DOWN * joined_along(w.T, known.T, far.T).T
+    small = np.asarray(cv2.resize(color, depth.shape[::-1], interpolation=cv2.INTER_AREA), np.uint8)
+    unlike = np.arange(min(3 * 255**2, 40 * COLOR_SIGMA**2) + 1, dtype=np.float32)
+    alike = (np.exp(-unlike / (6 * COLOR_SIGMA**2)) + 1e-3).astype(np.float32)
+    out, room = np.empty(color.shape[:2], np.float32), np.empty((len(color), 2, 4), np.float32)
+    in_bands(upsample_joined, len(out), w, joined, small, color, alike, LEAST_NEAR, room, out)
+    return out
+
+
+def joined_along(w: Float32Array, known: BoolArray, far: BoolArray) -> UInt8Array:
+    """h x w, 1 where a map's pixel lies on one surface with the next one of its row. w: h x w inverse depth."""
+    step = np.diff(w, axis=1)
+    largest = np.maximum(w[:, :-1], w[:, 1:])
+    near = known & ~far
+    both = near[:, :-1] & near[:, 1:]
+    steps, there = np.pad(step, ((0, 0), (1, 1))), np.pad(both, ((0, 0), (1, 1)))
+    straight = np.zeros_like(both)
+    for neighbour in (np.s_[:, :-2], np.s_[:, 2:]):
+        straight |= there[neighbour] & (np.abs(step - steps[neighbour]) <= BEND * largest)
+    size = np.abs(step)
+    on_surface = both & ((size <= JUMP * largest) | (straight & (size <= STEEP * largest)))
+    out = np.zeros(w.shape, np.uint8)
+    out[:, :-1] = on_surface | (far[:, :-1] & far[:, 1:])
+    return out

@@ -1,0 +1,68 @@
+"""Depth brought to its picture's size (oracles: a slow twin, planes, a step's true place; laws: no depth between two surfaces,
+missing stays missing, far stays far)."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+from dlama.perception.upsampling import upsample_depth
+from reference.upsampling import upsample
+
+RNG = np.random.default_rng(7)
+
+
+def square_before_wall() -> tuple[np.ndarray, np.ndarray]:
+    """(metres, colours) of a square of 1 m before a wall of 3 m, 192 x 256."""
+    true = np.full((192, 256), 3, np.float32)
+    true[61:130, 81:170] = 1
+    return true, np.where(true[..., None] < 2, np.uint8(200), np.uint8(60)).repeat(3, 2)
+
+
+@pytest.mark.parametrize("size", [(40, 56), (33, 47)])
+def test_every_pixel_is_that_of_the_twin(size: tuple[int, int]) -> None:
+    """Twin: slanted ground, a box, sky and readings that are missing; colours at random."""
+    rows = np.mgrid[0:10, 0:14][0]
+    depth = (3 / (0.2 + 0.1 * rows)).astype(np.float32)
+    depth[3:7, 4:9] = 1.2
+    depth[:2, 9:] = np.inf
+    depth[RNG.random(depth.shape) < 0.1] = 0
+    color = RNG.integers(0, 256, (*size, 3), dtype=np.uint8)
+    color = cv2.GaussianBlur(color, (0, 0), 2)
+    small = cv2.resize(color, depth.shape[::-1], interpolation=cv2.INTER_AREA)
+    np.testing.assert_allclose(upsample_depth(depth, color), upsample(depth, color, small), rtol=2e-5)
+
+
+def test_a_plane_stays_a_plane() -> None:
+    """Closed form: inverse depth of a plane is linear in the picture, whatever its colours, but for half a map pixel at the
+    border, beyond which nothing is known."""
+    rows, columns = np.mgrid[0:96, 0:128].astype(np.float32)
+    true = 0.2 + 0.004 * (rows + 0.5) + 0.002 * (columns + 0.5)
+    color = RNG.integers(0, 256, (96, 128, 3), dtype=np.uint8)
+    small = true.reshape(12, 8, 16, 8).mean((1, 3))
+    found = upsample_depth((1 / small).astype(np.float32), color)
+    np.testing.assert_allclose(1 / found[4:-4, 4:-4], true[4:-4, 4:-4], rtol=1e-4)
+
+
+def test_edges_are_those_of_the_picture() -> None:
+    """Oracle: the true step. No pixel lies between its sides, and all within a map pixel of it take the side of their colour."""
+    true, color = square_before_wall()
+    np.testing.assert_allclose(upsample_depth(true[2::4, 2::4], color), true, rtol=1e-6)
+
+
+def test_missing_stays_missing_and_far_far() -> None:
+    """Law: what is nearest to a missing reading has none; next to sky nothing is farther than the surface it hides."""
+    true, color = square_before_wall()
+    small = true[2::4, 2::4].copy()
+    small[:4, :6] = 0
+    assert (upsample_depth(small, color) == 0).sum() == 16 * 24
+    small = np.where(true[2::4, 2::4] == 3, np.float32(np.inf), np.float32(1))
+    np.testing.assert_array_equal(upsample_depth(small, color), np.where(true == 3, np.inf, 1))
+
+
+def test_maps_of_one_row_or_column() -> None:
+    """Law: a map without neighbours is that value everywhere."""
+    for shape in ((1, 1), (1, 5), (4, 1)):
+        found = upsample_depth(np.full(shape, 2, np.float32), np.zeros((8, 10, 3), np.uint8))
+        np.testing.assert_array_equal(found, np.full((8, 10), 2, np.float32))
