@@ -96,11 +96,22 @@ class Command(JobInputs):
 
 
 def summary_line(meta: dict[str, Any], place: object, seconds: float) -> str:
-    """One line: where it lies, what share was unknown and why, which filler filled it, seconds, what to know of the mask.
+    """One line: where it lies, what share was unknown and why, which filler filled it, seconds, what to know of the mask."""
+    how = f", filler {meta['filler']}"
+    if estimate := meta.get("depth_estimate"):
+        how += f", depth {describe_depth_source(estimate)}"
+    pointed = meta.get("object_mask")
+    notes = mask_notes(pointed["candidate"], pointed["candidates"], pointed["notes"]) if pointed else ""
+    shadow = remaining_shadow(meta, bool(pointed and pointed.get("with_shadow")))
+    return f"{place}: {describe_unknown(meta)}{how}, {seconds:.1f} s{notes}{shadow}"
 
-    Shares are means over the views. Pixels that lacked only depth have a share of their own; they are of type `sensor`.
-    """
+
+def describe_unknown(meta: dict[str, Any]) -> str:
+    """The share that was unknown, and why: means over the views. Pixels that lacked only depth have a share of their own; they
+    are of type `sensor`."""
     unknown, depth_only = (statistics.fmean(meta[name]) for name in ("hole_share", "depth_only_share"))
+    if meta["nothing_visible"]:
+        return f"{unknown:.1%} was unknown; nothing of the scene is visible from there, so nothing could be filled"
     views = meta["hole_share_by_type"]
     kinds = {name: statistics.fmean(view[name] for view in views) for name in views[0]}
     kinds["sensor"] -= depth_only
@@ -110,15 +121,7 @@ def summary_line(meta: dict[str, Any], place: object, seconds: float) -> str:
         why += f", {depth_only:.1%} lacked only depth"
     if "left_open_share" in meta:
         why += f", {statistics.fmean(meta['left_open_share']):.1%} left open"
-    if meta["nothing_visible"]:
-        why = "; nothing of the scene is visible from there, so nothing could be filled"
-    how = f", filler {meta['filler']}"
-    if estimate := meta.get("depth_estimate"):
-        how += f", depth {describe_depth_source(estimate)}"
-    pointed = meta.get("object_mask")
-    notes = mask_notes(pointed["candidate"], pointed["candidates"], pointed["notes"]) if pointed else ""
-    shadow = remaining_shadow(meta, bool(pointed and pointed.get("with_shadow")))
-    return f"{place}: {unknown:.1%} was unknown{why}{how}, {seconds:.1f} s{notes}{shadow}"
+    return f"{unknown:.1%} was unknown{why}"
 
 
 def remaining_shadow(meta: dict[str, Any], with_shadow: bool) -> str:

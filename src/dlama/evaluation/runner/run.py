@@ -24,6 +24,8 @@ from dlama.files.drafts import remove_abandoned
 from dlama.workers.memory import check_processes
 from dlama.workers.pool import run_all
 
+FOLDERS = ("cases", "panels")
+"""Below the folder of results."""
 DIED = "a process died twice while it ran this case (out of memory?); fewer --jobs may help"
 
 
@@ -40,9 +42,8 @@ def run_tasks(tasks: Sequence[Task], jobs: int) -> Iterator[Outcome]:
             else:
                 yield from ended.answer
     except BaseException:  # Ctrl-C: files are written whole or not at all, so nobody has to be waited for
-        for folder in {task.folder for task in tasks}:
-            for name in ("cases", "panels"):
-                remove_abandoned(folder / name, again=True)
+        for folder in {task.folder / name for task in tasks for name in FOLDERS}:
+            remove_abandoned(folder, again=True)
         raise
 
 
@@ -106,7 +107,7 @@ def run(
 
 def _make_folders(folder: Path) -> None:
     try:
-        for name in ("cases", "panels"):
+        for name in FOLDERS:
             (folder / name).mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputError(f"{folder}: cannot be written: {error.strerror or error}") from error

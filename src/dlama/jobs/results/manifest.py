@@ -15,7 +15,7 @@ import shutil
 import sqlite3
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import IO, Any
 
@@ -103,14 +103,21 @@ class Manifest:
             return None
         if not self.output.has(row.folder):
             return None
+        row = self._restamp(row, files)
+        return None if row is None else dataclasses.replace(row, kept=True)
+
+    def _restamp(self, row: JobResult, files: Mapping[str, str]) -> JobResult | None:
+        """The row of inputs that are the same; with the stamps of files that lie elsewhere or were written again. None: one of
+        them has other bytes."""
         stamps = {role: file_stamp(path) for role, path in files.items()}
-        if any(not stamps[role] or stamps[role] != row.inputs[role]["stamp"] for role in files):
-            if any(not _same_bytes(path, row.inputs[role]["sha256"]) for role, path in files.items()):
-                return None
-            inputs = {role: {**one, "path": files[role], "stamp": stamps[role]} for role, one in row.inputs.items()}
-            row = dataclasses.replace(row, inputs=inputs)  # of files that lie elsewhere or were written again
-            self.add(row)
-        return dataclasses.replace(row, kept=True)
+        if all(stamps[role] and stamps[role] == row.inputs[role]["stamp"] for role in files):
+            return row
+        if any(not _same_bytes(path, row.inputs[role]["sha256"]) for role, path in files.items()):
+            return None
+        inputs = {role: {**one, "path": files[role], "stamp": stamps[role]} for role, one in row.inputs.items()}
+        row = dataclasses.replace(row, inputs=inputs)
+        self.add(row)
+        return row
 
     @system_errors(OutputError)
     def add(self, row: JobResult) -> None:

@@ -43,13 +43,13 @@ class LpipsLoss(nn.Module):
     def __init__(self) -> None:
         super().__init__()
         onnx = import_extra("onnx", "the perceptual term LPIPS", "onnx", "onnx")
-        nodes, graph = {}, onnx.load(FILE).graph
-        found = {one.name: onnx.numpy_helper.to_array(one).astype(np.float32) for one in graph.initializer}
-        for node in graph.node:
-            nodes[node.output[0]] = node
-            if node.op_type == "Cast":
-                found[node.output[0]] = found[node.input[0]]
-        constants = {name: torch.from_numpy(array) for name, array in found.items()}
+        graph = onnx.load(FILE).graph
+        stored = {one.name: onnx.numpy_helper.to_array(one).astype(np.float32) for one in graph.initializer}
+        stored |= {node.output[0]: stored[node.input[0]] for node in graph.node if node.op_type == "Cast"}
+        nodes, constants = (
+            {node.output[0]: node for node in graph.node},
+            {n: torch.from_numpy(stored[n]) for n in stored},
+        )
         shift, scale, *_ = graph.node
         heads = [nodes[name] for name in sorted(nodes) if name.startswith("tap")]
         self.convolutions, self.pool = nn.ModuleList(), nn.MaxPool2d(3, 2)
