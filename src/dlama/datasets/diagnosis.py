@@ -5,7 +5,6 @@ Inputs are read as every verb reads them, once; what the reader refuses is the f
 
 from __future__ import annotations
 
-import logging
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -13,16 +12,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
-import numpy as np
-
 from dlama.arguments import check_arguments
-from dlama.datasets.frames import Dataset, Frame, RemovalTruth, StereoTruth
-from dlama.datasets.layouts import detect, is_capture_file, open_dataset
-from dlama.datasets.posed.posed_frames import LOG
-from dlama.datasets.posed.scene_file import LAYOUT as SCENE
+from dlama.datasets.dataset_checks import Found, examine_dataset
+from dlama.datasets.layouts import is_capture_file
 from dlama.datasets.posed.scene_file import is_scene_file
-from dlama.datasets.posed.view_pairs import NoPairsError
-from dlama.errors import FileError, InputError, ShapeError, format_count, system_errors
+from dlama.errors import FileError, InputError, ShapeError, system_errors
 from dlama.files.atomic_write import PathLike
 from dlama.files.cameras import camera_for, read_stereo_calib
 from dlama.files.photos.depth import read_photo_depth
@@ -33,16 +27,13 @@ from dlama.files.rasters.pictures import read_color, read_mask
 from dlama.files.rasters.turned_pairs import check_mask_fits, doubtful_turn, orientation_difference
 from dlama.files.rgbd import read_rgbd
 from dlama.geometry.camera import Camera
-from dlama.geometry.rgbd import RGBD, BoolArray, describe_depth_range, percent
+from dlama.geometry.rgbd import RGBD, BoolArray, percent
 from dlama.perception.depth_scale import describe_depth_source
 from dlama.perception.diagnosis.finding import Finding, Observed
-from dlama.perception.diagnosis.frames.landing import SmallFrame, shrink
-from dlama.perception.diagnosis.frames.odd_frames import compare_frames
 from dlama.perception.diagnosis.lens import check_exif, check_lens
 from dlama.perception.diagnosis.registration import correlate_edges
-from dlama.perception.diagnosis.rgbd_checks import run_checks
+from dlama.perception.diagnosis.rgbd_checks import describe_frame, run_checks
 from dlama.perception.diagnosis.stereo_pair import check_pair
-from dlama.workers.progress import log_messages
 
 LENS = ("camera", "fx", "fy", "cx", "cy", "fov", "pixel_center")
 READING = ("depth_scale", "depth_range", "channel", "far", "resize_depth")
@@ -53,12 +44,6 @@ DEFAULTS = {"pixel_center": 0.5, "mask_polarity": "fill", "soft_mask": False}
 CLEAR_TAG = "clear the tag (exiftool -Orientation= FILE)"
 UNTURNED = (0, 1, 2, 3, 4, 5, 8, 7, 6)
 """EXIF orientation -> the one that undoes it."""
-SCENES, FRAMES, CASES = 3, 6, 3
-"""At most so many scenes, frames in a row of each, and stereo or removal cases are looked at."""
-COMPARED = 100
-"""At most so many frames of a scene are compared with their neighbours."""
-Found = tuple[list[Finding], str, list[str]]
-"""Findings, how the inputs are called, and what was made of them."""
 
 
 @system_errors(FileError)
@@ -129,20 +114,30 @@ def examination_of(place: Path, given: Mapping[str, Any]) -> Examination:
     """What the inputs are, by the arguments of `diagnose`: a data set, a photo, a stereo pair, or a picture and its depth.
     InputError: there is nothing, or a pair without its right picture."""
     second, calib = given["second"], given["calib"]
-    lens, reading, masking = ({name: given[name] for name in names} for names in (LENS, READING, MASKING))
+    lens, reading, masking = (pick(given, names) for names in (LENS, READING, MASKING))
     if place.is_dir() or (second is None and (is_scene_file(place) or is_capture_file(place))):
-        options = {name: given[name] for name in ("camera", "depth_range")}
-        return Examination(partial(_examine_dataset, place, given["layout"], options), {"layout", *options})
-    if second is None and not place.exists():
-        raise InputError(f"{place}: no such file or folder")
-    if second is None and calib is not None:
-        raise InputError(f"{place}: a left picture needs its right one")
+        options = pick(given, ("camera", "depth_range"))
+        return Examination(partial(examine_dataset, place, given["layout"], options), {"layout", *options})
     if second is None:
+        check_alone(place, calib)
         return Examination(partial(_examine_photo, place, lens), set(LENS))
     if calib is not None:
         return Examination(partial(_examine_pair, place, Path(second), calib), {"second", "calib"})
     run = partial(_examine_picture, place, Path(second), given["mask"], lens | reading, masking)
     return Examination(run, {"second", "mask", *LENS, *READING, *MASKING})
+
+
+def pick(given: Mapping[str, Any], names: Sequence[str]) -> dict[str, Any]:
+    """The arguments of these names."""
+    return {name: given[name] for name in names}
+
+
+def check_alone(place: Path, calib: PathLike | None) -> None:
+    """InputError where a file that is given alone is not there, or is the left picture of a pair."""
+    if not place.exists():
+        raise InputError(f"{place}: no such file or folder")
+    if calib is not None:
+        raise InputError(f"{place}: a left picture needs its right one")
 
 
 def _examine_picture(
@@ -189,16 +184,6 @@ def _compare_with_exif(camera: Camera, image: Path) -> list[Finding]:
     return check_exif(camera, camera_for((camera.height, camera.width), image=image)[0])
 
 
-def describe_frame(rgbd: RGBD) -> list[str]:
-    """Size, field of view and depth, in words."""
-    camera = rgbd.camera
-    return [
-        f"{camera.width}x{camera.height}",
-        f"{camera.fov_deg:.3g} degrees wide",
-        f"depth {describe_depth_range(rgbd.depth)}",
-    ]
-
-
 def _examine_photo(image: Path, lens: Mapping[str, Any]) -> Found:
     with warnings.catch_warnings(record=True) as noted:
         warnings.simplefilter("always", UserWarning)
@@ -230,70 +215,3 @@ def _examine_pair(left: Path, right: Path, calib: PathLike) -> Found:
     ]
     parts = [f"{rig.left.width}x{rig.left.height}", f"{rig.left.fov_deg:.3g} degrees wide"]
     return found, names, [*parts, f"baseline {rig.baseline_m:.3g} m", f"doffs {rig.doffs:.3g} px"]
-
-
-def _examine_dataset(root: Path, layout: str | None, options: Mapping[str, Any]) -> Found:
-    dataset, found = _open(root, layout, options)
-    examined: list[RGBD] = []
-    for scene in list(dict.fromkeys(frame.scene for frame in dataset.frames))[:SCENES]:
-        noted, rgbd = examine_scene([frame for frame in dataset.frames if frame.scene == scene])
-        found, examined = [*found, *noted], [*examined, rgbd]
-    for case in (*dataset.of("sii")[:CASES], *dataset.of("ori")[:CASES]):
-        truth = case.load()
-        if isinstance(truth, StereoTruth):
-            noted = check_pair(truth.left, truth.right, truth.rig.doffs)
-            found += [replace(each, what=f"{case.scene}: {each.what}") for each in noted]
-        elif isinstance(truth, RemovalTruth):
-            name = f"{case.scene}/{case.frame}"
-            found += run_checks(Observed.of(truth.source, (name, name, f"{name}, mask"), truth.mask))
-    found = list({finding.line: finding for finding in found}.values())
-    counts = [format_count(len(dataset.frames), "frame"), format_count(len(dataset.cases), "case")]
-    return found, root.name, [f"layout {dataset.layout}", *counts, *(describe_frame(examined[0]) if examined else [])]
-
-
-def _open(root: Path, layout: str | None, options: Mapping[str, Any]) -> tuple[Dataset, list[Finding]]:
-    """The data set, also where no case can be made of its frames; what its reader logs (frames left out) are notes."""
-    noted, found = list[str](), list[Finding]()
-    try:
-        with log_messages(noted.append, LOG, logging.getLogger("dlama.kernels")):
-            dataset = open_dataset(root, layout, **options)
-    except NoPairsError as error:
-        name = layout or (SCENE if is_scene_file(root) else detect(root))
-        dataset = Dataset(root.name, name, root, error.frames, ())
-        if len({frame.world_from_cam.tobytes() for frame in error.frames}) > 1:
-            found.append(Finding("no-overlap", "fault", 0.9, str(error)))
-    return dataset, [*(Finding("frames", "note", 1.0, note) for note in noted), *found]
-
-
-def examine_scene(frames: Sequence[Frame]) -> tuple[list[Finding], RGBD]:
-    """Findings on the frames of a scene, each read once; and the first frame in a row."""
-    row = frames_in_a_row(frames)
-    spread = np.linspace(0, len(frames) - 1, min(len(frames), COMPARED)).round().astype(int)
-    first, small = None, dict[str, SmallFrame]()
-    for frame in {each.name: each for each in (*(frames[place] for place in spread), *row)}.values():
-        rgbd = frame.load()
-        small[name_of(frame)] = shrink(rgbd)
-        first = rgbd if frame is row[0] else first
-    assert first is not None
-    name = name_of(row[0])
-    found, of_poses = (
-        run_checks(Observed.of(first, (name, name, name))),
-        compare_frames(small, [name_of(each) for each in row], row[0].scene),
-    )
-    if any(each.check == "depth-scale" and each.what.startswith(f"{name}:") for each in of_poses):
-        found = [each for each in found if each.check != "depth-scale"]
-    return [*found, *of_poses], first
-
-
-def name_of(frame: Frame) -> str:
-    """How findings call a frame."""
-    return f"{frame.scene}/{frame.name}"
-
-
-def frames_in_a_row(frames: Sequence[Frame]) -> list[Frame]:
-    """Some of a scene's frames, neighbours in a row: by yaw about 0 where they have one, else from the middle of the listing."""
-    by_yaw = {frame.yaw: frame for frame in frames if frame.yaw is not None}
-    if all(frame.yaw is not None for frame in frames):
-        return [by_yaw[yaw] for yaw in sorted(sorted(by_yaw, key=abs)[:FRAMES])]
-    start = max(0, (len(frames) - FRAMES) // 2)
-    return list(frames[start : start + FRAMES])

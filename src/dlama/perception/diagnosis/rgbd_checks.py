@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dlama.geometry.holes import looks_inverted
-from dlama.geometry.rgbd import percent
+from dlama.geometry.rgbd import RGBD, describe_depth_range, percent
 from dlama.perception.diagnosis.depth_code import check_depth_code
 from dlama.perception.diagnosis.depth_scale import check_depth_unit, check_far_plane, check_value_range
 from dlama.perception.diagnosis.finding import Finding, Observed, certainty
@@ -37,3 +37,13 @@ def run_checks(seen: Observed) -> list[Finding]:
     unit = [] if lens or code or normalised else check_depth_unit(seen)
     masks = check_mask_coverage(seen) + ([] if registration else check_mask_registration(seen))
     return [*lens, *registration, *code, *normalised, *unit, *check_far_plane(seen), *masks]
+
+
+def describe_frame(rgbd: RGBD) -> list[str]:
+    """Size, field of view and depth, in words."""
+    camera = rgbd.camera
+    return [
+        f"{camera.width}x{camera.height}",
+        f"{camera.fov_deg:.3g} degrees wide",
+        f"depth {describe_depth_range(rgbd.depth)}",
+    ]

@@ -73,22 +73,30 @@ def choose_mask(
     seen: the picture's saliency where depth is estimated, None elsewhere.
     """
     network = NetworkMask.of(rgbd, prompt, seen)
-    try:
-        rated = [(network.iou(mask), mask) for mask in find(prompt).values()]
-    except MaskError:
-        confident = seen is not None and network.iou(network.own) > CONFIDENT and not on_sky(rgbd, prompt)
-        missing = all(rgbd.missing[pixel] for pixel in prompt.on)
-        if not (network.own.any() and (confident or missing)):
-            raise
-        rated = []
+    rated = rate_masks(rgbd, prompt, find, network, seen is not None)
     if prompt.box is None and network.there < LEAST:
         where = "where nothing stands apart: that is ground, a wall or the sky"
         raise nothing_at(prompt.on[0], where, "amid an object")
-    rated.sort(key=lambda each: -each[0])
     masks = [mask for _, mask in rated]
     if rated and rated[0][0] >= agrees * network.iou(network.own):
         return name_masks(masks[0], masks[1:])
     return name_masks(network.fit(rgbd, prompt), masks)
+
+
+def rate_masks(
+    rgbd: RGBD, prompt: Prompt, find: Callable[[Prompt], dict[str, BoolArray]], network: NetworkMask, estimated: bool
+) -> list[tuple[float, BoolArray]]:
+    """The masks of `find` with their agreement with the network, the best first; none where `find` fails and the network decides
+    alone. MaskError: as `find`, elsewhere. estimated: whether depth is."""
+    try:
+        rated = [(network.iou(mask), mask) for mask in find(prompt).values()]
+    except MaskError:
+        confident = estimated and network.iou(network.own) > CONFIDENT and not on_sky(rgbd, prompt)
+        missing = all(rgbd.missing[pixel] for pixel in prompt.on)
+        if not (network.own.any() and (confident or missing)):
+            raise
+        return []
+    return sorted(rated, key=lambda each: -each[0])
 
 
 @dataclass(frozen=True, eq=False)
