@@ -15,7 +15,7 @@ from dlama.files.rasters.exr_files import write_exr
 from dlama.files.rasters.pictures import write_color
 from dlama.files.rgbd import read_rgbd
 from dlama.geometry.camera import Camera
-from dlama.perception.upsampling import upsample_depth
+from dlama.perception.resampling import upsample_depth
 
 COLOR = np.random.default_rng(0).integers(0, 256, (6, 8, 3)).astype(np.uint8)
 

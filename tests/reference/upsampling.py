@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from dlama.perception.upsampling import BEND, COLOR_SIGMA, JUMP, LEAST_NEAR, STEEP
+from dlama.perception.resampling import BEND, COLOR_SIGMA, JUMP, LEAST_NEAR, STEEP
 
 Place = tuple[int, int]
 

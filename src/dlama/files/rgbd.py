@@ -26,7 +26,7 @@ from dlama.geometry.projection import rays
 from dlama.geometry.rgbd import RGBD, Float32Array, UInt8Array, mark_far
 from dlama.perception.depth_networks import DepthPrediction
 from dlama.perception.monocular import DEFAULT, Estimator, estimate_depth
-from dlama.perception.upsampling import upsample_depth
+from dlama.perception.resampling import nearest_pixels, upsample_depth
 
 SAME_PROPORTIONS = 0.02
 """Relative difference of width / height up to which depth of another size is of the same field of view."""
@@ -218,9 +218,3 @@ def _resize_depth(
         raise ShapeError(f"{sizes}; both must have the same size, or give `resize_depth=guided`")
     smaller = metres.size < hw[0] * hw[1]
     return upsample_depth(metres, color) if how == "guided" and smaller else nearest_pixels(metres, hw)
-
-
-def nearest_pixels(values: np.ndarray, hw: tuple[int, int]) -> np.ndarray:
-    """H x W values brought to another size, each from the nearest pixel."""
-    rows, columns = (((np.arange(n) + 0.5) * old / n).astype(np.intp) for n, old in zip(hw, values.shape))
-    return np.ascontiguousarray(values[rows[:, None], columns])

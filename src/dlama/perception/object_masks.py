@@ -13,9 +13,10 @@ from dlama.errors import InputError, MaskError
 from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array, check_color, make_read_only
 from dlama.models.network_file import make_room
 from dlama.perception.masks.choice import rgbd_masker
-from dlama.perception.masks.prompt import Box, Point, Prompt
+from dlama.perception.masks.prompt import Box, NothingThereError, Point, Prompt, nothing_at
 from dlama.perception.masks.salient import salient_masker
 from dlama.perception.masks.segment_anything import segment_anything_masker
+from dlama.perception.masks.small import SmallPicture
 from dlama.perception.shadows.find import find_shadow
 
 MaskModel = str | Path | tuple[str | Path, str | Path]
@@ -83,10 +84,31 @@ class MaskSession:
             raise InputError(f"masker {self.masker!r} needs depth and the picture has none; an RGBD is expected")
 
     @cached_property
+    def _small(self) -> SmallPicture | None:
+        """What a large picture with measured depth is searched in; the other maskers find sizes of their own."""
+        picture = self.picture
+        measured = self.masker == "rgbd" and isinstance(picture, RGBD) and picture.estimate is None
+        return SmallPicture.of(picture) if measured and isinstance(picture, RGBD) else None
+
+    @cached_property
     def _pointed(self) -> Pointed:
-        picture = self.picture.color if isinstance(self.picture, RGBD) else self.picture
-        make_room(picture.shape[0] * picture.shape[1])
-        return MASKERS[self.masker].open(self.picture, self.mask_model)
+        picture = self.picture if self._small is None else self._small.rgbd
+        height, width = (picture.depth if isinstance(picture, RGBD) else picture).shape[:2]
+        make_room(height * width)
+        return MASKERS[self.masker].open(picture, self.mask_model)
+
+    def _masks(self, prompt: Prompt) -> tuple[dict[str, BoolArray], tuple[str, ...]]:
+        """H x W masks by name, and notes."""
+        small = self._small
+        if small is None:
+            return self._pointed(prompt)
+        smaller = small.prompt(prompt)
+        try:
+            masks, notes = self._pointed(smaller)
+        except NothingThereError as error:
+            here = dict(zip(smaller.on, prompt.on))[error.pixel]
+            raise nothing_at(here, error.where, error.on) from None
+        return {name: small.enlarge(mask) for name, mask in masks.items()}, notes
 
     def find(
         self,
@@ -103,7 +125,7 @@ class MaskSession:
         picture, prompt = self.picture, self._prompt(clicks, not_clicks, box)
         if with_shadow and not isinstance(picture, RGBD):
             raise InputError("`with_shadow` needs depth and the picture has none; an RGBD is expected")
-        masks, notes = self._pointed(prompt)
+        masks, notes = self._masks(prompt)
         masks = {each: make_read_only(mask) for each, mask in masks.items() if mask.any()}
         if not masks:
             raise MaskError("nothing of the object is left; fewer `not_clicks` are expected")

@@ -5,6 +5,7 @@ A plane is affine in inverse depth over pixels, w = a u + b v + c (u, v in pixel
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -37,6 +38,8 @@ SMALLEST_SHARE = 0.01
 """Least share of the known pixels of a plane."""
 HYPOTHESES = 160
 """Number of random triples of pixels for each plane (RANSAC)."""
+NOISE_PIXELS = 1 << 20
+"""Largest picture of which every row and column is read for its noise; of a larger one every n-th."""
 BAND = 128
 """Rows that are worked on at a time."""
 SAMPLES = 9000
@@ -72,15 +75,16 @@ def noise_level(w: Float32Array, surface: BoolArray) -> float:
     Measured as the median second difference over NOISE_REACH px: planes are linear in inverse depth, and most of a picture is
     planar. Noise below the tolerance at the median distance counts as none.
     """
-    k, found = NOISE_REACH, []
+    k, found, step = NOISE_REACH, [], math.ceil(w.size / NOISE_PIXELS)
     spans = slice(-2 * k), slice(k, -k), slice(2 * k, None)
-    for cuts in (spans, [(slice(None), span) for span in spans]):
-        before, here, after = (w[cut] for cut in cuts)
-        known = surface[cuts[0]] & surface[cuts[1]] & surface[cuts[2]]
+    for values, there in ((w[:, ::step], surface[:, ::step]), (w[::step].T, surface[::step].T)):
+        before, here, after = (values[span] for span in spans)
+        known = there[spans[0]] & there[spans[1]] & there[spans[2]]
         found.append(np.abs(here - (before + after) / 2)[known])
     bends = np.concatenate(found)
-    noise = float(np.median(bends)) / (0.6745 * np.sqrt(1.5)) if bends.size else 0.0
-    return noise if noise and NOISE_FACTOR * noise > TOLERANCE * float(np.median(w[surface])) else 0.0
+    level = w[::step][surface[::step]]
+    noise = float(np.median(bends)) / (0.6745 * np.sqrt(1.5)) if bends.size and level.size else 0.0
+    return noise if noise and NOISE_FACTOR * noise > TOLERANCE * float(np.median(level)) else 0.0
 
 
 def tolerance(w: np.ndarray, noise: float) -> np.ndarray:

@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-import dataclasses
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any
 
-import cv2
-import numpy as np
-
 import dlama
 from dlama.errors import InputError
 from dlama.files.rasters.images import SUFFIXES, picture_hw
-from dlama.files.rgbd import nearest_pixels
 from dlama.geometry.rgbd import RGBD, UInt8Array, describe_depth_range, percent
 from dlama.jobs import parameters
 from dlama.jobs.inputs import JobInputs
 from dlama.perception.depth_scale import RULES, describe_depth_source
+from dlama.perception.resampling import shrink_rgbd
 from dlama.web.answers import Fields, PageError, use_page_words
 from dlama.web.form import read_form
 
@@ -165,14 +161,7 @@ def shrink(source: RGBD, longest: int) -> RGBD:
     factor = longest / max(width, height)
     if factor >= 1:
         return source
-    wide, high = max(1, round(width * factor)), max(1, round(height * factor))
-    color = np.asarray(cv2.resize(source.color, (wide, high), interpolation=cv2.INTER_AREA), np.uint8)
-    return dataclasses.replace(
-        source,
-        color=color,
-        depth=nearest_pixels(source.depth, (high, wide)),
-        camera=source.camera.resized(wide, high),
-    )
+    return shrink_rgbd(source, (max(1, round(width * factor)), max(1, round(height * factor))))
 
 
 def pixel_of(fields: Fields) -> tuple[int, int]:

@@ -28,7 +28,7 @@ from dlama.files.rasters.images import picture_hw
 from dlama.files.rasters.pictures import read_color_of_camera
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
-from dlama.perception.upsampling import upsample_depth
+from dlama.perception.resampling import upsample_depth
 
 CameraOption = PathLike | Camera | None
 """The option `camera` of layouts whose files may say nothing of intrinsics: a camera file, or a Camera (its pose is not used)."""

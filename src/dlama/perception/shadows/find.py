@@ -11,6 +11,7 @@ import numpy as np
 
 from dlama.geometry.holes import dilate_mask, regions_touching
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
+from dlama.perception.masks.small import SmallPicture
 from dlama.perception.masks.supports import find_planes_of_picture
 from dlama.perception.shadows.cast import SMALLEST_PX
 from dlama.perception.shadows.classifier import SHADOW, shadow_probability
@@ -25,7 +26,13 @@ EVEN, RIM_PX = 0.07, 4
 
 
 def find_shadow(rgbd: RGBD, mask: BoolArray) -> BoolArray:
-    """H x W bool, True in the shadow of the object under `mask`, without the object; all False where there is none."""
+    """H x W bool, True in the shadow of the object under `mask`, without the object; all False where there is none.
+
+    A large picture is searched at a smaller size.
+    """
+    small = SmallPicture.of(rgbd)
+    if small is not None:
+        return small.enlarge(find_shadow(small.rgbd, small.shrink(mask))) & ~mask
     none = np.zeros(mask.shape, np.bool_)
     ground = find_ground(rgbd, mask, find_planes_of_picture(rgbd))
     if ground is None:

@@ -1,17 +1,20 @@
-"""A depth map smaller than its picture in; depth at the picture's size, with edges where the picture has them, out.
+"""A picture with depth, or a depth map smaller than its picture, in; the same at another size out.
 
-After Kopf et al., "Joint Bilateral Upsampling" (2007): near map pixels of like colour count. But surfaces are never mixed: a
-pixel lies on the surface of one of the four map pixels round it, and is interpolated among those of them that lie on it.
+Enlarged depth has its edges where the picture has them. After Kopf et al., "Joint Bilateral Upsampling" (2007): near map pixels
+of like colour count. But surfaces are never mixed: a pixel lies on the surface of one of the four map pixels round it, and is
+interpolated among those of them that lie on it.
 """
 
 from __future__ import annotations
+
+import dataclasses
 
 import cv2
 import numpy as np
 
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.projection import inverse_depth
-from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.perception.kernels.upsampling import DOWN, RIGHT, upsample_joined
 
 JUMP = 0.1
@@ -22,6 +25,20 @@ COLOR_SIGMA = 20.0
 """Levels by which colours differ on one surface (each channel)."""
 LEAST_NEAR = 0.15
 """Added to the bilinear weights of the four, so that the farthest may be chosen for its colour."""
+
+
+def nearest_pixels(values: np.ndarray, hw: tuple[int, ...]) -> np.ndarray:
+    """H x W values brought to another size, each from the nearest pixel."""
+    rows, columns = (((np.arange(n) + 0.5) * old / n).astype(np.intp) for n, old in zip(hw, values.shape))
+    return np.ascontiguousarray(values[rows[:, None], columns])
+
+
+def shrink_rgbd(rgbd: RGBD, wh: tuple[int, int]) -> RGBD:
+    """The picture at a smaller size (width, height): area means of its colours; each depth is that of a pixel, never a mean."""
+    color = np.asarray(cv2.resize(rgbd.color, wh, interpolation=cv2.INTER_AREA), np.uint8)
+    padding = None if rgbd.padding is None else nearest_pixels(rgbd.padding, wh[::-1])
+    depth = nearest_pixels(rgbd.depth, wh[::-1])
+    return dataclasses.replace(rgbd, color=color, depth=depth, camera=rgbd.camera.resized(*wh), padding=padding)
 
 
 def upsample_depth(depth: Float32Array, color: UInt8Array) -> Float32Array:

@@ -1,5 +1,5 @@
-"""Depth brought to its picture's size (oracles: a slow twin, planes, a step's true place; laws: no depth between two surfaces,
-missing stays missing, far stays far)."""
+"""Depth brought to its picture's size, pictures shrunk (oracles: a slow twin, planes, a step's true place; laws: no depth between
+two surfaces, missing stays missing, far stays far)."""
 
 from __future__ import annotations
 
@@ -7,7 +7,9 @@ import cv2
 import numpy as np
 import pytest
 
-from dlama.perception.upsampling import upsample_depth
+from dlama.geometry.camera import Camera
+from dlama.geometry.rgbd import RGBD
+from dlama.perception.resampling import shrink_rgbd, upsample_depth
 from reference.upsampling import upsample
 
 RNG = np.random.default_rng(7)
@@ -66,3 +68,14 @@ def test_maps_of_one_row_or_column() -> None:
     for shape in ((1, 1), (1, 5), (4, 1)):
         found = upsample_depth(np.full(shape, 2, np.float32), np.zeros((8, 10, 3), np.uint8))
         np.testing.assert_array_equal(found, np.full((8, 10), 2, np.float32))
+
+
+def test_a_shrunk_picture_keeps_its_border_and_its_depths() -> None:
+    """Law: a frame that shows nothing stays one, and every depth is one that was measured."""
+    true, color = square_before_wall()
+    padding = np.zeros(true.shape, np.bool_)
+    padding[:16] = True
+    found = shrink_rgbd(RGBD(color, true, Camera.from_fov(256, 192, 60), padding=padding), (64, 48))
+    assert found.camera.wh == (64, 48) and found.camera.fx == Camera.from_fov(64, 48, 60).fx
+    assert found.padding is not None and found.padding[:4].all() and not found.padding[4:].any()
+    assert set(np.unique(found.depth)) == {0, 1, 3}
