@@ -1,8 +1,11 @@
 """The door: `dlama`, which is `python -m dlama`. Ctrl-C while the program is being loaded ends it with one line, too."""
 
+import gc
 import os
 import signal
 from types import FrameType
+
+from dlama.apps.loading import loading
 
 
 def end(number: int, frame: FrameType | None) -> None:
@@ -15,9 +18,12 @@ def main() -> None:
     """The command line; it takes signals over when it begins to work."""
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # not where the shell has it ignored
         signal.signal(signal.SIGINT, end)
-    from dlama.apps.cli import main as run
-
-    run()
+    with loading():
+        from dlama.apps.cli import main as run
+    try:
+        run()
+    finally:
+        gc.freeze()  # what is left need not be searched for garbage: a fifth of a second
 
 
 if __name__ == "__main__":

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib import import_module
 from typing import TYPE_CHECKING
 
+from dlama.apps.loading import loading
 from dlama.apps.options import Report
 from dlama.apps.terminal.output import report_result, stages_bar
 
 if TYPE_CHECKING:
     from dlama.apps.reading import Command
 
+READING = "dlama.apps.reading"
+"""All that reads and computes: --help does without."""
 STAGES = 20
 """About as many as a command logs: the length of the bar."""
 
@@ -20,6 +25,9 @@ STAGES = 20
 def command(verb: str, report: Report) -> Iterator[Command]:
     """A command under way: a bar while it lasts, its Result at the end."""
     with report_result(verb, report) as result, stages_bar(verb, STAGES, report):
-        from dlama.apps.reading import Command  # all that reads and computes: --help does without
+        if READING not in sys.modules:
+            with loading():
+                import_module(READING)
+        from dlama.apps.reading import Command
 
         yield Command(result=result)
