@@ -179,7 +179,7 @@ def _no_own_mask() -> None:
 
 
 MASK_RULES: dict[str, Callable[[], None]] = {
-    "stands": _mask("find_stands", lambda rgbd, *rest: np.zeros(rgbd.depth.shape, np.bool_)),
+    "stands": _mask("find_stands", lambda measured, *rest: np.zeros(measured.rgbd.depth.shape, np.bool_)),
     "several-pieces": _mask("OBJECT_GAP", 0.0),
     "border-colors": _mask("snap_to_picture_edges", lambda rgbd, target, *rest: target),
     "click-network": _mask("choose_mask", lambda rgbd, prompt, find, *_: find(prompt), "choice"),

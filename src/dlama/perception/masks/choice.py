@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from dlama.errors import MaskError
-from dlama.geometry.drawing.picture_edges import CLEARLY, edge_misalignment
 from dlama.geometry.holes import dilate_mask, erode_mask
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
@@ -20,10 +20,9 @@ from dlama.perception.masks.borders import decide_by_color
 from dlama.perception.masks.click_network import object_probability
 from dlama.perception.masks.photo import PhotoMasker, name_masks
 from dlama.perception.masks.prompt import Prompt, nothing_at
-from dlama.perception.masks.rgbd import correct_at_clicks, rgbd_candidates
+from dlama.perception.masks.rgbd import Measured, correct_at_clicks, rgbd_candidates
 from dlama.perception.masks.rough import rough_candidates, rough_depth
 from dlama.perception.masks.salient import WindowSaliency
-from dlama.perception.masks.supports import find_planes_of_picture
 from dlama.perception.planes import noise_level
 
 ROUGH = "found in estimated depth, which is rough: look at the mask, or give depth"
@@ -48,13 +47,10 @@ def rgbd_masker(rgbd: RGBD, model: None) -> Callable[[Prompt], tuple[dict[str, B
         find, seen, agrees, notes = photo.candidates, photo.seen, AGREES_ESTIMATED, (ROUGH,)
     elif is_noisy(rgbd):
         rough = rough_depth(rgbd)
-        find, notes = (lambda prompt: rough_candidates(rough, prompt)), (NOISY,)
+        find, notes = partial(rough_candidates, rough), (NOISY,)
     else:
-        found = find_planes_of_picture(rgbd)
-        misaligned = edge_misalignment(rgbd.color, rgbd.depth, rgbd.valid, rgbd.far)
-        edge_offset = misaligned if misaligned >= CLEARLY else 0
-        agrees = AGREES_CAMERA if edge_offset else AGREES
-        find = lambda prompt: rgbd_candidates(rgbd, found, prompt, edge_offset)  # noqa: E731
+        measured = Measured.of(rgbd)
+        agrees, find = AGREES_CAMERA if measured.edge_offset else AGREES, partial(rgbd_candidates, measured)
     return lambda prompt: (choose_mask(rgbd, prompt, find, agrees, seen) if prompt.clicks else find(prompt), notes)
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.errors import MaskError
+from dlama.geometry.drawing.picture_edges import CLEARLY, edge_misalignment
 from dlama.geometry.holes import (
     box_around,
     dilate_mask,
@@ -28,7 +29,14 @@ from dlama.perception.kernels.regions import join_regions
 from dlama.perception.masks.borders import HOLE_PX, at_same_depth, correct_at_click, snap_to_picture_edges
 from dlama.perception.masks.prompt import Pixel, Prompt, nothing_at, square_about
 from dlama.perception.masks.rough import check_surfaces
-from dlama.perception.masks.supports import Planes, find_supports, is_ground, is_in_front, is_level
+from dlama.perception.masks.supports import (
+    Planes,
+    find_planes_of_picture,
+    find_supports,
+    is_ground,
+    is_in_front,
+    is_level,
+)
 
 REACH_PX = 2
 """Largest distance in px within one piece: a spoke one pixel wide has gaps."""
@@ -60,6 +68,23 @@ TOUCHING_PX = 3
 MOSTLY = 0.95
 """Share of the common border with similar depths that joins two pieces. A stool before a bed touches it at its ground contact
 alone, a vase what lies behind the edge of its plinth."""
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """A picture with depth that was measured or rendered, as objects are searched for in it."""
+
+    rgbd: RGBD
+    planes: Planes
+    edge_offset: int
+    """Misalignment of depth edges with the picture, px; 0: aligned."""
+
+    @classmethod
+    def of(cls, rgbd: RGBD) -> Measured:
+        """Of a picture: its planes, and whether its depth edges are off."""
+        planes = find_planes_of_picture(rgbd)
+        misaligned = edge_misalignment(rgbd.color, rgbd.depth, rgbd.valid, rgbd.far)
+        return cls(rgbd, planes, misaligned if misaligned >= CLEARLY else 0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,20 +135,17 @@ def find_touching(pieces: Pieces, target: BoolArray, gap: float) -> list[int]:
     return [int(n) for n in numbers[(close > 1) & (close >= MOSTLY * lengths)]]
 
 
-def rgbd_candidates(rgbd: RGBD, found: Planes, prompt: Prompt, edge_offset: int = 0) -> dict[str, BoolArray]:
-    """H x W masks by name (part, object, group; those that differ).
-
-    edge_offset: misalignment of depth edges with the picture, px; 0: aligned. Raises MaskError where no object is found: on
-    sky, ground, missing depth.
-    """
+def rgbd_candidates(measured: Measured, prompt: Prompt) -> dict[str, BoolArray]:
+    """H x W masks by name (part, object, group; those that differ). MaskError where no object is found: on sky, ground, missing
+    depth."""
     if not prompt.clicks:
-        return segment_box(rgbd, found, prompt, edge_offset)
-    seeds, flat, support = split_clicks(rgbd, found, prompt)
-    with_stand = pieces = find_pieces(rgbd, support, found.noise)
+        return segment_box(measured, prompt)
+    seeds, flat, support = split_clicks(measured, prompt)
+    with_stand = pieces = find_pieces(measured, support)
     seeds = [snap_to_piece(pieces, seed) for seed in seeds]
-    stands = find_stands(rgbd, found, pieces, seeds)
+    stands = find_stands(measured, pieces, seeds)
     if stands.any():
-        pieces = find_pieces(rgbd, support | stands, found.noise)
+        pieces = find_pieces(measured, support | stands)
     away = [pixel for pixel in prompt.away if pieces.free[pixel]]
     own = pieces.at_any(seeds)
     most = BARRED * merge_pieces(pieces, own, OBJECT_GAP, set()).sum() if away else 0
@@ -134,17 +156,15 @@ def rgbd_candidates(rgbd: RGBD, found: Planes, prompt: Prompt, edge_offset: int 
         "group": merge_pieces(with_stand, with_stand.at_any(seeds), GROUP_GAP, set() if stands.any() else barred),
     }
     raw = drop_duplicates({name: mask & prompt.inside for name, mask in whole.items()})
-    return drop_duplicates(
-        {name: finish_mask(rgbd, mask, prompt, seeds + flat, edge_offset) for name, mask in raw.items()}
-    )
+    return drop_duplicates({name: finish_mask(measured, mask, prompt, seeds + flat) for name, mask in raw.items()})
 
 
-def split_clicks(rgbd: RGBD, found: Planes, prompt: Prompt) -> tuple[list[Pixel], list[Pixel], BoolArray]:
+def split_clicks(measured: Measured, prompt: Prompt) -> tuple[list[Pixel], list[Pixel], BoolArray]:
     """Clicks on objects; clicks on supporting planes, which only add to an object; and H x W, the supporting planes.
 
     The first click on an object decides which planes support it. MaskError where no click is on an object.
     """
-    clicks = prompt.on
+    clicks, rgbd, found = prompt.on, measured.rgbd, measured.planes
     check_surfaces(rgbd)
     flat = [pixel for pixel in clicks if rgbd.far[pixel] or is_ground(found, *pixel)]
     seeds = [pixel for pixel in clicks if pixel not in flat]
@@ -162,8 +182,9 @@ def split_clicks(rgbd: RGBD, found: Planes, prompt: Prompt) -> tuple[list[Pixel]
     return seeds, flat, support
 
 
-def find_pieces(rgbd: RGBD, support: BoolArray, noise: float) -> Pieces:
+def find_pieces(measured: Measured, support: BoolArray) -> Pieces:
     """The connected pieces that remain without the supporting planes."""
+    rgbd, noise = measured.rgbd, measured.planes.noise
     free = rgbd.valid & ~support
     reach = range(-REACH_PX, REACH_PX + 1)
     near = [(r, c) for r in range(REACH_PX + 1) for c in reach if (r, c) > (0, 0) and r * r + c * c <= REACH_PX**2 + 1]
@@ -177,17 +198,18 @@ def find_pieces(rgbd: RGBD, support: BoolArray, noise: float) -> Pieces:
     return Pieces(rgbd.depth, free, parent.reshape(free.shape), support)
 
 
-def find_stands(rgbd: RGBD, found: Planes, pieces: Pieces, seeds: list[Pixel]) -> BoolArray:
+def find_stands(measured: Measured, pieces: Pieces, seeds: list[Pixel]) -> BoolArray:
     """H x W, True on the tops of objects that the object at the first seed stands on (a table, a plinth, a traffic island): level
     planes below it that touch it and are wider."""
-    out = np.zeros(rgbd.depth.shape, np.bool_)
+    found = measured.planes
+    out = np.zeros(pieces.free.shape, np.bool_)
     for number in range(len(found.planes)):
-        if not is_level(found, number, rgbd.camera) or not is_in_front(found, number, seeds[:1]):
+        if not is_level(found, number, measured.rgbd.camera) or not is_in_front(found, number, seeds[:1]):
             continue
         top = found.label == number + 1
         if (top & pieces.support).any() or any(top[seed] for seed in seeds):
             continue
-        on_it = find_pieces(rgbd, pieces.support | out | top, found.noise).at(seeds[0])
+        on_it = find_pieces(measured, pieces.support | out | top).at(seeds[0])
         contact = dilate_mask(on_it, TOUCHING_PX) & at_same_depth(found, on_it, STANDS_GAP)
         touching = regions_touching(morphological_open(top, square(BAND_PX)), contact)
         if touching.any() and sides_of(box_around(touching, 0))[1] >= WIDER * sides_of(box_around(on_it, 0))[1]:
@@ -206,13 +228,11 @@ def snap_to_piece(pieces: Pieces, seed: Pixel) -> Pixel:
     return row, column
 
 
-def finish_mask(rgbd: RGBD, mask: BoolArray, prompt: Prompt, clicks: list[Pixel], edge_offset: int = 0) -> BoolArray:
-    """The mask with its border on the picture's edges, without the regions of negative clicks.
-
-    edge_offset: misalignment of depth edges with the picture, px.
-    """
+def finish_mask(measured: Measured, mask: BoolArray, prompt: Prompt, clicks: list[Pixel]) -> BoolArray:
+    """The mask with its border on the picture's edges, without the regions of negative clicks."""
+    rgbd, offset = measured.rgbd, measured.edge_offset
     unknown = rgbd.missing & dilate_mask(mask, HOLE_PX)
-    mask = snap_to_picture_edges(rgbd, mask, edge_offset + MORE_PX if edge_offset else 0, unknown)
+    mask = snap_to_picture_edges(rgbd, mask, offset + MORE_PX if offset else 0, unknown)
     return correct_at_clicks(rgbd, mask, prompt, clicks)
 
 
@@ -227,10 +247,10 @@ def correct_at_clicks(rgbd: RGBD, mask: BoolArray, prompt: Prompt, clicks: list[
     return mask
 
 
-def segment_box(rgbd: RGBD, found: Planes, prompt: Prompt, edge_offset: int) -> dict[str, BoolArray]:
+def segment_box(measured: Measured, prompt: Prompt) -> dict[str, BoolArray]:
     """The object in a box: pieces almost wholly inside it that connect to the largest of them."""
     inside = prompt.inside
-    pieces = find_pieces(rgbd, find_supports(found, [], inside), found.noise)
+    pieces = find_pieces(measured, find_supports(measured.planes, [], inside))
     label = np.where(pieces.free, pieces.label, 0).ravel()
     sizes = np.bincount(label[pieces.free.ravel()], minlength=label.size)
     held = np.bincount(label[(pieces.free & inside).ravel()], minlength=label.size)
@@ -248,7 +268,7 @@ def segment_box(rgbd: RGBD, found: Planes, prompt: Prompt, edge_offset: int) -> 
     masks = {}
     for name, gap in (("object", GROUP_GAP), ("part", 0.0)):
         mask = merge_pieces(cropped, start, gap, barred) & inside
-        masks[name] = finish_mask(rgbd, mask, prompt, [], edge_offset)
+        masks[name] = finish_mask(measured, mask, prompt, [])
     return drop_duplicates(masks)
 
 
