@@ -21,12 +21,12 @@ def test_a_seed_says_it_all_and_truth_lies_on_the_surface(tmp_path: Path) -> Non
     made = shadow_crop(54_003)
     assert made is not None
     planes, target = made
-    assert len(planes) == len(PLANES) and planes.shape[1:] == target.shape
+    assert len(planes.values) == len(PLANES) and planes.surface.shape == target.shape
     assert all(side % MULTIPLE == 0 for side in target.shape)
-    assert target.max() <= 1 and (target[planes[4] < 0.25] == -1).all()
+    assert target.max() <= 1 and (target[planes.plane("surface") < 0.25] == -1).all()
     assert write_shadow_crops(tmp_path, 1, 54_003, None) == 1
     (stored,) = ShadowCrops.of(tmp_path)
-    np.testing.assert_allclose(stored[0], planes, atol=2e-3)
+    np.testing.assert_allclose(stored[0].values, planes.values, atol=2e-3)
     np.testing.assert_allclose(stored[1], target, atol=1e-3)
 
 
