@@ -99,6 +99,10 @@ def _occluders() -> None:
     _replace("inpainters.layered.depth_first", "is_in_front", lambda view, *rest: np.zeros_like(view.hole))
 
 
+def _beyond_range() -> None:
+    _replace("inpainters.layered.depth.surfaces", "move_beyond_range", lambda filled, *rest: filled)
+
+
 def _depth_camera() -> None:
     """What depth edges beside the picture's change: their place, halo, softening, solid planes."""
     _replace("geometry.drawing.picture_edges", "edge_uncertainty", lambda view: 0)
@@ -204,5 +208,6 @@ RULES: dict[str, Callable[[], None]] = {
     "whole-occluders": _whole_occluders,
     "occluders": _occluders,
     "depth-camera": _depth_camera,
+    "beyond-range": _beyond_range,
 }
 """Name -> what turns the rule off."""

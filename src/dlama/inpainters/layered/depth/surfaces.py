@@ -30,6 +30,7 @@ from dlama.inpainters.layered.depth.out_of_view import FOLLOWED
 from dlama.inpainters.layered.depth.surface_labels import GRID, CoarseView, with_larger_pixels
 from dlama.inpainters.layered.kernels import surfaces as surface_kernels
 from dlama.inpainters.missing_depth.along_colors import DepthByColor, fill_along_colors
+from dlama.inpainters.missing_depth.beyond_range import move_beyond_range
 from dlama.perception.planes import SMOOTH, KnownSurfaces, plane_values, plane_values_at
 
 OFF_SURFACE = 0.05
@@ -77,7 +78,8 @@ def continue_surfaces(view: View, context: FillContext, seed: int = 0) -> Surfac
     known = KnownSurfaces.of(inverse_depth(view.known_depth), view.valid, view.far, seed)
     missing, by_color = view.depth_hole, None
     if missing.any():
-        by_color = fill_along_colors(view.color, missing, view.hole, known)
+        along_colors = fill_along_colors(view.color, missing, view.hole, known)
+        by_color = move_beyond_range(along_colors, known.inverse_depth, missing, view.hole)
     if by_color is not None and (by_color.reached | ~view.hole).all():
         return Surfaces(by_color.inverse_depth, by_color.label, known.planes)
     coarse = sample_grid(view, known, max(1.0, max(missing.shape) / GRID), context.law.misplaced_edges)
