@@ -19,6 +19,7 @@ from dlama.apps.verbs.batch import Running
 from dlama.apps.verbs.measuring.options import Cases
 from dlama.apps.verbs.networks import model_verbs
 from dlama.apps.verbs.sequence import Source
+from dlama.apps.verbs.video import Moving
 from verb_options import fields_of, groups_in
 
 
@@ -163,6 +164,7 @@ TAKERS = {
     groups.Results: "write",
     Source: "read_scene_of",
     Cases: "open_dataset_or_worlds",
+    Moving: "path_for",
 }
 """Group -> the function that it is for; of the others it is the verb's own."""
 OTHER_TAKERS = {
@@ -257,18 +259,12 @@ SEQUENCE = {
     "output": Reach("-o elsewhere", "sequence.output", Path("elsewhere"), ("-o out",)),
     "mask": Reach("--mask 3=a.png", "mask_files.named", ("3=a.png",)),
     "masks": Reach("--masks folder", "mask_files.folder", Path("folder")),
-    "views": Reach("--views orbit", "sequence.views", "orbit"),
-    "only": Reach("--only scene,video", "sequence.only", ("scene", "video")),
-    "also": Reach("--also scene", "sequence.also", ("scene",)),
 }
 VIDEO = {
     "frames": Reach("--frames 0:9:3", "read_scene_of.which", "0:9:3"),
     "source": instead("other", "read_scene_of.dataset", Path("other"), "scene.npz"),
     "output": Reach("-o b.gif", "write_video.path", Path("b.gif"), ("-o out.gif",)),
-    "path": Reach("--path orbit", "path_for.path", "orbit"),
-    "seconds": Reach("--seconds 2", "path_for.seconds", 2.0),
     "fps": Reach("--fps 10", "write_video.fps", 10.0),
-    "width": Reach("--width 320", "path_for.width", 320),
 }
 TRAIN = {
     "settings": instead("small-rgbd", "train.settings", attribute("name", "small-rgbd"), "tiny"),
@@ -352,8 +348,6 @@ OWN: dict[str, dict[str, Reach]] = {
     },
     "photo3d": {
         **PICTURE,
-        "angle": Reach("--angle 3", "photo3d.angle", 3.0),
-        "distance": Reach("--distance 0.1", "photo3d.distance", 0.1),
         "output": Reach("-o elsewhere", "write_photo3d.directory", Path("elsewhere"), ("-o out",)),
         "only": Reach("--only mesh,splats", "write_photo3d.only", ("mesh", "splats")),
         "also": Reach("--also stereo", "write_photo3d.also", ("stereo",)),
