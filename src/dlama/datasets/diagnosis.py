@@ -157,7 +157,9 @@ def _examine_picture(
     whole = depth.suffix.lower() in SUFFIXES
     units = None if reading["depth_range"] else reading["depth_scale"] or (MILLIMETRES if whole else 1.0)
     names = image.name, depth.name, "mask" if mask is None else Path(mask).name
-    found += run_checks(Observed.of(rgbd, names, removed, units))
+    of_frame = run_checks(Observed.of(rgbd, names, removed, units))
+    asked_for = {"terraces"} if reading["resize_depth"] == "nearest" else set()
+    found += [one for one in of_frame if one.check not in asked_for]
     parts = [*describe_frame(rgbd), f"{percent(rgbd.depth == 0)} missing", f"{percent(rgbd.far)} far"]
     parts += [] if removed is None else [f"mask {percent(removed)}"]
     return found, ", ".join(names[: 2 if mask is None else 3]), parts

@@ -202,10 +202,9 @@ def _resize_depth(
         if how == "guided":
             return upsample_depth(grid.sample_map(metres), color)
         if how is None:
-            size = f"{len(grid.columns.middles)}x{len(grid.rows.middles)}"
             warnings.warn(
-                f"{depth}: looks like a map of {size} pixels that was enlarged by the nearest pixel, so surfaces are terraces; "
-                "`resize_depth=guided` interpolates on each surface",
+                f"{depth}: looks like a map of {grid.wh[0]}x{grid.wh[1]} pixels that was enlarged by the nearest pixel, so "
+                "surfaces are terraced; `resize_depth=guided` interpolates on each surface",
                 UserWarning,
                 stacklevel=3,
             )

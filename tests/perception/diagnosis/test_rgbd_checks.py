@@ -249,3 +249,13 @@ def test_a_shift_is_found_in_a_strip() -> None:
     camera = seen.camera.cropped(0, 120, 256, 25)
     found = run_checks(Observed(seen.color[rows], rolled, camera))
     assert "shifted-depth" in [each.check for each in found]
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_map_enlarged_by_the_nearest_pixel(seed: int) -> None:
+    """Oracle: every fourth reading, four times in either direction; with the option that mends it."""
+    seen = world(seed)
+    terraced = replace(seen, depth=np.kron(seen.depth[2::4, 2::4], np.ones((4, 4))))
+    (found,) = [each for each in run_checks(terraced) if each.check == "terraces"]
+    assert "64x64" in found.what and "resize_depth=guided" in found.mend
+    assert not any(each.check == "terraces" for each in run_checks(seen))

@@ -106,6 +106,11 @@ class MapGrid(NamedTuple):
         """Whether the map was enlarged."""
         return self.largest > 1
 
+    @property
+    def wh(self) -> tuple[int, int]:
+        """Pixels of the map, across and down."""
+        return len(self.columns.middles), len(self.rows.middles)
+
     def sample_map(self, values: np.ndarray) -> np.ndarray:
         """Values of the picture (H x W) at the pixels of the map; unchanged where it was not enlarged."""
         return values[self.rows.middles][:, self.columns.middles] if self.enlarged else values
@@ -114,8 +119,7 @@ class MapGrid(NamedTuple):
         """The picture (H x W x 3) at the size of the map."""
         if not self.enlarged:
             return color
-        size = len(self.columns.middles), len(self.rows.middles)
-        return np.asarray(cv2.resize(color, size, interpolation=cv2.INTER_AREA), np.uint8)
+        return np.asarray(cv2.resize(color, self.wh, interpolation=cv2.INTER_AREA), np.uint8)
 
     def enlarge(self, values: np.ndarray) -> np.ndarray:
         """Values of the map at the pixels of the picture."""

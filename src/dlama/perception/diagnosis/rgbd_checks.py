@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import numpy as np
+
+from dlama.geometry.drawing.picture_edges import MapGrid
 from dlama.geometry.holes import looks_inverted
 from dlama.geometry.rgbd import RGBD, describe_depth_range, percent
 from dlama.perception.diagnosis.depth_code import check_depth_code
@@ -36,7 +39,17 @@ def run_checks(seen: Observed) -> list[Finding]:
         normalised = [] if code else normalised
     unit = [] if lens or code or normalised else check_depth_unit(seen)
     masks = check_mask_coverage(seen) + ([] if registration else check_mask_registration(seen))
-    return [*lens, *registration, *code, *normalised, *unit, *check_far_plane(seen), *masks]
+    return [*lens, *registration, *code, *normalised, *unit, *check_far_plane(seen), *check_terraces(seen), *masks]
+
+
+def check_terraces(seen: Observed) -> list[Finding]:
+    """Reports a small depth map that was enlarged by the nearest pixel: a view tears its steps."""
+    grid = MapGrid.of(seen.depth.astype(np.float32))
+    if not grid.enlarged:
+        return []
+    size = "x".join(map(str, grid.wh))
+    what = f"{seen.names[1]}: a map of {size} pixels, enlarged by the nearest pixel, so surfaces are terraced"
+    return [Finding("terraces", "fault", 0.95, what, "give `resize_depth=guided`")]
 
 
 def describe_frame(rgbd: RGBD) -> list[str]:
