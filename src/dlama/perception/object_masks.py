@@ -108,7 +108,7 @@ class MaskSession:
         except NothingThereError as error:
             here = dict(zip(smaller.on, prompt.on))[error.pixel]
             raise nothing_at(here, error.where, error.on) from None
-        return {name: small.enlarge(mask) for name, mask in masks.items()}, notes
+        return {name: small.enlarge_found(mask, prompt) for name, mask in masks.items()}, notes
 
     def find(
         self,

@@ -43,12 +43,14 @@ class SmallPicture:
         return cls(shrink_rgbd(rgbd, (max(1, round(by * width)), max(1, round(by * height)))), rgbd)
 
     def prompt(self, prompt: Prompt) -> Prompt:
-        """Clicks and box of the large picture in the small one."""
+        """Clicks and box of the large picture in the small one; of clicks that share a pixel there those on the object."""
         (down, across), (height, width) = self.scale, self.rgbd.depth.shape
         on, off = (
             tuple((min(x * across, width - 1), min(y * down, height - 1)) for x, y in points)
             for points in (prompt.clicks, prompt.not_clicks)
         )
+        taken = {(int(y), int(x)) for x, y in on}
+        off = tuple((x, y) for x, y in off if (int(y), int(x)) not in taken)
         box = prompt.box
         if box is not None:
             box = box[0] * across, box[1] * down, max(box[2] * across, 1.0), max(box[3] * down, 1.0)
@@ -64,6 +66,14 @@ class SmallPicture:
         """A mask of the large picture at the small one's size."""
         wh = self.rgbd.camera.wh
         return np.asarray(cv2.resize(mask.astype(np.uint8) * np.uint8(255), wh, interpolation=cv2.INTER_AREA) > 127)
+
+    def enlarge_found(self, mask: BoolArray, prompt: Prompt) -> BoolArray:
+        """A mask found in the small picture at the large one's size: within the box, with all clicks right."""
+        out = self.enlarge(mask) & prompt.inside
+        for belongs, pixels in ((True, prompt.on), (False, prompt.away)):
+            for pixel in pixels:
+                out[pixel] = belongs
+        return out
 
     def enlarge(self, mask: BoolArray) -> BoolArray:
         """A mask of the small picture at the large one's size."""
