@@ -32,7 +32,7 @@ from dlama.perception.depth_scale import describe_depth_source
 from dlama.perception.diagnosis.finding import Finding, Observed
 from dlama.perception.diagnosis.lens import check_exif, check_lens
 from dlama.perception.diagnosis.registration import correlate_edges
-from dlama.perception.diagnosis.rgbd_checks import describe_frame, run_checks
+from dlama.perception.diagnosis.rgbd_checks import check_terraces, describe_frame, run_checks
 from dlama.perception.diagnosis.stereo_pair import check_pair
 
 LENS = ("camera", "fx", "fy", "cx", "cy", "fov", "pixel_center")
@@ -157,9 +157,10 @@ def _examine_picture(
     whole = depth.suffix.lower() in SUFFIXES
     units = None if reading["depth_range"] else reading["depth_scale"] or (MILLIMETRES if whole else 1.0)
     names = image.name, depth.name, "mask" if mask is None else Path(mask).name
-    of_frame = run_checks(Observed.of(rgbd, names, removed, units))
-    asked_for = {"terraces"} if reading["resize_depth"] == "nearest" else set()
-    found += [one for one in of_frame if one.check not in asked_for]
+    seen = Observed.of(rgbd, names, removed, units)
+    found += run_checks(seen)
+    if reading["resize_depth"] is None:
+        found += check_terraces(seen)
     parts = [*describe_frame(rgbd), f"{percent(rgbd.depth == 0)} missing", f"{percent(rgbd.far)} far"]
     parts += [] if removed is None else [f"mask {percent(removed)}"]
     return found, ", ".join(names[: 2 if mask is None else 3]), parts

@@ -87,8 +87,9 @@ class MaskSession:
     def _small(self) -> SmallPicture | None:
         """What a large picture with measured depth is searched in; the other maskers find sizes of their own."""
         picture = self.picture
-        measured = self.masker == "rgbd" and isinstance(picture, RGBD) and picture.estimate is None
-        return SmallPicture.of(picture) if measured and isinstance(picture, RGBD) else None
+        if self.masker != "rgbd" or not isinstance(picture, RGBD) or picture.estimate is not None:
+            return None
+        return SmallPicture.of(picture)
 
     @cached_property
     def _pointed(self) -> Pointed:

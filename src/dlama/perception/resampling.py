@@ -12,10 +12,11 @@ import dataclasses
 import cv2
 import numpy as np
 
+from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
-from dlama.perception.kernels.upsampling import DOWN, RIGHT, upsample_joined
+from dlama.perception.kernels.upsampling import upsample_joined
 
 JUMP = 0.1
 """Relative step of inverse depth up to which neighbours of the map lie on one surface,"""
@@ -33,11 +34,18 @@ def nearest_pixels(values: np.ndarray, hw: tuple[int, ...]) -> np.ndarray:
     return np.ascontiguousarray(values[rows[:, None], columns])
 
 
+def shrink_color(color: UInt8Array, hw: tuple[int, ...]) -> UInt8Array:
+    """H x W x 3 at the size hw, by area means."""
+    if color.shape[:2] == tuple(hw):
+        return color
+    return np.asarray(cv2.resize(color, (hw[1], hw[0]), interpolation=cv2.INTER_AREA), np.uint8)
+
+
 def shrink_rgbd(rgbd: RGBD, wh: tuple[int, int]) -> RGBD:
     """The picture at a smaller size (width, height): area means of its colours; each depth is that of a pixel, never a mean."""
-    color = np.asarray(cv2.resize(rgbd.color, wh, interpolation=cv2.INTER_AREA), np.uint8)
-    padding = None if rgbd.padding is None else nearest_pixels(rgbd.padding, wh[::-1])
-    depth = nearest_pixels(rgbd.depth, wh[::-1])
+    hw = wh[::-1]
+    padding = None if rgbd.padding is None else nearest_pixels(rgbd.padding, hw)
+    color, depth = shrink_color(rgbd.color, hw), nearest_pixels(rgbd.depth, hw)
     return dataclasses.replace(rgbd, color=color, depth=depth, camera=rgbd.camera.resized(*wh), padding=padding)
 
 
@@ -49,7 +57,7 @@ def upsample_depth(depth: Float32Array, color: UInt8Array) -> Float32Array:
     known, far = depth > 0, depth == np.inf
     w = np.where(known, inverse_depth(depth), np.float32(-1))
     joined = RIGHT * joined_along(w, known, far) + DOWN * joined_along(w.T, known.T, far.T).T
-    small = np.asarray(cv2.resize(color, depth.shape[::-1], interpolation=cv2.INTER_AREA), np.uint8)
+    small = shrink_color(color, depth.shape)
     unlike = np.arange(min(3 * 255**2, 40 * COLOR_SIGMA**2) + 1, dtype=np.float32)
     alike = (np.exp(-unlike / (6 * COLOR_SIGMA**2)) + 1e-3).astype(np.float32)
     out, room = np.empty(color.shape[:2], np.float32), np.empty((len(color), 2, 4), np.float32)

@@ -20,7 +20,7 @@ from dlama.perception.diagnosis.depth_scale import check_value_range, measure_ex
 from dlama.perception.diagnosis.finding import Finding, Observed, certainty, describe_probability
 from dlama.perception.diagnosis.lens import check_exif, check_lens
 from dlama.perception.diagnosis.registration import check_mask_registration
-from dlama.perception.diagnosis.rgbd_checks import check_mask_coverage, run_checks
+from dlama.perception.diagnosis.rgbd_checks import check_mask_coverage, check_terraces, run_checks
 from dlama.worlds.layouts.random_scene import build
 from marks import first_quick
 
@@ -256,6 +256,6 @@ def test_a_map_enlarged_by_the_nearest_pixel(seed: int) -> None:
     """Oracle: every fourth reading, four times in either direction; with the option that mends it."""
     seen = world(seed)
     terraced = replace(seen, depth=np.kron(seen.depth[2::4, 2::4], np.ones((4, 4))))
-    (found,) = [each for each in run_checks(terraced) if each.check == "terraces"]
+    (found,) = [each for each in check_terraces(terraced) if each.check == "terraces"]
     assert "64x64" in found.what and "resize_depth=guided" in found.mend
-    assert not any(each.check == "terraces" for each in run_checks(seen))
+    assert not any(each.check == "terraces" for each in check_terraces(seen))

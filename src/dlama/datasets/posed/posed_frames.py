@@ -28,7 +28,7 @@ from dlama.files.rasters.images import picture_hw
 from dlama.files.rasters.pictures import read_color_of_camera
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
-from dlama.perception.resampling import upsample_depth
+from dlama.perception.resampling import shrink_color, upsample_depth
 
 CameraOption = PathLike | Camera | None
 """The option `camera` of layouts whose files may say nothing of intrinsics: a camera file, or a Camera (its pose is not used)."""
@@ -274,10 +274,3 @@ def _check_proportions(lens: Lens, hw: tuple[int, int], color_hw: tuple[int, ...
             f"{lens.source}: the sensor is {hw[1]}x{hw[0]} and the picture {color_hw[1]}x{color_hw[0]}; both must have the "
             "same proportions, else how wide the camera sees is not known"
         )
-
-
-def shrink_color(color: UInt8Array, hw: tuple[int, ...]) -> UInt8Array:
-    """H x W x 3 at the size hw, by area means."""
-    if color.shape[:2] == tuple(hw):
-        return color
-    return np.asarray(cv2.resize(color, (hw[1], hw[0]), interpolation=cv2.INTER_AREA), np.uint8)

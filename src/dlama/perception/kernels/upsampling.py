@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
 from dlama.geometry.kernels.jit import Real, Whole, kernel
 from dlama.geometry.rgbd import Float32Array, UInt8Array
-
-RIGHT, DOWN = 1, 2
-"""Bits of `joined`: the pixel lies on one surface with its neighbour on the right, or below."""
 
 
 @kernel
@@ -27,7 +25,8 @@ def upsample_joined(
     """Rows [first, last) of `out` (H x W metres, 0 = missing, inf = far): each pixel lies on the surface of one of the four map
     pixels round it, the one that is near and of like colour, and is interpolated among those of the four that are on it.
 
-    w: h x w inverse depth, 0 = far, below 0 = missing; joined: h x w bits; small_color: h x w x 3, the picture at the map's size;
+    w: h x w inverse depth, 0 = far, below 0 = missing; joined: h x w, RIGHT and DOWN of each pixel
+    that lies on one surface with that neighbour; small_color: h x w x 3, the picture at the map's size;
     color: H x W x 3; alike: weight by squared colour difference, the last one of all greater ones, too; least_near: added to the
     weights by distance, so that a pixel of unlike colour may be left; room: H x 2 x 4, scratch.
     """
@@ -52,8 +51,8 @@ def upsample_joined(
             if w[lower if nearest >= 2 else upper, right if nearest % 2 else left] < 0:
                 out[row, column] = 0
                 continue
-            top, bottom = joined[upper, left] & 1 > 0, joined[lower, left] & 1 > 0
-            before, after = joined[upper, left] & 2 > 0, joined[upper, right] & 2 > 0
+            top, bottom = joined[upper, left] & RIGHT > 0, joined[lower, left] & RIGHT > 0
+            before, after = joined[upper, left] & DOWN > 0, joined[upper, right] & DOWN > 0
             if top and bottom and before and after:
                 value = near[0] * w[upper, left] + near[1] * w[upper, right]
                 value += near[2] * w[lower, left] + near[3] * w[lower, right]
