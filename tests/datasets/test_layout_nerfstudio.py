@@ -105,7 +105,7 @@ def test_frames_without_depth_are_left_out_and_counted(tmp_path: Path, caplog: p
     save(root, listing)
     with caplog.at_level(logging.WARNING, logger="dlama"):
         assert [frame.name for frame in open_dataset(root).frames] == ["f1", "f2", "f3"]
-    assert "1 of 4 frames are left out (1 without a depth_file_path)" in caplog.text
+    assert "1 of 4 frames are left out (1 without a depth_file_path in transforms.json)" in caplog.text
 
 
 def test_distortion_is_refused_where_it_shows() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,7 +15,7 @@ from dlama.datasets.frames import Dataset, Gamma
 from dlama.datasets.pairs_json import looks_like_pairs, pairs_json
 from dlama.datasets.posed import colmap, nerfstudio, scannet, trajectory_log, tum
 from dlama.datasets.posed.numbered_frames import SEVEN_SCENES, TSDF_FUSION
-from dlama.datasets.posed.posed_frames import CameraOption
+from dlama.datasets.posed.posed_frames import CameraOption, posed_frames
 from dlama.datasets.posed.scene_file import LAYOUT as SCENE
 from dlama.datasets.posed.scene_file import is_scene_file, scene_file
 from dlama.datasets.posed.view_pairs import posed_dataset
@@ -57,8 +58,8 @@ def _posed(
 ) -> tuple[str, Layout]:
     """A layout of posed frames by its name.
 
-    reader: a file with `looks_like(root)`, which looks at names only, and `list_frames(scene, folder)`, of which takes_camera
-    says that it has two more parameters, the root and the camera. others: `files` and `parts`.
+    reader: a file with `looks_like(root)`, which looks at names only, and `list_frames(folder)`, of which takes_camera says
+    that it has two more parameters, the root and the camera. others: `files` and `parts`.
     """
 
     def read(
@@ -66,8 +67,8 @@ def _posed(
     ) -> Dataset:
         more = (root, camera) if takes_camera else ()
         folders = scene_folders(root, reader.looks_like, looked_for, scenes, others.get("files", ()))
-        frames = [frame for scene, place in folders.items() for frame in reader.list_frames(scene, place, *more)]
-        return posed_dataset(name, root, frames, limit)
+        found = [posed_frames(scene, place, reader.list_frames(place, *more)) for scene, place in folders.items()]
+        return posed_dataset(name, root, itertools.chain(*found), limit)
 
     options = {"scenes", "limit", "camera"} if takes_camera else {"scenes", "limit"}
     return name, Layout(looked_for, reader.looks_like, read, frozenset(options), **others)

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 
 from dlama.datasets.captures.captured_frames import files_of_capture
-from dlama.datasets.posed.posed_frames import FrameFiles, Lens, PosedFrame, posed_frames
+from dlama.datasets.posed.posed_frames import Lens, Listed
 from dlama.datasets.text_tables import files_by_stem, nearest_in_time, pose_at, read_rows
 from dlama.errors import FileError
 from dlama.geometry.camera import Float64Array
@@ -31,7 +31,7 @@ def looks_like(root: Path) -> bool:
     return (root / DEPTH).is_dir() and (root / POSES).is_file()
 
 
-def list_frames(scene: str, folder: Path) -> list[PosedFrame]:
+def list_frames(folder: Path) -> Listed:
     """The frames of one scene. Raises FileError, CameraError."""
     pictures = next((folder / name for name in PICTURES if (folder / name).is_dir()), None)
     if pictures is None:
@@ -42,19 +42,17 @@ def list_frames(scene: str, folder: Path) -> list[PosedFrame]:
     lenses = files_by_stem(folder / f"{pictures.name}_intrinsics", (".pincam",))
     lens_names = sorted(lenses, key=_seconds)
     lens_times = np.array([_seconds(name) for name in lens_names])
-
-    def files(name: str) -> FrameFiles | str:
+    for name, depth in depths.items():
         pose, lens = (nearest_in_time(each, _seconds(name), NEAREST_S) for each in (times, lens_times))
         if name not in colors:
-            return "without a picture"
-        if pose is None:
-            return "without a pose"
-        if lens is None:
-            return "without a camera"
-        own = _lens(lenses[lens_names[lens]])
-        return files_of_capture(colors[name], depths[name], own, poses[pose], levels.get(name))
-
-    return posed_frames(scene, folder, ((name, files(name)) for name in depths))
+            yield name, "without a picture"
+        elif pose is None:
+            yield name, "without a pose"
+        elif lens is None:
+            yield name, "without a camera"
+        else:
+            own = _lens(lenses[lens_names[lens]])
+            yield name, files_of_capture(colors[name], depth, own, poses[pose], levels.get(name))
 
 
 def _seconds(name: str) -> float:

@@ -19,7 +19,7 @@ import cv2
 import numpy as np
 
 from dlama.datasets.captures.captured_frames import MOST_ENLARGED
-from dlama.datasets.posed.posed_frames import LOG, FrameFiles, Lens, PosedFrame, posed_frames
+from dlama.datasets.posed.posed_frames import LOG, FrameFiles, Lens, Listed
 from dlama.datasets.posed.registered_depth import register_depth
 from dlama.datasets.text_tables import nearest_in_time, pose_at
 from dlama.errors import FileError
@@ -61,7 +61,7 @@ def looks_like(root: Path) -> bool:
     return root.suffix.lower() == ".mkv" and root.is_file()
 
 
-def list_frames(scene: str, path: Path) -> list[PosedFrame]:
+def list_frames(path: Path) -> Listed:
     """The frames of one scene. Raises FileError, CameraError."""
     tags, attached = video_tracks(path)
     color, depth = (_track(path, tags, name) for name in ("COLOR", "DEPTH"))
@@ -78,13 +78,13 @@ def list_frames(scene: str, path: Path) -> list[PosedFrame]:
     color_from_depth = color_camera.from_device @ invert_pose(depth_camera.from_device)
     LOG.warning("%s: holds no poses: the camera is taken as standing still", path)
     times, depth_times = video_times(path, color), video_times(path, depth)
-
-    def files(place: int) -> FrameFiles | str:
-        near = nearest_in_time(depth_times, times[place], NEAREST_S)
+    for place, time in enumerate(times):
+        near = nearest_in_time(depth_times, time, NEAREST_S)
         if near is None:
-            return "without depth"
+            yield f"{place:06d}", "without depth"
+            continue
         metres = partial(undistorted_depth, path, near, depth, depth_camera)
-        return FrameFiles(
+        files = FrameFiles(
             (f"{path}, picture {place}", f"{path}, depth {near}"),
             partial(undistorted_color, path, place, color, color_camera),
             partial(register_depth, metres, depth_camera.lens, color_camera.lens, color_from_depth),
@@ -92,8 +92,7 @@ def list_frames(scene: str, path: Path) -> list[PosedFrame]:
             np.eye(4),
             enlarged=MOST_ENLARGED,
         )
-
-    return posed_frames(scene, path, ((f"{place:06d}", files(place)) for place in range(len(times))))
+        yield f"{place:06d}", files
 
 
 def _track(path: Path, tags: Sequence[dict[str, str]], name: str) -> int:

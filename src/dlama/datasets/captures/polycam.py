@@ -14,7 +14,7 @@ import numpy as np
 
 from dlama.datasets.captures.captured_frames import files_of_capture
 from dlama.datasets.posed.nerfstudio import CV_FROM_GL
-from dlama.datasets.posed.posed_frames import FrameFiles, Lens, PosedFrame, posed_frames
+from dlama.datasets.posed.posed_frames import Lens, Listed
 from dlama.datasets.text_tables import files_by_stem, pose_at
 from dlama.files.fields import read_json_fields
 
@@ -31,7 +31,7 @@ def looks_like(root: Path) -> bool:
     )
 
 
-def list_frames(scene: str, folder: Path) -> list[PosedFrame]:
+def list_frames(folder: Path) -> Listed:
     """The frames of one scene. Raises FileError, CameraError."""
     inside = folder / FOLDER if (folder / FOLDER).is_dir() else folder
     cameras, pictures = next(
@@ -43,15 +43,13 @@ def list_frames(scene: str, folder: Path) -> list[PosedFrame]:
         ({}, {}),
     )
     depths, levels = (files_by_stem(inside / name, (".png",)) for name in ("depth", "confidence"))
-
-    def files(name: str) -> FrameFiles | str:
+    for name, camera in cameras.items():
         if name not in pictures:
-            return "without a picture"
-        if name not in depths:
-            return "without depth"
-        return files_of_capture(pictures[name], depths[name], *_camera(cameras[name]), levels.get(name), least=127)
-
-    return posed_frames(scene, inside, ((name, files(name)) for name in cameras))
+            yield name, "without a picture"
+        elif name not in depths:
+            yield name, "without depth"
+        else:
+            yield name, files_of_capture(pictures[name], depths[name], *_camera(camera), levels.get(name), least=127)
 
 
 def _camera(path: Path) -> tuple[Lens, np.ndarray]:

@@ -17,7 +17,7 @@ import numpy as np
 
 from dlama.datasets.captures.captured_frames import lidar_frame
 from dlama.datasets.posed.nerfstudio import CV_FROM_GL
-from dlama.datasets.posed.posed_frames import FrameFiles, Lens, PosedFrame, posed_frames
+from dlama.datasets.posed.posed_frames import Lens, Listed
 from dlama.datasets.text_tables import pose_of
 from dlama.errors import FileError, any_error, import_extra
 from dlama.files.fields import FileFields, json_fields
@@ -36,22 +36,24 @@ def looks_like(root: Path) -> bool:
     return (root / META).is_file() and (root / INSIDE).is_dir()
 
 
-def list_frames(scene: str, place: Path) -> list[PosedFrame]:
+def list_frames(place: Path) -> Listed:
     """The frames of one scene. Raises FileError, CameraError."""
     fields = json_fields(f"{place}: {META}", read_member(place, META).decode("utf-8", "replace"))
     poses, size = fields.entries("poses", "poses"), (fields.count("h"), fields.count("w"))
     depth_hw = (fields.count("dh"), fields.count("dw"))
     check_pixels(fields.path, *depth_hw)
     present = _members(place)
-
-    def files(number: int) -> FrameFiles | str:
+    for number, pose in enumerate(poses):
         color, depth, levels = (f"{INSIDE}/{number}.{kind}" for kind in ("jpg", "depth", "conf"))
+        name = f"{number:06d}"
         if color not in present:
-            return "without a picture"
+            yield name, "without a picture"
+            continue
         if depth not in present:
-            return "without depth"
-        numbers = FileFields(fields.path, {"pose": poses[number]}).numbers("pose", 7)
-        return lidar_frame(
+            yield name, "without depth"
+            continue
+        numbers = FileFields(fields.path, {"pose": pose}).numbers("pose", 7)
+        files = lidar_frame(
             (f"{place}: {color}", f"{place}: {depth}"),
             partial(color_of_member, place, color),
             partial(array_of_member, place, depth, "<f4", depth_hw),
@@ -59,8 +61,7 @@ def list_frames(scene: str, place: Path) -> list[PosedFrame]:
             pose_of(f"{fields.path}: poses[{number}]", numbers[4:], numbers[:4]) @ CV_FROM_GL,
             confidence=partial(array_of_member, place, levels, "u1", depth_hw) if levels in present else None,
         )
-
-    return posed_frames(scene, place, ((f"{number:06d}", files(number)) for number in range(len(poses))))
+        yield name, files
 
 
 def _lens(fields: FileFields, number: int, hw: tuple[int, int]) -> Lens:

@@ -36,7 +36,7 @@ from dlama.datasets.captures.ros_messages import (
     times_to_match,
 )
 from dlama.datasets.posed.nerfstudio import SHOWS_PX
-from dlama.datasets.posed.posed_frames import LOG, FrameFiles, Lens, PosedFrame, posed_frames
+from dlama.datasets.posed.posed_frames import LOG, FrameFiles, Lens, Listed
 from dlama.datasets.posed.registered_depth import register_depth
 from dlama.datasets.text_tables import nearest_in_time
 from dlama.errors import CameraError, FileError, any_error, import_extra
@@ -57,7 +57,7 @@ def looks_like(root: Path) -> bool:
     return (root / "metadata.yaml").is_file() and any(path.suffix.lower() in FILES[1:] for path in root.iterdir())
 
 
-def list_frames(scene: str, path: Path) -> list[PosedFrame]:
+def list_frames(path: Path) -> Listed:
     """The frames of one scene. Raises FileError, CameraError."""
     bag = open_bag(path)
     color, depth = bag.pair()
@@ -66,14 +66,15 @@ def list_frames(scene: str, path: Path) -> list[PosedFrame]:
     if not moves:
         LOG.warning("%s: holds no moving transform (/tf): the camera is taken as standing still", path)
     matched, of_depth = times_to_match(color, depth)
-
-    def files(number: int) -> FrameFiles | str:
-        stamp = float(color.stamps[number])
+    for number, stamp in enumerate(color.stamps.tolist()):
+        name = f"{number:06d}"
         near, pose = nearest_in_time(of_depth, matched[number], NEAREST_S), transforms.root_from(color.frame, stamp)
         if near is None:
-            return f"without depth within {NEAREST_S:g} s"
+            yield name, f"without depth within {NEAREST_S:g} s"
+            continue
         if pose is None:
-            return "without a pose"
+            yield name, "without a pose"
+            continue
         metres: Any = partial(
             _decode, partial(depth_of, unit=bag.units.get(depth.name)), path, depth.name, depth.places[near]
         )
@@ -87,9 +88,7 @@ def list_frames(scene: str, path: Path) -> list[PosedFrame]:
             metres = partial(register_depth, metres, depth_lens, lens, found)
         names = f"{path}, {color.name} {number}", f"{path}, {depth.name} {near}"
         picture = partial(_decode, color_of, path, color.name, color.places[number])
-        return FrameFiles(names, picture, metres, lens, pose, enlarged=MOST_ENLARGED)
-
-    return posed_frames(scene, path, ((f"{number:06d}", files(number)) for number in range(len(color.stamps))))
+        yield name, FrameFiles(names, picture, metres, lens, pose, enlarged=MOST_ENLARGED)
 
 
 def _decode(how: Callable[[Any, str], Any], path: Path, topic: str, place: int) -> Any:

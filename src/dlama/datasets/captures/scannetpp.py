@@ -12,13 +12,14 @@ from __future__ import annotations
 import functools
 import zlib
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from dlama.datasets.captures.captured_frames import lidar_frame
-from dlama.datasets.posed.posed_frames import FrameFiles, Lens, PosedFrame, posed_frames
+from dlama.datasets.posed.posed_frames import Lens, Listed
 from dlama.datasets.text_tables import files_by_stem, natural_order, pose_at
 from dlama.errors import CameraError, FileError, any_error, import_extra
 from dlama.files.fields import read_json_fields
@@ -41,31 +42,31 @@ def looks_like(root: Path) -> bool:
     return any((root / inside / POSES).is_file() for inside in ("", FOLDER))
 
 
-def list_frames(scene: str, folder: Path) -> list[PosedFrame]:
+def list_frames(folder: Path) -> Listed:
     """The frames of one scene. Raises FileError, CameraError."""
     inside = folder if (folder / POSES).is_file() else folder / FOLDER
     listed = read_json_fields(inside / POSES)
     color, depth = _pictures(inside), _depths(inside)
-
-    def files(name: str) -> FrameFiles | str:
+    for name in sorted(listed.values, key=natural_order):
         number = name.rpartition("_")[2]
         if not number.isdecimal():
             raise FileError(f"{listed.path}: field '{name[:40]}' is no frame; names such as frame_000000 are expected")
         fields = listed.part(name, listed.values[name])
         picture, metres = color(int(number)), depth(int(number))
-        try:
+        matrix = None
+        with suppress(CameraError):
             matrix = fields.matrix("aligned_pose", (4, 4))
-        except CameraError:
-            return "without a pose"
-        if picture is None:
-            return "without a picture"
-        if metres is None:
-            return "without depth"
-        pose = pose_at(f"{fields.path}: aligned_pose", matrix)
-        lens = Lens(str(fields.path), fields.intrinsics("intrinsic"), 0.5)
-        return lidar_frame((f"{inside}, picture {name}", f"{inside}, depth {name}"), picture, metres, lens, pose)
-
-    return posed_frames(scene, inside, ((name, files(name)) for name in sorted(listed.values, key=natural_order)))
+        if matrix is None:
+            yield name, "without a pose"
+        elif picture is None:
+            yield name, "without a picture"
+        elif metres is None:
+            yield name, "without depth"
+        else:
+            pose = pose_at(f"{fields.path}: aligned_pose", matrix)
+            lens = Lens(str(fields.path), fields.intrinsics("intrinsic"), 0.5)
+            names = f"{inside}, picture {name}", f"{inside}, depth {name}"
+            yield name, lidar_frame(names, picture, metres, lens, pose)
 
 
 def _pictures(folder: Path) -> Callable[[int], Callable[[], UInt8Array] | None]:

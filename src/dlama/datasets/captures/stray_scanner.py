@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from dlama.datasets.captures.captured_frames import levels_of_png, lidar_frame
-from dlama.datasets.posed.posed_frames import FrameFiles, Lens, PosedFrame, posed_frames
+from dlama.datasets.posed.posed_frames import Lens, Listed
 from dlama.datasets.text_tables import Row, files_by_stem, matrix_of, pose_of, read_rows
 from dlama.errors import FileError
 from dlama.files.rasters.depth import read_depth
@@ -32,22 +32,23 @@ def looks_like(root: Path) -> bool:
     return (root / VIDEO).is_file() and (root / ODOMETRY).is_file() and (root / "depth").is_dir()
 
 
-def list_frames(scene: str, folder: Path) -> list[PosedFrame]:
+def list_frames(folder: Path) -> Listed:
     """The frames of one scene. Raises FileError, CameraError."""
     names, rows = _odometry(folder / ODOMETRY)
     shared = _matrix(folder) if not set(LENS_COLUMNS) <= set(names) else None
     pictures = len(video_times(folder / VIDEO))
     depths, levels = (files_by_stem(folder / name, (".png",)) for name in ("depth", "confidence"))
-
-    def listed(place: int, row: Row) -> tuple[str, FrameFiles | str]:
+    for place, row in enumerate(rows):
         values = dict(zip(names, row.numbers(", ".join(names), len(names))))
         name = f"{int(values.get('frame', place)):06d}"
         if place >= pictures:
-            return name, "without a picture in the video"
+            yield name, "without a picture in the video"
+            continue
         if name not in depths:
-            return name, "without depth"
+            yield name, "without depth"
+            continue
         fx, fy, cx, cy = (values.get(each, np.nan) for each in LENS_COLUMNS)
-        return name, lidar_frame(
+        files = lidar_frame(
             (f"{folder / VIDEO}, picture {place}", str(depths[name])),
             partial(read_video_frame, folder / VIDEO, place),
             partial(read_depth, depths[name]),
@@ -55,8 +56,7 @@ def list_frames(scene: str, folder: Path) -> list[PosedFrame]:
             pose_of(row.at(0), [values[each] for each in BARE[:3]], [values[each] for each in BARE[3:]]),
             confidence=partial(levels_of_png, levels[name]) if name in levels else None,
         )
-
-    return posed_frames(scene, folder, (listed(place, row) for place, row in enumerate(rows)))
+        yield name, files
 
 
 def _odometry(path: Path) -> tuple[Sequence[str], list[Row]]:

@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dlama.datasets.posed.posed_frames import FrameFiles, Lens, PosedFrame, files_of, posed_frames
+from dlama.datasets.posed.posed_frames import Lens, Listed, files_of
 from dlama.datasets.text_tables import pose_at, read_rows
 from dlama.errors import CameraError, FileError
 from dlama.files.atomic_write import new_file
@@ -202,21 +202,18 @@ def model_folder(root: Path) -> Path | None:
     return None
 
 
-def list_frames(scene: str, folder: Path) -> list[PosedFrame]:
+def list_frames(folder: Path) -> Listed:
     """The frames of one scene. Raises FileError, CameraError."""
     model = model_folder(folder)
     assert model is not None
-    images = read_model(model)
-
-    def files(image: ColmapImage) -> FrameFiles | str:
+    for image in read_model(model):
+        name = Path(image.name).with_suffix("").as_posix().replace("/", "_")
         depth = depth_of(folder, image)
         if depth is None:
-            return f"without depth/NAME.png (millimetres) or {DENSE}/NAME{DENSE_KINDS[0]}"
+            yield name, f"without depth/NAME.png (millimetres) or {DENSE}/NAME{DENSE_KINDS[0]}"
+            continue
         units, color = 1000.0 if depth.suffix == ".png" else 1.0, folder / "images" / image.name
-        return files_of(color, depth, image.lens, image.world_from_cam, units, has_far=True)
-
-    names = [Path(image.name).with_suffix("").as_posix().replace("/", "_") for image in images]
-    return posed_frames(scene, folder, ((name, files(image)) for name, image in zip(names, images)))
+        yield name, files_of(color, depth, image.lens, image.world_from_cam, units, has_far=True)
 
 
 def depth_of(folder: Path, image: ColmapImage) -> Path | None:

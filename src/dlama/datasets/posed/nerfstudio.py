@@ -24,7 +24,7 @@ import cv2
 import numpy as np
 from PIL import Image
 
-from dlama.datasets.posed.posed_frames import FrameFiles, Lens, PosedFrame, files_of, posed_frames, units_per_metre
+from dlama.datasets.posed.posed_frames import Lens, Listed, files_of, units_per_metre
 from dlama.datasets.text_tables import pose_at
 from dlama.errors import CameraError
 from dlama.files.fields import FileFields, Intrinsics, read_json_fields
@@ -50,17 +50,16 @@ def looks_like(root: Path) -> bool:
     return (root / NAME).is_file()
 
 
-def list_frames(scene: str, folder: Path) -> list[PosedFrame]:
+def list_frames(folder: Path) -> Listed:
     """The frames of one scene. Raises FileError, CameraError."""
     fields = read_json_fields(folder / NAME)
-    listed = fields.entries("frames", "frames")
     units = units_per_metre(fields, UNIT, DEPTH_UNIT)
     units_of_exr = units_per_metre(fields, UNIT, 1.0)
-
-    def listing(number: int, each: object) -> tuple[str, FrameFiles | str]:
+    for number, each in enumerate(fields.entries("frames", "frames")):
         frame = fields.part(f"frames[{number}]", each)
         if "depth_file_path" not in frame:
-            return "", "without a depth_file_path"
+            yield "", f"without a depth_file_path in {NAME}"
+            continue
         color, depth = (Path(frame.text(name)) for name in ("file_path", "depth_file_path"))
         pose = pose_at(f"{frame.path}: transform_matrix", frame.matrix("transform_matrix", (4, 4)) @ CV_FROM_GL)
         lens = lens_of(FileFields(frame.path, {**fields.values, **frame.values}))
@@ -68,9 +67,7 @@ def list_frames(scene: str, folder: Path) -> list[PosedFrame]:
         files = files_of(folder / color, folder / depth, lens, pose, own, has_far=True)
         if "mask_path" in frame:
             files = replace(files, shown=partial(read_region, folder / frame.text("mask_path")))
-        return color.stem, files
-
-    return posed_frames(scene, fields.path, (listing(number, each) for number, each in enumerate(listed)))
+        yield color.stem, files
 
 
 def lens_of(fields: FileFields) -> Lens:

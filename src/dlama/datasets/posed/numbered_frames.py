@@ -18,15 +18,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from dlama.datasets.posed.posed_frames import (
-    CameraOption,
-    FrameFiles,
-    Lens,
-    PosedFrame,
-    files_of,
-    lens_for,
-    posed_frames,
-)
+from dlama.datasets.posed.posed_frames import CameraOption, FrameFiles, Lens, Listed, files_of, lens_for
 from dlama.datasets.posed.registered_depth import register_depth
 from dlama.datasets.text_tables import files_in, read_pose
 from dlama.errors import FileError
@@ -50,19 +42,17 @@ def has_numbered_frames(root: Path) -> bool:
     return first is not None and first.with_name(f"{frame_name(first)}.depth.png").is_file()
 
 
-def seven_scenes_frames(scene: str, folder: Path, root: Path, camera: CameraOption) -> list[PosedFrame]:
+def seven_scenes_frames(folder: Path, root: Path, camera: CameraOption) -> Listed:
     """The frames of one sequence of 7-Scenes. Raises FileError, CameraError."""
     if camera is None:
-        numbered = ((name, _register(files)) for name, files in numbered_files(folder, DEPTH_LENS))
-        return posed_frames(scene, folder, numbered)
-    return posed_frames(scene, folder, numbered_files(folder, lens_for(folder, root, camera, (), "")))
+        return ((name, _register(files)) for name, files in numbered_files(folder, DEPTH_LENS))
+    return numbered_files(folder, lens_for(folder, root, camera, (), ""))
 
 
-def tsdf_fusion_frames(scene: str, folder: Path, root: Path, camera: CameraOption) -> list[PosedFrame]:
+def tsdf_fusion_frames(folder: Path, root: Path, camera: CameraOption) -> Listed:
     """The frames of one sequence, whose K lies in its folder or in the one above. Raises FileError, CameraError."""
     advice = f"the layout needs a {TSDF_INTRINSICS}"
-    lens = lens_for(folder, folder.parent, camera, (TSDF_INTRINSICS,), advice)
-    return posed_frames(scene, folder, numbered_files(folder, lens))
+    return numbered_files(folder, lens_for(folder, folder.parent, camera, (TSDF_INTRINSICS,), advice))
 
 
 SEVEN_SCENES = SimpleNamespace(

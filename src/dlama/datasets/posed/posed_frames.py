@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import logging
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -97,6 +97,10 @@ class FrameFiles:
     """H x W of the picture, False where it shows nothing of the scene; None: it shows it everywhere."""
 
 
+Listed = Iterator[tuple[str, FrameFiles | str]]
+"""Name and files of each frame, or why it is left out."""
+
+
 def files_of(
     color: Path, depth: Path, lens: Lens, pose: Float64Array, units: float = 1000.0, has_far: bool = False
 ) -> FrameFiles:
@@ -124,11 +128,8 @@ def posed_frame(scene: str, name: str, files: FrameFiles, yaw: float | None = No
     return PosedFrame(scene, name, load, yaw, world_from_cam=files.world_from_cam, load_depth=depth)
 
 
-def posed_frames(scene: str, place: PathLike, listed: Iterable[tuple[str, FrameFiles | str]]) -> list[PosedFrame]:
-    """The frames of a scene; listed: name and files of each, or why it is left out, which a line reports.
-
-    Raises FileError where none is kept.
-    """
+def posed_frames(scene: str, place: Path, listed: Listed) -> list[PosedFrame]:
+    """The frames of a scene, without those that are left out, which a line reports. Raises FileError where none is kept."""
     frames, left_out = list[PosedFrame](), Counter[str]()
     for name, files in listed:
         if isinstance(files, str):

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dlama.datasets.posed.posed_frames import CameraOption, FrameFiles, PosedFrame, files_of, lens_for, posed_frames
+from dlama.datasets.posed.posed_frames import CameraOption, Listed, files_of, lens_for
 from dlama.datasets.text_tables import files_by_stem, files_in, pose_at, read_matrix
 from dlama.errors import FileError
 
@@ -21,20 +21,18 @@ def looks_like(root: Path) -> bool:
     return all((root / name).is_dir() for name in ("color", "depth", "pose"))
 
 
-def list_frames(scene: str, folder: Path, root: Path, camera: CameraOption) -> list[PosedFrame]:
+def list_frames(folder: Path, root: Path, camera: CameraOption) -> Listed:
     """The frames of one scene. Raises FileError, CameraError."""
     lens = lens_for(
         folder, root, camera, ("intrinsic/intrinsic_color.txt",), "no other file says where colours are seen from"
     )
     colors = files_by_stem(folder / "color", (".jpg", ".jpeg", ".png"))
-
-    def files(path: Path) -> FrameFiles | str:
-        if path.stem not in colors:
-            raise FileError(f"{folder / 'color' / path.stem}.jpg: no such file, but {path} is there")
+    for path in files_in(folder / "pose", (".txt",)):
+        name = path.stem
+        if name not in colors:
+            raise FileError(f"{folder / 'color' / name}.jpg: no such file, but {path} is there")
         pose = read_matrix(path, (4, 4), finite=False)
-        if not np.isfinite(pose).all():
-            return "without a pose: tracking was lost"
-        depth = folder / "depth" / f"{path.stem}.png"
-        return files_of(colors[path.stem], depth, lens, pose_at(f"{path}:1:1", pose))
-
-    return posed_frames(scene, folder, ((path.stem, files(path)) for path in files_in(folder / "pose", (".txt",))))
+        if np.isfinite(pose).all():
+            yield name, files_of(colors[name], folder / "depth" / f"{name}.png", lens, pose_at(f"{path}:1:1", pose))
+        else:
+            yield name, "without a pose: tracking was lost"

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from dlama.datasets.posed.posed_frames import CameraOption, PosedFrame, files_of, lens_for, posed_frame
+from dlama.datasets.posed.posed_frames import CameraOption, Listed, files_of, lens_for
 from dlama.datasets.text_tables import files_in, matrix_of, pose_at, read_rows
 from dlama.errors import FileError
 from dlama.geometry.camera import Float64Array
@@ -26,7 +26,7 @@ def looks_like(root: Path) -> bool:
     return any((root / name).is_file() for name in LOGS) and (root / "depth").is_dir()
 
 
-def list_frames(scene: str, folder: Path, root: Path, camera: CameraOption) -> list[PosedFrame]:
+def list_frames(folder: Path, root: Path, camera: CameraOption) -> Listed:
     """The frames of one scene. Raises FileError, CameraError."""
     names = "camera_intrinsic.json", "intrinsic.json", "camera.json"
     advice = "the log has no intrinsics (Open3D's own default for PrimeSense is 525 525 319.5 239.5)"
@@ -40,10 +40,8 @@ def list_frames(scene: str, folder: Path, root: Path, camera: CameraOption) -> l
             f"{folder}: {colors.name}/ holds {len(color)} pictures and depth/ {len(depth)}; as many are expected"
         )
     log = next(folder / name for name in LOGS if (folder / name).is_file())
-    return [
-        posed_frame(scene, color[place].stem, files_of(color[place], depth[place], lens, pose))
-        for place, pose in sorted(read_log(log, len(color)).items())
-    ]
+    for place, pose in sorted(read_log(log, len(color)).items()):
+        yield color[place].stem, files_of(color[place], depth[place], lens, pose)
 
 
 def read_log(path: Path, pictures: int) -> dict[int, Float64Array]:

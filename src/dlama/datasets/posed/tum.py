@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dlama.datasets.posed.posed_frames import CameraOption, FrameFiles, PosedFrame, files_of, lens_for, posed_frames
+from dlama.datasets.posed.posed_frames import CameraOption, Listed, files_of, lens_for
 from dlama.datasets.text_tables import Row, nearest_in_time, pose_of, read_rows
 from dlama.errors import FileError
 from dlama.geometry.camera import Float64Array
@@ -31,23 +31,21 @@ def looks_like(root: Path) -> bool:
     return all((root / name).is_file() for name in LISTINGS)
 
 
-def list_frames(scene: str, folder: Path, root: Path, camera: CameraOption) -> list[PosedFrame]:
+def list_frames(folder: Path, root: Path, camera: CameraOption) -> Listed:
     """The frames of one sequence. Raises FileError, CameraError."""
     lens = lens_for(folder, root, camera, ("camera.json",), ADVICE)
     (times, rows), *others = (_listing(folder / name, count) for name, count in zip(LISTINGS, (2, 2, 8)))
-
-    def files(time: float, row: Row) -> FrameFiles | str:
+    for time, row in zip(times.tolist(), rows):
+        color = folder / row.words[1]
         places = [nearest_in_time(each, time, NEAREST_S) for each, _ in others]
         near = [each[place] for (_, each), place in zip(others, places) if place is not None]
         if len(near) < len(others):
-            return f"without depth or a pose within {NEAREST_S:g} s"
+            yield color.stem, f"without depth or a pose within {NEAREST_S:g} s"
+            continue
         depth, pose = near
         _, *numbers = pose.numbers("time tx ty tz qx qy qz qw", 8)
         at = pose_of(pose.at(4), numbers[:3], numbers[3:])
-        return files_of(folder / row.words[1], folder / depth.words[1], lens, at, units=5000.0)
-
-    listed = zip(times.tolist(), rows)
-    return posed_frames(scene, folder, ((Path(row.words[1]).stem, files(time, row)) for time, row in listed))
+        yield color.stem, files_of(color, folder / depth.words[1], lens, at, units=5000.0)
 
 
 def _listing(path: Path, count: int) -> tuple[Float64Array, list[Row]]:
