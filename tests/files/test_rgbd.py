@@ -94,3 +94,5 @@ def test_other_sizes(tmp_path: Path) -> None:
     for how in ("nearest", None):  # an option that would be refused is not advised
         with pytest.raises(ShapeError, match=r"d\.png is 4x4 and .*crop one of them to what both show$"):
             read_rgbd(*pair(tmp_path, np.ones((4, 4))), fov=60, resize_depth=how)
+    with pytest.raises(ShapeError, match=r"d\.png is 3x4 and .*turned by 90 degrees, turn it back$"):
+        read_rgbd(*pair(tmp_path, depth.T), fov=60, resize_depth="guided")

@@ -210,9 +210,11 @@ def _resize_depth(
             )
         return metres
     sizes = f"{depth} is {metres.shape[1]}x{metres.shape[0]} and {image} {hw[1]}x{hw[0]}"
-    proportions = metres.shape[1] / metres.shape[0] * hw[0] / hw[1]
-    if abs(proportions - 1) > SAME_PROPORTIONS:
-        raise ShapeError(f"{sizes}; they cannot show the same field of view: crop one of them to what both show")
+    (height, width), proportions = metres.shape, hw[1] / hw[0]
+    if abs(width / height / proportions - 1) > SAME_PROPORTIONS:
+        turned = abs(height / width / proportions - 1) <= SAME_PROPORTIONS
+        mend = "one is turned by 90 degrees, turn it back" if turned else "crop one of them to what both show"
+        raise ShapeError(f"{sizes}; they cannot show the same field of view: {mend}")
     if how is None:
         raise ShapeError(f"{sizes}; both must have the same size, or give `resize_depth=guided`")
     smaller = metres.size < hw[0] * hw[1]
