@@ -6,6 +6,7 @@ Runs where playwright is installed and a Chromium is found; elsewhere it is skip
 from __future__ import annotations
 
 import base64
+import itertools
 import zipfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -325,6 +326,55 @@ def waiting(page: Any, held: list[Any]) -> None:
         page.wait_for_timeout(50)
 
 
+def test_what_takes_long_says_so(pages: Pages, frame: Path) -> None:
+    """Reading, completing and drawing (oracle: what is shown while their answers are held back); a picture that is on the page is
+    not asked for again."""
+    page, held, asked = pages.open(), [], []
+    page.route("**/api/read", lambda route: held.append(route))
+    page.set_input_files("#files", [frame / "image.png", frame / "depth.png"])
+    waiting(page, held)
+    playwright.expect(page.get_by_text("reading …")).to_be_visible()
+    held.pop().continue_()
+    page.unroute("**/api/read")
+    page.fill("#fov", "60")
+    page.get_by_role("button", name="Read again").click()
+    page.locator("#marker").wait_for()
+    playwright.expect(page.get_by_text("reading …")).to_be_hidden()
+    page.route(
+        "**/api/run", lambda route: route.fulfill(json={"state": "running", "stage": "fill frame 0", "share": 0.5})
+    )
+    page.locator("#complete").click()
+    playwright.expect(page.locator("#run-words")).to_have_text("filling")
+    page.unroute("**/api/run")
+    page.locator("#after[src]").wait_for()
+    page.route("**/api/picture", lambda route: (asked.append(route.request.post_data_json["kind"]), held.append(route)))
+    for kind in ("hole_type", "origin"):
+        choose(page, "kind", kind)
+        waiting(page, held)
+        playwright.expect(page.locator("#drawing")).to_be_visible()
+        while held:
+            held.pop().continue_()
+            page.wait_for_timeout(50)
+        playwright.expect(page.locator("#drawing")).to_be_hidden()
+    assert sorted(asked) == ["hole_type", "image", "origin"]
+
+
+@pytest.mark.filterwarnings("ignore:the (field of view|scale)")  # of a photo alone, assumed
+def test_the_brush_is_as_wide_in_a_large_picture(pages: Pages, tmp_path: Path) -> None:
+    """Oracle: its share of the picture, as in the example of 512 pixels, within a rounding."""
+    page = pages.open()
+    page.locator("[data-example=photo]").click()
+    page.locator("#marker").wait_for()
+    small = page.evaluate("[Number(brush.value), Number(brush.max)]")
+    photo = cv2.imread(str(dlama.example() / "street.jpg"))
+    cv2.imwrite(str(tmp_path / "large.jpg"), cv2.resize(photo, (2048, 2048)))
+    page.get_by_role("button", name="Start over").click()
+    page.set_input_files("#files", tmp_path / "large.jpg")
+    playwright.expect(page.locator('.under [data-fact="picture"]')).to_contain_text("2048")
+    large = page.evaluate("[Number(brush.value), Number(brush.max)]")
+    np.testing.assert_allclose(large, 4 * np.array(small), rtol=0.01)
+
+
 def test_bad_files_are_told_beside_their_field(pages: Pages, frame: Path, tmp_path: Path) -> None:
     """A damaged picture, an ending that is none, a file too large: each says so, and the page goes on."""
     page = pages.open()
@@ -339,6 +389,9 @@ def test_bad_files_are_told_beside_their_field(pages: Pages, frame: Path, tmp_pa
     page.set_input_files("#files", tmp_path / "large.png")
     playwright.expect(page.get_by_text("has 9 MB; up to 8 MB are taken")).to_be_visible()
     page.get_by_role("button", name="Start over").click()
+    (tmp_path / "camera.json").touch()  # its field is hidden, for no file is left
+    page.set_input_files("#files", [tmp_path / "camera.json", frame / "image.png"])
+    playwright.expect(page.get_by_text("camera.json: is empty (0 bytes)")).to_be_visible()
     (tmp_path / "calib.json").write_text('{"K": 3}')
     page.set_input_files("#files", [frame / "image.png", tmp_path / "calib.json"])
     playwright.expect(page.locator('[data-error="right"]')).to_contain_text(
@@ -459,6 +512,12 @@ def test_it_fits_and_is_named(width: int, scheme: str, pages: Pages, frame: Path
     page = pages.open(width, 844, color_scheme=scheme)
     hand_in(page, frame)
     complete(page)
+    playwright.expect(page.locator("#after-name")).to_have_text("completed")
+    page.wait_for_timeout(100)
+    box = page.locator("#compare").bounding_box()
+    assert box["y"] >= 0 and box["y"] + box["height"] <= 844
+    steps = [pixels(page, f"#card-{name} .number") for name in ("open", "marks", "move", "do")]
+    assert not any(np.array_equal(one, other) for one, other in itertools.combinations(steps, 2))
     assert page.evaluate("document.documentElement.scrollWidth") <= width
     unnamed = page.evaluate(
         """[...document.querySelectorAll('input, select, button, canvas')].filter((one) => !one.closest('[hidden]') &&

@@ -139,6 +139,7 @@ def test_a_damaged_file_is_named_as_the_visitor_names_it(visit: Visit, frame: Pa
         ("a.json: fx is 3 and the camera is far", "a.json: fx is 3 and the camera is far"),
         ("`clicks` holds 3,4, which lies on a wall; far away", "a click holds 3,4, which lies on a wall; far away"),
         ("no depth is nearer than `far`, 3 m", "no depth is nearer than “Sky from”, 3 m"),
+        ("or a metric `depth_model`", "or a metric network of depth (on the command line)"),
         ("see `depth_by` and `depth_scale=5`", "see depth_by and “Units per metre”=5"),
     ],
 )  # fmt: skip

@@ -164,7 +164,7 @@ def test_what_is_handed_in_is_bounded(server: Server, frame: Path) -> None:
         "error": "large.png: is 1000x1200 pixels; this page takes up to 1 million, scale it down or use the command line",
         "field": "picture",
     }
-    assert page.upload("picture", b"", "a.png", 400)["error"] == "the file is empty"
+    assert page.upload("picture", b"", "a.png", 400)["error"] == "a.png: is empty (0 bytes)"
     assert page.post("state")["files"] == {}
     page.post("read", b"[" * 2**20 + b"]", status=413)
     page.post("read", b"[" * 10_000, status=400)

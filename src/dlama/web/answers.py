@@ -58,6 +58,7 @@ FIELDS: dict[str, str] = {
 WORDS = {
     "camera": "a camera file",
     "camera=FILE.json": "a camera file",
+    "depth_model": "network of depth (on the command line)",
     "clicks": "a click",
     "not_clicks": "a click outside the object",
     **{

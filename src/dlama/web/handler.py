@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any, Protocol
 from urllib.parse import parse_qs, unquote, urlsplit
 
-from dlama.errors import DlamaError, system_reason
+from dlama.errors import DlamaError, FileError, system_reason
 from dlama.web import api
 from dlama.web.answers import Blob, Limits, PageError, field_of, hide_paths, use_page_words
 from dlama.web.visits import Visit, Visits
@@ -204,11 +204,11 @@ class Handler(BaseHTTPRequestHandler):
     def _stream(self, file: Any) -> None:
         left = self._length(self.server.limits.bytes)
         if not left:
-            raise PageError("the file is empty")
+            raise FileError(f"{file.name}: is empty (0 bytes)")
         while left:
             part = self.rfile.read(min(CHUNK, left))
             if not part:
-                raise PageError("the upload was broken off")
+                raise FileError(f"{file.name}: the upload was broken off")
             file.write(part)
             left -= len(part)
 

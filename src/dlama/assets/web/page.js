@@ -7,13 +7,13 @@ import { noResult, repaint, showResult } from "/result.js";
 import * as server from "/server.js";
 
 const NAMES = { picture: "Picture", depth: "Depth", camera: "Camera", right: "Right", calib: "Calibration" };
-const STAGES = { render: "rendering", fill: "filling", fuse: "fusing", exchange: "what the other eye saw" };
+const STAGES = { prepare: "preparing", render: "rendering", fill: "filling", fuse: "fusing", exchange: "what the other eye saw", estimate: "estimating depth" };
 let settings, source = null;
 
 // ---- 1 the picture
 function takeFiles(list) {
   const files = [...list];
-  if (files.length) server.inTurn(() => taken(files));
+  if (files.length) server.inTurn(() => shownWhile(() => taken(files), ""));
 }
 
 async function taken(files) {
@@ -35,7 +35,7 @@ async function send(role, file) {
   try {
     await server.upload(role, file);
     return true;
-  } catch (error) { failed(error, role); await refresh(); return false; }
+  } catch (error) { await refresh(); failed(error, role); return false; }
 }
 
 async function refresh() { showUploads((await server.ask("state")).files); }
@@ -66,8 +66,11 @@ async function read() {
 
 async function shownWhile(work, fallback) {
   document.body.ariaBusy = "true";
-  $("busy").hidden = false;
-  try { await work(); } catch (error) { failed(error, fallback); } finally { document.body.ariaBusy = "false"; $("busy").hidden = true; }
+  for (const words of all(".busy")) words.hidden = false;
+  try { await work(); } catch (error) { failed(error, fallback); } finally {
+    document.body.ariaBusy = "false";
+    for (const words of all(".busy")) words.hidden = true;
+  }
 }
 
 function noSource() {
@@ -100,6 +103,7 @@ async function showSource(state) {
   $("empty").hidden = true;
   document.body.classList.add("loaded");
   document.documentElement.style.setProperty("--aspect", source.width / source.height);
+  fitBrush(Math.max(source.width, source.height));
   document.querySelector('input[name="shown"][value="color"]').checked = true;
   $("source-ramp").hidden = true;
   marker.reset();
@@ -189,7 +193,19 @@ for (const input of all('input[name="tool"]')) input.addEventListener("change", 
   $("brush-row").hidden = !["add", "erase"].includes(marker.tool);
   if ($("pane-source").hidden) openTab("source");
 });
-$("brush").addEventListener("input", () => { marker.brush = Number($("brush").value); $("brush").nextElementSibling.textContent = `${marker.brush} px`; });
+$("brush").addEventListener("input", takeBrush);
+function takeBrush() {
+  marker.brush = Number($("brush").value);
+  $("brush").nextElementSibling.textContent = `${marker.brush} px`;
+}
+// On the screen it is as wide whatever the size of the picture: pixels of the picture are smaller in a larger one.
+function fitBrush(longest) {
+  const widest = Math.min(500, Math.max(80, Math.round(longest / 6.4)));
+  if (Number($("brush").max) === widest) return;
+  $("brush").max = widest;
+  $("brush").value = Math.max(14, Math.round(longest / 36.6));
+  takeBrush();
+}
 $("grow").addEventListener("input", () => { $("grow").nextElementSibling.textContent = `${$("grow").value} px`; });
 $("grow").addEventListener("change", () => { if (marker.marks.length) sendMarks(); });
 $("shadow").addEventListener("change", () => { if (marker.marks.length) sendMarks(); });
@@ -225,10 +241,10 @@ async function complete() {
 async function follow() {
   const answer = await server.follow(({ state, stage, share }) => {
     $("progress").value = share ?? 0;
-    $("run-words").textContent = { waiting: "waiting for its turn", running: STAGES[stage] ?? stage ?? "" }[state] ?? "";
+    $("run-words").textContent = { waiting: "waiting for its turn", running: STAGES[stage?.split(" ")[0]] ?? stage ?? "" }[state] ?? "";
   });
   if (answer.state !== "done") { $("run-words").textContent = "cancelled"; return; }
-  $("run-words").textContent = `${answer.result.filler}, ${answer.seconds.toFixed(1)} s`;
+  $("run-words").textContent = `${answer.result.filler}, ${answer.seconds.toFixed(1)}\u00a0s`;
   await showResult(answer.result);
 }
 

@@ -7,13 +7,14 @@ import * as server from "/server.js";
 
 // ---- the result
 const compare = new Compare($("compare"), $("split"), readPixel);
-let askedPicture = 0, result = null, sceneOf = null;
+let askedPicture = 0, result = null, sceneOf = null, shownBefore = "";
 
 export function noResult() { result = sceneOf = null; }
 
 export async function showResult(answer) {
   result = answer;
   sceneOf = null;
+  shownBefore = "";
   for (const name of ["result", "scene"]) enable(name, true);
   $("card-home").hidden = false;
   $("sides").hidden = !answer.pair;
@@ -27,6 +28,7 @@ export async function showResult(answer) {
   compare.split(50);
   openTab("result");
   await showKind();
+  $("compare").scrollIntoView({ block: "nearest" });
 }
 
 const right = () => Boolean(result.pair && chosen("side") === "right");
@@ -37,16 +39,19 @@ async function showKind() {
   const names = { source: "before", known: "known from here", depth_known: "known depth", image: kind === "image" ? "completed" : "completed picture" };
   $("readout").textContent = "Click a pixel: its depth, 3-D point, origin and confidence.";
   $("cross").hidden = true;
+  $("drawing").hidden = false;
+  const wanted = `${before} ${right()}`, kinds = wanted === shownBefore ? [kind] : [kind, before];
   try {
-    const [first, second] = await Promise.all([before, kind].map((one) => server.fetched("picture", { kind: one, right: right() })));
+    const [after, first] = await Promise.all(kinds.map((one) => server.fetched("picture", { kind: one, right: right() })));
     if (number !== askedPicture) return;
-    await Promise.all([server.showIn($("before"), first.blob), server.showIn($("after"), second.blob)]);
+    shownBefore = wanted;
+    await Promise.all([server.showIn($("after"), after.blob), first && server.showIn($("before"), first.blob)]);
     $("before-name").textContent = names[before];
     $("after-name").textContent = { depth: "completed depth", hole_type: "hole types", origin: "origin", confidence: "confidence" }[kind] ?? "completed";
     $("before").alt = names[before];
     $("after").alt = $("after-name").textContent;
     showLegend(kind);
-  } catch (error) { failed(error, "home"); }
+  } catch (error) { failed(error, "home"); } finally { if (number === askedPicture) $("drawing").hidden = true; }
 }
 
 function showLegend(kind) {
