@@ -261,7 +261,7 @@ SEQUENCE = {
     "masks": Reach("--masks folder", "mask_files.folder", Path("folder")),
 }
 VIDEO = {
-    "frames": Reach("--frames 0:9:3", "read_scene_of.which", "0:9:3"),
+    "frames": Reach("--frames 0:9:3", "read_scene_of.frames", "0:9:3"),
     "source": instead("other", "read_scene_of.dataset", Path("other"), "scene.npz"),
     "output": Reach("-o b.gif", "write_video.path", Path("b.gif"), ("-o out.gif",)),
     "fps": Reach("--fps 10", "write_video.fps", 10.0),

@@ -19,7 +19,7 @@ from dlama.datasets.posed.view_pairs import NoPairsError
 from dlama.errors import format_count
 from dlama.geometry.rgbd import RGBD
 from dlama.perception.diagnosis.finding import Finding, Observed
-from dlama.perception.diagnosis.frames.landing import SmallFrame, shrink
+from dlama.perception.diagnosis.frames.landing import shrink
 from dlama.perception.diagnosis.frames.odd_frames import compare_frames
 from dlama.perception.diagnosis.rgbd_checks import describe_frame, run_checks
 from dlama.perception.diagnosis.stereo_pair import check_pair
@@ -71,17 +71,11 @@ def examine_scene(frames: Sequence[Frame]) -> tuple[list[Finding], RGBD]:
     """Findings on the frames of a scene, each read once; and the first frame in a row."""
     row = frames_in_a_row(frames)
     spread = np.linspace(0, len(frames) - 1, min(len(frames), COMPARED)).round().astype(int)
-    first, small = None, dict[str, SmallFrame]()
-    for frame in {each.name: each for each in (*(frames[place] for place in spread), *row)}.values():
-        rgbd = frame.load()
-        small[name_of(frame)] = shrink(rgbd)
-        first = rgbd if frame is row[0] else first
-    assert first is not None
-    name = name_of(row[0])
-    found, of_poses = (
-        run_checks(Observed.of(first, (name, name, name))),
-        compare_frames(small, [name_of(each) for each in row], row[0].scene),
-    )
+    first, name = row[0].load(), name_of(row[0])
+    looked_at = {each.name: each for each in (*(frames[place] for place in spread), *row)}.values()
+    small = {name_of(each): shrink(first if each is row[0] else each.load()) for each in looked_at}
+    found = run_checks(Observed.of(first, (name, name, name)))
+    of_poses = compare_frames(small, [name_of(each) for each in row], row[0].scene)
     if any(each.check == "depth-scale" and each.what.startswith(f"{name}:") for each in of_poses):
         found = [each for each in found if each.check != "depth-scale"]
     return [*found, *of_poses], first

@@ -61,8 +61,7 @@ def video(
     with report_result("video", report) as result, counting_bar("video", report) as bar:
         check_video(output)
         check_file_apart(output, {"what is shown": source})
-        options = dict(vars(frames))
-        scene = read_scene_of(source, options.pop("frames"), **options).scene
+        scene = read_scene_of(source, **vars(frames)).scene
         cameras = path_for(moving.path, scene, moving.seconds, moving.fps, moving.width)
         how = given_options(filler)
         chosen = choose_filler(scene.has_estimated_depth, how.pop("filler", AUTO), how.get("model")).name

@@ -10,6 +10,7 @@ recorded by itself names its topics in its own way: `realsense`.
 from __future__ import annotations
 
 import functools
+import itertools
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import partial
@@ -31,6 +32,7 @@ from dlama.datasets.captures.ros_messages import (
     intrinsics_of_info,
     is_color,
     is_depth,
+    is_read,
     is_rectified,
     seconds_of,
     times_to_match,
@@ -125,16 +127,14 @@ class Bag:
 
     def _list_topics(self) -> tuple[dict[str, tuple[Topic, Any]], dict[str, Any], Transforms]:
         """Topic -> its pictures and the first message, camera_info by topic, and the transforms."""
-        heads: dict[str, list[tuple[float, int, str]]] = {}
-        first: dict[str, Any] = {}
+        pictures: dict[str, tuple[Any, list[tuple[float, int, str]]]] = {}
         infos, transforms = dict[str, Any](), Transforms()
         options = dict[str, float]()
         for topic, kind, place, message in self._messages():
             if kind in IMAGES:
-                if is_depth(message) or is_color(message):
-                    first.setdefault(topic, message)
+                if is_read(message):
                     frame = realsense.stream_of(topic) or message.header.frame_id
-                    heads.setdefault(topic, []).append((seconds_of(message), place, frame))
+                    pictures.setdefault(topic, (message, []))[1].append((seconds_of(message), place, frame))
                 else:
                     self.unread.setdefault(topic, getattr(message, "encoding", "no pixels"))
             elif kind == INFO:
@@ -144,11 +144,11 @@ class Bag:
             else:
                 self._add_transforms(transforms, topic, message)
         topics = {}
-        for name, found in heads.items():
-            stamps, places, frames = zip(*sorted(found))
-            topics[name] = (Topic(name, frames[0].lstrip("/"), np.array(stamps), places), first[name])
+        for name, (first, heads) in pictures.items():
+            stamps, places, frames = zip(*sorted(heads))
+            topics[name] = (Topic(name, frames[0].lstrip("/"), np.array(stamps), places), first)
             stream = realsense.stream_of(name)
-            if stream and self._has_depth(name, first[name]):
+            if stream and self._has_depth(name, first):
                 self._find_unit(name, options.get(stream.rsplit("/", 1)[0], 0.0))
         return topics, infos, transforms
 
@@ -196,15 +196,15 @@ class Bag:
 
     def pair(self) -> tuple[Topic, Topic]:
         """The colour and the depth topic: those of one camera frame first, then by name. FileError."""
-        colors = [found for found, message in self.topics.values() if is_color(message) and not is_depth(message)]
+        colors = [found for found, message in self.topics.values() if is_color(message)]
         depths = [found for found, message in self.topics.values() if self._has_depth(found.name, message)]
         unread = [f"{topic} has the encoding {code}, which is not read" for topic, code in self.unread.items()]
         if not colors or not depths:
             found = "; ".join([", ".join(sorted(self.topics)) or "none", *unread])
             raise FileError(f"{self.path}: a colour and a depth topic are expected; of pictures it has {found}")
-        pairs = [(color, depth) for color in colors for depth in depths]
+        pairs = itertools.product(colors, depths)
         color, depth = min(pairs, key=lambda pair: (pair[0].frame != pair[1].frame, *map(self._rank, pair)))
-        if len(pairs) > 1:
+        if len(colors) * len(depths) > 1:
             LOG.info("%s: %s and %s are taken of %d topics", self.path, color.name, depth.name, len(self.topics))
         if unread and self._is_grey(color):
             LOG.warning("%s: %s, which is grey, is taken for the picture; %s", self.path, color.name, "; ".join(unread))

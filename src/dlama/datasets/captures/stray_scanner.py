@@ -12,8 +12,6 @@ from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
-import numpy as np
-
 from dlama.datasets.captures.captured_frames import levels_of_png, lidar_frame
 from dlama.datasets.posed.posed_frames import Lens, Listed
 from dlama.datasets.text_tables import Row, files_by_stem, matrix_of, pose_of, read_rows
@@ -24,7 +22,6 @@ from dlama.files.rasters.video_frames import read_video_frame, video_times
 VIDEO, ODOMETRY, MATRIX = "rgb.mp4", "odometry.csv", "camera_matrix.csv"
 BARE = ("x", "y", "z", "qx", "qy", "qz", "qw")
 """Columns of early versions, which wrote no head line."""
-LENS_COLUMNS = ("fx", "fy", "cx", "cy")
 
 
 def looks_like(root: Path) -> bool:
@@ -35,7 +32,7 @@ def looks_like(root: Path) -> bool:
 def list_frames(folder: Path) -> Listed:
     """The frames of one scene. Raises FileError, CameraError."""
     names, rows = _odometry(folder / ODOMETRY)
-    shared = _matrix(folder) if not set(LENS_COLUMNS) <= set(names) else None
+    shared = None if {"fx", "fy", "cx", "cy"} <= set(names) else _matrix(folder)
     pictures = len(video_times(folder / VIDEO))
     depths, levels = (files_by_stem(folder / name, (".png",)) for name in ("depth", "confidence"))
     for place, row in enumerate(rows):
@@ -47,12 +44,11 @@ def list_frames(folder: Path) -> Listed:
         if name not in depths:
             yield name, "without depth"
             continue
-        fx, fy, cx, cy = (values.get(each, np.nan) for each in LENS_COLUMNS)
         files = lidar_frame(
             (f"{folder / VIDEO}, picture {place}", str(depths[name])),
             partial(read_video_frame, folder / VIDEO, place),
             partial(read_depth, depths[name]),
-            shared or Lens(row.at(0), (fx, fy, cx, cy), 0.5),
+            shared or Lens(row.at(0), (values["fx"], values["fy"], values["cx"], values["cy"]), 0.5),
             pose_of(row.at(0), [values[each] for each in BARE[:3]], [values[each] for each in BARE[3:]]),
             confidence=partial(levels_of_png, levels[name]) if name in levels else None,
         )

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import cv2
 import numpy as np
@@ -46,26 +46,18 @@ class LoadedScene(NamedTuple):
 
 
 def read_scene_of(
-    dataset: PathLike,
-    which: str | None = None,
-    layout: str | None = None,
-    scene: str | None = None,
-    camera: CameraOption = None,
-    depth_range: float | None = None,
-    clip: float | None = None,
-    align: bool = False,
+    dataset: PathLike, frames: str | None = None, *, clip: float | None = None, align: bool = False, **options: Any
 ) -> LoadedScene:
-    """The scene of the frames that `which` chooses. A scene.npz is one already.
+    """The scene of the frames that `frames` chooses, read with the options of `open_frames`. A scene.npz is one already.
 
     clip: metres, as of `complete`. align: poses are made to agree with the pictures, where they do not (`align_frames`).
     """
     if Path(dataset).suffix.lower() == ".npz":
-        reading = {"layout": layout, "scene": scene, "camera": camera, "depth_range": depth_range}
-        _check_whole_scene(dataset, which, reading, clip, align)
+        _check_whole_scene(dataset, frames, options, clip, align)
         found = read_scene(dataset)
         return LoadedScene([f"frame-{number:04d}" for number in range(max(found.numbers) + 1)], found, {}, [])
-    every = open_frames(dataset, layout, camera=camera, depth_range=depth_range, scene=scene)
-    chosen = slice_frames(every, which)
+    every = open_frames(dataset, **options)
+    chosen = slice_frames(every, frames)
     kept = {frame.name for frame in chosen}
     views, damaged = read_views(align_poses(chosen) if align else chosen, PixelCache(), clip)
     if not views:
@@ -77,12 +69,12 @@ def read_scene_of(
 
 
 def _check_whole_scene(
-    dataset: PathLike, which: str | None, reading: Mapping[str, object], clip: float | None, align: bool
+    dataset: PathLike, frames: str | None, options: Mapping[str, object], clip: float | None, align: bool
 ) -> None:
     """Raise InputError for what can be asked for of frames alone."""
-    if which is not None:
-        raise InputError(f"`frames` is {which}, and {dataset} is a scene; its frames cannot be chosen any more")
-    for name, value in reading.items():
+    if frames is not None:
+        raise InputError(f"`frames` is {frames}, and {dataset} is a scene; its frames cannot be chosen any more")
+    for name, value in options.items():
         if value is not None:
             raise InputError(f"`{name}` says how a data set is read, and {dataset} is a scene, which has all of it")
     if clip is not None:
@@ -136,8 +128,7 @@ def masks_by_number(
     damaged, others: name -> why, of frames that are left out, `damaged` of those that have no place either; masks of both are
     warned of. Raises InputError: no mask is left, no such frame, or a place where frames are damaged, which moves the places.
     """
-    given = {name: as_array(mask, "mask", "a bool array H x W") for name, mask in masks.items()}
-    given = {name: mask for name, mask in given.items() if mask.any()} or given
+    given = _drop_empty({name: as_array(mask, "mask", "a bool array H x W") for name, mask in masks.items()})
     why = {**damaged, **others}
     unused = [name for name in given if name in why]
     if unused and len(unused) == len(given):
@@ -147,12 +138,19 @@ def masks_by_number(
         what = f"{format_count(len(unused), 'mask')} of frames that are left out: not used ({listed})"
         warnings.warn(what, UserWarning, stacklevel=3)
     found: dict[int, BoolArray] = {}
-    for name in (name for name in given if name not in unused):
+    for name in given:
+        if name in unused:
+            continue
         number = _number_of(name, names, damaged)
         if number in found:
             raise InputError(f"mask: frame {names[number]} has two; one mask a frame is expected")
         found[number] = given[name]
     return found
+
+
+def _drop_empty(masks: dict[str, BoolArray]) -> dict[str, BoolArray]:
+    """Those that are not empty, unless all are."""
+    return {name: mask for name, mask in masks.items() if mask.any()} or masks
 
 
 def _number_of(name: str, names: Sequence[str], damaged: Mapping[str, str]) -> int:

@@ -106,8 +106,10 @@ def sequence(
     check_arguments(sequence, locals())
     started, target, chosen = time.perf_counter(), Path(output), check_results(only, also)
     method = Options(filler=filler, model=model, recipe=recipe, dilate=dilate, seed=seed, min_confidence=min_confidence)
-    source = frames, layout, scene, camera, depth_range
-    names, given, damaged, not_chosen = read_scene_of(dataset, *source, method.settings.clip, align)
+    options = {"layout": layout, "scene": scene, "camera": camera, "depth_range": depth_range}
+    names, given, damaged, not_chosen = read_scene_of(
+        dataset, frames, clip=method.settings.clip, align=align, **options
+    )
     kept = [names[number] for number in given.numbers]
     cameras = cameras_for(views, given)
     check_first_frame(given)

@@ -23,7 +23,7 @@ from dlama.evaluation.metrics.pictures import channel_gain, depth_8bit, mse_map,
 from dlama.evaluation.metrics.regions import removal_regions
 from dlama.evaluation.protocols.methods import Measure, Method, MethodRun, ProtocolSettings, Scored, run_method
 from dlama.evaluation.protocols.reliability import reliability_measures
-from dlama.evaluation.protocols.scores import Gain, Reference, artifact_measures, picture_panel
+from dlama.evaluation.protocols.scores import Gain, Reference, artifact_measures, picture_panel, view_measures
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.cloud import PointCloud
 from dlama.geometry.codes import HoleType, from_filler
@@ -53,7 +53,7 @@ def score_mask(truth: RemovalTruth, method: Method, settings: ProtocolSettings, 
     reference = reference_of(truth, settings)
     mask = grow_or_shrink(truth.mask, change)
     run = run_method(method, truth.source, truth.source.camera, mask)
-    measures = removal_measures(run, reference, truth) + reference.shares()
+    measures = removal_measures(run, reference, truth)
     if change:
         return Scored(tuple(measures), f"mask{change:+d}", meta=run.completion.meta)
     shown = picture_panel(run, reference, truth.source, truth.without)
@@ -70,17 +70,13 @@ def removal_measures(run: MethodRun, reference: Reference, truth: RemovalTruth) 
     view = run.view()
     inside = reference.within(truth.mask)
     return [
-        *run.hole_shares(),
-        *reference.color_measures(view.color),
-        *reference.depth_measures(view.depth),
-        *reference.metre_measures(view.depth, run.without_depth()),
+        *view_measures(run, reference),
         *change_outside(view, truth.source, reference.regions["outside"]),
         *cloud_measures(run, truth.without, inside),
         *reliability_measures(run, reference),
         *artifact_measures(
             run, view, reference.match_exposure(view.color), inside, "mask", truth.without, truth.source
         ),
-        run.timing(),
     ]
 
 

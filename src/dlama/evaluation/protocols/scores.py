@@ -115,6 +115,19 @@ class Reference:
         return found
 
 
+def view_measures(run: MethodRun, reference: Reference) -> list[Measure]:
+    """Of the last view of a run: its holes, colours, depth as a picture and in metres, how large each region is, and seconds."""
+    view = run.view()
+    return [
+        *run.hole_shares(),
+        *reference.color_measures(view.color),
+        *reference.depth_measures(view.depth),
+        *reference.metre_measures(view.depth, run.without_depth()),
+        *reference.shares(),
+        run.timing(),
+    ]
+
+
 def region_ssim(ssim: Float64Array, region: BoolArray | None) -> float:
     """Mean of an SSIM map over a region; None: the whole picture without its border, as scikit-image has it."""
     edge = (SETTINGS.ssim_window - 1) // 2

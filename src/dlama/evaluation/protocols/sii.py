@@ -36,7 +36,7 @@ from dlama.evaluation.protocols.methods import (
 )
 from dlama.evaluation.protocols.ori import cloud_measures
 from dlama.evaluation.protocols.reliability import reliability_measures
-from dlama.evaluation.protocols.scores import Reference, artifact_measures, leak_measures, picture_panel
+from dlama.evaluation.protocols.scores import Reference, artifact_measures, leak_measures, picture_panel, view_measures
 from dlama.geometry.camera import StereoRig
 from dlama.geometry.projection import depth_from_disparity, disparity_from_depth
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
@@ -83,10 +83,10 @@ def score_removal(truth: StereoTruth, method: Method, settings: ProtocolSettings
     assert truth.mask_left is not None and truth.without_left is not None
     if run.method.fills:
         view = run.view(0)
+        measures += [*left.depth_measures(view.depth), *left.metre_measures(view.depth)]
+        measures += reliability_measures(run, left, 0)
         if truth.metric:
-            measures += [*left.depth_measures(view.depth), *left.metre_measures(view.depth)]
             measures += cloud_measures(run, truth.without_left, truth.mask_left)
-            measures += reliability_measures(run, left, 0)
         measures += pair_measures(run, truth, truth.mask_left)
         measures += artifact_measures(
             run, view, left.match_exposure(view.color), truth.mask_left, "mask", truth.without_left
@@ -104,7 +104,8 @@ def removal_references(truth: StereoTruth, settings: ProtocolSettings) -> tuple[
     for frame, mask, suffix in zip(frames, masks, ("", RIGHT)):
         if frame is None or mask is None:
             raise InputError("sii: a mask is given, but not both masks with both true frames without the object")
-        references.append(Reference(frame.color, frame.depth, {"mask": mask}, settings, suffix=suffix))
+        depth = frame.depth if truth.metric else None
+        references.append(Reference(frame.color, depth, {"mask": mask}, settings, suffix=suffix))
     return references[0], references[1]
 
 
@@ -131,21 +132,15 @@ def pair_measures(run: MethodRun, truth: StereoTruth, mask: BoolArray) -> list[M
 def score_right(truth: StereoTruth, run: MethodRun, source: RGBD, settings: ProtocolSettings, variant: str) -> Scored:
     """The right view made from the left, against the true right picture."""
     reference = right_reference(truth, settings)
-    view, depth = run.view(), right_depth(truth)
-    target = RGBD(truth.right, depth, truth.rig.right)
-    measures = [*run.hole_shares(), *reference.color_measures(view.color), *reference.shares(), run.timing()]
-    if depth.any():
-        if truth.metric:
-            measures += [
-                *reference.depth_measures(view.depth),
-                *reference.metre_measures(view.depth, run.without_depth()),
-            ]
-        if run.method.fills:
-            measures += right_disparity(truth, reference, view.depth)
-        measures += leak_measures(run, target, reference.regions["seen"])
+    view, target = run.view(), RGBD(truth.right, right_depth(truth), truth.rig.right)
+    measured = None if variant else source  # a disparity it found itself is no measurement to hold against it
+    measures = [
+        *view_measures(run, reference),
+        *leak_measures(run, target, reference.regions["seen"]),
+        *artifact_measures(run, view, view.color, reference.regions["unseen"], "unseen", target, measured),
+    ]
     if run.method.fills:
-        measured = None if variant else source  # a disparity it found itself is no measurement to hold against it
-        measures += artifact_measures(run, view, view.color, reference.regions["unseen"], "unseen", target, measured)
+        measures += right_disparity(truth, reference, view.depth)
     shown = None if variant else picture_panel(run, reference, source, target)
     return Scored(tuple(measures), variant, shown, run.completion.meta)
 

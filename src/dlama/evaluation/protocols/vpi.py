@@ -18,7 +18,7 @@ from dlama.evaluation.metrics.regions import source_visibility
 from dlama.evaluation.metrics.reliability import color_tolerance
 from dlama.evaluation.protocols.methods import Method, ProtocolSettings, Scored, run_method
 from dlama.evaluation.protocols.reliability import reliability_measures
-from dlama.evaluation.protocols.scores import Reference, artifact_measures, leak_measures, picture_panel
+from dlama.evaluation.protocols.scores import Reference, artifact_measures, leak_measures, picture_panel, view_measures
 from dlama.geometry.rgbd import RGBD
 from dlama.inpainters.confidence import COLOR_WITHIN
 
@@ -44,17 +44,12 @@ def score_view(truth: ViewTruth, method: Method, settings: ProtocolSettings, dil
     run = run_method(method, truth.source, truth.target.camera, truth.object_mask if removed else None, **changes)
     view = run.view()
     measures = [
-        *run.hole_shares(),
-        *reference.color_measures(view.color),
-        *reference.depth_measures(view.depth),
-        *reference.metre_measures(view.depth, run.without_depth()),
+        *view_measures(run, reference),
         *leak_measures(run, target, reference.regions["seen"]),
         *reliability_measures(run, reference),
         *artifact_measures(
             run, view, reference.match_exposure(view.color), reference.regions["unseen"], "unseen", target, truth.source
         ),
-        run.timing(),
-        *reference.shares(),
     ]
     panel = None if removed else picture_panel(run, reference, truth.source, target)
     return Scored(tuple(measures), f"object,dilate={dilate}" if removed else "", panel, run.completion.meta)

@@ -7,35 +7,35 @@ not published, and its masks, scenes and sky differ from every data set here.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 
 Which = tuple[str, str, str]
 """Region, modality, metric."""
 
 MASK_RATIO: Which = ("whole", "rgb", "mask_ratio")
 """Share of the picture that the recipe had to fill."""
-PAPER_SHAPE: tuple[Which, ...] = tuple(
-    ("whole", modality, metric) for modality in ("rgb", "depth") for metric in ("ssim", "lpips", "mse")
-)
+
+
+def list_columns(regions: Sequence[str], metrics: Mapping[str, str]) -> tuple[Which, ...]:
+    """The metrics (modality -> names, with blanks between them) of each region."""
+    return tuple(
+        (region, modality, metric)
+        for region in regions
+        for modality, names in metrics.items()
+        for metric in names.split()
+    )
+
+
+PAPER_SHAPE = list_columns(("whole",), {"rgb": "ssim lpips mse", "depth": "ssim lpips mse"})
 """The columns of the paper's tables 1 and 2."""
 WHOLE: tuple[Which, ...] = (MASK_RATIO, *PAPER_SHAPE)
 """Those with the share to fill before them."""
 
 HIGHER = ("ssim", "psnr", "delta", "precision", "recall", "fscore", "coverage")
 LOWER = (
-    *("lpips", "mse", "mae", "rmse", "absrel", "accuracy", "completeness", "bad", "epe", "seconds", "peak", "error"),
-    *(
-        "difference",
-        "offset",
-        "spread",
-        "leak",
-        "violation",
-        "broken",
-        "changed",
-        "photometric",
-        "ece",
-        "ause",
-    ),
-)
+    "lpips", "mse", "mae", "rmse", "absrel", "accuracy", "completeness", "bad", "epe", "seconds", "peak", "error", "difference",
+    "offset", "spread", "leak", "violation", "broken", "changed", "photometric", "ece", "ause",
+)  # fmt: skip
 """Words with which names of metrics begin, or which are in them."""
 
 MODALITIES = {
@@ -89,42 +89,20 @@ PAPER_DEPTH = {
 HIDDEN = ("unseen", "disoccluded", "out-of-view", "object", "mask", "mask-right")
 """Regions that the source camera did not see, by the truth: what a filler is for."""
 KNOWN = ("seen", "ring", "outside", "shadow", "whole")
-INTEREST = tuple(
-    (modality, metric)
-    for modality, metrics in {
-        "rgb": ("ssim", "lpips", "mse", "psnr"),
-        "depth": ("ssim", "lpips", "mse"),
-        "depth_m": ("mae", "absrel", "delta1.05", "delta1.25"),
-        "disparity": ("bad-1", "bad-2", "epe"),
-        "cloud": ("accuracy", "completeness", "fscore_0.02", "fscore_0.05", "fscore_0.10"),
-    }.items()
-    for metric in metrics
-)
+INTEREST = {
+    "rgb": "ssim lpips mse psnr",
+    "depth": "ssim lpips mse",
+    "depth_m": "mae absrel delta1.05 delta1.25",
+    "disparity": "bad-1 bad-2 epe",
+    "cloud": "accuracy completeness fscore_0.02 fscore_0.05 fscore_0.10",
+}
 """What the main tables show; everything else is in the tables of artifacts."""
-PER_YAW_HIDDEN: tuple[Which, ...] = (
-    ("unseen", "rgb", "lpips"),
-    ("unseen", "rgb", "psnr"),
-    ("unseen", "depth_m", "mae"),
+PER_YAW_HIDDEN = list_columns(("unseen",), {"rgb": "lpips psnr", "depth_m": "mae"})
+REMOVAL = list_columns(
+    ("mask",), {"rgb": "ssim lpips mse", "depth_m": "mae", "cloud": "fscore_0.05", "disparity": "bad-1"}
 )
-REMOVAL: tuple[Which, ...] = tuple(
-    ("mask", modality, metric)
-    for modality, metric in (
-        *(("rgb", "ssim"), ("rgb", "lpips"), ("rgb", "mse"), ("depth_m", "mae")),
-        *(("cloud", "fscore_0.05"), ("disparity", "bad-1")),
-    )
-)
-VARIANT_METRICS: tuple[Which, ...] = (
-    *(
-        (region, modality, metric)
-        for region in ("whole", "unseen", "mask")
-        for modality, metric in (
-            ("rgb", "ssim"),
-            ("rgb", "lpips"),
-            ("rgb", "mse"),
-            ("depth", "mse"),
-            ("depth_m", "mae"),
-        )
-    ),
+VARIANT_METRICS = (
+    *list_columns(("whole", "unseen", "mask"), {"rgb": "ssim lpips mse", "depth": "mse", "depth_m": "mae"}),
     ("shadow", "rgb", "mse"),
 )
 

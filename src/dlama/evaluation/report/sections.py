@@ -18,6 +18,7 @@ from dlama.evaluation.report.columns import (
     VARIANT_METRICS,
     WHOLE,
     Which,
+    list_columns,
 )
 from dlama.evaluation.report.paired_comparison import paired_comparison
 from dlama.evaluation.report.reliability import RELIABILITY_TEXT, reliability_tables
@@ -151,7 +152,7 @@ class _Part:
         return _drop_missing([different, _fold(others)])
 
     def _interesting(self, regions: Sequence[str]) -> list[Which]:
-        return [(region, *which) for region in regions for which in INTEREST if (region, *which) in self.measured]
+        return [which for which in list_columns(regions, INTEREST) if which in self.measured]
 
     def _paired_table(self, chosen: Sequence[Which]) -> Table | None:
         return paired_comparison(self.rows, self.place.protocol, self.place.dataset, chosen, self.seed)

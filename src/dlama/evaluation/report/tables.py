@@ -73,7 +73,7 @@ def side_by_side(place: Place, chosen: Iterable[Which], methods: Sequence[str], 
     rows = []
     for which in chosen:
         cells = _mark_best([_cell(place, ALL, one, which) for one in methods], which[2], methods)
-        if any(cell is not EMPTY for cell in cells):
+        if any(cell != EMPTY for cell in cells):
             rows.append((Cell(which[0]), Cell(column_title(*which)), *cells))
     return Table(title, ("region", "metric", *methods), tuple(rows), with_intervals=True) if rows else None
 
@@ -142,4 +142,4 @@ def _mark_best(cells: list[Cell], metric: str, methods: Sequence[str]) -> list[C
     if side == 0 or len({cell.text for cell in known}) < 2:
         return cells
     best = max(known, key=lambda cell: side * (cell.value or 0.0)).text
-    return [cell._replace(best=True) if does and cell.text == best else cell for cell, does in zip(cells, fills)]
+    return [cell._replace(best=does and cell.text == best) for cell, does in zip(cells, fills)]

@@ -146,18 +146,17 @@ def _apple_packet(packets: list[Xmp]) -> Xmp | None:
 def _of_apple(codes: np.ndarray, packet: Xmp, orientation: int, hw: tuple[int, int], source: str) -> PhotoDepth:
     names = ("IntMinValue", "IntMaxValue", "FloatMinValue", "FloatMaxValue")
     first, last, low, high = (packet.number(f"{APDI}{name}") for name in names)
-    kind = packet.text(f"{APDI}AuxiliaryImageType") or ""
+    kind = packet.text(f"{APDI}AuxiliaryImageType")
     inverse, camera = kind == "disparity", _apple_camera(packet, orientation, hw)
     about: dict[str, Any] = {"source": f"{source} {kind}", **_size(codes)}
-    for name in ("Accuracy", "Quality", "Filtered"):
-        if (value := packet.text(f"{DEPTH_DATA}{name}")) is not None:
-            about[name.lower()] = value
+    stated = {name.lower(): packet.text(f"{DEPTH_DATA}{name}") for name in ("Accuracy", "Quality", "Filtered")}
+    about |= {name: value for name, value in stated.items() if value is not None}
     if low is None or high is None or high <= low:
         return PhotoDepth(_inverse(_levels(codes), inverse), False, camera, about=about)
     first, last = first or 0.0, last or float(_largest_code(codes))
     values = (low + (codes - first) * ((high - low) / (last - first))).astype(np.float32)
-    far = codes <= first if inverse else codes >= last
-    about |= {"range": [low, high], "unit": "1/m" if inverse else "m", **_far_limit(far)}
+    far, unit = (codes <= first, "1/m") if inverse else (codes >= last, "m")
+    about |= {"range": [low, high], "unit": unit, **_far_limit(far)}
     return PhotoDepth(_inverse(values, inverse), True, camera, about=about)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import re
+import stat
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -81,9 +82,8 @@ def existing_file(path: PathLike) -> Path:
     """The path, if a readable file is there; raises FileError."""
     file = Path(path)
     try:
-        kind, size = file.is_dir(), file.stat().st_size
-        special = not (kind or file.is_file())
-        if not (kind or special):
+        found = file.stat()
+        if stat.S_ISREG(found.st_mode):
             file.open("rb").close()
     except FileNotFoundError:
         fetched = "; addresses are for `dlama batch` alone" if ADDRESS.match(str(path)) else ""
@@ -92,11 +92,11 @@ def existing_file(path: PathLike) -> Path:
         raise FileError(
             f"{printable_name(path)}: cannot be read ({getattr(error, 'strerror', '') or error})"
         ) from error
-    if kind:
+    if stat.S_ISDIR(found.st_mode):
         raise FileError(f"{file}: is a directory, a file is expected")
-    if special:  # a named pipe would be waited for, /dev/zero never ends
+    if not stat.S_ISREG(found.st_mode):  # a named pipe would be waited for, /dev/zero never ends
         raise FileError(f"{file}: is a pipe or device, a file on disk is expected")
-    if size == 0:
+    if not found.st_size:
         raise FileError(f"{file}: is empty (0 bytes)")
     return file
 
@@ -272,5 +272,6 @@ def _describe_file(file: Path) -> str:
         return "; a recording goes into sequence, photo3d, show and doctor"
     if head.startswith(b"PK") and suffix != ".npz":
         return ", but a ZIP archive: unpack it, and give the folder or the picture in it"
-    which = "a scene" if suffix == ".npz" else "the scene.npz of the result" if suffix in (".ply", ".glb") else ""
+    scene = "the scene.npz of the result"
+    which = {".npz": "a scene", ".ply": scene, ".glb": scene}.get(suffix)
     return f"; {which} goes into view, photo3d, sequence, video and show (--also scene writes it)" if which else ""
