@@ -20,11 +20,10 @@ def given_files(inputs: Inputs) -> dict[str, Any]:
     return {role: path for role, path in inputs.items() if path is not None}
 
 
-def check_folder_apart(output: Path, inputs: Inputs, not_results: Inputs | None = None) -> None:
+def check_folder_apart(output: Path, inputs: Inputs) -> None:
     """Raise OutputError where the directory `output` is the folder of an input, is itself the input, or is a file.
 
-    Results have names like image.png and depth.png, and are placed as one folder. not_results: inputs that may lie in the output
-    (a camera file, a network), where no result has their name (which is checked when results are written).
+    Results have names like image.png and depth.png, and are placed as one folder.
     """
     check_place(output)
     for role, path in _given_paths(inputs):
@@ -32,9 +31,6 @@ def check_folder_apart(output: Path, inputs: Inputs, not_results: Inputs | None 
             raise OutputError(f"`output` is {output}, an input of this run ({role}); give another directory")
         if path.is_file() and any(_same(output, one.parent) for one in (path, path.resolve())):
             raise OutputError(f"`output` is {output}, the folder of the {role} {path.name}; give another directory")
-    for role, path in _given_paths(not_results or {}):
-        if _same(output, path):
-            raise OutputError(f"`output` is {output}, an input of this run ({role}); give another directory")
 
 
 def check_file_apart(output: Path, inputs: Inputs, *, makes_folder: bool = False) -> None:

@@ -50,18 +50,38 @@ def _short_name(name: str) -> str:
 @contextlib.contextmanager
 def hold(path: Path) -> Iterator[None]:
     """While this is open, `path` (a file or folder that is there, and may be renamed) belongs to this process."""
-    key, handle = str(path), None
+    key = str(path)
     _mine.add(key)
     try:
-        if fcntl is not None:
-            with contextlib.suppress(OSError):  # a file system without locks: process and age decide
-                handle = os.open(path, os.O_RDONLY)
-                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        yield
+        with lock(path):
+            yield
     finally:
         _mine.discard(key)
+
+
+@contextlib.contextmanager
+def lock(path: Path) -> Iterator[bool]:
+    """While this is open, no other process can lock that file or folder. False: another one has; True, too, where the file
+    system, or Windows, has no locks."""
+    handle, free = None, True
+    if fcntl is not None:
+        with contextlib.suppress(OSError):
+            writes = path.is_file() and os.access(path, os.W_OK)  # NFS locks no file that is open to be read
+            handle = os.open(path, os.O_RDWR if writes else os.O_RDONLY)
+            free = _is_free(handle)
+    try:
+        yield free
+    finally:
         if handle is not None:
             os.close(handle)
+
+
+def _is_free(handle: int) -> bool:
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    return True
 
 
 def in_a_draft(path: Path) -> bool:
@@ -104,21 +124,10 @@ def is_abandoned(path: Path, prefix: str) -> bool:
 
 
 def _is_locked(path: Path) -> bool:
-    if fcntl is None:
-        return False
-    try:
-        handle = os.open(path, os.O_RDONLY)
-    except OSError:
+    if not os.access(path, os.R_OK):
         return True  # not ours to remove
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return True
-    except OSError:
-        return False
-    finally:
-        os.close(handle)
-    return False
+    with lock(path) as free:
+        return not free
 
 
 def _is_running(pid: int) -> bool:

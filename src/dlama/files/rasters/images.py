@@ -219,10 +219,10 @@ def open_heif(file: Path, source: Path | io.BytesIO, **options: bool) -> Any:
     return import_extra("pillow_heif", f"{file}: a HEIC picture", "pillow-heif", "heic").open_heif(source, **options)
 
 
-def picture_of_bytes(data: bytes, where: str, formats: tuple[str, ...] = ("JPEG", "PNG")) -> Image.Image:
-    """A picture of those formats, decoded. FileError, which begins with `where`: it is damaged, of another kind or too large."""
-    with any_error(FileError, f"{where}: is damaged, or not packed as {' or '.join(formats)}"):
-        picture = Image.open(io.BytesIO(data), formats=formats)
+def picture_of_bytes(data: bytes, where: str) -> Image.Image:
+    """A JPEG or PNG, decoded. FileError, which begins with `where`: it is damaged, of another kind or too large."""
+    with any_error(FileError, f"{where}: is damaged, or not packed as JPEG or PNG"):
+        picture = Image.open(io.BytesIO(data), formats=("JPEG", "PNG"))
         check_pixels(where, *picture.size)
         picture.load()
         return picture

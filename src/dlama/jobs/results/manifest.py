@@ -17,19 +17,15 @@ import tempfile
 import time
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import IO, Any
+from typing import IO
 
 from dlama.errors import InputError, OutputError, system_errors
 from dlama.files.atomic_write import writing
+from dlama.files.drafts import lock
 from dlama.jobs.job import Job, folders_above
 from dlama.jobs.results.result import CSV_COLUMNS, JobResult
 from dlama.jobs.storage import Output, file_stamp, file_system, is_address
 from dlama.models.verify import sha256_of
-
-try:
-    import fcntl
-except ImportError:  # Windows
-    fcntl = None  # type: ignore[assignment]
 
 FOLDER, TABLE = "manifest", "manifest.csv"
 SHARD_ROWS = 20_000
@@ -56,7 +52,7 @@ class Manifest:
         self._writer: IO[bytes] | None = None
         self._shard_rows = 0
         self._sent = (0, time.monotonic())
-        self._lock: Any = None
+        self._lock = contextlib.ExitStack()
         self._folder = Path(self._temporary.name, FOLDER) if output.is_remote else Path(output.of(FOLDER))
         try:
             if not read_only:
@@ -171,27 +167,22 @@ class Manifest:
         with contextlib.ExitStack() as stack:
             stack.callback(self._temporary.cleanup)
             stack.callback(self._index.close)
-            for stream in (self._writer, self._lock):
-                if stream is not None:
-                    stack.callback(stream.close)
+            stack.callback(self._lock.close)
+            if self._writer is not None:
+                stack.callback(self._writer.close)
             if self.output.is_remote and self._writer is not None:
                 self._send()
 
     @system_errors(OutputError)
     def _open(self) -> None:
         self._folder.mkdir(parents=True, exist_ok=True)
-        if fcntl is None or self.output.is_remote:
+        if self.output.is_remote:
             return
-        self._lock = (self._folder / "lock").open("w")
-        try:
-            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            self._lock.close()
+        (self._folder / "lock").touch()
+        if not self._lock.enter_context(lock(self._folder / "lock")):
             raise OutputError(
                 f"{self.output.place}: another run is writing there; wait for it, or give another directory"
-            ) from None
-        except OSError:  # a file system without locks
-            pass
+            )
 
     def _read_shards(self) -> None:
         if self.output.is_remote:

@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
+from dlama.perception.resampling import nearest_pixels
 
 SMALLEST_CROP = 0.7
 """Least side of a crop, as a share of the frame's smaller side."""
@@ -66,14 +67,9 @@ def random_crop(hw: tuple[int, int], size: int, rng: np.random.Generator, around
 
 def resize_frame(rgbd: RGBD, factor: float) -> RGBD:
     """A frame with `factor` times as many pixels a side (rounded)."""
-    hw = scale_size(rgbd.camera.hw, factor)
-    depth = rgbd.depth[nearest_indices(rgbd.camera.hw, hw)]
-    return RGBD(resize_color(rgbd.color, hw), depth, rgbd.camera.resized(hw[1], hw[0]))
-
-
-def scale_size(hw: tuple[int, int], factor: float) -> tuple[int, int]:
-    """Height and width times a factor, rounded, 1 or more."""
-    return max(1, round(hw[0] * factor)), max(1, round(hw[1] * factor))
+    height, width = (max(1, round(side * factor)) for side in rgbd.camera.hw)
+    color, depth = resize_color(rgbd.color, (height, width)), nearest_pixels(rgbd.depth, (height, width))
+    return RGBD(color, depth, rgbd.camera.resized(width, height))
 
 
 def resize_color(color: UInt8Array, hw: tuple[int, int]) -> UInt8Array:
@@ -85,18 +81,10 @@ def resize_color(color: UInt8Array, hw: tuple[int, int]) -> UInt8Array:
 def resize_mask(mask: BoolArray, hw: tuple[int, int]) -> BoolArray:
     """H x W bool at another height and width, True wherever any of it was."""
     if hw[0] >= mask.shape[0]:
-        return mask[nearest_indices((mask.shape[0], mask.shape[1]), hw)]
+        return nearest_pixels(mask, hw)
     return np.asarray(cv2.resize(mask.astype(np.float32), hw[::-1], interpolation=cv2.INTER_AREA) > 1e-6)
 
 
 def resize_disparity(disparity: Float32Array, hw: tuple[int, int]) -> Float32Array:
     """H x W px at another height and width, in pixels of that width."""
-    before = (disparity.shape[0], disparity.shape[1])
-    return (disparity[nearest_indices(before, hw)] * np.float32(hw[1] / before[1])).astype(np.float32)
-
-
-def nearest_indices(before: tuple[int, int], after: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
-    """Indices of the pixels in which the centres of the resized picture's pixels lie."""
-    rows = ((np.arange(after[0]) + 0.5) * (before[0] / after[0])).astype(np.intp)
-    columns = ((np.arange(after[1]) + 0.5) * (before[1] / after[1])).astype(np.intp)
-    return rows[:, None], columns[None]
+    return (nearest_pixels(disparity, hw) * np.float32(hw[1] / disparity.shape[1])).astype(np.float32)

@@ -6,6 +6,7 @@ import logging
 import signal
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -134,14 +135,12 @@ class RunCallback(pl.Callback):
         """Begin the table, and listen for signals."""
         assert isinstance(module, TrainingModule)
         self.device = module.device
-        failed: str | None = None
-        if trainer.is_global_zero:
-            try:
-                self.table = MetricsTable(self.run, columns(self.settings), module.step)
-            except (OSError, DlamaError) as error:
-                failed = str(error)
+
+        def begin() -> None:
             LOG.info("%s", module.perceptual.note if module.perceptual else "no perceptual term")
-        failed = broadcast_message(trainer, failed)
+            self.table = MetricsTable(self.run, columns(self.settings), module.step)
+
+        failed = run_in_first(trainer, begin)
         if failed is not None:
             raise OutputError(failed)
         self.stop.listen()
@@ -230,13 +229,8 @@ class RunCallback(pl.Callback):
         if trainer.world_size > 1:
             states = [None] * trainer.world_size
             torch.distributed.all_gather_object(states, random_state())
-        failed: str | None = None
-        if trainer.is_global_zero:
-            try:
-                write_checkpoint(self.run / LAST, checkpoint_of(module, self.stopwatch.seconds, states))
-            except OutputError as error:
-                failed = str(error)
-        failed = broadcast_message(trainer, failed)
+        path, seconds = self.run / LAST, self.stopwatch.seconds
+        failed = run_in_first(trainer, lambda: write_checkpoint(path, checkpoint_of(module, seconds, states)))
         if failed is not None and required:
             raise OutputError(failed)
         module.guard.keep(module)  # in all processes, written or not: what they return to must be the same
@@ -246,13 +240,17 @@ class RunCallback(pl.Callback):
         self._checkpoint_step = module.step
 
 
-def broadcast_message(trainer: pl.Trainer, message: str | None) -> str | None:
-    """The first process's message, in all processes: they continue, or end, together."""
-    if trainer.world_size == 1:
-        return message
-    shared = [message]
-    torch.distributed.broadcast_object_list(shared, src=0)
-    return shared[0]
+def run_in_first(trainer: pl.Trainer, write: Callable[[], object]) -> str | None:
+    """Write in the first process; what went wrong there, in all processes: they continue, or end, together. None: nothing."""
+    failed: list[str | None] = [None]
+    if trainer.is_global_zero:
+        try:
+            write()
+        except (OSError, DlamaError) as error:
+            failed = [str(error)]
+    if trainer.world_size > 1:
+        torch.distributed.broadcast_object_list(failed, src=0)
+    return failed[0]
 
 
 def columns(settings: TrainSettings) -> list[str]:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import csv
 import logging
-import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
@@ -16,13 +15,9 @@ from typing import Any
 
 from dlama.errors import DlamaError, FileError, InputError, OutputError
 from dlama.files.atomic_write import new_file
+from dlama.files.drafts import lock
 from dlama.training.presets import read_settings, settings_of, to_json
 from dlama.training.settings import TrainSettings
-
-try:
-    import fcntl
-except ImportError:  # Windows: two runs in one directory are not noticed
-    fcntl = None  # type: ignore[assignment]
 
 LOG = logging.getLogger("dlama")
 SETTINGS, METRICS, LOG_FILE, SHEETS, LAST = "settings.json", "metrics.csv", "log.txt", "sheets", "last.ckpt"
@@ -96,20 +91,10 @@ def holds_run(run: Path) -> bool:
 @contextmanager
 def lock_run(run: Path) -> Iterator[None]:
     """While this is open no other process can train in the directory. OutputError where one does."""
-    if fcntl is None:
+    with lock(run) as free:
+        if not free:
+            raise OutputError(f"{run}: another process trains there")
         yield
-        return
-    handle = os.open(run, os.O_RDONLY)
-    try:
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            raise OutputError(f"{run}: another process trains there") from error
-        except OSError:  # a file system without locks
-            LOG.debug("%s cannot be locked", run)
-        yield
-    finally:
-        os.close(handle)
 
 
 def write_settings(run: Path, settings: TrainSettings) -> None:

@@ -46,17 +46,18 @@ class LpipsLoss(nn.Module):
         graph = onnx.load(FILE).graph
         stored = {one.name: onnx.numpy_helper.to_array(one).astype(np.float32) for one in graph.initializer}
         stored |= {node.output[0]: stored[node.input[0]] for node in graph.node if node.op_type == "Cast"}
-        nodes, constants = (
-            {node.output[0]: node for node in graph.node},
-            {n: torch.from_numpy(stored[n]) for n in stored},
+        constants = {name: torch.from_numpy(array) for name, array in stored.items()}
+        layers = [node for node in graph.node if node.op_type == "Conv"]
+        self.convolutions = nn.ModuleList(
+            convolution(each, *(constants[name] for name in each.input[1:])) for each in layers
         )
+        self.pool = nn.MaxPool2d(3, 2)
         shift, scale, *_ = graph.node
-        heads = [nodes[name] for name in sorted(nodes) if name.startswith("tap")]
-        self.convolutions, self.pool = nn.ModuleList(), nn.MaxPool2d(3, 2)
-        for node in graph.node:
-            if node.op_type == "Conv":
-                self.convolutions.append(convolution(node, *(constants[name] for name in node.input[1:])))
-        for name, node in zip(("shift", "scale", *(f"head{n}" for n in range(len(heads)))), (shift, scale, *heads)):
+        taps = sorted(
+            (node for node in graph.node if node.output[0].startswith("tap")), key=lambda node: node.output[0]
+        )
+        weighted = {"shift": shift, "scale": scale} | {f"head{number}": node for number, node in enumerate(taps)}
+        for name, node in weighted.items():
             self.register_buffer(name, constants[node.input[1]], persistent=False)
         self.requires_grad_(False)
 

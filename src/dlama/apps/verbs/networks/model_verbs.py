@@ -146,21 +146,19 @@ class Verify(Report):
     def run(self) -> None:
         """Print a line each; what is wrong ends with an error."""
         with report_result("models verify", self) as result:
-            chosen = (
-                [record(self.name)] if self.name else [one for one in CATALOGUE.values() if target_path(one).is_file()]
-            )
-            verdicts = [verify(entry) for entry in chosen]
-            bad = [verdict for verdict in verdicts if verdict.state in ("wrong", "missing")]
-            good = [f"{one.path}: {one.state}, {one.detail}" for one in verdicts if one not in bad]
-            files = [
-                {"model": entry.name, "file": str(one.path), "state": one.state, "detail": one.detail}
-                for entry, one in zip(chosen, verdicts)
-            ]
-            for line in good if chosen else [f"no model is in {directory()}"]:
-                result.add(line)
-            result.values["files"] = files
+            here = [name for name, one in CATALOGUE.items() if target_path(one).is_file()]
+            verdicts = {name: verify(record(name)) for name in ([self.name] if self.name else here)}
+            files, bad = result.values.setdefault("files", []), list[str]()
+            for name, one in verdicts.items():
+                files.append({"model": name, "file": str(one.path), "state": one.state, "detail": one.detail})
+                if one.state in ("wrong", "missing"):
+                    bad.append(f"{one.path}: {one.detail}")
+                else:
+                    result.add(f"{one.path}: {one.state}, {one.detail}")
+            if not verdicts:
+                result.add(f"no model is in {directory()}")
         if bad:
-            raise FileError("; ".join(f"{verdict.path}: {verdict.detail}" for verdict in bad))
+            raise FileError("; ".join(bad))
 
 
 def models(
