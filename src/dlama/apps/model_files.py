@@ -11,7 +11,7 @@ from pathlib import Path
 from dlama import __version__
 from dlama.apps.terminal.streams import printable
 from dlama.errors import FileError, OutputError, system_errors
-from dlama.files.atomic_write import new_file
+from dlama.files.atomic_write import new_file, write_file
 from dlama.models.cache import directory, locate, user_path
 from dlama.models.records import CATALOGUE
 from dlama.models.verify import sha256_of, size_and_sha256
@@ -44,8 +44,7 @@ def model_for(model: Path | str) -> Path:
         print(printable(f"note: {target}: is not as it was written; it is made anew"), file=sys.stderr)
     for note in convert(path, target, licence_of(size, sha256)):
         print(printable(f"note: {note}"), file=sys.stderr)
-    with new_file(hash_file) as draft:
-        draft.write_text(f"{sha256_of(target)}\n", "ascii")
+    write_file(hash_file, f"{sha256_of(target)}\n")
     return target
 
 
@@ -75,10 +74,8 @@ def convert(source: Path, target: Path, licence: str) -> list[str]:
     from dlama.nets.export.generator import export_onnx
 
     weights = read_generator(source)
-    try:
+    with system_errors(OutputError):
         target.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(f"{target.parent}: cannot be made ({error})") from error
     with new_file(target) as draft:  # of a name of its own: two processes may convert the same file
         export_onnx(weights, draft, generator_metadata(weights.settings, source, licence))
     planes = f"{weights.settings.in_channels} -> {weights.settings.out_channels} planes"

@@ -70,6 +70,12 @@ def new_file(path: PathLike) -> Iterator[Path]:
             draft.unlink(missing_ok=True)
 
 
+def write_file(path: PathLike, content: str | bytes) -> None:
+    """Write bytes, or text in UTF-8 (signs that it lacks, escaped), whole or not at all. Raises OutputError."""
+    with new_file(path) as draft:
+        draft.write_bytes(content.encode("utf-8", "backslashreplace") if isinstance(content, str) else content)
+
+
 @contextmanager
 def new_directory(path: PathLike) -> Iterator[Path]:
     """A temporary directory to write results to; on success it becomes the directory `path`, or is merged into it, as a whole.

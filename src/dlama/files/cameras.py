@@ -14,10 +14,10 @@ from numpy.typing import ArrayLike
 
 from dlama.arguments import check_arguments
 from dlama.errors import CameraError, FileError, system_errors
-from dlama.files.atomic_write import PathLike, new_file
+from dlama.files.atomic_write import PathLike, write_file
 from dlama.files.camera_yaml import SUFFIXES, read_yaml_fields
 from dlama.files.fields import FileFields, Intrinsics, json_text, json_value, read_calib_txt, read_json_fields
-from dlama.files.rasters.images import existing_file, read_stored
+from dlama.files.rasters.images import read_stored
 from dlama.geometry.camera import Camera, StereoRig, check_pixel_center
 from dlama.perception.diagnosis.lens import check_lens, looks_like_radians
 
@@ -74,11 +74,10 @@ def read_cameras(path: PathLike) -> dict[str, Camera]:
 
     Raises FileError, CameraError, naming the camera and the field.
     """
-    file = existing_file(path)
-    listed = json_value(file, json_text(file))
+    listed = json_value(path, json_text(path))
     if not isinstance(listed, list) or not listed:
-        raise FileError(f"{file}: holds no list; a list of cameras, each with width, height, fx, ..., is expected")
-    whole, cameras = FileFields(file, {}), dict[str, Camera]()
+        raise FileError(f"{path}: holds no list; a list of cameras, each with width, height, fx, ..., is expected")
+    whole, cameras = FileFields(path, {}), dict[str, Camera]()
     for number, values in enumerate(listed):
         fields = whole.part(f"camera {number}", values)
         name = fields.text("name") if "name" in fields else f"{number:04d}"
@@ -138,8 +137,7 @@ def make_rig(
 
 def write_camera(path: PathLike, camera: Camera) -> None:
     """Write our JSON, pixel_center 0.5; numbers survive exactly. Raises OutputError."""
-    with new_file(path) as draft:
-        draft.write_text(json.dumps(camera_as_json(camera), indent=1) + "\n", encoding="utf-8")
+    write_file(path, json.dumps(camera_as_json(camera), indent=1) + "\n")
 
 
 def camera_as_json(camera: Camera) -> dict[str, Any]:

@@ -9,7 +9,6 @@ import warnings
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -149,12 +148,12 @@ def as_float(value: object) -> float | None:
 
 def read_json_fields(path: PathLike) -> FileFields:
     """The fields of a JSON object. Raises FileError (no JSON: with line and column)."""
+    return json_fields(path, json_text(path))
+
+
+def json_text(path: PathLike) -> str:
+    """The text of a JSON file; raises FileError where it is not there, or no UTF-8."""
     file = existing_file(path)
-    return json_fields(file, json_text(file))
-
-
-def json_text(file: Path) -> str:
-    """The text of a JSON file that is there; raises FileError where it is no UTF-8."""
     try:
         return file.read_text(encoding="utf-8-sig")
     except ValueError as error:

@@ -66,11 +66,8 @@ def sha256_of(path: Path) -> str:
 def size_and_sha256(path: Path) -> tuple[int, str]:
     """Bytes and 64 hexadecimal digits, read in pieces; FileError where it cannot be read."""
     digest, size = hashlib.sha256(), 0
-    try:
-        with path.open("rb") as file:
-            while piece := file.read(PIECE):
-                digest.update(piece)
-                size += len(piece)
-    except OSError as error:
-        raise FileError(f"{path}: cannot be read ({error})") from error
+    with system_errors(FileError), path.open("rb") as file:
+        while piece := file.read(PIECE):
+            digest.update(piece)
+            size += len(piece)
     return size, digest.hexdigest()

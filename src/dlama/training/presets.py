@@ -13,6 +13,7 @@ from typing import Any
 
 from dlama.arguments import check
 from dlama.errors import FileError, InputError, system_errors
+from dlama.files.fields import json_text, json_value
 from dlama.training.settings import (
     DataSettings,
     LoopSettings,
@@ -130,10 +131,7 @@ def to_json(settings: TrainSettings) -> str:
 
 def from_json(text: str, file: str = "settings") -> TrainSettings:
     """Settings of such a text; `file` is its name in messages. FileError naming the first wrong field."""
-    try:
-        value = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise FileError(f"{file}: no JSON ({error})") from error
+    value = json_value(file, text)
     try:
         return typing.cast(TrainSettings, _dataclass_of(TrainSettings, value, ""))
     except (InputError, OverflowError) as error:
@@ -156,10 +154,7 @@ def settings_of(name_or_file: str | Path) -> TrainSettings:
 
 def read_settings(path: Path) -> TrainSettings:
     """Of a settings file. FileError."""
-    try:
-        return from_json(path.read_text("utf-8"), str(path))
-    except (OSError, UnicodeDecodeError) as error:
-        raise FileError(f"{path}: cannot be read ({error})") from error
+    return from_json(json_text(path), str(path))
 
 
 def _dataclass_of(kind: type, value: Any, at: str) -> Any:

@@ -12,7 +12,7 @@ from dlama.apps.options import Report, option
 from dlama.apps.places import check_file_apart
 from dlama.apps.terminal.output import report_result
 from dlama.errors import format_count
-from dlama.files.atomic_write import new_file
+from dlama.files.atomic_write import write_file
 from dlama.geometry.figures.show import temporary_page, whole_page
 
 WINDOW = "width:100%;height:92vh"
@@ -56,8 +56,7 @@ def show(
 def show_page(content: str, output: Path | None, open_browser: bool) -> Path:
     """Write HTML as a page, to a temporary file by default, and open it in the browser; its path."""
     if output is not None:
-        with new_file(output) as draft:
-            draft.write_text(whole_page(content), encoding="utf-8")
+        write_file(output, whole_page(content))
     page = temporary_page(content) if output is None else output
     if open_browser:
         webbrowser.open(page.absolute().as_uri())

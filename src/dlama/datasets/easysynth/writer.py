@@ -13,7 +13,7 @@ import numpy as np
 from dlama.datasets.easysynth.listing import COLOR, DEPTH, MILLIMETRES, POSES, RIG, SEMANTIC
 from dlama.datasets.easysynth.text_files import UNREAL_HEADER, unreal_pose
 from dlama.errors import OutputError
-from dlama.files.atomic_write import new_directory, new_file
+from dlama.files.atomic_write import new_directory, write_file
 from dlama.files.rasters.depth import write_depth_png
 from dlama.files.rasters.exr_files import write_exr
 from dlama.files.rasters.pictures import write_color
@@ -78,9 +78,9 @@ def write_scene(
             }
             _write_rig(draft / key, cameras)
             lines = [f"{name},{red},{green},{blue}" for name, (red, green, blue) in classes.items()]
-            _write_text(draft / key / CLASSES_FILE, "\n".join(lines) + "\n")
+            write_file(draft / key / CLASSES_FILE, "\n".join(lines) + "\n")
         for name, text in (texts or {}).items():
-            _write_text(draft / name, text)
+            write_file(draft / name, text)
 
 
 def _write_pictures(
@@ -112,7 +112,7 @@ def _write_rig(folder: Path, cameras: Mapping[str, list[Camera]]) -> None:
     places = {
         name: _rig_camera(each[0], rig[0].cam_from_world @ each[0].world_from_cam) for name, each in cameras.items()
     }
-    _write_text(folder / RIG, json.dumps({"cameras": places}, indent="\t"))
+    write_file(folder / RIG, json.dumps({"cameras": places}, indent="\t"))
 
 
 def _rig_camera(camera: Camera, rig_from_cam: Float64Array) -> dict[str, list[float]]:
@@ -131,12 +131,7 @@ def _write_poses(path: Path, cameras: list[Camera]) -> None:
         translation, quaternion = unreal_pose(camera.world_from_cam)
         values = [*_round(translation), *_round(quaternion), (number + 1) / 30]  # t begins at one frame time
         lines.append(f"{number}," + ",".join(f"{value:.9f}" for value in values))  # EasySynth: 6 digits
-    _write_text(path, "\n".join(lines) + "\n")
-
-
-def _write_text(path: Path, text: str) -> None:
-    with new_file(path) as draft:
-        draft.write_text(text, encoding="utf-8")
+    write_file(path, "\n".join(lines) + "\n")
 
 
 def _round(values: Float64Array) -> list[float]:

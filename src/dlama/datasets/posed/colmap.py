@@ -21,7 +21,7 @@ import numpy as np
 from dlama.datasets.posed.posed_frames import Lens, Listed, files_of
 from dlama.datasets.text_tables import pose_at, read_rows
 from dlama.errors import CameraError, FileError
-from dlama.files.atomic_write import new_file
+from dlama.files.atomic_write import write_file
 from dlama.files.fields import Intrinsics
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.cloud import PointCloud
@@ -181,8 +181,7 @@ def write_model(folder: Path, cameras: Mapping[str, Camera], cloud: PointCloud) 
         ("images.txt", "IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME; then its points", images),
         ("points3D.txt", "POINT3D_ID, X, Y, Z, R, G, B, ERROR (1 - confidence), no track", points),
     ):
-        with new_file(folder / file) as draft:
-            draft.write_text("\n".join([f"# {head}", *body]) + "\n", encoding="utf-8")
+        write_file(folder / file, "\n".join([f"# {head}", *body]) + "\n")
 
 
 DENSE, DENSE_KINDS = "stereo/depth_maps", (".geometric.bin", ".photometric.bin")

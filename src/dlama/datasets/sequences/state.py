@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dlama.errors import FileError
-from dlama.files.atomic_write import new_file
+from dlama.files.atomic_write import write_file
 from dlama.files.scenes.scene_npz import read_layer, read_npz, write_npz
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType
@@ -85,8 +85,7 @@ class SequenceState:
             shutil.rmtree(self.folder, ignore_errors=True)
         self.folder.mkdir(parents=True, exist_ok=True)
         if not same:
-            with new_file(self._settings) as draft:
-                draft.write_text(json.dumps({"mark": self.mark}), encoding="utf-8")
+            write_file(self._settings, json.dumps({"mark": self.mark}))
         return same
 
     def of(self, number: int) -> StepChange | None:

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from dlama.evaluation.report.columns import Which
 from dlama.evaluation.runner.store import Row
-from dlama.files.atomic_write import new_file
+from dlama.files.atomic_write import write_file
 from dlama.geometry.camera import Float64Array
 
 ALL = "all"
@@ -176,8 +176,7 @@ def write_summary(path: Path, summary: Summary) -> None:
     ]
     text = json.dumps(head, indent=2, ensure_ascii=False, allow_nan=False).rstrip("}").rstrip()
     body = ",\n    ".join(lines)
-    with new_file(path) as draft:
-        draft.write_text(f'{text},\n  "means": [\n    {body}\n  ]\n}}\n', encoding="utf-8", errors="backslashreplace")
+    write_file(path, f'{text},\n  "means": [\n    {body}\n  ]\n}}\n')
 
 
 def _plain_mean(scenes: dict[str, list[float]]) -> Mean:

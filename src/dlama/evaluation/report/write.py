@@ -22,7 +22,7 @@ from dlama.evaluation.runner.cache_key import code_hash, short_hash, versions
 from dlama.evaluation.runner.run import Results
 from dlama.evaluation.runner.store import write_rows
 from dlama.evaluation.runner.worker import Outcome
-from dlama.files.atomic_write import new_file
+from dlama.files.atomic_write import write_file
 
 CHOICES = ("protocol", "yaw", "method")
 """The fields of a panel by which readers choose."""
@@ -59,8 +59,7 @@ def write_report(
     failed = [failure_line(one) for one in run.failures]
     panels = as_data_urls(folder / "panels", choose(run.stored))
     for name, text in render(dataset.name, summary, parts, panels, failed).items():
-        with new_file(folder / name) as draft:
-            draft.write_text(text, encoding="utf-8", errors="backslashreplace")
+        write_file(folder / name, text)
     return summary
 
 

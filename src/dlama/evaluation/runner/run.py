@@ -13,13 +13,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dlama.datasets.frames import Case, Protocol
-from dlama.errors import InputError, OutputError
+from dlama.errors import InputError
 from dlama.evaluation.protocols.methods import Method, ProtocolSettings
 from dlama.evaluation.protocols.strips import is_whole_jpeg
 from dlama.evaluation.runner.cache_key import cache_key, case_hash, method_hash
 from dlama.evaluation.runner.store import Stored, read_stored, stem
 from dlama.evaluation.runner.worker import Outcome, ProtocolFunction, Task, work, work_all
-from dlama.files.atomic_write import new_file
+from dlama.files.atomic_write import write_file, writing
 from dlama.files.drafts import remove_abandoned
 from dlama.workers.memory import check_processes
 from dlama.workers.pool import run_all
@@ -86,7 +86,9 @@ def run(
         OutputError: the folder cannot be written.
     """
     _check(cases, methods, jobs)
-    _make_folders(folder)
+    with writing(folder):
+        for name in FOLDERS:
+            (folder / name).mkdir(parents=True, exist_ok=True)
     tasks, reused, stale = _plan(cases, methods, protocols, settings, folder)
     report = progress or (lambda *_: None)
     total, done = len(cases) * len(methods), reused
@@ -105,14 +107,6 @@ def run(
     return Results(tuple(one for one in stored if one is not None), tuple(failures), reused, stale)
 
 
-def _make_folders(folder: Path) -> None:
-    try:
-        for name in FOLDERS:
-            (folder / name).mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(f"{folder}: cannot be written: {error.strerror or error}") from error
-
-
 def write_errors(folder: Path, failures: Sequence[Outcome]) -> None:
     """errors.json and a traceback each in errors/; where nothing failed, both are removed. Raises OutputError."""
     shutil.rmtree(folder / "errors", ignore_errors=True)
@@ -123,14 +117,10 @@ def write_errors(folder: Path, failures: Sequence[Outcome]) -> None:
     entries = []
     for one in failures:
         place = f"errors/{stem(one.case, one.method)}.txt"
-        with new_file(folder / place) as draft:
-            draft.write_text(one.trace or f"{one.error}\n", encoding="utf-8", errors="backslashreplace")
+        write_file(folder / place, one.trace or f"{one.error}\n")
         names = {"protocol": one.case.protocol, "scene": one.case.scene, "frame": one.case.frame}
         entries.append({**names, "method": one.method.label, "error": one.error, "traceback": place})
-    with new_file(folder / "errors.json") as draft:
-        draft.write_text(
-            json.dumps(entries, indent=2, ensure_ascii=False) + "\n", encoding="utf-8", errors="backslashreplace"
-        )
+    write_file(folder / "errors.json", json.dumps(entries, indent=2, ensure_ascii=False) + "\n")
 
 
 def _check(cases: Sequence[Case], methods: Sequence[Method], jobs: int) -> None:

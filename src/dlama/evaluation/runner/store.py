@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 from dlama.datasets.frames import Case
 from dlama.evaluation.protocols.methods import Method
-from dlama.files.atomic_write import new_file
+from dlama.files.atomic_write import new_file, write_file
 
 LONGEST_NAME = 180
 """Characters of a file's stem; file systems take 255 bytes with suffix and a draft's extra."""
@@ -69,8 +69,7 @@ def stem(case: Case, method: Method) -> str:
 def write_stored(path: Path, stored: Stored) -> None:
     """Raises OutputError."""
     content = vars(stored) | {name: [_as_json(row) for row in getattr(stored, name)] for name in ("rows", "timings")}
-    with new_file(path) as draft:
-        draft.write_text(json.dumps(content, allow_nan=False) + "\n", encoding="utf-8")
+    write_file(path, json.dumps(content, allow_nan=False) + "\n")
 
 
 def read_stored(path: Path) -> Stored | None:

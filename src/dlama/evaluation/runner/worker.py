@@ -14,7 +14,7 @@ from dlama.datasets.frames import Case, Truth
 from dlama.evaluation.protocols.methods import Measure, Method, ProtocolSettings, Scored
 from dlama.evaluation.protocols.strips import jpeg
 from dlama.evaluation.runner.store import Row, Stored, stem, write_stored
-from dlama.files.atomic_write import new_file
+from dlama.files.atomic_write import write_file
 from dlama.workers.memory import peak_mib, reset_peak
 
 ProtocolFunction = Callable[[Any, Method, ProtocolSettings], Sequence[Scored]]
@@ -79,8 +79,7 @@ def _run_one(task: Task, truth: Truth, method: Method, key: str) -> None:
         rows += [Row(*head, recipe, method.filler, *each) for each in one.measures if each.modality not in TIMED]
         if one.panel is not None:
             panels[recipe] = f"{name}--{number}.jpg"
-            with new_file(task.folder / "panels" / panels[recipe]) as draft:
-                draft.write_bytes(jpeg(one.panel))
+            write_file(task.folder / "panels" / panels[recipe], jpeg(one.panel))
     timings = (Row(*head, method.recipe, method.filler, *each) for each in _timings(scored, seconds, peak))
     warned = dict.fromkeys(str(one.message) for one in caught)
     stored = Stored(key, tuple(rows), tuple(timings), panels, tuple(warned))

@@ -11,7 +11,7 @@ from typing import IO
 import numpy as np
 
 from dlama.errors import FileError, first_line, system_errors
-from dlama.files.atomic_write import PathLike, new_file
+from dlama.files.atomic_write import PathLike, write_file
 from dlama.files.rasters.images import LARGEST_PIXELS, check_pixels, existing_file
 from dlama.geometry.rgbd import Float32Array
 
@@ -53,8 +53,7 @@ def _numbers(file: Path, start: int, hw: tuple[int, int], kind: str) -> np.ndarr
 def write_pfm(path: PathLike, values: Float32Array) -> None:
     """Write float H x W as a little-endian one-channel PFM (bottom-up rows, scale -1). Raises OutputError."""
     head = f"Pf\n{values.shape[1]} {values.shape[0]}\n-1.0\n".encode()
-    with new_file(path) as draft:
-        draft.write_bytes(head + np.ascontiguousarray(values[::-1], "<f4").tobytes())
+    write_file(path, head + np.ascontiguousarray(values[::-1], "<f4").tobytes())
 
 
 @system_errors(FileError)

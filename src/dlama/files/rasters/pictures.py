@@ -16,7 +16,7 @@ from PIL import Image
 
 from dlama.arguments import check_arguments
 from dlama.errors import FileError, MaskError, system_errors
-from dlama.files.atomic_write import PathLike, new_file
+from dlama.files.atomic_write import PathLike, new_file, write_file
 from dlama.files.rasters.color_profiles import rgb_to_srgb
 from dlama.files.rasters.images import StoredPicture, read_stored
 from dlama.files.semantic_classes import class_color
@@ -177,8 +177,7 @@ def write_color(path: PathLike, color: UInt8Array) -> None:
 
 def write_deep_color(path: PathLike, color: UInt16Array) -> None:
     """Write uint16 H x W x 3 RGB as PNG of 16 bits a channel. Raises OutputError."""
-    with new_file(path) as draft:
-        draft.write_bytes(cv2.imencode(".png", color[..., ::-1], [cv2.IMWRITE_PNG_COMPRESSION, PNG_LEVEL])[1].tobytes())
+    write_file(path, cv2.imencode(".png", color[..., ::-1], [cv2.IMWRITE_PNG_COMPRESSION, PNG_LEVEL])[1].tobytes())
 
 
 def write_mask(path: PathLike, mask: BoolArray) -> None:

@@ -15,7 +15,7 @@ import numpy as np
 
 from dlama import __version__
 from dlama.completion.completion import Completion
-from dlama.files.atomic_write import PathLike, new_file
+from dlama.files.atomic_write import PathLike, write_file
 from dlama.files.cameras import camera_as_json
 from dlama.files.rasters.images import has_16_bits
 from dlama.files.schema import SCHEMA
@@ -102,8 +102,7 @@ def to_json_types(value: Any) -> Any:
 
 def write_json(path: Path, values: Mapping[str, Any]) -> None:
     """Write a JSON file (`as_json`). Raises OutputError."""
-    with new_file(path) as draft:
-        draft.write_text(as_json(values), encoding="utf-8")
+    write_file(path, as_json(values))
 
 
 def write_meta(folder: Path, meta: Mapping[str, Any], before: Mapping[str, float], writing: float) -> None:

@@ -9,7 +9,7 @@ import struct
 
 import numpy as np
 
-from dlama.files.atomic_write import PathLike, new_file
+from dlama.files.atomic_write import PathLike, write_file
 from dlama.files.scenes.glb import GLTF_FROM_OPENCV
 from dlama.files.scenes.splats import FIELDS
 
@@ -49,8 +49,7 @@ def write_spz(path: PathLike, rows: np.ndarray) -> None:
             pack(turned),
         )
     )
-    with new_file(path) as draft:
-        draft.write_bytes(gzip.compress(header + body, mtime=0))
+    write_file(path, gzip.compress(header + body, mtime=0))
 
 
 def levels(values: np.ndarray) -> np.ndarray:

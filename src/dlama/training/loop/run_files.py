@@ -13,8 +13,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from dlama.errors import DlamaError, FileError, InputError, OutputError
-from dlama.files.atomic_write import new_file
+from dlama.errors import FileError, InputError, OutputError, system_errors
+from dlama.files.atomic_write import new_file, write_file, writing
 from dlama.files.drafts import lock
 from dlama.training.presets import read_settings, settings_of, to_json
 from dlama.training.settings import TrainSettings
@@ -60,7 +60,7 @@ def prepare(run: Path, settings: TrainSettings, resume: bool) -> None:
         FileError: `resume`, and there is no run.
     """
     path = run / SETTINGS
-    try:
+    with system_errors(OutputError):
         if resume:
             if not path.is_file():
                 raise FileError(f"{run}: holds no {SETTINGS}, so there is no run to resume")
@@ -68,10 +68,6 @@ def prepare(run: Path, settings: TrainSettings, resume: bool) -> None:
         elif holds_run(run):
             raise OutputError(f"{run}: holds a run already; give `resume` to continue it, or choose another directory")
         run.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        if isinstance(error, DlamaError):
-            raise
-        raise OutputError(f"{run}: cannot be {'read' if resume else 'made'} ({error.strerror or error})") from error
 
 
 def holds_run(run: Path) -> bool:
@@ -99,17 +95,14 @@ def lock_run(run: Path) -> Iterator[None]:
 
 def write_settings(run: Path, settings: TrainSettings) -> None:
     """Write settings.json, by which a directory is known to hold a run. OutputError."""
-    with new_file(run / SETTINGS) as draft:
-        draft.write_text(to_json(settings), "utf-8")
+    write_file(run / SETTINGS, to_json(settings))
 
 
 @contextmanager
 def log_to_file(run: Path) -> Iterator[None]:
     """While it is open, what the training logs is also written to the run's log.txt."""
-    try:
+    with writing(run / LOG_FILE):
         handler: logging.Handler = logging.FileHandler(run / LOG_FILE, encoding="utf-8")
-    except OSError as error:
-        raise OutputError(f"{run / LOG_FILE}: cannot be written ({error.strerror or error})") from error
     level = LOG.level
     handler.handleError = lambda record: None  # type: ignore[method-assign]  # a full disk does not end a run
     handler.setFormatter(logging.Formatter("%(asctime)s %(message)s", "%Y-%m-%d %H:%M:%S"))
@@ -150,11 +143,8 @@ class MetricsTable:
     def add(self, values: Mapping[str, Any]) -> None:
         """Append one row; columns without a value stay empty. OutputError."""
         row = {name: f"{value:.6g}" if isinstance(value, float) else value for name, value in values.items()}
-        try:
-            with self.path.open("a", encoding="utf-8", newline="") as stream:
-                csv.DictWriter(stream, self.columns).writerow(row)
-        except OSError as error:
-            raise OutputError(f"{self.path}: cannot be written ({error.strerror or error})") from error
+        with writing(self.path), self.path.open("a", encoding="utf-8", newline="") as stream:
+            csv.DictWriter(stream, self.columns).writerow(row)
 
 
 def rows_before(path: Path, step: int) -> list[dict[str, str]]:

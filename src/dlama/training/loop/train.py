@@ -19,7 +19,7 @@ from pytorch_lightning.utilities.rank_zero import rank_zero_only
 
 from dlama import __version__
 from dlama.errors import InputError, OutputError, system_errors
-from dlama.files.atomic_write import new_file
+from dlama.files.atomic_write import write_file
 from dlama.models.network_file import processor_count
 from dlama.training.data.batches import Batch, check_sample
 from dlama.training.data.loader import BatchNumbers, NumberedSamples, batch_loader, held_out_batch
@@ -213,7 +213,6 @@ def _finish(module: TrainingModule, callback: RunCallback, settings: TrainSettin
         f"Went back to an earlier state {module.restored} times because a gradient was no number",
         f"dlama {__version__}; all settings are in settings.json, the learning curve is in metrics.csv",
     )
-    with new_file(callback.run / "README.md") as draft:
-        draft.write_text(model_card(settings, training, scores, reference), "utf-8")
+    write_file(callback.run / "README.md", model_card(settings, training, scores, reference))
     LOG.info("%s: %s after %d steps", network, callback.stop.reason, module.step)
     return network

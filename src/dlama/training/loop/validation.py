@@ -13,7 +13,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from dlama.files.atomic_write import new_file
+from dlama.files.rasters.pictures import write_color
 from dlama.inpainters.networks.view_tensors import levels_of
 from dlama.training.data.batches import Batch, composite, hole_planes
 from dlama.training.losses.pixels import TOLERANCE
@@ -98,8 +98,7 @@ def write_sheet(path: Path, output: Tensor, batch: Batch, network: NetworkSettin
     """
     sheet = sheet_of(output, batch, network)
     path.parent.mkdir(parents=True, exist_ok=True)
-    with new_file(path) as draft:
-        draft.write_bytes(cv2.imencode(".png", np.ascontiguousarray(sheet[..., ::-1]))[1].tobytes())
+    write_color(path, sheet)
 
 
 def sheet_of(output: Tensor, batch: Batch, network: NetworkSettings) -> np.ndarray:
