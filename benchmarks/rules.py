@@ -99,6 +99,10 @@ def _occluders() -> None:
     _replace("inpainters.layered.depth_first", "is_in_front", lambda view, *rest: np.zeros_like(view.hole))
 
 
+def _sky_without_depth() -> None:
+    _replace("inpainters.layered.depth.surfaces", "find_sky", lambda view: np.zeros_like(view.hole))
+
+
 def _beyond_range() -> None:
     _replace("inpainters.layered.depth.surfaces", "move_beyond_range", lambda filled, *rest: filled)
 
@@ -209,5 +213,6 @@ RULES: dict[str, Callable[[], None]] = {
     "occluders": _occluders,
     "depth-camera": _depth_camera,
     "beyond-range": _beyond_range,
+    "sky-without-depth": _sky_without_depth,
 }
 """Name -> what turns the rule off."""

@@ -110,7 +110,7 @@ def test_only_missing_depth_is_reached_and_the_sky_stays_far() -> None:
     unknown &= ~missing
     hole = missing | unknown
     known = KnownSurfaces(np.where(hole, 0, w), np.where(hole, SMOOTH, label), np.zeros((0, 3)))
-    got = fill_along_colors(color, missing, hole, known)
+    got = fill_along_colors(color, missing, hole, known, np.zeros_like(missing))
     enclosed = missing.copy()
     enclosed[:, :50] = False
     np.testing.assert_array_equal(got.reached, missing & ~enclosed)
@@ -125,7 +125,7 @@ def test_what_has_no_depth_as_a_whole_is_spanned() -> None:
     missing[:, 20:30] = True
     color, label = np.full((*w.shape, 3), 40, np.uint8), np.full(w.shape, SMOOTH, np.int8)
     known = KnownSurfaces(np.where(missing, 0, w), label, np.zeros((0, 3)))
-    got = fill_along_colors(color, missing, missing, known).inverse_depth
+    got = fill_along_colors(color, missing, missing, known, np.zeros_like(missing)).inverse_depth
     steps = np.diff(got[:, 19:31], axis=1)
     assert (steps > -1e-4).all() and steps.max() < 0.15 / 3
 
@@ -140,7 +140,9 @@ def test_bled_depth_of_a_matcher_does_not_spread() -> None:
     color, plane = np.full((*w.shape, 3), 90, np.uint8), np.array([[0, 0, 0.2]])
     known = np.where(missing, 0, w), np.where(missing, SMOOTH, label), plane
     noisy, exact = (
-        fill_along_colors(color, missing, missing, KnownSurfaces(*known, noise)).inverse_depth[missing]
+        fill_along_colors(color, missing, missing, KnownSurfaces(*known, noise), np.zeros_like(missing)).inverse_depth[
+            missing
+        ]
         for noise in (0.01, 0.0)
     )
     assert np.allclose(noisy, 0.2)

@@ -25,6 +25,8 @@ FARTHEST = 1e6
 """A path longer than any."""
 DETACHED = 15.0
 """Extra path length, in px, from pixels of no plane, in noisy depth."""
+RIM_PX = 4
+"""Pixels of measured depth round missing depth that do not extend along colours, where there is sky."""
 FADING = 16.0
 """Pixels over which a plane's residual at the known pixel fades out."""
 MOST = 3.0
@@ -47,22 +49,31 @@ class DepthByColor(NamedTuple):
     """H x W, True where depth alone was missing and a path leads from a known pixel."""
 
 
-def fill_along_colors(color: UInt8Array, missing: BoolArray, hole: BoolArray, surfaces: KnownSurfaces) -> DepthByColor:
+def fill_along_colors(
+    color: UInt8Array, missing: BoolArray, hole: BoolArray, surfaces: KnownSurfaces, sky: BoolArray
+) -> DepthByColor:
     """Inverse depth and labels of the pixels of `missing` that a path reaches.
 
     color: H x W x 3; missing: H x W, True where depth alone is missing; hole: H x W, True where depth is unknown: `missing`, and
-    where colours are, too. Noisy depth is a matcher's, which bleeds: there pixels of no plane count as DETACHED px farther off.
+    where colours are, too; sky: H x W, True in pixels of `missing` that are known to be sky. Noisy depth is a matcher's, which
+    bleeds: there pixels of no plane count as DETACHED px farther off.
     """
     w, label = surfaces.inverse_depth, surfaces.label
     seen = fill_with_nearest(color, missing | ~hole).astype(np.float32)
     smooth_color = np.asarray(cv2.GaussianBlur(seen, (0, 0), BLUR), np.float32)
     start = (label == SMOOTH) * np.float32(DETACHED) if surfaces.noise else 0.0
-    source = nearest_along_colors(smooth_color, ~hole, missing, longest=FARTHEST, start=start)
+    known, free = ~hole | sky, missing & ~sky
+    if (
+        sky.any()
+    ):  # its border is where the picture has it: roofs, whose blurred colours touch the sky, begin farther inside
+        rim = dilate_mask(missing, RIM_PX) & ~hole
+        known, free = known & ~rim, free | rim
+    source = nearest_along_colors(smooth_color, known, free, longest=FARTHEST, start=start)
     reached = missing & (source >= 0)
-    known = source[reached]
+    nearest = source[reached]
     out, labels = w.copy(), label.copy()
-    labels[reached] = label.ravel()[known]
-    out[reached] = extend_surfaces(w, label.ravel()[known], surfaces.planes, np.nonzero(reached), known)
+    labels[reached] = label.ravel()[nearest]
+    out[reached] = extend_surfaces(w, label.ravel()[nearest], surfaces.planes, np.nonzero(reached), nearest)
     out = relax_depth(out, reached & (labels == SMOOTH), smooth_color)
     return DepthByColor(out, labels, reached)
 

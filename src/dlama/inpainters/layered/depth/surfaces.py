@@ -31,6 +31,7 @@ from dlama.inpainters.layered.depth.surface_labels import GRID, CoarseView, with
 from dlama.inpainters.layered.kernels import surfaces as surface_kernels
 from dlama.inpainters.missing_depth.along_colors import DepthByColor, fill_along_colors
 from dlama.inpainters.missing_depth.beyond_range import move_beyond_range
+from dlama.inpainters.missing_depth.sky import find_sky
 from dlama.perception.planes import SMOOTH, KnownSurfaces, plane_values, plane_values_at
 
 OFF_SURFACE = 0.05
@@ -75,10 +76,10 @@ def continue_lawfully(view: View, context: FillContext, seed: int) -> tuple[Surf
 
 def continue_surfaces(view: View, context: FillContext, seed: int = 0) -> Surfaces:
     """The known surfaces of a view, continued into its holes; the same seed finds the same planes."""
-    known = KnownSurfaces.of(inverse_depth(view.known_depth), view.valid, view.far, seed)
-    missing, by_color = view.depth_hole, None
+    missing, sky, by_color = view.depth_hole, find_sky(view), None
+    known = KnownSurfaces.of(inverse_depth(view.known_depth), view.valid, view.far | sky, seed)
     if missing.any():
-        along_colors = fill_along_colors(view.color, missing, view.hole, known)
+        along_colors = fill_along_colors(view.color, missing, view.hole, known, sky)
         by_color = move_beyond_range(along_colors, known.inverse_depth, missing, view.hole)
     if by_color is not None and (by_color.reached | ~view.hole).all():
         return Surfaces(by_color.inverse_depth, by_color.label, known.planes)

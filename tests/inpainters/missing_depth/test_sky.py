@@ -1,0 +1,68 @@
+"""Sky without depth (oracles: the true depth of a closed-form street; laws)."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+import dlama
+from dlama.geometry.camera import Camera
+from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
+from dlama.geometry.view import View
+from dlama.inpainters.missing_depth.sky import find_sky
+from worlds import Box, Plane, World
+
+CAMERA = Camera.from_fov(192, 144, 70)
+HOUSE = World(
+    (Plane((0, 1.5, 0), (0, -1, 0)), Box((-9.0, -1.0, 9.0), (2.0, 1.5, 11.0)), Box((2.5, -9.0, 8.0), (4.0, 1.5, 9.0)))
+)
+"""A street, a house whose roof the picture shows, and a tower that divides the sky."""
+BLUE, WHITE = (120, 160, 215), (246, 246, 244)
+
+
+def street(color: tuple[int, int, int], farthest: float = np.inf) -> tuple[RGBD, BoolArray]:
+    """The house before a sky of that colour, without depth there, and where that is. farthest: metres, where depth ends."""
+    true = HOUSE.rgbd(CAMERA)
+    far = np.isposinf(true.depth)
+    shown = np.where(far[..., None], np.uint8(color), np.uint8(true.color // 2)).astype(np.uint8)
+    depth = np.where(far, np.float32(0), np.minimum(true.depth, np.float32(farthest)))
+    return RGBD(shown, depth, CAMERA, padding=np.zeros(far.shape, np.bool_)), far
+
+
+@pytest.mark.parametrize("color", [BLUE, WHITE])
+def test_sky_without_depth_is_far(color: tuple[int, int, int]) -> None:
+    """Truth: sky of one colour is far to its rim, on both sides of a tower; what was measured keeps its bits."""
+    rgbd, far = street(color)
+    done = dlama.complete(rgbd, [CAMERA], filler="layered").view
+    assert far.mean() > 0.2 and np.isposinf(done.depth[far]).mean() > 0.99
+    np.testing.assert_array_equal(done.depth[~far], rgbd.depth[~far])
+
+
+def test_a_cloud_is_sky() -> None:
+    """Truth: a bright cloud amid the sky, which is no part of its plain, is far as well."""
+    rgbd, far = street(BLUE)
+    cloud = np.zeros(far.shape, np.uint8)
+    cv2.circle(cloud, (60, 18), 9, 1, -1)
+    color: UInt8Array = np.where((cloud > 0)[..., None] & far[..., None], np.uint8(WHITE), rgbd.color)
+    cloudy = RGBD(color, rgbd.depth, CAMERA, padding=rgbd.padding)
+    done = dlama.complete(cloudy, [CAMERA], filler="layered").view
+    assert not find_sky(View.from_rgbd(cloudy))[cloud > 0].all() and np.isposinf(done.depth[cloud > 0]).all()
+
+
+@pytest.mark.parametrize(
+    ("color", "farthest"),
+    [((150, 120, 90), np.inf), ((60, 60, 60), np.inf), (WHITE, 5.0)],
+    ids=["warm", "dark", "room"],
+)
+def test_no_sky(color: tuple[int, int, int], farthest: float) -> None:
+    """Law: a wooden or a dark ceiling is no sky, nor a white one where all that was measured is near."""
+    assert not find_sky(View.from_rgbd(street(color, farthest)[0])).any()
+
+
+def test_a_patterned_ceiling_is_no_sky() -> None:
+    """Law: what is bright but not plain stays a surface."""
+    rgbd, far = street(WHITE)
+    pattern = np.uint8(40) * (np.indices(far.shape).sum(0) // 3 % 2).astype(np.uint8)
+    color = np.where(far[..., None], rgbd.color - pattern[..., None], rgbd.color)
+    assert not find_sky(View.from_rgbd(RGBD(color, rgbd.depth, CAMERA, padding=rgbd.padding))).any()
