@@ -21,7 +21,7 @@ NAMES = {
     "JobResult", "batch",
     "Camera", "Completion", "DepthEstimate", "DepthPrediction", "Fill", "FillContext", "FillReport", "Finding",
     "HeadBox", "HoleType", "Inpainter", "Law",
-    "MaskSession", "Mesh", "ObjectMask", "Options", "Origin", "Photo3D", "PointCloud", "RGBD", "Recipe", "Scene", "Sky",
+    "MaskSession", "Mesh", "ObjectMask", "Options", "Origin", "Photo3D", "PointCloud", "RGBD", "Recipe", "Scene",
     "StereoCompletion",
     "StereoConsistency", "StereoRig", "StoredView", "View",
     "CameraError", "DepthError", "DlamaError", "FileError", "InputError", "InputTypeError", "MaskError", "MissingExtraError",

@@ -67,7 +67,6 @@ if TYPE_CHECKING:  # what type checkers and editors read; a test holds it equal 
     from dlama.inpainters.filling import FillReport as FillReport
     from dlama.inpainters.filling import Inpainter as Inpainter
     from dlama.inpainters.filling import inpaint as inpaint
-    from dlama.inpainters.sky import Sky as Sky
     from dlama.jobs.batch import batch as batch
     from dlama.jobs.results.result import JobResult as JobResult
     from dlama.perception.depth_networks import DepthPrediction as DepthPrediction
@@ -127,7 +126,6 @@ NAMES = {
     "geometry.visibility": ("Law",),
     "inpainters.context": ("FillContext",),
     "inpainters.filling": ("Fill", "FillReport", "Inpainter", "inpaint"),
-    "inpainters.sky": ("Sky",),
     "jobs.batch": ("batch",),
     "jobs.results.result": ("JobResult",),
     "perception.depth_networks": ("DepthPrediction",),

@@ -23,7 +23,7 @@ def test_the_sky_that_was_measured_is_known() -> None:
     source = View.from_rgbd(RGBD(color, np.array([[np.inf, np.inf, 2]], np.float32), camera))
     context = FillContext.of(Scene((source,)))
     assert context.sky is not None
-    np.testing.assert_array_equal(context.sky.mean, (15, 30, 40))
+    np.testing.assert_array_equal(context.sky, (15, 30, 40))
     below = source.without(np.array([[True, True, False]]), HoleType.OBJECT)
     filled, _ = inpaint(below, find_filler("telea"), context)
     for scene in (Scene((below,)), Scene((below,), fills=(filled,))):

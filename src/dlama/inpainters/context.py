@@ -1,18 +1,21 @@
-"""What a filler knows besides its view: the visibility law of the scene and the colours of its sky."""
+"""What a filler knows besides its view: the visibility law of the scene and the colour of its sky."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
 
 from dlama.arguments import check_arguments
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import from_source
 from dlama.geometry.frames.choosing import MOST_FRAMES, choose_frames
 from dlama.geometry.frames.stored import coarse_camera, coarse_depth
+from dlama.geometry.rgbd import Float32Array
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law, subtract_noise
-from dlama.inpainters.sky import Sky
 
 HELD_BYTES = 256_000_000
 """Most memory for the depth of all frames; beyond it, depth is computed for each camera."""
@@ -26,8 +29,8 @@ class FillContext:
 
     law: Law
     """The visibility law; without measurements where `scene` is set."""
-    sky: Sky | None = None
-    """Colours of the measured far pixels, for views that show few of them; None: there were none."""
+    sky: Float32Array | None = None
+    """3, the mean RGB (0..255) of the measured far pixels, for views that show none of them; None: there were none."""
     scene: Scene | None = None
     """The scene, for too many frames to hold their depth; `near` then gives the context for a camera."""
 
@@ -61,7 +64,12 @@ class FillContext:
         return replace(self, law=self.law.cropped(view, rows, columns))
 
 
-def sky_of(scene: Scene) -> Sky | None:
-    """The sky of a scene's measured far pixels; None: there are none."""
-    layers = (layer.load() for layer in scene.layers)
-    return Sky.of((layer.camera, layer.color, layer.far & from_source(layer.origin)) for layer in layers)
+def sky_of(scene: Scene) -> Float32Array | None:
+    """3, the mean RGB of a scene's measured far pixels; None: there are none."""
+    sums, count = np.zeros(3), 0
+    for layer in (layer.load() for layer in scene.layers):
+        far = layer.far & from_source(layer.origin)
+        pixels = int(far.sum())
+        sums += pixels * np.array(cv2.mean(layer.color, far.view(np.uint8))[:3])
+        count += pixels
+    return (sums / count).astype(np.float32) if count else None

@@ -15,7 +15,6 @@ from dlama.geometry.visibility import Law
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import inpaint
 from dlama.inpainters.layered.filler import layered
-from dlama.inpainters.sky import Sky
 from worlds import Box, Plane, Shape, Sphere, World, moved, shape_shown
 
 CAMERA = Camera.from_fov(160, 120, 60)
@@ -124,10 +123,7 @@ def test_sky_that_only_the_source_saw_has_its_colour() -> None:
     view = wall.without(upper, HoleType.OUT_OF_VIEW)
     measured = ((CAMERA, np.where(upper, np.float32(np.inf), wall.depth)),)
     skies = np.array([[10, 200, 30], [190, 20, 210]], np.uint8)
-    same = np.ones((*CAMERA.hw, 1), np.uint8)
-    one, other = (
-        inpaint(view, layered, FillContext(Law(measured), Sky.of([(CAMERA, same * sky, upper)])))[0] for sky in skies
-    )
+    one, other = (inpaint(view, layered, FillContext(Law(measured), sky.astype(np.float32)))[0] for sky in skies)
     np.testing.assert_array_equal(one.far, upper)
     seen = (one.color.astype(float) - other.color) / (skies[0].astype(float) - skies[1])
     assert seen[:40].min() > 1 / 4 and not seen[60:].any()

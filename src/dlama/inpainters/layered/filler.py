@@ -29,7 +29,7 @@ def layered(view: View, context: FillContext, seed: int = 0) -> Fill:
     surfaces, depth, moved = continue_lawfully(view, context, seed)
     color = paint_surfaces(view, surfaces, context, seed)
     painted, w = surfaces.without_leaves(view.color_hole), surfaces.inverse_depth
-    color = blend_with_low_frequency(view, color, painted, w, surfaces.label, context.sky, guess)
+    color = blend_with_low_frequency(view, color, painted, w, surfaces.label, guess)
     return Fill(color, depth, moved, {"planes": len(surfaces.planes)})
 
 

@@ -69,7 +69,7 @@ def layered_patches_filler(model: str | Path) -> Inpainter:
         if copied.any():
             color = copy_patches(view, surfaces, color, guess, copied, hidden, seed)
         painted, w = surfaces.without_leaves(view.color_hole), surfaces.inverse_depth
-        color = blend_with_low_frequency(view, color, painted, w, surfaces.label, context.sky, smooth)
+        color = blend_with_low_frequency(view, color, painted, w, surfaces.label, smooth)
         if uncovered.any():
             color = blend_with_guess(color, guess, uncovered, guess_share=DISOCCLUDED_SHARE)
         return Fill(color, depth, moved, notes)

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from dlama.geometry.codes import HoleType
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import View
-from dlama.inpainters.sky import Sky
 from dlama.inpainters.spreading import spread_small
 from dlama.perception.planes import SKY
 
@@ -29,10 +28,8 @@ DETAIL_PX = 3.0
 """Sigma of the blur that separates what is blended from finer detail, which stays: paving continues."""
 SHARE_APART = 0.6
 """Largest weight where each surface is blended on its own."""
-SHARE_OF_SKY, CLEAR = 0.4, 0.75
-"""The same of the sky at the horizon, where houses and trees may stand; it falls to 0 at this height (sine of the elevation).
-Lower heights look clearer and err more. Squared error of street, +-10 to +-40, at .7, .5 and .35 is 2, 6 and 9 % more than with
-a weight of .2 at all heights, LPIPS .1 % less."""
+SHARE_OF_SKY = 0.4
+"""The same of the sky, where houses and trees may stand."""
 WIDE = 0.1
 """Sigma of the blur within one surface, over the picture's longer side."""
 GRID = 64
@@ -47,14 +44,13 @@ def blend_with_low_frequency(
     hole: BoolArray,
     w: Float32Array,
     label: NDArray[np.int8] | None = None,
-    sky: Sky | None = None,
     guess: Callable[[], Float32Array] | None = None,
 ) -> UInt8Array:
     """H x W x 3 colours: `color`, blended with `smooth_guess` in the hole pixels out of view.
 
     color: H x W x 3, painted; hole: H x W, the painted pixels, colour holes; w: H x W inverse depth (1/m), filled everywhere;
-    label: H x W, surfaces that are blended one by one, over WIDE instead of DETAIL_PX; sky: of the source pictures, defines up;
-    guess: gives `smooth_guess`, where that was begun before; what it gives is written to.
+    label: H x W, surfaces that are blended one by one, over WIDE instead of DETAIL_PX; guess: gives `smooth_guess`, where
+    that was begun before; what it gives is written to.
     """
     out_of_view = hole & (view.hole_type == HoleType.OUT_OF_VIEW.value)
     known = w[~view.hole][::16].copy()
@@ -63,7 +59,9 @@ def blend_with_low_frequency(
     places = np.flatnonzero(out_of_view)
     distance = cv2.distanceTransform(view.hole.view(np.uint8), cv2.DIST_L2, 5).ravel()[places]
     middle = max(float(np.median(known)), 1e-6)
-    largest = LARGEST_SHARE if label is None else blend_shares(view, out_of_view, label, sky)
+    largest = np.full(len(places), LARGEST_SHARE, np.float32)
+    if label is not None:
+        largest = np.where(label.ravel()[places] == SKY, np.float32(SHARE_OF_SKY), np.float32(SHARE_APART))
     share = largest * (1 - np.exp(-distance / (REACH * max(w.shape))))
     del distance, largest
     share *= np.clip(2 * (1 - w.ravel()[places] / middle), 0, 1)
@@ -79,18 +77,6 @@ def blend_with_low_frequency(
     step *= share[:, None]
     blend = np.add(painted, step, out=step)
     out.reshape(-1, 3)[places] = np.clip(np.rint(blend, out=blend), 0, 255, out=blend)
-    return out
-
-
-def blend_shares(view: View, where: BoolArray, label: NDArray[np.int8], sky: Sky | None) -> Float32Array:
-    """N largest weights of the smooth estimate at the N pixels of `where` (H x W). label, sky: see `blend_with_low_frequency`."""
-    out = np.full(int(where.sum()), SHARE_APART, np.float32)
-    far = label[where] == SKY
-    out[far] = SHARE_OF_SKY
-    if sky is not None:
-        y, x = np.nonzero(where)
-        height = sky.heights(view.camera, *(each[far].astype(np.float64) + 0.5 for each in (x, y)))
-        out[far] *= np.clip(1 - np.abs(height) / CLEAR, 0, 1)
     return out
 
 

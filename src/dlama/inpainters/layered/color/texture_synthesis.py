@@ -21,7 +21,6 @@ from dlama.inpainters.layered.color.patch_offsets import copy_detail
 from dlama.inpainters.layered.color.texture_grid import UNTRUSTED, HoleRegion, TextureGrid, labels_in
 from dlama.inpainters.layered.kernels import base_color as base_kernels
 from dlama.inpainters.layered.kernels.patch_offsets import paint
-from dlama.inpainters.sky import Sky
 
 GREY = 128
 """Colour in a view without any known pixel."""
@@ -37,40 +36,32 @@ DEPTH_SCREEN = 0.002
 """The same for no plane, towards the mean of all cells at that depth and behind: a small rim must not colour everything."""
 
 
-def synthesize(grid: TextureGrid, *, seed: int = 0, sky: Sky | None = None, detail: bool = True) -> UInt8Array:
+def synthesize(grid: TextureGrid, *, seed: int = 0, sky: Float32Array | None = None, detail: bool = True) -> UInt8Array:
     """H x W x 3: colour for the hole of a grid, from known pixels of the same surface; known pixels come back bit-identical.
 
-    sky: of all source pictures; detail: False leaves the smooth base colours alone. The same seed gives the same bits.
+    sky: RGB of a sky that this view does not show; None: SKY_COLOR. detail: False leaves the smooth base colours
+    alone. The same seed gives the same bits.
     """
     out, hole = np.array(grid.color), grid.hole
     if not hole.any():
         return out
     out[hole] = GREY
-    open_air = hole & (grid.label == 0) & ~hole.all()
-    under = None if sky is None or not open_air.any() else sky.render_sky(grid.camera, grid.base_cell_size)
-    if under is None:
-        out[open_air] = SKY_COLOR
-    else:
-        for channel in range(3):  # one at a time: at full size they are floats
-            large = enlarge(under[..., channel], grid)
-            np.copyto(out[..., channel], np.rint(large, out=large), casting="unsafe", where=open_air)
+    out[hole & (grid.label == 0) & ~hole.all()] = SKY_COLOR if sky is None else np.rint(sky)
     regions = sorted(hole_regions(grid), key=lambda region: -len(region.pixels))
 
     def paint_regions(first: int, last: int) -> None:
         for region in regions[first:last]:
-            paint_region(out, grid, region, under, np.random.default_rng([seed, 1 + region.label]) if detail else None)
+            paint_region(out, grid, region, np.random.default_rng([seed, 1 + region.label]) if detail else None)
 
     in_bands(paint_regions, len(regions), band=1)
     return out
 
 
-def paint_region(
-    out: UInt8Array, grid: TextureGrid, region: HoleRegion, sky: Float32Array | None, rng: np.random.Generator | None
-) -> None:
-    """Paint one region into `out` (H x W x 3). sky: see `base_colors`; rng: None leaves the base colours alone."""
+def paint_region(out: UInt8Array, grid: TextureGrid, region: HoleRegion, rng: np.random.Generator | None) -> None:
+    """Paint one region into `out` (H x W x 3). rng: None leaves the base colours alone."""
     if not region.sources.any():
         return
-    bases, unit = base_colors(grid, region, sky), grid.at_unit_depth(region.label)
+    bases, unit = base_colors(grid, region), grid.at_unit_depth(region.label)
     copied = CopiedDetail.none(bases[0].shape[:2]) if rng is None else copy_detail(unit, region, bases, rng)
     paint(
         out,
@@ -118,17 +109,10 @@ def beyond_gap(grid: TextureGrid, pixels: NDArray[np.int64], sources: BoolArray)
     return away if (sources & ~away).sum() >= LEAST_CELLS else np.zeros_like(away)
 
 
-def enlarge(values: Float32Array, grid: TextureGrid) -> Float32Array:
-    """H x W: values of the base grid, interpolated."""
-    (rows, cols), size, (height, width) = values.shape, grid.base_cell_size, grid.hole.shape
-    large = cv2.resize(values, (cols * size, rows * size), interpolation=cv2.INTER_LINEAR)
-    return np.asarray(large[:height, :width], np.float32)
-
-
-def base_colors(grid: TextureGrid, region: HoleRegion, sky: Float32Array | None = None) -> Bases:
-    """The smooth colour fields of one region, on the base grid; sky: that of all source pictures, on that grid."""
+def base_colors(grid: TextureGrid, region: HoleRegion) -> Bases:
+    """The smooth colour fields of one region, on the base grid."""
     if region.label >= 0:
-        return surface_bases(grid, region, sky if region.label == 0 else None)
+        return surface_bases(grid, region)
     base = depth_base(grid, region)
     return base, base
 
@@ -170,18 +154,15 @@ def _mean_behind(base: Float32Array, depth: Float32Array, far: Float32Array) -> 
     return sums[count] / np.maximum(count, 1)[:, None], count > 0
 
 
-def surface_bases(grid: TextureGrid, region: HoleRegion, under: Float32Array | None = None) -> Bases:
+def surface_bases(grid: TextureGrid, region: HoleRegion) -> Bases:
     """A slightly and a strongly blurred picture of one surface's known cells, extrapolated into the hole.
 
-    First by a pyramid, then as a screened membrane (Laplace's equation); under: colours known beforehand, on the base grid,
-    from which only differences are extrapolated.
+    First by a pyramid, then as a screened membrane (Laplace's equation).
     """
     weight = region.sources.astype(np.float32)
     sums, weights = base_kernels.pull(grid.cell_color * weight[..., None], weight)
     rows, cols = np.divmod(region.pixels, grid.hole.shape[1])
     cells = np.unique((rows // grid.base_cell_size) * weights.shape[1] + cols // grid.base_cell_size)
-    if under is not None:
-        sums -= under * weights[..., None]
     known = weights > 0
     usable = known.copy()
     usable.ravel()[cells] = True
@@ -190,8 +171,6 @@ def surface_bases(grid: TextureGrid, region: HoleRegion, under: Float32Array | N
     for sigma in (2.0, 7.0):
         blurred, share = (cv2.GaussianBlur(a, (0, 0), sigma, borderType=cv2.BORDER_CONSTANT) for a in (sums, weights))
         fields.append(_extrapolate(np.asarray(blurred, np.float32), np.asarray(share, np.float32), usable, cells))
-    if under is not None:
-        fields = [field + under for field in fields]
     return fields[0], fields[1]
 
 
