@@ -19,6 +19,8 @@ from __future__ import annotations
 
 import importlib.util
 import re
+import sys
+import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any, ClassVar
@@ -177,6 +179,14 @@ def any_error(kind: type[DlamaError], message: str) -> Iterator[None]:
         raise
     except Exception as error:
         raise kind(f"{message} ({first_line(error)})") from error
+
+
+def warn(message: str) -> None:
+    """A doubt about what was given, as a UserWarning; it is of the line outside dlama from where it came."""
+    level, frame = 1, sys._getframe()
+    while frame.f_back is not None and frame.f_globals["__name__"].startswith("dlama."):
+        level, frame = level + 1, frame.f_back
+    warnings.warn(message, UserWarning, stacklevel=level)
 
 
 def format_count(count: int, noun: str) -> str:

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import itertools
 import re
-import warnings
 from collections.abc import Sequence
 from typing import Any
 
 import cv2
 
-from dlama.errors import CameraError, FileError, any_error
+from dlama.errors import CameraError, FileError, any_error, warn
 from dlama.files.atomic_write import PathLike
 from dlama.files.fields import FileFields
 from dlama.files.rasters.images import existing_file
@@ -41,11 +40,9 @@ def read_yaml_fields(path: PathLike) -> FileFields:
     if len(matrix) != 9:
         raise CameraError(f"{file}: camera_matrix has {len(matrix)} numbers; 9 are expected; {expected}")
     if any(distortion):
-        warnings.warn(
+        warn(
             f"{file}: its distortion ({', '.join(f'{each:g}' for each in distortion[:5])}) is not used: the picture is expected "
-            "to be undistorted, and camera_matrix to be its own",
-            UserWarning,
-            stacklevel=4,
+            "to be undistorted, and camera_matrix to be its own"
         )
     values: dict[str, Any] = {"K": [matrix[0:3], matrix[3:6], matrix[6:9]], "pixel_center": 0.0}
     return FileFields(file, values | {name: found[0] for name, found in size.items() if found})

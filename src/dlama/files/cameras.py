@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dlama.arguments import check_arguments
-from dlama.errors import CameraError, FileError, system_errors
+from dlama.errors import CameraError, FileError, system_errors, warn
 from dlama.files.atomic_write import PathLike, write_file
 from dlama.files.camera_yaml import SUFFIXES, read_yaml_fields
 from dlama.files.fields import FileFields, Intrinsics, json_text, json_value, read_calib_txt, read_json_fields
@@ -116,7 +115,7 @@ def read_stereo_calib(path: PathLike, *, hw: tuple[int, int] | None = None) -> S
     if not _is_calib_txt(path):
         fields.warn_of_unknown(PAIR_FIELDS)
     if doubtful:
-        warnings.warn(f"{path}: {unit}", UserWarning, stacklevel=3)
+        warn(f"{path}: {unit}")
     return rig
 
 
@@ -207,15 +206,13 @@ def make_camera(
     except CameraError as error:
         raise CameraError(f"{source}: {error.marked if source == OPTIONS else error}") from error
     if not (0 <= camera.cx <= camera.width and 0 <= camera.cy <= camera.height):
-        warnings.warn(
+        warn(
             f"{source}: the principal point ({camera.cx:g}, {camera.cy:g}) lies outside the {hw[1]}x{hw[0]} picture; "
-            "right for a crop, else check `cx` and `cy`",
-            UserWarning,
-            stacklevel=2,
+            "right for a crop, else check `cx` and `cy`"
         )
     for found in check_lens(camera):
         if found.check in ("intrinsics-size", "focal-length"):  # K of a picture of another size, or as shares of it
-            warnings.warn(f"{source}: {found.what}: {found.mend}", UserWarning, stacklevel=2)
+            warn(f"{source}: {found.what}: {found.mend}")
     return camera
 
 
@@ -258,10 +255,8 @@ def _focal_lengths(
         return fx, fx if fy is None else fy, "fx"
     if fov is not None:
         if looks_like_radians(fov):
-            warnings.warn(
-                f"`fov` is {fov:g} degrees, as narrow as a telescope's; if these are radians, give `fov={math.degrees(fov):.4g}`",
-                UserWarning,
-                stacklevel=4,
+            warn(
+                f"`fov` is {fov:g} degrees, as narrow as a telescope's; if these are radians, give `fov={math.degrees(fov):.4g}`"
             )
         focal = Camera.from_fov(hw[1], hw[0], fov).fx
         return focal, focal, "fov"

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import re
-import warnings
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from dlama.errors import CameraError, FileError, any_error
+from dlama.errors import CameraError, FileError, any_error, warn
 from dlama.files.atomic_write import PathLike
 from dlama.files.rasters.images import existing_file
 from dlama.geometry.camera import Float64Array, intrinsics_of
@@ -103,10 +102,8 @@ class FileFields:
         """Warn (UserWarning) of fields that nothing reads: one may be a misspelt pose, or a distortion."""
         unknown = [f"'{name}'" for name in self.values if name not in known]
         if unknown:
-            warnings.warn(
-                f"{self.path}: fields that are not known are not used: {', '.join(unknown)}; known are {', '.join(known)}",
-                UserWarning,
-                stacklevel=4,
+            warn(
+                f"{self.path}: fields that are not known are not used: {', '.join(unknown)}; known are {', '.join(known)}"
             )
 
     def text(self, name: str) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
@@ -11,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from dlama.arguments import check_arguments
-from dlama.errors import DepthError, FileError, InputError, ShapeError, system_errors
+from dlama.errors import DepthError, FileError, InputError, ShapeError, system_errors, warn
 from dlama.files.atomic_write import PathLike
 from dlama.files.cameras import camera_for
 from dlama.files.photos.depth import PhotoDepth, read_photo_depth
@@ -146,7 +145,7 @@ def _find_photo_depth(image: PathLike) -> PhotoDepth | None:
     try:
         return read_photo_depth(image)
     except DepthError as error:
-        warnings.warn(f"{error.marked}; depth is estimated instead", UserWarning, stacklevel=3)
+        warn(f"{error.marked}; depth is estimated instead")
         return None
 
 
@@ -170,20 +169,16 @@ def _use_photo_depth(
     if about["scale"]["rule"] == "metric model":
         about["scale"] = {**about["scale"], "rule": "photo"}
         if not own.absolute:
-            warnings.warn(
+            warn(
                 f"{image}: its depth is relative ({own.about['source']}): its metres are the phone's guess, "
-                "give `metres_at` or `camera_height`",
-                UserWarning,
-                stacklevel=4,
+                "give `metres_at` or `camera_height`"
             )
     limit = own.about.get("at_far_limit_share", 0.0)
     if limit > 0.05:
         farthest = float(rgbd.depth[np.isfinite(rgbd.depth)].max())
-        warnings.warn(
+        warn(
             f"{image}: {limit:.0%} of its depth lie at the farthest that it can say, {farthest:.3g} m, and may be farther; "
-            f"`far={0.99 * farthest:.3g}` takes them as far",
-            UserWarning,
-            stacklevel=4,
+            f"`far={0.99 * farthest:.3g}` takes them as far"
         )
     return dataclasses.replace(rgbd, estimate=about)
 
@@ -202,11 +197,9 @@ def _resize_depth(
         if how == "guided":
             return upsample_depth(grid.sample_map(metres), color)
         if how is None:
-            warnings.warn(
+            warn(
                 f"{depth}: looks like a map of {grid.wh[0]}x{grid.wh[1]} pixels that was enlarged by the nearest pixel, so "
-                "surfaces are terraced; `resize_depth=guided` interpolates on each surface",
-                UserWarning,
-                stacklevel=3,
+                "surfaces are terraced; `resize_depth=guided` interpolates on each surface"
             )
         return metres
     sizes = f"{depth} is {metres.shape[1]}x{metres.shape[0]} and {image} {hw[1]}x{hw[0]}"

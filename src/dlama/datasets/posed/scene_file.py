@@ -5,7 +5,6 @@ Depth that was filled counts as missing. A scene from which an object was remove
 
 from __future__ import annotations
 
-import warnings
 from functools import partial
 from pathlib import Path
 
@@ -14,7 +13,7 @@ import numpy as np
 from dlama.datasets.frames import Dataset
 from dlama.datasets.posed.posed_frames import PosedFrame
 from dlama.datasets.posed.view_pairs import posed_dataset
-from dlama.errors import InputError
+from dlama.errors import InputError, warn
 from dlama.files.scenes.scene_npz import read_layer, read_scene
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import from_source
@@ -37,7 +36,7 @@ def scene_file(path: Path, *, limit: int | None = None) -> Dataset:
             f"{path}: is a scene without what was removed from it; one of frames as they were taken is expected"
         )
     if found.has_estimated_depth:
-        warnings.warn(f"{path}: its depth is estimated from pictures; it is no truth", UserWarning, stacklevel=2)
+        warn(f"{path}: its depth is estimated from pictures; it is no truth")
     frames = [
         PosedFrame(
             path.stem,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import warnings
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -20,7 +19,7 @@ from dlama.datasets.frames import Frame
 from dlama.datasets.layouts import layout_of, list_dataset
 from dlama.datasets.posed.posed_frames import SAME_PROPORTIONS, CameraOption
 from dlama.datasets.text_tables import check_scenes
-from dlama.errors import DlamaError, FileError, InputError, first_line, format_count, system_errors
+from dlama.errors import DlamaError, FileError, InputError, first_line, format_count, system_errors, warn
 from dlama.files.atomic_write import PathLike
 from dlama.files.scenes.scene_npz import read_scene
 from dlama.geometry.frames.alignment import Features, detect_features, estimate_poses, with_pose
@@ -113,7 +112,7 @@ def read_views(
             views[frame.name] = open_view(clip_frame(frame.load, clip), frame.name, cache)
         except DlamaError as error:
             damaged[frame.name] = first_line(error)
-            warnings.warn(f"frame {frame.name} is left out: {first_line(error)}", UserWarning, stacklevel=3)
+            warn(f"frame {frame.name} is left out: {first_line(error)}")
     return views, damaged
 
 
@@ -136,7 +135,7 @@ def masks_by_number(
     if unused:
         listed = ", ".join(unused[:3]) + ", ..." * (len(unused) > 3)
         what = f"{format_count(len(unused), 'mask')} of frames that are left out: not used ({listed})"
-        warnings.warn(what, UserWarning, stacklevel=3)
+        warn(what)
     found: dict[int, BoolArray] = {}
     for name in given:
         if name in unused:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import io
-import warnings
 
 import numpy as np
 from PIL import Image, ImageCms
 
+from dlama.errors import warn
 from dlama.files.atomic_write import PathLike
 from dlama.geometry.rgbd import UInt8Array
 
@@ -41,11 +41,7 @@ def to_srgb(picture: Image.Image, profile: bytes | None, path: PathLike) -> Imag
             return picture
         converted = ImageCms.applyTransform(picture, transform)
     except (ImageCms.PyCMSError, OSError, ValueError, TypeError) as error:
-        warnings.warn(
-            f"{path}: its colour profile cannot be used ({error}); its colours are taken as sRGB",
-            UserWarning,
-            stacklevel=4,
-        )
+        warn(f"{path}: its colour profile cannot be used ({error}); its colours are taken as sRGB")
         return picture
     assert converted is not None  # None is for transforms in place
     return converted

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import warnings
-
 import numpy as np
 
+from dlama.errors import warn
 from dlama.files.atomic_write import PathLike
 from dlama.geometry.rgbd import Float32Array
 from dlama.perception.diagnosis.depth_code import looks_inverse
@@ -18,11 +17,9 @@ CLOSE_RANGE = 50.0, 5.0
 def warn_of_inverse(path: PathLike, depth: Float32Array) -> None:
     """Warn (UserWarning) where the values (H x W, 0 = missing, inf = far) are inverse depth rather than depth."""
     if looks_inverse(depth):
-        warnings.warn(
+        warn(
             f"{path}: looks like inverse depth or disparity (planes of the scene are flat so, and bent as depth): metric depth "
-            "is expected, such as depth = scale / value",
-            UserWarning,
-            stacklevel=4,
+            "is expected, such as depth = scale / value"
         )
 
 
@@ -33,11 +30,9 @@ def warn_of_millimetres(path: PathLike, depth: Float32Array, median: float) -> N
         return
     near, far = np.percentile(depth[depth > 0], (2, 98))
     if far < CLOSE_RANGE[1] * near:
-        warnings.warn(
+        warn(
             f"{path}: nearly all of the depth is {near:.3g} to {far:.3g} m: if these are millimetres, give `depth_scale=1000`, "
-            "if centimetres `depth_scale=100`; `depth_scale=1` says that they are metres",
-            UserWarning,
-            stacklevel=4,
+            "if centimetres `depth_scale=100`; `depth_scale=1` says that they are metres"
         )
 
 
@@ -45,9 +40,7 @@ def warn_of_far_plane(path: PathLike, depth: Float32Array) -> None:
     """Warn (UserWarning) where a renderer wrote sky at its camera's far plane (depth: H x W metres): it would be a wall."""
     found = find_far_plane(depth)
     if found is not None:
-        warnings.warn(
+        warn(
             f"{path}: {found[1]:.1%} of the depth is exactly {found[0]:.9g} m, far behind all else; if that is sky, give "
-            f"`far={found[0]:.9g}`",
-            UserWarning,
-            stacklevel=4,
+            f"`far={found[0]:.9g}`"
         )

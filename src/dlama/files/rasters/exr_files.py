@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import struct
-import warnings
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from fnmatch import fnmatchcase
@@ -14,7 +13,7 @@ from typing import Any
 import numpy as np
 import OpenEXR
 
-from dlama.errors import FileError, any_error
+from dlama.errors import FileError, any_error, warn
 from dlama.files.atomic_write import PathLike, new_file
 from dlama.files.rasters.float_files import plane_of
 from dlama.files.rasters.images import check_pixels, existing_file
@@ -110,22 +109,16 @@ def _in_display_window(file: Path, header: Mapping[str, Any], values: np.ndarray
     ]
     cut = (rows.stop - rows.start) * (columns.stop - columns.start) / out.size
     if cut < 1:
-        warnings.warn(
-            f"{file}: was rendered in {cut:.0%} of its display window ({shown}); the rest counts as missing",
-            UserWarning,
-            stacklevel=5,
-        )
+        warn(f"{file}: was rendered in {cut:.0%} of its display window ({shown}); the rest counts as missing")
     return out
 
 
 def _warn_of_aspect(file: Path, ratio: float) -> None:
     """Warn (UserWarning) of pixels that are not square: a field of view alone makes the wrong camera."""
     if ratio > 0 and abs(ratio - 1) > 0.01:
-        warnings.warn(
+        warn(
             f"{file}: its pixels are {ratio:.4g} times as wide as high (anamorphic): give `fx` and `fy`, fx = fy / {ratio:.4g}, "
-            "or make picture and depth square",
-            UserWarning,
-            stacklevel=5,
+            "or make picture and depth square"
         )
 
 

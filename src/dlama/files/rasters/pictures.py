@@ -5,7 +5,6 @@ Inside the package a mask is a bool field, True = remove / fill; thresholds and 
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
@@ -15,7 +14,7 @@ import numpy as np
 from PIL import Image
 
 from dlama.arguments import check_arguments
-from dlama.errors import FileError, MaskError, system_errors
+from dlama.errors import FileError, MaskError, system_errors, warn
 from dlama.files.atomic_write import PathLike, new_file, write_file
 from dlama.files.rasters.color_profiles import rgb_to_srgb
 from dlama.files.rasters.images import StoredPicture, read_stored
@@ -70,11 +69,7 @@ def srgb_of(stored: StoredPicture, path: PathLike) -> UInt8Array:
 def _warn_of_16_bits(stored: StoredPicture, whose: str, kept: str = "") -> None:
     """Warn (UserWarning) that colours of 16 bits are shortened; whose: what the line begins with, kept: what it ends with."""
     if stored.values.dtype == np.uint16:
-        warnings.warn(
-            f"{whose} 16 bits a channel; colours are worked on, filled and written in 8{kept}",
-            UserWarning,
-            stacklevel=3,
-        )
+        warn(f"{whose} 16 bits a channel; colours are worked on, filled and written in 8{kept}")
 
 
 def _warn_of_alpha(stored: StoredPicture, path: PathLike) -> None:
@@ -83,10 +78,8 @@ def _warn_of_alpha(stored: StoredPicture, path: PathLike) -> None:
     if values.ndim == 3 and values.shape[2] in (2, 4) and values.dtype.kind == "u":
         transparent = values[..., -1] < np.iinfo(values.dtype).max
         if transparent.any():
-            warnings.warn(
-                f"{path}: alpha is dropped; the colours of its transparent pixels ({percent(transparent)}) count as measured",
-                UserWarning,
-                stacklevel=3,
+            warn(
+                f"{path}: alpha is dropped; the colours of its transparent pixels ({percent(transparent)}) count as measured"
             )
 
 

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import warnings
-
-from dlama.errors import MaskError, ShapeError
+from dlama.errors import MaskError, ShapeError, warn
 from dlama.files.atomic_write import PathLike
 from dlama.files.rasters.images import orientation_of, picture_hw
 from dlama.geometry.rgbd import BoolArray
@@ -44,11 +42,7 @@ def refuse_turned(picture: PathLike, other: PathLike, hw: tuple[int, int], other
 def warn_of_turn(picture: PathLike, other: PathLike) -> None:
     """Warn (UserWarning) where a picture and its mask or depth fit in two ways by their EXIF orientations. Raises FileError."""
     if found := doubtful_turn(picture, other):
-        warnings.warn(
-            f"{found}; if both were made of the same stored pixels, clear the tag (exiftool -Orientation= FILE)",
-            UserWarning,
-            stacklevel=3,
-        )
+        warn(f"{found}; if both were made of the same stored pixels, clear the tag (exiftool -Orientation= FILE)")
 
 
 def check_mask_fits(mask: BoolArray, path: PathLike, picture: PathLike) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextvars import copy_context
@@ -13,7 +12,7 @@ from typing import Any
 
 from dlama.arguments import check_arguments
 from dlama.completion.completion import Completion, StereoCompletion
-from dlama.errors import InputError, OutputError, system_errors
+from dlama.errors import InputError, OutputError, system_errors, warn
 from dlama.files.atomic_write import PathLike, new_directory
 from dlama.files.rasters import depth, pictures
 from dlama.files.results.deep_color import deep_color, find_plate
@@ -141,7 +140,7 @@ def warn_of_earlier_results(directory: Path, files: Sequence[str]) -> None:
     known = {name for each in RESULTS.values() for name in each}
     stay = sorted(name for name in known.difference(files) if (directory / name).is_file())
     if stay and (directory / "meta.json").is_file():
-        warnings.warn(f"{directory}: of an earlier result there is still {', '.join(stay)}", UserWarning, stacklevel=4)
+        warn(f"{directory}: of an earlier result there is still {', '.join(stay)}")
 
 
 def check_results(only: Sequence[str] | None, also: Sequence[str] = ()) -> tuple[str, ...]:
