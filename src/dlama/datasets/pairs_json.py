@@ -12,16 +12,12 @@ from pathlib import Path
 from dlama.datasets.frames import Case, Dataset
 from dlama.datasets.posed.posed_frames import Lens, PosedFrame, files_of, json_lens, posed_frame, units_per_metre
 from dlama.datasets.posed.view_pairs import pair_case
-from dlama.datasets.text_tables import pose_at, scene_folders
+from dlama.datasets.text_tables import holds, pose_at, scene_folders
 from dlama.errors import FileError
 from dlama.files.fields import FileFields, read_json_fields
 
 NAME = "pairs.json"
-
-
-def looks_like_pairs(root: Path) -> bool:
-    """True where a folder holds pairs.json."""
-    return (root / NAME).is_file()
+looks_like_pairs = holds(NAME)
 
 
 def pairs_json(root: Path, *, scenes: Sequence[str] | None = None) -> Dataset:

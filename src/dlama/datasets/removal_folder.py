@@ -16,7 +16,7 @@ import numpy as np
 
 from dlama.datasets.frames import Case, Dataset, RemovalTruth
 from dlama.datasets.posed.posed_frames import FrameFiles, files_of, json_lens, load_rgbd, posed_frame, units_per_metre
-from dlama.datasets.text_tables import check_size, scene_folders
+from dlama.datasets.text_tables import check_size, holds, scene_folders
 from dlama.errors import FileError
 from dlama.files.fields import read_json_fields
 from dlama.files.rasters.pictures import read_mask, read_region
@@ -31,9 +31,7 @@ NEEDED = (
 )
 
 
-def looks_like_removal(root: Path) -> bool:
-    """True where a folder holds the colours with the object and without it."""
-    return (root / "with.color.png").is_file() and (root / "without.color.png").is_file()
+looks_like_removal = holds("with.color.png", "without.color.png")
 
 
 def removal_folder(root: Path, *, scenes: Sequence[str] | None = None) -> Dataset:

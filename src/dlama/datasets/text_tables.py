@@ -110,10 +110,15 @@ def pose_at(where: str, world_from_cam: Float64Array) -> Float64Array:
 
 def pose_of(where: str, shift: Sequence[float], quaternion_xyzw: Sequence[float]) -> Float64Array:
     """The 4x4 pose of a translation and a unit quaternion; raises FileError, CameraError, which begin with `where`."""
+    return pose_at(where, make_pose(rotation_at(where, quaternion_xyzw), shift))
+
+
+def rotation_at(where: str, quaternion_xyzw: Sequence[float]) -> Float64Array:
+    """The 3x3 rotation of a unit quaternion; raises FileError, which begins with `where`."""
     length = float(np.linalg.norm(quaternion_xyzw))
     if not abs(length - 1) <= QUATERNION_TOLERANCE:
         raise FileError(f"{where}: the quaternion has length {length:.6g}; a unit quaternion qx qy qz qw is expected")
-    return pose_at(where, make_pose(rotation_from_quaternion(quaternion_xyzw), shift))
+    return rotation_from_quaternion(quaternion_xyzw)
 
 
 def nearest_in_time(times: Float64Array, time: float, within: float) -> int | None:
@@ -179,6 +184,11 @@ def _scene_name(root: Path, folder: Path) -> str:
     if folder == root:
         return root.stem if root.is_file() else root.resolve().name
     return "_".join(folder.relative_to(root).with_suffix("" if folder.is_file() else folder.suffix).parts)
+
+
+def holds(*names: str) -> Callable[[Path], bool]:
+    """What tells whether a folder has all these files and folders."""
+    return lambda root: all((root / name).exists() for name in names)
 
 
 def check_folder(root: Path) -> None:

@@ -95,13 +95,15 @@ def test_street_stereo_matches_by_its_disparity(street: Path) -> None:
 def test_unreal_axes_by_hand() -> None:
     """Closed form: X is forward, Y right, Z up, cm; an Unreal yaw of +90 turns to the right, a pitch of +90 looks up."""
     half = np.sqrt(0.5)
-    np.testing.assert_allclose(
-        opencv_pose((100, 200, 300), (0, 0, 0, 1))[:3], [[1, 0, 0, 2], [0, 1, 0, -3], [0, 0, 1, 1]]
-    )
-    right = opencv_pose((0, 0, 0), (0, 0, half, half))[:3, :3]  # FRotator(0, 90, 0).Quaternion()
+    np.testing.assert_allclose(opencv_pose((100, 200, 300), np.eye(3))[:3], [[1, 0, 0, 2], [0, 1, 0, -3], [0, 0, 1, 1]])
+    right = opencv_pose((0, 0, 0), rotation_from_quaternion((0, 0, half, half)))[
+        :3, :3
+    ]  # FRotator(0, 90, 0).Quaternion()
     np.testing.assert_allclose(right @ (0, 0, 1), (1, 0, 0), atol=1e-15)
     np.testing.assert_allclose(right @ (0, 1, 0), (0, 1, 0), atol=1e-15)
-    up = opencv_pose((0, 0, 0), (0, -half, 0, half))[:3, :3]  # FRotator(90, 0, 0).Quaternion()
+    up = opencv_pose((0, 0, 0), rotation_from_quaternion((0, -half, 0, half)))[
+        :3, :3
+    ]  # FRotator(90, 0, 0).Quaternion()
     np.testing.assert_allclose(up @ (0, 0, 1), (0, -1, 0), atol=1e-15)
 
 
@@ -110,7 +112,7 @@ def test_poses_there_and_back(turn: tuple[float, float, float]) -> None:
     """Round trip at any angle, also about 180 degrees, where w of the quaternion vanishes; rotations from Rodrigues."""
     pose = moved(CAMERA, turn=turn, shift=(1, -2, 3)).world_from_cam
     translation, quaternion = unreal_pose(pose)
-    np.testing.assert_allclose(opencv_pose(translation, quaternion), pose, atol=1e-12)
+    np.testing.assert_allclose(opencv_pose(translation, rotation_from_quaternion(quaternion)), pose, atol=1e-12)
     assert quaternion[3] >= 0 and np.linalg.norm(quaternion) == pytest.approx(1)
     turned = rotation(np.radians(turn))
     np.testing.assert_allclose(rotation_from_quaternion(quaternion_from_rotation(turned)), turned, atol=1e-12)
@@ -162,7 +164,7 @@ def test_intrinsics_scale_with_the_sensor(sequence: Path) -> None:
     camera = easysynth(sequence).frames[0].load().camera
     assert (camera.fx, camera.fy, camera.cx, camera.cy) == (15, 14, 8, 6)
     edit_json(sequence / "CameraRig.json", sensor_size=[36, 24])
-    with pytest.raises(CameraError, match=r"CameraRig.json: the sensor is 36x24 and the picture 16x12"):
+    with pytest.raises(CameraError, match=r"CameraRig.json: cameras.CameraComponent: the sensor is 36x24 and the picture 16x12"):
         easysynth(sequence).frames[0].load()
 
 

@@ -31,7 +31,7 @@ BAD = [
     (POSES, replaced(2, "0,0.000000000,", "0, nan,"), r":2:4: 'nan' stands where a finite number"),
     (POSES, replaced(4, "2,", "1,"), r":4:1: id is 1 for the second time"),
     (POSES, replaced(4, "2,", "-2,"), r":4:1: '-2' stands where a whole number >= 0"),
-    (POSES, replaced(2, ",1.000000000,", ",0.5,"), r":2:39: qx begins a quaternion of length 0.5"),
+    (POSES, replaced(2, ",1.000000000,", ",0.5,"), r":2:39: the quaternion has length 0.5"),
     (POSES, replaced(2, ",1.000000000", ""), r":2:\d+: the line has 8 values; 9 are expected \(id,tx"),
     (POSES, replaced(1, "id,tx", "nr,tx"), r":1:1: the header is 'nr,tx.*EasySynth 1.2"),
     (POSES, lambda path: path.write_text("id,tx,ty,tz,qx,qy,qz,qw,t\n"), r":2:1: there is no pose"),
@@ -40,12 +40,12 @@ BAD = [
     (POSES, lambda path: path.write_text("\n \n"), r":1:1: the header is ''"),
     ("CameraRig.json", replaced(3, "{", "{,"), r"CameraRig.json:3:\d+: is no JSON"),
     ("CameraRig.json", lambda path: path.write_text("[]"), r"CameraRig.json:1:1: holds a JSON list"),
-    ("CameraRig.json", lambda path: path.write_text("{}"), r"CameraRig.json: field 'cameras'"),
+    ("CameraRig.json", lambda path: path.write_text("{}"), r"CameraRig.json: cameras is null; an object"),
     ("CameraRig.json", lambda path: edit_json(path, rotation=[0, 0, 1]), r"cameras.CameraComponent: rotation"),
     (
         "CameraRig.json",
         lambda path: edit_json(path, rotation=[0, 0, 0, 2]),
-        r"CameraComponent.rotation is .*of length 1",
+        r"CameraComponent.rotation: .* a unit quaternion",
     ),
     ("CameraRig.json", lambda path: edit_json(path, sensor_size=[0, 4]), r"CameraComponent.sensor_size is \[0, 4\]"),
     (

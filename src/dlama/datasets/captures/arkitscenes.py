@@ -14,21 +14,17 @@ import numpy as np
 
 from dlama.datasets.captures.captured_frames import files_of_capture
 from dlama.datasets.posed.posed_frames import Lens, Listed
-from dlama.datasets.text_tables import files_by_stem, nearest_in_time, pose_at, read_rows
+from dlama.datasets.text_tables import files_by_stem, holds, nearest_in_time, pose_at, read_rows
 from dlama.errors import FileError
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.motion.poses import invert_pose, make_pose
 
 DEPTH, POSES = "lowres_depth", "lowres_wide.traj"
+looks_like = holds(DEPTH, POSES)
 PICTURES = ("vga_wide", "lowres_wide")
 """The larger first."""
 NEAREST_S = 0.005
 """Seconds by which a pose or a camera may differ from a picture (as in tenFpsDataLoader.py)."""
-
-
-def looks_like(root: Path) -> bool:
-    """True where a folder holds the depth pictures and the poses."""
-    return (root / DEPTH).is_dir() and (root / POSES).is_file()
 
 
 def list_frames(folder: Path) -> Listed:

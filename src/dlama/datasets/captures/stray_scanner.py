@@ -14,19 +14,15 @@ from pathlib import Path
 
 from dlama.datasets.captures.captured_frames import levels_of_png, lidar_frame
 from dlama.datasets.posed.posed_frames import Lens, Listed
-from dlama.datasets.text_tables import Row, files_by_stem, matrix_of, pose_of, read_rows
+from dlama.datasets.text_tables import Row, files_by_stem, holds, matrix_of, pose_of, read_rows
 from dlama.errors import FileError
 from dlama.files.rasters.depth import read_depth
 from dlama.files.rasters.video_frames import read_video_frame, video_times
 
 VIDEO, ODOMETRY, MATRIX = "rgb.mp4", "odometry.csv", "camera_matrix.csv"
+looks_like = holds(VIDEO, ODOMETRY, "depth")
 BARE = ("x", "y", "z", "qx", "qy", "qz", "qw")
 """Columns of early versions, which wrote no head line."""
-
-
-def looks_like(root: Path) -> bool:
-    """True where a folder holds the video, the poses and depth/."""
-    return (root / VIDEO).is_file() and (root / ODOMETRY).is_file() and (root / "depth").is_dir()
 
 
 def list_frames(folder: Path) -> Listed:

@@ -6,27 +6,19 @@ With P the map of axes to OpenCV's (det P = -1: the handedness flips) R_cv = P R
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from dlama.datasets.posed.posed_frames import Lens
-from dlama.datasets.text_tables import Row, read_rows
+from dlama.datasets.text_tables import Row, read_rows, rotation_at
 from dlama.errors import CameraError, FileError
 from dlama.files.fields import FileFields, json_fields
 from dlama.files.semantic_classes import unreal_text
 from dlama.geometry.camera import Float64Array
-from dlama.geometry.motion.poses import (
-    QUATERNION_TOLERANCE,
-    make_pose,
-    quaternion_from_rotation,
-    rotation_from_quaternion,
-)
+from dlama.geometry.motion.poses import make_pose, quaternion_from_rotation
 
 OPENCV_FROM_UNREAL = np.array([[0.0, 1, 0], [0, 0, -1], [1, 0, 0]])
 """x = Y, y = -Z, z = X."""
@@ -87,16 +79,15 @@ def read_rig(path: Path) -> dict[str, RigCamera]:
 
     Raises FileError (no JSON: with line and column; a field missing), CameraError (a value that cannot be).
     """
-    cameras = json_fields(path, unreal_text(path)).values.get("cameras")
-    if not isinstance(cameras, dict) or not cameras:
-        raise FileError(f"{path}: field 'cameras' with a camera by name is expected")
-    return {name: _rig_camera(path, name, values) for name, values in cameras.items()}
+    fields = json_fields(path, unreal_text(path))
+    cameras = fields.part("cameras", fields.values.get("cameras") or None)
+    return {name: _rig_camera(fields.part(f"cameras.{name}", each)) for name, each in cameras.values.items()}
 
 
-def opencv_pose(translation_cm: ArrayLike, quaternion_xyzw: ArrayLike) -> Float64Array:
-    """4x4 camera to world in OpenCV axes and metres, from Unreal's translation and quaternion."""
-    rotation = OPENCV_FROM_UNREAL @ rotation_from_quaternion(quaternion_xyzw) @ OPENCV_FROM_UNREAL.T
-    return make_pose(rotation, OPENCV_FROM_UNREAL @ np.asarray(translation_cm, np.float64) / CENTIMETRES)
+def opencv_pose(translation_cm: ArrayLike, rotation: Float64Array) -> Float64Array:
+    """4x4 camera to world in OpenCV axes and metres, from Unreal's translation and its rotation (3x3)."""
+    turned = OPENCV_FROM_UNREAL @ rotation @ OPENCV_FROM_UNREAL.T
+    return make_pose(turned, OPENCV_FROM_UNREAL @ np.asarray(translation_cm, np.float64) / CENTIMETRES)
 
 
 def unreal_pose(world_from_cam: Float64Array) -> tuple[Float64Array, Float64Array]:
@@ -107,12 +98,11 @@ def unreal_pose(world_from_cam: Float64Array) -> tuple[Float64Array, Float64Arra
 
 def _unreal_pose(row: Row) -> Pose:
     *translation, _ = _numbers(row, UNREAL_HEADER, "tx", "ty", "tz", "t")
-    return Pose(opencv_pose(translation, _quaternion(row, UNREAL_HEADER)), None)
+    return Pose(opencv_pose(translation, _rotation(row, UNREAL_HEADER)), None)
 
 
 def _metric_pose(row: Row) -> Pose:
-    rotation = rotation_from_quaternion(_quaternion(row, METRIC_HEADER))
-    pose = make_pose(rotation, _numbers(row, METRIC_HEADER, "tx", "ty", "tz"))
+    pose = make_pose(_rotation(row, METRIC_HEADER), _numbers(row, METRIC_HEADER, "tx", "ty", "tz"))
     names = ("fx", "fy", "cx", "cy")
     intrinsics = _numbers(row, METRIC_HEADER, *names)
     for name, value in zip(names, intrinsics):
@@ -130,30 +120,20 @@ def _numbers(row: Row, header: tuple[str, ...], *names: str) -> list[float]:
     return [row.number(header.index(name)) for name in names]
 
 
-def _quaternion(row: Row, header: tuple[str, ...]) -> list[float]:
-    quaternion = _numbers(row, header, "qx", "qy", "qz", "qw")
-    length = math.hypot(*quaternion)
-    if abs(length - 1) > QUATERNION_TOLERANCE:
-        where = row.at(header.index("qx"))
-        raise FileError(f"{where}: qx begins a quaternion of length {length:.6g}; length 1 is expected")
-    return quaternion
+def _rotation(row: Row, header: tuple[str, ...]) -> Float64Array:
+    return rotation_at(row.at(header.index("qx")), _numbers(row, header, "qx", "qy", "qz", "qw"))
 
 
-def _rig_camera(path: Path, name: str, values: Any) -> RigCamera:
-    where = f"{path}: cameras.{name}"
-    if not isinstance(values, Mapping):
-        raise FileError(f"{where} is no object; intrinsics, rotation, translation and sensor_size are expected")
-    fields = FileFields(where, dict(values))
+def _rig_camera(fields: FileFields) -> RigCamera:
+    where, values = fields.path, fields.values
     fx, skew, cx, below, fy, cy, left, under, last = fields.numbers("intrinsics", 9)
     if any((skew, below, left, under)) or last not in (0, 1) or min(fx, fy) <= 0:
         raise CameraError(
             f"{where}.intrinsics is {values['intrinsics']}; fx 0 cx 0 fy cy 0 0 0 (or 1 at the end) is expected, fx, fy > 0"
         )
-    quaternion = fields.numbers("rotation", 4)
-    if abs(np.linalg.norm(quaternion) - 1) > QUATERNION_TOLERANCE:
-        raise CameraError(f"{where}.rotation is {values['rotation']}; a quaternion x y z w of length 1 is expected")
+    rotation = rotation_at(f"{where}.rotation", fields.numbers("rotation", 4))
     width, height = fields.numbers("sensor_size", 2)
     if width < 1 or height < 1:
         raise CameraError(f"{where}.sensor_size is {values['sensor_size']}; width and height >= 1 are expected")
-    lens = Lens(str(path), (fx, fy, cx, cy), 0.5, (round(height), round(width)), scales=True)
-    return RigCamera(lens, opencv_pose(fields.numbers("translation", 3), quaternion))
+    lens = Lens(str(where), (fx, fy, cx, cy), 0.5, (round(height), round(width)), scales=True)
+    return RigCamera(lens, opencv_pose(fields.numbers("translation", 3), rotation))

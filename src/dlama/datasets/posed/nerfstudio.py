@@ -25,7 +25,7 @@ import numpy as np
 from PIL import Image
 
 from dlama.datasets.posed.posed_frames import Lens, Listed, files_of, units_per_metre
-from dlama.datasets.text_tables import pose_at
+from dlama.datasets.text_tables import holds, pose_at
 from dlama.errors import CameraError
 from dlama.files.fields import FileFields, Intrinsics, read_json_fields
 from dlama.files.rasters.depth import write_depth_png
@@ -36,6 +36,7 @@ from dlama.geometry.figures.false_color import ORIGIN_PALETTE
 from dlama.geometry.view import View
 
 NAME = "transforms.json"
+looks_like = holds(NAME)
 CV_FROM_GL = np.diag([1.0, -1.0, -1.0, 1.0])
 """Camera axes: y and z turn round; the same matrix both ways."""
 UNIT = "depth_unit_scale_factor"
@@ -43,11 +44,6 @@ DEPTH_UNIT = 0.001
 PINHOLES = ("PINHOLE", "SIMPLE_PINHOLE", "OPENCV", "PERSPECTIVE")
 SHOWS_PX = 0.5
 """Distortion that moves a corner by no more than this is left alone."""
-
-
-def looks_like(root: Path) -> bool:
-    """True where a folder holds transforms.json."""
-    return (root / NAME).is_file()
 
 
 def list_frames(folder: Path) -> Listed:

@@ -12,13 +12,10 @@ from pathlib import Path
 import numpy as np
 
 from dlama.datasets.posed.posed_frames import CameraOption, Listed, files_of, lens_for
-from dlama.datasets.text_tables import files_by_stem, files_in, pose_at, read_matrix
+from dlama.datasets.text_tables import files_by_stem, files_in, holds, pose_at, read_matrix
 from dlama.errors import FileError
 
-
-def looks_like(root: Path) -> bool:
-    """True where a folder holds color/, depth/ and pose/."""
-    return all((root / name).is_dir() for name in ("color", "depth", "pose"))
+looks_like = holds("color", "depth", "pose")
 
 
 def list_frames(folder: Path, root: Path, camera: CameraOption) -> Listed:

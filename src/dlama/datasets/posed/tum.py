@@ -13,22 +13,18 @@ from pathlib import Path
 import numpy as np
 
 from dlama.datasets.posed.posed_frames import CameraOption, Listed, files_of, lens_for
-from dlama.datasets.text_tables import Row, nearest_in_time, pose_of, read_rows
+from dlama.datasets.text_tables import Row, holds, nearest_in_time, pose_of, read_rows
 from dlama.errors import FileError
 from dlama.geometry.camera import Float64Array
 
 LISTINGS = ("rgb.txt", "depth.txt", "groundtruth.txt")
+looks_like = holds(*LISTINGS)
 NEAREST_S = 0.02
 """Seconds up to which a time stamp belongs to another (TUM's own associate.py has the same)."""
 ADVICE = (
     "TUM's intrinsics are in no file of the set; its page names fx fy cx cy of freiburg1 as 517.3 516.5 318.6 255.3, "
     "freiburg2 520.9 521.0 325.1 249.7, freiburg3 535.4 539.2 320.1 247.6 with pixel_center 0.0"
 )
-
-
-def looks_like(root: Path) -> bool:
-    """True where a folder holds all three listings."""
-    return all((root / name).is_file() for name in LISTINGS)
 
 
 def list_frames(folder: Path, root: Path, camera: CameraOption) -> Listed:
