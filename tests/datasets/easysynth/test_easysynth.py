@@ -164,7 +164,9 @@ def test_intrinsics_scale_with_the_sensor(sequence: Path) -> None:
     camera = easysynth(sequence).frames[0].load().camera
     assert (camera.fx, camera.fy, camera.cx, camera.cy) == (15, 14, 8, 6)
     edit_json(sequence / "CameraRig.json", sensor_size=[36, 24])
-    with pytest.raises(CameraError, match=r"CameraRig.json: cameras.CameraComponent: the sensor is 36x24 and the picture 16x12"):
+    with pytest.raises(
+        CameraError, match=r"CameraRig.json: cameras.CameraComponent: the sensor is 36x24 and the picture 16x12"
+    ):
         easysynth(sequence).frames[0].load()
 
 
