@@ -75,6 +75,8 @@ def _posed(
 
 
 _FOLDERS = frozenset({"scenes"})
+APPLIED_AFTERWARDS = frozenset({"scenes", "limit"})
+"""Options that `select_cases` applies where a layout does not."""
 _LOWRES = ("lowres_wide.traj", "lowres_depth", "lowres_wide_intrinsics")
 
 LAYOUTS: dict[str, Layout] = {
@@ -136,29 +138,27 @@ def open_dataset(path: Path | str, layout: str | None = None, **options: Unpack[
 
     Raises InputError (unknown or ambiguous layout, option or scene), FileError, CameraError.
     """
-    root, particular, shared = Path(path), *split_options(options)
+    root, limit = Path(path), options.get("limit")
+    check_limit(limit)
     if is_scene_file(root):
-        refuse_unused(SCENE, frozenset(), {"layout": layout, **particular})
-        return select_cases(scene_file(root, limit=options.get("limit")), **shared)
-    return select_cases(list_dataset(root, layout_of(root, layout), particular, shared), **shared)
+        refuse_unused(SCENE, frozenset(), {"layout": layout, **options})
+        found = scene_file(root, limit=limit)
+    else:
+        found = list_dataset(root, layout_of(root, layout), options)
+    return select_cases(found, options.get("scenes"), limit)
 
 
-def split_options(options: DatasetOptions) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Those that layouts may refuse, and `scenes` and `limit`. InputError: a limit that is none."""
-    shared: dict[str, Any] = {name: options.get(name) for name in ("scenes", "limit")}
-    if shared["limit"] is not None and shared["limit"] < 1:
-        raise InputError(f"`limit` is {shared['limit']}; a whole number >= 1 is expected")
-    return {name: value for name, value in options.items() if name not in shared}, shared
+def check_limit(limit: int | None) -> None:
+    """InputError: a number of cases that is none."""
+    if limit is not None and limit < 1:
+        raise InputError(f"`limit` is {limit}; a whole number >= 1 is expected")
 
 
-def list_dataset(root: Path, name: str, particular: Mapping[str, object], shared: Mapping[str, object]) -> Dataset:
-    """The data set of that layout, which takes those of the `shared` options that it knows. InputError: one of `particular`."""
-    layout = LAYOUTS[name]
-    refuse_unused(name, layout.options, particular)
-    given = {**particular, **shared}
-    return layout.read(
-        root, **{key: value for key, value in given.items() if value is not None and key in layout.options}
-    )
+def list_dataset(root: Path, name: str, options: Mapping[str, object]) -> Dataset:
+    """The data set of that layout, by the options that it knows. InputError: another one, but for `scenes` and `limit`."""
+    known = LAYOUTS[name].options
+    refuse_unused(name, known, options)
+    return LAYOUTS[name].read(root, **{key: one for key, one in options.items() if one is not None and key in known})
 
 
 def layout_of(root: Path, layout: str | None) -> str:
@@ -207,9 +207,10 @@ def is_capture_file(path: Path) -> bool:
 
 
 def refuse_unused(name: str, known: frozenset[str], options: Mapping[str, object]) -> None:
-    """Raises InputError for an option that was given (is not None) and that the layout `name` does not take."""
+    """Raises InputError for an option that was given (is not None) and that the layout `name` does not take, but for those that
+    are applied afterwards."""
     for option, value in options.items():
-        if value is not None and option not in known:
+        if value is not None and option not in known | APPLIED_AFTERWARDS:
             takers = [each for each, layout in LAYOUTS.items() if option in layout.options]
             for_others = f"; it is for {', '.join(takers)}" if takers else ""
             raise InputError(f"`{option}` does not apply to a data set of layout {name}{for_others}")

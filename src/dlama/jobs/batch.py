@@ -6,7 +6,6 @@ import functools
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from numbers import Integral
 from pathlib import Path
 from typing import Any
 
@@ -152,7 +151,7 @@ def count_workers(workers: int | None, threads: int | None) -> tuple[int, int]:
     cores, free = processor_count(), available_bytes()
     if workers is not None:
         check_processes(workers, "workers")
-    if threads is not None and not (isinstance(threads, Integral) and 1 <= threads <= max(cores, 2)):
+    if threads is not None and threads > max(cores, 2):
         raise InputError(f"`threads` is {threads!r}; 1 to {cores}, as many as this computer has cores, is expected")
     fitting = cores if free is None else max(1, min(cores, int(free / PROCESS_BYTES)))
     count = workers or max(1, fitting // (threads or 1))

@@ -18,7 +18,7 @@ import numpy as np
 from dlama.arguments import check_word, is_finite
 from dlama.completion.options import Unpack
 from dlama.datasets.frames import Case, Dataset, Frame, RemovalTruth, StereoTruth, ViewTruth
-from dlama.datasets.layouts import DatasetOptions, open_dataset, refuse_unused, select_cases, split_options
+from dlama.datasets.layouts import DatasetOptions, check_limit, open_dataset, refuse_unused, select_cases
 from dlama.errors import FileError, InputError, system_errors
 from dlama.geometry.camera import Camera, StereoRig
 from dlama.geometry.projection import disparity_from_depth
@@ -216,11 +216,11 @@ def open_dataset_or_worlds(path: Path | str, layout: str | None = None, **option
     """
     if Path(path).is_dir() or not (str(path) == LAYOUT or str(path).startswith(f"{LAYOUT}:")):
         return open_dataset(path, layout, **options)
-    particular, shared = split_options(options)
-    refuse_unused(LAYOUT, frozenset(), particular)
+    check_limit(options.get("limit"))
+    refuse_unused(LAYOUT, frozenset(), options)
     if layout is not None:
         raise InputError(f"'{path}' is generated and has no layout; layout {layout} is for folders")
-    return select_cases(named_worlds(str(path)), **shared)
+    return select_cases(named_worlds(str(path)), options.get("scenes"), options.get("limit"))
 
 
 def named_worlds(name: str) -> Dataset:

@@ -18,8 +18,6 @@ from typing import Any
 from dlama.apps.options import Report
 from dlama.apps.terminal.streams import (
     CANNOT_WRITE,
-    describe_ending,
-    exit_code,
     find_write_error,
     open_closed_streams,
     printable,
@@ -35,8 +33,8 @@ KERNELS = logging.getLogger("dlama.kernels")
 
 SHOWN = 5e-4
 """The smallest share of a picture that a line about a result names: 0.1 % when rounded."""
-BAD_INPUT = 2
-"""Exit code for anything the user can put right."""
+BAD_INPUT, INTERRUPTED = 2, 130
+"""Exit codes: for anything the user can put right; of a Ctrl-C that did not come as `Stopped`."""
 WITH_FLAGS: ContextVar[Callable[[str], str]] = ContextVar("WITH_FLAGS", default=str)
 """Puts the flags of the verb under way in place of the parameters that a warning of the library names."""
 MINUTE = 60.0
@@ -109,8 +107,8 @@ def errors_as_lines(with_flags: Callable[[str], str] = str) -> Iterator[None]:
             try:
                 yield
             except KeyboardInterrupt as error:
-                code = exit_code(error)
-                print_line("error", f"{describe_ending(error)}; nothing half-written is left")
+                code = getattr(error, "exit_code", INTERRUPTED)
+                print_line("error", f"{getattr(error, 'word', 'interrupted')}; nothing half-written is left")
     except SystemExit as error:  # of --help, and of wrong words
         code = error.code
     except DlamaError as error:
@@ -170,14 +168,14 @@ def stages_bar(title: str, total: int, report: Report) -> Iterator[None]:
 
 
 @contextmanager
-def counting_bar(title: str, report: Report) -> Iterator[Any]:
+def counting_bar(title: str, report: Report, of_bytes: bool = False) -> Iterator[Any]:
     """A bar on a terminal, removed when it is done, as a function of (done, total, title); None elsewhere."""
     if report.quiet or not sys.stderr.isatty():
         yield None
         return
-    from dlama.apps.terminal.bars import COUNT, open_bar
+    from dlama.apps.terminal.bars import BYTES, COUNT, open_bar
 
-    with open_bar(title, COUNT) as update:
+    with open_bar(title, BYTES if of_bytes else COUNT) as update:
         yield lambda done, total, title=title: update(completed=done, total=total, description=printable(title))
 
 
@@ -207,5 +205,6 @@ def follow_run(
 
             yield update
     except KeyboardInterrupt as error:
-        print_line("error", f"{describe_ending(error)}; what is done is kept, and the same command resumes it")
-        raise SystemExit(exit_code(error)) from None
+        word = getattr(error, "word", "interrupted")
+        print_line("error", f"{word}; what is done is kept, and the same command resumes it")
+        raise SystemExit(getattr(error, "exit_code", INTERRUPTED)) from None

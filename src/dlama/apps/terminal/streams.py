@@ -45,16 +45,6 @@ class Stopped(KeyboardInterrupt):
         return "interrupted" if self.args[0] == signal.SIGINT else f"ended by {signal.Signals(self.args[0]).name}"
 
 
-def exit_code(error: KeyboardInterrupt) -> int:
-    """Of a command that ends so."""
-    return error.exit_code if isinstance(error, Stopped) else 130
-
-
-def describe_ending(error: KeyboardInterrupt) -> str:
-    """In a word: what ended it."""
-    return error.word if isinstance(error, Stopped) else "interrupted"
-
-
 def _replace_unencodable(error: UnicodeError) -> tuple[str, int]:
     if not isinstance(error, UnicodeEncodeError):
         raise error

@@ -206,7 +206,7 @@ def open_frames(
     name = layout_of(root, layout)
     if name == "easysynth":
         _check_one_sequence(root)
-    frames = list_dataset(root, name, {"camera": camera, "depth_range": depth_range}, {"limit": 0}).frames
+    frames = list_dataset(root, name, {"camera": camera, "depth_range": depth_range, "limit": 0}).frames
     if not frames:
         raise InputError(f"{root}: a data set of layout {name} has no posed frames of one scene")
     return _of_scene(root, frames, scene)

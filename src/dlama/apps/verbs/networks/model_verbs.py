@@ -2,26 +2,20 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from tyro.conf import Positional, subcommand
 
 from dlama.apps.model_files import UNKNOWN, convert, licence_of, source_of
 from dlama.apps.options import Report, option
 from dlama.apps.places import check_file_apart
-from dlama.apps.terminal.output import report_result
+from dlama.apps.terminal.output import counting_bar, report_result
 from dlama.errors import FileError, OutputError
 from dlama.models.cache import directory, known_size_and_sha256, target_path
 from dlama.models.records import CATALOGUE, Record, record
 from dlama.models.verify import size_and_sha256, verify
-
-if TYPE_CHECKING:
-    from dlama.models.download import Progress
 
 Name = Positional[Annotated[str, option("NAME", None)]]
 
@@ -104,7 +98,7 @@ class Pull(Report):
         from dlama.models.pull import pull
 
         entry = record(self.name)
-        with report_result("models pull", self) as result, _bar(entry.name, self.quiet) as progress:
+        with report_result("models pull", self) as result, counting_bar(entry.name, self, of_bytes=True) as progress:
             path = pull(entry, progress)
             detail = verify(entry).detail
             line = f"{path}: {detail}, licence {entry.licence}"
@@ -182,15 +176,3 @@ def _here(entry: Record) -> str:
 
 def _megabytes(size: int | None) -> str:
     return "?" if size is None else f"{size / 1e6:.1g}" if size < 1e6 else f"{size / 1e6:.0f}"
-
-
-@contextmanager
-def _bar(title: str, quiet: bool) -> Iterator[Progress | None]:
-    """A progress bar on standard error, on a terminal."""
-    if quiet or not sys.stderr.isatty():
-        yield None
-        return
-    from dlama.apps.terminal.bars import BYTES, open_bar
-
-    with open_bar(title, BYTES) as update:
-        yield lambda done, total: update(completed=done, total=total)
