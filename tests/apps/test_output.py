@@ -91,6 +91,15 @@ def test_only_what_was_asked_for(frame: Path, capsys: pytest.CaptureFixture[str]
     assert ", ".join(RESULTS) in shown
 
 
+@pytest.mark.parametrize("words", [VIEW, ("photo3d", *VIEW[1:3], "--fov", 60, *FAST, "--only", "scene")])
+def test_meta_json_has_how_depth_was_read(words: tuple[object, ...], frame: Path) -> None:
+    """Oracle: the options as typed; nothing where none is."""
+    assert "depth_reading" not in json.loads((run(frame, *words) / "meta.json").read_text())
+    out = run(frame, *words, "--depth-scale", 900, "--far", 90, "--resize-depth", "nearest")
+    given = {"depth_scale": 900, "far": 90, "resize_depth": "nearest"}
+    assert json.loads((out / "meta.json").read_text())["depth_reading"] == given
+
+
 def test_what_lacks_only_depth_is_no_unknown(frame: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """5 x 8 pixels without depth beside the object (oracle: counted by hand in a picture of 64 x 48)."""
     depth = pixels(frame / "depth.png")

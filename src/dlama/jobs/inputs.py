@@ -106,6 +106,8 @@ class JobInputs:
     """Of the object, in the picture or the left one of a pair; True = remove."""
     object_mask: dict[str, Any] = field(default_factory=dict)
     """How the mask was found, where it was pointed at."""
+    depth_reading: dict[str, Any] = field(default_factory=dict)
+    """Options that depth, or the disparity of a pair, was read with; those that were given."""
     started: float = field(default_factory=time.perf_counter)
     """By `time.perf_counter`."""
 
@@ -141,7 +143,8 @@ class JobInputs:
     def read_picture(self, p: Parameters) -> RGBD:
         """As `read_source`, of a picture."""
         image, depth, camera_file = Path(p["image"]), path_of(p, "depth"), path_of(p, "camera")
-        lens, options = select(p, LENS), select(p, READING) | select(p, ESTIMATING)
+        self.depth_reading = select(p, READING)
+        lens, options = select(p, LENS), self.depth_reading | select(p, ESTIMATING)
         self.inputs |= {"image": image} | ({"camera": camera_file} if camera_file else {})
         if depth is None:
             with self.reading(image, stage="read_and_estimate_depth"):
@@ -204,7 +207,7 @@ class JobInputs:
                     "`disparity_scale` is given without `disparity`; the file it belongs to is expected too"
                 )
             return None
-        self.inputs["disparity"] = Path(p["disparity"])
+        self.inputs["disparity"], self.depth_reading = Path(p["disparity"]), select(p, ("disparity_scale",))
         with self.reading(self.inputs["disparity"]):
             return read_disparity(self.inputs["disparity"], scale=p.get("disparity_scale"))
 
@@ -217,10 +220,15 @@ class JobInputs:
             pictures = read_color(left), read_color(right)
             return *pictures, read_stereo_calib(calib, hw=pictures[0].shape[:2])
 
+    def how_depth_was_read(self) -> dict[str, Any]:
+        """For meta.json; nothing where no option was given."""
+        return {"depth_reading": self.depth_reading} if self.depth_reading else {}
+
     def write_completion(self, done: Completion, output: Path, p: Parameters) -> list[str]:
         """The result to its directory; the names of its files."""
         if self.object_mask:
             done.meta["object_mask"] = self.object_mask
+        done.meta.update(self.how_depth_was_read())
         addresses: dict[str, Any] = {"input_addresses": self.addresses} if self.addresses else {}
         with self.timed("write"):
             write(

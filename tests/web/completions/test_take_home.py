@@ -68,7 +68,7 @@ def test_command_and_python_lines_write_the_same_bytes(
 ) -> None:
     """Each is run in a folder with the visitor's files and those of the zip."""
     marks, about, request = REQUESTS[name]
-    open_frame(visit, frame)
+    open_frame(visit, frame, depth_scale="900")
     api.mark(visit, {"marks": marks, **about})
     result = completed(visit, **request)
     packed = unpacked(result, visit)

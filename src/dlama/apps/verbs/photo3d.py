@@ -83,6 +83,7 @@ def photo3d(
         else:
             source = this.read_source(p)
         done = dlama.photo3d(source, **vars(box), **select(p, METHOD))
+        done.meta.update(this.how_depth_was_read())
         dlama.write_photo3d(
             done,
             output,

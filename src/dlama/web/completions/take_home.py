@@ -160,6 +160,7 @@ def write_result(result: Result, folder: Path, only: tuple[str, ...] | None = No
         write_mask(folder / MASK, result.mask)
     if result.object_mask and not needs_mask_file(result):
         result.done.meta["object_mask"] = result.object_mask
+    result.done.meta.update(result.source.job.how_depth_was_read())
     lens_from = hide_paths(result.source.job.intrinsics_from, names)
     seconds = result.source.job.stages
     out = dlama.write(result.done, folder / OUT, only=only, inputs=inputs, intrinsics_from=lens_from, seconds=seconds)
