@@ -103,13 +103,17 @@ def test_what_to_know_of_a_mask_is_in_the_last_line(tmp_path: Path, capsys: pyte
 
 
 def test_a_shadow_that_stays_is_in_the_last_line() -> None:
-    """Law: with the option that removes it, until it was given; a few dark pixels are no shadow."""
-    meta = {"filled_pixels": 1000, "notes": {"remaining_shadow_px": 300}}
+    """Law: with the option that removes it, until it was given; a few dark pixels, next to those of the object, are no shadow,
+    however much else is filled."""
+    grown = {"mask_pixels": 800, "mask_known_pixels_given_up": 200}
+    meta = {"filled_pixels": 50000, "dilation": grown, "notes": {"remaining_shadow_px": 300}}
     assert "300 pixels" in remaining_shadow(meta, with_shadow=False)
     assert "--with-shadow" in remaining_shadow(meta, with_shadow=False)
     assert remaining_shadow(meta, with_shadow=True) == ""
     assert remaining_shadow(meta | {"notes": {"remaining_shadow_px": 5}}, with_shadow=False) == ""
     assert remaining_shadow(meta | {"notes": {}}, with_shadow=False) == ""
+    nothing = {"mask_pixels": 0, "mask_known_pixels_given_up": 0}
+    assert remaining_shadow(meta | {"dilation": nothing}, with_shadow=False) == ""
 
 
 def easysynth_frame(tmp_path: Path) -> Path:

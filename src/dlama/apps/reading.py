@@ -30,7 +30,7 @@ from dlama.perception.depth_scale import RULES, describe_depth_source
 ASSUMED = "the (scale of the estimated depth|field of view) is assumed"
 """Warnings of a picture whose depth is estimated; a mask in it depends on neither."""
 SHADOW_SHOWN = 0.02
-"""Pixels of a remaining shadow, over the filled ones, from which the line about a result names it."""
+"""Pixels of a remaining shadow, over those of the removed object, from which the line about a result names it."""
 
 
 @dataclass
@@ -126,8 +126,9 @@ def describe_unknown(meta: dict[str, Any]) -> str:
 
 def remaining_shadow(meta: dict[str, Any], with_shadow: bool) -> str:
     """For the last line: how many pixels look like the removed object's shadow and stay; "" where few do, or it was removed."""
-    pixels = meta["notes"].get("remaining_shadow_px", 0)
-    if with_shadow or pixels < SHADOW_SHOWN * meta["filled_pixels"]:
+    pixels, grown = meta["notes"].get("remaining_shadow_px", 0), meta["dilation"]
+    removed = grown["mask_pixels"] + grown["mask_known_pixels_given_up"]
+    if with_shadow or not removed or pixels < max(1, SHADOW_SHOWN * removed):
         return ""
     return f"; {pixels} pixels next to the object look like its shadow and stay: --with-shadow removes it, too"
 

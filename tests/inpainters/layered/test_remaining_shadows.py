@@ -13,6 +13,7 @@ from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.layered.remaining_shadows import find_remaining_shadow
+from dlama.perception.resampling import shrink_rgbd
 from worlds import Plane, World
 
 CAMERA = Camera.from_fov(160, 120, 60)
@@ -85,3 +86,13 @@ def test_how_much_of_it_stays_is_noted() -> None:
         frame = RGBD(view.color, view.depth, CAMERA)
         done = dlama.complete(frame, [CAMERA], mask=view.hole, filler="telea", dilate=0)
         assert least * dark.sum() <= done.meta["notes"]["remaining_shadow_px"] <= most * dark.sum()
+
+
+def test_as_much_of_it_stays_from_elsewhere() -> None:
+    """Law: what is noted is of the frame that the object was removed from. The mask of the example holds its shadow."""
+    street = dlama.example()
+    rgbd = dlama.read_rgbd(street / "street.jpg", street / "depth.png", fov=90)
+    mask = dlama.read_mask(street / "mask.png")[::2, ::2]
+    for yaw in (0, 10):
+        done = dlama.remove(shrink_rgbd(rgbd, (256, 256)), mask, yaw=yaw, filler="telea")
+        assert done.meta["notes"]["remaining_shadow_px"] == 0
