@@ -76,6 +76,14 @@ def test_examples_are_shown(verb: str) -> None:
     assert all(f"$ {line}"[:60] in page_of(verb) for line in EXAMPLES[verb])
 
 
+@pytest.mark.parametrize("verb", VERBS)
+def test_text_fits_the_terminal(verb: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Oracle: its 80 columns, but for the examples, which are copied, and the synopsis."""
+    monkeypatch.setenv("COLUMNS", "80")
+    shown = page_of.__wrapped__(verb).splitlines()
+    assert [line for line in shown if len(line) > 80 and not line.startswith(("$ ", "usage: "))] == []
+
+
 def test_help_says_the_signs() -> None:
     """Positive yaw and pitch are described in words."""
     shown = " ".join(page_of("view").replace("│", " ").split())

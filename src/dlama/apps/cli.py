@@ -129,7 +129,7 @@ def main(args: Sequence[str] | None = None) -> None:
 
 def list_verbs() -> str:
     """What `dlama --help` prints. tyro would read the source of its own classes for it, a third of the time of the command."""
-    width = min(shutil.get_terminal_size().columns, 100)
+    width = width_of_help()
     lines = [f"usage: dlama VERB ...\n\n{textwrap.fill(DESCRIPTION, width)}\n"]
     for name, verb in VERBS.items():
         first = inspect.cleandoc(str(verb.__doc__)).partition("\n")[0]
@@ -137,12 +137,19 @@ def list_verbs() -> str:
     return "\n".join(lines)
 
 
+def width_of_help() -> int:
+    """Columns of a line of text."""
+    return min(shutil.get_terminal_size().columns, 100)
+
+
 def run_verb(name: str, words: Sequence[str]) -> None:
     """One verb with its options; the errors of the library name flags."""
     verb = VERBS[name]
     verb.__doc__ = join_lines(str(verb.__doc__))
     examples = "\n".join(f"$ {line}" for line in EXAMPLES[name])
-    described = f"{verb.__doc__.splitlines()[0]}\n\n{examples}"
+    # Indented: tyro joins lines that begin with a letter.
+    summary = textwrap.fill(verb.__doc__.splitlines()[0], width_of_help(), subsequent_indent="  ")
+    described = f"{summary}\n\n{examples}"
     with errors_as_lines(lambda message: with_flags(message, flags_of(verb))):
         if "" in words:
             before = words[words.index("") - 1] if words.index("") else ""
