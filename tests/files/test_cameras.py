@@ -146,6 +146,15 @@ P3: 7.18856e+02 0 6.071928e+02 -3.372877e+02 0 7.18856e+02 1.852157e+02 2.369057
 """Of its odometry sequence 00, as published, with fewer digits."""
 
 
+def test_what_is_no_calib_txt(tmp_path: Path) -> None:
+    """A camera of COLMAP: the line that is none, and what else is a camera file."""
+    path = saved(tmp_path / "cameras.txt", "# Camera list\n1 PINHOLE 640 480 526 526 320 240\n")
+    with pytest.raises(
+        FileError, match=r"cameras\.txt: .*a line is '# Camera list'; 'name=value' is expected, or a JSON file$"
+    ):
+        read_camera(path)
+
+
 @pytest.mark.parametrize("raw", [False, True])
 def test_calibrations_of_kitti(tmp_path: Path, raw: bool) -> None:
     """Oracle: the baseline of its colour cameras as its paper has it, 0.54 m (0.532 by calibration), and the first pixel at 0."""

@@ -190,13 +190,16 @@ def read_calib_txt(path: PathLike) -> FileFields:
     Raises FileError."""
     file = existing_file(path)
     pairs: list[tuple[str, Any]] = []
-    with any_error(FileError, f"{file}: is no calib.txt of Middlebury or KITTI, lines 'name=value' are expected"):
+    wrong = f"{file}: is no calib.txt of Middlebury or KITTI"
+    with any_error(FileError, f"{wrong}, lines 'name=value' are expected"):
         text = file.read_text(encoding="utf-8-sig")
         if kitti := _kitti_fields(text):
             return FileFields(file, kitti)
         for line in text.splitlines():
             if line.strip():
-                name, value = line.split("=", 1)
+                name, sign, value = line.partition("=")
+                if not sign:
+                    raise FileError(f"{wrong}: a line is {line[:60]!r}; 'name=value' is expected, or a JSON file")
                 pairs.append((name.strip(), _calib_value(value.strip())))
     return FileFields(file, _each_once(file, pairs))
 
