@@ -12,6 +12,7 @@ from enum import Enum
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import dlama
@@ -146,3 +147,17 @@ def test_verbs_have_the_names_of_the_command_line() -> None:
     from dlama.apps.cli import VERBS
 
     assert {"view", "remove", "stereo", "batch"} <= set(VERBS) & NAMES
+
+
+def holds_arrays(hint: Any) -> bool:
+    """Whether a type is of arrays, or of containers of them."""
+    return typing.get_origin(hint) is np.ndarray or any(map(holds_arrays, typing.get_args(hint)))
+
+
+@pytest.mark.parametrize("name", sorted(name for name in NAMES if dataclasses.is_dataclass(getattr(dlama, name))))
+def test_no_array_is_printed(name: str) -> None:
+    """A noun in a console is a line (oracle: its fields); what it shows of arrays it says in its own words."""
+    noun = getattr(dlama, name)
+    if hasattr(noun.__repr__, "__wrapped__"):  # dataclasses made it
+        hints = hints_of(noun)
+        assert [one.name for one in dataclasses.fields(noun) if one.repr and holds_arrays(hints[one.name])] == []

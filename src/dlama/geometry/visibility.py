@@ -6,7 +6,7 @@ and covers no far pixel. A removed object's own depth counts as measured: its ba
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from weakref import WeakKeyDictionary
 
 import cv2
@@ -39,7 +39,7 @@ _aligned: WeakKeyDictionary[Law, tuple[tuple[Layer, ...], Law]] = WeakKeyDiction
 class Law:
     """Measurements of the source cameras: for each, H x W depth in metres, 0 = none, +inf = far."""
 
-    measured: tuple[tuple[Camera, Float32Array], ...]
+    measured: tuple[tuple[Camera, Float32Array], ...] = field(repr=False)
     misplaced_edges: bool = False
     """True where measured depth edges are misaligned with the picture (`with_aligned_edges`), as a sensor's are."""
 

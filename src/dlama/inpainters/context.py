@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import cv2
 import numpy as np
@@ -29,7 +29,7 @@ class FillContext:
 
     law: Law
     """The visibility law; without measurements where `scene` is set."""
-    sky: Float32Array | None = None
+    sky: Float32Array | None = field(default=None, repr=False)
     """3, the mean RGB (0..255) of the measured far pixels, for views that show none of them; None: there were none."""
     scene: Scene | None = None
     """The scene, for too many frames to hold their depth; `near` then gives the context for a camera."""

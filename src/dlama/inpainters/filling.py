@@ -29,15 +29,15 @@ from dlama.inpainters.context import FillContext
 class Fill:
     """A filler's proposal for a view; only its hole pixels are used."""
 
-    color: UInt8Array
+    color: UInt8Array = field(repr=False)
     """H x W x 3, RGB."""
-    depth: Float32Array
+    depth: Float32Array = field(repr=False)
     """H x W, metres > 0 or +inf (far)."""
     law_moves: int = 0
     """Pixels the filler itself already moved to keep the visibility law."""
     notes: dict[str, Any] = field(default_factory=dict)
     """What the filler adds to meta.json (planes found, model, provider ...)."""
-    errors: Float32Array | None = None
+    errors: Float32Array | None = field(default=None, repr=False)
     """H x W x 2 expected errors of the filler itself, see `View.errors`; None: the confidence network estimates them."""
 
 

@@ -81,12 +81,12 @@ class DepthContract(ColorContract):
 class DepthPrediction:
     """An estimator's prediction for a picture, at any size of the same proportions."""
 
-    values: Float32Array
+    values: Float32Array = field(repr=False)
     """h x w: planar z, or inverse depth (larger is nearer, 0 is far); of points h x w x 3 (x, y, z; z up to a shift)."""
     gives: Gives = "depth"
     metric: bool = False
     """Whether it is in metres (1/m)."""
-    far: BoolArray | None = None
+    far: BoolArray | None = field(default=None, repr=False)
     """h x w, True on predicted sky; None: the network predicts none."""
     notes: dict[str, Any] = field(default_factory=dict)
     """What ran, for meta.json."""

@@ -10,7 +10,7 @@ from typing import Any
 
 from dlama.arguments import check_arguments, check_word
 from dlama.errors import InputError, MaskError
-from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array, check_color, make_read_only
+from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array, check_color, make_read_only, percent
 from dlama.models.network_file import make_room
 from dlama.perception.masks.choice import rgbd_masker
 from dlama.perception.masks.prompt import Box, NothingThereError, Point, Prompt, nothing_at
@@ -58,6 +58,10 @@ class ObjectMask:
     """H x W, True in the shadow that the object casts, a part of `mask`; None where it was not asked for."""
     notes: tuple[str, ...] = ()
     """Notes for the user."""
+
+    def __repr__(self) -> str:
+        height, width = self.mask.shape
+        return f"ObjectMask({self.chosen} by {self.masker}, {percent(self.mask)} of {width}x{height})"
 
     @property
     def about(self) -> dict[str, Any]:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import dlama
-from dlama import DlamaError, InputError, MaskError, MaskSession, find_mask
+from dlama import DlamaError, InputError, MaskError, MaskSession, ObjectMask, find_mask
 from dlama.geometry.camera import Camera
 from dlama.geometry.holes import iou
 from dlama.geometry.rgbd import RGBD, BoolArray
@@ -155,3 +155,9 @@ def test_a_click_on_the_road_is_refused() -> None:
     alone = session.find(clicks=[barrel], not_clicks=road).mask
     assert 4000 < alone.sum() < 8000 and alone[315, 256] and not any(alone[y, x] for x, y in road)
     assert session.find(clicks=[road[0], barrel]).mask[345, 256]
+
+
+def test_a_mask_prints_as_a_line() -> None:
+    """Oracle: by hand."""
+    found = ObjectMask(np.eye(4, 5, dtype=bool), {}, "object", "rgbd")
+    assert repr(found) == "ObjectMask(object by rgbd, 20 % of 5x4)"
