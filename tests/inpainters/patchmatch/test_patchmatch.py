@@ -25,7 +25,14 @@ from dlama.inpainters.layered.depth.surfaces import Surfaces
 from dlama.inpainters.patchmatch import search
 from dlama.inpainters.patchmatch.completion import QUICK, complete_picture
 from dlama.inpainters.patchmatch.over_layers import copy_patches
-from dlama.inpainters.patchmatch.pyramid import build_pyramid, describe_pixels, halve
+from dlama.inpainters.patchmatch.pyramid import (
+    BAND,
+    build_pyramid,
+    describe_both,
+    describe_pixels,
+    halve,
+    halve_picture,
+)
 from dlama.inpainters.patchmatch.search import nearest_source
 
 ROWS, COLUMNS = np.indices((96, 128))
@@ -143,6 +150,15 @@ def test_coarser_pictures_are_means_of_what_is_known() -> None:
         assert (level.values[~level.hole][:, :3] < 52).all() and level.values[level.hole][:, :3].max() > 80
         assert not (level.sources & level.hole).any()
         assert level.label.shape == level.hole.shape and level.label[1, 0] == ROWS.shape[0] // level.hole.shape[0]
+
+
+def test_a_picture_is_halved_in_bands() -> None:
+    """Twin: the whole of it described, then halved, to the bit."""
+    rng = np.random.default_rng(5)
+    picture, guess = rng.integers(0, 256, (2, 4 * BAND + 61, 37, 3), np.uint8)
+    hole = np.indices(picture.shape[:2]).sum(0) % 90 < 25
+    for found, expected in zip(halve_picture(picture, hole, guess), halve(describe_both(picture, hole, guess), hole)):
+        np.testing.assert_array_equal(found, expected)
 
 
 def test_texture_is_the_mean_change_between_known_neighbours() -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from dlama.inpainters.patchmatch import kernels
 from dlama.inpainters.patchmatch.kernels import HALF
-from dlama.inpainters.patchmatch.pyramid import Level, dilate_by_patch, whole_patches
+from dlama.inpainters.patchmatch.pyramid import Level, describe_both, dilate_by_patch, whole_patches
 from dlama.inpainters.patchmatch.search import Search
 
 LEAN = np.array([3.0, 0.5, 7.0, 2000.0], np.float32)
@@ -110,3 +110,20 @@ def test_votes_are_the_weighted_mean_of_a_literal_twin(sharpness: float, width_p
         held = np.array([VALUES[found[t, 0] - j, found[t, 1] - i] for t, (j, i) in zip(patch, places)])
         np.testing.assert_allclose(search.values[row, column], np.average(held, axis=0, weights=weight), rtol=2e-3)
         np.testing.assert_allclose(spread[row, column], np.sqrt(held[:, :3].var(0).mean()), rtol=1e-4)
+
+
+def test_copied_patches_have_the_colours_of_compared_ones() -> None:
+    """Twin: the vote of the same matches over a described picture, to the bit; so has their spread."""
+    picture = RNG.integers(0, 256, (*HOLE.shape, 3), np.uint8)
+    found = SOURCES[RNG.integers(0, len(SOURCES), len(TARGETS))]
+    costs = RNG.uniform(1, 9, len(TARGETS)).astype(np.float32)
+    searches = []
+    for values in (picture, describe_both(picture, HOLE, picture)):
+        search = Search(Level(values, HOLE, whole_patches(HOLE), LABEL), np.random.default_rng(0), LEAN)
+        search.found[:], search.cost[:] = found, costs
+        search.vote(last=True)
+        searches.append(search)
+    copied, compared = searches
+    assert copied.copied and not compared.copied
+    np.testing.assert_array_equal(copied.painted, compared.painted[:, :3])
+    np.testing.assert_array_equal(copied.spread_of_votes(), compared.spread_of_votes())

@@ -15,8 +15,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from dlama.geometry.kernels.jit import as_input
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, replace_pixels
-from dlama.inpainters.patchmatch.pyramid import build_pyramid
+from dlama.inpainters.patchmatch.pyramid import build_pyramid, dilate_by_patch
 from dlama.inpainters.patchmatch.search import Search
 
 DISTANCE_DOWN, DISTANCE_ACROSS = 10000.0, 2500.0
@@ -78,30 +79,42 @@ def complete_picture(
     each pixel, hole or not: patches of another one cost more. Where no patch of 7 x 7 px is known the guess comes back. The same
     seed gives the same bits.
     """
+    surface = np.zeros(hole.shape, np.int8) if label is None else label
+    copied = not is_matched(hole, 0, effort) and count_rounds(int(dilate_by_patch(hole).sum()), effort) == 1
+    levels = build_pyramid(as_input(picture), hole, guess, surface, copied) if hole.any() else []
     out = replace_pixels(picture, hole, guess)
-    surface = np.zeros(hole.shape, np.int32) if label is None else label.astype(np.int32)
-    levels = build_pyramid(picture, hole, guess, surface) if hole.any() else []
     if not levels or not levels[0].sources.any():
         return Completed(out, None)
     rng = np.random.default_rng(seed)
     coarser: Search | None = None
-    for i in reversed(range(len(levels))):
-        search = Search(levels[i], rng, penalty_weights(max(hole.shape) / 2**i))
-        matched = levels[i].hole.size <= LARGEST_MATCHED and (i > 0 or effort.at_full_size)
+    while levels:
+        level = levels.pop()
+        search = Search(level, rng, penalty_weights(max(hole.shape) / 2 ** len(levels)))
+        matched = is_matched(level.hole, len(levels), effort)
         if coarser is None:
             search.compare_all(rng, effort.pairs)
             matched = True
         else:
             search.start_from(coarser, compare=matched)
-        improve(search, effort, matched, finest=i == 0)
-        coarser = search
-    out[hole] = np.clip(np.round(search.values[hole][:, :3]), 0, 255)
+        coarser = search  # the levels below it are not needed any more
+        improve(search, effort, matched, finest=not levels)
+    out[hole] = np.clip(np.round(search.painted[:, :3]), 0, 255)
     return Completed(out, search)
+
+
+def is_matched(hole: BoolArray, number: int, effort: Effort) -> bool:
+    """Whether patches of a level (its hole, H x W; its number, 0 = the finest) are matched, if there is a coarser one."""
+    return hole.size <= LARGEST_MATCHED and (number > 0 or effort.at_full_size)
+
+
+def count_rounds(targets: int, effort: Effort) -> int:
+    """Rounds of a level that has so many targets."""
+    return int(np.clip(effort.updates // max(targets, 1), 1, effort.rounds))
 
 
 def improve(search: Search, effort: Effort, matched: bool, finest: bool) -> None:
     """The rounds of one level: find better matches, where it is `matched`, and paint with them."""
-    rounds = int(np.clip(effort.updates // len(search.targets), 1, effort.rounds))
+    rounds = count_rounds(len(search.targets), effort)
     for turn in range(rounds):
         if matched:
             search.match(turn, effort.matchings)

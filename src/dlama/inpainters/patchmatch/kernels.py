@@ -219,9 +219,11 @@ def vote_rows(
 ) -> None:
     """Set hole pixels [first, last) to a weighted mean of the patches over them.
 
-    weights: N, of the patches; near: SIDE x SIDE, by a centre's place next to the pixel; out: M x C, for the M pixels.
+    weights: N, of the patches; near: SIDE x SIDE, by a centre's place next to the pixel; out: M x C, for the M pixels. Values
+    have all CHANNELS, or those of colour.
     """
-    height, width, _ = values.shape
+    height, width, channels = values.shape
+    fourth, fifth = min(3, channels - 1), channels - 1
     for p in range(first, last):
         row, column = int(pixels[p, 0]), int(pixels[p, 1])
         top, bottom, left, right = steps_inside(row, column, height, width)
@@ -233,13 +235,14 @@ def vote_rows(
                     weight = weights[t] * near[j + HALF, i + HALF]
                     total += weight
                     source_row, source_column = int(found[t, 0]) - j, int(found[t, 1]) - i
-                    a += weight * values[source_row, source_column, 0]
-                    b += weight * values[source_row, source_column, 1]
-                    c += weight * values[source_row, source_column, 2]
-                    d += weight * values[source_row, source_column, 3]
-                    e += weight * values[source_row, source_column, 4]
+                    a += weight * np.float32(values[source_row, source_column, 0])
+                    b += weight * np.float32(values[source_row, source_column, 1])
+                    c += weight * np.float32(values[source_row, source_column, 2])
+                    d += weight * np.float32(values[source_row, source_column, fourth])
+                    e += weight * np.float32(values[source_row, source_column, fifth])
         for k, channel in enumerate((a, b, c, d, e)):
-            out[p, k] = channel / total
+            if k < channels:
+                out[p, k] = channel / total
 
 
 @kernel

@@ -26,38 +26,61 @@ lost."""
 FEWEST_SOURCES = 50
 
 
+REACH = 4
+"""Rows of a picture beyond which a pixel at half the size does not depend on it: of a square of 4, and of its texture."""
+BAND = 128
+"""Rows at half the size that are described at a time."""
+
+
 @dataclass(frozen=True)
 class Level:
     """A level of the pyramid."""
 
-    values: Float32Array
-    """H x W x 5: RGB, and the mean gradients across and along there; of the guess in the hole."""
+    values: np.ndarray
+    """H x W x 5 float32: RGB, and the mean gradients across and along there; of the guess in the hole. On a level whose patches
+    are `copied` the picture itself (H x W x 3 uint8)."""
     hole: BoolArray
     """H x W."""
     sources: BoolArray
     """H x W, centres of patches that are whole and known."""
-    label: NDArray[np.int32]
+    label: NDArray[np.integer]
     """H x W, the surface of each pixel."""
 
+    @property
+    def copied(self) -> bool:
+        """True where patches are not compared but copied, as matched on the coarser level."""
+        return bool(self.values.dtype == np.uint8)
 
-def build_pyramid(picture: UInt8Array, hole: BoolArray, guess: UInt8Array, label: NDArray[np.int32]) -> list[Level]:
+
+def build_pyramid(
+    picture: UInt8Array, hole: BoolArray, guess: UInt8Array, label: NDArray[np.integer], copied: bool = False
+) -> list[Level]:
     """Levels from the picture itself to the coarsest, each half of the one before.
 
-    picture, guess: H x W x 3 RGB; hole: H x W. The last level is the first in which the hole is as narrow as DEEPEST, or the last
-    in which enough whole patches are known.
+    picture, guess: H x W x 3 RGB; hole: H x W; copied: whether patches of the first level are, if there are others. The last
+    level is the first in which the hole is as narrow as DEEPEST, or the last in which enough whole patches are known.
     """
-    values = describe_pixels(picture, ~hole)
-    box = box_around(hole, TEXTURE_PX)
-    paste(describe_pixels(guess[box], np.ones_like(hole[box])), hole[box], values[box])
-    levels = [Level(values, hole, whole_patches(hole), label)]
+    values: np.ndarray = picture if copied else describe_both(picture, hole, guess)
+    levels = [Level(values, hole, whole_patches(hole), label if copied else label.astype(np.int32))]
     while hole_depth(hole) > DEEPEST and min(hole.shape) >= SMALLEST_SIDE:
-        values, hole = halve(values, hole)
+        values, hole = halve_picture(picture, hole, guess) if levels[-1].copied else halve(values, hole)
         sources = whole_patches(hole)
         if sources.sum() < FEWEST_SOURCES or not hole.any():
             break
-        label = np.ascontiguousarray(label[::2, ::2])
+        label = label[::2, ::2].astype(np.int32)
         levels.append(Level(values, hole, sources, label))
+    if copied and len(levels) == 1:
+        return build_pyramid(picture, levels[0].hole, guess, label)
     return levels
+
+
+def describe_both(picture: UInt8Array, hole: BoolArray, guess: UInt8Array) -> Float32Array:
+    """H x W x 5, as of `describe_pixels`: of the known picture, and in the hole of the guess."""
+    values = describe_pixels(picture, ~hole)
+    if hole.any():
+        box = box_around(hole, TEXTURE_PX)
+        paste(describe_pixels(guess[box], np.ones_like(hole[box])), hole[box], values[box])
+    return values
 
 
 def describe_pixels(picture: UInt8Array, known: BoolArray) -> Float32Array:
@@ -71,6 +94,22 @@ def describe_pixels(picture: UInt8Array, known: BoolArray) -> Float32Array:
     out = np.empty((*known.shape, 5), np.float32)
     in_bands(kernels.describe_rows, len(known), picture, across, along, share, np.float32(TEXTURE), known, out)
     return out
+
+
+def halve_picture(picture: UInt8Array, hole: BoolArray, guess: UInt8Array) -> tuple[Float32Array, BoolArray]:
+    """As `halve` of `describe_both`, which is not in memory as a whole."""
+    rows, columns = ((size + 1) // 2 for size in hole.shape)
+    out, smaller = np.empty((rows, columns, 5), np.float32), np.empty((rows, columns), np.bool_)
+
+    def halve_band(first: int, last: int) -> None:
+        top, bottom = max(2 * first - REACH, 0), 2 * last + REACH
+        there = hole[top:bottom]
+        values = describe_both(picture[top:bottom], there, guess[top:bottom])
+        some = first - top // 2, last - top // 2
+        kernels.halve_rows(*some, values, there, out[top // 2 :], smaller[top // 2 :])
+
+    in_bands(halve_band, rows, band=BAND)
+    return out, smaller
 
 
 def halve(values: Float32Array, hole: BoolArray) -> tuple[Float32Array, BoolArray]:

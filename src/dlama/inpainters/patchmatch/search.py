@@ -37,25 +37,30 @@ class Search:
 
     def __init__(self, level: Level, rng: np.random.Generator, weights: Float32Array) -> None:
         self.values, self.sources, self.label = level.values, level.sources, level.label
-        """As of Level; the values of the hole change."""
-        touched = dilate_by_patch(level.hole)
+        """As of Level; the values of the hole change, unless patches are copied."""
+        self.copied, touched = level.copied, dilate_by_patch(level.hole)
         self.pixels, self.targets = places(level.hole), places(touched)
         """M x 2, pixels of the hole; N x 2, centres of patches that touch it."""
         self.number = np.full(level.hole.shape, -1, np.int32)
         """H x W, of each target, else -1."""
         self.number[touched] = np.arange(len(self.targets))
-        depth = cv2.distanceTransform(level.hole.astype(np.uint8), cv2.DIST_L2, 3)[touched]
-        self.trust = (CERTAIN ** -np.minimum(depth, 200)).astype(np.float32)
-        """N weights of the targets' patches."""
         self.box = box_around(touched, 0)
         """Rows and columns that hold all targets."""
-        self.guess = level.values[self.box][..., :3].copy()
+        self.trust: Float32Array = np.empty(0, np.float32)
+        """N weights of the targets' patches; empty where patches are copied, as `guess` is."""
+        self.guess = self.trust
         """Colours of the guess in the rows and columns of `box`, of the picture where it is known."""
+        if not level.copied:
+            depth = cv2.distanceTransform(level.hole.astype(np.uint8), cv2.DIST_L2, 3)[touched]
+            self.trust = (CERTAIN ** -np.minimum(depth, 200)).astype(np.float32)
+            self.guess = level.values[self.box][..., :3].copy()
         self.around = sum_over_patch(touched[self.box].astype(np.float32))[touched[self.box]]
         """N, how many patches cover the pixel at a target's centre."""
         self.weights, self.random = weights, rng.uniform(-1, 1, (DRAWN, 2))
         self.found, self.cost = np.zeros_like(self.targets), np.full(len(self.targets), np.inf, np.float32)
         """N x 2, centre of the matched known patch; N differences of the two."""
+        self.painted = np.empty((0, 5), np.float32)
+        """M x C values of the hole by the last vote."""
 
     def compare_all(self, rng: np.random.Generator, pairs: int) -> None:
         """Compare every target with every known patch, or with as many random ones as `pairs` allow."""
@@ -116,7 +121,7 @@ class Search:
     def vote(self, *, last: bool) -> None:
         """Set the hole's values by a vote of the matched patches; sharp in the last round, else drawn to the guess."""
         if last:
-            self._paint(SHARP, NARROW, np.ones_like(self.trust))
+            self._paint(SHARP, NARROW, np.ones_like(self.cost))
         else:
             self._paint(SOFT, WIDE, self.trust)
             self._pull_to_guess()
@@ -148,10 +153,11 @@ class Search:
         weights = np.exp(-0.5 * sharpness * self.cost / (mean + 1e-3)) * trust
         step = np.arange(-kernels.HALF, kernels.HALF + 1, dtype=np.float32)
         near = np.exp(-(step[:, None] ** 2 + step**2) / (2 * width_px**2))
-        out = np.empty((len(self.pixels), self.values.shape[2]), np.float32)
-        rows = self.values, self.pixels, self.number, self.found, weights, near, out
+        self.painted = np.empty((len(self.pixels), self.values.shape[2]), np.float32)
+        rows = self.values, self.pixels, self.number, self.found, weights, near, self.painted
         in_bands(kernels.vote_rows, len(self.pixels), *rows, band=BAND)
-        self.values[self.pixels[:, 0], self.pixels[:, 1]] = out
+        if not self.copied:
+            self.values[self.pixels[:, 0], self.pixels[:, 1]] = self.painted
 
     def _weigh(self) -> None:
         self._run(
