@@ -22,7 +22,7 @@ from dlama.files.rasters.turned_pairs import refuse_turned, warn_of_turn
 from dlama.geometry.camera import Camera
 from dlama.geometry.drawing.picture_edges import MapGrid
 from dlama.geometry.projection import rays
-from dlama.geometry.rgbd import RGBD, Float32Array, UInt8Array, mark_far
+from dlama.geometry.rgbd import RGBD, Float32Array, UInt8Array, freeze, mark_far
 from dlama.perception.depth_networks import DepthPrediction
 from dlama.perception.monocular import DEFAULT, Estimator, estimate_depth
 from dlama.perception.resampling import nearest_pixels, upsample_depth
@@ -99,7 +99,7 @@ def read_rgbd(
     refuse_turned(image, depth, hw, (metres.shape[0], metres.shape[1]))
     warn_of_turn(image, depth)
     metres = _resize_depth(image, depth, metres, color, resize_depth)
-    return RGBD(color, metres, camera_for(hw, image=image, **lens)[0])
+    return RGBD(freeze(color), freeze(metres), camera_for(hw, image=image, **lens)[0])
 
 
 def _estimate_rgbd(

@@ -262,15 +262,16 @@ class View(Figured, Facts):
         """The same view with another one's pixels, of the same camera, in `where` (H x W bool); `hole_type` stays its own."""
         names = ("depth", "hole", "origin", "confidence")
         planes: dict[str, Any] = {name: np.where(where, getattr(other, name), getattr(self, name)) for name in names}
-        color = replace_pixels(self.color, where, other.color)
-        return dataclasses.replace(self, color=color, errors=self.errors_with(other, where), **planes)
+        if other.color is not self.color:
+            planes["color"] = replace_pixels(self.color, where, other.color)
+        return self.with_planes(errors=self.errors_with(other, where), **planes)
 
     def errors_with(self, other: View, where: BoolArray) -> Float32Array | None:
         """Its expected errors, in the pixels of `where` (H x W bool) those of another view of the same camera."""
         if other.errors is None:
             return self.errors
         if self.errors is None:
-            return select(other.errors, where)
+            return other._errors_in(where)
         return replace_pixels(self.errors, where, other.errors)
 
     def without(self, where: BoolArray, hole_type: HoleType) -> View:

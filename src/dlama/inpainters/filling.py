@@ -135,8 +135,11 @@ def _fill_whole(view: View, inpainter: Inpainter, context: FillContext, seed: in
     hole, known = view.hole, begin_job(features_of_known, view)
     fill = check_fill(inpainter(view, context, seed), hole)
     depth, moved = context.law.project(view.camera, fill.depth, hole)
-    color = replace_pixels(view.color, view.color_hole, np.ascontiguousarray(fill.color))
-    filled_origin = np.where(view.color_hole, np.uint8(Origin.FILLED), np.uint8(Origin.DEPTH_FILLED))
+    color_hole = view.color_hole
+    color = view.color
+    if color_hole.any():
+        color = replace_pixels(color, color_hole, np.ascontiguousarray(fill.color))
+    filled_origin = np.where(color_hole, np.uint8(Origin.FILLED), np.uint8(Origin.DEPTH_FILLED))
     confidence, errors = judge_fill(view, color, depth, known())
     if fill.errors is not None:
         errors = np.where(hole[..., None], fill.errors, errors)
