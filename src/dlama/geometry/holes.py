@@ -160,8 +160,8 @@ def nearest_along_colors(
     color: H x W x 3 levels. longest: px, longest path that counts; start: px added to paths from a known pixel; against: costs
     of depth that was measured; None: there are none. See the kernel `nearest_by_color`.
     """
-    source = np.where(known, np.arange(known.size, dtype=np.int32).reshape(known.shape), -1).astype(np.int32)
-    distance = np.where(known, np.float32(start), np.float32(longest)).astype(np.float32)
+    source = np.where(known, np.arange(known.size, dtype=np.int32).reshape(known.shape), np.int32(-1))
+    distance = np.where(known, np.float32(start), np.float32(longest))
     w, ratio, added = against or DepthCost(np.zeros(known.shape, np.float32), 0.0, 0.0)
     nearest_by_color(distance, source, free, color, STEP, DEAREST, w, ratio, added, ROUNDS)
     return source

@@ -76,8 +76,7 @@ def test_what_lies_on_no_plane_is_relaxed_to_the_minimum() -> None:
     values = begin.copy()
     across, down = np.empty((2, *shape), np.float32)
     conductances(0, shape[0], across, down, np.ones(shape, np.bool_), begin, color, 4.0, 2.0, 0.1)
-    for _ in range(400):
-        relax(across, down, free, np.full(shape, 0.05, np.float32), begin, 1.5, values)
+    relax(across, down, free, np.float32(0.05), begin, 1.5, values, np.empty(400))
     index = {tuple(map(int, one)): n for n, one in enumerate(np.argwhere(free))}
     matrix, right = np.zeros((len(index),) * 2), np.zeros(len(index))
     for (y, x), n in index.items():

@@ -36,6 +36,10 @@ SOFT, POWER, JUMP = 2.0, 3.0, 0.1
 KEEP, OVER, SWEEPS, SETTLED = 0.01, 1.8, 80, 1e-4
 """For `relax`: weight of each pixel's own value, factor of over-relaxation, most sweeps, and the change (1/m) at which it
 stops."""
+AT_ONCE = 8
+"""Sweeps that run together."""
+PIECE = 1 << 16
+"""Pixels that are worked on at a time."""
 
 
 class DepthByColor(NamedTuple):
@@ -59,8 +63,8 @@ def fill_along_colors(
     bleeds: there pixels of no plane count as DETACHED px farther off.
     """
     w, label = surfaces.inverse_depth, surfaces.label
-    seen = fill_with_nearest(color, missing | ~hole).astype(np.float32)
-    smooth_color = np.asarray(cv2.GaussianBlur(seen, (0, 0), BLUR), np.float32)
+    smooth_color = fill_with_nearest(color, missing | ~hole).astype(np.float32)
+    cv2.GaussianBlur(smooth_color, (0, 0), BLUR, dst=smooth_color)
     start = (label == SMOOTH) * np.float32(DETACHED) if surfaces.noise else 0.0
     known, free = ~hole | sky, missing & ~sky
     if (
@@ -70,26 +74,35 @@ def fill_along_colors(
         known, free = known & ~rim, free | rim
     source = nearest_along_colors(smooth_color, known, free, longest=FARTHEST, start=start)
     reached = missing & (source >= 0)
-    nearest = source[reached]
     out, labels = w.copy(), label.copy()
-    labels[reached] = label.ravel()[nearest]
-    out[reached] = extend_surfaces(w, label.ravel()[nearest], surfaces.planes, np.nonzero(reached), nearest)
-    out = relax_depth(out, reached & (labels == SMOOTH), smooth_color)
+    places = np.flatnonzero(reached)
+    for first in range(0, len(places), PIECE):
+        some = places[first : first + PIECE]
+        nearest = source.ravel()[some]
+        labels.ravel()[some] = of_known = label.ravel()[nearest]
+        at = np.divmod(some, w.shape[1])
+        out.ravel()[some] = extend_surfaces(w, of_known, surfaces.planes, at, nearest)
+    del source, places
+    relax_depth(out, reached & (labels == SMOOTH), smooth_color)
     return DepthByColor(out, labels, reached)
 
 
-def relax_depth(w: Float32Array, loose: BoolArray, color: Float32Array) -> Float32Array:
-    """Inverse depth (H x W, 1/m) whose `loose` pixels (H x W) are relaxed towards their neighbours, less across picture edges.
+def relax_depth(w: Float32Array, loose: BoolArray, color: Float32Array) -> None:
+    """Relax the `loose` pixels (H x W) of inverse depth (H x W, 1/m) towards their neighbours, less across picture edges.
 
     color: H x W x 3.
     """
-    across, down, level = np.empty_like(w), np.empty_like(w), w.copy()
-    in_bands(conductances, len(w), across, down, dilate_mask(loose, 1), w, color, SOFT, POWER, JUMP)
-    keep = np.full_like(w, KEEP)
-    for _ in range(SWEEPS):
-        if relax(across, down, loose, keep, w, OVER, level) < SETTLED:
+    across, down, begin = np.empty_like(w), np.empty_like(w), w.copy()
+    in_bands(conductances, len(w), across, down, dilate_mask(loose, 1), begin, color, SOFT, POWER, JUMP)
+    to_relax = across, down, loose, np.float32(KEEP), begin, OVER, w
+    for _ in range(0, SWEEPS, AT_ONCE):
+        before, changes = w[loose], np.empty(AT_ONCE)
+        relax(*to_relax, changes)
+        settled = np.flatnonzero(changes < SETTLED)
+        if settled.size:  # those after it were too many
+            w[loose] = before
+            relax(*to_relax, changes[: settled[0] + 1])
             break
-    return level
 
 
 def extend_surfaces(

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import numpy as np
+from numpy.typing import NDArray
+
 from dlama.geometry.kernels.jit import Real, Whole, kernel
 from dlama.geometry.rgbd import BoolArray, Float32Array
 
@@ -49,38 +52,41 @@ def relax(
     across: Float32Array,
     down: Float32Array,
     open_: BoolArray,
-    pull: Float32Array,
+    pull: Real,
     target: Float32Array,
-    over: float,
+    over: Real,
     level: Float32Array,
-) -> float:
-    """One sweep of successive over-relaxation towards the minimum of sum c (difference of neighbours)^2 + pull (level -
-    target)^2.
+    changes: NDArray[np.float64],
+) -> None:
+    """Sweeps of successive over-relaxation towards the minimum of sum c (difference of neighbours)^2 + pull (level - target)^2.
 
-    across, down: H x W, the c of a pixel and its right and its lower neighbour. pull, target: H x W. over: 1..2. level: H x W,
-    changed where open. Returns the largest change.
+    across, down: H x W, the c of a pixel and its right and its lower neighbour. pull: a float32. target: H x W. over: 1..2.
+    level: H x W, changed where open. changes: the largest change of each sweep, of which there are as many. Each is two rows
+    behind the one before it: so none waits for another, and all find these rows in the processor's cache.
     """
     rows, columns = level.shape
-    most = 0.0
-    for row in range(rows):
+    for turn in range(len(changes)):
+        changes[turn] = 0.0
+    for ahead in range(rows + 2 * len(changes) - 2):
         for column in range(columns):
-            if not open_[row, column]:
-                continue
-            weight = float(pull[row, column])
-            total = weight * target[row, column]
-            if column > 0:
-                total += across[row, column - 1] * level[row, column - 1]
-                weight += across[row, column - 1]
-            if column < columns - 1:
-                total += across[row, column] * level[row, column + 1]
-                weight += across[row, column]
-            if row > 0:
-                total += down[row - 1, column] * level[row - 1, column]
-                weight += down[row - 1, column]
-            if row < rows - 1:
-                total += down[row, column] * level[row + 1, column]
-                weight += down[row, column]
-            change = over * (total / weight - level[row, column])
-            level[row, column] += change
-            most = max(most, abs(change))
-    return most
+            for turn in range(len(changes)):
+                row = ahead - 2 * turn
+                if row < 0 or row >= rows or not open_[row, column]:
+                    continue
+                weight = pull
+                total = weight * target[row, column]
+                if column > 0:
+                    total += across[row, column - 1] * level[row, column - 1]
+                    weight += across[row, column - 1]
+                if column < columns - 1:
+                    total += across[row, column] * level[row, column + 1]
+                    weight += across[row, column]
+                if row > 0:
+                    total += down[row - 1, column] * level[row - 1, column]
+                    weight += down[row - 1, column]
+                if row < rows - 1:
+                    total += down[row, column] * level[row + 1, column]
+                    weight += down[row, column]
+                change = over * (total / weight - level[row, column])
+                level[row, column] += change
+                changes[turn] = max(changes[turn], abs(change))
