@@ -82,9 +82,8 @@ def complete_picture(
     surface = np.zeros(hole.shape, np.int8) if label is None else label
     copied = not is_matched(hole, 0, effort) and count_rounds(int(dilate_by_patch(hole).sum()), effort) == 1
     levels = build_pyramid(as_input(picture), hole, guess, surface, copied) if hole.any() else []
-    out = replace_pixels(picture, hole, guess)
     if not levels or not levels[0].sources.any():
-        return Completed(out, None)
+        return Completed(replace_pixels(picture, hole, guess), None)
     rng = np.random.default_rng(seed)
     coarser: Search | None = None
     while levels:
@@ -96,8 +95,11 @@ def complete_picture(
             matched = True
         else:
             search.start_from(coarser, compare=matched)
-        coarser = search  # the levels below it are not needed any more
         improve(search, effort, matched, finest=not levels)
+        if levels:
+            search.keep_matches()
+        coarser = search
+    out = picture.copy()
     out[hole] = np.clip(np.round(search.painted[:, :3]), 0, 255)
     return Completed(out, search)
 

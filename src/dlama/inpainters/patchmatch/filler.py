@@ -83,8 +83,9 @@ def blend_with_guess(
         share *= cv2.resize(mean / (mean + AGREE**2), size, interpolation=cv2.INTER_AREA)
     step = (second - first) * share[..., None]
     out = painted.copy()
-    blended = painted[box] + cv2.resize(step, (width, height), interpolation=cv2.INTER_LINEAR)
-    out[box][there] = np.clip(np.round(blended[there]), 0, 255)
+    for k in range(3):  # one at a time: enlarged they are floats
+        more = cv2.resize(np.ascontiguousarray(step[..., k]), (width, height), interpolation=cv2.INTER_LINEAR)[there]
+        out[box][there, k] = np.clip(np.round(painted[box][there, k] + more), 0, 255)
     return out
 
 
@@ -105,7 +106,8 @@ def spread_known(picture: UInt8Array, known: BoolArray, wh: tuple[int, int]) -> 
 
 def shrink(picture: UInt8Array, wh: tuple[int, int]) -> Float32Array:
     """A picture at a size (width, height) that is no larger than its own."""
-    return np.asarray(cv2.resize(picture.astype(np.float32), wh, interpolation=cv2.INTER_AREA), np.float32)
+    planes = (np.ascontiguousarray(picture[..., k], np.float32) for k in range(3))
+    return np.stack([cv2.resize(plane, wh, interpolation=cv2.INTER_AREA) for plane in planes], 2)
 
 
 def blur_within(values: Float32Array, where: BoolArray) -> Float32Array:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from dlama.geometry.holes import box_around
 from dlama.geometry.kernels.jit import in_bands
-from dlama.geometry.rgbd import BoolArray, Float32Array
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.inpainters.patchmatch import kernels
 from dlama.inpainters.patchmatch.pyramid import Level, dilate_by_patch
 
@@ -54,7 +54,7 @@ class Search:
             depth = cv2.distanceTransform(level.hole.astype(np.uint8), cv2.DIST_L2, 3)[touched]
             self.trust = (CERTAIN ** -np.minimum(depth, 200)).astype(np.float32)
             self.guess = level.values[self.box][..., :3].copy()
-        self.around = sum_over_patch(touched[self.box].astype(np.float32))[touched[self.box]]
+        self.around = sum_over_patch(touched[self.box].view(np.uint8))[touched[self.box]]
         """N, how many patches cover the pixel at a target's centre."""
         self.weights, self.random = weights, rng.uniform(-1, 1, (DRAWN, 2))
         self.found, self.cost = np.zeros_like(self.targets), np.full(len(self.targets), np.inf, np.float32)
@@ -136,6 +136,10 @@ class Search:
         spread[self.pixels[:, 0], self.pixels[:, 1]] = out
         return spread
 
+    def keep_matches(self) -> None:
+        """Give up all that the next level does not start from."""
+        self.values = self.guess = self.label = np.empty(0)
+
     def _pull_to_guess(self) -> None:
         """Bring the hole's colours nearer to the guess, but for their detail."""
         rows, columns = self.pixels.T
@@ -194,7 +198,7 @@ def places(where: BoolArray) -> NDArray[np.int32]:
     return np.argwhere(where).astype(np.int32, order="C")
 
 
-def sum_over_patch(plane: Float32Array) -> Float32Array:
+def sum_over_patch(plane: Float32Array | UInt8Array) -> Float32Array:
     """H x W: sums of a plane (H x W) over the patch round each pixel; beyond the border is 0."""
     side = (kernels.SIDE, kernels.SIDE)
     return np.asarray(cv2.boxFilter(plane, cv2.CV_32F, side, normalize=False, borderType=cv2.BORDER_CONSTANT))
