@@ -138,7 +138,7 @@ class Search:
 
     def keep_matches(self) -> None:
         """Give up all that the next level does not start from."""
-        self.values = self.guess = self.label = np.empty(0)
+        del self.values, self.guess, self.label
 
     def _pull_to_guess(self) -> None:
         """Bring the hole's colours nearer to the guess, but for their detail."""
