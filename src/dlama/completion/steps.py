@@ -111,6 +111,16 @@ def complete_view(
     return CompletedView(before, view, grown, (FillReport(law_moves=moved), filled)), larger
 
 
+def as_completed(plan: Plan, scene: Scene, frame: CompletedView, camera: Camera) -> CompletedView | None:
+    """The view of a camera of a scene whose one frame is completed: what the frame shows; None: it shows another one."""
+    before, view = frame.before, frame.view
+    if len(scene.frames) > 1 or plan.recipe.dilate_holes or view.hole.any() or not camera.same_view_as(view.camera):
+        return None
+    grown = Dilation(int(before.hole.sum()), 0)
+    before, view = replace(before, camera=camera), replace(view, camera=camera)
+    return CompletedView(before, view, grown, (FillReport(), FillReport()))
+
+
 def complete_views(
     plan: Plan, scene: Scene, cameras: Sequence[Camera], clock: StageClock
 ) -> tuple[list[CompletedView], list[FillReport], Scene]:
@@ -118,16 +128,21 @@ def complete_views(
     scene with it."""
     completed: list[CompletedView] = []
     fills: list[FillReport] = []
+    own: CompletedView | None = None
     for place in frames_to_fill(plan, scene, cameras):
-        found, scene = complete_frame(plan, scene, place, clock)
-        fills += found.reports
-        if plan.again and found.reports[1].hole_pixels:
+        own, scene = complete_frame(plan, scene, place, clock)
+        filled = scene
+        fills += own.reports
+        if plan.again and own.reports[1].hole_pixels:
             with clock("fill"):
-                plan, scene, report = estimate_again(plan, scene, place, found.view)
+                plan, scene, report = estimate_again(plan, scene, place, own.view)
             fills.append(report)
-        del found  # the scene holds what was filled
+        if scene is not filled or not any(camera.same_view_as(own.view.camera) for camera in cameras):
+            own = None  # the scene holds what was filled
     for camera in cameras:
-        found, scene = complete_view(plan, scene, camera, clock)
+        found = as_completed(plan, scene, own, camera) if own is not None and scene is filled else None
+        if found is None:
+            found, scene = complete_view(plan, scene, camera, clock)
         fills += found.reports
         completed.append(found)
     return completed, fills, scene

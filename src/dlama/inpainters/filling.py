@@ -23,6 +23,7 @@ from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, replace_pix
 from dlama.geometry.view import View
 from dlama.inpainters.confidence import features_of_known, judge_fill
 from dlama.inpainters.context import FillContext
+from dlama.models.network_file import make_room
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,6 +121,7 @@ def inpaint(view: View, inpainter: Inpainter, context: FillContext, seed: int = 
     if np.prod(sides_of(box)) > WORTH_CROPPING * hole.size:
         return _fill_whole(view, inpainter, context, seed)
     part, report = _fill_whole(view.cropped(rows, columns), inpainter, context.cropped(view, rows, columns), seed)
+    make_room(hole.size)
     return paste_part(view, part, rows, columns), report
 
 
