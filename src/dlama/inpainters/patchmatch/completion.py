@@ -15,7 +15,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.kernels.jit import as_input
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, replace_pixels
 from dlama.inpainters.patchmatch.pyramid import build_pyramid, dilate_by_patch
 from dlama.inpainters.patchmatch.search import Search
@@ -61,7 +60,7 @@ class Completed(NamedTuple):
 
     def spread_of_votes(self) -> Float32Array | None:
         """As of Search; None: no patch is known."""
-        return None if self.search is None else self.search.spread_of_votes()
+        return None if self.search is None else self.search.spread_of_votes(self.color)
 
 
 def complete_picture(
@@ -81,7 +80,7 @@ def complete_picture(
     """
     surface = np.zeros(hole.shape, np.int8) if label is None else label
     copied = not is_matched(hole, 0, effort) and count_rounds(int(dilate_by_patch(hole).sum()), effort) == 1
-    levels = build_pyramid(as_input(picture), hole, guess, surface, copied) if hole.any() else []
+    levels = build_pyramid(picture, hole, guess, surface, copied) if hole.any() else []
     if not levels or not levels[0].sources.any():
         return Completed(replace_pixels(picture, hole, guess), None)
     rng = np.random.default_rng(seed)
@@ -100,7 +99,7 @@ def complete_picture(
             search.keep_matches()
         coarser = search
     out = picture.copy()
-    out[hole] = np.clip(np.round(search.painted[:, :3]), 0, 255)
+    out[hole] = np.clip(np.round(search.vote_sharply(picture)), 0, 255)
     return Completed(out, search)
 
 
@@ -120,7 +119,8 @@ def improve(search: Search, effort: Effort, matched: bool, finest: bool) -> None
     for turn in range(rounds):
         if matched:
             search.match(turn, effort.matchings)
-        search.vote(last=finest and turn == rounds - 1)
+        if not finest or turn < rounds - 1:  # the last vote is of the picture itself
+            search.vote()
 
 
 def penalty_weights(side: float) -> Float32Array:

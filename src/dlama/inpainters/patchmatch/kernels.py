@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from dlama.geometry.kernels.jit import Real, Whole, kernel, piece
 from dlama.geometry.kernels.vectors import squared_difference
-from dlama.geometry.rgbd import BoolArray, Float32Array
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 
 HALF = 3
 """Patches are squares of 2 HALF + 1 pixels."""
@@ -219,11 +219,9 @@ def vote_rows(
 ) -> None:
     """Set hole pixels [first, last) to a weighted mean of the patches over them.
 
-    weights: N, of the patches; near: SIDE x SIDE, by a centre's place next to the pixel; out: M x C, for the M pixels. Values
-    have all CHANNELS, or those of colour.
+    weights: N, of the patches; near: SIDE x SIDE, by a centre's place next to the pixel; out: M x C, for the M pixels.
     """
-    height, width, channels = values.shape
-    fourth, fifth = min(3, channels - 1), channels - 1
+    height, width, _ = values.shape
     for p in range(first, last):
         row, column = int(pixels[p, 0]), int(pixels[p, 1])
         top, bottom, left, right = steps_inside(row, column, height, width)
@@ -235,21 +233,52 @@ def vote_rows(
                     weight = weights[t] * near[j + HALF, i + HALF]
                     total += weight
                     source_row, source_column = int(found[t, 0]) - j, int(found[t, 1]) - i
-                    a += weight * np.float32(values[source_row, source_column, 0])
-                    b += weight * np.float32(values[source_row, source_column, 1])
-                    c += weight * np.float32(values[source_row, source_column, 2])
-                    d += weight * np.float32(values[source_row, source_column, fourth])
-                    e += weight * np.float32(values[source_row, source_column, fifth])
+                    a += weight * values[source_row, source_column, 0]
+                    b += weight * values[source_row, source_column, 1]
+                    c += weight * values[source_row, source_column, 2]
+                    d += weight * values[source_row, source_column, 3]
+                    e += weight * values[source_row, source_column, 4]
         for k, channel in enumerate((a, b, c, d, e)):
-            if k < channels:
-                out[p, k] = channel / total
+            out[p, k] = channel / total
+
+
+@kernel
+def copy_rows(
+    first: Whole,
+    last: Whole,
+    picture: UInt8Array,
+    pixels: Places,
+    number: NDArray[np.int32],
+    found: Places,
+    weights: Float32Array,
+    near: Float32Array,
+    out: Float32Array,
+) -> None:
+    """As `vote_rows`, of the colours alone, from the picture itself (H x W x 3). out: M x 3."""
+    height, width, _ = picture.shape
+    for p in range(first, last):
+        row, column = int(pixels[p, 0]), int(pixels[p, 1])
+        top, bottom, left, right = steps_inside(row, column, height, width)
+        total = a = b = c = np.float32(0)
+        for j in range(top, bottom + 1):
+            for i in range(left, right + 1):
+                t = int(number[row + j, column + i])
+                if t >= 0:
+                    weight = weights[t] * near[j + HALF, i + HALF]
+                    total += weight
+                    source_row, source_column = int(found[t, 0]) - j, int(found[t, 1]) - i
+                    a += weight * np.float32(picture[source_row, source_column, 0])
+                    b += weight * np.float32(picture[source_row, source_column, 1])
+                    c += weight * np.float32(picture[source_row, source_column, 2])
+        for k, channel in enumerate((a, b, c)):
+            out[p, k] = channel / total
 
 
 @kernel
 def spread_rows(
     first: Whole,
     last: Whole,
-    values: Float32Array,
+    picture: UInt8Array,
     pixels: Places,
     number: NDArray[np.int32],
     found: Places,
@@ -257,7 +286,7 @@ def spread_rows(
 ) -> None:
     """Standard deviation of the colours that the patches over hole pixels [first, last) give them, mean over the channels; as of
     `vote_rows`, all patches alike. out: M levels."""
-    height, width, _ = values.shape
+    height, width, _ = picture.shape
     for p in range(first, last):
         row, column = int(pixels[p, 0]), int(pixels[p, 1])
         top, bottom, left, right = steps_inside(row, column, height, width)
@@ -268,9 +297,9 @@ def spread_rows(
                 if t >= 0:
                     source_row, source_column = int(found[t, 0]) - j, int(found[t, 1]) - i
                     red, green, blue = (
-                        np.float64(values[source_row, source_column, 0]),
-                        np.float64(values[source_row, source_column, 1]),
-                        np.float64(values[source_row, source_column, 2]),
+                        np.float64(picture[source_row, source_column, 0]),
+                        np.float64(picture[source_row, source_column, 1]),
+                        np.float64(picture[source_row, source_column, 2]),
                     )
                     count += 1
                     a, b, c = a + red, b + green, c + blue

@@ -36,9 +36,9 @@ BAND = 128
 class Level:
     """A level of the pyramid."""
 
-    values: np.ndarray
-    """H x W x 5 float32: RGB, and the mean gradients across and along there; of the guess in the hole. On a level whose patches
-    are `copied` the picture itself (H x W x 3 uint8)."""
+    values: Float32Array
+    """H x W x 5: RGB, and the mean gradients across and along there; of the guess in the hole. Empty where patches are copied as
+    they are matched on the coarser level."""
     hole: BoolArray
     """H x W."""
     sources: BoolArray
@@ -46,24 +46,19 @@ class Level:
     label: NDArray[np.integer]
     """H x W, the surface of each pixel."""
 
-    @property
-    def copied(self) -> bool:
-        """True where patches are not compared but copied, as matched on the coarser level."""
-        return bool(self.values.dtype == np.uint8)
-
 
 def build_pyramid(
     picture: UInt8Array, hole: BoolArray, guess: UInt8Array, label: NDArray[np.integer], copied: bool = False
 ) -> list[Level]:
     """Levels from the picture itself to the coarsest, each half of the one before.
 
-    picture, guess: H x W x 3 RGB; hole: H x W; copied: whether patches of the first level are, if there are others. The last
+    picture, guess: H x W x 3 RGB; hole: H x W; copied: the first level, if there are others, has no values. The last
     level is the first in which the hole is as narrow as DEEPEST, or the last in which enough whole patches are known.
     """
-    values: np.ndarray = picture if copied else describe_both(picture, hole, guess)
+    values = np.empty((0, 0, 5), np.float32) if copied else describe_both(picture, hole, guess)
     levels = [Level(values, hole, whole_patches(hole), label if copied else label.astype(np.int32))]
     while hole_depth(hole) > DEEPEST and min(hole.shape) >= SMALLEST_SIDE:
-        values, hole = halve_picture(picture, hole, guess) if levels[-1].copied else halve(values, hole)
+        values, hole = halve(values, hole) if len(values) else halve_picture(picture, hole, guess)
         sources = whole_patches(hole)
         if sources.sum() < FEWEST_SOURCES or not hole.any():
             break

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.holes import box_around
-from dlama.geometry.kernels.jit import in_bands
+from dlama.geometry.kernels.jit import as_input, in_bands
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.inpainters.patchmatch import kernels
 from dlama.inpainters.patchmatch.pyramid import Level, dilate_by_patch
@@ -37,8 +37,8 @@ class Search:
 
     def __init__(self, level: Level, rng: np.random.Generator, weights: Float32Array) -> None:
         self.values, self.sources, self.label = level.values, level.sources, level.label
-        """As of Level; the values of the hole change, unless patches are copied."""
-        self.copied, touched = level.copied, dilate_by_patch(level.hole)
+        """As of Level; the values of the hole change."""
+        touched = dilate_by_patch(level.hole)
         self.pixels, self.targets = places(level.hole), places(touched)
         """M x 2, pixels of the hole; N x 2, centres of patches that touch it."""
         self.number = np.full(level.hole.shape, -1, np.int32)
@@ -46,21 +46,18 @@ class Search:
         self.number[touched] = np.arange(len(self.targets))
         self.box = box_around(touched, 0)
         """Rows and columns that hold all targets."""
-        self.trust: Float32Array = np.empty(0, np.float32)
-        """N weights of the targets' patches; empty where patches are copied, as `guess` is."""
-        self.guess = self.trust
-        """Colours of the guess in the rows and columns of `box`, of the picture where it is known."""
-        if not level.copied:
+        self.trust = self.guess = np.empty(0, np.float32)
+        """N weights of the targets' patches; empty where the level has no values, as `guess` is."""
+        if len(level.values):
             depth = cv2.distanceTransform(level.hole.astype(np.uint8), cv2.DIST_L2, 3)[touched]
             self.trust = (CERTAIN ** -np.minimum(depth, 200)).astype(np.float32)
             self.guess = level.values[self.box][..., :3].copy()
+            """Colours of the guess in the rows and columns of `box`, of the picture where it is known."""
         self.around = sum_over_patch(touched[self.box].view(np.uint8))[touched[self.box]]
         """N, how many patches cover the pixel at a target's centre."""
         self.weights, self.random = weights, rng.uniform(-1, 1, (DRAWN, 2))
         self.found, self.cost = np.zeros_like(self.targets), np.full(len(self.targets), np.inf, np.float32)
         """N x 2, centre of the matched known patch; N differences of the two."""
-        self.painted = np.empty((0, 5), np.float32)
-        """M x C values of the hole by the last vote."""
 
     def compare_all(self, rng: np.random.Generator, pairs: int) -> None:
         """Compare every target with every known patch, or with as many random ones as `pairs` allow."""
@@ -118,19 +115,25 @@ class Search:
                 self.cost,
             )
 
-    def vote(self, *, last: bool) -> None:
-        """Set the hole's values by a vote of the matched patches; sharp in the last round, else drawn to the guess."""
-        if last:
-            self._paint(SHARP, NARROW, np.ones_like(self.cost))
-        else:
-            self._paint(SOFT, WIDE, self.trust)
-            self._pull_to_guess()
-            self._weigh()
+    def vote(self) -> None:
+        """Set the hole's values by a vote of the matched patches, drawn to the guess."""
+        self._paint(SOFT, WIDE, self.trust)
+        self._pull_to_guess()
+        self._weigh()
 
-    def spread_of_votes(self) -> Float32Array:
-        """H x W: by how many levels the patches over a hole pixel differ there (standard deviation), 0 elsewhere."""
+    def vote_sharply(self, picture: UInt8Array) -> Float32Array:
+        """M x 3 colours of the hole by a sharp vote of the patches of the picture (H x W x 3) itself."""
+        out = np.empty((len(self.pixels), 3), np.float32)
+        weights, near = self._weights(SHARP, np.ones_like(self.cost)), gaussian(NARROW)
+        rows = as_input(picture), self.pixels, self.number, self.found, weights, near, out
+        in_bands(kernels.copy_rows, len(self.pixels), *rows, band=BAND)
+        return out
+
+    def spread_of_votes(self, picture: UInt8Array) -> Float32Array:
+        """H x W: by how many levels the patches of the picture (H x W x 3) over a hole pixel differ there (standard deviation), 0
+        elsewhere."""
         out = np.empty(len(self.pixels), np.float32)
-        rows = self.values, self.pixels, self.number, self.found, out
+        rows = as_input(picture), self.pixels, self.number, self.found, out
         in_bands(kernels.spread_rows, len(self.pixels), *rows, band=BAND)
         spread = np.zeros(self.sources.shape, np.float32)
         spread[self.pixels[:, 0], self.pixels[:, 1]] = out
@@ -150,18 +153,19 @@ class Search:
     def _paint(self, sharpness: float, width_px: float, trust: Float32Array) -> None:
         """Set the hole's values. A patch weighs exp(-sharpness cost / (2 mean cost about it)), times the trust in it (N), times a
         Gaussian of its centre's distance (width_px)."""
+        out = np.empty((len(self.pixels), self.values.shape[2]), np.float32)
+        weights, near = self._weights(sharpness, trust), gaussian(width_px)
+        rows = self.values, self.pixels, self.number, self.found, weights, near, out
+        in_bands(kernels.vote_rows, len(self.pixels), *rows, band=BAND)
+        self.values[self.pixels[:, 0], self.pixels[:, 1]] = out
+
+    def _weights(self, sharpness: float, trust: Float32Array) -> Float32Array:
+        """N weights of the patches by their cost and the trust in them."""
         touched = self.number[self.box] >= 0
         costs = np.zeros(touched.shape, np.float32)
         costs[touched] = self.cost
         mean = sum_over_patch(costs)[touched] / self.around
-        weights = np.exp(-0.5 * sharpness * self.cost / (mean + 1e-3)) * trust
-        step = np.arange(-kernels.HALF, kernels.HALF + 1, dtype=np.float32)
-        near = np.exp(-(step[:, None] ** 2 + step**2) / (2 * width_px**2))
-        self.painted = np.empty((len(self.pixels), self.values.shape[2]), np.float32)
-        rows = self.values, self.pixels, self.number, self.found, weights, near, self.painted
-        in_bands(kernels.vote_rows, len(self.pixels), *rows, band=BAND)
-        if not self.copied:
-            self.values[self.pixels[:, 0], self.pixels[:, 1]] = self.painted
+        return np.asarray(np.exp(-0.5 * sharpness * self.cost / (mean + 1e-3)) * trust, np.float32)
 
     def _weigh(self) -> None:
         self._run(
@@ -184,6 +188,12 @@ class Search:
 
     def _run(self, kernel: Callable[..., None], *arguments: Any) -> None:
         in_bands(kernel, len(self.targets), *arguments, band=BAND)
+
+
+def gaussian(width_px: float) -> Float32Array:
+    """SIDE x SIDE weights of patch centres by their distance."""
+    step = np.arange(-kernels.HALF, kernels.HALF + 1, dtype=np.float32)
+    return np.asarray(np.exp(-(step[:, None] ** 2 + step**2) / (2 * width_px**2)), np.float32)
 
 
 def nearest_source(sources: BoolArray, places: NDArray[np.int32]) -> NDArray[np.int32]:
