@@ -351,11 +351,11 @@ def test_what_takes_long_says_so(pages: Pages, frame: Path) -> None:
     for kind in ("hole_type", "origin"):
         choose(page, "kind", kind)
         waiting(page, held)
-        playwright.expect(page.locator("#drawing")).to_be_visible()
+        playwright.expect(page.locator("#readout")).to_have_text("drawing …")
         while held:
             held.pop().continue_()
             page.wait_for_timeout(50)
-        playwright.expect(page.locator("#drawing")).to_be_hidden()
+        playwright.expect(page.locator("#readout")).to_contain_text("Click a pixel")
     assert sorted(asked) == ["hole_type", "image", "origin"]
 
 
@@ -412,6 +412,16 @@ def test_a_mask_is_not_taken_for_the_other_picture_of_a_pair(pages: Pages) -> No
         "mask.png: masks are made here, by clicks, a box or the"
     )
     playwright.expect(page.locator('.under [data-fact="depth"]')).to_contain_text("% missing")
+
+
+@pytest.mark.parametrize("name", ["display.png", "depths-of-the-sea.jpg"])
+def test_a_photo_whose_name_is_like_that_of_depth(name: str, pages: Pages, tmp_path: Path) -> None:
+    """Oracle: the role that the list of files shows."""
+    page, photo = pages.open(), cv2.imread(str(dlama.example() / "street.jpg"))
+    cv2.imwrite(str(tmp_path / name), photo[::8, ::8])
+    page.route("**/api/read", lambda route: route.abort())
+    page.set_input_files("#files", tmp_path / name)
+    playwright.expect(page.locator('#uploads [data-role="picture"]')).to_contain_text(name)
 
 
 def test_a_yaml_file_is_the_camera(pages: Pages, frame: Path, tmp_path: Path) -> None:

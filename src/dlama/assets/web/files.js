@@ -17,7 +17,7 @@ export function rolesOf(list, have, endings) {
   for (const file of pictures) {
     const name = file.name.toLowerCase();
     if (/(^|[^a-z])mask/.test(name) && list.length > 1) masks.push(file);
-    else if (!found.depth && /depth|tiefe|disp/.test(name)) found.depth = file;
+    else if (!found.depth && endings.depth.includes(ending(name)) && /depth|tiefe|disp(arity|[^a-z])/.test(name)) found.depth = file;
     else if (!found.right && /(^|[^a-z])(right|rechts|im1|image1|view5)([^a-z]|$)/.test(name)) found.right = file;
     else if (!found.picture && !(have.picture && pictures.length === 1 && (found.calib || have.calib) && !have.right)) found.picture = file;
     else if (!found.right) found.right = file;

@@ -37,9 +37,8 @@ async function showKind() {
   const number = ++askedPicture, kind = chosen("kind");
   const before = { image: result.moved || right() ? "known" : "source", depth: "depth_known" }[kind] ?? "image";
   const names = { source: "before", known: "known from here", depth_known: "known depth", image: kind === "image" ? "completed" : "completed picture" };
-  $("readout").textContent = "Click a pixel: its depth, 3-D point, origin and confidence.";
+  $("readout").textContent = "drawing …";
   $("cross").hidden = true;
-  $("drawing").hidden = false;
   const wanted = `${before} ${right()}`, kinds = wanted === shownBefore ? [kind] : [kind, before];
   try {
     const [after, first] = await Promise.all(kinds.map((one) => server.fetched("picture", { kind: one, right: right() })));
@@ -51,7 +50,9 @@ async function showKind() {
     $("before").alt = names[before];
     $("after").alt = $("after-name").textContent;
     showLegend(kind);
-  } catch (error) { failed(error, "home"); } finally { if (number === askedPicture) $("drawing").hidden = true; }
+  } catch (error) { failed(error, "home"); } finally {
+    if (number === askedPicture) $("readout").textContent = "Click a pixel: its depth, 3-D point, origin and confidence.";
+  }
 }
 
 function showLegend(kind) {
