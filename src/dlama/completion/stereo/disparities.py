@@ -14,6 +14,7 @@ from dlama.geometry.camera import StereoRig
 from dlama.geometry.rgbd import Float32Array, UInt8Array, mark_far
 from dlama.perception.monocular import LEAST_CONTRAST, contrast
 from dlama.perception.stereo.checks import find_pair_fault, refuse_identical
+from dlama.perception.stereo.infinity import drop_plain_infinity
 from dlama.perception.stereo.matching import Matcher, disparity_pair, transfer_disparity
 from dlama.perception.stereo.networks import NetworkMatcher
 
@@ -38,7 +39,7 @@ def match_pair(
     named = [name for name, value in given.items() if value is not None]
     if len(named) > 1:
         raise InputError(f"`{named[0]}` and `{named[1]}` contradict each other; give one of them")
-    match, notes = matcher_for(matcher, max_disparity)
+    match, notes = matcher_for(matcher, max_disparity, rig)
     refuse_identical(left, right)
     if disparity is None:
         for name, picture in (("left", left), ("right", right)):
@@ -60,7 +61,9 @@ def match_pair(
     return MatchedPair(rig, far, colors, found, None, match, notes)
 
 
-def matcher_for(matcher: str | Path | Matcher | None, max_disparity: float | None) -> tuple[Matcher, dict[str, Any]]:
+def matcher_for(
+    matcher: str | Path | Matcher | None, max_disparity: float | None, rig: StereoRig
+) -> tuple[Matcher, dict[str, Any]]:
     """The matcher, and its notes."""
     if callable(matcher):
         return matcher, {"matcher": getattr(matcher, "__name__", type(matcher).__name__)}
@@ -69,7 +72,11 @@ def matcher_for(matcher: str | Path | Matcher | None, max_disparity: float | Non
         return network, {"matcher": network.notes}
 
     def match(left: UInt8Array, right: UInt8Array) -> tuple[Float32Array, Float32Array]:
-        return disparity_pair(left, right, max_disparity=max_disparity)
+        at_left, at_right = (
+            drop_plain_infinity(color, one, depth_in_metres(one, rig, default_far(rig)))
+            for color, one in zip((left, right), disparity_pair(left, right, max_disparity=max_disparity))
+        )
+        return at_left, at_right
 
     return match, {"matcher": "semi-global matching", "max_disparity": max_disparity}
 

@@ -31,8 +31,8 @@ from dlama.inpainters.layered.depth.surface_labels import GRID, CoarseView, with
 from dlama.inpainters.layered.kernels import surfaces as surface_kernels
 from dlama.inpainters.missing_depth.along_colors import DepthByColor, fill_along_colors
 from dlama.inpainters.missing_depth.beyond_range import move_beyond_range
-from dlama.inpainters.missing_depth.sky import find_sky
 from dlama.perception.planes import SMOOTH, KnownSurfaces, plane_values, plane_values_at
+from dlama.perception.sky import find_plain_sky
 
 OFF_SURFACE = 0.05
 """Relative difference of inverse depth from which a pixel is not on its surface any more."""
@@ -76,8 +76,9 @@ def continue_lawfully(view: View, context: FillContext, seed: int) -> tuple[Surf
 
 def continue_surfaces(view: View, context: FillContext, seed: int = 0) -> Surfaces:
     """The known surfaces of a view, continued into its holes; the same seed finds the same planes."""
-    missing, sky, by_color = view.depth_hole, find_sky(view), None
-    known = KnownSurfaces.of(inverse_depth(view.known_depth), view.valid, view.far | sky, seed)
+    depth, missing, by_color = view.known_depth, view.depth_hole, None
+    sky = find_plain_sky(view.color, missing, depth)
+    known = KnownSurfaces.of(inverse_depth(depth), view.valid, view.far | sky, seed)
     if missing.any():
         along_colors = fill_along_colors(view.color, missing, view.hole, known, sky)
         by_color = move_beyond_range(along_colors, known.inverse_depth, missing, view.hole)

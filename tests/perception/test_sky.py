@@ -9,8 +9,7 @@ import pytest
 import dlama
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
-from dlama.geometry.view import View
-from dlama.inpainters.missing_depth.sky import find_sky
+from dlama.perception.sky import find_plain_sky
 from worlds import Box, Plane, World
 
 CAMERA = Camera.from_fov(192, 144, 70)
@@ -30,6 +29,11 @@ def street(color: tuple[int, int, int], farthest: float = np.inf) -> tuple[RGBD,
     return RGBD(shown, depth, CAMERA, padding=np.zeros(far.shape, np.bool_)), far
 
 
+def sky_of(rgbd: RGBD) -> BoolArray:
+    """What is found where depth is missing."""
+    return find_plain_sky(rgbd.color, rgbd.depth == 0, rgbd.depth)
+
+
 @pytest.mark.parametrize("color", [BLUE, WHITE])
 def test_sky_without_depth_is_far(color: tuple[int, int, int]) -> None:
     """Truth: sky of one colour is far to its rim, on both sides of a tower; what was measured keeps its bits."""
@@ -47,7 +51,7 @@ def test_a_cloud_is_sky() -> None:
     color: UInt8Array = np.where((cloud > 0)[..., None] & far[..., None], np.uint8(WHITE), rgbd.color)
     cloudy = RGBD(color, rgbd.depth, CAMERA, padding=rgbd.padding)
     done = dlama.complete(cloudy, [CAMERA], filler="layered").view
-    assert not find_sky(View.from_rgbd(cloudy))[cloud > 0].all() and np.isposinf(done.depth[cloud > 0]).all()
+    assert not sky_of(cloudy)[cloud > 0].all() and np.isposinf(done.depth[cloud > 0]).all()
 
 
 @pytest.mark.parametrize(
@@ -57,7 +61,7 @@ def test_a_cloud_is_sky() -> None:
 )
 def test_no_sky(color: tuple[int, int, int], farthest: float) -> None:
     """Law: a wooden or a dark ceiling is no sky, nor a white one where all that was measured is near."""
-    assert not find_sky(View.from_rgbd(street(color, farthest)[0])).any()
+    assert not sky_of(street(color, farthest)[0]).any()
 
 
 def test_a_patterned_ceiling_is_no_sky() -> None:
@@ -65,4 +69,4 @@ def test_a_patterned_ceiling_is_no_sky() -> None:
     rgbd, far = street(WHITE)
     pattern = np.uint8(40) * (np.indices(far.shape).sum(0) // 3 % 2).astype(np.uint8)
     color = np.where(far[..., None], rgbd.color - pattern[..., None], rgbd.color)
-    assert not find_sky(View.from_rgbd(RGBD(color, rgbd.depth, CAMERA, padding=rgbd.padding))).any()
+    assert not sky_of(RGBD(color, rgbd.depth, CAMERA, padding=rgbd.padding)).any()

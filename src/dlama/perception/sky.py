@@ -1,0 +1,76 @@
+"""A picture with its measured depth in; the pixels that show plain sky out.
+
+Sensors and matchers give the sky no depth, or any. Outdoors, a large plain part at the upper edge of the picture, bluish or much
+brighter than the rest, is sky.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, is_valid
+from dlama.perception.resampling import shrink_color
+
+GRID = 192
+"""Longer side of the picture in which the sky is looked for."""
+LUMA = np.array([0.299, 0.587, 0.114], np.float32)
+STEP = 3.0
+"""Largest step between neighbouring pixels of the grid, in grey levels, in the sky."""
+SAMPLED = 16
+"""Every so manyth measured pixel is asked for its depth."""
+OUTDOORS_M = 6.0
+"""Least depth of the farthest hundredth of what is measured outdoors; depth cameras in rooms reach less."""
+BLUE, BRIGHT, WARM = 12.0, 40.0, 10.0
+"""Levels by which blue exceeds red, or grey exceeds the median of the rest; and by which red may exceed blue then."""
+LARGEST, ALONG_TOP, SMALLEST = 0.02, 0.1, 0.001
+"""Of the largest part of a sky, its least share of the picture and of the upper edge; least share of further parts."""
+
+
+def find_plain_sky(color: UInt8Array, free: BoolArray, depth: Float32Array) -> BoolArray:
+    """H x W, True in pixels that show plain sky; clouds and the rim of the sky may be left out.
+
+    color: H x W x 3; free: H x W, the pixels that may be sky; depth: H x W metres as measured, 0 or inf elsewhere.
+    """
+    nothing = np.zeros_like(free)
+    if free[0].mean() < ALONG_TOP:
+        return nothing
+    measured = depth[is_valid(depth)][::SAMPLED]
+    if not measured.size or np.quantile(measured, 0.99) < OUTDOORS_M:
+        return nothing
+    height, width = free.shape
+    step = max(1.0, max(height, width) / GRID)
+    hw = max(1, round(height / step)), max(1, round(width / step))
+    small = shrink_color(color, hw).astype(np.float32)
+    grey = small @ LUMA
+    cells = cv2.resize(free.astype(np.uint8) * 255, hw[::-1], interpolation=cv2.INTER_AREA) > 127
+    plain = (cells & (steps_to_neighbours(grey) < STEP)).astype(np.uint8)
+    _, part, stats, _ = cv2.connectedComponentsWithStats(plain, connectivity=4)
+    sky, large = np.zeros(hw, np.bool_), False
+    for number in np.unique(part[0][plain[0] > 0]):
+        area, this = stats[number, cv2.CC_STAT_AREA] / plain.size, part == number
+        if area < SMALLEST or this.all() or not looks_like_sky(small[this], grey, this):
+            continue
+        sky |= this
+        large |= area >= LARGEST and this[0].mean() >= ALONG_TOP
+    if not large:
+        return nothing
+    return free & (cv2.resize(sky.view(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST) > 0)
+
+
+def looks_like_sky(color: Float32Array, grey: Float32Array, part: BoolArray) -> bool:
+    """Whether a part (h x w) of a picture is bluish, or brighter than the rest and not warm.
+
+    color: N x 3, of the part; grey: h x w levels, of the whole.
+    """
+    red, _, blue = np.median(color, 0)
+    return bool(blue - red > BLUE or (np.median(grey[part]) - np.median(grey[~part]) > BRIGHT and red - blue < WARM))
+
+
+def steps_to_neighbours(grey: Float32Array) -> Float32Array:
+    """h x w, the largest difference of a grey level (h x w) from one of its four neighbours'."""
+    across, down = np.abs(np.diff(grey, axis=1)), np.abs(np.diff(grey, axis=0))
+    out = np.zeros_like(grey)
+    for side, step in ((out[:, 1:], across), (out[:, :-1], across), (out[1:], down), (out[:-1], down)):
+        np.maximum(side, step, out=side)
+    return out
