@@ -21,7 +21,7 @@ import importlib.util
 import re
 import sys
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any, ClassVar
 
@@ -187,6 +187,11 @@ def warn(message: str) -> None:
     while frame.f_back is not None and frame.f_globals["__name__"].startswith("dlama."):
         level, frame = level + 1, frame.f_back
     warnings.warn(message, UserWarning, stacklevel=level)
+
+
+def format_size(hw: Sequence[int]) -> str:
+    """WIDTHxHEIGHT, for people, of (height, width) or the shape of a picture."""
+    return "x".join(map(str, hw[1::-1]))
 
 
 def format_count(count: int, noun: str) -> str:

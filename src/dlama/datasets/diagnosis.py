@@ -16,7 +16,7 @@ from dlama.arguments import check_arguments
 from dlama.datasets.dataset_checks import Found, examine_dataset
 from dlama.datasets.layouts import is_capture_file
 from dlama.datasets.posed.scene_file import is_scene_file
-from dlama.errors import FileError, InputError, ShapeError, system_errors
+from dlama.errors import FileError, InputError, ShapeError, format_size, system_errors
 from dlama.files.atomic_write import PathLike
 from dlama.files.cameras import camera_for, read_stereo_calib
 from dlama.files.photos.depth import read_photo_depth
@@ -154,16 +154,20 @@ def _examine_picture(
     if mask is not None and (differs := doubtful_turn(image, mask)):
         found.append(Finding("orientation", "note", 0.5, differs, CLEAR_TAG))
     found += _compare_with_exif(rgbd.camera, image)
-    whole = depth.suffix.lower() in SUFFIXES
-    units = None if reading["depth_range"] else reading["depth_scale"] or (MILLIMETRES if whole else 1.0)
     names = image.name, depth.name, "mask" if mask is None else Path(mask).name
-    seen = Observed.of(rgbd, names, removed, units)
+    seen = Observed.of(rgbd, names, removed, _units(depth, reading))
     found += run_checks(seen)
     if reading["resize_depth"] is None:
         found += check_terraces(seen)
     parts = [*describe_frame(rgbd), f"{percent(rgbd.depth == 0)} missing", f"{percent(rgbd.far)} far"]
     parts += [] if removed is None else [f"mask {percent(removed)}"]
     return found, ", ".join(names[: 2 if mask is None else 3]), parts
+
+
+def _units(depth: Path, reading: Mapping[str, Any]) -> float | None:
+    """Numbers of the file that make a metre; None where its range says how it is read."""
+    whole = depth.suffix.lower() in SUFFIXES
+    return None if reading["depth_range"] else reading["depth_scale"] or (MILLIMETRES if whole else 1.0)
 
 
 def check_orientation(rgbd: RGBD, image: Path, depth: Path) -> tuple[list[Finding], RGBD]:
@@ -198,10 +202,8 @@ def _examine_photo(image: Path, lens: Mapping[str, Any]) -> Found:
         rgbd = read_rgbd(image, **lens)
     found = check_lens(rgbd.camera)
     found += [Finding("photo-depth", "note", 1.0, " ".join(str(one.message).split())) for one in noted]
-    parts = [
-        *describe_frame(rgbd),
-        f"depth {describe_depth_source(own.about)}, {'x'.join(map(str, own.about['size']))}",
-    ]
+    size = format_size(own.about["size"][::-1])
+    parts = [*describe_frame(rgbd), f"depth {describe_depth_source(own.about)}, {size}"]
     parts += [f"accuracy {own.about['accuracy']}"] if "accuracy" in own.about else []
     return found, image.name, parts
 
@@ -211,10 +213,10 @@ def _examine_pair(left: Path, right: Path, calib: PathLike) -> Found:
     rig = read_stereo_calib(calib, hw=pictures[0].shape[:2])
     names = f"{left.name}, {right.name}"
     if pictures[0].shape != pictures[1].shape:
-        sizes = " and ".join(f"{each.shape[1]}x{each.shape[0]}" for each in pictures)
+        sizes = " and ".join(format_size(each.shape) for each in pictures)
         raise ShapeError(f"{names}: are {sizes}; rectified pictures of one size are expected")
     found = [
         replace(each, what=f"{names}: {each.what}") for each in check_lens(rig.left) + check_pair(*pictures, rig.doffs)
     ]
-    parts = [f"{rig.left.width}x{rig.left.height}", f"{rig.left.fov_deg:.3g} degrees wide"]
+    parts = [format_size(rig.left.hw), f"{rig.left.fov_deg:.3g} degrees wide"]
     return found, names, [*parts, f"baseline {rig.baseline_m:.3g} m", f"doffs {rig.doffs:.3g} px"]

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dlama.errors import CameraError, FileError, InputError, ShapeError
+from dlama.errors import CameraError, FileError, InputError, ShapeError, format_size
 from dlama.files.rasters.images import existing_file
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.motion.poses import QUATERNION_TOLERANCE, check_pose, make_pose, rotation_from_quaternion
@@ -217,10 +217,10 @@ def files_by_stem(folder: Path, suffixes: Iterable[str]) -> dict[str, Path]:
     return {path.stem: path for path in files_in(folder, suffixes)} if folder.is_dir() else {}
 
 
-def check_size(path: Path, found: tuple[int, ...], hw: tuple[int, int], of: str = "the picture") -> None:
-    """ShapeError where what a file holds has not the size of the picture that it belongs to."""
+def check_size(path: Path | str, found: tuple[int, ...], hw: tuple[int, ...], of: str = "the picture") -> None:
+    """ShapeError where what a file holds has not the size (height and width) of what it belongs to."""
     if found[:2] != hw:
-        raise ShapeError(f"{path}: is {found[1]}x{found[0]} and {of} {hw[1]}x{hw[0]}; both must have the same size")
+        raise ShapeError(f"{path}: is {format_size(found)} and {of} {format_size(hw)}; both must have the same size")
 
 
 def natural_order(name: str) -> list[tuple[int, int, str]]:

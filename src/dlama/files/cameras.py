@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dlama.arguments import check_arguments
-from dlama.errors import CameraError, FileError, system_errors, warn
+from dlama.errors import CameraError, FileError, format_size, system_errors, warn
 from dlama.files.atomic_write import PathLike, write_file
 from dlama.files.camera_yaml import SUFFIXES, read_yaml_fields
 from dlama.files.fields import FileFields, Intrinsics, json_text, json_value, read_calib_txt, read_json_fields
@@ -207,7 +207,7 @@ def make_camera(
         raise CameraError(f"{source}: {error.marked if source == OPTIONS else error}") from error
     if not (0 <= camera.cx <= camera.width and 0 <= camera.cy <= camera.height):
         warn(
-            f"{source}: the principal point ({camera.cx:g}, {camera.cy:g}) lies outside the {hw[1]}x{hw[0]} picture; "
+            f"{source}: the principal point ({camera.cx:g}, {camera.cy:g}) lies outside the {format_size(hw)} picture; "
             "right for a crop, else check `cx` and `cy`"
         )
     for found in check_lens(camera):

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from dlama.errors import CameraError, FileError, any_error, warn
+from dlama.errors import CameraError, FileError, any_error, format_size, warn
 from dlama.files.atomic_write import PathLike
 from dlama.files.rasters.images import existing_file
 from dlama.geometry.camera import Float64Array, intrinsics_of
@@ -94,7 +94,7 @@ class FileFields:
         if hw is not None and (height, width) != tuple(hw):
             turned = " (a picture with an EXIF orientation is read as viewers show it)" if (width, height) == hw else ""
             raise CameraError(
-                f"{self.path}: the camera is {width}x{height} and the picture {hw[1]}x{hw[0]}; both must be the same{turned}"
+                f"{self.path}: the camera is {width}x{height} and the picture {format_size(hw)}; both must be the same{turned}"
             )
         return height, width
 

@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from dlama.arguments import check_arguments
-from dlama.errors import DepthError, FileError, InputError, ShapeError, system_errors, warn
+from dlama.errors import DepthError, FileError, InputError, ShapeError, format_size, system_errors, warn
 from dlama.files.atomic_write import PathLike
 from dlama.files.cameras import camera_for
 from dlama.files.photos.depth import PhotoDepth, read_photo_depth
@@ -18,7 +18,7 @@ from dlama.files.rasters.depth import check_depth_options, read_depth
 from dlama.files.rasters.depth_checks import warn_of_far_plane
 from dlama.files.rasters.images import read_stored
 from dlama.files.rasters.pictures import read_color
-from dlama.files.rasters.turned_pairs import refuse_turned, warn_of_turn
+from dlama.files.rasters.turned_pairs import refuse_turned, same_proportions, warn_of_turn
 from dlama.geometry.camera import Camera
 from dlama.geometry.drawing.picture_edges import MapGrid
 from dlama.geometry.projection import rays
@@ -26,9 +26,6 @@ from dlama.geometry.rgbd import RGBD, Float32Array, UInt8Array, freeze, mark_far
 from dlama.perception.depth_networks import DepthPrediction
 from dlama.perception.monocular import DEFAULT, Estimator, estimate_depth
 from dlama.perception.resampling import nearest_pixels, upsample_depth
-
-SAME_PROPORTIONS = 0.02
-"""Relative difference of width / height up to which depth of another size is of the same field of view."""
 
 
 @system_errors(FileError)
@@ -202,10 +199,9 @@ def _resize_depth(
                 "surfaces are terraced; `resize_depth=guided` interpolates on each surface"
             )
         return metres
-    sizes = f"{depth} is {metres.shape[1]}x{metres.shape[0]} and {image} {hw[1]}x{hw[0]}"
-    (height, width), proportions = metres.shape, hw[1] / hw[0]
-    if abs(width / height / proportions - 1) > SAME_PROPORTIONS:
-        turned = abs(height / width / proportions - 1) <= SAME_PROPORTIONS
+    sizes = f"{depth} is {format_size(metres.shape)} and {image} {format_size(hw)}"
+    if not same_proportions(metres.shape, hw):
+        turned = same_proportions(metres.shape[::-1], hw)
         mend = "one is turned by 90 degrees, turn it back" if turned else "crop one of them to what both show"
         raise ShapeError(f"{sizes}; they cannot show the same field of view: {mend}")
     if how is None:

@@ -111,15 +111,7 @@ def errors_as_lines(with_flags: Callable[[str], str] = str) -> Iterator[None]:
                 print_line("error", f"{getattr(error, 'word', 'interrupted')}; nothing half-written is left")
     except SystemExit as error:  # of --help, and of wrong words
         code = error.code
-    except DlamaError as error:
-        code = BAD_INPUT
-        print_line("error", with_flags(error.marked) + (f" (see {error.guide})" if error.guide else ""))
-    except MemoryError as error:
-        code = BAD_INPUT
-        print_line(
-            "error", f"out of memory{f': {error}' if str(error) else ''}; smaller pictures or fewer --jobs may help"
-        )
-    except OSError as error:
+    except (DlamaError, MemoryError, OSError) as error:
         code = _explain(error)
     full = find_write_error(sys.stdout)
     if full is not None and code in (None, 0):
@@ -129,14 +121,20 @@ def errors_as_lines(with_flags: Callable[[str], str] = str) -> Iterator[None]:
         raise SystemExit(code)
 
 
-def _explain(error: OSError) -> int | None:
-    """A line about an error of the system; the exit code."""
+def _explain(error: DlamaError | MemoryError | OSError) -> int | None:
+    """A line about an error that the user can put right; the exit code."""
     if isinstance(error, BrokenPipeError):  # `dlama --help | head`
         return None
-    if error.filename is None and error.errno in STREAM_ERRORS:
+    if isinstance(error, DlamaError):
+        line = WITH_FLAGS.get()(error.marked) + (f" (see {error.guide})" if error.guide else "")
+    elif isinstance(error, MemoryError):
+        line = f"out of memory{f': {error}' if str(error) else ''}; smaller pictures or fewer --jobs may help"
+    elif error.filename is None and error.errno in STREAM_ERRORS:
         print_line("error", f"output cannot be written: {system_reason(error)}")
         return CANNOT_WRITE
-    print_line("error", describe_system_error(error))
+    else:
+        line = describe_system_error(error)
+    print_line("error", line)
     return BAD_INPUT
 
 

@@ -22,7 +22,7 @@ from dlama.datasets.captures.captured_frames import MOST_ENLARGED
 from dlama.datasets.posed.posed_frames import LOG, FrameFiles, Lens, Listed
 from dlama.datasets.posed.registered_depth import register_depth
 from dlama.datasets.text_tables import nearest_in_time, pose_at
-from dlama.errors import FileError
+from dlama.errors import FileError, format_size
 from dlama.files.fields import FileFields, json_fields
 from dlama.files.rasters.video_frames import read_raw_frame, read_video_frame, video_times, video_tracks
 from dlama.geometry.camera import Float64Array
@@ -118,7 +118,7 @@ def _camera(
         raise FileError(f"{fields.path}: has no camera {location}")
     if (hw[1], hw[0]) not in modes:
         known = ", ".join(f"{w}x{h}" for w, h in modes)
-        raise FileError(f"{fields.path}: pictures of {hw[1]}x{hw[0]} are no mode of this camera ({known})")
+        raise FileError(f"{fields.path}: pictures of {format_size(hw)} are no mode of this camera ({known})")
     inner, pose = (found.part(name, found.values.get(name)) for name in ("Intrinsics", "Rt"))
     if inner.values.get("ModelType") != MODEL:
         raise FileError(f"{inner.path}: ModelType is {inner.values.get('ModelType')!r}; {MODEL} is expected")

@@ -19,7 +19,7 @@ from dlama.datasets.captures.captured_frames import lidar_frame
 from dlama.datasets.posed.nerfstudio import CV_FROM_GL
 from dlama.datasets.posed.posed_frames import Lens, Listed
 from dlama.datasets.text_tables import pose_of
-from dlama.errors import FileError, any_error, import_extra
+from dlama.errors import FileError, any_error, format_size, import_extra
 from dlama.files.fields import FileFields, json_fields
 from dlama.files.rasters.images import check_pixels, picture_of_bytes
 from dlama.geometry.rgbd import UInt8Array
@@ -86,7 +86,7 @@ def array_of_member(place: Path, name: str, kind: str, hw: tuple[int, int]) -> A
         data = lzfse.decompress(read_member(place, name))
     size = hw[0] * hw[1] * np.dtype(kind).itemsize
     if len(data) != size:
-        raise FileError(f"{place}: {name} has {len(data)} bytes; {size} are expected ({hw[1]}x{hw[0]})")
+        raise FileError(f"{place}: {name} has {len(data)} bytes; {size} are expected ({format_size(hw)})")
     found = np.frombuffer(data, kind).reshape(hw)
     return found.astype(np.float32) if kind != "u1" else found
 

@@ -16,8 +16,8 @@ import cv2
 import numpy as np
 
 from dlama.datasets.frames import Frame
-from dlama.datasets.text_tables import read_matrix, read_rows
-from dlama.errors import CameraError, FileError, ShapeError
+from dlama.datasets.text_tables import check_size, read_matrix, read_rows
+from dlama.errors import CameraError, FileError, ShapeError, format_size
 from dlama.files.atomic_write import PathLike
 from dlama.files.camera_yaml import SUFFIXES, read_yaml_fields
 from dlama.files.cameras import make_camera, read_camera
@@ -26,6 +26,7 @@ from dlama.files.rasters.depth import read_depth
 from dlama.files.rasters.float_files import read_colmap_depth
 from dlama.files.rasters.images import picture_hw
 from dlama.files.rasters.pictures import read_color_of_camera
+from dlama.files.rasters.turned_pairs import same_proportions
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.perception.resampling import shrink_color, upsample_depth
@@ -33,10 +34,8 @@ from dlama.perception.resampling import shrink_color, upsample_depth
 CameraOption = PathLike | Camera | None
 """The option `camera` of layouts whose files may say nothing of intrinsics: a camera file, or a Camera (its pose is not used)."""
 LOG = logging.getLogger("dlama")
-SAME_PROPORTIONS = 0.02
-"""Relative difference of width / height up to which colour and depth of two sizes show the same field of view."""
 SENSOR_PROPORTIONS = 0.01
-"""The same of a picture and the sensor that its intrinsics are for."""
+"""Relative difference of width / height up to which a picture is of the whole sensor that its intrinsics are for."""
 
 
 @dataclass(frozen=True)
@@ -164,10 +163,7 @@ def _padding(files: FrameFiles, hw: tuple[int, ...], small: tuple[int, ...]) -> 
     if files.shown is None:
         return None
     shown = files.shown()
-    if shown.shape != tuple(hw[:2]):
-        raise ShapeError(
-            f"{files.names[0]}: is {hw[1]}x{hw[0]} and its mask {shown.shape[1]}x{shown.shape[0]}; one size is expected"
-        )
+    check_size(files.names[0], hw, shown.shape, "its mask")
     return np.asarray(cv2.resize(shown.astype(np.float32), (small[1], small[0]), interpolation=cv2.INTER_AREA) < 1)
 
 
@@ -187,10 +183,8 @@ def measured_depth(files: FrameFiles) -> Float32Array:
     if files.confidence is not None:
         confidence = files.confidence()
         if confidence.shape != depth.shape:
-            raise ShapeError(
-                f"{files.names[1]}: is {depth.shape[1]}x{depth.shape[0]} and its confidence "
-                f"{'x'.join(map(str, confidence.shape[1::-1]))}; one size is expected"
-            )
+            sizes = f"is {format_size(depth.shape)} and its confidence {format_size(confidence.shape)}"
+            raise ShapeError(f"{files.names[1]}: {sizes}; one size is expected")
         known &= confidence >= files.least_confidence
     return np.where(known, depth, np.float32(0)).astype(np.float32)
 
@@ -256,13 +250,12 @@ def _camera(files: FrameFiles, color_hw: tuple[int, ...], depth_hw: tuple[int, .
         _check_proportions(lens, lens.hw, color_hw)
     elif lens.hw is not None and lens.hw != tuple(color_hw):
         raise ShapeError(
-            f"{names[0]}: is {color_hw[1]}x{color_hw[0]}, and {lens.source} is for {lens.hw[1]}x{lens.hw[0]}; "
+            f"{names[0]}: is {format_size(color_hw)}, and {lens.source} is for {format_size(lens.hw)}; "
             "both must be the same"
         )
-    proportions = color_hw[1] / color_hw[0] * depth_hw[0] / depth_hw[1]
-    if color_hw[0] < depth_hw[0] or color_hw[1] < depth_hw[1] or abs(proportions - 1) > SAME_PROPORTIONS:
+    if color_hw[0] < depth_hw[0] or color_hw[1] < depth_hw[1] or not same_proportions(color_hw, depth_hw):
         raise ShapeError(
-            f"{names[0]}: is {color_hw[1]}x{color_hw[0]} and {names[1]} {depth_hw[1]}x{depth_hw[0]}; colour of the "
+            f"{names[0]}: is {format_size(color_hw)} and {names[1]} {format_size(depth_hw)}; colour of the "
             "same size, or bigger with the same proportions, is expected"
         )
     return lens.camera(files.world_from_cam, color_hw).resized(depth_hw[1], depth_hw[0])
@@ -270,8 +263,8 @@ def _camera(files: FrameFiles, color_hw: tuple[int, ...], depth_hw: tuple[int, .
 
 def _check_proportions(lens: Lens, hw: tuple[int, int], color_hw: tuple[int, ...]) -> None:
     """CameraError where sensor (hw) and picture differ in proportions: then the crop is not known."""
-    if abs(color_hw[1] / hw[1] * hw[0] / color_hw[0] - 1) > SENSOR_PROPORTIONS:
+    if not same_proportions(color_hw, hw, SENSOR_PROPORTIONS):
         raise CameraError(
-            f"{lens.source}: the sensor is {hw[1]}x{hw[0]} and the picture {color_hw[1]}x{color_hw[0]}; both must have the "
+            f"{lens.source}: the sensor is {format_size(hw)} and the picture {format_size(color_hw)}; both must have the "
             "same proportions, else how wide the camera sees is not known"
         )

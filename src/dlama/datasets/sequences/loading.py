@@ -17,10 +17,11 @@ from dlama.completion.start import clip_frame
 from dlama.datasets.easysynth.listing import sequence_folders
 from dlama.datasets.frames import Frame
 from dlama.datasets.layouts import layout_of, list_dataset
-from dlama.datasets.posed.posed_frames import SAME_PROPORTIONS, CameraOption
+from dlama.datasets.posed.posed_frames import CameraOption
 from dlama.datasets.text_tables import check_scenes
 from dlama.errors import DlamaError, FileError, InputError, first_line, format_count, system_errors, warn
 from dlama.files.atomic_write import PathLike
+from dlama.files.rasters.turned_pairs import same_proportions
 from dlama.files.scenes.scene_npz import read_scene
 from dlama.geometry.frames.alignment import Features, detect_features, estimate_poses, with_pose
 from dlama.geometry.frames.gathering import gather_views, open_view
@@ -176,8 +177,8 @@ def fit_masks(masks: Mapping[int, BoolArray], scene: Scene) -> dict[int, BoolArr
 
 def shrink_mask(mask: BoolArray, hw: tuple[int, int]) -> BoolArray:
     """A mask of more pixels and the same proportions at the size hw, True where any part of a pixel is; any other as it is."""
-    height, width = mask.shape if mask.ndim == 2 else (0, 0)
-    if mask.dtype != np.bool_ or height <= hw[0] or abs(width / height * hw[0] / hw[1] - 1) > SAME_PROPORTIONS:
+    larger = mask.ndim == 2 and mask.dtype == np.bool_ and mask.shape[0] > hw[0]
+    if not larger or not same_proportions(mask.shape, hw):
         return mask
     return np.asarray(cv2.resize(mask * np.uint8(255), hw[::-1], interpolation=cv2.INTER_AREA) > 0)
 

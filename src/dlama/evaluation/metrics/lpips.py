@@ -13,7 +13,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from dlama.errors import ShapeError
+from dlama.errors import ShapeError, format_size
 from dlama.evaluation.metrics.pictures import SETTINGS
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
@@ -96,8 +96,7 @@ def _refuse_others(picture: UInt8Array) -> None:
         raise ShapeError(f"LPIPS: the picture is {picture.dtype} {picture.shape}; uint8 H x W x 3 or H x W is expected")
     if min(picture.shape[:2]) < SMALLEST_SIDE:
         raise ShapeError(
-            f"LPIPS: the picture is {picture.shape[1]}x{picture.shape[0]}; "
-            f"{SMALLEST_SIDE}x{SMALLEST_SIDE} or more is expected"
+            f"LPIPS: the picture is {format_size(picture.shape)}; {SMALLEST_SIDE}x{SMALLEST_SIDE} or more is expected"
         )
 
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.errors import ShapeError, import_extra
+from dlama.errors import ShapeError, format_size, import_extra
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 
@@ -66,7 +66,7 @@ def ssim_map(truth: UInt8Array, mine: UInt8Array) -> Float64Array:
     _refuse_differences(truth, mine)
     if min(truth.shape[:2]) < SETTINGS.ssim_window:
         raise ShapeError(
-            f"pictures are {truth.shape[1]}x{truth.shape[0]}; SSIM needs {SETTINGS.ssim_window} pixels or more a side"
+            f"pictures are {format_size(truth.shape)}; SSIM needs {SETTINGS.ssim_window} pixels or more a side"
         )
     _, full = import_extra("skimage.metrics", "SSIM", "scikit-image", "evaluate").structural_similarity(
         truth.astype(np.float64),

@@ -85,10 +85,11 @@ def variants(place: Place, chosen: Sequence[Which], title: str) -> Table | None:
         return None
     seen = [which for which in chosen if any(place.mean(ALL, name, which) for name in ran)]
     named = [name for name, (_, variant) in ran.items() if not variant]
-    in_order = sorted((one for one in ran if ran[one][0] in named), key=lambda name: named.index(ran[name][0]))
     rows = [
-        (Cell(ran[name][0]), Cell(ran[name][1] or "as named"), *(_cell(place, ALL, name, which) for which in seen))
-        for name in in_order
+        (Cell(method), Cell(variant or "as named"), *(_cell(place, ALL, name, which) for which in seen))
+        for base in named
+        for name, (method, variant) in ran.items()
+        if method == base
     ]
     head = ("method", "variant", *(f"{which[0]} {column_title(*which)}" for which in seen))
     return Table(title, head, tuple(rows))

@@ -99,13 +99,11 @@ def describe(value: Any) -> Any:
         return sorted(map(short_hash, value))
     if isinstance(value, functools.partial):
         return ["call", value.func, value.args, value.keywords]
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return [
-            type(value).__qualname__,
-            {field.name: getattr(value, field.name) for field in dataclasses.fields(value)},
-        ]
     if hasattr(value, "__qualname__"):  # a function or a class
         return f"{value.__module__}.{value.__qualname__}"
+    if dataclasses.is_dataclass(value):
+        fields = {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
+        return [type(value).__qualname__, fields]
     return hashlib.sha256(pickle.dumps(value)).hexdigest()
 
 

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from dlama.errors import DepthError, any_error
+from dlama.errors import DepthError, any_error, format_size
 from dlama.files.atomic_write import PathLike
 from dlama.files.cameras import FILM_DIAGONAL_MM
 from dlama.files.photos.containers import (
@@ -43,13 +43,14 @@ from dlama.files.rasters.images import (
 )
 from dlama.files.rasters.orientation import apply_orientation
 from dlama.files.rasters.pictures import srgb_of
+from dlama.files.rasters.turned_pairs import same_proportions
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import Float32Array, UInt8Array
 
 APDI, DEPTH_DATA = "{http://ns.apple.com/pixeldatainfo/1.0/}", "{http://ns.apple.com/depthData/1.0/}"
 GDEPTH = "{http://ns.google.com/photos/1.0/depthmap/}"
 DYNAMIC = "{http://ns.google.com/photos/dd/1.0/depthmap/}"
-SAME_PROPORTIONS = 0.03
+PHOTO_PROPORTIONS = 0.03
 """Relative difference of width / height up to which depth shows what the picture shows (Apple's have 768x576 for 4032x3024)."""
 METRE_UNITS = {"m": 1.0, "meters": 1.0, "metres": 1.0, "mm": 1e-3}
 HEIF_KINDS = {0: "inverse depth", 1: "disparity", 2: "depth", 3: "disparity"}
@@ -94,10 +95,10 @@ def read_photo_depth(path: PathLike) -> PhotoDepth | None:
         if found is None:
             found = _of_further_picture(file, data, hw) if opened is None else _of_heic(file, data, opened, hw)
     if found is not None:
-        (height, width), shape = hw, found.values.shape
-        if abs(shape[1] / shape[0] * height / width - 1) > SAME_PROPORTIONS:
+        shape = found.values.shape
+        if not same_proportions(shape, hw, PHOTO_PROPORTIONS):
             raise DepthError(
-                f"{file}: the depth in it is {shape[1]}x{shape[0]} and the picture {width}x{height}; they do not show the same"
+                f"{file}: the depth in it is {format_size(shape)} and the picture {format_size(hw)}; they do not show the same"
             )
     return found
 
@@ -174,10 +175,9 @@ def _apple_camera(packet: Xmp, orientation: int, hw: tuple[int, int]) -> Camera 
         cy = height - cy
     if orientation in (2, 3, 6, 7):
         cx = width - cx
-    high, wide = hw
-    if abs(width / height * high / wide - 1) > SAME_PROPORTIONS:
+    if not same_proportions((height, width), hw, PHOTO_PROPORTIONS):
         return None
-    return Camera(round(width), round(height), fx, fy, cx, cy).resized(wide, high)
+    return Camera(round(width), round(height), fx, fy, cx, cy).resized(hw[1], hw[0])
 
 
 def _of_google(file: Path, data: bytes) -> PhotoDepth | None:

@@ -10,7 +10,7 @@ from typing import IO
 
 import numpy as np
 
-from dlama.errors import FileError, first_line, system_errors
+from dlama.errors import FileError, first_line, format_size, system_errors
 from dlama.files.atomic_write import PathLike, write_file
 from dlama.files.rasters.images import LARGEST_PIXELS, check_pixels, existing_file
 from dlama.geometry.rgbd import Float32Array
@@ -46,7 +46,9 @@ def _numbers(file: Path, start: int, hw: tuple[int, int], kind: str) -> np.ndarr
     check_pixels(file, hw[1], hw[0])
     held, expected = file.stat().st_size - start, 4 * hw[0] * hw[1]
     if held != expected:
-        raise FileError(f"{file}: is damaged or truncated ({held} bytes of numbers, {hw[1]}x{hw[0]} needs {expected})")
+        raise FileError(
+            f"{file}: is damaged or truncated ({held} bytes of numbers, {format_size(hw)} needs {expected})"
+        )
     return np.fromfile(file, kind, offset=start).reshape(hw)
 
 

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from dlama.errors import MaskError, ShapeError, warn
+from collections.abc import Sequence
+
+from dlama.errors import MaskError, ShapeError, format_size, warn
 from dlama.files.atomic_write import PathLike
 from dlama.files.rasters.images import orientation_of, picture_hw
 from dlama.geometry.rgbd import BoolArray
 
 QUARTER_TURNS = (5, 6, 7, 8)
 """EXIF orientations that exchange width and height."""
+SAME_PROPORTIONS = 0.02
+"""Relative difference of width / height up to which pictures of two sizes show the same field of view."""
 
 
 def orientation_difference(one: PathLike, other: PathLike) -> str:
@@ -34,7 +38,7 @@ def refuse_turned(picture: PathLike, other: PathLike, hw: tuple[int, int], other
     """ShapeError where two pictures of the same pixels have exchanged sides, and the orientation of one of them explains it."""
     if hw != other_hw == hw[::-1] and (found := orientation_difference(picture, other)):
         raise ShapeError(
-            f"{found}: {other} is {other_hw[1]}x{other_hw[0]} and {picture} {hw[1]}x{hw[0]}; turn the one without it "
+            f"{found}: {other} is {format_size(other_hw)} and {picture} {format_size(hw)}; turn the one without it "
             "the same way, or clear the tag (exiftool -Orientation= FILE)"
         )
 
@@ -45,10 +49,15 @@ def warn_of_turn(picture: PathLike, other: PathLike) -> None:
         warn(f"{found}; if both were made of the same stored pixels, clear the tag (exiftool -Orientation= FILE)")
 
 
+def same_proportions(hw: Sequence[float], other_hw: Sequence[float], tolerance: float = SAME_PROPORTIONS) -> bool:
+    """Whether width / height of pictures of two sizes are alike, so that they can show the same field of view."""
+    return abs(hw[1] / hw[0] * other_hw[0] / other_hw[1] - 1) <= tolerance
+
+
 def check_mask_fits(mask: BoolArray, path: PathLike, picture: PathLike) -> None:
     """ShapeError or MaskError, which name both files: a mask that has not the size of its picture. Warns as `warn_of_turn`."""
     hw, own = picture_hw(picture), (mask.shape[0], mask.shape[1])
     refuse_turned(picture, path, hw, own)
     warn_of_turn(picture, path)
     if own != hw:
-        raise MaskError(f"{path} is {own[1]}x{own[0]} and {picture} {hw[1]}x{hw[0]}; both must have the same size")
+        raise MaskError(f"{path} is {format_size(own)} and {picture} {format_size(hw)}; both must have the same size")

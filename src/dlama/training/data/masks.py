@@ -12,7 +12,7 @@ import math
 import cv2
 import numpy as np
 
-from dlama.errors import InputError
+from dlama.errors import InputError, format_size
 from dlama.geometry.rgbd import BoolArray
 
 SMALLEST, LARGEST = 0.005, 0.7
@@ -39,7 +39,7 @@ def random_mask(rng: np.random.Generator, hw: tuple[int, int]) -> BoolArray:
         mask = (strokes if rng.random() < STROKES else boxes)(rng, hw)
         if SMALLEST <= mask.mean() <= LARGEST:
             return mask
-    raise InputError(f"no mask fits a picture of {hw[1]}x{hw[0]}")
+    raise InputError(f"no mask fits a picture of {format_size(hw)}")
 
 
 def strokes(rng: np.random.Generator, hw: tuple[int, int]) -> BoolArray:

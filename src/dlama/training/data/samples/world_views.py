@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dlama.errors import InputError
+from dlama.errors import InputError, format_size
 from dlama.geometry.camera import Camera
 from dlama.geometry.motion.trajectories import dolly, move_sideways, orbit
 from dlama.geometry.rgbd import RGBD, UInt8Array
@@ -152,5 +152,5 @@ def _draw_photos(rng: np.random.Generator, count: int) -> list[int]:
 def _texture(photo: Path, rng: np.random.Generator) -> UInt8Array:
     picture = read_photo(photo)
     if min(picture.shape[:2]) < 16:
-        raise InputError(f"{photo}: is {picture.shape[1]}x{picture.shape[0]}; 16 pixels or more are expected")
+        raise InputError(f"{photo}: is {format_size(picture.shape)}; 16 pixels or more are expected")
     return square_crop(picture, TEXTURE_PX, rng)
