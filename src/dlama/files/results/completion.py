@@ -28,8 +28,8 @@ from dlama.geometry.view import View
 from dlama.models.network_file import make_room
 from dlama.progress import Progress, begin_stage, take_progress
 
-Writer = Callable[[], Any]
-"""Writes one file."""
+Writer = Callable[[Path], Any]
+"""Writes one file, whose path it takes."""
 
 RESULTS: dict[str, tuple[str, ...]] = {
     "image": ("image.png",),
@@ -101,10 +101,8 @@ def write(
     make_room(main_view(completion).hole.size)
     with new_directory(target) as folder:
         plates = {role: path for role, path in inputs.items() if "bits" in meta["inputs"][role]}
-        writers = chosen_writers(folder, completion, names, mask, plates)
-        for file in writers:
-            (folder / file).parent.mkdir(exist_ok=True)
-        meta |= describe_written(run_writers(writers), names, completion)
+        writers = chosen_writers(completion, names, mask, plates)
+        meta |= describe_written(run_writers(writers, folder), names, completion)
         write_meta(folder, meta, seconds or {}, time.perf_counter() - started)
     return target
 
@@ -121,7 +119,7 @@ def describe_written(results: Mapping[str, Any], names: Sequence[str], completio
 
 def file_names(completion: Completion, only: Sequence[str] | None = None, also: Sequence[str] = ()) -> list[str]:
     """The files that `write` makes of a completion, relative to its directory, sorted. Raises InputError as `write` does."""
-    return sorted(["meta.json", *chosen_writers(Path(), completion, check_results(only, also))])
+    return sorted(["meta.json", *chosen_writers(completion, check_results(only, also))])
 
 
 def check_inputs_stay(directory: Path, files: Sequence[str], inputs: Mapping[str, PathLike]) -> None:
@@ -184,37 +182,36 @@ def main_view(completion: Completion) -> View:
 
 
 def chosen_writers(
-    folder: Path,
     completion: Completion,
     names: Sequence[str],
     mask: Any = None,
     plates: Mapping[str, PathLike] = MappingProxyType({}),
 ) -> dict[str, Writer]:
     """File -> what writes it, of the results in `names`; the longest first, so that both threads end together."""
-    writers = scene_writers(folder, completion)
+    writers = scene_writers(completion)
     for place, view in views_by_folder(completion).items():
-        writers |= view_writers(folder / place, view, place, find_plate(completion, view, place, plates))
-    writers["preview.png"] = lambda: write_preview(folder / "preview.png", completion)
-    writers["mask.png"] = lambda: pictures.write_mask(folder / "mask.png", mask)
+        of_view = view_writers(view, find_plate(completion, view, place, plates))
+        writers |= {f"{place}{name}": writer for name, writer in of_view.items()}
+    writers["preview.png"] = lambda path: write_preview(path, completion)
+    writers["mask.png"] = lambda path: pictures.write_mask(path, mask)
     chosen = {file for name in names for file in RESULTS[name]}
     return {file: writer for file, writer in writers.items() if file.rpartition("/")[2] in chosen}
 
 
-def view_writers(folder: Path, view: View, place: str, plate: PathLike | None) -> dict[str, Writer]:
+def view_writers(view: View, plate: PathLike | None) -> dict[str, Writer]:
     """The pictures of one view; plate: its file with 16 bits a channel, if it has one."""
-    writers: dict[str, Writer] = {
-        "image.png": lambda: write_image(folder / "image.png", view, plate),
-        "depth.png": lambda: depth.write_depth_png(folder / "depth.png", view.depth),
-        "depth.exr": lambda: depth.write_depth_exr(
-            folder / "depth.exr",  # what was filled is as round as estimated depth is, and never nearer than it was
+    return {
+        "image.png": lambda path: write_image(path, view, plate),
+        "depth.png": lambda path: depth.write_depth_png(path, view.depth),
+        "depth.exr": lambda path: depth.write_depth_exr(
+            path,  # what was filled is as round as estimated depth is, and never nearer than it was
             round_depth(view.depth, up=True) if Origin.ESTIMATED in view.origins else view.depth,
         ),
-        "hole.png": lambda: pictures.write_mask(folder / "hole.png", view.hole_type > 0),
-        "hole_type.png": lambda: pictures.write_codes(folder / "hole_type.png", view.hole_type, HOLE_PALETTE),
-        "origin.png": lambda: pictures.write_codes(folder / "origin.png", view.origin, ORIGIN_PALETTE),
-        "confidence.png": lambda: pictures.write_grey(folder / "confidence.png", view.confidence),
+        "hole.png": lambda path: pictures.write_mask(path, view.hole_type > 0),
+        "hole_type.png": lambda path: pictures.write_codes(path, view.hole_type, HOLE_PALETTE),
+        "origin.png": lambda path: pictures.write_codes(path, view.origin, ORIGIN_PALETTE),
+        "confidence.png": lambda path: pictures.write_grey(path, view.confidence),
     }
-    return {f"{place}{name}": writer for name, writer in writers.items()}
 
 
 def write_image(path: Path, view: View, plate: PathLike | None) -> int:
@@ -226,36 +223,35 @@ def write_image(path: Path, view: View, plate: PathLike | None) -> int:
     return 8
 
 
-def scene_writers(folder: Path, completion: Completion) -> dict[str, Writer]:
+def scene_writers(completion: Completion) -> dict[str, Writer]:
     """The scene as arrays, points (without removed objects, and with them) and triangles, and a pair's disparities."""
     writers: dict[str, Writer] = {
-        "scene.glb": lambda: textured_mesh.write_textured_glb(folder / "scene.glb", completion.scene),
-        "scene.ply": lambda: clouds.write_ply(folder / "scene.ply", completion.background),
-        "scene.npz": lambda: scenes.write_npz(folder / "scene.npz", main_view(completion), completion.scene),
+        "scene.glb": lambda path: textured_mesh.write_textured_glb(path, completion.scene),
+        "scene.ply": lambda path: clouds.write_ply(path, completion.background),
+        "scene.npz": lambda path: scenes.write_npz(path, main_view(completion), completion.scene),
     }
     if completion.scene.removals:
-        writers["completed.ply"] = lambda: clouds.write_ply(folder / "completed.ply", completion.completed)
+        writers["completed.ply"] = lambda path: clouds.write_ply(path, completion.completed)
     if isinstance(completion, StereoCompletion):
-        writers["disparity_left.pfm"] = lambda: depth.write_disparity_pfm(
-            folder / "disparity_left.pfm", completion.disparity_left
-        )
-        writers["disparity_right.pfm"] = lambda: depth.write_disparity_pfm(
-            folder / "disparity_right.pfm", completion.disparity_right
-        )
+        writers["disparity_left.pfm"] = lambda path: depth.write_disparity_pfm(path, completion.disparity_left)
+        writers["disparity_right.pfm"] = lambda path: depth.write_disparity_pfm(path, completion.disparity_right)
     return writers
 
 
-def run_writers(writers: Mapping[str, Writer]) -> dict[str, Any]:
-    """What each of the writers returns, two at a time (encoders let go of the interpreter); the first error is raised.
+def run_writers(writers: Mapping[str, Writer], folder: Path) -> dict[str, Any]:
+    """What each of the writers of files in a folder returns, two at a time (encoders let go of the interpreter); the first error
+    is raised.
 
     One of the two threads is the caller's: memory that was freed in it is used again.
     """
     left, results = iter(list(writers.items())), {}
+    for name in writers:
+        (folder / name).parent.mkdir(exist_ok=True)
 
     def work() -> None:
         for name, writer in left:
             begin_stage(f"write {name}")
-            results[name] = writer()
+            results[name] = writer(folder / name)
 
     with ThreadPoolExecutor(1) as pool:
         other = pool.submit(copy_context().run, work)  # its stages go where those of this thread go

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,7 @@ from dlama.completion.photo3d import Photo3D
 from dlama.errors import OutputError, system_errors
 from dlama.files.atomic_write import PathLike, new_directory
 from dlama.files.rasters.pictures import write_color
-from dlama.files.results.completion import check_inputs_stay, choose_names
+from dlama.files.results.completion import Writer, check_inputs_stay, choose_names
 from dlama.files.results.meta_json import describe_source, hash_inputs, versions, write_meta
 from dlama.files.results.video import check_video, write_video
 from dlama.files.scenes.photo3d_page import LARGEST_GLB, glb_within, photo3d_page
@@ -100,10 +100,10 @@ def write_photo3d(
     check_inputs_stay(target, [*files, "meta.json"], inputs or {})
     about: dict[str, Any] = {}
     with new_directory(target) as folder:
-        for file, write in file_writers(photo, folder, about).items():
+        for file, write in file_writers(photo, about).items():
             if file in files:
                 begin_stage(f"write {file}")
-                write()
+                write(folder / file)
         meta = {
             **describe_source(photo.box.camera, intrinsics_from),
             **photo.meta,
@@ -115,8 +115,8 @@ def write_photo3d(
     return target
 
 
-def file_writers(photo: Photo3D, folder: Path, about: dict[str, Any]) -> dict[str, Callable[[], Any]]:
-    """File -> what writes it to a folder; `about` takes what is to be known of the files."""
+def file_writers(photo: Photo3D, about: dict[str, Any]) -> dict[str, Writer]:
+    """File -> what writes it to a path; `about` takes what is to be known of the files."""
     scene, box = photo.scene, photo.box
 
     @cache
@@ -149,16 +149,16 @@ def file_writers(photo: Photo3D, folder: Path, about: dict[str, Any]) -> dict[st
         return [draw_smooth(bare, resize_to(camera, LOOP_WIDTH)) for camera in cameras]
 
     return {
-        "photo3d.html": lambda: (folder / "photo3d.html").write_text(photo3d_page(box, parts()), "utf-8"),
-        "photo3d.glb": lambda: (folder / "photo3d.glb").write_bytes(glb_within(near_parts(), LARGEST_GLB)),
-        "photo3d.usdz": lambda: write_usdz(folder / "photo3d.usdz", near_parts()),
-        "splats.ply": lambda: write_splats(folder / "splats.ply", splats()),
-        "splats.spz": lambda: write_spz(folder / "splats.spz", splats()),
-        "side_by_side.jpg": lambda: write_color(folder / "side_by_side.jpg", np.concatenate(eyes(), 1)),
-        "anaglyph.jpg": lambda: write_color(folder / "anaglyph.jpg", anaglyph(*eyes())),
-        "loop.mp4": lambda: write_video(folder / "loop.mp4", loop(), LOOP_FPS),
-        "loop.webp": lambda: write_video(folder / "loop.webp", loop(), LOOP_FPS),
-        "scene.npz": lambda: write_npz(folder / "scene.npz", render(scene, box.camera), scene),
+        "photo3d.html": lambda path: path.write_text(photo3d_page(box, parts()), "utf-8"),
+        "photo3d.glb": lambda path: path.write_bytes(glb_within(near_parts(), LARGEST_GLB)),
+        "photo3d.usdz": lambda path: write_usdz(path, near_parts()),
+        "splats.ply": lambda path: write_splats(path, splats()),
+        "splats.spz": lambda path: write_spz(path, splats()),
+        "side_by_side.jpg": lambda path: write_color(path, np.concatenate(eyes(), 1)),
+        "anaglyph.jpg": lambda path: write_color(path, anaglyph(*eyes())),
+        "loop.mp4": lambda path: write_video(path, loop(), LOOP_FPS),
+        "loop.webp": lambda path: write_video(path, loop(), LOOP_FPS),
+        "scene.npz": lambda path: write_npz(path, render(scene, box.camera), scene),
     }
 
 
