@@ -28,6 +28,12 @@ TO_LOOK_AT = (*ROWS, Iterable, Any)
 """Annotations that no value fits by its class alone; to some versions of Python `Any` is a class."""
 UNCHECKED = (np.ndarray, object, Any)
 """Types of what the functions check themselves."""
+FITTING: dict[Any, tuple[type, ...]] = {
+    **dict.fromkeys((int, float), (Real,)),
+    bool: (bool, np.bool_, Integral, types.NoneType),
+    Literal: (str,),
+}
+"""Annotations -> what fits them; any other takes values of its own type."""
 WORDS: dict[Any, str] = {
     **dict.fromkeys((Sequence, tuple, list, Iterable), "a list"),
     str: "a string",
@@ -111,12 +117,14 @@ def check_number(value: object, name: str, what: str = "a number") -> None:
         raise InputTypeError(f"{marked_name(name)} is {value!r}; {what} is expected")
 
 
-def check_count(value: object, name: str) -> None:
-    """Raise InputError, which calls the value `name`, unless it is a whole number of 1 or more (or None)."""
-    if value is not None and not (isinstance(value, Integral) and int(value) >= 1):
-        raise (InputError if isinstance(value, Real) else InputTypeError)(
-            f"{marked_name(name)} is {value!r}; 1 or more is expected, a whole number"
-        )
+def check_count(value: object, name: str, least: int = 1, most: float = math.inf) -> None:
+    """Raise InputError, which calls the value `name`, unless it is a whole number from `least` to `most` (or None)."""
+    if value is None or (isinstance(value, Integral) and least <= int(value) <= most):
+        return
+    expected = f"{least} or more is expected, a whole number"
+    if most < math.inf:
+        expected = f"a whole number from {least} to {most} is expected"
+    raise (InputError if isinstance(value, Real) else InputTypeError)(f"{marked_name(name)} is {value!r}; {expected}")
 
 
 def check_word(value: object, name: str, known: Collection[str]) -> None:
@@ -205,12 +213,8 @@ def _is_a(value: object, kind: Any, inner: tuple[Any, ...]) -> bool:
     """Whether a value is of a type; its elements are looked at by themselves."""
     if kind in ROWS:
         return _is_list(value, inner)
-    if kind in (int, float):
-        return isinstance(value, Real)
-    if kind is bool:
-        return value is None or isinstance(value, (bool, np.bool_, Integral))
-    if kind is Literal:
-        return isinstance(value, str)
+    if kind in FITTING:
+        return isinstance(value, FITTING[kind])
     if kind is Iterable and isinstance(value, np.ndarray) and value.ndim == 0:
         return False
     return kind in UNCHECKED or not isinstance(kind, type) or isinstance(value, kind)

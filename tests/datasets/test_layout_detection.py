@@ -92,7 +92,7 @@ def test_a_result_is_named_as_one(tmp_path: Path) -> None:
             r"depth_range does not apply to a data set of layout pairs; it is for eas",
         ),
         ({"layout": "stereo", "camera": LENS}, r"camera does not apply to .* stereo; it is for tum, 7-scenes, scannet"),
-        ({"limit": 0}, r"limit is 0; a whole number >= 1"),
+        ({"limit": 0}, r"limit is 0; 1 or more is expected, a whole number"),
     ],
 )
 def test_options_that_say_nothing_are_refused(tmp_path: Path, arguments: dict[str, Any], message: str) -> None:

@@ -24,7 +24,7 @@ LENS = Camera.from_fov(64, 48, 70)
         ({"path": "worlds:0"}, r"'worlds:0' is no name of generated worlds"),
         ({"path": "worlds:1000000000"}, r"count is 1000000000; a whole number from 1 to 10000 is expected"),
         ({"path": "worlds:1:2:3"}, r"'worlds:1:2:3' is no name of generated worlds"),
-        ({"path": "worlds", "limit": 0}, r"limit is 0; a whole number >= 1"),
+        ({"path": "worlds", "limit": 0}, r"limit is 0; 1 or more is expected, a whole number"),
     ],
 )
 def test_bad_names_are_refused(arguments: dict[str, Any], message: str) -> None:

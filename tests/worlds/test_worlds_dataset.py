@@ -138,7 +138,7 @@ def test_pictures_that_memory_cannot_hold_are_refused(tmp_path: Path) -> None:
         ({"count": 0}, "count is 0; a whole number from 1 to 10000"),
         ({"count": "4"}, "count is '4'; a whole number from 1 to 10000"),
         ({"kind": "cave"}, "kind is 'cave'"),
-        ({"seed": 1.5}, "seed is 1.5; a whole number >= 0"),
+        ({"seed": 1.5}, "seed is 1.5; 0 or more is expected, a whole number"),
         ({"size": 64.5}, "size is 64.5; a whole number from 1 to 8192"),
         ({"size": 1_000_000}, "size is 1000000; a whole number from 1 to 8192"),
         ({"yaws": (-10, 10)}, "yaws are"),

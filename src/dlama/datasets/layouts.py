@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypedDict
 
+from dlama.arguments import check_count
 from dlama.completion.options import Unpack
 from dlama.datasets.captures import arkitscenes, azure_kinect, polycam, record3d, rosbag, scannetpp, stray_scanner
 from dlama.datasets.easysynth.dataset import easysynth, looks_like_easysynth
@@ -139,19 +140,13 @@ def open_dataset(path: Path | str, layout: str | None = None, **options: Unpack[
     Raises InputError (unknown or ambiguous layout, option or scene), FileError, CameraError.
     """
     root, limit = Path(path), options.get("limit")
-    check_limit(limit)
+    check_count(limit, "limit")
     if is_scene_file(root):
         refuse_unused(SCENE, frozenset(), {"layout": layout, **options})
         found = scene_file(root, limit=limit)
     else:
         found = list_dataset(root, layout_of(root, layout), options)
     return select_cases(found, options.get("scenes"), limit)
-
-
-def check_limit(limit: int | None) -> None:
-    """InputError: a number of cases that is none."""
-    if limit is not None and limit < 1:
-        raise InputError(f"`limit` is {limit}; a whole number >= 1 is expected")
 
 
 def list_dataset(root: Path, name: str, options: Mapping[str, object]) -> Dataset:

@@ -18,6 +18,7 @@ from weakref import WeakSet
 
 import numpy as np
 
+from dlama.arguments import check_count, check_word
 from dlama.errors import DlamaError, FileError, InputError, first_line, import_extra, system_errors
 from dlama.models.verify import sha256_of
 
@@ -70,10 +71,9 @@ class NetworkFile:
     def __post_init__(self) -> None:
         if not self.path.is_file():
             raise FileError(f"{self.path}: no such model file")
-        if self.provider is not None and self.provider not in PROVIDERS:
-            raise InputError(f"provider is {self.provider!r}; one of {', '.join(PROVIDERS)} is expected")
-        if self.threads < 1:
-            raise InputError(f"`threads` is {self.threads}; 1 or more is expected")
+        if self.provider is not None:
+            check_word(self.provider, "provider", PROVIDERS)
+        check_count(self.threads, "threads")
 
     @cached_property
     def session(self) -> Any:

@@ -5,7 +5,8 @@ Defaults are those of Suvorov et al. 2022 where the paper has them (equations 5 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any, Literal
 
@@ -109,11 +110,9 @@ class LossSettings:
 
     def __post_init__(self) -> None:
         check_word(self.trunk, "loss.trunk", TRUNKS)
-        for each in fields(self):
-            value = getattr(self, each.name)
-            if isinstance(value, (int, float)) and not 0 <= value < float("inf"):
-                raise InputError(f"`loss.{each.name}` is {value}; 0 or more is expected")
-        _at_least("loss", self, 1, "penalty_every", "trunk_width")
+        numbers = [each.name for each in fields(self) if isinstance(getattr(self, each.name), (int, float))]
+        _check("loss", self, "0 or more", lambda value: 0 <= value < math.inf, *numbers)
+        _check("loss", self, "1 or more", lambda value: value >= 1, "penalty_every", "trunk_width")
         if self.trunk in ("random", "lpips") and self.trunk_weights:
             raise InputError(
                 f"loss.trunk is {self.trunk!r}, which takes no weights, but loss.trunk_weights names a file"
@@ -150,13 +149,11 @@ class OptimiserSettings:
 
     def __post_init__(self) -> None:
         check_word(self.decay, "optimiser.decay", ("none", "cosine"))
-        for name in ("generator_rate", "discriminator_rate"):
-            if not 0 < getattr(self, name) < 1:
-                raise InputError(f"`optimiser.{name}` is {getattr(self, name)}; a number between 0 and 1 is expected")
-        for name in ("beta1", "beta2", "average"):
-            if not 0 <= getattr(self, name) < 1:
-                raise InputError(f"`optimiser.{name}` is {getattr(self, name)}; 0 or more and below 1 is expected")
-        _at_least("optimiser", self, 0, "warm_up", "clip")
+        rates = "generator_rate", "discriminator_rate"
+        _check("optimiser", self, "a number between 0 and 1", lambda value: 0 < value < 1, *rates)
+        decays = "beta1", "beta2", "average"
+        _check("optimiser", self, "0 or more and below 1", lambda value: 0 <= value < 1, *decays)
+        _check("optimiser", self, "0 or more", lambda value: value >= 0, "warm_up", "clip")
 
 
 @dataclass(frozen=True)
@@ -176,15 +173,13 @@ class DataSettings:
     """Processes that make samples; None: one per core less one, 0: none but the training itself."""
 
     def __post_init__(self) -> None:
-        _at_least("data", self, 1, "size", "held_out")
-        if self.workers is not None:
-            _at_least("data", self, 0, "workers")
+        _check("data", self, "1 or more", lambda value: value >= 1, "size", "held_out")
+        _check("data", self, "0 or more", lambda value: value is None or value >= 0, "workers")
         for kind, share in self.mixture.items():
             check_word(kind, "data.mixture", SAMPLES)
-            if not 0 < share < float("inf"):
+            if not 0 < share < math.inf:
                 raise InputError(f"data.mixture gives {kind!r} the share {share}; more than 0 is expected")
-        if not 0 < self.cases <= 1:
-            raise InputError(f"data.cases is {self.cases}; more than 0 and 1 at most is expected")
+        _check("data", self, "more than 0 and 1 at most", lambda value: 0 < value <= 1, "cases")
         if not self.mixture:
             raise InputError("data.mixture is empty; one kind of sample or more is expected")
 
@@ -225,8 +220,8 @@ class LoopSettings:
         check_word(self.precision, "loop.precision", ("bf16", "fp32"))
         check_word(self.accelerator, "loop.accelerator", ("auto", "cpu", "gpu"))
         counts = [each.name for each in fields(self) if each.type == "int" and each.name != "seed"]
-        _at_least("loop", self, 1, *counts)
-        _at_least("loop", self, 0, "seed")
+        _check("loop", self, "1 or more", lambda value: value >= 1, *counts)
+        _check("loop", self, "0 or more", lambda value: value >= 0, "seed")
 
 
 @dataclass(frozen=True)
@@ -255,9 +250,9 @@ class TrainSettings:
             raise InputError(f"data.mixture has {unfit}, which planes {self.network.planes!r} do not learn from")
 
 
-def _at_least(group: str, settings: Any, least: int, *names: str) -> None:
-    """InputError unless all these settings of a group are `least` or more."""
+def _check(group: str, settings: Any, expected: str, fits: Callable[[Any], bool], *names: str) -> None:
+    """InputError, which says what is expected, for the first of these settings of a group that does not fit."""
     for name in names:
         value = getattr(settings, name)
-        if not value >= least:
-            raise InputError(f"`{group}.{name}` is {value}; {least} or more is expected")
+        if not fits(value):
+            raise InputError(f"`{group}.{name}` is {value}; {expected} is expected")

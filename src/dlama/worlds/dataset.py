@@ -10,15 +10,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial
-from numbers import Integral
 from pathlib import Path
 
 import numpy as np
 
-from dlama.arguments import check_word, is_finite
+from dlama.arguments import check_count, check_word, is_finite
 from dlama.completion.options import Unpack
 from dlama.datasets.frames import Case, Dataset, Frame, RemovalTruth, StereoTruth, ViewTruth
-from dlama.datasets.layouts import DatasetOptions, check_limit, open_dataset, refuse_unused, select_cases
+from dlama.datasets.layouts import DatasetOptions, open_dataset, refuse_unused, select_cases
 from dlama.errors import FileError, InputError, system_errors
 from dlama.geometry.camera import Camera, StereoRig
 from dlama.geometry.projection import disparity_from_depth
@@ -49,18 +48,16 @@ def world(seed: int, *, kind: Kind | None = None, textures: Textures = None) -> 
     seed, take the place of most procedural textures. `kind`: "street" or "room", drawn by the seed where None.
     Raises InputError, FileError (no pictures, or one that cannot be read), ShapeError.
     """
-    _check_whole("seed", seed, 0)
-    if kind is not None:
-        check_word(kind, "kind", KINDS)
+    _check_world(seed, kind)
     if textures is None or isinstance(textures, str | Path):
         return _from_seed(seed, kind, None if textures is None else Path(textures))
     return _build_with_photos(seed, kind, textures)
 
 
-def _check_whole(name: str, value: int, least: int, most: int | None = None) -> None:
-    if not isinstance(value, Integral) or value < least or (most is not None and value > most):
-        limits = f">= {least}" if most is None else f"from {least} to {most}"
-        raise InputError(f"`{name}` is {value!r}; a whole number {limits} is expected")
+def _check_world(seed: int, kind: Kind | None) -> None:
+    check_count(seed, "seed", 0)
+    if kind is not None:
+        check_word(kind, "kind", KINDS)
 
 
 @lru_cache(maxsize=4)
@@ -143,11 +140,9 @@ def worlds(
 @system_errors(FileError)
 def world_settings(count: int, seed: int, size: int, kind: Kind | None, textures: Textures) -> list[WorldSettings]:
     """The settings of `count` worlds of the seeds `seed`, `seed` + 1 ...; raises InputError, FileError (no textures there)."""
-    _check_whole("count", count, 1, MOST_WORLDS)
-    _check_whole("seed", seed, 0)
-    _check_whole("size", size, 1, MOST_PX)
-    if kind is not None:
-        check_word(kind, "kind", KINDS)
+    check_count(count, "count", 1, MOST_WORLDS)
+    check_count(size, "size", 1, MOST_PX)
+    _check_world(seed, kind)
     folder = Path(textures) if isinstance(textures, str) else textures
     pictures = folder if folder is None or isinstance(folder, Path) else tuple(folder)
     if isinstance(pictures, Path):
@@ -216,7 +211,7 @@ def open_dataset_or_worlds(path: Path | str, layout: str | None = None, **option
     """
     if Path(path).is_dir() or not (str(path) == LAYOUT or str(path).startswith(f"{LAYOUT}:")):
         return open_dataset(path, layout, **options)
-    check_limit(options.get("limit"))
+    check_count(options.get("limit"), "limit")
     refuse_unused(LAYOUT, frozenset(), options)
     if layout is not None:
         raise InputError(f"'{path}' is generated and has no layout; layout {layout} is for folders")
