@@ -100,3 +100,15 @@ def test_it_fits_a_phone(page: Any) -> None:
     box = page.locator("#photo").bounding_box()
     assert box["width"] == pytest.approx(390, abs=1) and box["height"] == pytest.approx(390, abs=1)
     assert page.evaluate("document.documentElement.scrollHeight <= innerHeight")
+
+
+@pytest.mark.parametrize("device", [PHONE, {}])
+def test_tilting_is_offered_where_a_hand_holds_it(device: dict[str, Any], page: Any) -> None:
+    """On a phone whose browser asks first, and not on a desk (oracle: the button)."""
+    context = page.context.browser.new_context(**device)
+    opened = context.new_page()
+    opened.add_init_script("DeviceOrientationEvent.requestPermission = async () => 'granted'")
+    opened.goto(page.url)
+    opened.wait_for_selector("body[data-ready]")
+    assert opened.locator("#tilt").is_visible() == bool(device)
+    context.close()
