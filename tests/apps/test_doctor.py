@@ -62,8 +62,11 @@ def test_options_that_cannot_be_heeded_are_named(
     assert message in captured.out + captured.err
 
 
-def test_a_depth_range_that_doctor_asks_for_is_taken(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Law: with the option that the finding names, the finding is gone (a street without depth in millimetres)."""
+def test_a_depth_range_that_doctor_asks_for_is_taken(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Law: with the option that the finding names, the finding is gone (a street without depth in millimetres); a folder in which
+    one is has its name, too."""
     main(["worlds", "--count", "1", "--size", "64", "--kind", "street", "-o", str(tmp_path)])
     folder = next(tmp_path.glob("*/without"))
     for exact in folder.rglob("DepthMM"):
@@ -72,5 +75,6 @@ def test_a_depth_range_that_doctor_asks_for_is_taken(tmp_path: Path, capsys: pyt
     with pytest.raises(SystemExit):
         main(["doctor", str(folder)])
     assert "give --depth-range METRES" in capsys.readouterr().out
-    main(["doctor", str(folder), "--depth-range", "10"])
-    assert "nothing wrong: layout easysynth" in capsys.readouterr().out
+    monkeypatch.chdir(folder)
+    main(["doctor", ".", "--depth-range", "10"])
+    assert "without: nothing wrong: layout easysynth" in capsys.readouterr().out

@@ -50,7 +50,7 @@ def examine_dataset(root: Path, layout: str | None, options: Mapping[str, Any]) 
             found += run_checks(Observed.of(truth.source, (name, name, f"{name}, mask"), truth.mask))
     found = list({finding.line: finding for finding in found}.values())
     counts = [format_count(len(dataset.frames), "frame"), format_count(len(dataset.cases), "case")]
-    return found, root.name, [f"layout {dataset.layout}", *counts, *(describe_frame(examined[0]) if examined else [])]
+    return found, root.resolve().name, [f"layout {dataset.layout}", *counts, *(describe_frame(examined[0]) if examined else [])]
 
 
 def _open(root: Path, layout: str | None, options: Mapping[str, Any]) -> tuple[Dataset, list[Finding]]:
@@ -61,7 +61,7 @@ def _open(root: Path, layout: str | None, options: Mapping[str, Any]) -> tuple[D
             dataset = open_dataset(root, layout, **options)
     except NoPairsError as error:
         name = layout or (SCENE if is_scene_file(root) else detect(root))
-        dataset = Dataset(root.name, name, root, error.frames, ())
+        dataset = Dataset(root.resolve().name, name, root, error.frames, ())
         if len({frame.world_from_cam.tobytes() for frame in error.frames}) > 1:
             found.append(Finding("no-overlap", "fault", 0.9, str(error)))
     return dataset, [*(Finding("frames", "note", 1.0, note) for note in noted), *found]
