@@ -55,6 +55,7 @@ REFUSED = {
     "view, by another path": (f"view {PICTURE} --fov 60 --yaw 5 -o scenes/..", "the folder of the image image.png"),
     "view, a linked picture": ("view scenes/linked.png depth.png --fov 60 --yaw 5 -o {folder}", "linked.png"),
     "photo3d": (f"photo3d {PICTURE} --fov 60 -o .", "--output is ., the folder of the image image.png"),
+    "view, no home": (f"view {PICTURE} --fov 60 --yaw 5 --output=~/out", "~/out: cannot be written: ~ is the home"),
     "view, a file's name": (f"view {PICTURE} --fov 60 --yaw 5 -o new.PNG", "--output is new.PNG, the name of a file"),
     "photo3d, a file's name": (f"photo3d {PICTURE} --fov 60 -o scenes/turns.html", "turns.html, the name of a file"),
     "remove": ("remove image.png mask.png --fov 60 -o .", "the folder of the image"),

@@ -270,6 +270,8 @@ def test_files_of_a_result_given_as_a_picture_say_what_goes_where(tmp_path: Path
         read_color(tmp_path / "plate.exr")
     with pytest.raises(FileError, match="no such file; addresses are for `dlama batch` alone"):
         read_color("https:/somewhere/a.jpg")
+    with pytest.raises(FileError, match="no such file; ~ is the home directory only where a shell replaces it"):
+        read_color("~/nowhere/a.jpg")
 
 
 def test_a_png_with_a_wrong_checksum_is_refused(tmp_path: Path) -> None:

@@ -111,7 +111,17 @@ def check_name(path: PathLike) -> Path:
     """The path, if a file can be called so; else OutputError."""
     if "\0" in str(path):
         raise OutputError(f"{str(path).encode('unicode_escape').decode('ascii')}: cannot be written: no name holds NUL")
+    if begins_at_home(path):  # a directory called ~ would be made, and who removes it removes the home directory
+        raise OutputError(f"{path}: cannot be written: {NO_HOME}")
     return Path(path)
+
+
+NO_HOME = "~ is the home directory only where a shell replaces it, at the beginning of a word; give the whole path"
+
+
+def begins_at_home(path: PathLike) -> bool:
+    """Whether a path begins with a ~ that nothing has replaced."""
+    return Path(path).parts[:1] == ("~",)
 
 
 def _draft_directory(target: Path, made: list[Path]) -> Path:

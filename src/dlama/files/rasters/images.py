@@ -16,7 +16,7 @@ import numpy as np
 from PIL import Image
 
 from dlama.errors import FileError, any_error, import_extra, system_errors
-from dlama.files.atomic_write import PathLike
+from dlama.files.atomic_write import NO_HOME, PathLike, begins_at_home
 from dlama.files.rasters.color_profiles import to_srgb
 from dlama.files.rasters.orientation import (
     BIG_TIFF_HEADS,
@@ -86,8 +86,9 @@ def existing_file(path: PathLike) -> Path:
         if stat.S_ISREG(found.st_mode):
             file.open("rb").close()
     except FileNotFoundError:
-        fetched = "; addresses are for `dlama batch` alone" if ADDRESS.match(str(path)) else ""
-        raise FileError(f"{printable_name(path)}: no such file{fetched}") from None
+        why = "; addresses are for `dlama batch` alone" if ADDRESS.match(str(path)) else ""
+        why = f"; {NO_HOME}" if begins_at_home(path) else why
+        raise FileError(f"{printable_name(path)}: no such file{why}") from None
     except (OSError, ValueError) as error:  # closed, in a closed folder or a circle of links, too long, with NUL
         raise FileError(
             f"{printable_name(path)}: cannot be read ({getattr(error, 'strerror', '') or error})"
