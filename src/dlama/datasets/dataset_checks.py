@@ -50,7 +50,8 @@ def examine_dataset(root: Path, layout: str | None, options: Mapping[str, Any]) 
             found += run_checks(Observed.of(truth.source, (name, name, f"{name}, mask"), truth.mask))
     found = list({finding.line: finding for finding in found}.values())
     counts = [format_count(len(dataset.frames), "frame"), format_count(len(dataset.cases), "case")]
-    return found, root.resolve().name, [f"layout {dataset.layout}", *counts, *(describe_frame(examined[0]) if examined else [])]
+    seen = describe_frame(examined[0]) if examined else []
+    return found, root.resolve().name, [f"layout {dataset.layout}", *counts, *seen]
 
 
 def _open(root: Path, layout: str | None, options: Mapping[str, Any]) -> tuple[Dataset, list[Finding]]:
