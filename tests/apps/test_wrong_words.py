@@ -35,7 +35,7 @@ from dlama.errors import CameraError, DlamaError, InputError, MaskError
         ("serve --max-pages 0", "--max-pages is 0; more than 0 is expected"),
         ("serve --max-megapixels nan", "--max-megapixels is nan; more than 0 is expected"),
         ("viwe a.png", "'viwe' is no verb of dlama; did you mean view? One of view, remove, "),
-        ("photo.png", "'photo.png' is no verb of dlama; One of view, remove, "),
+        ("photo.png", "'photo.png' is no verb of dlama; one of view, remove, "),
         (
             "view a.png b.png --yaw nan --pitch inf -o out",
             "--yaw is nan; a finite number is expected; --pitch is inf; a finite number is expected",
@@ -99,10 +99,11 @@ def test_an_error_names_the_guide_that_explains_it(
 
 
 def test_without_arguments_the_usual_commands_are_shown(capsys: pytest.CaptureFixture[str]) -> None:
-    """Law: each begins with a verb that there is, and takes the options that stand there; exit code 0."""
+    """Law: each begins with a verb that there is, and takes the options that stand there; exit code 0; 80 columns are enough."""
     main([])
     lines = capsys.readouterr().out.splitlines()
-    shown = [line.strip().partition("  ")[0].split() for line in lines if line.startswith("  ")]
+    assert max(map(len, lines)) <= 80
+    shown = [line.split() for line in lines if line.startswith("    ")]
     assert [words[:2] for words in shown] == [["dlama", verb] for verb in ("view", "remove", "stereo", "serve")]
     for words in shown:
         flags = flags_of(VERBS[words[1]]).values()

@@ -43,12 +43,17 @@ DESCRIPTION = (
 FIRST_WORDS = """\
 dlama completes what a camera could not see. The most usual commands:
 
-  dlama view photo.jpg depth.png --fov 65 --yaw 20 -o moved         from another viewpoint
-  dlama remove photo.jpg --fov 65 --click 320,400 -o removed        without the object at that pixel
-  dlama stereo left.png right.png --calib calib.txt -o pair         depth of a stereo pair
-  dlama serve                                                       the page in the browser: all of it by mouse
+  from another viewpoint:
+    dlama view photo.jpg depth.png --fov 65 --yaw 20 -o moved
+  without the object at a pixel:
+    dlama remove photo.jpg --fov 65 --click 320,400 -o removed
+  the depth of a stereo pair:
+    dlama stereo left.png right.png --calib calib.txt -o pair
+  all of it by mouse, in the browser:
+    dlama serve
 
-`dlama demo` runs them on a scene that comes with dlama. `dlama --help` lists all verbs, `dlama VERB --help` explains one."""
+`dlama demo` runs them on a scene that comes with dlama. `dlama --help` lists
+all verbs, `dlama VERB --help` explains one."""
 """What `dlama` prints without arguments."""
 DEMO_FOLDER = Annotated[Path, option("DIR", "dlama-demo", aliases=["-o"])]
 
@@ -120,8 +125,8 @@ def main(args: Sequence[str] | None = None) -> None:
                 meant = (
                     difflib.get_close_matches(words[0], VERBS, 1) if "." not in words[0] else []
                 )  # a file is no verb
-                hint = f"did you mean {meant[0]}? " if meant else ""
-                raise InputError(f"{words[0]!r} is no verb of dlama; {hint}One of {', '.join(VERBS)} is expected")
+                hint = f"did you mean {meant[0]}? One" if meant else "one"
+                raise InputError(f"{words[0]!r} is no verb of dlama; {hint} of {', '.join(VERBS)} is expected")
             tyro.extras.subcommand_cli_from_dict(
                 VERBS, prog="dlama", description=DESCRIPTION, args=words, config=CONFIG
             )
