@@ -263,6 +263,14 @@ def test_files_of_a_result_given_as_a_picture_say_what_goes_where(tmp_path: Path
         (tmp_path / "picture.png").write_bytes(head + bytes(99))
         with pytest.raises(FileError, match=f"HEIC picture, but {kind}: save it as PNG"):
             read_color(tmp_path / "picture.png")
+    np.save(tmp_path / "m.npy", COLOR[..., 0] > 9)
+    with pytest.raises(FileError, match=r"m\.npy: is no readable .*, but a NumPy array: save it as PNG"):
+        read_mask(tmp_path / "m.npy")
+    absent = {b"version https://git-lfs.github.com/spec/v1": "a pointer of Git LFS", b"<!DOCTYPE html>": "a web page"}
+    for head, kind in absent.items():
+        (tmp_path / "picture.png").write_bytes(head)
+        with pytest.raises(FileError, match=f"HEIC picture, but {kind}: "):
+            read_color(tmp_path / "picture.png")
     write_exr(tmp_path / "plate.exr", {name: np.ones((4, 4), np.float32) for name in "RGB"})
     with pytest.raises(
         FileError, match=r"plate\.exr: is no readable .* picture, but OpenEXR: convert its linear light to sRGB"

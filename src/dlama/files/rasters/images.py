@@ -50,6 +50,7 @@ OTHER_PICTURES = {
     "a raw file of a camera": rb"....ftypcrx|FUJIFILMCCD",
     "a video": rb"....ftyp(qt  |isom|iso2|mp4|M4V)",
     "SVG": rb"(<\?xml|<svg)",
+    "a NumPy array": rb"\x93NUMPY",
 }
 """Kinds of pictures that are not read, and how their files begin."""
 LINEAR = ("OpenEXR", "Radiance HDR")
@@ -268,6 +269,10 @@ def _describe_file(file: Path) -> str:
         return f", but {found}: {linear if found in LINEAR else 'save it as PNG'}"
     if head[:4] in TIFF_HEADS:
         return describe_tiff(file)
+    if head.startswith(b"version http"):
+        return ", but a pointer of Git LFS: `git lfs pull` gets the file"
+    if head.lower().startswith((b"<!doctype", b"<html")):
+        return ", but a web page: what it was to be was not downloaded"
     suffix = file.suffix.lower()
     if suffix in (".bag", ".mcap", ".db3", ".mkv", ".r3d"):
         return "; a recording goes into sequence, photo3d, show and doctor"
