@@ -16,7 +16,7 @@ from dlama.files.rasters.depth_checks import warn_of_inverse, warn_of_millimetre
 from dlama.files.rasters.exr_files import read_exr, write_exr
 from dlama.files.rasters.float_files import read_array, read_pfm, write_pfm
 from dlama.files.rasters.images import SUFFIXES, existing_file, read_stored
-from dlama.files.rasters.pictures import save_picture
+from dlama.files.rasters.pictures import ROWS_AT_ONCE, save_picture
 from dlama.geometry.rgbd import PLAUSIBLE_M, Float32Array, mark_far
 
 FAR_CODE = 65535
@@ -84,10 +84,6 @@ def read_disparity(path: PathLike, *, scale: float | None = None) -> Float32Arra
     if not disparity.any():
         raise DepthError(f"{path}: every disparity is missing (0, NaN or infinite)")
     return disparity
-
-
-ROWS_AT_ONCE = 64
-"""Of a picture, so that what is computed on the way stays in the processor's cache."""
 
 
 def mm_from_depth(depth: Float32Array) -> tuple[NDArray[np.uint16], int]:

@@ -28,6 +28,8 @@ RUNS = 3
 the time."""
 PNG_LEVEL = 2
 """zlib level: on photographs three times as fast as Pillow's 6 and 4 % larger."""
+ROWS_AT_ONCE = 64
+"""Of a picture, so that what is computed on the way stays in the processor's cache."""
 
 
 @system_errors(FileError)
@@ -190,10 +192,11 @@ def write_codes(path: PathLike, codes: UInt8Array, palette: Sequence[tuple[int, 
 
 def write_grey(path: PathLike, values: Float32Array) -> None:
     """Write float H x W in 0..1 as 8-bit grey (1 = 255, rounded, clipped; NaN = 0). Raises OutputError."""
-    levels = np.nan_to_num(values)
-    np.clip(levels, 0, 1, out=levels)
-    levels *= 255
-    save_picture(path, Image.fromarray(np.rint(levels, out=levels).astype(np.uint8)))
+    levels = np.empty(values.shape, np.uint8)
+    for first in range(0, len(values), ROWS_AT_ONCE):
+        some = np.clip(np.nan_to_num(values[first : first + ROWS_AT_ONCE]), 0, 1) * 255
+        levels[first : first + ROWS_AT_ONCE] = np.rint(some)
+    save_picture(path, Image.fromarray(levels))
 
 
 def save_picture(path: PathLike, picture: Image.Image, **options: Any) -> None:

@@ -58,7 +58,9 @@ def decimate(
     box = bounding_box(surface)
     if share is None:
         share = ESTIMATED_SHARE if Origin.ESTIMATED in view.origins else DEPTH_SHARE
-    depth, joined = np.where(surface[box], depth[box], np.float32(0)), joined[box]
+    depth, joined = np.ascontiguousarray(depth[box]), joined[box]
+    if depth.max(initial=0) == np.inf:  # sky
+        depth = np.where(surface[box], depth, np.float32(0))
     halves = cell_halves(depth, joined)
     halved = halving_tree(depth, flat_cells(joined, view.origin[box]), share)
     del depth, joined  # of a large picture they are as large as all that follows
