@@ -80,7 +80,8 @@ def complete_frame(
         view, filled = inpaint(known, plan.inpainter, context, plan.seed)
         colored = frame.depth_hole
         if colored.any():
-            scene = replace_frame(scene, place, frame.with_pixels(view, colored))
+            shown = replace(view, color=frame.color)  # as it is in these pixels
+            scene = replace_frame(scene, place, frame.with_pixels(shown, colored))
         larger = fuse(scene, view, before.hole & ~known.hole)
     return CompletedView(before, view, NO_DILATION, (FillReport(law_moves=moved), filled)), larger
 

@@ -178,6 +178,8 @@ def _label_known(w: Float32Array, surface: BoolArray, planes: Iterable[Float32Ar
     for number, value in enumerate(planes):
         residual = np.abs(np.subtract(value, w, out=value), out=value)
         fits = surface & (residual < near)
+        if not fits.any():
+            continue
         count = count_around(fits)
         if noise:
             fits |= surface & (residual < OUTLIER_FACTOR * NOISE_FACTOR * noise) & (count > half)

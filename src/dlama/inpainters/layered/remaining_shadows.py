@@ -63,7 +63,7 @@ def find_remaining_shadow(view: View, label: NDArray[np.int8], law: Law) -> Bool
         out |= find_shadow_on(surface, np.asarray(level, np.float32), distance, reach)
     out = dilate_square(out, 3)
     full = cv2.resize(out.astype(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST) > 0
-    removed = depth_of_removed(view, law)
+    removed = depth_of_removed(view, law) if full.any() else None
     if removed is not None:
         full &= (
             np.abs(view.depth - removed) < DEPTH_REACH * np.sqrt(own.sum()) * np.median(removed[own]) / view.camera.fx

@@ -14,12 +14,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dlama.geometry.codes import HoleType
 from dlama.geometry.holes import nearest_known
 from dlama.geometry.kernels.jit import begin_job
-from dlama.geometry.rgbd import BoolArray, UInt8Array
+from dlama.geometry.rgbd import BoolArray, UInt8Array, paste, replace_pixels
 from dlama.geometry.view import View
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill, Inpainter
@@ -92,11 +91,11 @@ def copy_patches(
     what it did not see.
     """
     removed, unseen = (copied & (view.hole_type == kind.value) for kind in (HoleType.OBJECT, HoleType.OUT_OF_VIEW))
-    start, near = color.copy(), np.zeros_like(removed)
-    label: NDArray[np.int8] | None = surfaces.label
-    if removed.any():
-        near = hidden & ~view.color_hole & removed.ravel()[nearest_known(copied)[1]]
-        start[removed | near], label = guess[removed | near], None
+    near = hidden & ~view.color_hole & removed.any()
+    if near.any():
+        near &= removed.ravel()[nearest_known(copied)[1]]
+    start = replace_pixels(color, removed | near, guess)
+    label = None if removed.any() else surfaces.label
     if unseen.any():
         start[unseen] = (color[unseen].astype(np.uint16) + guess[unseen]) // 2
     done = complete_picture(color, copied | near, start, seed, label=label, effort=QUICK)
@@ -105,5 +104,5 @@ def copy_patches(
         out = blend_with_guess(out, start, removed, view.color_hole | near, spread=done.spread_of_votes())
     if (copied & ~removed).any():
         out = blend_with_guess(out, start, copied & ~removed)
-    out[near] = color[near]
+    paste(color, near, out)
     return out
