@@ -98,13 +98,14 @@ def find_planes(w: Float32Array, surface: BoolArray, seed: int, noise: float = 0
     Greedy RANSAC (Fischler & Bolles 1981) with local triples, each plane refined by least squares on its inliers.
     w: H x W inverse depth; surface: H x W, True where it is finite and known; noise: as `noise_level` gives it.
     """
-    rows, columns = np.nonzero(surface)
-    if len(rows) < 50:
+    places = np.flatnonzero(surface)
+    if len(places) < 50:
         return np.zeros((0, 3))
     rng = np.random.default_rng(seed)
-    chosen = np.sort(rng.choice(len(rows), min(SAMPLES, len(rows)), replace=False))
-    u, v = columns[chosen] + 0.5, rows[chosen] + 0.5
-    z = w[rows[chosen], columns[chosen]].astype(np.float64)
+    chosen = np.sort(rng.choice(len(places), min(SAMPLES, len(places)), replace=False))
+    rows, columns = np.divmod(places[chosen], w.shape[1])
+    u, v = columns + 0.5, rows + 0.5
+    z = w[rows, columns].astype(np.float64)
     near = tolerance(z, noise)
     free = np.ones(len(chosen), np.bool_)
     planes: list[np.ndarray] = []
@@ -211,9 +212,14 @@ def denoise(w: Float32Array, label: NDArray[np.int8], planes: NDArray[np.float64
     if not noise or not len(planes):
         return w
     out = w.copy()
-    rows, columns = np.nonzero(label > SKY)
-    on_plane = plane_values_at(planes, label[rows, columns], rows, columns)
-    residual = w[rows, columns] - on_plane
-    excess = np.maximum(np.abs(residual) - OUTLIER_FACTOR * NOISE_FACTOR * noise, 0)
-    out[rows, columns] = on_plane + np.sign(residual) * excess
+
+    def denoise_rows(first: int, last: int) -> None:
+        rows, columns = np.nonzero(label[first:last] > SKY)
+        rows += first
+        on_plane = plane_values_at(planes, label[rows, columns], rows, columns)
+        residual = w[rows, columns] - on_plane
+        excess = np.maximum(np.abs(residual) - OUTLIER_FACTOR * NOISE_FACTOR * noise, 0)
+        out[rows, columns] = on_plane + np.sign(residual) * excess
+
+    in_bands(denoise_rows, len(w), band=BAND)
     return out

@@ -196,7 +196,8 @@ def triangles_at_sides(halved: UInt8Array, size: int) -> list[Corners]:
 def place_triangles(chosen: BoolArray, size: int, *offsets: tuple[float, float]) -> Corners:
     """One triangle in each chosen square of that size; offsets: of the corners, in squares."""
     steps = np.rint(np.multiply(offsets, size)).astype(np.int32)
-    return (np.argwhere(chosen).astype(np.int32) * np.int32(size))[:, None] + steps
+    squares = np.stack(np.divmod(np.flatnonzero(chosen).astype(np.int32), np.int32(chosen.shape[1])), 1)
+    return (squares * np.int32(size))[:, None] + steps
 
 
 def drop_degenerate(corners: Corners) -> Corners:
