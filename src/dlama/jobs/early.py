@@ -6,6 +6,7 @@ What points at an object and what scales estimated depth is imported where it is
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from dlama.files.results.completion import check_results
 from dlama.geometry.camera import Camera
 from dlama.geometry.motion.trajectories import PIVOT_M, dolly, orbit
 from dlama.inpainters import AUTO, model_file
-from dlama.jobs.parameters import METHOD, POINTING, mask_settings
+from dlama.jobs.parameters import METHOD, MOVE, POINTING, mask_settings
 
 
 def check_options(
@@ -39,8 +40,7 @@ def check_options(
         lambda: one("filler", AUTO) == AUTO or callable(given["filler"]) or model_file(given["filler"], one("model")),
         lambda: check_depth_options(one("depth_scale"), one("depth_range"), one("far")),
         lambda: one("fov") is None or Camera.from_fov(1000, 1000, given["fov"]),
-        *(lambda name=name: _check_move({name: given.get(name)}) for name in ("yaw", "pitch", "dolly")),
-        lambda: _check_move({"pivot": given.get("pivot", "auto")}),
+        *(partial(_check_move, {name: one(name)}) for name in MOVE if one(name) is not None and name != "to"),
         lambda: _check_pointing(given, image),
         lambda: _check_scale(given, image),
     ]
@@ -58,7 +58,7 @@ def _check_results(names: tuple[str, ...], removes: bool, pair: bool) -> None:
 def _check_move(given: Mapping[str, Any]) -> None:
     """An orbit and a dolly that no camera can make."""
     pivot = given.get("pivot", "auto")
-    yaw, pitch, ahead = (given.get(name) or 0.0 for name in ("yaw", "pitch", "dolly"))
+    yaw, pitch, ahead = (given.get(name, 0.0) for name in ("yaw", "pitch", "dolly"))
     dolly(orbit(Camera.from_fov(2, 2, 60), yaw, pitch, PIVOT_M if pivot == "auto" else pivot), ahead)
 
 

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from dlama.completion.completion import Completion
 from dlama.errors import InputError
@@ -43,6 +43,8 @@ if TYPE_CHECKING:
 
 Parameters = Mapping[str, Any]
 """Of a job, by name, as `jobs.parameters` reads them; those that are given."""
+FoundMask: TypeAlias = "tuple[ObjectMask, dict[str, Any]]"
+"""An object in a picture, and how it was looked for."""
 Mask = BoolArray | Callable[[RGBD], BoolArray]
 """H x W, True = remove; or what finds it in a picture with its depth."""
 
@@ -69,7 +71,14 @@ def refuse_of_pictures(p: Parameters, kind: str, taken: Collection[str] = ()) ->
             raise InputError(f"`{name}` does not apply to {kind} ({image.name or image}); it is for pictures")
 
 
-def find_pointed(picture: RGBD | UInt8Array, image: Path, p: Parameters) -> tuple[ObjectMask, dict[str, Any]]:
+def add_shadow(picture: RGBD, mask: BoolArray) -> FoundMask:
+    """The object of a mask file with the shadow that it casts in the picture."""
+    from dlama.perception.object_masks import complete_mask
+
+    return complete_mask(picture, {"object": mask}, "object", "a mask file", True), {"with_shadow": True}
+
+
+def find_pointed(picture: RGBD | UInt8Array, image: Path, p: Parameters) -> FoundMask:
     """The object in a picture, read from `image`, that the parameters point at, or of a semantic class; and how it was looked
     for. InputError and its kin."""
     from dlama.perception import object_masks
@@ -166,11 +175,11 @@ class JobInputs:
         """The mask of the object to remove from a picture (image, left): of its file, or `mask`, or what finds it, and its
         shadow, in the picture with its depth; None: no object is named."""
         if is_pointed(p):
-            return partial(self._find, image=Path(p.get(picture, "")), p=p)
+            return partial(self._find, partial(find_pointed, image=Path(p.get(picture, "")), p=p))
         if mask is None and "mask" in p:
             mask = self.read_mask_file(p, "mask", picture)
         self.removed = mask
-        return mask if mask is None or not p.get("with_shadow") else partial(self._add_shadow, mask=mask)
+        return mask if mask is None or not p.get("with_shadow") else partial(self._find, partial(add_shadow, mask=mask))
 
     def read_mask_file(self, p: Parameters, role: str, picture: str) -> BoolArray:
         """The mask file of that role, which is of a picture (image, left, right), True = remove."""
@@ -181,22 +190,12 @@ class JobInputs:
                 check_mask_fits(mask, path, Path(p[picture]))
             return mask
 
-    def _find(self, rgbd: RGBD, image: Path, p: Parameters) -> BoolArray:
-        """The mask of what is pointed at in a picture, read from `image`; how it was found goes into meta.json."""
+    def _find(self, find: Callable[[RGBD], FoundMask], rgbd: RGBD) -> BoolArray:
+        """The mask of the object in a picture; how it was found goes into meta.json."""
         begin_stage("find mask")
         with self.timed("find_mask"):
-            found, settings = find_pointed(rgbd, image, p)
+            found, settings = find(rgbd)
         self.object_mask, self.removed = {**settings, **found.about}, found.mask
-        return found.mask
-
-    def _add_shadow(self, rgbd: RGBD, mask: BoolArray) -> BoolArray:
-        """The mask of a file, with the shadow that its object casts; how much goes into meta.json."""
-        from dlama.perception.object_masks import complete_mask
-
-        begin_stage("find mask")
-        with self.timed("find_mask"):
-            found = complete_mask(rgbd, {"object": mask}, "object", "a mask file", True)
-        self.object_mask, self.removed = {"with_shadow": True, **found.about}, found.mask
         return found.mask
 
     def read_disparity_file(self, p: Parameters) -> Float32Array | None:
