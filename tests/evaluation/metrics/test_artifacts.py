@@ -9,8 +9,8 @@ import pytest
 from square_world import OUT_OF_VIEW, SIZE, SOURCE, SQUARE_IN_SOURCE, TARGET, constant_filler, frame, rectangle, values
 
 from dlama.evaluation.metrics.artifacts import FARTHEST_EDGE, depth_edges, edge_offset, law_broken, leak_share
-from dlama.evaluation.protocols.methods import Method, MethodRun, run_method
-from dlama.evaluation.protocols.scores import artifact_measures, leak_measures
+from dlama.evaluation.protocols.methods import Method, MethodRun, ProtocolSettings, run_method
+from dlama.evaluation.protocols.scores import Reference, artifact_measures, leak_measures
 from dlama.geometry.codes import Origin
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import View
@@ -21,6 +21,10 @@ EVERYWHERE = np.ones((SIZE, SIZE), bool)
 
 def step(column: int, left: float, right: float) -> np.ndarray:
     return np.where(np.arange(SIZE) < column, left, right) * np.ones((SIZE, 1))
+
+
+def reference_of(truth: RGBD) -> Reference:
+    return Reference(truth.color, truth.depth, {}, ProtocolSettings())
 
 
 def colored(column: int) -> np.ndarray:
@@ -63,7 +67,8 @@ def test_the_law_by_the_uncut_measurements(constant_filler: str) -> None:
     source, truth = frame(SOURCE, SQUARE_IN_SOURCE), frame(TARGET, None)
     run = run_method(Method("paper", constant_filler), source, TARGET)
     view = run.view()
-    lawful = values(artifact_measures(run, view, view.color, OUT_OF_VIEW, "unseen", truth, source))
+    reference = reference_of(truth)
+    lawful = values(artifact_measures(run, view, reference, "unseen", OUT_OF_VIEW, truth, source))
     assert lawful["whole", "depth_m", "law_violations"] == lawful["whole", "depth_m", "law_broken"] == 0
     before = rectangle((0, 16), (20, 40))  # of the square's own 32 columns: at 1 m these fall on it or on the wall
     origin = np.where(before, np.uint8(Origin.FILLED), view.origin)
@@ -71,7 +76,7 @@ def test_the_law_by_the_uncut_measurements(constant_filler: str) -> None:
     filled = int(view.filled.sum()) + int(before.sum())
     assert law_broken(shining, source) == pytest.approx(100 * before.sum() / filled)
     assert law_broken(View.from_rgbd(source), source) is None
-    unmeasured = values(artifact_measures(run, view, view.color, OUT_OF_VIEW, "unseen", truth))
+    unmeasured = values(artifact_measures(run, view, reference, "unseen", OUT_OF_VIEW, truth, None))
     assert ("whole", "depth_m", "law_violations") in unmeasured and ("whole", "depth_m", "law_broken") not in unmeasured
 
 
@@ -93,7 +98,7 @@ def test_spread_is_given_where_there_is_one(constant_filler: str) -> None:
     run = run_method(Method("paper", constant_filler), source, TARGET)
 
     def spreads(one: MethodRun) -> list[float]:
-        found = artifact_measures(one, one.view(), one.view().color, OUT_OF_VIEW, "unseen", truth, source)
+        found = artifact_measures(one, one.view(), reference_of(truth), "unseen", OUT_OF_VIEW, truth, source)
         return [m.value for m in found if m.metric == "channel_spread"]
 
     assert spreads(run) == []

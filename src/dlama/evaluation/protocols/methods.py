@@ -86,6 +86,12 @@ class Measure(NamedTuple):
     value: float
 
 
+def measures_of(region: str, modality: str, values: Mapping[str, float | None]) -> list[Measure]:
+    """A measure of each value, by metric, but those that are not known (None, nan)."""
+    known = {metric: value for metric, value in values.items() if value is not None and not np.isnan(value)}
+    return [Measure(region, modality, metric, float(value)) for metric, value in known.items()]
+
+
 @dataclass(frozen=True, eq=False)
 class Scored:
     """One run of a method on a case, measured."""

@@ -21,7 +21,15 @@ from dlama.evaluation.metrics.clouds import cloud_scores
 from dlama.evaluation.metrics.masks import SMALLEST_SHADOW_PX, darkened_by_shadow
 from dlama.evaluation.metrics.pictures import channel_gain, depth_8bit, mse_map, region_mean
 from dlama.evaluation.metrics.regions import removal_regions
-from dlama.evaluation.protocols.methods import Measure, Method, MethodRun, ProtocolSettings, Scored, run_method
+from dlama.evaluation.protocols.methods import (
+    Measure,
+    Method,
+    MethodRun,
+    ProtocolSettings,
+    Scored,
+    measures_of,
+    run_method,
+)
 from dlama.evaluation.protocols.reliability import reliability_measures
 from dlama.evaluation.protocols.scores import Gain, Reference, artifact_measures, picture_panel, view_measures
 from dlama.geometry.camera import Float64Array
@@ -67,16 +75,13 @@ def grow_or_shrink(mask: BoolArray, change: int) -> BoolArray:
 
 def removal_measures(run: MethodRun, reference: Reference, truth: RemovalTruth) -> list[Measure]:
     """All numbers of one run."""
-    view = run.view()
-    inside = reference.within(truth.mask)
+    view, inside = run.view(), reference.within(truth.mask)
     return [
         *view_measures(run, reference),
         *change_outside(view, truth.source, reference.regions["outside"]),
         *cloud_measures(run, truth.without, inside),
         *reliability_measures(run, reference),
-        *artifact_measures(
-            run, view, reference.match_exposure(view.color), inside, "mask", truth.without, truth.source
-        ),
+        *artifact_measures(run, view, reference, "mask", inside, truth.without, truth.source),
     ]
 
 
@@ -132,8 +137,7 @@ def cloud_measures(run: MethodRun, without: RGBD, inside: BoolArray) -> list[Mea
     if not run.method.fills or not len(truth):
         return []
     mine = filled_points(run.completion.background, without, inside)
-    scores = cloud_scores(mine, np.asarray(truth.points))
-    return [Measure("mask", "cloud", metric, value) for metric, value in scores.items() if not np.isnan(value)]
+    return measures_of("mask", "cloud", cloud_scores(mine, np.asarray(truth.points)))
 
 
 def filled_points(cloud: PointCloud, frame: RGBD, inside: BoolArray) -> Float64Array:

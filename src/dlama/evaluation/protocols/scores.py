@@ -17,7 +17,7 @@ from dlama.evaluation.metrics.artifacts import edge_offset, law_broken, leak_sha
 from dlama.evaluation.metrics.depth import depth_errors
 from dlama.evaluation.metrics.lpips import lpips
 from dlama.evaluation.metrics.pictures import SETTINGS, depth_8bit, mse_map, psnr, region_mean, ssim_map, with_gain
-from dlama.evaluation.protocols.methods import Measure, MethodRun, ProtocolSettings
+from dlama.evaluation.protocols.methods import Measure, MethodRun, ProtocolSettings, measures_of
 from dlama.evaluation.protocols.strips import strip
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
@@ -84,14 +84,13 @@ class Reference:
         if self.depth is None:
             return []
         counted = self.within(self.depth > 0 if hole is None else (self.depth > 0) & ~hole)
-        found = []
-        for name, region in self._regions(counted):
+        found: list[Measure] = []
+        for name, region in self.large_regions(counted):
             if hole is None or name in ("whole", "seen"):
-                errors = depth_errors(depth, self.depth, region)
-                found += [Measure(name + self.suffix, "depth_m", metric, value) for metric, value in errors.items()]
-        return [measure for measure in found if not np.isnan(measure.value)]
+                found += measures_of(name + self.suffix, "depth_m", depth_errors(depth, self.depth, region))
+        return found
 
-    def _regions(self, counted: BoolArray | None) -> Iterator[tuple[str, Any]]:
+    def large_regions(self, counted: BoolArray | None) -> Iterator[tuple[str, Any]]:
         """The whole and each region that is not too small, of the pixels that are `counted`; None: all, the whole picture."""
         for name, region in {"whole": counted, **self.regions}.items():
             chosen = region if counted is None or region is None else region & counted
@@ -105,7 +104,7 @@ class Reference:
             mine = np.where(counted if truth.ndim == 2 else counted[..., None], mine, truth)
         maps = ssim_map(truth, mine), mse_map(truth, mine)
         found: list[Measure] = []
-        for name, region in self._regions(counted):
+        for name, region in self.large_regions(counted):
             values = {"ssim": region_ssim(maps[0], region), "mse": region_mean(maps[1], region)}
             if modality == "rgb":
                 values["psnr"] = psnr(values["mse"])
@@ -143,30 +142,28 @@ def picture_panel(run: MethodRun, reference: Reference, source: RGBD, truth: RGB
 
 
 def artifact_measures(
-    run: MethodRun, view: View, color: UInt8Array, region: BoolArray, name: str, truth: RGBD, source: RGBD | None = None
+    run: MethodRun, view: View, reference: Reference, name: str, region: BoolArray, truth: RGBD, source: RGBD | None
 ) -> list[Measure]:
     """The artifacts of a fill (`dlama.evaluation.metrics.artifacts`); none of the baseline that fills nothing.
 
     Args:
         view: the completed one.
-        color: H x W x 3, its colours in the truth's exposure.
         region: H x W, the pixels whose edges are compared; `name` is what it is called.
         source: what was measured; None leaves `law_broken` out.
     """
     if not run.method.fills:
         return []
     meta = run.completion.meta
-    found: list[tuple[str, str, str, float | None]] = [
-        (name, "depth", "edge_offset", edge_offset(color, view.depth, region)),
-        (name, "depth", "edge_offset_truth", edge_offset(truth.color, truth.depth, region)),
-        ("whole", "depth", "channel_spread", meta.get("notes", {}).get("depth_channel_spread")),
-        ("whole", "depth_m", "law_violations", meta["law_violations"]),
-        ("whole", "depth_m", "law_broken", None if source is None else law_broken(view, source)),
+    mine = edge_offset(reference.match_exposure(view.color), view.depth, region)
+    offsets = {"edge_offset": mine, "edge_offset_truth": edge_offset(truth.color, truth.depth, region)}
+    broken = None if source is None else law_broken(view, source)
+    return [
+        *measures_of(name, "depth", offsets),
+        *measures_of("whole", "depth", {"channel_spread": meta.get("notes", {}).get("depth_channel_spread")}),
+        *measures_of("whole", "depth_m", {"law_violations": meta["law_violations"], "law_broken": broken}),
     ]
-    return [Measure(*one[:3], float(one[3])) for one in found if one[3] is not None]
 
 
 def leak_measures(run: MethodRun, truth: RGBD, seen: BoolArray) -> list[Measure]:
     """% of the seen pixels that the last view before filling shows although something hides them."""
-    share = leak_share(run.completion.warped[-1], truth, seen, run.clip_m)
-    return [] if share is None else [Measure("seen", "depth_m", "leaks", share)]
+    return measures_of("seen", "depth_m", {"leaks": leak_share(run.completion.warped[-1], truth, seen, run.clip_m)})

@@ -31,6 +31,7 @@ from dlama.evaluation.protocols.methods import (
     MethodRun,
     ProtocolSettings,
     Scored,
+    measures_of,
     run_method,
     timed_run,
 )
@@ -88,9 +89,7 @@ def score_removal(truth: StereoTruth, method: Method, settings: ProtocolSettings
         if truth.metric:
             measures += cloud_measures(run, truth.without_left, truth.mask_left)
         measures += pair_measures(run, truth, truth.mask_left)
-        measures += artifact_measures(
-            run, view, left.match_exposure(view.color), truth.mask_left, "mask", truth.without_left
-        )
+        measures += artifact_measures(run, view, left, "mask", truth.mask_left, truth.without_left, None)
     source = RGBD(truth.left, depth_of(truth.disparity_left, truth.rig), truth.rig.left)
     shown = picture_panel(run, left, source, truth.without_left, 0)
     return Scored(tuple(measures), panel=shown, meta=run.completion.meta)
@@ -114,19 +113,17 @@ def pair_measures(run: MethodRun, truth: StereoTruth, mask: BoolArray) -> list[M
     done = run.completion
     assert isinstance(done, StereoCompletion) and truth.without_left is not None and truth.without_right is not None
     there = disparity_of(truth.without_left.depth, truth.rig)
-    found = [
-        Measure(name, "disparity", metric, value)
-        for name, region in (("whole", None), ("mask", mask))
-        for metric, value in disparity_errors(done.disparity_left, there, region).items()
-    ]
     mine, true = (run.view(0).color, run.view(1).color), (truth.without_left.color, truth.without_right.color)
     differences = {
         "photometric": left_right_difference(*mine, done.disparity_left, mask),
         "photometric_at_truth": left_right_difference(*mine, there, mask),
         "photometric_truth": left_right_difference(*true, there, mask),
     }
-    found += [Measure("mask", "disparity", metric, value) for metric, value in differences.items()]
-    return [measure for measure in found if not np.isnan(measure.value)]
+    return [
+        *measures_of("whole", "disparity", disparity_errors(done.disparity_left, there)),
+        *measures_of("mask", "disparity", disparity_errors(done.disparity_left, there, mask)),
+        *measures_of("mask", "disparity", differences),
+    ]
 
 
 def score_right(truth: StereoTruth, run: MethodRun, source: RGBD, settings: ProtocolSettings, variant: str) -> Scored:
@@ -137,7 +134,7 @@ def score_right(truth: StereoTruth, run: MethodRun, source: RGBD, settings: Prot
     measures = [
         *view_measures(run, reference),
         *leak_measures(run, target, reference.regions["seen"]),
-        *artifact_measures(run, view, view.color, reference.regions["unseen"], "unseen", target, measured),
+        *artifact_measures(run, view, reference, "unseen", reference.regions["unseen"], target, measured),
     ]
     if run.method.fills:
         measures += right_disparity(truth, reference, view.depth)
@@ -157,13 +154,10 @@ def right_disparity(truth: StereoTruth, reference: Reference, depth: Float32Arra
     if truth.disparity_right is None:
         return []
     mine = disparity_of(depth, truth.rig)
-    return [
-        Measure(name, "disparity", metric, value)
-        for name, region in {"whole": None, **reference.regions}.items()
-        if region is None or region.sum() >= reference.settings.smallest_region
-        for metric, value in disparity_errors(mine, truth.disparity_right, region).items()
-        if not np.isnan(value)
-    ]
+    found: list[Measure] = []
+    for name, region in reference.large_regions(None):
+        found += measures_of(name, "disparity", disparity_errors(mine, truth.disparity_right, region))
+    return found
 
 
 def right_depth(truth: StereoTruth) -> Float32Array:

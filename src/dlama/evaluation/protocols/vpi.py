@@ -42,14 +42,11 @@ def score_view(truth: ViewTruth, method: Method, settings: ProtocolSettings, dil
     reference, target = target_reference(truth, settings, removed), target_frame(truth, removed)
     changes = {"dilate": dilate} if removed else {}
     run = run_method(method, truth.source, truth.target.camera, truth.object_mask if removed else None, **changes)
-    view = run.view()
     measures = [
         *view_measures(run, reference),
         *leak_measures(run, target, reference.regions["seen"]),
         *reliability_measures(run, reference),
-        *artifact_measures(
-            run, view, reference.match_exposure(view.color), reference.regions["unseen"], "unseen", target, truth.source
-        ),
+        *artifact_measures(run, run.view(), reference, "unseen", reference.regions["unseen"], target, truth.source),
     ]
     panel = None if removed else picture_panel(run, reference, truth.source, target)
     return Scored(tuple(measures), f"object,dilate={dilate}" if removed else "", panel, run.completion.meta)
