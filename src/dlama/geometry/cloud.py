@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from dlama.errors import ShapeError, format_count
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.figures.points import point_viewer
-from dlama.geometry.rgbd import Float32Array, UInt8Array, check_fields, row_count
+from dlama.geometry.rgbd import Float32Array, UInt8Array, check_fields, freeze, row_count
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,11 +97,8 @@ class Mesh:
 
 def join_meshes(parts: Sequence[Mesh]) -> Mesh:
     """One mesh of several, at least one."""
-    starts = np.cumsum([0] + [len(part.vertices) for part in parts])
-    return Mesh(
-        np.concatenate([part.vertices for part in parts]),
-        np.concatenate([part.triangles + start for part, start in zip(parts, starts)]).astype(np.int32),
-        np.concatenate([part.color for part in parts]),
-        np.concatenate([part.origin for part in parts]),
-        np.concatenate([part.confidence for part in parts]),
-    )
+    starts = np.cumsum([0] + [len(part.vertices) for part in parts], dtype=np.int32)
+    triangles = np.concatenate([part.triangles + start for part, start in zip(parts, starts)])
+    planes = ([getattr(part, name) for part in parts] for name in ("vertices", "color", "origin", "confidence"))
+    vertices, *others = (freeze(np.concatenate(each)) for each in planes)
+    return Mesh(vertices, freeze(triangles), *others)

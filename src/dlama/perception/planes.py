@@ -6,7 +6,6 @@ A plane is affine in inverse depth over pixels, w = a u + b v + c (u, v in pixel
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import cv2
@@ -14,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.camera import Camera
-from dlama.geometry.kernels.jit import in_bands
+from dlama.geometry.kernels.jit import as_input, in_bands
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.perception.kernels import planes as plane_kernels
 
@@ -162,8 +161,7 @@ def label_known(
 
     def label_rows(first: int, last: int) -> None:
         top, bottom = max(first - NEIGHBOURHOOD, 0), min(last + NEIGHBOURHOOD, len(w))
-        values = (plane_values(plane[None], (bottom - top, w.shape[1]), top=top)[0] for plane in planes)
-        found = _label_known(w[top:bottom], surface[top:bottom], values, noise)
+        found = _label_known(w[top:bottom], surface[top:bottom], planes, noise, top)
         label[first:last] = found[first - top : last - top]
 
     in_bands(label_rows, len(w), band=BAND)
@@ -171,14 +169,18 @@ def label_known(
     return label
 
 
-def _label_known(w: Float32Array, surface: BoolArray, planes: Iterable[Float32Array], noise: float) -> NDArray[np.int8]:
-    """`label_known` of some rows without far pixels; planes: the inverse depth of each in these rows."""
+def _label_known(
+    w: Float32Array, surface: BoolArray, planes: NDArray[np.float64], noise: float, top: int
+) -> NDArray[np.int8]:
+    """`label_known` of some rows, from the row `top` on, without far pixels."""
     most = np.float32(0.3) * count_around(surface)
     near, half = tolerance(w, noise), np.float32(0.5) * count_around(surface)
     label = np.full(w.shape, SMOOTH, np.int8)
-    for number, value in enumerate(planes):
-        residual = np.abs(np.subtract(value, w, out=value), out=value)
-        fits = surface & (residual < near)
+    residual, fits = np.empty_like(w), np.empty_like(surface)
+    for number, plane in enumerate(planes):
+        plane_kernels.residual_rows(
+            0, len(w), as_input(w), as_input(surface), near, as_input(plane), top, residual, fits
+        )
         if not fits.any():
             continue
         count = count_around(fits)

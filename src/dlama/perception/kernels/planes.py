@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.kernels.jit import Real, Whole, in_bands, kernel, piece
-from dlama.geometry.rgbd import BoolArray
+from dlama.geometry.rgbd import BoolArray, Float32Array
 
 
 @kernel
@@ -99,3 +99,25 @@ def best_plane(
     in_bands(score_planes, len(triples), u, v, w, free, triples, near, planes, support)
     best = int(np.argmax(support))
     return planes[best], int(support[best])
+
+
+@kernel
+def residual_rows(
+    first: Whole,
+    last: Whole,
+    w: Float32Array,
+    surface: BoolArray,
+    near: Float32Array,
+    plane: NDArray[np.float64],
+    top: Whole,
+    residual: Float32Array,
+    fits: BoolArray,
+) -> None:
+    """How far inverse depth (H x W) in rows [first, last) is off a plane, and where that is less than `near` (H x W) on a surface
+    (H x W). top: the picture's row that is the first here."""
+    for row in range(first, last):
+        down = plane[1] * (top + row + 0.5)
+        for column in range(w.shape[1]):
+            value = np.float32(plane[0] * (column + 0.5) + down + plane[2])
+            residual[row, column] = abs(value - w[row, column])
+            fits[row, column] = surface[row, column] and residual[row, column] < near[row, column]
