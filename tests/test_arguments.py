@@ -228,5 +228,5 @@ def test_an_unknown_keyword_is_refused_with_the_one_that_was_meant() -> None:
         dlama.view(RGBD, yaww=20)
     with pytest.raises(InputTypeError, match=r"fillr is no parameter of complete; did you mean filler\?"):
         dlama.complete(RGBD, [CAMERA], fillr="telea")
-    with pytest.raises(InputTypeError, match="xyz is no parameter of remove; It takes"):
+    with pytest.raises(InputTypeError, match="xyz is no parameter of remove; it takes"):
         dlama.remove(RGBD, DEPTH < 2, xyz=1)

@@ -72,8 +72,8 @@ def refuse_unknown(function: Callable[..., Any], names: Iterable[str]) -> None:
     for name in names:
         known = list(inspect.signature(function).parameters)
         if name not in known:
-            meant = "".join(f"did you mean {one}? " for one in difflib.get_close_matches(name, known, 1))
-            raise InputTypeError(f"{name} is no parameter of {function.__name__}; {meant}It takes {', '.join(known)}")
+            meant = "".join(f"did you mean {one}? It" for one in difflib.get_close_matches(name, known, 1)) or "it"
+            raise InputTypeError(f"{name} is no parameter of {function.__name__}; {meant} takes {', '.join(known)}")
 
 
 @functools.lru_cache(None)
