@@ -424,6 +424,20 @@ def test_a_photo_whose_name_is_like_that_of_depth(name: str, pages: Pages, tmp_p
     playwright.expect(page.locator('#uploads [data-role="picture"]')).to_contain_text(name)
 
 
+def test_a_file_is_said_to_be_depth(pages: Pages, frame: Path) -> None:
+    """Its name is long and does not say so: it is no longer the right picture (oracle: the list of files), and fits."""
+    page, name = pages.open(), f"{'1305031102.' * 6}png"
+    (frame / "depth.png").rename(frame / name)
+    page.set_input_files("#files", [frame / "image.png", frame / name])
+    playwright.expect(page.locator('[data-error="calib"]')).to_contain_text("where a picture is depth")
+    page.set_input_files("#file-depth", frame / name)
+    playwright.expect(page.locator('[data-error="camera"]')).to_be_visible()
+    assert page.eval_on_selector_all("#uploads li", "all => all.map((one) => one.dataset.role)") == ["picture", "depth"]
+    assert page.evaluate(
+        "document.getElementById('card-open').scrollWidth <= document.getElementById('card-open').clientWidth"
+    )
+
+
 def test_a_yaml_file_is_the_camera(pages: Pages, frame: Path, tmp_path: Path) -> None:
     """Oracle: the role that the list of files shows."""
     page = pages.open()

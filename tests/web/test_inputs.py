@@ -119,6 +119,17 @@ def test_errors_stand_next_to_their_field(fields: dict[str, Any], field: str, vi
     assert field_of(caught.value, files) == field
 
 
+def test_two_pictures_may_be_no_pair(visit: Visit, frame: Path) -> None:
+    """Depth whose name does not say so is taken for the right picture: the message says where to say it."""
+    hand_in(visit, "picture", frame / "image.png")
+    hand_in(visit, "right", frame / "depth.png", "1305031102.160407.png")
+    with pytest.raises(
+        PageError, match=r"calibration, .* is expected; where a picture is depth, .*Choose file by file"
+    ) as caught:
+        api.read(visit, {})
+    assert caught.value.field == "calib"
+
+
 def test_a_damaged_file_is_named_as_the_visitor_names_it(visit: Visit, frame: Path) -> None:
     """Nothing of where it lies is told."""
     hand_in(visit, "picture", frame / "image.png")

@@ -116,7 +116,8 @@ def read_pair(files: Mapping[str, Upload], fields: Mapping[str, Any]) -> Source:
     """A rectified stereo pair, matched once so that its left picture has depth to click on."""
     for role, what in (("right", "the right picture"), ("calib", "the calibration, calib.txt or JSON,")):
         if role not in files:
-            raise PageError(f"{what} of the stereo pair is expected", role)
+            depth = "; where a picture is depth, say so under “Choose file by file”" if role == "calib" else ""
+            raise PageError(f"{what} of the stereo pair is expected{depth}", role)
     job = JobInputs()
     used = {role: files[role] for role in ("picture", "right", "calib")}
     paths = {"left" if role == "picture" else role: upload.path for role, upload in used.items()}

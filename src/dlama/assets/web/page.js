@@ -43,11 +43,11 @@ async function refresh() { showUploads((await server.ask("state")).files); }
 function showUploads(files) {
   $("uploads").replaceChildren(...Object.entries(files).map(([role, name]) => {
     const item = document.createElement("li");
-    item.dataset.role = role;
+    [item.dataset.role, item.title] = [role, name];
     const button = Object.assign(document.createElement("button"), { type: "button", textContent: "✕", ariaLabel: `Remove ${name}` });
     button.addEventListener("click", () => server.inTurn(async () => { await server.ask("forget", { role }); await read(); }));
     item.append(Object.assign(document.createElement("span"), { className: "role", textContent: "right" in files && role === "picture" ? "Left" : NAMES[role] }),
-      Object.assign(document.createElement("span"), { className: "name", textContent: name, title: name }), button);
+      Object.assign(document.createElement("span"), { className: "name", textContent: name }), button);
     return item;
   }));
   const any = Object.keys(files).length > 0;
@@ -146,7 +146,12 @@ function showSettings() {
     input.addEventListener("change", () => {
       const [file] = input.files;
       input.value = "";
-      if (file) server.inTurn(async () => { clearErrors(); if (await send(role, file)) await read(); });
+      if (file) server.inTurn(async () => {
+        clearErrors();
+        // Depth that was taken for the right picture before.
+        if (role === "depth" && all("#uploads li").some((one) => one.dataset.role === "right" && one.title === file.name)) await server.ask("forget", { role: "right" });
+        if (await send(role, file)) await read();
+      });
     });
     row.append(label, input);
     return row;
