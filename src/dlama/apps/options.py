@@ -45,6 +45,12 @@ def names_in(listed: str | None) -> tuple[str, ...] | None:
     return None if listed is None else tuple(name.strip() for name in listed.split(",") if name.strip())
 
 
+def typed_words(value: Any) -> list[str]:
+    """A value as it would be typed, or each of a list."""
+    parts = value if isinstance(value, (list, tuple)) else (value,)
+    return [f"{one:g}" if isinstance(one, float) else str(one) for one in parts]
+
+
 T = TypeVar("T")
 
 

@@ -121,13 +121,7 @@ def numbers(value: Any, count: int) -> tuple[float, ...]:
 
 def pointing(marks: Marks) -> dict[str, Any]:
     """Keyword arguments of `find_mask`, of those that the page sets."""
-    return {
-        "clicks": marks.clicks,
-        "not_clicks": marks.not_clicks,
-        "box": marks.box,
-        "candidate": marks.candidate,
-        "with_shadow": marks.with_shadow,
-    }
+    return {name: getattr(marks, name) for name in ("clicks", "not_clicks", "box", "candidate", "with_shadow")}
 
 
 def find(session: dlama.MaskSession, marks: Marks) -> dlama.ObjectMask | None:

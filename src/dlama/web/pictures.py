@@ -63,12 +63,8 @@ class Preview:
 
 def result_views(done: dlama.Completion, right: bool) -> tuple[View, View]:
     """The completed view that is looked at, and the same before filling. PageError."""
-    stands = views_by_folder(done)
-    if not right:
-        chosen = stands[""]
-    elif "right/" in stands:
-        chosen = stands["right/"]
-    else:
+    chosen = views_by_folder(done).get("right/" if right else "")
+    if chosen is None:
         raise PageError("there is no right view; the result is no stereo pair")
     before = next(warped for view, warped in zip(done.views, done.warped) if view is chosen)
     return chosen, before

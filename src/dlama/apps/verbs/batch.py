@@ -22,6 +22,7 @@ from dlama.apps.options import (
     Together,
     given_options,
     option,
+    typed_words,
 )
 from dlama.apps.places import check_folder_apart
 from dlama.apps.terminal.output import follow_run, print_line, report_result
@@ -197,7 +198,7 @@ def plan_lines(jobs: Any, verb: str | None, defaults: dict[str, Any]) -> Iterato
 
 def job_line(job: Job, error: str | None) -> str:
     """What a job would do, or what is wrong with it."""
-    options = " ".join(f"{name}={format_value(value)}" for name, value in job.parameters.items())
+    options = " ".join(f"{name}={','.join(typed_words(value))}" for name, value in job.parameters.items())
     return f"  {job.id}: {job.verb or '?'} {error or options}"
 
 
@@ -205,12 +206,6 @@ def missing_file(job: Job) -> str | None:
     """Which input of a job, of those on this disk, is not there; None: none."""
     files = (path for path in job.files.values() if not is_address(path))
     return next((f"{path}: no such file" for path in files if not Path(local_path(path)).exists()), None)
-
-
-def format_value(value: Any) -> str:
-    """As it would be typed."""
-    parts = value if isinstance(value, (list, tuple)) else (value,)
-    return ",".join(f"{one:g}" if isinstance(one, float) else str(one) for one in parts)
 
 
 @contextmanager

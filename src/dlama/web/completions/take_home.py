@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import json
 import shlex
 import tempfile
 import zipfile
@@ -16,7 +15,6 @@ from dlama.completion.options import options_in
 from dlama.files.rasters.images import has_16_bits
 from dlama.files.rasters.pictures import write_mask
 from dlama.files.results.completion import RESULTS, file_names
-from dlama.files.results.meta_json import as_json
 from dlama.files.scenes.photo3d_page import photo3d_page
 from dlama.jobs.options import Pointing
 from dlama.jobs.parameters import ESTIMATING, LENS, METHOD, MOVE, POINTING, READING
@@ -163,12 +161,9 @@ def write_result(result: Result, folder: Path, only: tuple[str, ...] | None = No
     result.done.meta.update(result.source.job.how_depth_was_read())
     lens_from = hide_paths(result.source.job.intrinsics_from, names)
     seconds = result.source.job.stages
-    out = dlama.write(result.done, folder / OUT, only=only, inputs=inputs, intrinsics_from=lens_from, seconds=seconds)
-    meta = json.loads((out / "meta.json").read_text("utf-8"))
-    for entry in meta["inputs"].values():
-        entry["path"] = names[Path(entry["path"])]
-    (out / "meta.json").write_text(as_json(meta), encoding="utf-8")
-    return out
+    shown = {role: names[Path(path)] for role, path in inputs.items()}
+    how_read: dict[str, Any] = {"intrinsics_from": lens_from, "seconds": seconds, "input_addresses": shown}
+    return dlama.write(result.done, folder / OUT, only=only, inputs=inputs, **how_read)
 
 
 def zip_result(result: Result, parent: Path) -> bytes:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 from dlama.apps.model_files import model_for
-from dlama.apps.options import Report
+from dlama.apps.options import Report, typed_words
 from dlama.apps.terminal.output import follow_run, print_line, report_result
 from dlama.apps.verbs.measuring.options import NO_FILL, Cases, Methods, Protocol
 from dlama.arguments import check_word
@@ -138,7 +138,7 @@ def command_line(dataset: str, output: Path, cases: Cases, methods: Methods) -> 
         for field in dataclasses.fields(options):
             value, flag = getattr(options, field.name), field.name.replace("_", "-")
             if value != field.default:
-                words += [f"--no-{flag}"] if value is False else [f"--{flag}", *_words(value)]
+                words += [f"--no-{flag}"] if value is False else [f"--{flag}", *typed_words(value)]
     return shlex.join([*words, "-o", str(output)])
 
 
@@ -173,9 +173,3 @@ def show_progress(title: str, report: Report) -> Iterator[Progress]:
             update(done, total, counts["kept"], f": {outcome.case.scene} {outcome.case.frame}" if outcome else "")
 
         yield progress
-
-
-def _words(value: Any) -> Sequence[str]:
-    return [
-        f"{one:g}" if isinstance(one, float) else str(one) for one in (value if isinstance(value, tuple) else [value])
-    ]
