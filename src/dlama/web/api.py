@@ -141,10 +141,10 @@ def source_picture(visit: Visit, fields: Fields) -> Blob:
     kind = fields.get("kind")
     if kind == "depth":
         shown_depth, ramp = pictures.source_depth(source.rgbd)
-        return Blob(pictures.png(shown_depth), "image/png", headers={"X-Ramp": json.dumps(ramp)})
+        return pictures.png(shown_depth, {"X-Ramp": json.dumps(ramp)})
     if kind == "right" and source.pair is not None:
-        return Blob(pictures.png(source.pair[1]), "image/png")
-    return Blob(pictures.png(source.rgbd.color), "image/png")
+        return pictures.png(source.pair[1])
+    return pictures.png(source.rgbd.color)
 
 
 def source_pixel(visit: Visit, fields: Fields) -> dict[str, Any]:
@@ -188,7 +188,7 @@ def mask(visit: Visit, fields: Fields) -> Blob:
     """The mask as a picture, 255 = remove."""
     source = visit.require_source()
     chosen = visit.mask if visit.mask is not None else source.rgbd.missing & False
-    return Blob(pictures.png(chosen.astype("uint8") * 255), "image/png")
+    return pictures.png(chosen.astype("uint8") * 255)
 
 
 def preview(visit: Visit, fields: Fields) -> Blob:
@@ -199,7 +199,7 @@ def preview(visit: Visit, fields: Fields) -> Blob:
         visit.preview["small"] = pictures.Preview(source.rgbd, visit.mask)
     picture, shares = visit.preview["small"].show(request)
     answer = ", ".join(f"{name}={share}" for name, share in shares.items())
-    return Blob(pictures.png(picture), "image/png", headers={"X-Holes": answer})
+    return pictures.png(picture, {"X-Holes": answer})
 
 
 def alive(visit: Visit, fields: Fields) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import cv2
@@ -25,19 +25,19 @@ from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
-from dlama.web.answers import PageError
+from dlama.web.answers import Blob, PageError
 from dlama.web.completions.request import CompletionRequest
 from dlama.web.inputs import shrink
 
 PREVIEW_PX = 256
 
 
-def png(values: np.ndarray) -> bytes:
+def png(values: np.ndarray, headers: Mapping[str, str] | None = None) -> Blob:
     """H x W (grey) or H x W x 3 RGB uint8 as PNG; quick rather than small."""
     picture = values[..., ::-1] if values.ndim == 3 else values
     done, data = cv2.imencode(".png", np.ascontiguousarray(picture), [cv2.IMWRITE_PNG_COMPRESSION, 1])
     assert done
-    return bytes(data)
+    return Blob(bytes(data), "image/png", headers=headers)
 
 
 class Preview:

@@ -116,9 +116,7 @@ def describe_result(result: Result) -> dict[str, Any]:
 def picture(visit: Visit, fields: Fields) -> Blob:
     """A picture of the result; `kind`, and `right` of a pair."""
     done = visit.require_result().done
-    return Blob(
-        pictures.png(pictures.result_picture(done, str(fields.get("kind")), fields.get("right") is True)), "image/png"
-    )
+    return pictures.png(pictures.result_picture(done, str(fields.get("kind")), fields.get("right") is True))
 
 
 def pixel(visit: Visit, fields: Fields) -> dict[str, Any]:
