@@ -196,6 +196,8 @@ def test_filling_from_all_sides_is_cancelled(pages: Pages) -> None:
     page.select_option("#filler", "telea")
     complete(page)
     with ONE_AT_A_TIME:  # it cannot be done before the click
+        page.get_by_role("button", name="3-D photo").click()
+        playwright.expect(page.locator("#home-words")).to_have_text("filling what is hidden from all sides, 0 %")
         page.get_by_role("tab", name="3-D").click()
         page.locator("#scene-cancel").click()
         playwright.expect(page.locator("#scene-fact")).to_contain_text("cancelled")

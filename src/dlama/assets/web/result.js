@@ -89,7 +89,10 @@ async function turn(words) {
   await server.inTurn(() => server.ask("turn"));
   for (const one of bar) one.hidden = false;
   try {
-    const { state } = await server.follow(({ share }) => { $("scene-progress").value = share ?? 0; });
+    const { state } = await server.follow(({ share }) => {
+      $("scene-progress").value = share ?? 0;
+      if (words === "home-words") $(words).textContent = `filling what is hidden from all sides, ${Math.round(100 * (share ?? 0))} %`;
+    });
     return state !== "cancelled";
   } finally { for (const one of bar) one.hidden = true; }
 }
