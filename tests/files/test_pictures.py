@@ -252,6 +252,9 @@ def test_files_of_a_result_given_as_a_picture_say_what_goes_where(tmp_path: Path
         (tmp_path / name).write_bytes(b"ply\n")
         with pytest.raises(FileError, match=told):
             read_color(tmp_path / name)
+    (tmp_path / "scene.npz").touch()
+    with pytest.raises(FileError, match=r"is a directory, a file is expected \(.*scene\.npz\?\)$"):
+        read_color(tmp_path)
     for kind in ("GIF", "BMP", "PPM", "JPEG 2000"):
         Image.new("RGB", (8, 8)).save(tmp_path / "picture.png", format=kind.replace(" ", ""))
         with pytest.raises(

@@ -95,7 +95,8 @@ def existing_file(path: PathLike) -> Path:
             f"{printable_name(path)}: cannot be read ({getattr(error, 'strerror', '') or error})"
         ) from error
     if stat.S_ISDIR(found.st_mode):
-        raise FileError(f"{file}: is a directory, a file is expected")
+        scene = file / "scene.npz"
+        raise FileError(f"{file}: is a directory, a file is expected{f' ({scene}?)' if scene.is_file() else ''}")
     if not stat.S_ISREG(found.st_mode):  # a named pipe would be waited for, /dev/zero never ends
         raise FileError(f"{file}: is a pipe or device, a file on disk is expected")
     if not found.st_size:
