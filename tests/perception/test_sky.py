@@ -43,6 +43,16 @@ def test_sky_without_depth_is_far(color: tuple[int, int, int]) -> None:
     np.testing.assert_array_equal(done.depth[~far], rgbd.depth[~far])
 
 
+def test_readings_of_a_lidar_keep_the_house() -> None:
+    """Truth: of depth in one pixel of twenty the sky is far, the house and the street are where they are."""
+    rgbd, far = street(BLUE)
+    depth = rgbd.depth * (np.random.default_rng(0).random(far.shape) < 0.05)
+    done = dlama.complete(RGBD(rgbd.color, depth, CAMERA, padding=rgbd.padding), [CAMERA], filler="layered").view
+    near = ~far & (rgbd.depth < 20)
+    assert np.isposinf(done.depth[far]).mean() > 0.95
+    assert (np.abs(done.depth[near] / rgbd.depth[near] - 1) < 0.05).mean() > 0.95
+
+
 def test_a_cloud_is_sky() -> None:
     """Truth: a bright cloud amid the sky, which is no part of its plain, is far as well."""
     rgbd, far = street(BLUE)

@@ -39,3 +39,13 @@ def test_a_hole_in_a_near_surface_stays_on_it() -> None:
         missing[part] = True
         filled = DepthByColor(w, np.full(w.shape, SMOOTH, np.int8), missing)
         assert move_beyond_range(filled, np.where(missing, 0, w).astype(np.float32), missing, missing) is filled
+
+
+def test_between_readings_depth_is_not_moved() -> None:
+    """Law: of a room that a LIDAR read in one pixel of fifty, what is missing between readings stays between them."""
+    true = ROOM.rgbd(CAMERA)
+    depth = true.depth * (np.random.default_rng(0).random(true.depth.shape) < 0.02)
+    done = dlama.complete(
+        RGBD(true.color, depth, CAMERA, padding=np.zeros(depth.shape, np.bool_)), [CAMERA], filler="layered"
+    )
+    assert (np.abs(done.view.depth / true.depth - 1) < 0.05).mean() > 0.95

@@ -26,7 +26,7 @@ FARTHEST = 1e6
 DETACHED = 15.0
 """Extra path length, in px, from pixels of no plane, in noisy depth."""
 RIM_PX = 4
-"""Pixels of measured depth round missing depth that do not extend along colours, where there is sky."""
+"""Width of the rim of measured surfaces that does not extend along colours where there is sky; single readings have none."""
 FADING = 16.0
 """Pixels over which a plane's residual at the known pixel fades out."""
 MOST = 3.0
@@ -70,7 +70,8 @@ def fill_along_colors(
     if (
         sky.any()
     ):  # its border is where the picture has it: roofs, whose blurred colours touch the sky, begin farther inside
-        rim = dilate_mask(missing, RIM_PX) & ~hole
+        inside = ~hole & ~dilate_mask(missing, RIM_PX)
+        rim = ~hole & ~inside & dilate_mask(inside, RIM_PX + 1)
         known, free = known & ~rim, free | rim
     source = nearest_along_colors(smooth_color, known, free, longest=FARTHEST, start=start)
     reached = missing & (source >= 0)
