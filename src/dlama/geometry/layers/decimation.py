@@ -71,7 +71,7 @@ def decimate(
     used = np.zeros(covered.shape, bool)
     used[corners[..., 0], corners[..., 1]] = True
     rows, columns = np.nonzero(used)
-    numbers = (np.cumsum(used, dtype=np.int32) - 1).reshape(used.shape)[corners[..., 0], corners[..., 1]]
+    numbers = np.cumsum(used, dtype=np.int32).reshape(used.shape)[corners[..., 0], corners[..., 1]] - np.int32(1)
     del corners, covered, used
     first = len(rows) + 4 * np.arange(len(lone_rows), dtype=np.int32)[:, None]
     squares = np.concatenate([first + corner for corner in np.array([[0, 1, 2], [1, 3, 2]], np.int32)])
