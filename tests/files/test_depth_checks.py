@@ -110,3 +110,18 @@ def test_what_is_no_far_plane_passes(tmp_path: Path, change: str) -> None:
         depth[0, :2] = 1000
     write_depth_exr(tmp_path / "d.exr", depth)
     read_rgbd(tmp_path / "image.png", tmp_path / "d.exr", fov=60)
+
+
+def test_missing_depth_with_the_code_of_the_sky_is_warned_of(tmp_path: Path) -> None:
+    """Oracle: a wall 3 m away with patches of 65535, as files of 7-Scenes have them; a street 9 m deep with sky gets no word."""
+    color = np.zeros((60, 80, 3), np.uint8)
+    depth = np.full((60, 80), 3000, np.uint16)
+    depth[20:30, 20:40] = 65535
+    cv2.imwrite(str(tmp_path / "color.png"), color)
+    for name, scale in (("room", 1), ("street", 3)):
+        cv2.imwrite(str(tmp_path / f"{name}.png"), np.where(depth < 65535, depth * scale, depth).astype(np.uint16))
+    with pytest.warns(UserWarning, match=r"room\.png: 4\.2% of the depth is 65535.*ends at 3 m.*write 0 there"):
+        read_rgbd(tmp_path / "color.png", tmp_path / "room.png", fov=60)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        read_rgbd(tmp_path / "color.png", tmp_path / "street.png", fov=60)

@@ -15,7 +15,7 @@ from dlama.files.atomic_write import PathLike
 from dlama.files.cameras import camera_for
 from dlama.files.photos.depth import PhotoDepth, read_photo_depth
 from dlama.files.rasters.depth import check_depth_options, read_depth
-from dlama.files.rasters.depth_checks import warn_of_far_plane
+from dlama.files.rasters.depth_checks import warn_of_far_plane, warn_of_missing_code
 from dlama.files.rasters.images import read_stored
 from dlama.files.rasters.pictures import read_color
 from dlama.files.rasters.turned_pairs import refuse_turned, same_proportions, warn_of_turn
@@ -93,6 +93,7 @@ def read_rgbd(
     metres = read_depth(depth, depth_scale=depth_scale, depth_range=depth_range, channel=channel, far=far)
     if far is None:
         warn_of_far_plane(depth, metres)
+        warn_of_missing_code(depth, metres)
     refuse_turned(image, depth, hw, (metres.shape[0], metres.shape[1]))
     warn_of_turn(image, depth)
     metres = _resize_depth(image, depth, metres, color, resize_depth)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
 from dlama.errors import warn
@@ -9,9 +11,13 @@ from dlama.files.atomic_write import PathLike
 from dlama.geometry.rgbd import Float32Array
 from dlama.perception.diagnosis.depth_code import looks_inverse
 from dlama.perception.diagnosis.depth_scale import find_far_plane
+from dlama.perception.sky import OUTDOORS_M
 
 CLOSE_RANGE = 50.0, 5.0
 """Least median depth in metres, and largest ratio of far to near, of what may be a close-range scanner's millimetres."""
+
+LEAST_FAR = 0.01
+"""Least share of the picture that is far, of what may be missing."""
 
 
 def warn_of_inverse(path: PathLike, depth: Float32Array) -> None:
@@ -43,4 +49,17 @@ def warn_of_far_plane(path: PathLike, depth: Float32Array) -> None:
         warn(
             f"{path}: {found[1]:.1%} of the depth is exactly {found[0]:.9g} m, far behind all else; if that is sky, give "
             f"`far={found[0]:.9g}`"
+        )
+
+
+def warn_of_missing_code(path: PathLike, depth: Float32Array) -> None:
+    """Warn (UserWarning) where an integer file has the code of the sky (depth: H x W metres), but nothing as far as outdoors."""
+    finite, share = depth[np.isfinite(depth) & (depth > 0)], float(np.isposinf(depth).mean())
+    if Path(path).suffix.lower() in (".exr", ".pfm", ".npy", ".npz") or share < LEAST_FAR or not finite.size:
+        return
+    farthest = float(np.quantile(finite, 0.99))
+    if farthest < OUTDOORS_M:
+        warn(
+            f"{path}: {share:.1%} of the depth is 65535, which is sky, though the rest ends at {farthest:.2g} m; if it means "
+            "missing (as in files of 7-Scenes), write 0 there"
         )
