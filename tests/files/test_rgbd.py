@@ -27,7 +27,7 @@ def pair(folder: Path, depth: np.ndarray) -> tuple[Path, Path]:
 
 
 def test_read_rgbd(tmp_path: Path) -> None:
-    depth = np.full((6, 8), 2.0)
+    depth = np.full((6, 8), 8.0)
     depth[0, :2] = (0, np.inf)
     rgbd = read_rgbd(*pair(tmp_path, depth), fov=90)
     assert (
