@@ -18,7 +18,7 @@ LUMA = np.array([0.299, 0.587, 0.114], np.float32)
 STEP = 3.0
 """Largest step between neighbouring pixels of the grid, in grey levels, in the sky."""
 SAMPLED = 16
-"""Every so manyth measured pixel is asked for its depth."""
+"""Stride over the measured pixels whose depth is looked at."""
 OUTDOORS_M = 6.0
 """Least depth of the farthest hundredth of what is measured outdoors; depth cameras in rooms reach less."""
 BLUE, BRIGHT, WARM = 12.0, 40.0, 10.0
