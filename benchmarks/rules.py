@@ -103,6 +103,10 @@ def _sky_without_depth() -> None:
     _replace("inpainters.layered.depth.surfaces", "find_plain_sky", lambda color, free, depth: np.zeros_like(free))
 
 
+def _plain_infinity() -> None:
+    _replace("completion.stereo.disparities", "drop_plain_infinity", lambda color, disparity, depth: disparity)
+
+
 def _beyond_range() -> None:
     _replace("inpainters.layered.depth.surfaces", "move_beyond_range", lambda filled, *rest: filled)
 
@@ -214,5 +218,6 @@ RULES: dict[str, Callable[[], None]] = {
     "depth-camera": _depth_camera,
     "beyond-range": _beyond_range,
     "sky-without-depth": _sky_without_depth,
+    "plain-infinity": _plain_infinity,
 }
 """Name -> what turns the rule off."""
