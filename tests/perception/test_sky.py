@@ -80,3 +80,12 @@ def test_a_patterned_ceiling_is_no_sky() -> None:
     pattern = np.uint8(40) * (np.indices(far.shape).sum(0) // 3 % 2).astype(np.uint8)
     color = np.where(far[..., None], rgbd.color - pattern[..., None], rgbd.color)
     assert not sky_of(RGBD(color, rgbd.depth, CAMERA, padding=rgbd.padding)).any()
+
+
+def test_a_ceiling_that_was_measured_in_part_is_no_sky() -> None:
+    """Law: of a plain white ceiling over a hall stripes were measured; what lacks depth between them is ceiling, too."""
+    rgbd, far = street(WHITE)
+    measured = far & (np.arange(CAMERA.width) % 40 < 16)
+    depth = np.where(measured, np.float32(7), rgbd.depth)
+    assert sky_of(rgbd).any()
+    assert not sky_of(RGBD(rgbd.color, depth, CAMERA, padding=rgbd.padding)).any()

@@ -23,6 +23,8 @@ OUTDOORS_M = 6.0
 """Least depth of the farthest hundredth of what is measured outdoors; depth cameras in rooms reach less."""
 BLUE, BRIGHT, WARM = 12.0, 40.0, 10.0
 """Levels by which blue exceeds red, or grey exceeds the median of the rest; and by which red may exceed blue then."""
+FREE = 0.75
+"""Least share of a plain part that may be sky: a ceiling continues where it was measured."""
 LARGEST, ALONG_TOP, SMALLEST = 0.02, 0.1, 0.001
 """Of the largest part of a sky, its least share of the picture and of the upper edge; least share of further parts."""
 
@@ -44,12 +46,14 @@ def find_plain_sky(color: UInt8Array, free: BoolArray, depth: Float32Array) -> B
     small = shrink_color(color, hw).astype(np.float32)
     grey = small @ LUMA
     cells = cv2.resize(free.astype(np.uint8) * 255, hw[::-1], interpolation=cv2.INTER_AREA) > 127
-    plain = (cells & (steps_to_neighbours(grey) < STEP)).astype(np.uint8)
-    _, part, stats, _ = cv2.connectedComponentsWithStats(plain, connectivity=4)
+    plain = (steps_to_neighbours(grey) < STEP).astype(np.uint8)
+    _, part = cv2.connectedComponents(plain, connectivity=4)
     sky, large = np.zeros(hw, np.bool_), False
     for number in np.unique(part[0][plain[0] > 0]):
-        area, this = stats[number, cv2.CC_STAT_AREA] / plain.size, part == number
-        if area < SMALLEST or this.all() or not looks_like_sky(small[this], grey, this):
+        whole = part == number
+        this = whole & cells
+        area = this.mean()
+        if area < max(SMALLEST, FREE * whole.mean()) or this.all() or not looks_like_sky(small[this], grey, this):
             continue
         sky |= this
         large |= area >= LARGEST and this[0].mean() >= ALONG_TOP
