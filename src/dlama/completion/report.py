@@ -62,8 +62,8 @@ class Record:
         """What the fillers add; the last one's counts, but of a remaining shadow those of the frame that the object was removed
         from, which is filled first."""
         found = {name: note for one in self.fills for name, note in one.notes.items()}
-        shadow = next((one.notes for one in self.fills if "remaining_shadow_px" in one.notes), {})
-        return found | {name: note for name, note in shadow.items() if name == "remaining_shadow_px"}
+        shadows = [one.notes["remaining_shadow_px"] for one in self.fills if "remaining_shadow_px" in one.notes]
+        return found | {"remaining_shadow_px": shadows[0]} if shadows else found
 
     def total(self, name: str) -> int:
         """Of all fills: the pixels in that field of `FillReport`."""

@@ -67,9 +67,8 @@ def fill_along_colors(
     cv2.GaussianBlur(smooth_color, (0, 0), BLUR, dst=smooth_color)
     start = (label == SMOOTH) * np.float32(DETACHED) if surfaces.noise else 0.0
     known, free = ~hole | sky, missing & ~sky
-    if (
-        sky.any()
-    ):  # its border is where the picture has it: roofs, whose blurred colours touch the sky, begin farther inside
+    if sky.any():
+        # Its border is where the picture has it: roofs, whose blurred colours touch the sky, begin farther inside.
         inside = ~hole & ~dilate_mask(missing, RIM_PX)
         rim = ~hole & ~inside & dilate_mask(inside, RIM_PX + 1)
         known, free = known & ~rim, free | rim

@@ -59,7 +59,7 @@ def blend_with_low_frequency(
     places = np.flatnonzero(out_of_view)
     distance = cv2.distanceTransform(view.hole.view(np.uint8), cv2.DIST_L2, 5).ravel()[places]
     middle = max(float(np.median(known)), 1e-6)
-    largest = np.full(len(places), LARGEST_SHARE, np.float32)
+    largest: np.ndarray | np.float32 = np.float32(LARGEST_SHARE)
     if label is not None:
         largest = np.where(label.ravel()[places] == SKY, np.float32(SHARE_OF_SKY), np.float32(SHARE_APART))
     share = largest * (1 - np.exp(-distance / (REACH * max(w.shape))))
