@@ -1,5 +1,4 @@
-"""PatchMatch kernels: target and source patches in; the most similar source of each target, and the votes of patches, out
-(numba)."""
+"""PatchMatch kernels: target and source patches in, the most similar source of each target out (numba)."""
 
 from __future__ import annotations
 
@@ -8,7 +7,7 @@ from numpy.typing import NDArray
 
 from dlama.geometry.kernels.jit import Real, Whole, kernel, piece
 from dlama.geometry.kernels.vectors import squared_difference
-from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+from dlama.geometry.rgbd import BoolArray, Float32Array
 
 HALF = 3
 """Patches are squares of 2 HALF + 1 pixels."""
@@ -203,109 +202,6 @@ def cost_rows(
         source_row, source_column = int(found[t, 0]), int(found[t, 1])
         more = penalty(row, column, source_row, source_column, weights, used, label)
         cost[t] = more + difference(values, row, column, source_row, source_column, np.inf)
-
-
-@kernel
-def vote_rows(
-    first: Whole,
-    last: Whole,
-    values: Float32Array,
-    pixels: Places,
-    number: NDArray[np.int32],
-    found: Places,
-    weights: Float32Array,
-    near: Float32Array,
-    out: Float32Array,
-) -> None:
-    """Set hole pixels [first, last) to a weighted mean of the patches over them.
-
-    weights: N, of the patches; near: SIDE x SIDE, by a centre's place next to the pixel; out: M x C, for the M pixels.
-    """
-    height, width, _ = values.shape
-    for p in range(first, last):
-        row, column = int(pixels[p, 0]), int(pixels[p, 1])
-        top, bottom, left, right = steps_inside(row, column, height, width)
-        total = a = b = c = d = e = np.float32(0)  # sums of the CHANNELS: in registers they take two thirds of the time
-        for j in range(top, bottom + 1):
-            for i in range(left, right + 1):
-                t = int(number[row + j, column + i])
-                if t >= 0:
-                    weight = weights[t] * near[j + HALF, i + HALF]
-                    total += weight
-                    source_row, source_column = int(found[t, 0]) - j, int(found[t, 1]) - i
-                    a += weight * values[source_row, source_column, 0]
-                    b += weight * values[source_row, source_column, 1]
-                    c += weight * values[source_row, source_column, 2]
-                    d += weight * values[source_row, source_column, 3]
-                    e += weight * values[source_row, source_column, 4]
-        for k, channel in enumerate((a, b, c, d, e)):
-            out[p, k] = channel / total
-
-
-@kernel
-def copy_rows(
-    first: Whole,
-    last: Whole,
-    picture: UInt8Array,
-    pixels: Places,
-    number: NDArray[np.int32],
-    found: Places,
-    weights: Float32Array,
-    near: Float32Array,
-    out: Float32Array,
-) -> None:
-    """As `vote_rows`, of the colours alone, from the picture itself (H x W x 3). out: M x 3."""
-    height, width, _ = picture.shape
-    for p in range(first, last):
-        row, column = int(pixels[p, 0]), int(pixels[p, 1])
-        top, bottom, left, right = steps_inside(row, column, height, width)
-        total = a = b = c = np.float32(0)
-        for j in range(top, bottom + 1):
-            for i in range(left, right + 1):
-                t = int(number[row + j, column + i])
-                if t >= 0:
-                    weight = weights[t] * near[j + HALF, i + HALF]
-                    total += weight
-                    source_row, source_column = int(found[t, 0]) - j, int(found[t, 1]) - i
-                    a += weight * np.float32(picture[source_row, source_column, 0])
-                    b += weight * np.float32(picture[source_row, source_column, 1])
-                    c += weight * np.float32(picture[source_row, source_column, 2])
-        for k, channel in enumerate((a, b, c)):
-            out[p, k] = channel / total
-
-
-@kernel
-def spread_rows(
-    first: Whole,
-    last: Whole,
-    picture: UInt8Array,
-    pixels: Places,
-    number: NDArray[np.int32],
-    found: Places,
-    out: Float32Array,
-) -> None:
-    """Standard deviation of the colours that the patches over hole pixels [first, last) give them, mean over the channels; as of
-    `vote_rows`, all patches alike. out: M levels."""
-    height, width, _ = picture.shape
-    for p in range(first, last):
-        row, column = int(pixels[p, 0]), int(pixels[p, 1])
-        top, bottom, left, right = steps_inside(row, column, height, width)
-        count = squares = a = b = c = 0.0
-        for j in range(top, bottom + 1):
-            for i in range(left, right + 1):
-                t = int(number[row + j, column + i])
-                if t >= 0:
-                    source_row, source_column = int(found[t, 0]) - j, int(found[t, 1]) - i
-                    red, green, blue = (
-                        np.float64(picture[source_row, source_column, 0]),
-                        np.float64(picture[source_row, source_column, 1]),
-                        np.float64(picture[source_row, source_column, 2]),
-                    )
-                    count += 1
-                    a, b, c = a + red, b + green, c + blue
-                    squares += red * red + green * green + blue * blue
-        variance = squares / count - (a * a + b * b + c * c) / (count * count)
-        out[p] = np.sqrt(max(variance, 0.0) / 3)
 
 
 @kernel

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from dlama.geometry.holes import box_around
 from dlama.geometry.kernels.jit import as_input, in_bands
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
-from dlama.inpainters.patchmatch import kernels
+from dlama.inpainters.patchmatch import kernels, vote_kernels
 from dlama.inpainters.patchmatch.pyramid import Level, dilate_by_patch
 
 NEAR = 16.0
@@ -126,7 +126,7 @@ class Search:
         out = np.empty((len(self.pixels), 3), np.float32)
         weights, near = self._weights(SHARP, np.ones_like(self.cost)), gaussian(NARROW)
         rows = as_input(picture), self.pixels, self.number, self.found, weights, near, out
-        in_bands(kernels.copy_rows, len(self.pixels), *rows, band=BAND)
+        in_bands(vote_kernels.copy_rows, len(self.pixels), *rows, band=BAND)
         return out
 
     def spread_of_votes(self, picture: UInt8Array) -> Float32Array:
@@ -134,7 +134,7 @@ class Search:
         elsewhere."""
         out = np.empty(len(self.pixels), np.float32)
         rows = as_input(picture), self.pixels, self.number, self.found, out
-        in_bands(kernels.spread_rows, len(self.pixels), *rows, band=BAND)
+        in_bands(vote_kernels.spread_rows, len(self.pixels), *rows, band=BAND)
         spread = np.zeros(self.sources.shape, np.float32)
         spread[self.pixels[:, 0], self.pixels[:, 1]] = out
         return spread
@@ -156,7 +156,7 @@ class Search:
         out = np.empty((len(self.pixels), self.values.shape[2]), np.float32)
         weights, near = self._weights(sharpness, trust), gaussian(width_px)
         rows = self.values, self.pixels, self.number, self.found, weights, near, out
-        in_bands(kernels.vote_rows, len(self.pixels), *rows, band=BAND)
+        in_bands(vote_kernels.vote_rows, len(self.pixels), *rows, band=BAND)
         self.values[self.pixels[:, 0], self.pixels[:, 1]] = out
 
     def _weights(self, sharpness: float, trust: Float32Array) -> Float32Array:
