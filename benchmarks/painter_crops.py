@@ -16,7 +16,6 @@ import cv2
 import numpy as np
 
 from dlama.errors import DlamaError, MaskError
-from dlama.files.atomic_write import new_file
 from dlama.geometry.holes import box_around, dilate_square, shrink_known
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
@@ -25,6 +24,7 @@ from dlama.inpainters.layered.depth_first import find_occluders
 from dlama.perception.masks.salient import saliency
 from dlama.training.data.photos import read_photo, square_crop
 from dlama.training.data.samples.world_views import WorldSet
+from dlama.writing.atomic_write import new_file
 from view_tasks import FillTask, photo_task, pipeline_tasks
 from world_cases import world_case
 

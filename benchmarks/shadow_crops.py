@@ -16,7 +16,6 @@ import cv2
 import numpy as np
 
 from dlama.evaluation.metrics.masks import darkened_by_shadow
-from dlama.files.atomic_write import new_file
 from dlama.geometry.camera import Camera
 from dlama.geometry.holes import dilate_mask, erode_mask
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
@@ -31,6 +30,7 @@ from dlama.worlds.raycast import shape_rows as k
 from dlama.worlds.raycast.shape_rows import CASTS, GROUP, LIT
 from dlama.worlds.scene_builder import SceneBuilder
 from dlama.worlds.world import World
+from dlama.writing.atomic_write import new_file
 from sensors import add_photo_noise, stereo_matcher, structured_light
 
 AS_IT_IS = 0.35

@@ -14,7 +14,7 @@ import pytest
 import dlama
 from dlama.arguments import check, check_arguments, check_count, check_number
 from dlama.errors import DlamaError, InputError, InputTypeError
-from dlama.files.atomic_write import PathLike
+from dlama.writing.atomic_write import PathLike
 
 pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")
 

@@ -82,7 +82,7 @@ import signal, sys
 signal.signal(signal.SIGINT, signal.default_int_handler)  # nohup and shells' background jobs ignore both, as do their children
 signal.signal(signal.SIGHUP, signal.SIG_DFL)
 from dlama.apps.terminal.output import errors_as_lines
-from dlama.files.atomic_write import new_directory
+from dlama.writing.atomic_write import new_directory
 with errors_as_lines(), new_directory("out") as folder:
     (folder / "half.txt").write_text("half")
     print("ready", flush=True)
@@ -124,7 +124,7 @@ IN_A_CALLBACK = """
 import ctypes, os, signal, time
 signal.signal(signal.SIGINT, signal.default_int_handler)
 from dlama.apps.terminal.output import errors_as_lines
-from dlama.files.atomic_write import new_directory
+from dlama.writing.atomic_write import new_directory
 def interrupted():
     os.kill(os.getpid(), signal.SIGINT)
     for _ in range(1000):

@@ -31,12 +31,12 @@ CALLS = {
     "settings_of": "dlama.training.presets.settings_of('{}.json')",
     "find_training_data": "dlama.training.data.sources.find_training_data([Path('{}')])",
     "source_of": "dlama.apps.model_files.source_of('{}.pt')",
-    "new_file": "dlama.files.atomic_write.new_file('{}.txt').__enter__()",
-    "new_directory": "dlama.files.atomic_write.new_directory('{}').__enter__()",
+    "new_file": "dlama.writing.atomic_write.new_file('{}.txt').__enter__()",
+    "new_directory": "dlama.writing.atomic_write.new_directory('{}').__enter__()",
 }
 """Name -> a call with a path that may not be used in it: below a closed folder, or closed itself."""
 MODULES = (
-    "datasets.layouts files.photos.containers files.rasters.pictures files.rasters.depth files.cameras files.atomic_write "
+    "datasets.layouts files.photos.containers files.rasters.pictures files.rasters.depth files.cameras writing.atomic_write "
     "inpainters worlds.dataset worlds.writer "
     "training.presets training.data.sources apps.model_files"
 )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
-import os
 import re
 from pathlib import Path
 
@@ -110,11 +109,14 @@ def test_verify_pins_once(toy: Path) -> None:
     assert known_size_and_sha256(unknown)[0] == 5
 
 
-@pytest.mark.skipif(os.name != "posix", reason="a directory in the place of the list is another error elsewhere")
-def test_pins_that_cannot_be_written(toy: Path) -> None:
+def test_pins_that_cannot_be_written(toy: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """An OutputError that names the list."""
-    (toy.parent / "pins.json.part").mkdir()
+
+    def refuse(draft: Path, target: Path) -> None:
+        raise PermissionError(13, "Permission denied")
+
     toy.write_bytes(b"first")
+    monkeypatch.setattr(Path, "replace", refuse)
     with pytest.raises(OutputError, match=r"pins\.json: cannot be written"):
         verify(dataclasses.replace(TOY, sha256=None, bytes=None))
 

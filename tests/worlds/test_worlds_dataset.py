@@ -14,10 +14,10 @@ import pytest
 from dlama.datasets.easysynth.dataset import easysynth
 from dlama.datasets.frames import RemovalTruth, StereoTruth, ViewTruth
 from dlama.errors import FileError, InputError, OutputError
-from dlama.files import drafts
 from dlama.files.rasters.pictures import write_color
 from dlama.worlds.dataset import world, worlds
 from dlama.worlds.writer import write_worlds
+from dlama.writing import drafts
 
 SIZE = 64
 

@@ -11,10 +11,10 @@ from pathlib import Path
 from dlama import __version__
 from dlama.apps.terminal.streams import printable
 from dlama.errors import FileError, OutputError, system_errors
-from dlama.files.atomic_write import new_file, write_file
 from dlama.models.cache import directory, locate, user_path
 from dlama.models.records import CATALOGUE
 from dlama.models.verify import sha256_of, size_and_sha256
+from dlama.writing.atomic_write import new_file, write_file
 
 UNKNOWN = "unknown"
 HASH_SUFFIX = ".sha256"

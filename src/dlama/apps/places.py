@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from dlama.errors import OutputError, system_reason
-from dlama.files.atomic_write import check_name
+from dlama.writing.atomic_write import check_name
 
 FILE_ENDINGS = (".png", ".jpg", ".jpeg", ".webp", ".exr", ".gif", ".mp4", ".html", ".glb", ".ply", ".npz", ".json")
 """Who gives a verb a new name that ends so expects one file of it, and would find a directory."""

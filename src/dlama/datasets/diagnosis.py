@@ -17,7 +17,6 @@ from dlama.datasets.dataset_checks import Found, examine_dataset
 from dlama.datasets.layouts import is_capture_file
 from dlama.datasets.posed.scene_file import is_scene_file
 from dlama.errors import FileError, InputError, ShapeError, format_size, system_errors
-from dlama.files.atomic_write import PathLike
 from dlama.files.cameras import camera_for, read_stereo_calib
 from dlama.files.photos.depth import read_photo_depth
 from dlama.files.rasters.depth import MILLIMETRES
@@ -34,6 +33,7 @@ from dlama.perception.diagnosis.lens import check_exif, check_lens
 from dlama.perception.diagnosis.registration import correlate_edges
 from dlama.perception.diagnosis.rgbd_checks import check_terraces, describe_frame, run_checks
 from dlama.perception.diagnosis.stereo_pair import check_pair
+from dlama.writing.atomic_write import PathLike
 
 LENS = ("camera", "fx", "fy", "cx", "cy", "fov", "pixel_center")
 READING = ("depth_scale", "depth_range", "channel", "far", "resize_depth")

@@ -10,9 +10,9 @@ from typing import Any
 import cv2
 
 from dlama.errors import CameraError, FileError, any_error, warn
-from dlama.files.atomic_write import PathLike
 from dlama.files.fields import FileFields
 from dlama.files.rasters.images import existing_file
+from dlama.writing.atomic_write import PathLike
 
 SUFFIXES = (".yaml", ".yml")
 MATRIX, DISTORTION = ("camera_matrix", "K", "k"), ("distortion_coefficients", "D", "d")

@@ -13,12 +13,12 @@ from numpy.typing import ArrayLike
 
 from dlama.arguments import check_arguments
 from dlama.errors import CameraError, FileError, format_size, system_errors, warn
-from dlama.files.atomic_write import PathLike, write_file
 from dlama.files.camera_yaml import SUFFIXES, read_yaml_fields
 from dlama.files.fields import FileFields, Intrinsics, json_text, json_value, read_calib_txt, read_json_fields
 from dlama.files.rasters.images import read_stored
 from dlama.geometry.camera import Camera, StereoRig, check_pixel_center
 from dlama.perception.diagnosis.lens import check_lens, looks_like_radians
+from dlama.writing.atomic_write import PathLike, write_file
 
 FILM_DIAGONAL_MM = math.hypot(36, 24)
 """35 mm film; "focal length in 35 mm film" compares diagonals (CIPA DCG-001)."""

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from dlama.errors import CameraError, FileError, any_error, format_size, warn
-from dlama.files.atomic_write import PathLike
 from dlama.files.rasters.images import existing_file
 from dlama.geometry.camera import Float64Array, intrinsics_of
+from dlama.writing.atomic_write import PathLike
 
 LONGEST_SIDE = 2**24
 """Pixels of the longest side of a picture that a file may name."""

@@ -11,7 +11,6 @@ import numpy as np
 
 from dlama.arguments import check_arguments
 from dlama.errors import DepthError, FileError, InputError, ShapeError, format_size, system_errors, warn
-from dlama.files.atomic_write import PathLike
 from dlama.files.cameras import camera_for
 from dlama.files.photos.depth import PhotoDepth, read_photo_depth
 from dlama.files.rasters.depth import check_depth_options, read_depth
@@ -26,6 +25,7 @@ from dlama.geometry.rgbd import RGBD, Float32Array, UInt8Array, freeze, mark_far
 from dlama.perception.depth_networks import DepthPrediction
 from dlama.perception.monocular import DEFAULT, Estimator, estimate_depth
 from dlama.perception.resampling import nearest_pixels, upsample_depth
+from dlama.writing.atomic_write import PathLike
 
 
 @system_errors(FileError)

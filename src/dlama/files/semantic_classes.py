@@ -6,8 +6,8 @@ import re
 from pathlib import Path
 
 from dlama.errors import FileError, MaskError
-from dlama.files.atomic_write import PathLike
 from dlama.files.rasters.images import existing_file
+from dlama.writing.atomic_write import PathLike
 
 RGB = tuple[int, int, int]
 CLASSES_FILE = "SemanticClasses.csv"

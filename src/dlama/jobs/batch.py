@@ -13,7 +13,6 @@ from dlama.arguments import check, check_arguments, check_count, check_number, c
 from dlama.completion.memory import available_bytes
 from dlama.completion.options import raise_all
 from dlama.errors import InputError, marked_name, require_extra
-from dlama.files.atomic_write import PathLike, check_name
 from dlama.jobs.job import Job, job_of, resolve_path
 from dlama.jobs.lists.tables import rows as rows_of
 from dlama.jobs.on_ray import RayWorkers
@@ -25,6 +24,7 @@ from dlama.jobs.storage import Output, folder_of, is_address, local_path
 from dlama.models.network_file import processor_count
 from dlama.workers.memory import PROCESS_BYTES, check_processes
 from dlama.workers.pool import Pool
+from dlama.writing.atomic_write import PathLike, check_name
 
 Source = PathLike | Iterable[Mapping[str, Any]]
 

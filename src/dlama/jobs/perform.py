@@ -17,13 +17,13 @@ from typing import Any
 
 from dlama.arguments import check_word
 from dlama.errors import DlamaError, InputError
-from dlama.files.drafts import DRAFT
 from dlama.jobs.job import Job
 from dlama.jobs.parameters import VERBS
 from dlama.jobs.results.result import JobResult
 from dlama.jobs.storage import MARKER, Output, fetch, file_stamp
 from dlama.models.verify import sha256_of
 from dlama.workers.memory import peak_mib, reset_peak
+from dlama.writing.drafts import DRAFT
 
 HALF_MADE = re.compile(rf"\S*?{re.escape(DRAFT)}[^/]*-job/(?:{re.escape(DRAFT)}[^/]*-)?result\b")
 """The path of a result while it is made; a message names the one that it was to have."""

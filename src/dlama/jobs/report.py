@@ -21,12 +21,12 @@ from PIL import Image
 
 from dlama.errors import FileError
 from dlama.evaluation.report.templates import template
-from dlama.files.atomic_write import PathLike
 from dlama.jobs.results.manifest import FOLDER, Manifest
 from dlama.jobs.results.result import JobResult, Totals
 from dlama.jobs.results.tar_shards import key_of
 from dlama.jobs.storage import Output, is_address, local_path, open_to_read
 from dlama.workers.progress import duration
+from dlama.writing.atomic_write import PathLike
 
 THUMBNAIL = 420
 """Pixels of a shown picture's longer side."""

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Protocol
 
 from dlama.errors import OutputError
-from dlama.files.drafts import remove_abandoned
 from dlama.jobs.job import Job
 from dlama.jobs.perform import Task, died_row, work
 from dlama.jobs.results.manifest import Manifest
@@ -19,6 +18,7 @@ from dlama.jobs.results.result import JobResult
 from dlama.jobs.results.tar_shards import STAGED, Packer
 from dlama.jobs.storage import Output, local_path
 from dlama.workers.pool import TRIES, TaskEnd
+from dlama.writing.drafts import remove_abandoned
 
 Progress = Callable[[JobResult | None, int, int | None], object]
 """Called with what has just ended (None: at the start), and how many of how many are done; None: it is not known."""

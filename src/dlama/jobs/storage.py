@@ -16,8 +16,8 @@ from pathlib import Path, PurePosixPath
 from typing import IO, Any
 
 from dlama.errors import FileError, MissingExtraError, OutputError, first_line, import_extra
-from dlama.files.atomic_write import new_file, writing
-from dlama.files.drafts import DRAFT, hold, name_of, remove
+from dlama.writing.atomic_write import new_file, writing
+from dlama.writing.drafts import DRAFT, hold, name_of, remove
 
 MARKER = "meta.json"
 """The file of a result that is written last where a folder cannot be placed as a whole: with it the result is there."""

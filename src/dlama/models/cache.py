@@ -11,8 +11,9 @@ from pathlib import Path
 
 import platformdirs
 
-from dlama.errors import FileError, OutputError, system_errors
+from dlama.errors import FileError, system_errors
 from dlama.models.records import Record, record
+from dlama.writing.atomic_write import write_file
 
 PINS = "pins.json"
 
@@ -79,12 +80,7 @@ def pin(model: Record, sha256: str, size: int) -> None:
     """Remember what a file was when it was first used; OutputError where that cannot be written down."""
     path = directory() / PINS
     text = json.dumps(read_pins() | {model.file: {"sha256": sha256, "bytes": size}}, indent=1, sort_keys=True)
-    temporary = path.with_name(PINS + ".part")
-    try:
-        temporary.write_text(text + "\n", "utf-8")
-        temporary.replace(path)
-    except OSError as error:
-        raise OutputError(f"{path}: cannot be written ({error})") from error
+    write_file(path, text + "\n")
 
 
 def read_pins() -> dict[str, dict[str, object]]:

@@ -11,7 +11,7 @@ from safetensors import SafetensorError, deserialize, safe_open
 from safetensors.numpy import save
 
 from dlama.errors import FileError
-from dlama.nets.whole_file import write_whole
+from dlama.writing.atomic_write import write_file
 
 DTYPES = {
     "F64": np.float64, "F32": np.float32, "F16": np.float16, "BF16": np.uint16,
@@ -45,7 +45,7 @@ def write_safetensors(path: Path, tensors: Mapping[str, np.ndarray], metadata: M
     """Write float and integer arrays as they are; the same arrays and metadata give the same bytes. OutputError, and no half file
     is left, where the folder takes none."""
     contiguous = {name: np.asarray(array, order="C") for name, array in tensors.items()}
-    write_whole(path, _sort_metadata(save(contiguous, dict(metadata) if metadata else None)))
+    write_file(path, _sort_metadata(save(contiguous, dict(metadata) if metadata else None)))
 
 
 def _sort_metadata(data: bytes) -> bytes:

@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any
 
 import dlama
-from dlama.files.drafts import DRAFT, hold, name_of, remove_abandoned
 from dlama.files.results.photo3d import MOST_TRIANGLES
 from dlama.geometry.layers.layered_mesh import MeshPart, mesh_layers
 from dlama.geometry.rgbd import BoolArray
@@ -24,6 +23,7 @@ from dlama.web.completions.request import CompletionRequest
 from dlama.web.completions.runs import Run
 from dlama.web.inputs import Source, Upload
 from dlama.web.marks import Marks
+from dlama.writing.drafts import DRAFT, hold, name_of, remove_abandoned
 
 IDLE_SECONDS = 600.0
 """A visit that sends nothing for so long is forgotten (the page sends a sign of life every minute)."""

@@ -13,7 +13,6 @@ from dlama.apps.options import CompletingOptions, given_options
 from dlama.apps.places import check_folder_apart
 from dlama.apps.reading import Command
 from dlama.apps.terminal.output import Result
-from dlama.files.atomic_write import new_directory
 from dlama.files.results.contact_sheet import write_contact_sheet
 from dlama.files.results.preview import demo_legend, demo_panels
 from dlama.files.results.video import write_video
@@ -21,6 +20,7 @@ from dlama.geometry.motion.trajectories import interpolate_cameras
 from dlama.jobs.early import check_options
 from dlama.jobs.parameters import check_parameters
 from dlama.jobs.verbs import perform
+from dlama.writing.atomic_write import new_directory
 
 ASSETS = dlama.example()
 """Picture, depth, mask, camera and stereo pair; its README names their sources."""

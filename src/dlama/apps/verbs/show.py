@@ -12,8 +12,8 @@ from dlama.apps.options import Report, option
 from dlama.apps.places import check_file_apart
 from dlama.apps.terminal.output import report_result
 from dlama.errors import format_count
-from dlama.files.atomic_write import write_file
 from dlama.geometry.figures.show import temporary_page, whole_page
+from dlama.writing.atomic_write import write_file
 
 WINDOW = "width:100%;height:92vh"
 

@@ -13,13 +13,13 @@ import numpy as np
 from dlama.datasets.easysynth.listing import COLOR, DEPTH, MILLIMETRES, POSES, RIG, SEMANTIC
 from dlama.datasets.easysynth.text_files import UNREAL_HEADER, unreal_pose
 from dlama.errors import OutputError
-from dlama.files.atomic_write import new_directory, write_file
 from dlama.files.rasters.depth import write_depth_png
 from dlama.files.rasters.exr_files import write_exr
 from dlama.files.rasters.pictures import write_color
 from dlama.files.semantic_classes import CLASSES_FILE, RGB
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.rgbd import RGBD, UInt8Array
+from dlama.writing.atomic_write import new_directory, write_file
 
 DEEPEST_MM = 65534.5
 """Beyond it a 16-bit picture of millimetres can only say far."""

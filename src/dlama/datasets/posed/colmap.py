@@ -21,11 +21,11 @@ import numpy as np
 from dlama.datasets.posed.posed_frames import Lens, Listed, files_of
 from dlama.datasets.text_tables import pose_at, read_rows
 from dlama.errors import CameraError, FileError
-from dlama.files.atomic_write import write_file
 from dlama.files.fields import Intrinsics
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.cloud import PointCloud
 from dlama.geometry.motion.poses import invert_pose, make_pose, quaternion_from_rotation, rotation_from_quaternion
+from dlama.writing.atomic_write import write_file
 
 PARAMETERS = {"SIMPLE_PINHOLE": 3, "PINHOLE": 4, "SIMPLE_RADIAL": 4, "RADIAL": 5, "OPENCV": 8}
 """How many each model has, in the order of their numbers in binary files."""

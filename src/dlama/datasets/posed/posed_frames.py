@@ -18,7 +18,6 @@ import numpy as np
 from dlama.datasets.frames import Frame
 from dlama.datasets.text_tables import check_size, read_matrix, read_rows
 from dlama.errors import CameraError, FileError, ShapeError, format_size
-from dlama.files.atomic_write import PathLike
 from dlama.files.camera_yaml import SUFFIXES, read_yaml_fields
 from dlama.files.cameras import make_camera, read_camera
 from dlama.files.fields import FileFields, Intrinsics, read_json_fields
@@ -30,6 +29,7 @@ from dlama.files.rasters.turned_pairs import same_proportions
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.perception.resampling import shrink_color, upsample_depth
+from dlama.writing.atomic_write import PathLike
 
 CameraOption = PathLike | Camera | None
 """The option `camera` of layouts whose files may say nothing of intrinsics: a camera file, or a Camera (its pose is not used)."""

@@ -20,7 +20,6 @@ from dlama.datasets.layouts import layout_of, list_dataset
 from dlama.datasets.posed.posed_frames import CameraOption
 from dlama.datasets.text_tables import check_scenes
 from dlama.errors import DlamaError, FileError, InputError, first_line, format_count, system_errors, warn
-from dlama.files.atomic_write import PathLike
 from dlama.files.rasters.turned_pairs import same_proportions
 from dlama.files.scenes.scene_npz import read_scene
 from dlama.geometry.frames.alignment import Features, detect_features, estimate_poses, with_pose
@@ -29,6 +28,7 @@ from dlama.geometry.frames.stored import Layer, PixelCache
 from dlama.geometry.rgbd import BoolArray
 from dlama.geometry.scene import Scene
 from dlama.progress import begin_stage
+from dlama.writing.atomic_write import PathLike
 
 T = TypeVar("T")
 

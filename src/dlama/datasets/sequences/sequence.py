@@ -23,7 +23,6 @@ from dlama.datasets.sequences.loading import fit_masks, masks_by_number, read_sc
 from dlama.datasets.sequences.results import check_results, write_views_video, write_whole
 from dlama.datasets.sequences.state import SequenceState, Step, StepChange
 from dlama.errors import OutputError, system_errors
-from dlama.files.atomic_write import PathLike
 from dlama.files.results.meta_json import write_json
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import Origin
@@ -31,6 +30,7 @@ from dlama.geometry.frames.choosing import MOST_FRAMES
 from dlama.geometry.rgbd import BoolArray
 from dlama.geometry.scene import Scene
 from dlama.inpainters import AUTO
+from dlama.writing.atomic_write import PathLike
 
 Progress = Callable[[int, int, str, bool], None]
 """Called after each view: how many are done, of how many, which one, and whether an earlier run had done it."""

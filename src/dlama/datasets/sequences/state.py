@@ -14,13 +14,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dlama.errors import FileError
-from dlama.files.atomic_write import write_file
 from dlama.files.scenes.scene_npz import read_layer, read_npz, write_npz
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType
 from dlama.geometry.frames.stored import Layer, PixelCache, StoredView
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
+from dlama.writing.atomic_write import write_file
 
 FOLDER = ".dlama-sequence"
 """In the output, while the run lasts."""

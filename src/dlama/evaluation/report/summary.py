@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 
 from dlama.evaluation.report.columns import Which
 from dlama.evaluation.runner.store import Row
-from dlama.files.atomic_write import write_file
 from dlama.geometry.camera import Float64Array
+from dlama.writing.atomic_write import write_file
 
 ALL = "all"
 """The yaw of a mean over every frame."""

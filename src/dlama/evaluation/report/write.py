@@ -22,7 +22,7 @@ from dlama.evaluation.runner.cache_key import code_hash, short_hash, versions
 from dlama.evaluation.runner.run import Results
 from dlama.evaluation.runner.store import write_rows
 from dlama.evaluation.runner.worker import Outcome
-from dlama.files.atomic_write import write_file
+from dlama.writing.atomic_write import write_file
 
 CHOICES = ("protocol", "yaw", "method")
 """The fields of a panel by which readers choose."""

@@ -19,10 +19,10 @@ from dlama.evaluation.protocols.strips import is_whole_jpeg
 from dlama.evaluation.runner.cache_key import cache_key, case_hash, method_hash
 from dlama.evaluation.runner.store import Stored, read_stored, stem
 from dlama.evaluation.runner.worker import Outcome, ProtocolFunction, Task, work, work_all
-from dlama.files.atomic_write import write_file, writing
-from dlama.files.drafts import remove_abandoned
 from dlama.workers.memory import check_processes
 from dlama.workers.pool import run_all
+from dlama.writing.atomic_write import write_file, writing
+from dlama.writing.drafts import remove_abandoned
 
 FOLDERS = ("cases", "panels")
 """Below the folder of results."""

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 from dlama.datasets.frames import Case
 from dlama.evaluation.protocols.methods import Method
-from dlama.files.atomic_write import new_file, write_file
+from dlama.writing.atomic_write import new_file, write_file
 
 LONGEST_NAME = 180
 """Characters of a file's stem; file systems take 255 bytes with suffix and a draft's extra."""

@@ -14,8 +14,8 @@ from dlama.datasets.frames import Case, Truth
 from dlama.evaluation.protocols.methods import Measure, Method, ProtocolSettings, Scored
 from dlama.evaluation.protocols.strips import jpeg
 from dlama.evaluation.runner.store import Row, Stored, stem, write_stored
-from dlama.files.atomic_write import write_file
 from dlama.workers.memory import peak_mib, reset_peak
+from dlama.writing.atomic_write import write_file
 
 ProtocolFunction = Callable[[Any, Method, ProtocolSettings], Sequence[Scored]]
 """(truth, method, settings) -> its runs; a module's function, so that it travels to another process."""

@@ -18,7 +18,6 @@ import numpy as np
 from PIL import Image
 
 from dlama.errors import DepthError, any_error, format_size
-from dlama.files.atomic_write import PathLike
 from dlama.files.cameras import FILM_DIAGONAL_MM
 from dlama.files.photos.containers import (
     JPEG_BEGINS,
@@ -46,6 +45,7 @@ from dlama.files.rasters.pictures import srgb_of
 from dlama.files.rasters.turned_pairs import same_proportions
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import Float32Array, UInt8Array
+from dlama.writing.atomic_write import PathLike
 
 APDI, DEPTH_DATA = "{http://ns.apple.com/pixeldatainfo/1.0/}", "{http://ns.apple.com/depthData/1.0/}"
 GDEPTH = "{http://ns.google.com/photos/1.0/depthmap/}"

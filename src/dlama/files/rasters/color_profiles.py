@@ -8,8 +8,8 @@ import numpy as np
 from PIL import Image, ImageCms
 
 from dlama.errors import warn
-from dlama.files.atomic_write import PathLike
 from dlama.geometry.rgbd import UInt8Array
+from dlama.writing.atomic_write import PathLike
 
 SAME = 3
 """Levels: a profile that changes no colour of a coarse grid by more is sRGB, as most are; sRGB's profiles differ by as much."""

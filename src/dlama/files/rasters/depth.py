@@ -11,13 +11,13 @@ from PIL import Image
 
 from dlama.arguments import is_finite
 from dlama.errors import DepthError, FileError, system_errors
-from dlama.files.atomic_write import PathLike
 from dlama.files.rasters.depth_checks import warn_of_inverse, warn_of_millimetres
 from dlama.files.rasters.exr_files import read_exr, write_exr
 from dlama.files.rasters.float_files import read_array, read_pfm, write_pfm
 from dlama.files.rasters.images import SUFFIXES, existing_file, read_stored
 from dlama.files.rasters.pictures import ROWS_AT_ONCE, save_picture
 from dlama.geometry.rgbd import PLAUSIBLE_M, Float32Array, mark_far
+from dlama.writing.atomic_write import PathLike
 
 FAR_CODE = 65535
 """In 16-bit depth pictures: far, at or beyond what the file can say."""

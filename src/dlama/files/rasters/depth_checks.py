@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 
 from dlama.errors import warn
-from dlama.files.atomic_write import PathLike
 from dlama.geometry.rgbd import Float32Array
 from dlama.perception.diagnosis.depth_code import looks_inverse
 from dlama.perception.diagnosis.depth_scale import find_far_plane
 from dlama.perception.sky import OUTDOORS_M
+from dlama.writing.atomic_write import PathLike
 
 CLOSE_RANGE = 50.0, 5.0
 """Least median depth in metres, and largest ratio of far to near, of what may be a close-range scanner's millimetres."""

@@ -14,10 +14,10 @@ import numpy as np
 import OpenEXR
 
 from dlama.errors import FileError, any_error, warn
-from dlama.files.atomic_write import PathLike, new_file
 from dlama.files.rasters.float_files import plane_of
 from dlama.files.rasters.images import check_pixels, existing_file
 from dlama.geometry.rgbd import Float32Array
+from dlama.writing.atomic_write import PathLike, new_file
 
 HALF_MAX = 65504.0
 """The largest half float; where a writer clamps, this is what infinity becomes."""

@@ -11,9 +11,9 @@ from typing import IO
 import numpy as np
 
 from dlama.errors import FileError, first_line, format_size, system_errors
-from dlama.files.atomic_write import PathLike, write_file
 from dlama.files.rasters.images import LARGEST_PIXELS, check_pixels, existing_file
 from dlama.geometry.rgbd import Float32Array
+from dlama.writing.atomic_write import PathLike, write_file
 
 PFM_HEADER = re.compile(rb"(P[Ff])\s+(\d{1,18})\s+(\d{1,18})\s+([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)(?:\r\n|\s)")
 HEADER_BYTES = 512

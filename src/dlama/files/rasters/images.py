@@ -16,7 +16,6 @@ import numpy as np
 from PIL import Image
 
 from dlama.errors import FileError, any_error, import_extra, system_errors
-from dlama.files.atomic_write import NO_HOME, PathLike, begins_at_home
 from dlama.files.rasters.color_profiles import to_srgb
 from dlama.files.rasters.orientation import (
     BIG_TIFF_HEADS,
@@ -27,6 +26,7 @@ from dlama.files.rasters.orientation import (
     reset_orientation,
 )
 from dlama.files.rasters.sixteen_bits import bits_of, bits_of_png, decode_16_bits, describe_tiff, is_preview
+from dlama.writing.atomic_write import NO_HOME, PathLike, begins_at_home
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".mpo", ".webp", ".tif", ".tiff", ".heic", ".heif")
 EXIF_FOCAL_35MM = 0xA405

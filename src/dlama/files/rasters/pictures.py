@@ -15,11 +15,11 @@ from PIL import Image
 
 from dlama.arguments import check_arguments
 from dlama.errors import FileError, MaskError, system_errors, warn
-from dlama.files.atomic_write import PathLike, new_file, write_file
 from dlama.files.rasters.color_profiles import rgb_to_srgb
 from dlama.files.rasters.images import StoredPicture, read_stored
 from dlama.files.semantic_classes import class_color
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, UInt16Array, percent
+from dlama.writing.atomic_write import PathLike, new_file, write_file
 
 LOWEST_WHITE = 247
 HIGHEST_BLACK = 8

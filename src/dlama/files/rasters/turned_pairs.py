@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from dlama.errors import MaskError, ShapeError, format_size, warn
-from dlama.files.atomic_write import PathLike
 from dlama.files.rasters.images import orientation_of, picture_hw
 from dlama.geometry.rgbd import BoolArray
+from dlama.writing.atomic_write import PathLike
 
 QUARTER_TURNS = (5, 6, 7, 8)
 """EXIF orientations that exchange width and height."""

@@ -13,7 +13,6 @@ from typing import Any
 from dlama.arguments import check_arguments
 from dlama.completion.completion import Completion, StereoCompletion
 from dlama.errors import InputError, OutputError, system_errors, warn
-from dlama.files.atomic_write import PathLike, new_directory
 from dlama.files.rasters import depth, pictures
 from dlama.files.results.deep_color import deep_color, find_plate
 from dlama.files.results.meta_json import describe_completion, hash_inputs, write_meta
@@ -27,6 +26,7 @@ from dlama.geometry.rgbd import BoolArray
 from dlama.geometry.view import View
 from dlama.models.network_file import make_room
 from dlama.progress import Progress, begin_stage, take_progress
+from dlama.writing.atomic_write import PathLike, new_directory
 
 Writer = Callable[[Path], Any]
 """Writes one file, whose path it takes."""

@@ -9,10 +9,10 @@ from typing import NamedTuple
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from dlama.files.atomic_write import PathLike
 from dlama.files.rasters.pictures import save_picture
 from dlama.geometry.figures.false_color import RGB
 from dlama.geometry.rgbd import UInt8Array
+from dlama.writing.atomic_write import PathLike
 
 Panel = tuple[str, UInt8Array]
 """Caption, and uint8 H x W x 3."""

@@ -7,12 +7,12 @@ from collections.abc import Mapping
 import numpy as np
 
 from dlama.completion.completion import Completion, StereoCompletion
-from dlama.files.atomic_write import PathLike
 from dlama.files.rasters.images import read_stored
 from dlama.files.rasters.pictures import rgb_of
 from dlama.geometry.codes import Origin, from_source, has_code
 from dlama.geometry.rgbd import UInt16Array
 from dlama.geometry.view import View
+from dlama.writing.atomic_write import PathLike
 
 
 def find_plate(completion: Completion, view: View, place: str, plates: Mapping[str, PathLike]) -> PathLike | None:

@@ -9,7 +9,6 @@ from pathlib import Path
 from dlama import __version__
 from dlama.arguments import check_arguments
 from dlama.completion.start import describe_depth
-from dlama.files.atomic_write import PathLike, new_directory
 from dlama.files.cameras import camera_as_json, write_camera
 from dlama.files.rasters.depth import write_depth_exr, write_depth_png
 from dlama.files.results.completion import check_inputs_stay
@@ -20,6 +19,7 @@ from dlama.geometry.figures.false_color import SKY, depth_limits, depth_picture
 from dlama.geometry.projection import lift
 from dlama.geometry.rgbd import RGBD, describe_depth_range
 from dlama.perception.depth_scale import describe_depth_source
+from dlama.writing.atomic_write import PathLike, new_directory
 
 FILES = ("camera.json", "cloud.ply", "depth.exr", "depth.png", "meta.json", "preview.png")
 """What is written."""

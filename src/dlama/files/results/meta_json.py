@@ -15,7 +15,6 @@ import numpy as np
 
 from dlama import __version__
 from dlama.completion.completion import Completion
-from dlama.files.atomic_write import PathLike, write_file
 from dlama.files.cameras import camera_as_json
 from dlama.files.rasters.images import has_16_bits
 from dlama.files.schema import SCHEMA
@@ -23,6 +22,7 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.figures.false_color import HOLE_PALETTE, ORIGIN_PALETTE
 from dlama.models.verify import sha256_of
+from dlama.writing.atomic_write import PathLike, write_file
 
 
 def describe_completion(completion: Completion, intrinsics_from: str) -> dict[str, Any]:

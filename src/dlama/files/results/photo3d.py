@@ -16,7 +16,6 @@ import numpy as np
 from dlama.arguments import check_arguments
 from dlama.completion.photo3d import Photo3D
 from dlama.errors import OutputError, system_errors
-from dlama.files.atomic_write import PathLike, new_directory
 from dlama.files.rasters.pictures import write_color
 from dlama.files.results.completion import Writer, check_inputs_stay, choose_names
 from dlama.files.results.meta_json import describe_source, hash_inputs, versions, write_meta
@@ -33,6 +32,7 @@ from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import UInt8Array
 from dlama.geometry.scene import Scene
 from dlama.progress import Progress, begin_stage, take_progress
+from dlama.writing.atomic_write import PathLike, new_directory
 
 RESULTS: dict[str, tuple[str, ...]] = {
     "page": ("photo3d.html",),

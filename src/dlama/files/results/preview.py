@@ -8,13 +8,13 @@ import cv2
 import numpy as np
 
 from dlama.completion.completion import Completion, StereoCompletion
-from dlama.files.atomic_write import PathLike
 from dlama.files.results.contact_sheet import PANEL_WIDTH, Panel, write_contact_sheet
 from dlama.geometry.codes import HoleType
 from dlama.geometry.figures.false_color import HOLE_PALETTE, RGB, depth_limits, depth_picture, hole_picture
 from dlama.geometry.holes import erode_square
 from dlama.geometry.rgbd import UInt8Array
 from dlama.geometry.view import View
+from dlama.writing.atomic_write import PathLike
 
 
 def hole_legend(hole_type: UInt8Array) -> list[tuple[str, RGB]]:

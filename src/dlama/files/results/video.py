@@ -11,8 +11,8 @@ import numpy as np
 from PIL import Image
 
 from dlama.errors import InputError, OutputError, ShapeError, import_extra, system_errors
-from dlama.files.atomic_write import PathLike, new_file
 from dlama.geometry.rgbd import UInt8Array
+from dlama.writing.atomic_write import PathLike, new_file
 
 VIDEOS, ANIMATIONS = (".mp4", ".mov", ".mkv"), (".webp", ".gif")
 

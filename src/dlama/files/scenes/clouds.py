@@ -9,10 +9,10 @@ import numpy as np
 from plyfile import PlyData, PlyElement
 
 from dlama.errors import FileError, any_error
-from dlama.files.atomic_write import PathLike, new_file
 from dlama.files.rasters.images import existing_file
 from dlama.geometry.cloud import PointCloud
 from dlama.geometry.codes import Origin
+from dlama.writing.atomic_write import PathLike, new_file
 
 FLOAT32_REACH = 1e4
 """Metres; beyond, float32 is coarser than 1 mm and coordinates are written as double."""

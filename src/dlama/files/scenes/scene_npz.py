@@ -22,7 +22,6 @@ import numpy as np
 
 from dlama.arguments import check_arguments
 from dlama.errors import DlamaError, FileError, system_errors
-from dlama.files.atomic_write import PathLike, new_file
 from dlama.files.rasters.float_files import read_npy
 from dlama.files.rasters.images import existing_file, printable_name
 from dlama.files.schema import SCHEMA, check_schema
@@ -32,6 +31,7 @@ from dlama.geometry.frames.stored import CACHE_BYTES, Layer, PixelCache, StoredV
 from dlama.geometry.rgbd import Float32Array, UInt8Array
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
+from dlama.writing.atomic_write import PathLike, new_file
 
 OF_LAYER = re.compile(r"(layer|object)\d+_")
 """How the name of a layer's array begins."""

@@ -12,7 +12,6 @@ import cv2
 import numpy as np
 from plyfile import PlyData, PlyElement
 
-from dlama.files.atomic_write import PathLike, new_file
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.drawing.grid_mesh import mesh_grid
 from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
@@ -24,6 +23,7 @@ from dlama.geometry.projection import rays
 from dlama.geometry.rgbd import BoolArray
 from dlama.geometry.scene import Scene, contribution
 from dlama.geometry.view import View
+from dlama.writing.atomic_write import PathLike, new_file
 
 MOST_SPLATS = 600_000
 COLOR_OF_DEGREE_0 = 0.28209479177387814

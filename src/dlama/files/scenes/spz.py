@@ -9,9 +9,9 @@ import struct
 
 import numpy as np
 
-from dlama.files.atomic_write import PathLike, write_file
 from dlama.files.scenes.glb import GLTF_FROM_OPENCV
 from dlama.files.scenes.splats import FIELDS
+from dlama.writing.atomic_write import PathLike, write_file
 
 MAGIC, VERSION = 0x5053474E, 3
 COLOR_SCALE = 0.15

@@ -12,7 +12,6 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from dlama.files.atomic_write import PathLike, new_file
 from dlama.files.scenes.glb import SHORT_VERTICES, Glb
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.cloud import Mesh, join_meshes
@@ -22,6 +21,7 @@ from dlama.geometry.layers.layered_mesh import MeshPart
 from dlama.geometry.rgbd import BoolArray, UInt8Array
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
+from dlama.writing.atomic_write import PathLike, new_file
 
 JPEG_QUALITY = 90
 ROWS, NEAR_ROWS = 512, 64

@@ -15,11 +15,11 @@ import numpy as np
 from PIL import Image as Pillow
 
 from dlama.errors import OutputError, import_extra
-from dlama.files.atomic_write import PathLike, new_file
 from dlama.files.scenes.glb import GLTF_FROM_OPENCV
 from dlama.files.scenes.textured_mesh import JPEG_QUALITY, pack_parts
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.layers.layered_mesh import MeshPart
+from dlama.writing.atomic_write import PathLike, new_file
 
 USD_FROM_OPENCV = GLTF_FROM_OPENCV
 """Both have x right, y up, and look along -z."""

@@ -20,12 +20,12 @@ from pathlib import Path
 from typing import IO
 
 from dlama.errors import InputError, OutputError, system_errors
-from dlama.files.atomic_write import writing
-from dlama.files.drafts import lock
 from dlama.jobs.job import Job, folders_above
 from dlama.jobs.results.result import CSV_COLUMNS, JobResult
 from dlama.jobs.storage import Output, file_stamp, file_system, is_address
 from dlama.models.verify import sha256_of
+from dlama.writing.atomic_write import writing
+from dlama.writing.drafts import lock
 
 FOLDER, TABLE = "manifest", "manifest.csv"
 SHARD_ROWS = 20_000

@@ -16,13 +16,13 @@ from dlama.errors import ShapeError
 from dlama.nets.architecture import STEM, GeneratorSettings, refuse_differences
 from dlama.nets.checkpoints import GeneratorWeights
 from dlama.nets.export.onnx_graph import Graph, PlaneTransform, plane_transform
-from dlama.nets.whole_file import write_whole
+from dlama.writing.atomic_write import write_file
 
 EPSILON = 1e-5  # of torch's batch norms, which the published network leaves as they are
 
 
 def export_onnx(weights: GeneratorWeights, path: Path | str, metadata: Mapping[str, str]) -> Path:
-    """Write the network as an ONNX file; first under a temporary name, so that no partial file is left.
+    """Write the network as an ONNX file, whole or not at all.
 
     Args:
         weights: from `checkpoints.read_generator`.
@@ -32,9 +32,8 @@ def export_onnx(weights: GeneratorWeights, path: Path | str, metadata: Mapping[s
         OutputError: the file cannot be written.
         MissingExtraError: onnx is not installed.
     """
-    target = Path(path)
-    data = onnx_bytes(weights.settings, weights.state, metadata)
-    return write_whole(target, data)
+    write_file(path, onnx_bytes(weights.settings, weights.state, metadata))
+    return Path(path)
 
 
 def onnx_bytes(settings: GeneratorSettings, state: Mapping[str, np.ndarray], metadata: Mapping[str, str]) -> bytes:

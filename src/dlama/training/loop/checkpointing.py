@@ -13,10 +13,10 @@ from typing import Any
 import torch
 
 from dlama.errors import FileError, InputError, OutputError, any_error, first_line
-from dlama.files.atomic_write import new_file
 from dlama.training.loop.module import TrainingModule
 from dlama.training.loop.run_files import LAST
 from dlama.training.presets import to_json
+from dlama.writing.atomic_write import new_file
 
 VERSION = 1
 

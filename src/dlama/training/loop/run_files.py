@@ -14,10 +14,10 @@ from pathlib import Path
 from typing import Any
 
 from dlama.errors import FileError, InputError, OutputError, system_errors
-from dlama.files.atomic_write import new_file, write_file, writing
-from dlama.files.drafts import lock
 from dlama.training.presets import read_settings, settings_of, to_json
 from dlama.training.settings import TrainSettings
+from dlama.writing.atomic_write import new_file, write_file, writing
+from dlama.writing.drafts import lock
 
 LOG = logging.getLogger("dlama")
 SETTINGS, METRICS, LOG_FILE, SHEETS, LAST = "settings.json", "metrics.csv", "log.txt", "sheets", "last.ckpt"

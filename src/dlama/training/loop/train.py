@@ -19,7 +19,6 @@ from pytorch_lightning.utilities.rank_zero import rank_zero_only
 
 from dlama import __version__
 from dlama.errors import InputError, OutputError, system_errors
-from dlama.files.atomic_write import write_file
 from dlama.models.network_file import processor_count
 from dlama.training.data.batches import Batch, check_sample
 from dlama.training.data.loader import BatchNumbers, NumberedSamples, batch_loader, held_out_batch
@@ -31,6 +30,7 @@ from dlama.training.loop.module import TrainingModule
 from dlama.training.loop.run_files import LAST, holds_run, lock_run, log_to_file, prepare, write_settings
 from dlama.training.loop.validation import hole_metrics, scores_of, telea
 from dlama.training.settings import TrainSettings
+from dlama.writing.atomic_write import write_file
 
 LOG = logging.getLogger("dlama")
 EXPECTED_WARNINGS = (

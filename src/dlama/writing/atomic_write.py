@@ -22,7 +22,17 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from dlama.errors import OutputError
-from dlama.files.drafts import DRAFT, OLD, PLACING, find_abandoned, hold, in_a_draft, name_of, remove, remove_abandoned
+from dlama.writing.drafts import (
+    DRAFT,
+    OLD,
+    PLACING,
+    find_abandoned,
+    hold,
+    in_a_draft,
+    name_of,
+    remove,
+    remove_abandoned,
+)
 
 PathLike = str | os.PathLike[str]
 """A file's path."""

@@ -16,8 +16,8 @@ import pytest
 import dlama
 from box_frame import CAMERA, WORLD
 from dlama.errors import OutputError
-from dlama.files import atomic_write, drafts
-from dlama.files.atomic_write import new_directory, new_file
+from dlama.writing import atomic_write, drafts
+from dlama.writing.atomic_write import new_directory, new_file
 
 
 class Boom(Exception):
@@ -230,7 +230,7 @@ def test_nothing_is_placed_where_one_thing_cannot_be(tmp_path: Path, name: str) 
 
 KILLED_RUN = """
 import os, signal, sys
-from dlama.files.atomic_write import new_directory, new_file
+from dlama.writing.atomic_write import new_directory, new_file
 with new_directory(sys.argv[1] + "/out") as folder, new_file(sys.argv[1] + "/a.txt") as draft:
     (folder / "x.txt").write_text("half")
     if sys.argv[2] == "kill":

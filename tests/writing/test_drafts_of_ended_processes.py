@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from dlama.files.drafts import DRAFT, HOST, remove_abandoned
+from dlama.writing.drafts import DRAFT, HOST, remove_abandoned
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="the system has no /proc")
