@@ -25,8 +25,8 @@ import numpy as np
 from dlama.errors import FileError
 from dlama.nets.export.onnx_graph import IR_VERSION, OPSET, Graph
 from dlama.nets.safetensors_file import read_safetensors
-from dlama.nets.whole_file import write_whole
 from dlama.training.losses.perceptual import EPSILON
+from dlama.writing.atomic_write import write_file
 
 SHIFT, SCALE = (-0.030, -0.088, -0.188), (0.458, 0.448, 0.450)
 """Of the network's input, per channel: (x - SHIFT) / SCALE with x in -1..1 (LPIPS's ScalingLayer)."""
@@ -57,7 +57,8 @@ def export_lpips(trunk: Path, heads: Path, target: Path) -> Path:
     sources = {f"dlama.sha256 {file.name}": hashlib.sha256(file.read_bytes()).hexdigest() for file in (trunk, heads)}
     tensors = {**_check(trunk, _trunk_shapes()), **_check(heads, _head_shapes())}
     data = _model(tensors, {**ABOUT, **sources}).SerializeToString(deterministic=True)
-    return write_whole(target, data)
+    write_file(target, data)
+    return target
 
 
 def _trunk_shapes() -> dict[str, tuple[int, ...]]:

@@ -37,7 +37,7 @@ from dlama.errors import FileError, MissingExtraError, first_line
 from dlama.inpainters.networks.contract import COLOR, Contract
 from dlama.models.verify import sha256_of
 from dlama.nets.export.onnx_graph import Graph
-from dlama.nets.whole_file import write_whole
+from dlama.writing.atomic_write import write_file
 
 SIDE, LEAST, MULTIPLE = 512, 256, 128
 """Largest and least height and width that the generator takes, in pixels, and what they are multiples of."""
@@ -90,7 +90,8 @@ def export_migan(pipeline: Path, target: Path, metadata: Mapping[str, str]) -> P
         MissingExtraError: onnx is not installed.
     """
     data = generator_bytes(read_weights(pipeline), pipeline.name, metadata)
-    return write_whole(target, data)
+    write_file(target, data)
+    return target
 
 
 def read_weights(pipeline: Path) -> Weights:

@@ -18,8 +18,8 @@ from onnx import numpy_helper
 from torch import Tensor, nn
 from torch.nn import functional
 
-from dlama.nets.whole_file import write_whole
 from dlama.training.losses.perceptual import LpipsLoss
+from dlama.writing.atomic_write import write_file
 
 RATE, DISCRIMINATOR_RATE, AVERAGED = 1e-4, 2e-4, 0.998
 ABSOLUTE, PERCEPTUAL, FEATURES, JUDGEMENT = 0.3, 0.5, 1.0, 0.05
@@ -93,7 +93,7 @@ class Generator(nn.Module):
             if one.name in self.learnt:
                 array = self.learnt[one.name].detach().numpy().astype(numpy_helper.to_array(one).dtype)
                 one.CopyFrom(numpy_helper.from_array(array, one.name))
-        write_whole(path, model.SerializeToString())
+        write_file(path, model.SerializeToString())
 
 
 class PatchDiscriminator(nn.Module):

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from dlama.nets.export.onnx_graph import Graph
-from dlama.nets.whole_file import write_whole
 from dlama.perception.masks.click_network import SIDE
+from dlama.writing.atomic_write import write_file
 
 EPSILON = 1e-5  # of torch's batch norms
 PLAIN = ("own", "whole", "head")
@@ -43,7 +43,8 @@ def export_shadow(state: Mapping[str, np.ndarray], path: Path, metadata: Mapping
     if OBJECT[0] in state:
         outputs[writer.object()] = ("batch", state[OBJECT[2]].shape[1])
     model = writer.g.model("generator", inputs, outputs, metadata)
-    return write_whole(path, bytes(model.SerializeToString(deterministic=True)))
+    write_file(path, bytes(model.SerializeToString(deterministic=True)))
+    return path
 
 
 def read_shadow(path: Path) -> dict[str, np.ndarray]:
