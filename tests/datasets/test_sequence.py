@@ -273,7 +273,9 @@ def test_damaged_frames_are_named_and_left_out(room: Path, tmp_path: Path) -> No
     with pytest.warns(UserWarning, match="frame img-2 is left out"):
         meta = dlama.sequence(room, tmp_path / "out")
     assert list(meta["left_out"]) == ["img-2"] and len(meta["filled_share"]) == 3
-    assert meta["model"] is None and meta["dilate"] is None  # which network ran, and how far masks grew: there are none
+    assert (
+        meta["model"] is None and meta["recipe"]["dilate"] is None
+    )  # which network ran, and how far masks grew: there are none
     mask = WORLD.trace(CAMERAS["img-3"])[1] == 3
     for place, words in (
         ("3", "for the frame in place 3, frames are left out .img-2.; name the frame"),

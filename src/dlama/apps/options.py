@@ -195,11 +195,6 @@ ObjectOptions = Annotated[_Object, Together]
 CompletingOptions = Annotated[_Completing, Together]
 
 
-@as_flags(Options, "filler", "model", "recipe", "dilate", "seed", "min_confidence")
-class SequenceMethod:
-    """How a sequence is completed."""
-
-
 @as_flags(Options, "filler", "model", "seed")
 class Filler:
     """What fills what no frame saw."""

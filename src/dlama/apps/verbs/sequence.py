@@ -15,10 +15,10 @@ import dlama
 from dlama.apps.options import (
     CameraFile,
     Masking,
+    Method,
     Metres,
     Output,
     Report,
-    SequenceMethod,
     check_of_object,
     given_options,
     names_in,
@@ -85,7 +85,7 @@ def sequence(
     source: Source,
     objects: Objects,
     masking: Masking,
-    method: SequenceMethod,
+    method: Method,
     results: Results,
     report: Report,
 ) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -12,7 +13,7 @@ from dlama import __version__
 from dlama.arguments import check_arguments
 from dlama.completion.completion import above_confidence, scene_above
 from dlama.completion.memory import check_memory
-from dlama.completion.options import Options
+from dlama.completion.options import OptionKeywords, Options, Unpack, options_of, take_options
 from dlama.completion.report import share, warn_of_scale
 from dlama.completion.start import Plan, plan_for
 from dlama.completion.steps import CompletedView, complete_frame, complete_view, frames_to_fill
@@ -29,7 +30,6 @@ from dlama.geometry.codes import Origin
 from dlama.geometry.frames.choosing import MOST_FRAMES
 from dlama.geometry.rgbd import BoolArray
 from dlama.geometry.scene import Scene
-from dlama.inpainters import AUTO
 from dlama.writing.atomic_write import PathLike
 
 Progress = Callable[[int, int, str, bool], None]
@@ -54,6 +54,7 @@ class StepResults:
         return {kind: {name: self.views[name][kind] for name in order} for kind in kinds}
 
 
+@take_options
 @system_errors(OutputError)
 def sequence(
     dataset: PathLike,
@@ -66,16 +67,11 @@ def sequence(
     scene: str | None = None,
     camera: CameraOption = None,
     depth_range: float | None = None,
-    filler: str = AUTO,
-    model: str | Path | None = None,
-    recipe: str = "dlama",
-    dilate: int | None = None,
-    seed: int = 0,
-    min_confidence: float = 0.0,
     only: Sequence[str] | None = None,
     also: Sequence[str] = (),
     align: bool = False,
     progress: Progress | None = None,
+    **options: Unpack[OptionKeywords],
 ) -> dict[str, Any]:
     """Complete a data set of posed frames: what one frame lacks comes from the others, only the rest is filled, once.
 
@@ -93,11 +89,11 @@ def sequence(
         views: "frames": at the frames' own cameras; "orbit", "spiral" or "dolly": a path of 24 cameras from the middle frame; a
             JSON file with a list of cameras; or cameras by name.
         layout, scene, camera, depth_range: Of the data set, as in `dlama evaluate`; `scene` of several.
-        filler, model, recipe, dilate, seed, min_confidence: As in `complete`.
         only: What of scene, points, mesh, colmap and video is written next to the views; None: mesh, colmap and video.
         also: More of them. "scene" is the file that `dlama view` and `dlama video` read.
         align: Poses are made to agree with the pictures first, where they do not; the results then have the new poses.
         progress: Called after each view.
+        options: How the scene is completed (`Options`).
     Returns:
         What meta.json holds.
     Raises:
@@ -105,10 +101,10 @@ def sequence(
     """
     check_arguments(sequence, locals())
     started, target, chosen = time.perf_counter(), Path(output), check_results(only, also)
-    method = Options(filler=filler, model=model, recipe=recipe, dilate=dilate, seed=seed, min_confidence=min_confidence)
-    options = {"layout": layout, "scene": scene, "camera": camera, "depth_range": depth_range}
+    method = options_of(options)
+    reading = {"layout": layout, "scene": scene, "camera": camera, "depth_range": depth_range}
     names, given, damaged, not_chosen = read_scene_of(
-        dataset, frames, clip=method.settings.clip, align=align, **options
+        dataset, frames, clip=method.settings.clip, align=align, **reading
     )
     kept = [names[number] for number in given.numbers]
     cameras = cameras_for(views, given)
@@ -119,7 +115,7 @@ def sequence(
     plan, _, start, *_ = plan_for(given, method, numbered or None)
     steps, settings = steps_for(plan, start, kept, cameras), settings_of(plan, method)
     state = SequenceState(target, settings | {"views": [(step.name, step.shown) for step in steps]}, start, __version__)
-    done = complete_steps(plan, start, steps, state, target, progress, min_confidence)
+    done = complete_steps(plan, start, steps, state, target, progress, method.min_confidence)
     ordered = cameras or {name: frame.camera for name, frame in zip(kept, given.frames)}
     meta = {
         "dlama": __version__,
@@ -131,7 +127,7 @@ def sequence(
         "masked_frames": [names[number] for number in sorted(numbered)],
         **done.shares(ordered),
         "views_from_earlier_run": done.reused,
-        **write_views(target, done.scene, ordered, names, chosen, min_confidence > 0),
+        **write_views(target, done.scene, ordered, names, chosen, method.min_confidence > 0),
         "seconds": round(time.perf_counter() - started, 3),
     }
     write_json(target / "meta.json", meta)
@@ -151,8 +147,7 @@ def settings_of(plan: Plan, options: Options) -> dict[str, Any]:
     return {
         "filler": plan.filler,
         "model": None if options.model is None else str(options.model),
-        "recipe": options.recipe,
-        "dilate": plan.recipe.dilate,
+        "recipe": dataclasses.asdict(plan.recipe),
         "seed": options.seed,
         "min_confidence": options.min_confidence,
     }
