@@ -100,6 +100,12 @@ def regions_touching(where: BoolArray, other: BoolArray) -> BoolArray:
     return np.asarray(np.isin(labels, numbers) & where)
 
 
+def enclosed_by(mask: BoolArray) -> BoolArray:
+    """H x W, the pixels that are not in `mask` and that no path round it, also across corners, joins to the border."""
+    outside = np.pad(~mask, 1, constant_values=True)
+    return np.asarray(outside & ~regions_touching(outside, ~np.pad(np.ones_like(mask), 1)))[1:-1, 1:-1]
+
+
 def region_at(where: BoolArray, box: tuple[slice, slice]) -> BoolArray:
     """The 8-connected region of `where` (H x W) with most pixels in a box of rows and columns; all False: it has none there."""
     _, labels = cv2.connectedComponents(where.astype(np.uint8), connectivity=8)

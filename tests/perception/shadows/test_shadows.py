@@ -12,7 +12,7 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.holes import erode_mask
 from dlama.geometry.projection import rays
 from dlama.geometry.rgbd import RGBD, BoolArray
-from dlama.perception.shadows.find import find_shadow
+from dlama.perception.shadows.find import enclosed_between, find_shadow
 from marks import first_quick
 from worlds import Box, Plane, World
 
@@ -104,3 +104,19 @@ def test_another_thing_in_the_shadow_is_never_covered() -> None:
     assert found.any() and (shown == 3).sum() > 100
     assert not (found & erode_mask(shown != 0, 1)).any()
     assert (found & shadow & (shown == 0)).sum() > 0.75 * found.sum()
+
+
+def test_a_side_that_the_mask_lacks_comes_with_the_shadow() -> None:
+    """What the object and its shadow enclose is taken out with them; what is surface there, or enclosed by the object alone,
+    is not."""
+    mask, shadow, surface = np.zeros((3, 40, 40), np.bool_)
+    mask[5:20, 5:30] = True
+    mask[8:12, 8:12] = False  # seen through the object
+    shadow[20:30, 5:30] = True
+    shadow[20:24, 8:16] = False  # the side
+    shadow[24:28, 20:26] = False  # a bright spot of the surface
+    surface[20:] = True
+    surface[20:24, 8:16] = False
+    side = np.zeros_like(mask)
+    side[20:24, 8:16] = True
+    np.testing.assert_array_equal(enclosed_between(mask, shadow, surface), side)

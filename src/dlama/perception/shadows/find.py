@@ -7,9 +7,10 @@ object.
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 
-from dlama.geometry.holes import dilate_mask, regions_touching
+from dlama.geometry.holes import dilate_mask, enclosed_by, regions_touching
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
 from dlama.perception.masks.small import SmallPicture
 from dlama.perception.masks.supports import find_planes_of_picture
@@ -28,7 +29,8 @@ EVEN, RIM_PX = 0.07, 4
 def find_shadow(rgbd: RGBD, mask: BoolArray) -> BoolArray:
     """H x W bool, True in the shadow of the object under `mask`, without the object; all False where there is none.
 
-    A large picture is searched at a smaller size.
+    What the two enclose and is no supporting surface belongs to it: a side of the object that its mask lacks. A large picture is
+    searched at a smaller size.
     """
     small = SmallPicture.of(rgbd)
     if small is not None:
@@ -47,7 +49,17 @@ def find_shadow(rgbd: RGBD, mask: BoolArray) -> BoolArray:
     if shadow.sum() < SMALLEST_PX:
         return none
     contact = dilate_mask(shadow, EDGE_PX + 2) & dilate_mask(mask, EDGE_PX + 1)
-    return np.asarray((shadow | contact) & ground.surface & ~mask)
+    shadow = (shadow | contact) & ground.surface & ~mask
+    return np.asarray(shadow | enclosed_between(mask, shadow, ground.surface))
+
+
+def enclosed_between(mask: BoolArray, shadow: BoolArray, surface: BoolArray) -> BoolArray:
+    """H x W, the regions that an object and its shadow enclose, and not the object alone, and that are less than half surface."""
+    enclosed = enclosed_by(mask | shadow) & ~enclosed_by(mask)
+    count, labels = cv2.connectedComponents(enclosed.astype(np.uint8))
+    of_surface = np.bincount(labels[surface], minlength=count) * 2 >= np.bincount(labels.ravel(), minlength=count)
+    of_surface[0] = True  # all that is not enclosed
+    return ~of_surface[labels]
 
 
 def grow_ambient_shadow(
