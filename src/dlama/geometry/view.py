@@ -21,7 +21,7 @@ from dlama.geometry.codes import (
 )
 from dlama.geometry.figures.false_color import depth_picture, hatch_holes, origin_picture
 from dlama.geometry.figures.html import Figured, Panel
-from dlama.geometry.kept import Kept
+from dlama.geometry.frames.kept import Kept
 from dlama.geometry.rgbd import (
     RGBD,
     BoolArray,
