@@ -12,6 +12,7 @@ import sys
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, fields
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypedDict, TypeVar, get_type_hints
 
 from dlama.errors import InputError, InputTypeError, marked_name
@@ -23,8 +24,6 @@ else:
     from typing_extensions import Unpack as Unpack
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from dlama.completion.recipes import DepthBy, Recipe
     from dlama.geometry.rendering import Mode
     from dlama.inpainters.filling import Inpainter
@@ -193,11 +192,9 @@ def raise_all(checks: Iterable[Callable[[], Any]]) -> None:
 @functools.lru_cache(None)
 def option_types() -> dict[str, Any]:
     """Option -> its type."""
-    from pathlib import Path
-
     from dlama.completion.recipes import DepthBy, Recipe
     from dlama.geometry.rendering import Mode
     from dlama.inpainters.filling import Inpainter
 
-    names = {"Path": Path, "DepthBy": DepthBy, "Recipe": Recipe, "Mode": Mode, "Inpainter": Inpainter}
+    names = {"DepthBy": DepthBy, "Recipe": Recipe, "Mode": Mode, "Inpainter": Inpainter}
     return get_type_hints(Options, localns=names)

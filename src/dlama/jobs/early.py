@@ -1,6 +1,6 @@
 """The options of one job in; InputError, which names all that are wrong, before a picture is read or anything computed, out.
 
-What points at an object and what scales estimated depth is imported where it is given: most jobs give neither.
+What finds a pointed object is imported where one is pointed at: most jobs need none of it.
 """
 
 from __future__ import annotations
@@ -19,6 +19,8 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.motion.trajectories import PIVOT_M, dolly, orbit
 from dlama.inpainters import AUTO, model_file
 from dlama.jobs.parameters import METHOD, MOVE, POINTING, mask_settings
+from dlama.perception.depth_scale import check_known
+from dlama.perception.masks.prompt import Prompt
 
 
 def check_options(
@@ -67,7 +69,6 @@ def _check_pointing(given: Mapping[str, Any], image: Path | None) -> None:
     pointing = {name: given[name] for name in POINTING if name in given and name != "object_class"}
     if not pointing:
         return
-    from dlama.perception.masks.prompt import Prompt
     from dlama.perception.object_masks import check_names
 
     find = mask_settings(pointing)
@@ -82,8 +83,6 @@ def _check_scale(given: Mapping[str, Any], image: Path | None) -> None:
     """What is known of the scale of estimated depth."""
     known, height = given.get("metres_at") or (), given.get("camera_height")
     if known or height is not None:
-        from dlama.perception.depth_scale import check_known
-
         check_known(known, height, _size(image))
 
 
