@@ -33,7 +33,9 @@ def test_seven_scenes_with_a_camera(tmp_path: Path) -> None:
 
 
 def test_seven_scenes_of_another_size_want_a_camera(tmp_path: Path) -> None:
-    with pytest.raises(ShapeError, match=r"is 96x72, and 7-Scenes' measured colour camera is for 640x480"):
+    with pytest.raises(
+        ShapeError, match=r"is 96x72, and 7-Scenes' measured colour camera \(camera=.*\) is for 640x480"
+    ):
         open_dataset(written(tmp_path))
 
 
@@ -102,12 +104,15 @@ def test_bad_poses(tmp_path: Path, text: str, message: str) -> None:
         open_dataset(root, camera=LENS)
 
 
-def test_a_frame_without_colour_and_bad_intrinsics(tmp_path: Path) -> None:
+def test_a_frame_without_colour_and_bad_intrinsics(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """What is refused, and what is left out and counted (oracle: the file that is deleted)."""
     root = written(tmp_path)
     (root / "camera-intrinsics.txt").write_text("90 1 40\n0 90 30\n0 0 1\n")
     with pytest.raises(CameraError, match=r"camera-intrinsics\.txt: the matrix K is .*no skew"):
         open_dataset(root)
     (root / "camera-intrinsics.txt").write_text(text_K(LENS))
     (root / "frame-000003.color.png").unlink()
-    with pytest.raises(FileError, match=r"frame-000003\.color\.png: no such file \(nor frame-000003\.color\.jpg\)"):
-        open_dataset(root)
+    for camera in (None, LENS):
+        names = [frame.name for frame in open_dataset(root, camera=camera).frames]
+        assert names == ["frame-000000", "frame-000006", "frame-000009"]
+    assert caplog.text.count("1 of 4 frames are left out (1 without a picture)") == 2

@@ -16,10 +16,10 @@ from dlama.datasets.posed.posed_frames import LOG
 from dlama.datasets.posed.scene_file import LAYOUT as SCENE
 from dlama.datasets.posed.scene_file import is_scene_file
 from dlama.datasets.posed.view_pairs import NoPairsError
-from dlama.errors import format_count
+from dlama.errors import InputError, format_count
 from dlama.geometry.rgbd import RGBD
 from dlama.perception.diagnosis.finding import Finding, Observed
-from dlama.perception.diagnosis.frames.landing import shrink
+from dlama.perception.diagnosis.frames.landing import SmallFrame, shrink
 from dlama.perception.diagnosis.frames.odd_frames import compare_frames
 from dlama.perception.diagnosis.rgbd_checks import describe_frame, run_checks
 from dlama.perception.diagnosis.stereo_pair import check_pair
@@ -69,17 +69,25 @@ def _open(root: Path, layout: str | None, options: Mapping[str, Any]) -> tuple[D
 
 
 def examine_scene(frames: Sequence[Frame]) -> tuple[list[Finding], RGBD]:
-    """Findings on the frames of a scene, each read once; and the first frame in a row."""
-    row = frames_in_a_row(frames)
+    """Findings on the frames of a scene, those that cannot be read among them; and the first frame in a row that can. The
+    reader's error where none can."""
+    row, small, unread = frames_in_a_row(frames), dict[str, SmallFrame](), dict[str, InputError]()
     spread = np.linspace(0, len(frames) - 1, min(len(frames), COMPARED)).round().astype(int)
-    first, name = row[0].load(), name_of(row[0])
-    looked_at = {each.name: each for each in (*(frames[place] for place in spread), *row)}.values()
-    small = {name_of(each): shrink(first if each is row[0] else each.load()) for each in looked_at}
+    looked_at = {name_of(each): each for each in (*(frames[place] for place in spread), *row)}
+    for name, each in looked_at.items():
+        try:
+            small[name] = shrink(each.load())
+        except InputError as error:
+            unread[name] = error
+    if not small:
+        raise next(iter(unread.values()))
+    in_row = [name_of(each) for each in row if name_of(each) in small] or list(small)[:FRAMES]
+    name, first = in_row[0], looked_at[in_row[0]].load()
     found = run_checks(Observed.of(first, (name, name, name)))
-    of_poses = compare_frames(small, [name_of(each) for each in row], row[0].scene)
+    of_poses = compare_frames(small, in_row, row[0].scene)
     if any(each.check == "depth-scale" and each.what.startswith(f"{name}:") for each in of_poses):
         found = [each for each in found if each.check != "depth-scale"]
-    return [*found, *of_poses], first
+    return [*(Finding("reading", "fault", 1.0, error.marked) for error in unread.values()), *found, *of_poses], first
 
 
 def name_of(frame: Frame) -> str:

@@ -7,6 +7,7 @@ depth discontinuities, so that surfaces have no cracks and nothing shines throug
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 
 import cv2
 import numpy as np
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 
 from dlama.arguments import check_arguments, check_word
 from dlama.errors import InputError
-from dlama.geometry.camera import Camera
+from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.cloud import PointCloud
 from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.drawing.canvas import Canvas
@@ -41,7 +42,7 @@ from dlama.geometry.holes import box_around, dilate_mask, fill_with_nearest
 from dlama.geometry.kernels.drawing import hole_types as hole_kernels
 from dlama.geometry.kernels.jit import in_bands, threads
 from dlama.geometry.projection import project
-from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array, freeze
+from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array, brighten, freeze
 from dlama.geometry.scene import Scene, contribution
 from dlama.geometry.view import View
 
@@ -154,9 +155,14 @@ def draw_scene(
     else:
         drawn = draw_frame(prepare(scene.frames[0]), errors)
     fills = [prepare(fill) for fill in shown]
-    put_fills(drawn, fills, camera, count)
-    for grid in fills if drawn.frame is not None else (*drawn.grids, *fills):
+    gains = gains_of(scene, shown, camera)
+    put_fills(drawn, fills, gains, camera, count)
+    for grid in drawn.grids if drawn.frame is None else ():
         draw_far(grid, drawn.canvas)
+    for grid, gain in zip(fills, gains):
+        empty = drawn.canvas.depth == 0
+        draw_far(grid, drawn.canvas)
+        brighten_pixels(drawn.canvas, empty & (drawn.canvas.depth > 0), gain)
     return drawn._replace(grids=[*drawn.grids, *fills])
 
 
@@ -174,15 +180,32 @@ def visible_fills(scene: Scene, camera: Camera, mode: Mode) -> tuple[Layer, ...]
     return fills if len(scene.frames) == 1 else tuple(layer for layer in fills if may_show(layer, camera))
 
 
-def put_fills(drawn: Drawn, fills: list[Grid], camera: Camera, count: NDArray[np.int32]) -> None:
-    """Draw the surfaces of fills, in their order, over what is drawn. count: as of `draw`."""
+def gains_of(scene: Scene, fills: Sequence[Layer], camera: Camera) -> list[Float64Array]:
+    """Gains of fills to the brightness of a camera's view: its frame's, or the scene's."""
+    if len(scene.frames) == 1:
+        return [np.ones(3)] * len(fills)
+    here = scene.gain_of(camera)
+    return [scene.gain_of(fill.camera) / here for fill in fills]
+
+
+def brighten_pixels(canvas: Canvas, where: BoolArray, gain: Float64Array) -> None:
+    """Multiply what is drawn in the pixels of `where` (H x W) by a gain."""
+    if (gain != 1).any():
+        canvas.color[where] = brighten(canvas.color[where], gain)
+
+
+def put_fills(
+    drawn: Drawn, fills: list[Grid], gains: Sequence[Float64Array], camera: Camera, count: NDArray[np.int32]
+) -> None:
+    """Draw the surfaces of fills, in their order, over what is drawn. gains: of each, `gains_of`; count: as of `draw`."""
     canvas, step = drawn.canvas, min(threads(), MOST_AT_ONCE)
     at_home = drawn.frame is None and any(grid.own_camera for grid in drawn.grids)
     for begin in range(0, len(fills), step):
-        some = fills[begin : begin + step]
+        some, bright = fills[begin : begin + step], gains[begin : begin + step]
         canvases = [Canvas.empty(camera, canvas.errors is not None) for _ in some]
         draw_apart(some, canvases, count)
-        for grid, one in zip(some, canvases):
+        for grid, one, gain in zip(some, canvases, bright):
+            brighten_pixels(one, one.depth > 0, gain)
             canvas.put(one, over_measured=grid.layer.shows_source, at_home=at_home)
 
 

@@ -9,9 +9,11 @@ from functools import cached_property
 from importlib import import_module
 from typing import Any
 
+import numpy as np
+
 from dlama.arguments import check
 from dlama.errors import InputError, ShapeError, format_count
-from dlama.geometry.camera import Camera
+from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.cloud import concatenate
 from dlama.geometry.codes import HoleType, Origin, from_filler
 from dlama.geometry.figures.points import point_viewer
@@ -35,7 +37,7 @@ class Scene:
     removals: tuple[Layer, ...] = ()
     """Removed objects: views of frames in which all but the object is a hole. In c+ (eq. 10), not in c- (eq. 11)."""
     fills: tuple[Layer, ...] = ()
-    """Fills in their order, and what only the right camera of a stereo pair measured."""
+    """Fills in their order, and what only the right camera of a stereo pair measured. As bright as their camera's frame."""
     numbers: tuple[int, ...] = ()
     """Numbers of the frames as given; 0, 1, 2 ... by default."""
     gains: tuple[tuple[float, float, float], ...] = ()
@@ -74,6 +76,11 @@ class Scene:
     def has_estimated_depth(self) -> bool:
         """True if a network estimated the depth of a frame."""
         return any(Origin.ESTIMATED in frame.origins for frame in self.frames)
+
+    def gain_of(self, camera: Camera) -> Float64Array:
+        """3, gains to the scene's common brightness of what this camera took, or of what was filled in its view."""
+        found = (gain for gain, frame in zip(self.gains, self.frames) if camera.same_view_as(frame.camera))
+        return np.array(next(found, (1.0, 1.0, 1.0)))
 
     def has_frame_of(self, camera: Camera) -> bool:
         """Whether a frame was taken by this camera."""

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import re
+import warnings
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -56,6 +60,25 @@ def test_an_outlier_is_named_and_left_out() -> None:
     with pytest.warns(UserWarning, match="frame 2 contradicts the others"):
         many = scene(given)
     assert many.numbers == (0, 1, 3, 4)
+
+
+@pytest.mark.parametrize("wrong", [np.linalg.inv, lambda pose: pose @ np.diag([1.0, -1, -1, 1])])
+def test_poses_in_a_wrong_convention_are_warned_of(wrong: Callable[[np.ndarray], np.ndarray]) -> None:
+    """The fault put in: poses from world to camera, or with OpenGL's axes; right ones raise no warning."""
+    away = [moved(LENS, (0, -25 * x, 0), (2 * x, 0.3 * x, 0.2 - x)) for x in (-0.6, -0.3, 0, 0.3, 0.6)]
+    room = World(
+        (*WORLD.shapes, Plane((0, 1.2, 0), (0, -1, 0)), Plane((0, 0, -6), (0, 0, 1)), Plane((0, -4, 0), (0, 1, 0)))
+    )
+    right = [room.rgbd(camera) for camera in away]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        scene(right)
+    with pytest.warns(UserWarning) as noted:
+        many = scene(
+            [RGBD(each.color, each.depth, each.camera.at(wrong(each.camera.world_from_cam))) for each in right]
+        )
+    assert len(noted) == 1 and many.numbers == (0, 1, 2, 3, 4)
+    assert re.search(r"frames contradict one another: \d+% .* `dlama doctor`", str(noted[0].message))
 
 
 def test_duplicates_are_named_and_left_out() -> None:

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import dataclasses
 
+import cv2
 import numpy as np
 import pytest
 
 from dlama.geometry import rendering
 from dlama.geometry.camera import Camera
-from dlama.geometry.codes import Origin
+from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.drawing import layers
 from dlama.geometry.frames import merging
 from dlama.geometry.frames.choosing import MOST_FRAMES, choose_frames
 from dlama.geometry.frames.gathering import scene
 from dlama.geometry.frames.merging import merge_frames, nearest_depth_around
+from dlama.geometry.fusion import fuse
 from dlama.geometry.rendering import render, render_fills
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
@@ -145,6 +147,34 @@ def test_gains_bring_one_brightness() -> None:
     assert np.percentile(np.abs(ratio / np.median(ratio) - 1), 90) < 0.06
     own = render(many, given[1].camera)
     np.testing.assert_array_equal(own.color, given[1].color)
+
+
+def test_fills_are_as_bright_as_the_view_that_shows_them() -> None:
+    """A fill made in the view of a frame of half the brightness (closed form: its grey times the frames' gains)."""
+    views = [View.from_rgbd(WORLD.rgbd(camera)) for camera in CAMERAS]
+    behind = np.zeros(LENS.hw, bool)
+    behind[18:30, 26:38] = True
+    hidden = [view.without(behind | (view.depth < 3), HoleType.OBJECT) for view in views]
+    grey = np.full((*LENS.hw, 3), 60, np.uint8)
+    filled = hidden[0].with_planes(
+        color=np.where(hidden[0].hole[..., None], grey, hidden[0].color),
+        depth=World((WALL,)).rgbd(CAMERAS[0]).depth,
+        hole=np.zeros(LENS.hw, bool),
+        origin=np.where(hidden[0].hole, np.uint8(Origin.FILLED), hidden[0].origin),
+    )
+    many = fuse(Scene(tuple(hidden), gains=((2, 2, 2), *[(1, 1, 1)] * 2, (0.5, 1, 2))), filled)
+    for camera, color in (
+        (CAMERAS[0], [60] * 3),
+        (CAMERAS[1], [120] * 3),
+        (CAMERAS[3], [240, 120, 60]),
+        (BETWEEN, [120] * 3),
+    ):
+        view = render(many, camera)
+        inner = cv2.erode((view.origin == Origin.FILLED).astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
+        assert inner.sum() > 30
+        np.testing.assert_allclose(
+            view.color[inner], np.broadcast_to(color, (inner.sum(), 3)), atol=4
+        )  # a level, times 4
 
 
 def test_frames_are_chosen_for_what_they_add() -> None:

@@ -10,7 +10,6 @@ centre at 0.0 (the fusion code rounds projections to whole pixels). Format: gith
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -21,11 +20,11 @@ import numpy as np
 from dlama.datasets.posed.posed_frames import CameraOption, FrameFiles, Lens, Listed, files_of, lens_for
 from dlama.datasets.posed.registered_depth import register_depth
 from dlama.datasets.text_tables import files_in, read_pose
-from dlama.errors import FileError
 from dlama.geometry.motion.poses import invert_pose
 
 DEPTH_LENS = Lens("7-Scenes' published camera", (585.0, 585.0, 320.0, 240.0), 0.0, (480, 640))
-COLOR_LENS = Lens("7-Scenes' measured colour camera", (526.0, 526.0, 320.0, 237.0), 0.0, (480, 640))
+MEASURED = "7-Scenes' measured colour camera (`camera=FILE.json` gives another)"
+COLOR_LENS = Lens(MEASURED, (526.0, 526.0, 320.0, 237.0), 0.0, (480, 640))
 COLOR_FROM_DEPTH = np.array([[1, 0, 0, -0.025], [0, 1, 0, 0.004], [0, 0, 1, 0], [0, 0, 0, 1.0]])
 """Metres. Measured, not published: image edges against depth edges, and agreement of brightness across views."""
 TSDF_INTRINSICS = "camera-intrinsics.txt"
@@ -45,7 +44,8 @@ def has_numbered_frames(root: Path) -> bool:
 def seven_scenes_frames(folder: Path, root: Path, camera: CameraOption) -> Listed:
     """The frames of one sequence of 7-Scenes. Raises FileError, CameraError."""
     if camera is None:
-        return ((name, _register(files)) for name, files in numbered_files(folder, DEPTH_LENS))
+        listed = numbered_files(folder, DEPTH_LENS)
+        return ((name, files if isinstance(files, str) else _register(files)) for name, files in listed)
     return numbered_files(folder, lens_for(folder, root, camera, (), ""))
 
 
@@ -69,15 +69,16 @@ def frame_name(path: Path) -> str:
     return path.name.split(".")[0]
 
 
-def numbered_files(folder: Path, lens: Lens) -> Iterator[tuple[str, FrameFiles]]:
-    """The frames of one folder by name in the order of their numbers; raises FileError."""
+def numbered_files(folder: Path, lens: Lens) -> Listed:
+    """The frames of one folder in the order of their numbers; raises FileError."""
     for pose in files_in(folder, (".txt",)):
         if pose.name.endswith(".pose.txt"):
             name = frame_name(pose)
             colors = [folder / f"{name}.color{suffix}" for suffix in (".png", ".jpg")]
             color = next((each for each in colors if each.is_file()), None)
             if color is None:
-                raise FileError(f"{colors[0]}: no such file (nor {colors[1].name}), but {pose.name} is there")
+                yield name, "without a picture"
+                continue
             yield name, files_of(color, folder / f"{name}.depth.png", lens, read_pose(pose))
 
 

@@ -13,7 +13,6 @@ import numpy as np
 
 from dlama.datasets.posed.posed_frames import CameraOption, Listed, files_of, lens_for
 from dlama.datasets.text_tables import files_by_stem, files_in, holds, pose_at, read_matrix
-from dlama.errors import FileError
 
 looks_like = holds("color", "depth", "pose")
 
@@ -27,7 +26,8 @@ def list_frames(folder: Path, root: Path, camera: CameraOption) -> Listed:
     for path in files_in(folder / "pose", (".txt",)):
         name = path.stem
         if name not in colors:
-            raise FileError(f"{folder / 'color' / name}.jpg: no such file, but {path} is there")
+            yield name, "without a picture"
+            continue
         pose = read_matrix(path, (4, 4), finite=False)
         if np.isfinite(pose).all():
             yield name, files_of(colors[name], folder / "depth" / f"{name}.png", lens, pose_at(f"{path}:1:1", pose))

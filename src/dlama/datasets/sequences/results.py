@@ -23,7 +23,7 @@ from dlama.files.results.video import write_video
 from dlama.files.scenes.clouds import write_ply
 from dlama.files.scenes.scene_npz import write_npz
 from dlama.files.scenes.textured_mesh import write_textured_glb
-from dlama.geometry.camera import Camera
+from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.cloud import PointCloud, concatenate
 from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.frames.choosing import choose_frames
@@ -31,7 +31,7 @@ from dlama.geometry.frames.merging import nearest_depth_around
 from dlama.geometry.frames.stored import Layer, StoredView, unpack_bits
 from dlama.geometry.holes import dilate_square, morphological_open, square
 from dlama.geometry.projection import lift, project_to_pixels, unproject
-from dlama.geometry.rgbd import BoolArray, UInt8Array
+from dlama.geometry.rgbd import BoolArray, UInt8Array, brighten
 from dlama.geometry.scene import Scene, contribution
 from dlama.geometry.view import View
 from dlama.progress import begin_stage
@@ -53,19 +53,20 @@ def thin_scene(scene: Scene) -> Scene:
     for place, frame in enumerate(scene.frames):
         added = new_points(scene, place)
         if added.any() or not place:
-            make = partial(keep_new_points, frame, np.packbits(added), scene.gains[place])
+            make = partial(keep_new_points, frame, np.packbits(added), scene.gain_of(frame.camera))
             layers.append(StoredView(frame.camera, make, frame.cache) if isinstance(frame, StoredView) else make())
-    return Scene(tuple(layers), scene.removals, scene.fills)
+    fills = [fill.load() for fill in scene.fills]
+    bright = (fill.with_planes(color=brighten(fill.color, scene.gain_of(fill.camera))) for fill in fills)
+    return Scene(tuple(layers), scene.removals, tuple(bright))
 
 
-def keep_new_points(frame: Layer, bits: UInt8Array, gain: tuple[float, float, float]) -> View:
+def keep_new_points(frame: Layer, bits: UInt8Array, gain: Float64Array) -> View:
     """A frame in the scene's brightness with the pixels `bits` (H x W bool, as `numpy.packbits` packs it) and a rim of one."""
     added = unpack_bits(bits, frame.camera)
     ring = dilate_square(added, 3)
     layer = frame.load().without(~ring, HoleType.NONE)
     origin = np.where(added | layer.hole, layer.origin, np.uint8(Origin.REPROJECTED))
-    color = np.clip(np.rint(layer.color * np.array(gain)), 0, 255).astype(np.uint8)
-    return dataclasses.replace(layer, origin=origin, color=color)
+    return dataclasses.replace(layer, origin=origin, color=brighten(layer.color, gain))
 
 
 def new_points(scene: Scene, place: int) -> BoolArray:

@@ -38,7 +38,9 @@ SAME_GAIN = 0.01
 SAME_POSE = 1e-6
 """Of the entries of two poses that may be the same."""
 OUTLIER = 0.5
-"""A frame is an outlier if it agrees with the others so many times less than their median does."""
+"""A frame is an outlier if it agrees with the others so many times less than their median does. Frames of which fewer points than
+this share lie on common surfaces contradict one another: recorded ones have 0.9 and more, poses read in a wrong convention less
+than 0.45."""
 
 
 FrameSource = RGBD | Callable[[], RGBD]
@@ -144,27 +146,39 @@ def _is_same(one: Layer, other: Layer) -> bool:
 
 
 def _drop_outliers(kept: list[int], found: dict[tuple[int, int], Overlap], called: Sequence[str]) -> list[int]:
-    """The frames that some other one confirms; those that contradict all others, or meet none, are named."""
+    """The frames that some other one confirms; those that contradict all others, or meet none, are named. All where most of them
+    contradict one another, of which one message warns."""
     if not any(each.agree >= ENOUGH for each in found.values()):
         raise InputError(
             f"no two of the {len(kept)} frames show the same surfaces: are the poses camera-to-world, in metres, and of the same "
             "scene as the depth?"
         )
+    every, noted = kept, list[str]()
     while len(kept) > 2:
         shares = _share_agreeing(kept, found)
         worst = int(np.nanargmin(shares)) if not np.isnan(shares).all() else 0
         if not shares[worst] < OUTLIER * np.nanmedian(shares):
             break
-        warnings.warn(
+        noted.append(
             f"{called[kept[worst]]} contradicts the others: {shares[worst]:.0%} of its points that they can see lie on their "
-            f"surfaces, of the others' {np.nanmedian(shares):.0%}; it is left out, is its pose right?",
-            UserWarning,
-            stacklevel=4,
+            f"surfaces, of the others' {np.nanmedian(shares):.0%}; it is left out, is its pose right?"
         )
         kept = [place for place in kept if place != kept[worst]]
-    for place, share in zip(kept, _share_agreeing(kept, found)):
-        if np.isnan(share):
-            warnings.warn(f"{called[place]} shows nothing that another frame shows", UserWarning, stacklevel=4)
+    shares = _share_agreeing(kept, found)
+    noted += [
+        f"{called[place]} shows nothing that another frame shows"
+        for place, share in zip(kept, shares)
+        if np.isnan(share)
+    ]
+    agreeing = np.median(shares[shares >= 0]) if (shares >= 0).any() else 1.0
+    if agreeing < OUTLIER:
+        kept = every
+        noted = [
+            f"the frames contradict one another: {agreeing:.0%} of the points that two of them can see lie on the same surfaces; "
+            "are the poses camera-to-world, with OpenCV's axes and in metres? `dlama doctor` names the usual mistakes"
+        ]
+    for each in noted:
+        warnings.warn(each, UserWarning, stacklevel=4)
     return kept
 
 

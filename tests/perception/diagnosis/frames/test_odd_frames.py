@@ -19,7 +19,7 @@ from dlama.datasets.posed.nerfstudio import write_transforms
 from dlama.files.rasters.depth import write_depth_png
 from dlama.perception.diagnosis.finding import Finding
 from dlama.perception.diagnosis.frames.landing import shrink
-from dlama.perception.diagnosis.frames.odd_frames import find_odd_frames, rescale_frame
+from dlama.perception.diagnosis.frames.odd_frames import compare_frames, find_odd_frames, rescale_frame
 from dlama.worlds.layouts.random_scene import build
 from marks import first_quick
 
@@ -57,6 +57,18 @@ def test_the_odd_frame_is_named_with_what_mends_it(name: str, seed: int, number:
     _, check, mend = FRAMES[name]
     assert (finding.check, finding.severity) == (check, "fault")
     assert finding.what.startswith(f"{number}:") and mend in finding.mend
+
+
+def test_a_frame_at_a_wrong_place_is_named() -> None:
+    """Oracle: the pose that was moved by a metre; its neighbours are no fault."""
+    frames = list(orbit(3))
+    shift = np.eye(4)
+    shift[:3, 3] = 1.0, 0.5, 0.5
+    camera = frames[2].camera
+    frames[2] = dlama.RGBD(frames[2].color, frames[2].depth, camera.at(shift @ camera.world_from_cam))
+    small = {str(number): shrink(frame) for number, frame in enumerate(frames)}
+    (finding,) = compare_frames(small, list(small), "scene")
+    assert (finding.check, finding.severity, finding.what[:2]) == ("pose", "fault", "2:")
 
 
 def test_two_odd_frames_are_both_named() -> None:
@@ -137,6 +149,17 @@ def test_one_line_names_the_frame_of_a_data_set(name: str, tmp_path: Path) -> No
 def test_a_good_data_set_is_silent(tmp_path: Path) -> None:
     write_frames(tmp_path, orbit(12))
     assert [each.check for each in dlama.diagnose(tmp_path)] == ["understood"]
+
+
+def test_each_frame_that_cannot_be_read_is_named(tmp_path: Path) -> None:
+    """Oracle: the picture that is deleted and the depth that is empty; the other frames are examined."""
+    write_frames(tmp_path, spoilt(orbit(12), 5, "depth times 5"))
+    (tmp_path / "images/1.png").unlink()
+    write_depth_png(tmp_path / "depth/3.png", np.zeros((128, 128), np.float32))
+    found = dlama.diagnose(tmp_path)
+    assert [each.check for each in found] == ["reading", "reading", "depth-scale", "understood"]
+    assert "images/1.png: no such file" in found[0].what and "depth/3.png: no pixel has a depth" in found[1].what
+    assert found[2].what.startswith(f"{tmp_path.name}/5:")
 
 
 @pytest.mark.parametrize("factor", first_quick([5.0, 0.2]))

@@ -8,13 +8,16 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
+from itertools import combinations
 
 import numpy as np
 
 from dlama.geometry.camera import Float64Array
+from dlama.geometry.frames.gathering import OUTLIER
 from dlama.perception.diagnosis.finding import Finding, certainty
 from dlama.perception.diagnosis.frames.landing import (
     FEWEST,
+    LANDS_WITHIN,
     LEAST_FIT,
     LEAST_LEAD,
     Landed,
@@ -30,19 +33,21 @@ FACTORS = 1.05 ** np.arange(-10, 11)
 """Tried factors of the focal length, 0.61 to 1.63."""
 LEAST_CHANGE = 1.1
 """Least factor that is reported."""
+AGREED = 0.8
+"""Least share of points on common surfaces of frames that agree: recorded ones have 0.9 and more, of a wrong scale 0.63."""
 LEAST_CURVE = 1.4
 """Least ratio of contrasts (in logarithms) that is reported as a gamma; without one at most 1.23 in the same frames."""
 
 
 def compare_frames(frames: Mapping[str, SmallFrame], row: Sequence[str], scene: str) -> list[Finding]:
-    """Findings on the poses of frames in a row (by name); where these fit, on frames that do not fit the others.
+    """Findings on the poses of frames in a row (by name), without those that do not fit the others; where these fit, on those.
 
-    One odd frame also makes its neighbours in the row fit badly. scene: what messages call it.
+    scene: what messages call it.
     """
-    of_row = check_poses([frames[name] for name in row], scene)
-    if any(each.severity == "fault" for each in of_row):
-        return of_row
-    return find_odd_frames(list(frames.values()), list(frames)) or of_row
+    odd = find_odd_frames(list(frames.values()), list(frames))
+    even = [name for name in row if not any(each.what.startswith(f"{name}:") for each in odd)]
+    of_row = check_poses([frames[name] for name in even], scene)
+    return of_row if any(each.severity == "fault" for each in of_row) else odd or of_row
 
 
 def find_odd_frames(frames: Sequence[SmallFrame], names: Sequence[str]) -> list[Finding]:
@@ -72,13 +77,13 @@ def find_oddity(frame: SmallFrame, others: Sequence[SmallFrame], name: str) -> F
     """The fault of a frame against two or more others; None where there is none."""
     as_read = fits(frame, others)
     if lower_median(1 / np.maximum(as_read, 0.01)) < LEAST_LEAD:  # no fit is above 1, so that no factor could lead
-        return check_tone_curve(frame, others, name)
+        return check_place(frame, others, name) or check_tone_curve(frame, others, name)
     tried = [("depth", depth_factor(frame, others)), *(("focal", factor) for factor in map(float, FACTORS))]
     found = [fits(rescale_frame(frame, **{what: factor}), others) for what, factor in tried]
     (what, factor), best = max(zip(tried, found), key=lambda pair: lower_median(pair[1]))
     fit, lead = lower_median(best), lower_median(best / np.maximum(as_read, 0.01))
     if max(factor, 1 / factor) < LEAST_CHANGE or fit < LEAST_FIT or lead < LEAST_LEAD:
-        return check_tone_curve(frame, others, name)
+        return check_place(frame, others, name) or check_tone_curve(frame, others, name)
     check, which, low, high, multiplied = {
         "depth": ("depth-scale", "depth", "small", "large", "depth"),
         "focal": ("focal-length", "its focal length", "short", "long", "fx and fy"),
@@ -87,6 +92,27 @@ def find_oddity(frame: SmallFrame, others: Sequence[SmallFrame], name: str) -> F
     shows = f"so {fit:.0%} of its points fit the neighbouring frames, {lower_median(as_read):.0%} as read"
     mend = f"multiply its {multiplied} by {factor:.3g}"
     return Finding(check, "fault", certainty(lead - 1, 0.3), f"{name}: {which} is {times}; {shows}", mend)
+
+
+def check_place(frame: SmallFrame, others: Sequence[SmallFrame], name: str) -> Finding | None:
+    """Reports a frame that contradicts most of its neighbours, which agree with each other."""
+    shares = sorted(share for share in (share_on_surfaces(frame, other) for other in others) if share is not None)
+    among = [share for pair in combinations(others, 2) if (share := share_on_surfaces(*pair)) is not None]
+    if len(shares) < 2 or shares[len(shares) // 2] >= OUTLIER or not among or np.median(among) < AGREED:
+        return None
+    what = f"{shares[len(shares) // 2]:.0%} of what it and its neighbours can both see lies on common surfaces"
+    what = f"{name}: {what}, of the neighbours' {np.median(among):.0%}: its pose, or its depth, is wrong"
+    return Finding("pose", "fault", 0.9, what, "correct it, or leave the frame out")
+
+
+def share_on_surfaces(one: SmallFrame, other: SmallFrame) -> float | None:
+    """Share of the points of two frames that lie on the other's surface, of those that do or that the other sees through; None:
+    there are few."""
+    agree, through = 0, 0
+    for z, depth, *_ in (reproject(one, other), reproject(other, one)):
+        agree += int((np.abs(depth - z) < LANDS_WITHIN * z).sum())
+        through += int((depth - z >= LANDS_WITHIN * z).sum())
+    return agree / (agree + through) if agree + through >= FEWEST else None
 
 
 def check_tone_curve(frame: SmallFrame, others: Sequence[SmallFrame], name: str) -> Finding | None:
