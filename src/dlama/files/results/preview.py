@@ -112,10 +112,10 @@ def source_panel(completion: Completion) -> Panel:
 
 def tint(color: UInt8Array, where: np.ndarray) -> UInt8Array:
     """uint8 H x W x 3: half red where `where` (H x W bool) is True, red at its rim."""
-    inner = erode_square(where, 5)
-    tint = np.array(REMOVED, np.uint8)
-    half = (color // 2 + tint // 2).astype(np.uint8)
-    return np.where((where & ~inner)[..., None], tint, np.where(where[..., None], half, color))
+    out, red = color.copy(), np.array(REMOVED, np.uint8)
+    out[where] = color[where] // 2 + red // 2
+    out[where & ~erode_square(where, 5)] = red
+    return out
 
 
 def color_panels(name: str, before: View, view: View) -> tuple[Panel, Panel]:

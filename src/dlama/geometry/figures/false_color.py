@@ -48,18 +48,19 @@ def depth_picture(
     """
     import cv2  # here, so that the nouns cost no more than numpy
 
-    depth = np.nan_to_num(np.asarray(depth, np.float32), nan=0, posinf=np.inf)
+    depth = np.asarray(depth, np.float32)
     known = depth > 0 if hole is None else (depth > 0) & ~hole
     valid = known & (depth < np.inf)
     inverse = np.divide(1, depth, out=np.zeros_like(depth), where=valid)
-    low, high = np.percentile(inverse[valid], (2, 98)) if valid.any() else (0.0, 1.0)
-    near, far = 1 / lo if lo else float(high), 1 / hi if hi else float(low)
+    if lo and hi:
+        near, far = 1 / lo, 1 / hi
+    else:
+        low, high = np.percentile(inverse[valid], (2, 98)) if valid.any() else (0.0, 1.0)
+        near, far = 1 / lo if lo else float(high), 1 / hi if hi else float(low)
     levels = np.rint(np.clip((inverse - far) / max(near - far, 1e-9), 0, 1) * 255).astype(np.uint8)
-    picture = np.array(cv2.applyColorMap(levels, cv2.COLORMAP_TURBO)[..., ::-1], np.uint8)
+    picture = np.asarray(cv2.cvtColor(cv2.applyColorMap(levels, cv2.COLORMAP_TURBO), cv2.COLOR_BGR2RGB), np.uint8)
     picture[known & ~valid] = SKY
-    if not known.all():
-        picture[~known] = hatch_pattern(depth.shape)[~known]
-    return picture
+    return hatch_holes(picture, ~known)
 
 
 def depth_limits(*depths: Float32Array) -> tuple[float, float]:
@@ -73,8 +74,9 @@ def depth_limits(*depths: Float32Array) -> tuple[float, float]:
 
 def hole_picture(color: UInt8Array, hole_type: UInt8Array) -> UInt8Array:
     """uint8 H x W x 3: the colour where it was known, the hole types (H x W codes) in HOLE_PALETTE."""
-    palette = np.array(HOLE_PALETTE, np.uint8)
-    return np.where((hole_type > 0)[..., None], palette[hole_type], color)
+    hole, out = hole_type > 0, color.copy()
+    out[hole] = np.array(HOLE_PALETTE, np.uint8)[hole_type[hole]]
+    return out
 
 
 def origin_picture(origin: UInt8Array) -> UInt8Array:
@@ -83,12 +85,9 @@ def origin_picture(origin: UInt8Array) -> UInt8Array:
 
 
 def hatch_holes(color: UInt8Array, hole: BoolArray) -> UInt8Array:
-    """uint8 H x W x 3: the colour where it is known, holes (H x W, True) hatched."""
-    return np.where(hole[..., None], hatch_pattern(hole.shape), color)
-
-
-def hatch_pattern(hw: tuple[int, ...]) -> UInt8Array:
-    """uint8 H x W x 3: quiet diagonal stripes, which no camera takes for a surface."""
-    rows, columns = np.ogrid[: hw[0], : hw[1]]
+    """uint8 H x W x 3: the colour where it is known; quiet diagonal stripes, which no camera takes for a surface, in holes (H x W,
+    True)."""
+    out, (rows, columns) = color.copy(), np.nonzero(hole)
     stripe = (rows + columns) % HATCH_PERIOD < HATCH_PERIOD // 2
-    return np.where(stripe[..., None], np.array(HATCH[0], np.uint8), np.array(HATCH[1], np.uint8))
+    out[rows, columns] = np.where(stripe[:, None], *np.array(HATCH, np.uint8))
+    return out
