@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
 from dlama.arguments import is_finite
 from dlama.errors import DepthError, FileError, system_errors
@@ -15,7 +14,7 @@ from dlama.files.rasters.depth_checks import warn_of_inverse, warn_of_millimetre
 from dlama.files.rasters.exr_files import read_exr, write_exr
 from dlama.files.rasters.float_files import read_array, read_pfm, write_pfm
 from dlama.files.rasters.images import SUFFIXES, existing_file, read_stored
-from dlama.files.rasters.pictures import ROWS_AT_ONCE, save_picture
+from dlama.files.rasters.pictures import DEPTH_PNG, ROWS_AT_ONCE, write_png
 from dlama.geometry.rgbd import PLAUSIBLE_M, Float32Array, mark_far
 from dlama.writing.atomic_write import PathLike
 
@@ -93,11 +92,12 @@ def mm_from_depth(depth: Float32Array) -> tuple[NDArray[np.uint16], int]:
     codes, clipped = np.empty(depth.shape, np.uint16), 0
     for first in range(0, len(depth), ROWS_AT_ONCE):
         some = depth[first : first + ROWS_AT_ONCE].astype(np.float64)
-        far = np.isposinf(some)
-        steps = np.rint(np.where(_valid(some), some, 0) * MILLIMETRES)
-        clipped += int((steps >= FAR_CODE).sum())
-        found = np.where(_valid(some), np.clip(steps, 1, FAR_CODE - 1), 0)
-        codes[first : first + ROWS_AT_ONCE] = np.where(far, FAR_CODE, found)
+        steps = np.rint(some * MILLIMETRES)
+        clipped += int(np.count_nonzero((steps >= FAR_CODE) & (steps < np.inf)))
+        found = np.clip(steps, 1, FAR_CODE - 1, out=steps)
+        found[~(some > 0)] = 0
+        found[some == np.inf] = FAR_CODE
+        codes[first : first + ROWS_AT_ONCE] = found
     return codes, clipped
 
 
@@ -115,7 +115,7 @@ def write_depth_png(path: PathLike, depth: Float32Array) -> int:
     Raises OutputError.
     """
     codes, clipped = mm_from_depth(depth)
-    save_picture(path, Image.fromarray(codes))
+    write_png(path, codes, DEPTH_PNG)
     return clipped
 
 

@@ -85,8 +85,8 @@ def origin_picture(origin: UInt8Array) -> UInt8Array:
 
 
 def hatch_holes(color: UInt8Array, hole: BoolArray) -> UInt8Array:
-    """uint8 H x W x 3: the colour where it is known; quiet diagonal stripes, which no camera takes for a surface, in holes (H x W,
-    True)."""
+    """uint8 H x W x 3: the colour where it is known; in holes (H x W, True) quiet diagonal stripes, which no camera takes for a
+    surface."""
     out, (rows, columns) = color.copy(), np.nonzero(hole)
     stripe = (rows + columns) % HATCH_PERIOD < HATCH_PERIOD // 2
     out[rows, columns] = np.where(stripe[:, None], *np.array(HATCH, np.uint8))
