@@ -16,34 +16,29 @@ def weighted_median(
     value: Float32Array, weight: Float32Array, begin: Whole, end: Whole, above: Real, total: Real
 ) -> Real:
     """The largest of the values [begin, end) whose weight, with `above` and that of all above it, reaches half the total;
-    reorders both arrays.
+    writes over both arrays.
 
-    By quickselect: of a span that holds the median the part is kept that does, larger or smaller than a value amid it.
+    By quickselect: of a span that holds the median the part is kept that does, larger or smaller than the middle one of three of
+    its values.
     """
     while True:
-        pivot, of_larger, of_same = value[(begin + end) // 2], 0.0, 0.0
-        larger, at, smaller = begin, begin, end  # from `begin` on the larger values, from `smaller` on the smaller ones
-        while at < smaller:
-            here = value[at]
-            if here > pivot:
-                of_larger += weight[at]
-                value[at], value[larger] = value[larger], here
-                weight[at], weight[larger] = weight[larger], weight[at]
-                larger, at = larger + 1, at + 1
-            elif here < pivot:
-                smaller -= 1
-                value[at], value[smaller] = value[smaller], here
-                weight[at], weight[smaller] = weight[smaller], weight[at]
-            else:
-                of_same += weight[at]
-                at += 1
-        if larger > begin and above + of_larger >= 0.5 * total:
-            end = larger
-        elif smaller == end or above + of_larger + of_same >= 0.5 * total:
-            return pivot
-        else:
+        one, two, three = value[begin], value[(begin + end) // 2], value[end - 1]
+        pivot, of_larger, of_same = max(min(one, two), min(max(one, two), three)), 0.0, 0.0
+        for at in range(begin, end):  # without branches, of which half would be foreseen badly
+            of_larger += weight[at] * np.float32(value[at] > pivot)
+            of_same += weight[at] * np.float32(value[at] == pivot)
+        is_larger, last = above + of_larger >= 0.5 * total, begin
+        if not is_larger:
             above += of_larger + of_same
-            begin = smaller
+        if not is_larger and above >= 0.5 * total:
+            return pivot
+        for at in range(begin, end):
+            here = value[at]
+            value[last], weight[last] = here, weight[at]
+            last += here > pivot if is_larger else here < pivot
+        if last == begin:
+            return pivot
+        end = last
 
 
 @kernel
