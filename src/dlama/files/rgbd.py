@@ -181,6 +181,19 @@ def _use_photo_depth(
     return dataclasses.replace(rgbd, estimate=about)
 
 
+def _smooth_terraces(depth: PathLike, metres: Float32Array, color: UInt8Array, how: str | None) -> Float32Array:
+    """A map at the picture's size, interpolated on each surface where it was enlarged before and `how` is guided; else warns."""
+    grid = MapGrid.of(metres)
+    if grid.enlarged and how == "guided":
+        return upsample_depth(grid.sample_map(metres), color)
+    if grid.enlarged and how is None:
+        warn(
+            f"{depth}: looks like a map of {grid.wh[0]}x{grid.wh[1]} pixels that was enlarged by the nearest pixel, so "
+            "surfaces are terraced; `resize_depth=guided` interpolates on each surface"
+        )
+    return metres
+
+
 def _resize_depth(
     image: PathLike, depth: PathLike, metres: Float32Array, color: UInt8Array, how: str | None
 ) -> Float32Array:
@@ -189,17 +202,7 @@ def _resize_depth(
         raise ShapeError(f"`resize_depth` is {how!r}; 'guided' or 'nearest' is expected")
     hw = color.shape[:2]
     if metres.shape == hw:
-        grid = MapGrid.of(metres)
-        if not grid.enlarged:
-            return metres
-        if how == "guided":
-            return upsample_depth(grid.sample_map(metres), color)
-        if how is None:
-            warn(
-                f"{depth}: looks like a map of {grid.wh[0]}x{grid.wh[1]} pixels that was enlarged by the nearest pixel, so "
-                "surfaces are terraced; `resize_depth=guided` interpolates on each surface"
-            )
-        return metres
+        return _smooth_terraces(depth, metres, color, how)
     sizes = f"{depth} is {format_size(metres.shape)} and {image} {format_size(hw)}"
     if not same_proportions(metres.shape, hw):
         turned = same_proportions(metres.shape[::-1], hw)

@@ -17,7 +17,7 @@ from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler
 from pathlib import Path
 from typing import Any, Protocol
-from urllib.parse import parse_qs, unquote, urlsplit
+from urllib.parse import SplitResult, parse_qs, unquote, urlsplit
 
 from dlama.errors import DlamaError, FileError, system_reason
 from dlama.web import api
@@ -106,16 +106,18 @@ class Handler(BaseHTTPRequestHandler):
     def do_POST(self) -> None:
         """Uploads and actions."""
         address = urlsplit(self.path)
+        number = self.headers.get("X-Dlama-Visit")
         if not self._host_is_ours() or not self._has_token():
             self._refuse(HTTPStatus.UNAUTHORIZED, "this page asks for a token; open it anew")
-            return
-        if address.path == "/api/leave":
+        elif address.path == "/api/leave":
             self._leave()
-            return
-        number = self.headers.get("X-Dlama-Visit")
-        if number is None:
+        elif number is None:
             self._refuse(HTTPStatus.FORBIDDEN, "requests of other pages are not answered")
-            return
+        else:
+            self._answer(address, number)
+
+    def _answer(self, address: SplitResult, number: str) -> None:
+        """What the page of the visit with that number asks for, or why it cannot be had."""
         visit: Visit | None = None
         try:
             if address.path in ("/api/visit", "/api/settings"):

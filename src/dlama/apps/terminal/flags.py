@@ -97,12 +97,18 @@ def _flags(taker: Callable[..., Any]) -> list[Flag]:
         if groups:
             found += [one for group in groups for one in _flags(group)]
         elif Positional not in notes:
-            flag = f"{'no-' if parameter.default is True else ''}{name.replace('_', '-')}"
-            named = next((note.name for note in notes if getattr(note, "name", None)), flag)
-            several = typing.get_origin(typing.get_args(hint)[0] if notes else hint) is tuple
-            listed = any(str(getattr(note, "metavar", "")).endswith(",...") for note in notes)
-            found.append(Flag(name, f"--{named}", tuple(kinds), several, listed))
+            found.append(_flag_of(parameter, hint))
     return found
+
+
+def _flag_of(parameter: inspect.Parameter, hint: Any) -> Flag:
+    """The option that a parameter with that annotation is."""
+    notes = getattr(hint, "__metadata__", ())
+    flag = f"{'no-' if parameter.default is True else ''}{parameter.name.replace('_', '-')}"
+    named = next((note.name for note in notes if getattr(note, "name", None)), flag)
+    several = typing.get_origin(typing.get_args(hint)[0] if notes else hint) is tuple
+    listed = any(str(getattr(note, "metavar", "")).endswith(",...") for note in notes)
+    return Flag(parameter.name, f"--{named}", tuple(_parts(hint)), several, listed)
 
 
 def with_flags(message: str, flags: dict[str, str]) -> str:

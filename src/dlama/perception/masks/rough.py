@@ -95,10 +95,9 @@ def rough_depth(rgbd: RGBD) -> RoughDepth:
     return RoughDepth(rgbd.color, w, morphological_open(ground, square(9)), chosen, rgbd.far)
 
 
-def rough_candidates(rough: RoughDepth, prompt: Prompt) -> dict[str, BoolArray]:
-    """The H x W mask as `object`. MaskError where nothing is found, or the sky is clicked."""
-    if prompt.clicks and all(rough.far[pixel] for pixel in prompt.on):
-        raise nothing_at(prompt.on[0], "which lies on the sky: nothing stands apart there")
+def state_before_cut(rough: RoughDepth, prompt: Prompt) -> UInt8Array:
+    """H x W, cv2.GC_...: probably the object in the box and in the first guess at each click; without a box, background for
+    certain beyond the windows round them."""
     state = np.full(prompt.hw, cv2.GC_BGD, np.uint8)
     if prompt.box is not None:
         state[prompt.box_slices] = cv2.GC_PR_FGD
@@ -108,7 +107,14 @@ def rough_candidates(rough: RoughDepth, prompt: Prompt) -> dict[str, BoolArray]:
             inside = find_window(rough, guess, pixel)
             state[inside] = np.where(state[inside] == cv2.GC_BGD, cv2.GC_PR_BGD, state[inside])
         state[guess & prompt.inside] = cv2.GC_PR_FGD
-    mask = cut_along_colors(rough.color, mark_clicks(state, prompt))
+    return state
+
+
+def rough_candidates(rough: RoughDepth, prompt: Prompt) -> dict[str, BoolArray]:
+    """The H x W mask as `object`. MaskError where nothing is found, or the sky is clicked."""
+    if prompt.clicks and all(rough.far[pixel] for pixel in prompt.on):
+        raise nothing_at(prompt.on[0], "which lies on the sky: nothing stands apart there")
+    mask = cut_along_colors(rough.color, mark_clicks(state_before_cut(rough, prompt), prompt))
     if prompt.clicks:
         mask = keep_clicked_parts(mask, prompt)
         if mask.sum() < NOTHING * len(prompt.clicks) * SEED_PX**2:

@@ -97,6 +97,26 @@ def window_view(plan: FloorPlan, far: float) -> None:
                 row(builder, plan.palette, rng, -20, 20)
 
 
+def lay_rug(plan: FloorPlan) -> None:
+    """A rug in the middle, at times."""
+    rng = plan.rng
+    if rng.random() < 0.6:
+        x = float(rng.uniform(-0.8, 0.8))
+        size = (float(rng.uniform(1.5, 2.6)), 0.012, float(rng.uniform(1.2, 2)))
+        plan.builder.box((x, 0, 3), size, plan.palette("cloth"))
+
+
+def stand_pillar(plan: FloorPlan, left: float, right: float, far: float, height: float) -> None:
+    """A pillar from floor to ceiling, at times, where there is room for one."""
+    builder, rng = plan.builder, plan.rng
+    if not int(rng.integers(0, 2)):
+        return
+    x, z = float(rng.uniform(left + 0.4, right - 0.4)), float(rng.uniform(3.8, far - 0.6))
+    if plan.is_free(x, z, 0.3):
+        with builder.group():
+            builder.tube((x, 0, z), height, 0.17, plan.palette("plaster", "stones", "wood"))
+
+
 def room(plan: FloorPlan) -> None:
     """Four walls, a floor, furniture along the walls and objects between, with the object of interest."""
     builder, palette, rng = plan.builder, plan.palette, plan.rng
@@ -123,14 +143,8 @@ def room(plan: FloorPlan) -> None:
                 furnish_wall(plan, length - (0.6, 3.2, 3.2)[n], height)
         elif window and n == 0:
             window_view(plan, far)
-    if rng.random() < 0.6:
-        x = float(rng.uniform(-0.8, 0.8))
-        builder.box((x, 0, 3), (float(rng.uniform(1.5, 2.6)), 0.012, float(rng.uniform(1.2, 2))), palette("cloth"))
-    for _ in range(int(rng.integers(0, 2))):
-        x, z = float(rng.uniform(left + 0.4, right - 0.4)), float(rng.uniform(3.8, far - 0.6))
-        if plan.is_free(x, z, 0.3):
-            with builder.group():
-                builder.tube((x, 0, z), height, 0.17, palette("plaster", "stones", "wood"))
+    lay_rug(plan)
+    stand_pillar(plan, left, right, far, height)
     names = [*ROOM_PROPS, "table", "chair", "chair", "divider"]
     plan.scatter(ROOM_PROPS, names, int(rng.integers(5, 12)), (left + 0.4, right - 0.4), (2.4, far - 0.7))
     plan.place_object(ROOM_OBJECTS, (1.0, 1.6))

@@ -79,19 +79,33 @@ def to_local(shapes: Float64Array, i: Whole, v: Vector) -> Vector:
 @inlined
 def texture_place(shapes: Float64Array, i: Whole, face: Whole, at: Vector) -> tuple[Real, Real, Real, Real]:
     """Texture u, v in repeats, and repeats per metre along the two tangents, at a local point of a face."""
+    kind = np.int64(shapes[i, KIND])
+    return place_on_box(shapes, i, face, at) if kind <= BOX else place_on_round(shapes, i, kind, face, at)
+
+
+@inlined
+def place_on_box(shapes: Float64Array, i: Whole, face: Whole, at: Vector) -> tuple[Real, Real, Real, Real]:
+    """As `texture_place`, on a face of a box, or on a panel."""
     x, y, z = at
-    kind, fit = np.int64(shapes[i, KIND]), shapes[i, MODE] == FIT
-    if kind <= BOX:
-        axis = face // 2
-        a, b = z if axis == 0 else x, z if axis == 1 else y
-        ha, hb = shapes[i, HALF + 2 if axis == 0 else HALF], shapes[i, HALF + 2 if axis == 1 else HALF + 1]
-        if face == 0 or face == 5:  # seen from outside u runs to the right on every side, or writing would be mirrored
-            a = -a
-        if fit:
-            su, sv = 0.5 * shapes[i, TILE] / max(ha, 1e-9), 0.5 * shapes[i, TILE + 1] / max(hb, 1e-9)
-            return (a + ha) * su, (b + hb) * sv, su, sv
-        su, sv = 1 / shapes[i, TILE], 1 / shapes[i, TILE + 1]
-        return a * su + shapes[i, OFFSET], b * sv + shapes[i, OFFSET + 1], su, sv
+    axis = face // 2
+    a, b = z if axis == 0 else x, z if axis == 1 else y
+    ha, hb = shapes[i, HALF + 2 if axis == 0 else HALF], shapes[i, HALF + 2 if axis == 1 else HALF + 1]
+    if face == 0 or face == 5:  # seen from outside u runs to the right on every side, or writing would be mirrored
+        a = -a
+    if shapes[i, MODE] == FIT:
+        su, sv = 0.5 * shapes[i, TILE] / max(ha, 1e-9), 0.5 * shapes[i, TILE + 1] / max(hb, 1e-9)
+        return (a + ha) * su, (b + hb) * sv, su, sv
+    su, sv = 1 / shapes[i, TILE], 1 / shapes[i, TILE + 1]
+    return a * su + shapes[i, OFFSET], b * sv + shapes[i, OFFSET + 1], su, sv
+
+
+@inlined
+def place_on_round(
+    shapes: Float64Array, i: Whole, kind: Whole, face: Whole, at: Vector
+) -> tuple[Real, Real, Real, Real]:
+    """As `texture_place`, on a ball, or on the side or a cap of a tube."""
+    x, y, z = at
+    fit = shapes[i, MODE] == FIT
     radius = shapes[i, HALF] if kind == BALL else max(shapes[i, HALF], shapes[i, HALF + 2])
     if kind == TUBE and face >= 7:
         su, sv = (0.5 / radius, 0.5 / radius) if fit else (1 / shapes[i, TILE], 1 / shapes[i, TILE + 1])
@@ -181,6 +195,13 @@ def hit_tube(shapes: Float64Array, i: Whole, texels: UInt8Array, o: Vector, d: V
                 continue
             if is_solid(shapes, i, texels, 6, (x, y, z)):
                 best, face = t, 6 if x * d[0] + z * d[2] - k * (middle + k * y) * d[1] < 0 else 9
+    return nearer_cap(shapes, i, o, d, best, face)
+
+
+@inlined
+def nearer_cap(shapes: Float64Array, i: Whole, o: Vector, d: Vector, best: Real, face: Whole) -> tuple[Real, Whole]:
+    """A hit of a frustum's side, or that of one of its caps, if it has any, where it is nearer."""
+    hy = shapes[i, HALF + 1]
     if d[1] != 0 and shapes[i, CUT] == 0:
         for cap in range(2):
             t = ((-hy if cap == 0 else hy) - o[1]) / d[1]
@@ -207,9 +228,15 @@ def hit(shapes: Float64Array, i: Whole, texels: UInt8Array, p: Vector, d: Vector
         return hit_ball(shapes, i, texels, o, e)
     if kind == TUBE:
         return hit_tube(shapes, i, texels, o, e)
-    t = -oy / dy
-    x, z = o[0] + t * e[0], o[2] + t * e[2]
-    face = 2 if dy > 0 else 3
+    return hit_panel(shapes, i, texels, o, e)
+
+
+@inlined
+def hit_panel(shapes: Float64Array, i: Whole, texels: UInt8Array, o: Vector, d: Vector) -> tuple[Real, Whole]:
+    """A rectangle in y = 0, which the ray is known to meet in front: its upper face is 2, its lower one 3."""
+    t = -o[1] / d[1]
+    x, z = o[0] + t * d[0], o[2] + t * d[2]
+    face = 2 if d[1] > 0 else 3
     if abs(x) > shapes[i, HALF] or abs(z) > shapes[i, HALF + 2] or not is_solid(shapes, i, texels, face, (x, 0.0, z)):
         return np.inf, 0
     return t, face
