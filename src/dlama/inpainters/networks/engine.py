@@ -34,7 +34,8 @@ class Engine(NetworkFile):
         found = from_metadata(self.metadata, str(self.path))
         if found is None:
             raise InputError(
-                f"{self.path}: carries no contract (metadata key dlama.contract); `dlama models convert` writes files that do"
+                f"{self.path}: carries no contract (metadata key dlama.contract); `dlama models convert` writes files that do, "
+                "docs/models.md says how to add one to a network of your own"
             )
         ends = list(self.inputs.values())
         if len(ends) != 1 or ends[0][0] != "tensor(float)" or len(ends[0][1]) != 4:
