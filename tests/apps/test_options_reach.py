@@ -224,12 +224,13 @@ def test_it_reaches_what_it_is_for(
     capsys.readouterr()
 
 
-def test_a_photo3d_of_a_data_set_takes_its_camera_and_range(
-    calls: Calls, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize("unit", ["depth_range", "depth_scale"])
+def test_a_photo3d_of_a_data_set_takes_its_camera_and_unit(
+    unit: str, calls: Calls, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """They were left out without a word (oracle: the call)."""
-    words = ["photo3d", str(tmp_path), "--camera", "c.json", "--depth-range", "10", "-o", str(tmp_path / "out")]
-    main(words)
+    words = ["--camera", "c.json", f"--{unit.replace('_', '-')}", "10", "-o", str(tmp_path / "out")]
+    main(["photo3d", str(tmp_path), *words])
     (call,) = calls["read_scene_of"]
-    assert (call["camera"], call["depth_range"]) == (Path("c.json"), 10.0)
+    assert (call["camera"], call[unit]) == (Path("c.json"), 10.0)
     capsys.readouterr()

@@ -13,7 +13,7 @@ import pytest
 
 from dlama.datasets.layouts import open_dataset
 from dlama.datasets.posed.nerfstudio import lens_of
-from dlama.errors import CameraError, FileError, InputError, ShapeError
+from dlama.errors import CameraError, DepthError, FileError, InputError, ShapeError
 from dlama.files.fields import FileFields
 from dlama.files.rasters.exr_files import write_exr
 from posed_folders import check_frames, truth, write_codes16, write_picture
@@ -63,6 +63,19 @@ def test_frames_of_a_closed_form_world(tmp_path: Path) -> None:
 def test_a_lens_of_each_frame_and_another_unit(tmp_path: Path) -> None:
     """Oracle: the world; a frame's own fields go before the shared ones."""
     check_frames(open_dataset(written(tmp_path, per_frame=True, unit=0.0002)), half_unit_m=0.000101, far=True)
+
+
+def test_a_unit_that_is_given_replaces_the_listing_s(tmp_path: Path) -> None:
+    """Oracle: the world. Depth that has a unit of its own is refused."""
+    listing = stored(written(tmp_path))
+    save(tmp_path, listing | {"depth_unit_scale_factor": 1.0})
+    check_frames(open_dataset(tmp_path, depth_scale=1000), far=True)
+    with pytest.raises(DepthError, match="depth_scale is 0"):
+        open_dataset(tmp_path, depth_scale=0)
+    listing["frames"][0]["depth_file_path"] = "depths/f0.bin"
+    save(tmp_path, listing)
+    with pytest.raises(InputError, match=r"depth_scale does not apply to .*f0\.bin, which has a unit of its own"):
+        open_dataset(tmp_path, depth_scale=1000)
 
 
 def test_where_its_mask_is_black_a_frame_shows_nothing(tmp_path: Path) -> None:

@@ -77,7 +77,8 @@ def diagnose(
         second: The picture's depth, or the right picture; without it, the depth that a photo's file carries is looked at.
         mask: What is to be removed from the picture.
         calib: The calibration of a stereo pair.
-        layout: How the data set lies on disk, as in `dlama evaluate`; default: recognised. `camera` and `depth_range` go with it.
+        layout: How the data set lies on disk, as in `dlama evaluate`; default: recognised. With it go `camera`,
+            `depth_range` and `depth_scale`.
         camera, fx, fy, cx, cy, fov, pixel_center, depth_scale, depth_range, channel, far, resize_depth: As in `read_rgbd`.
         mask_polarity, soft_mask, mask_class: As in `read_mask`.
 
@@ -116,7 +117,7 @@ def examination_of(place: Path, given: Mapping[str, Any]) -> Examination:
     second, calib = given["second"], given["calib"]
     lens, reading, masking = (pick(given, names) for names in (LENS, READING, MASKING))
     if place.is_dir() or (second is None and (is_scene_file(place) or is_capture_file(place))):
-        options = pick(given, ("camera", "depth_range"))
+        options = pick(given, ("camera", "depth_range", "depth_scale"))
         return Examination(partial(examine_dataset, place, given["layout"], options), {"layout", *options})
     if second is None:
         check_alone(place, calib)

@@ -38,8 +38,8 @@ class Layout:
     read: Callable[..., Dataset]
     """`read(root, **options)`; reads listings, no pictures but the depth that pairs are chosen by."""
     options: frozenset[str] = frozenset()
-    """Which of `depth_range`, `gamma`, `removal_object`, `camera`, `scenes`, `limit` it takes; the last two are applied
-    afterwards where not."""
+    """Which of `depth_range`, `depth_scale`, `gamma`, `removal_object`, `camera`, `scenes`, `limit` it takes; the last two are
+    applied afterwards where not."""
     files: tuple[str, ...] = ()
     """Endings of files that are such a data set by themselves."""
     parts: tuple[str, ...] = ()
@@ -64,14 +64,20 @@ def _posed(
     """
 
     def read(
-        root: Path, *, camera: CameraOption = None, scenes: Sequence[str] | None = None, limit: int | None = None
+        root: Path,
+        *,
+        camera: CameraOption = None,
+        depth_scale: float | None = None,
+        scenes: Sequence[str] | None = None,
+        limit: int | None = None,
     ) -> Dataset:
         more = (root, camera) if takes_camera else ()
         folders = scene_folders(root, reader.looks_like, looked_for, scenes, others.get("files", ()))
-        found = [posed_frames(scene, place, reader.list_frames(place, *more)) for scene, place in folders.items()]
+        listed = {scene: reader.list_frames(place, *more) for scene, place in folders.items()}
+        found = [posed_frames(scene, folders[scene], each, depth_scale) for scene, each in listed.items()]
         return posed_dataset(name, root, itertools.chain(*found), limit)
 
-    options = {"scenes", "limit", "camera"} if takes_camera else {"scenes", "limit"}
+    options = {"scenes", "limit", "depth_scale", *(("camera",) if takes_camera else ())}
     return name, Layout(looked_for, reader.looks_like, read, frozenset(options), **others)
 
 
@@ -121,6 +127,8 @@ class DatasetOptions(TypedDict, total=False):
 
     depth_range: float | None
     """Metres (easysynth)."""
+    depth_scale: float | None
+    """Units per metre in depth files of posed frames, in place of the layout's."""
     gamma: Gamma | None
     """How 8-bit depth is encoded (easysynth)."""
     removal_object: str | None

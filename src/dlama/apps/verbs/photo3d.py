@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from tyro.conf import Positional
 
@@ -58,8 +58,8 @@ def photo3d(
 
     Args:
         image: The picture: PNG, JPEG, WebP, TIFF or HEIC. Or the scene.npz of a result, such as of an object removed, or of a
-            stereo pair; or the folder of a data set of posed frames, or a recording (.bag, .mcap, .db3, .mkv, .r3d); --camera and
-            --depth-range are for these, too.
+            stereo pair; or the folder of a data set of posed frames, or a recording (.bag, .mcap, .db3, .mkv, .r3d); --camera,
+            --depth-range and --depth-scale are for these, too.
         depth: Its depth, same size: 16-bit PNG or TIFF (millimetres), EXR, PFM, NPY or NPZ; without it, it is estimated.
         output: Directory for the results, made if need be; files of the same names are replaced.
     """
@@ -78,8 +78,10 @@ def photo3d(
         p = read_parameters(PICTURE, given, partial(check_options, image=image))
         source: dlama.RGBD | dlama.Scene
         if image.is_dir() or is_capture_file(image):
-            refuse_of_pictures(p, "a data set", ("camera", "depth_range"))
-            source = read_scene_of(image, camera=given.get("camera"), depth_range=given.get("depth_range")).scene
+            reading = ("camera", "depth_range", "depth_scale")
+            refuse_of_pictures(p, "a data set", reading)
+            options: dict[str, Any] = {name: given.get(name) for name in reading}
+            source = read_scene_of(image, **options).scene
         else:
             source = this.read_source(p)
         done = dlama.photo3d(source, **vars(box), **select(p, METHOD))

@@ -46,6 +46,8 @@ class Source:
     """The camera file of a layout that has none of its own (tum, 7-scenes, redwood)."""
     depth_range: Metres = None
     """EasySynth: metres that 1.0 stands for in its depth files."""
+    depth_scale: Annotated[float | None, option("UNITS", "the layout's")] = None
+    """Units per metre in depth files of posed frames: 1000 = millimetres, Replica 6553.5."""
     align: Annotated[bool, option("", "poses stay")] = False
     """Make the poses agree with the pictures first, where they are off by a pixel or more, as hand-held ones are."""
 

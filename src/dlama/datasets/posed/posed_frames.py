@@ -8,7 +8,7 @@ from __future__ import annotations
 import logging
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 
@@ -17,11 +17,11 @@ import numpy as np
 
 from dlama.datasets.frames import Frame
 from dlama.datasets.text_tables import check_size, read_matrix, read_rows
-from dlama.errors import CameraError, FileError, ShapeError, format_size
+from dlama.errors import CameraError, FileError, InputError, ShapeError, format_size
 from dlama.files.camera_yaml import SUFFIXES, read_yaml_fields
 from dlama.files.cameras import make_camera, read_camera
 from dlama.files.fields import FileFields, Intrinsics, read_json_fields
-from dlama.files.rasters.depth import read_depth
+from dlama.files.rasters.depth import check_depth_options, read_depth
 from dlama.files.rasters.float_files import read_colmap_depth
 from dlama.files.rasters.images import picture_hw
 from dlama.files.rasters.pictures import read_color_of_camera
@@ -127,20 +127,32 @@ def posed_frame(scene: str, name: str, files: FrameFiles, yaw: float | None = No
     return PosedFrame(scene, name, load, yaw, world_from_cam=files.world_from_cam, load_depth=depth)
 
 
-def posed_frames(scene: str, place: Path, listed: Listed) -> list[PosedFrame]:
-    """The frames of a scene, without those that are left out, which a line reports. Raises FileError where none is kept."""
+def posed_frames(scene: str, place: Path, listed: Listed, depth_scale: float | None = None) -> list[PosedFrame]:
+    """The frames of a scene, without those that are left out, which a line reports. Raises FileError where none is kept.
+
+    depth_scale: units per metre of their depth files, in place of the layout's. InputError where depth is not in such files.
+    """
     frames, left_out = list[PosedFrame](), Counter[str]()
     for name, files in listed:
         if isinstance(files, str):
             left_out[files] += 1
         else:
-            frames.append(posed_frame(scene, name, files))
+            frames.append(posed_frame(scene, name, files if depth_scale is None else scale_depth(files, depth_scale)))
     count, reasons = len(frames) + left_out.total(), ", ".join(f"{left_out[why]} {why}" for why in left_out)
     if not frames:
         raise FileError(f"{place}: none of its {count} frames can be used" + (f" ({reasons})" if reasons else ""))
     if reasons:
         LOG.warning("%s: %d of %d frames are left out (%s)", place, left_out.total(), count, reasons)
     return frames
+
+
+def scale_depth(files: FrameFiles, depth_scale: float) -> FrameFiles:
+    """With other units per metre. InputError where depth is not in a file that `read_depth` reads, or that is none."""
+    check_depth_options(depth_scale, None, None)
+    read = files.depth
+    if not (isinstance(read, partial) and read.func is read_depth):
+        raise InputError(f"`depth_scale` does not apply to {files.names[1]}, which has a unit of its own")
+    return replace(files, depth=partial(read, depth_scale=depth_scale))
 
 
 def load_rgbd(files: FrameFiles) -> RGBD:

@@ -59,11 +59,13 @@ def read_scene_of(
     every = open_frames(dataset, **options)
     chosen = slice_frames(every, frames)
     kept = {frame.name for frame in chosen}
-    views, damaged = read_views(align_poses(chosen) if align else chosen, PixelCache(), clip)
+    views, errors = read_views(align_poses(chosen) if align else chosen, PixelCache(), clip)
     if not views:
-        raise FileError(
-            f"{dataset}: not one of its {len(chosen)} frames can be read; the first: {next(iter(damaged.values()))}"
-        )
+        reason = next(iter(errors.values())).marked
+        raise FileError(f"{dataset}: not one of its {len(chosen)} frames can be read; the first: {reason}")
+    for name, error in errors.items():
+        warn(f"frame {name} is left out: {error.marked}")
+    damaged = {name: first_line(error) for name, error in errors.items()}
     gathered = gather_views(list(views.values()), list(views))
     return LoadedScene(list(views), gathered, damaged, [frame.name for frame in every if frame.name not in kept])
 
@@ -102,19 +104,15 @@ def align_poses(frames: Sequence[Frame]) -> list[Frame]:
 
 def read_views(
     frames: Sequence[Frame], cache: PixelCache, clip: float | None
-) -> tuple[dict[str, Layer], dict[str, str]]:
-    """Name -> source view, which is read again when it is needed and no longer in the cache; and name -> why it cannot be read.
-
-    Each damaged frame is warned of.
-    """
-    views, damaged = dict[str, Layer](), dict[str, str]()
+) -> tuple[dict[str, Layer], dict[str, DlamaError]]:
+    """Name -> source view, which is read again when it is needed and no longer in the cache; name -> why it cannot be read."""
+    views, errors = dict[str, Layer](), dict[str, DlamaError]()
     for frame in frames:
         try:
             views[frame.name] = open_view(clip_frame(frame.load, clip), frame.name, cache)
         except DlamaError as error:
-            damaged[frame.name] = first_line(error)
-            warn(f"frame {frame.name} is left out: {first_line(error)}")
-    return views, damaged
+            errors[frame.name] = error
+    return views, errors
 
 
 def masks_by_number(
@@ -190,6 +188,7 @@ def open_frames(
     *,
     camera: CameraOption = None,
     depth_range: float | None = None,
+    depth_scale: float | None = None,
     scene: str | None = None,
 ) -> tuple[Frame, ...]:
     """The posed frames of a scene, in their order, not yet read.
@@ -199,6 +198,7 @@ def open_frames(
         layout: Its name; recognised by default.
         camera: The camera file of a layout that has none of its own (tum, 7-scenes, redwood).
         depth_range: EasySynth: metres that 1.0 stands for in its depth files.
+        depth_scale: Units per metre in depth files, in place of the layout's.
         scene: Which one, of a folder that holds several.
     Raises:
         InputError: no posed frames, several scenes and none chosen; FileError, CameraError: a file, with line and column.
@@ -207,7 +207,8 @@ def open_frames(
     name = layout_of(root, layout)
     if name == "easysynth":
         _check_one_sequence(root)
-    frames = list_dataset(root, name, {"camera": camera, "depth_range": depth_range, "limit": 0}).frames
+    reading = {"camera": camera, "depth_range": depth_range, "depth_scale": depth_scale, "limit": 0}
+    frames = list_dataset(root, name, reading).frames
     if not frames:
         raise InputError(f"{root}: a data set of layout {name} has no posed frames of one scene")
     return _of_scene(root, frames, scene)

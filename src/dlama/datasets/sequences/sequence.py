@@ -67,6 +67,7 @@ def sequence(
     scene: str | None = None,
     camera: CameraOption = None,
     depth_range: float | None = None,
+    depth_scale: float | None = None,
     only: Sequence[str] | None = None,
     also: Sequence[str] = (),
     align: bool = False,
@@ -88,7 +89,7 @@ def sequence(
             of larger pictures are shrunk, as the frames are, empty ones and those of frames that are not chosen passed over.
         views: "frames": at the frames' own cameras; "orbit", "spiral" or "dolly": a path of 24 cameras from the middle frame; a
             JSON file with a list of cameras; or cameras by name.
-        layout, scene, camera, depth_range: Of the data set, as in `dlama evaluate`; `scene` of several.
+        layout, scene, camera, depth_range, depth_scale: Of the data set, as in `dlama evaluate`; `scene` of several.
         only: What of scene, points, mesh, colmap and video is written next to the views; None: mesh, colmap and video.
         also: More of them. "scene" is the file that `dlama view` and `dlama video` read.
         align: Poses are made to agree with the pictures first, where they do not; the results then have the new poses.
@@ -102,9 +103,10 @@ def sequence(
     check_arguments(sequence, locals())
     started, target, chosen = time.perf_counter(), Path(output), check_results(only, also)
     method = options_of(options)
-    reading = {"layout": layout, "scene": scene, "camera": camera, "depth_range": depth_range}
+    reading = {"layout": layout, "scene": scene, "camera": camera}
+    units = {"depth_range": depth_range, "depth_scale": depth_scale}
     names, given, damaged, not_chosen = read_scene_of(
-        dataset, frames, clip=method.settings.clip, align=align, **reading
+        dataset, frames, clip=method.settings.clip, align=align, **reading, **units
     )
     kept = [names[number] for number in given.numbers]
     cameras = cameras_for(views, given)

@@ -17,7 +17,7 @@ from dlama.jobs.parameters import METHOD, MOVE, POINTING, RESULTS, check_paramet
 
 TAKEN = (*MOVE, *METHOD, *POINTING, *RESULTS, "right_view", "matcher", "max_disparity")
 """Parameters that jobs of a data set may have; files, cameras and units are the data set's own."""
-OF_DATASET = ("camera", "depth_range")
+OF_DATASET = ("camera", "depth_range", "depth_scale")
 """Parameters that say how the data set is read, for the layouts that lack them."""
 
 

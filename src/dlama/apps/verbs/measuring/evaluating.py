@@ -40,6 +40,7 @@ def open_cases(path: str, cases: Cases) -> Dataset:
         path,
         cases.layout,
         depth_range=cases.depth_range,
+        depth_scale=cases.depth_scale,
         gamma=cases.gamma,
         removal_object=cases.removal_object,
         camera=cases.camera,
