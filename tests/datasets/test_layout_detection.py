@@ -30,6 +30,7 @@ MARKS = {
     "scannet": ("color/", "depth/", "pose/", "intrinsic/"),
     "tsdf-fusion": ("camera-intrinsics.txt", "frame-000000.depth.png", "frame-000000.pose.txt"),
     "redwood": ("trajectory.log", "depth/", "image/"),
+    "replica": ("traj.txt", "results/"),
     "colmap": ("sparse/0/cameras.txt", "sparse/0/images.txt", "images/"),
     "nerfstudio": ("transforms.json", "images/"),
     "stray-scanner": ("rgb.mp4", "odometry.csv", "depth/", "confidence/"),

@@ -14,7 +14,7 @@ from dlama.datasets.captures import arkitscenes, azure_kinect, polycam, record3d
 from dlama.datasets.easysynth.dataset import easysynth, looks_like_easysynth
 from dlama.datasets.frames import Dataset, Gamma
 from dlama.datasets.pairs_json import looks_like_pairs, pairs_json
-from dlama.datasets.posed import colmap, nerfstudio, scannet, trajectory_log, tum
+from dlama.datasets.posed import colmap, nerfstudio, replica, scannet, trajectory_log, tum
 from dlama.datasets.posed.numbered_frames import SEVEN_SCENES, TSDF_FUSION
 from dlama.datasets.posed.posed_frames import CameraOption, posed_frames
 from dlama.datasets.posed.scene_file import LAYOUT as SCENE
@@ -103,6 +103,7 @@ LAYOUTS: dict[str, Layout] = {
             _posed("scannet", "folders color, depth and pose", scannet, True),
             _posed("tsdf-fusion", "camera-intrinsics.txt and frame-*.pose.txt", TSDF_FUSION, True),
             _posed("redwood", "trajectory.log and a folder depth", trajectory_log, True),
+            _posed("replica", "traj.txt and a folder results", replica, True),
             _posed("colmap", "images and cameras (.txt or .bin) in sparse/0 or sparse", colmap),
             _posed("nerfstudio", "transforms.json", nerfstudio),
             _posed("stray-scanner", "rgb.mp4, odometry.csv and depth", stray_scanner, parts=("odometry.csv",)),
