@@ -90,8 +90,9 @@ weights along a row and down a column, float32 or float64.
 """
 
 
-def compare_one_by_one(flat: Float32Array, first: int, second: int) -> np.float32:
+def compare_one_by_one(values: Float32Array, first: int, second: int) -> np.float32:
     """`squared_difference` in Python: where numba is turned off, and for tests."""
+    flat = values.reshape(-1)
     steps = flat[int(first) : int(first) + RUN] - flat[int(second) : int(second) + RUN]
     squares = steps * steps
     sums = np.zeros(WIDE, np.float32)
@@ -110,8 +111,8 @@ def lanes_of(first: int, count: int) -> Any:
 
 def compare_runs(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
     """The instructions of `squared_difference`."""
-    flat, *places = arguments
-    data = context.make_array(signature.args[0])(context, builder, flat).data
+    values, *places = arguments
+    data = context.make_array(signature.args[0])(context, builder, values).data
     total = nothing = ir.Constant(ir.VectorType(ir.FloatType(), WIDE), [0.0] * WIDE)
     for start in [*range(0, RUN - WIDE + 1, WIDE), RUN - WIDE]:
         ours, others = (load(builder, data, builder.add(at, at.type(start)), WIDE) for at in places)
@@ -129,10 +130,11 @@ def compare_runs(context: Any, builder: Any, signature: Any, arguments: Any) -> 
 
 
 @intrinsic
-def compare_vectors(typing: Any, flat: Any, first: Any, second: Any) -> Any:
+def compare_vectors(typing: Any, values: Any, first: Any, second: Any) -> Any:
     """`squared_difference` for kernels."""
-    return types.float32(flat, types.uintp, types.uintp), compare_runs
+    return types.float32(values, types.uintp, types.uintp), compare_runs
 
 
 squared_difference: Any = compare_one_by_one if vars(config)["DISABLE_JIT"] else compare_vectors
-"""Sum of the squared differences of RUN numbers from two flat places of float32 on, the same bits on every processor."""
+"""Sum of the squared differences of RUN numbers from two flat places of a contiguous float32 array on, the same bits on every
+processor."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.kernels.jit import Real, Whole, kernel, piece
+from dlama.geometry.kernels.jit import Real, Whole, inlined, kernel, piece
 from dlama.geometry.kernels.vectors import squared_difference
 from dlama.geometry.rgbd import BoolArray, Float32Array
 
@@ -29,7 +29,7 @@ def steps_inside(row: Whole, column: Whole, height: Whole, width: Whole) -> tupl
     return max(-HALF, -row), min(HALF, height - 1 - row), max(-HALF, -column), min(HALF, width - 1 - column)
 
 
-@piece
+@inlined
 def difference(
     values: Float32Array, row: Whole, column: Whole, source_row: Whole, source_column: Whole, limit: Real
 ) -> Real:
@@ -40,11 +40,11 @@ def difference(
     height, width, channels = values.shape
     total = 0.0
     if HALF <= row < height - HALF and HALF <= column < width - HALF and channels == CHANNELS:
-        flat, most = values.reshape(values.size), limit * SIDE * SIDE
+        most = limit * SIDE * SIDE
         at = ((row - HALF) * width + column - HALF) * CHANNELS
         other = ((source_row - HALF) * width + source_column - HALF) * CHANNELS
         for _ in range(SIDE):
-            total += float(squared_difference(flat, np.uintp(at), np.uintp(other)))
+            total += float(squared_difference(values, np.uintp(at), np.uintp(other)))
             if total >= most:
                 break
             at, other = at + width * CHANNELS, other + width * CHANNELS
