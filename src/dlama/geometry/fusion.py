@@ -15,6 +15,7 @@ from dlama.geometry.cloud import Mesh, PointCloud, concatenate, join_meshes
 from dlama.geometry.codes import LARGEST_CONFIDENCE, SEEN_AGAIN, HoleType, Origin, from_filler, has_code
 from dlama.geometry.drawing.grid_mesh import mesh_grid
 from dlama.geometry.drawing.layers import Mode
+from dlama.geometry.frames.thinning import thin_scene
 from dlama.geometry.holes import box_around, dilate_square
 from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
 from dlama.geometry.kernels.jit import BAND
@@ -127,17 +128,18 @@ def paste_part(view: View, part: View, rows: slice, columns: slice) -> View:
 
 
 def scene_cloud(scene: Scene, objects: bool = True) -> PointCloud:
-    """c+ (eq. 10: everything and what was filled) or, without the removed objects, c- (eq. 11)."""
-    layers = (*scene.layers, *scene.removals) if objects else scene.layers
+    """c+ (eq. 10: everything and what was filled) or, without the removed objects, c- (eq. 11). Every surface is in it once."""
+    once = thin_scene(scene)
+    layers = (*once.layers, *once.removals) if objects else once.layers
     return concatenate(
         [lift(view.without(~contribution(view), HoleType.NONE)) for view in (layer.load() for layer in layers)]
     )
 
 
 def scene_mesh(scene: Scene) -> Mesh:
-    """The scene's surfaces, without removed objects, as one triangle mesh, cut where rendering cuts it. Far pixels have no
-    vertices."""
-    return join_meshes([layer_mesh(layer.load()) for layer in scene.layers])
+    """The scene's surfaces, each once, without removed objects, as one triangle mesh, cut where rendering cuts it. Far pixels
+    have no vertices."""
+    return join_meshes([layer_mesh(layer.load()) for layer in thin_scene(scene).layers])
 
 
 HALVES = ("abc", "bdc", "abd", "adc")

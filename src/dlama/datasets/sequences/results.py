@@ -5,10 +5,8 @@ Clouds and meshes are of the scene without duplicate surfaces, with equal bright
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -23,78 +21,14 @@ from dlama.files.results.video import write_video
 from dlama.files.scenes.clouds import write_ply
 from dlama.files.scenes.scene_npz import write_npz
 from dlama.files.scenes.textured_mesh import write_textured_glb
-from dlama.geometry.camera import Camera, Float64Array
+from dlama.geometry.camera import Camera
 from dlama.geometry.cloud import PointCloud, concatenate
-from dlama.geometry.codes import HoleType, Origin
-from dlama.geometry.frames.choosing import choose_frames
-from dlama.geometry.frames.merging import nearest_depth_around
-from dlama.geometry.frames.stored import Layer, StoredView, unpack_bits
-from dlama.geometry.holes import dilate_square, morphological_open, square
-from dlama.geometry.projection import lift, project_to_pixels, unproject
-from dlama.geometry.rgbd import BoolArray, UInt8Array, brighten
+from dlama.geometry.codes import HoleType
+from dlama.geometry.frames.thinning import thin_scene
+from dlama.geometry.projection import lift
+from dlama.geometry.rgbd import UInt8Array
 from dlama.geometry.scene import Scene, contribution
-from dlama.geometry.view import View
 from dlama.progress import begin_stage
-
-MOST_COMPARED = 6
-"""Most frames that each frame is compared with."""
-FLOOR, SIGMAS = 0.01, 3.0
-"""Relative depth difference, and standard deviations of the noise, within which two frames show one surface."""
-
-
-def thin_scene(scene: Scene) -> Scene:
-    """The frames with only new points that no other frame saw through; fills stay.
-
-    Colours get the scene's common brightness. A scene of one picture comes back unchanged.
-    """
-    if len(scene.frames) == 1:
-        return scene
-    layers: list[Layer] = []
-    for place, frame in enumerate(scene.frames):
-        added = new_points(scene, place)
-        if added.any() or not place:
-            make = partial(keep_new_points, frame, np.packbits(added), scene.gain_of(frame.camera))
-            layers.append(StoredView(frame.camera, make, frame.cache) if isinstance(frame, StoredView) else make())
-    fills = [fill.load() for fill in scene.fills]
-    bright = (fill.with_planes(color=brighten(fill.color, scene.gain_of(fill.camera))) for fill in fills)
-    return Scene(tuple(layers), scene.removals, tuple(bright))
-
-
-def keep_new_points(frame: Layer, bits: UInt8Array, gain: Float64Array) -> View:
-    """A frame in the scene's brightness with the pixels `bits` (H x W bool, as `numpy.packbits` packs it) and a rim of one."""
-    added = unpack_bits(bits, frame.camera)
-    ring = dilate_square(added, 3)
-    layer = frame.load().without(~ring, HoleType.NONE)
-    origin = np.where(added | layer.hole, layer.origin, np.uint8(Origin.REPROJECTED))
-    return dataclasses.replace(layer, origin=origin, color=brighten(layer.color, gain))
-
-
-def new_points(scene: Scene, place: int) -> BoolArray:
-    """H x W, True at the pixels of a frame that no earlier frame shows and no other frame saw through."""
-    frame = scene.frames[place].load()
-    held = [one for one in choose_frames(scene.frames, frame.camera, MOST_COMPARED) if one != place]
-    added = frame.valid.copy()
-    rows, columns = np.nonzero(added)
-    points = unproject(frame.camera, columns + 0.5, rows + 0.5, frame.depth[rows, columns])
-    drop = np.zeros(len(points), bool)
-    for other in held:
-        drop |= _is_redundant(points, scene, scene.frames[other].load(), other < place)
-    added[rows, columns] = ~drop
-    return morphological_open(added, square(3))
-
-
-def _is_redundant(points: np.ndarray, scene: Scene, other: View, earlier: bool) -> BoolArray:
-    """N, True at points that another frame saw through, or shows itself if it comes earlier."""
-    y, x, z, inside = project_to_pixels(points, other.camera)
-    there = other.known_depth[y, x]
-    near = nearest_depth_around(other)[y, x]
-    limit = np.maximum(FLOOR * z, SIGMAS * np.hypot(scene.noise[0], scene.noise[1] * z**2))
-    through = inside & (near > 0) & (z < near - 2 * limit)
-    if not earlier:
-        return np.asarray(through)
-    with np.errstate(invalid="ignore"):
-        return np.asarray(through | (inside & (there > 0) & (np.abs(there - z) <= limit)))
-
 
 RESULTS = ("scene", "points", "mesh", "colmap", "video")
 """What can be written next to the views: scene.npz, scene.ply, scene.glb, sparse/0, and video.mp4 or video.webp."""

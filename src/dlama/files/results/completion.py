@@ -21,6 +21,7 @@ from dlama.files.scenes import clouds, textured_mesh
 from dlama.files.scenes import scene_npz as scenes
 from dlama.geometry.codes import Origin
 from dlama.geometry.figures.false_color import HOLE_PALETTE, ORIGIN_PALETTE
+from dlama.geometry.frames.thinning import thin_scene
 from dlama.geometry.projection import round_depth
 from dlama.geometry.rgbd import BoolArray
 from dlama.geometry.view import View
@@ -226,7 +227,7 @@ def write_image(path: Path, view: View, plate: PathLike | None) -> int:
 def scene_writers(completion: Completion) -> dict[str, Writer]:
     """The scene as arrays, points (without removed objects, and with them) and triangles, and a pair's disparities."""
     writers: dict[str, Writer] = {
-        "scene.glb": lambda path: textured_mesh.write_textured_glb(path, completion.scene),
+        "scene.glb": lambda path: textured_mesh.write_textured_glb(path, thin_scene(completion.scene)),
         "scene.ply": lambda path: clouds.write_ply(path, completion.background),
         "scene.npz": lambda path: scenes.write_npz(path, main_view(completion), completion.scene),
     }
