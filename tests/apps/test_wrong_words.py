@@ -134,6 +134,14 @@ def test_a_folder_of_masks_is_one_and_holds_some(tmp_path: Path) -> None:
             mask_files((), folder)
 
 
+def test_two_masks_of_one_frame_are_refused(tmp_path: Path) -> None:
+    """The last one by name was taken without a word (oracle: the files)."""
+    for name in ("a.jpg", "a.png", "b.png"):
+        (tmp_path / name).touch()
+    with pytest.raises(InputError, match=r"frame a has two, .*a\.jpg and a\.png"):
+        mask_files((), tmp_path)
+
+
 def test_black_masks_among_others_are_passed_over(tmp_path: Path) -> None:
     """As a segmenter of videos writes them where the object is out of view; all of them black, or 1 for 255, are refused."""
     mask = np.zeros((4, 6), np.uint8)

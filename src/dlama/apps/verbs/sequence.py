@@ -149,7 +149,13 @@ def _masks_in(folder: Path) -> dict[str, Path]:
     listed = sorted(path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES)
     if not listed:
         raise InputError(f"`masks` is {folder}, which holds no picture")
-    return {path.stem: path for path in listed}
+    found = {path.stem: path for path in listed}
+    twice = next((path for path in listed if found[path.stem] != path), None)
+    if twice is not None:
+        raise InputError(
+            f"`masks`: frame {twice.stem} has two, {twice} and {found[twice.stem].name}; one a frame is expected"
+        )
+    return found
 
 
 def summary_line(meta: dict[str, Any], output: Path, seconds: float) -> str:

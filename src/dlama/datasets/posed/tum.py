@@ -34,11 +34,11 @@ def list_frames(folder: Path, root: Path, camera: CameraOption) -> Listed:
     for time, row in zip(times.tolist(), rows):
         color = folder / row.words[1]
         places = [nearest_in_time(each, time, NEAREST_S) for each, _ in others]
-        near = [each[place] for (_, each), place in zip(others, places) if place is not None]
-        if len(near) < len(others):
-            yield color.stem, f"without depth or a pose within {NEAREST_S:g} s"
+        lacks = next((what for what, place in zip(("depth", "a pose"), places) if place is None), None)
+        if lacks is not None:
+            yield color.stem, f"without {lacks} within {NEAREST_S:g} s"
             continue
-        depth, pose = near
+        depth, pose = (each[place] for (_, each), place in zip(others, places) if place is not None)
         _, *numbers = pose.numbers("time tx ty tz qx qy qz qw", 8)
         at = pose_of(pose.at(4), numbers[:3], numbers[3:])
         yield color.stem, files_of(color, folder / depth.words[1], lens, at, units=5000.0)
