@@ -99,9 +99,10 @@ def copy_patches(
     if unseen.any():
         start[unseen] = (color[unseen].astype(np.uint16) + guess[unseen]) // 2
     done = complete_picture(color, copied | near, start, seed, label=label, effort=QUICK)
-    out = done.color
+    out, spread = done.color, done.spread_of_votes() if removed.any() else None
+    del done  # its search takes as much memory as all that follows
     if removed.any():
-        out = blend_with_guess(out, start, removed, view.color_hole | near, spread=done.spread_of_votes())
+        out = blend_with_guess(out, start, removed, view.color_hole | near, spread=spread)
     if (copied & ~removed).any():
         out = blend_with_guess(out, start, copied & ~removed)
     paste(color, near, out)

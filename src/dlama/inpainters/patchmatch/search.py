@@ -82,9 +82,12 @@ class Search:
         """Start with the matches and colours of the coarser level (half the size); with its costs, too, or `compare` anew."""
         parent = self.targets // 2
         above = coarser.number[parent[:, 0], parent[:, 1]]
-        moved = 2 * (coarser.found[above] - parent) + self.targets
-        moved = np.where((above >= 0)[:, None], moved, self.targets)
-        self.found[:] = nearest_source(self.sources, moved)
+        moved = coarser.found[above]
+        moved -= parent
+        moved *= 2
+        moved[above < 0] = 0
+        moved += self.targets
+        self.found = nearest_source(self.sources, moved)
         if compare:
             self.cost[:] = 1
             self._paint(SOFT, WIDE, self.trust)
@@ -198,7 +201,7 @@ def gaussian(width_px: float) -> Float32Array:
 
 def nearest_source(sources: BoolArray, places: NDArray[np.int32]) -> NDArray[np.int32]:
     """N x 2: the known patch nearest to each place (N x 2, row and column; those beyond the border count as on it)."""
-    found = np.clip(places, 0, np.array(sources.shape) - 1).astype(np.int32)
+    found = np.clip(places, 0, np.array(sources.shape, np.int32) - np.int32(1))
     in_bands(kernels.nearest_rows, len(found), sources, found, band=BAND)
     return found
 
