@@ -96,9 +96,16 @@ def find_occluders(view: View, surfaces: Surfaces, depth: Float32Array, law: Law
     surfaces: as continued; depth: H x W metres, filled. First the adjacent pixels, then the rest of their object. Pixels next to
     a removed object or behind it are its background, never occluders.
     """
+    asking = view.color_hole & (view.hole_type != HoleType.OUT_OF_VIEW.value)
+    if (view.origin[view.valid] == Origin.ESTIMATED.value).all():
+        asking &= view.hole_type != HoleType.OBJECT.value
+    if not asking.any():  # `is_in_front` takes no other hole
+        return asking
     distance, nearest = nearest_known(view.color_hole & ~seams(surfaces.label, view.color_hole))
     near = (distance <= BAND) & view.valid
     adjacent = is_in_front(view, surfaces, depth, near, nearest)
+    if not adjacent.any():
+        return adjacent
     background = np.zeros_like(adjacent)
     if view.object_hole.any():
         background = (view.hole_type.ravel()[nearest] == HoleType.OBJECT.value) & find_background(view, law)
