@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -12,7 +13,7 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.holes import erode_mask
 from dlama.geometry.projection import rays
 from dlama.geometry.rgbd import RGBD, BoolArray
-from dlama.perception.shadows.find import enclosed_between, find_shadow
+from dlama.perception.shadows.find import enclosed_between, find_shadow, grow_under_object
 from marks import first_quick
 from worlds import Box, Plane, World
 
@@ -120,3 +121,20 @@ def test_a_side_that_the_mask_lacks_comes_with_the_shadow() -> None:
     side = np.zeros_like(mask)
     side[20:24, 8:16] = True
     np.testing.assert_array_equal(enclosed_between(mask, shadow, surface), side)
+
+
+def test_what_is_black_right_under_an_object_is_its_shadow() -> None:
+    """The black band under it, as under a car, comes with a grey shadow beside it; a black stripe of the ground farther off, and
+    one beside the object, do not."""
+    rgbd, _, _ = lit_and_shadow(1.0)
+    mask, shadow, band, stripes, usable = np.zeros((5, *rgbd.depth.shape), np.bool_)
+    mask[40:100, 60:160] = True
+    band[100:108, 60:160] = True
+    shadow[108:116, 60:160] = True
+    stripes[140:144, 60:160] = True
+    stripes[60:100, 170:180] = True
+    usable[40:] = True
+    level = np.where(band | stripes, 10, np.where(shadow, 80, 150)).astype(np.uint8)
+    grown = grow_under_object(replace(rgbd, color=np.repeat(level[..., None], 3, 2)), mask, usable & ~mask, shadow)
+    assert (grown & band).sum() > 0.9 * band.sum()
+    assert not (grown & ~band & ~shadow).any()

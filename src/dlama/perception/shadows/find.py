@@ -17,11 +17,14 @@ from dlama.perception.masks.supports import find_planes_of_picture
 from dlama.perception.shadows.cast import SMALLEST_PX
 from dlama.perception.shadows.classifier import SHADOW, shadow_probability
 from dlama.perception.shadows.ground import EDGE_PX, Ground, find_ground
-from dlama.perception.shadows.lit_surface import around, measure_darkness, sky_lost
+from dlama.perception.shadows.lit_surface import around, log_luma, measure_darkness, sky_lost
 from dlama.perception.shadows.planes import shadow_planes
 
 DARKER = 0.1
 """Least darkness of an ambient shadow (natural logarithm): a tenth."""
+UNDER, DARKEST, SPECKLE_PX = 0.2, 0.1, 1.5
+"""What is right under an object: the reach in square roots of its area; where brightness, smoothed by this sigma, is below this
+quantile of the shadow's."""
 EVEN, RIM_PX = 0.07, 4
 """Largest residual of the ambient fit (mean of the logarithm), outside the shadow's border, for ambient shadows to be used."""
 
@@ -48,9 +51,19 @@ def find_shadow(rgbd: RGBD, mask: BoolArray) -> BoolArray:
     shadow |= grow_ambient_shadow(rgbd, mask, ground, usable, shadow, occlusion)
     if shadow.sum() < SMALLEST_PX:
         return none
+    shadow |= grow_under_object(rgbd, mask, usable, shadow)
     contact = dilate_mask(shadow, EDGE_PX + 2) & dilate_mask(mask, EDGE_PX + 1)
     shadow = (shadow | contact) & ground.surface & ~mask
     return np.asarray(shadow | enclosed_between(mask, shadow, ground.surface))
+
+
+def grow_under_object(rgbd: RGBD, mask: BoolArray, usable: BoolArray, shadow: BoolArray) -> BoolArray:
+    """H x W, the surface right under the object that is darker than nearly all of the shadow: no light gets under a car."""
+    below = 1 + int(UNDER * np.sqrt(mask.sum()))
+    under = cv2.dilate(mask.astype(np.uint8), np.ones((below, 1), np.uint8), anchor=(0, below - 1)) > 0
+    luma = cv2.GaussianBlur(log_luma(rgbd.color), (0, 0), SPECKLE_PX)
+    darker = usable & under & (luma < np.quantile(luma[shadow], DARKEST))
+    return regions_touching(darker, dilate_mask(mask, EDGE_PX + 1))
 
 
 def enclosed_between(mask: BoolArray, shadow: BoolArray, surface: BoolArray) -> BoolArray:
