@@ -113,10 +113,10 @@ def test_scores(rng):
     y, x = np.nonzero(source == 1)
     points = np.stack([x + 0.5, y + 0.5, depth[y, x]], 1).astype(np.float64)[::7]
     where = (1, depth, source, 1, axes)
-    scores = kernels.correlate(shifts, points, detail, *where, 8)
+    scores = kernels.correlate(shifts, points, detail, kernels.Sources(*where), 8)
     assert (scores != 0).any() and (scores == 0).any()
     np.testing.assert_allclose(scores, twin.correlate(shifts, points, detail, *where, 8), atol=1e-5)
-    scale = kernels.change_of_scale(shifts, points, *where)
+    scale = kernels.change_of_scale(shifts, points, kernels.Sources(*where))
     assert (scale >= 0).any() and (scale < 0).any()
     np.testing.assert_allclose(scale, twin.change_of_scale(shifts, points, *where), atol=1e-5)
 

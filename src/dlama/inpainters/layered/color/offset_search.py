@@ -63,7 +63,8 @@ class OffsetSearch:
         self.grid, self.region, self.axes = grid, region, axes
         self.base_shape = bases[0].shape[:2]
         own, color = region.sources, grid.cell_color
-        self.own = region.cell_label(grid)
+        labels = region.cell_label(grid)
+        self.sources = kernels.Sources(grid.cell_size, grid.cell_inverse_depth, labels, region.label, axes)
         self.some = np.flatnonzero(own)[:: max(1, int(own.sum()) // MEASURED)]
         self.bands = [self._detail_above(bases[1]), self._detail_above(bases[0])]
         self.bands.append(self.bands[0] - self.bands[1])
@@ -133,19 +134,13 @@ class OffsetSearch:
         points = np.ascontiguousarray(self.points[::every])
         least = max(12, len(points) // 12)
         offsets = np.ascontiguousarray(offsets, np.float64)
-        return kernels.correlate(offsets, points, self.compared[band], *self._sources(), least)
-
-    def _sources(self) -> tuple[int, Float32Array, NDArray[np.int8], int, Array]:
-        """Description of the sources for the kernels: cell size, inverse depth and label of the cells, the region's label and
-        axes."""
-        grid = self.grid
-        return grid.cell_size, grid.cell_inverse_depth, self.own, self.region.label, self.axes
+        return kernels.correlate(offsets, points, self.compared[band], self.sources, least)
 
     def choose_offsets(self, rng: np.random.Generator) -> Array:
         """The few offsets that together bring every hole cell a good source (greedy cover)."""
         offsets = np.ascontiguousarray(np.concatenate([self._find_repeating(), self._sample_to_known(rng)]))
         some = np.ascontiguousarray(self.centres[rng.permutation(len(self.centres))[:600]])
-        scale = kernels.change_of_scale(offsets, some, *self._sources())
+        scale = kernels.change_of_scale(offsets, some, self.sources)
         worth = np.maximum(0.3 + self.score(offsets)[:, None] - 0.25 * scale, 0.01) * (scale >= 0)
         best, chosen = np.zeros(len(some)), []
         for _ in range(MOST_OFFSETS):
@@ -198,7 +193,7 @@ class OffsetSearch:
     def assign_offsets(self, offsets: Array) -> CopiedDetail:
         """One offset per hole cell: good correlation, little change of scale, typical texture, cheap seams."""
         whole, fine, middle, color = (np.maximum(self.score(offsets, band), 0) for band in range(4))
-        scale = kernels.change_of_scale(offsets, self.centres, *self._sources())
+        scale = kernels.change_of_scale(offsets, self.centres, self.sources)
         copied = self._copy_color(offsets)
         squares = channel_squares(self.bands[0])
         typical = float(np.sqrt(squares[squares > 0].mean())) + 1e-3

@@ -6,6 +6,8 @@ p'_h = p_h + w (s1 E1 + s2 E2), with E = K e for two directions e of the plane.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,6 +18,21 @@ from dlama.inpainters.layered.kernels.cells import NEARER, bilinear_neighbours, 
 
 FARTHER = np.float32(0.9)
 """And this much farther."""
+
+
+class Sources(NamedTuple):
+    """The cells of a grid that one surface's texture is copied from."""
+
+    cell_size: int
+    """Pixels a cell."""
+    inverse_depth: Float32Array
+    """rows x cols, of the cells."""
+    cell_label: NDArray[np.int8]
+    """rows x cols, the surface that a cell shows for certain."""
+    label: int
+    """Of the surface."""
+    axes: NDArray[np.float64]
+    """2 x 3: E of the surface's plane, in pixels."""
 
 
 @piece
@@ -95,22 +112,19 @@ def correlate(
     shifts: NDArray[np.float64],
     points: NDArray[np.float64],
     detail: Float32Array,
-    factor: int,
-    depths: Float32Array,
-    sources: NDArray[np.int8],
-    kind: int,
-    axes: NDArray[np.float64],
+    sources: Sources,
     need: int,
 ) -> Float32Array:
     """Correlation of the detail (cells x 3) at sample points and at their shifted places; 0 where too few are known.
 
     points: N x 3 (u, v, inverse depth), full-resolution pixels. Shrunk towards 0 for few samples.
     """
+    factor, depths, labels, kind, axes = sources
     out, in_cells = np.zeros(len(shifts), np.float32), np.array([1 / factor, 1 / factor, 1])
     room = np.empty((-(-len(shifts) // BAND), 3, len(points)), np.float32)
     here = sample(detail, points[:, 0] / factor, points[:, 1] / factor)
     places = np.ascontiguousarray((points * in_cells).T, np.float32)
-    given = shifts, places, here, detail, depths, sources, kind, axes * in_cells, need
+    given = shifts, places, here, detail, depths, labels, kind, axes * in_cells, need
     in_bands(correlate_rows, len(shifts), *given, room, out)
     return out
 
@@ -141,15 +155,11 @@ def scale_rows(
 def change_of_scale(
     shifts: NDArray[np.float64],
     cells: NDArray[np.float64],
-    factor: int,
-    depths: Float32Array,
-    sources: NDArray[np.int8],
-    kind: int,
-    axes: NDArray[np.float64],
+    sources: Sources,
 ) -> Float32Array:
     """For each shift and hole cell (u, v, w): -1 if its source is not known, else |log2| of the change of scale."""
     out = np.full((len(shifts), len(cells)), -1, np.float32)
-    in_bands(scale_rows, len(shifts), shifts, cells, factor, depths, sources, kind, axes, out, band=8)
+    in_bands(scale_rows, len(shifts), shifts, cells, *sources, out, band=8)
     return out
 
 
