@@ -1,8 +1,8 @@
 """A picture with depth and an object's mask in; the mask of its cast shadow out.
 
 Shapes are cast by the likeliest lights and by the sky. A network and three classifiers, trained on procedural worlds, decide
-which shape is right, which pixels are shadow, and whether there is one. Only the supporting surface is covered, never another
-object.
+which shape is right, which pixels are shadow, and whether there is one. Only the supporting surface is covered, and what
+object and shadow enclose.
 """
 
 from __future__ import annotations
