@@ -160,9 +160,10 @@ def draw_scene(
     for grid in drawn.grids if drawn.frame is None else ():
         draw_far(grid, drawn.canvas)
     for grid, gain in zip(fills, gains):
-        empty = drawn.canvas.depth == 0
+        empty = None if (gain == 1).all() else drawn.canvas.depth == 0
         draw_far(grid, drawn.canvas)
-        brighten_pixels(drawn.canvas, empty & (drawn.canvas.depth > 0), gain)
+        if empty is not None:
+            brighten_pixels(drawn.canvas, empty & (drawn.canvas.depth > 0), gain)
     return drawn._replace(grids=[*drawn.grids, *fills])
 
 
@@ -190,8 +191,7 @@ def gains_of(scene: Scene, fills: Sequence[Layer], camera: Camera) -> list[Float
 
 def brighten_pixels(canvas: Canvas, where: BoolArray, gain: Float64Array) -> None:
     """Multiply what is drawn in the pixels of `where` (H x W) by a gain."""
-    if (gain != 1).any():
-        canvas.color[where] = brighten(canvas.color[where], gain)
+    canvas.color[where] = brighten(canvas.color[where], gain)
 
 
 def put_fills(
@@ -205,7 +205,8 @@ def put_fills(
         canvases = [Canvas.empty(camera, canvas.errors is not None) for _ in some]
         draw_apart(some, canvases, count)
         for grid, one, gain in zip(some, canvases, bright):
-            brighten_pixels(one, one.depth > 0, gain)
+            if (gain != 1).any():
+                brighten_pixels(one, one.depth > 0, gain)
             canvas.put(one, over_measured=grid.layer.shows_source, at_home=at_home)
 
 

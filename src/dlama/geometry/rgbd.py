@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dlama.arguments import as_array, check
 from dlama.errors import DepthError, ShapeError
-from dlama.geometry.camera import Camera, Float64Array
+from dlama.geometry.camera import Camera
 from dlama.geometry.figures.false_color import depth_picture
 from dlama.geometry.figures.html import Figured, Panel
 
@@ -238,9 +238,9 @@ def replace_pixels(array: np.ndarray, where: BoolArray, other: np.ndarray) -> np
     return out
 
 
-def brighten(color: UInt8Array, gain: Float64Array) -> UInt8Array:
-    """Colours (N x 3 or H x W x 3) with their channels multiplied by the gains (3), clipped."""
-    return np.clip(np.rint(color * gain), 0, 255).astype(np.uint8)
+def brighten(color: UInt8Array, gain: ArrayLike) -> UInt8Array:
+    """Colours (N x 3 or H x W x 3) with their channels multiplied by the gains (3), rounded and cut to 0..255."""
+    return np.clip(np.rint(color * np.asarray(gain, np.float64)), 0, 255).astype(np.uint8)
 
 
 def sampled_pixels(hw: tuple[int, ...], step: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

@@ -17,9 +17,9 @@ from dlama.evaluation.metrics.pictures import (
     psnr,
     region_mean,
     ssim_map,
-    with_gain,
 )
 from dlama.evaluation.protocols.scores import region_ssim
+from dlama.geometry.rgbd import brighten
 
 RNG = np.random.default_rng(3)
 TRUTH = RNG.integers(0, 256, (20, 31, 3), np.uint8)
@@ -95,10 +95,10 @@ def test_gain_of_equal_pictures_is_one_and_so_is_that_of_too_few_pixels() -> Non
     assert channel_gain(white, TRUTH, everywhere) == (1.0, 1.0, 1.0)
 
 
-def test_with_gain_by_hand() -> None:
+def test_brighten_by_hand() -> None:
     """Rounded, and cut at white."""
     picture = np.array([[[10, 100, 200]]], np.uint8)
-    np.testing.assert_array_equal(with_gain(picture, (1.26, 0.5, 2.0)), [[[13, 50, 255]]])
+    np.testing.assert_array_equal(brighten(picture, (1.26, 0.5, 2.0)), [[[13, 50, 255]]])
 
 
 def test_wrong_shapes_are_refused() -> None:

@@ -17,7 +17,7 @@ from dlama.geometry.fusion import add_layer
 from dlama.geometry.holes import morphological_open, square
 from dlama.geometry.projection import depth_from_inverse
 from dlama.geometry.rendering import Mode, render
-from dlama.geometry.rgbd import UInt8Array
+from dlama.geometry.rgbd import brighten
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
@@ -59,8 +59,7 @@ def apply_gain(view: View, gain: Float64Array) -> View:
     """The view with its colour channels multiplied by `gain` (3)."""
     if (gain == 1).all():
         return view
-    color: UInt8Array = np.clip(np.rint(view.color * gain), 0, 255).astype(np.uint8)
-    return dataclasses.replace(view, color=color)
+    return dataclasses.replace(view, color=brighten(view.color, gain))
 
 
 def continue_depth(view: View, context: FillContext, seed: int) -> View:

@@ -141,11 +141,6 @@ def channel_gain(mine: UInt8Array, truth: UInt8Array, region: BoolArray) -> tupl
     return gains[0], gains[1], gains[2]
 
 
-def with_gain(picture: UInt8Array, gain: tuple[float, float, float]) -> UInt8Array:
-    """A colour picture, H x W x 3, with each channel multiplied, rounded and cut to 0..255."""
-    return np.rint(np.clip(picture * np.asarray(gain, np.float64), 0, 255)).astype(np.uint8)
-
-
 def _gain(mine: Float64Array, truth: Float64Array) -> float:
     usable = (np.minimum(mine, truth) >= 5) & (np.maximum(mine, truth) <= 250)
     if usable.sum() < GAIN_PIXELS:

@@ -16,11 +16,11 @@ import numpy as np
 from dlama.evaluation.metrics.artifacts import edge_offset, law_broken, leak_share
 from dlama.evaluation.metrics.depth import depth_errors
 from dlama.evaluation.metrics.lpips import lpips
-from dlama.evaluation.metrics.pictures import SETTINGS, depth_8bit, mse_map, psnr, region_mean, ssim_map, with_gain
+from dlama.evaluation.metrics.pictures import SETTINGS, depth_8bit, mse_map, psnr, region_mean, ssim_map
 from dlama.evaluation.protocols.methods import Measure, MethodRun, ProtocolSettings, measures_of
 from dlama.evaluation.protocols.strips import strip
 from dlama.geometry.camera import Float64Array
-from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
+from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, brighten
 from dlama.geometry.view import View
 from dlama.inpainters.confidence import COLOR_WITHIN
 
@@ -49,7 +49,7 @@ class Reference:
 
     def match_exposure(self, color: UInt8Array) -> UInt8Array:
         """A method's colours in the truth's exposure."""
-        return color if self.gain == (1.0, 1.0, 1.0) else with_gain(color, self.gain)
+        return color if self.gain == (1.0, 1.0, 1.0) else brighten(color, self.gain)
 
     def shares(self) -> list[Measure]:
         """How much of the picture each region is, in %: the same for every method."""

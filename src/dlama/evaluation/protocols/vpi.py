@@ -13,13 +13,13 @@ from __future__ import annotations
 from functools import lru_cache
 
 from dlama.datasets.frames import Truth, ViewTruth
-from dlama.evaluation.metrics.pictures import channel_gain, with_gain
+from dlama.evaluation.metrics.pictures import channel_gain
 from dlama.evaluation.metrics.regions import source_visibility
 from dlama.evaluation.metrics.reliability import color_tolerance
 from dlama.evaluation.protocols.methods import Method, ProtocolSettings, Scored, run_method
 from dlama.evaluation.protocols.reliability import reliability_measures
 from dlama.evaluation.protocols.scores import Reference, artifact_measures, leak_measures, picture_panel, view_measures
-from dlama.geometry.rgbd import RGBD
+from dlama.geometry.rgbd import RGBD, brighten
 from dlama.inpainters.confidence import COLOR_WITHIN
 
 
@@ -69,6 +69,6 @@ def target_reference(truth: ViewTruth, settings: ProtocolSettings, without_objec
     if truth.exposure_varies:
         gain = channel_gain(carried, target.color, found.seen)
     shown = None if target.padding is None else ~target.padding
-    within = color_tolerance(with_gain(carried, gain), target.color, found.seen, COLOR_WITHIN)
+    within = color_tolerance(brighten(carried, gain), target.color, found.seen, COLOR_WITHIN)
     regions = found.regions(without_object)
     return Reference(target.color, target.depth, regions, settings, shown, gain, color_within=within)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +17,21 @@ NEARER = np.float32(1.04)
 """Ratio of inverse depths beyond which a source is an occluder."""
 NON_PLANAR_NEARER = np.float32(1.2)
 """The same within non-planar objects (leaves), whose depth varies."""
+
+
+class Sources(NamedTuple):
+    """The cells of a grid that one surface's texture is copied from."""
+
+    cell_size: int
+    """Pixels a cell."""
+    inverse_depth: Float32Array
+    """rows x cols, of the cells."""
+    cell_label: NDArray[np.int8]
+    """rows x cols, the surface that a cell shows for certain."""
+    label: int
+    """Of the surface."""
+    axes: NDArray[np.float64]
+    """2 x 3: E of the surface's plane, in pixels."""
 
 
 @kernel

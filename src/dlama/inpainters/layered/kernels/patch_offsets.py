@@ -6,33 +6,16 @@ p'_h = p_h + w (s1 E1 + s2 E2), with E = K e for two directions e of the plane.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.kernels.jit import BAND, Flag, Real, Whole, as_input, in_bands, kernel, piece
 from dlama.geometry.rgbd import Float32Array, UInt8Array
-from dlama.inpainters.layered.kernels.cells import NEARER, bilinear_neighbours, blend, sample
+from dlama.inpainters.layered.kernels.cells import NEARER, Sources, bilinear_neighbours, blend, sample
 
 FARTHER = np.float32(0.9)
 """And this much farther."""
-
-
-class Sources(NamedTuple):
-    """The cells of a grid that one surface's texture is copied from."""
-
-    cell_size: int
-    """Pixels a cell."""
-    inverse_depth: Float32Array
-    """rows x cols, of the cells."""
-    cell_label: NDArray[np.int8]
-    """rows x cols, the surface that a cell shows for certain."""
-    label: int
-    """Of the surface."""
-    axes: NDArray[np.float64]
-    """2 x 3: E of the surface's plane, in pixels."""
 
 
 @piece

@@ -15,11 +15,11 @@ import numpy as np
 
 from dlama.datasets.frames import Case, RemovalTruth, StereoTruth, ViewTruth
 from dlama.errors import MaskError
-from dlama.evaluation.metrics.pictures import channel_gain, with_gain
+from dlama.evaluation.metrics.pictures import channel_gain
 from dlama.geometry.holes import dilate_mask, erode_mask
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rendering import render
-from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
+from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array, brighten
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
@@ -112,7 +112,7 @@ def match_source_exposure(case: RemovalTruth) -> RGBD:
     if case.compare is not None:
         both &= case.compare
     gain = channel_gain(case.without.color, case.source.color, both)
-    return replace(case.without, color=with_gain(case.without.color, gain))
+    return replace(case.without, color=brighten(case.without.color, gain))
 
 
 def match_exposure(view: View, truth: RGBD) -> RGBD:
@@ -120,7 +120,7 @@ def match_exposure(view: View, truth: RGBD) -> RGBD:
     w, true = inverse_depth(view.depth), inverse_depth(truth.depth)
     same = erode_mask(~view.hole, 1) & (true > 0) & (np.abs(w - true) <= DEPTH_AGREES * true)
     gain = channel_gain(truth.color, view.color, same)
-    return RGBD(with_gain(truth.color, gain), truth.depth, truth.camera)
+    return RGBD(brighten(truth.color, gain), truth.depth, truth.camera)
 
 
 def _crop_both(crop: Crop, pictures: tuple[UInt8Array, UInt8Array]) -> list[UInt8Array]:
