@@ -25,8 +25,6 @@ DARKER = 0.1
 UNDER, DARKEST, SPECKLE_PX = 0.2, 0.1, 1.5
 """What is right under an object: the reach in square roots of its area; where brightness, smoothed by this sigma, is below this
 quantile of the shadow's."""
-SLIVER = 0.01
-"""Of an object's area."""
 EVEN, RIM_PX = 0.07, 4
 """Largest residual of the ambient fit (mean of the logarithm), outside the shadow's border, for ambient shadows to be used."""
 
@@ -69,14 +67,12 @@ def grow_under_object(rgbd: RGBD, mask: BoolArray, usable: BoolArray, shadow: Bo
 
 
 def enclosed_between(mask: BoolArray, shadow: BoolArray, surface: BoolArray) -> BoolArray:
-    """H x W, the regions that an object and its shadow enclose, and not the object alone, and that are less than half surface, or
-    slivers, from which a fill would make spots."""
+    """H x W, the regions that an object and its shadow enclose, and not the object alone, and that are less than half surface."""
     enclosed = enclosed_by(mask | shadow) & ~enclosed_by(mask)
     count, labels = cv2.connectedComponents(enclosed.astype(np.uint8))
-    area, of_surface = (np.bincount(labels[where], minlength=count) for where in (enclosed, enclosed & surface))
-    taken = (2 * of_surface < area) | (area < SLIVER * mask.sum())
-    taken[0] = False  # all that is not enclosed
-    return taken[labels]
+    of_surface = np.bincount(labels[surface], minlength=count) * 2 >= np.bincount(labels.ravel(), minlength=count)
+    of_surface[0] = True  # all that is not enclosed
+    return ~of_surface[labels]
 
 
 def grow_ambient_shadow(
