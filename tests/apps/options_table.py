@@ -82,7 +82,7 @@ BASE = {
     "view": "image.png depth.png -o out --fov 60 --yaw 5",
     "remove": "image.png depth.png mask.png -o out --fov 60",
     "mask": "image.png depth.png --click 9,9 -o mask.png --fov 60",
-    "stereo": "left.png right.png --calib calib.txt -o out --mask mask.png",
+    "stereo": "left.png right.png --calib calib.txt -o out --mask mask.png --yaw 5",
     "depth": "image.png -o out --fov 60",
     "batch": "jobs.csv -o out",
     "demo": "",
@@ -173,6 +173,7 @@ OTHER_TAKERS = {
     ("doctor", groups.Masking): "diagnose",
     ("depth", groups.Lens): "read_rgbd",
     ("demo", groups.Method): "view+remove+stereo",
+    ("stereo", groups.Move): "view",
     ("sequence", Source): "sequence",
     ("video", groups.Filler): "render_path",
 }

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+import dlama
 from box_frame import pixels
 from dlama.apps.cli import main
 from dlama.apps.verbs.demo import ASSETS
@@ -83,6 +84,21 @@ def test_stereo_files(demo: Path) -> None:
     meta = json.loads((demo / "stereo" / "meta.json").read_text())
     assert 0.5 < meta["stereo"]["consistency"]["left_right_within_1px"] <= 1
     assert set(meta["inputs"]) == {"left", "right", "calib", "mask"}
+
+
+@pytest.mark.slow
+def test_a_pair_from_another_viewpoint(demo: Path, tmp_path: Path) -> None:
+    """Its scene seen from there, and how its depth was made (oracle: `dlama.view` of the scene that `dlama.stereo` gives)."""
+    inputs = demo / "inputs"
+    words = [str(inputs / "street.jpg"), str(inputs / "right.jpg"), "--calib", str(inputs / "calib.txt")]
+    main(["stereo", *words, "--filler", "telea", "--yaw", "8", "--only", "image", "-o", str(tmp_path / "moved")])
+    left, right = (dlama.read_color(inputs / name) for name in ("street.jpg", "right.jpg"))
+    pair = dlama.stereo(left, right, dlama.read_stereo_calib(inputs / "calib.txt"), filler="telea")
+    expected = dlama.view(pair.scene, yaw=8, filler="telea").view.color
+    np.testing.assert_array_equal(pixels(tmp_path / "moved" / "image.png"), expected)
+    meta = json.loads((tmp_path / "moved" / "meta.json").read_text("utf-8"))
+    assert meta["stereo"]["matcher"] == "semi-global matching" and meta["seconds"]["match"] > 0
+    assert not (tmp_path / "moved" / "right").exists()
 
 
 @pytest.mark.slow

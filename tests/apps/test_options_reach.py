@@ -100,8 +100,8 @@ def calls(loaded: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Call
 
 def _spy_on_jobs(spy: Callable[..., None]) -> None:
     """view, remove, stereo and demo: reading, the three functions, writing."""
-    done = object.__new__(dlama.Completion)
-    object.__setattr__(done, "meta", {})
+    meta: dict[str, Any] = {"seconds": {}, "stereo": {}}
+    done = dlama.Completion((), (), None, None, meta)  # type: ignore[arg-type]
     about = {"field_of_view": {"from": "fov"}, "estimator": "a network", "scale": {"rule": "assumed"}}
     spy("dlama.jobs.verbs.write_depth")
     rgbd = dlama.RGBD(

@@ -55,7 +55,7 @@ from dlama.errors import CameraError, DlamaError, InputError, MaskError
         ("view a.png b.png --yaw 1 --only foo,depth,bar -o out", "--only is 'foo', 'bar'; names of image, depth, "),
         (
             "view a.png b.png --yaw 1 --only disparity -o out",
-            "disparity is to be written, which only a stereo pair has",
+            "disparity is to be written, which only the pictures of a stereo pair have",
         ),
         (
             "remove a.png b.png --click 3,3 --mask-class 9,9,9 -o out",

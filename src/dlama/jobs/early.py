@@ -29,7 +29,8 @@ def check_options(
     """Raise InputError for options of view, remove, stereo or depth that cannot be, all of them in one message.
 
     given: by name, as `jobs.parameters` reads them. image: the picture that is pointed at.
-    removes: whether the job removes an object, whose mask can be written; pair: whether it has two pictures, and a disparity.
+    removes: whether the job removes an object, whose mask can be written; pair: whether it completes both pictures of a pair,
+    which have a disparity.
     """
 
     def one(name: str, default: Any = None) -> Any:
@@ -54,7 +55,7 @@ def _check_results(names: tuple[str, ...], removes: bool, pair: bool) -> None:
     if "mask" in names and not removes:
         raise InputError("`mask` is to be written, and no object is removed whose mask it would be")
     if "disparity" in names and not pair:
-        raise InputError("disparity is to be written, which only a stereo pair has")
+        raise InputError("disparity is to be written, which only the pictures of a stereo pair have")
 
 
 def _check_move(given: Mapping[str, Any]) -> None:

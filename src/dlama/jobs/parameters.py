@@ -178,7 +178,7 @@ PICTURE: dict[str, Parse] = {"image": text, "depth": text, **MOVE, **LENS, **REA
 VERBS: dict[str, dict[str, Parse]] = {
     "view": {**PICTURE, **RESULTS},
     "remove": {**PICTURE, "mask": text, **MASKING, **POINTING, **RESULTS},
-    "stereo": {**PAIR, **MASKING, **POINTING, **METHOD, **RESULTS},
+    "stereo": {**PAIR, **MOVE, **MASKING, **POINTING, **METHOD, **RESULTS},
     "depth": {"image": text, "far": number, **LENS, **ESTIMATING},
 }
 """Verb -> its parameters."""
@@ -249,6 +249,11 @@ def is_pointed(given: Mapping[str, Any]) -> bool:
     """Whether these options say which object is meant."""
     words = ("click", "not_click", "box", "salient", "object_class")
     return any(given.get(name) for name in words) or given.get("masker") == "salient"
+
+
+def is_moved(given: Mapping[str, Any]) -> bool:
+    """Whether these options move the camera."""
+    return any(given.get(name) for name in ("yaw", "pitch", "dolly", "to"))
 
 
 def mask_settings(given: Mapping[str, Any]) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ from dlama.geometry.rgbd import RGBD
 from dlama.jobs.early import check_options
 from dlama.jobs.inputs import JobInputs, Parameters, path_of, select
 from dlama.jobs.job import Job
-from dlama.jobs.parameters import METHOD, is_pointed
+from dlama.jobs.parameters import METHOD, is_moved, is_pointed
 from dlama.jobs.storage import is_address
 
 
@@ -31,7 +32,7 @@ def run_verb(job: Job, files: Mapping[str, Path], output: Path) -> None:
 def check_job(verb: str, p: Parameters, loaded: bool = False) -> None:
     """InputError where a parameter cannot be, all of them in one message, before anything is computed."""
     removes = verb == "remove" or loaded or "mask" in p or is_pointed(p)
-    check_options(p, path_of(p, "left" if verb == "stereo" else "image"), removes, verb == "stereo")
+    check_options(p, path_of(p, "left" if verb == "stereo" else "image"), removes, verb == "stereo" and not is_moved(p))
 
 
 def perform(
@@ -76,7 +77,14 @@ def _stereo(this: JobInputs, p: Parameters, truth: Any) -> Completion:
         pair, known, right = (truth.left, truth.right, truth.rig), None, truth.mask_right
         mask = this.read_removed(p, "left", truth.mask_left)
     options = select(p, ("right_view", "matcher", "max_disparity", "far", *METHOD))
-    return stereo(*pair, disparity=known, mask=mask, mask_right=right, **options)
+    done = stereo(*pair, disparity=known, mask=mask, mask_right=right, **options)
+    if not is_moved(p):
+        return done
+    moved = view(done.scene, **_target(p), **select(p, METHOD))
+    seconds = {
+        name: round(spent + moved.meta["seconds"].get(name, 0), 4) for name, spent in done.meta["seconds"].items()
+    }
+    return replace(moved, meta=moved.meta | {"stereo": done.meta["stereo"], "seconds": seconds})
 
 
 def _depth(this: JobInputs, p: Parameters, truth: Any) -> RGBD:

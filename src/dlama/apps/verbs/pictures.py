@@ -90,6 +90,7 @@ def stereo(
     /,
     calib: Annotated[Path, option("CALIB", None)],
     output: Output,
+    move: Move,
     chosen: ObjectOptions,
     matching: Matching,
     completing: CompletingOptions,
@@ -99,13 +100,15 @@ def stereo(
     disparity: Annotated[Path | None, option("FILE", "found")] = None,
     far: Metres = None,
 ) -> None:
-    """Depth from a rectified stereo pair, and with --mask or --click both pictures without an object, so that they agree.
+    """Depth from a rectified stereo pair, and with --mask or --click both pictures without an object, so that they agree; or the
+    scene from another viewpoint.
 
     Args:
         left: The left picture.
         right: The right picture, rectified: same size, same rows.
         calib: calib.txt of Middlebury or KITTI, or JSON with left_K, right_K, baseline_m, doffs, pixel_center.
-        output: Directory for the results, made if need be: the left view at the top, the right one in right/.
+        output: Directory for the results, made if need be: the left view at the top, the right one in right/; with
+            --yaw and the like the view from there alone.
         mask: The object in the left picture: black and white, 255 = remove; --click or --box say it in place of that file.
         mask_right: The object in the right picture.
         disparity: The left picture's disparity, in pixels: PFM, NPY, NPZ, EXR or PNG; 0 and infinity are missing.
@@ -114,7 +117,7 @@ def stereo(
     with command("stereo", report) as this:
         files = {"left": left, "right": right, "mask": mask, "mask_right": mask_right, "disparity": disparity}
         check_of_object(given_options(chosen), mask, mask_right)
-        this.run("stereo", output, files, chosen, matching, completing, calib=calib, far=far)
+        this.run("stereo", output, files, move, chosen, matching, completing, calib=calib, far=far)
 
 
 def depth(
