@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Literal
+from dataclasses import replace
+from typing import Any, Literal
 
 from dlama.arguments import check_arguments
-from dlama.completion.completion import Completion
+from dlama.completion.completion import Completion, StereoCompletion
 from dlama.completion.options import OptionKeywords, Unpack, take_options
 from dlama.completion.pipeline import complete
 from dlama.errors import InputError, InputTypeError
@@ -84,6 +85,20 @@ def view(
     check_arguments(view, locals())
     target = target_camera(rgbd, camera, yaw=yaw, pitch=pitch, pivot=pivot, dolly=dolly)
     return complete(rgbd, [target], progress=progress, **options)
+
+
+def view_pair(
+    pair: StereoCompletion, target: Mapping[str, Any], method: Mapping[str, Any], progress: Progress | None = None
+) -> Completion:
+    """The scene of a pair from another viewpoint. meta also has how the pair was matched, and the seconds of both.
+
+    target: keywords of `view` that say where the camera stands; method: the options of a completion.
+    """
+    done = view(pair.scene, **target, progress=progress, **method)
+    seconds = {
+        name: round(spent + done.meta["seconds"].get(name, 0), 4) for name, spent in pair.meta["seconds"].items()
+    }
+    return replace(done, meta=done.meta | {"stereo": pair.meta["stereo"], "seconds": seconds})
 
 
 @take_options

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from dlama.completion.completion import Completion
 from dlama.completion.stereo.stereo import stereo
-from dlama.completion.verbs import remove, view
+from dlama.completion.verbs import remove, view, view_pair
 from dlama.errors import InputError
 from dlama.files.cameras import read_camera
 from dlama.files.results.estimated_depth import write_depth
@@ -78,13 +77,7 @@ def _stereo(this: JobInputs, p: Parameters, truth: Any) -> Completion:
         mask = this.read_removed(p, "left", truth.mask_left)
     options = select(p, ("right_view", "matcher", "max_disparity", "far", *METHOD))
     done = stereo(*pair, disparity=known, mask=mask, mask_right=right, **options)
-    if not is_moved(p):
-        return done
-    moved = view(done.scene, **_target(p), **select(p, METHOD))
-    seconds = {
-        name: round(spent + moved.meta["seconds"].get(name, 0), 4) for name, spent in done.meta["seconds"].items()
-    }
-    return replace(moved, meta=moved.meta | {"stereo": done.meta["stereo"], "seconds": seconds})
+    return view_pair(done, _target(p), select(p, METHOD)) if is_moved(p) else done
 
 
 def _depth(this: JobInputs, p: Parameters, truth: Any) -> RGBD:

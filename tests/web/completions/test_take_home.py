@@ -115,12 +115,16 @@ def test_a_plate_of_16_bits_is_taken_home_in_16(
 
 
 @pytest.mark.slow
-def test_the_same_of_a_stereo_pair(visit: Visit, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The example that ships, with a painted mask, by its command."""
+@pytest.mark.parametrize("move", [{}, {"yaw": 7, "dolly": 0.2}])
+def test_the_same_of_a_stereo_pair(
+    move: dict[str, float], visit: Visit, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The example that ships, with a painted mask, by its command, and seen from elsewhere by its Python lines, too."""
     api.example(visit, {"name": "pair"})
     api.mark(visit, {"marks": [{"kind": "add", "points": [[262, 310], [262, 400]], "radius": 40}]})
-    result = completed(visit)
+    result = completed(visit, **move)
     packed = unpacked(result, visit)
+    assert ("out/right/image.png" in packed) == (not move)
     for each in ("street.jpg", "right.jpg", "calib.txt"):
         (tmp_path / each).write_bytes((dlama.example() / each).read_bytes())
     (tmp_path / "mask.png").write_bytes(packed["mask.png"])
@@ -128,6 +132,9 @@ def test_the_same_of_a_stereo_pair(visit: Visit, tmp_path: Path, monkeypatch: py
     main(shlex.split(take_home.how(result)["command"])[1:])
     mine = {each.removeprefix("out/"): data for each, data in packed.items() if each.startswith("out/")}
     same_files(mine, files_below(tmp_path / "out"), meta=True)
+    if move:
+        exec(compile(take_home.how(result)["python"], "lines", "exec"), {})
+        same_files(mine, files_below(tmp_path / "out"), meta=False)
 
 
 def test_single_files_are_those_of_the_zip(frame: Path, visit: Visit) -> None:

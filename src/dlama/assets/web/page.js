@@ -98,8 +98,7 @@ async function showSource(state) {
   }
   for (const line of all("[data-fact]")) line.textContent = source.facts[line.dataset.fact] ?? "";
   warnings("read-warnings", state.warnings);
-  for (const id of ["marker", "source-bar", "card-marks", "card-do"]) $(id).hidden = false;
-  $("card-move").hidden = source.pair;
+  for (const id of ["marker", "source-bar", "card-marks", "card-move", "card-do"]) $(id).hidden = false;
   $("empty").hidden = true;
   document.body.classList.add("loaded");
   document.documentElement.style.setProperty("--aspect", source.width / source.height);
@@ -109,7 +108,7 @@ async function showSource(state) {
   marker.reset();
   marker.show(await server.bitmap("source"), source.width, source.height);
   showMarkButtons();
-  enable("preview", !source.pair);
+  enable("preview", true);
   openTab("source");
 }
 
@@ -220,7 +219,7 @@ $("clear").addEventListener("click", () => marker.clear());
 
 // ---- 3 camera
 function askPreview(quiet = false) {
-  if (source && !source.pair && !(quiet && $("pane-preview").hidden)) showPreview();
+  if (source && !(quiet && $("pane-preview").hidden)) showPreview();
 }
 
 for (const name of Object.keys(UNITS)) $(name).addEventListener("input", () => { showMove(); openTab("preview"); askPreview(); });

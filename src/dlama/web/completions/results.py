@@ -6,6 +6,7 @@ import json
 from typing import Any
 
 import dlama
+from dlama.completion.verbs import view_pair
 from dlama.files.scenes.photo3d_page import LARGEST_GLB, describe_box, glb_within
 from dlama.web import pictures
 from dlama.web.answers import Blob, Fields, PageError, hide_paths, use_page_words
@@ -33,7 +34,8 @@ def complete(visit: Visit, fields: Fields) -> dict[str, Any]:
 
     def work() -> dlama.Completion:
         if source.pair is not None:
-            return dlama.stereo(*source.pair, mask=mask, **request.method)
+            pair = dlama.stereo(*source.pair, mask=mask, **request.method)
+            return view_pair(pair, request.move, request.method) if request.move else pair
         if mask is None:
             return dlama.view(source.rgbd, **request.move, **request.method)
         return dlama.remove(source.rgbd, mask, **request.move, **request.method)
@@ -92,11 +94,12 @@ def describe_result(result: Result) -> dict[str, Any]:
     """What came out, for the page."""
     done, names = result.done, {upload.path: upload.name for upload in result.source.files.values()}
     view = pictures.result_views(done, False)[0]
-    sides = ("left", "right") if result.source.pair is not None else ("left",)
+    pair = isinstance(done, dlama.StereoCompletion)
+    sides = ("left", "right") if pair else ("left",)
     return {
         "width": view.camera.width,
         "height": view.camera.height,
-        "pair": result.source.pair is not None,
+        "pair": pair,
         "moved": not view.camera.same_view_as(result.source.rgbd.camera),
         "removed": result.mask is not None,
         "hole_share": done.meta["hole_share"],

@@ -63,9 +63,8 @@ def parameters_of(result: Result) -> dict[str, Any]:
         p |= {
             OF_JOBS.get(name, name): value for name, value in pointing(result.marks).items() if value not in AT_DEFAULT
         }
-    if source.pair is None:
-        p |= result.request.move or ({"yaw": 0.0} if result.mask is None else {})
-    return p | dict(result.request.method)
+    stays = {"yaw": 0.0} if source.pair is None and result.mask is None else {}
+    return p | (dict(result.request.move) or stays) | dict(result.request.method)
 
 
 def command(result: Result) -> list[str]:
@@ -104,10 +103,13 @@ def python_lines(result: Result) -> str:
         masked = [f"mask = dlama.read_mask({MASK!r})"]
     elif verb == "remove":
         masked = [f"mask = dlama.find_mask({', '.join(['rgbd', *keywords(p, POINTING)])}).mask"]
-    done = f"done = dlama.{verb}({', '.join([*given, *keywords(p, MOVE, METHOD)])})"
+    moves, method = keywords(p, MOVE), keywords(p, METHOD)
+    done = [f"done = dlama.{verb}({', '.join([*given, *([] if verb == 'stereo' else moves), *method])})"]
+    if verb == "stereo" and moves:
+        done.append(f"done = dlama.view({', '.join(['done.scene', *moves, *method])})")
     plates = plates_of(result.source)
     write = f"dlama.write(done, {OUT!r}{f', inputs={plates!r}' if plates else ''})"
-    return "\n".join(["import dlama", "", *read, *masked, done, write, ""])
+    return "\n".join(["import dlama", "", *read, *masked, *done, write, ""])
 
 
 def lines_of_pair(p: Mapping[str, Any]) -> list[str]:
