@@ -118,20 +118,85 @@ def test_frames_without_depth_are_left_out_and_counted(tmp_path: Path, caplog: p
     save(root, listing)
     with caplog.at_level(logging.WARNING, logger="dlama"):
         assert [frame.name for frame in open_dataset(root).frames] == ["f1", "f2", "f3"]
-    assert "1 of 4 frames are left out (1 without a depth_file_path in transforms.json)" in caplog.text
+    assert "1 of 4 frames are left out (1 without a depth_file_path)" in caplog.text
 
 
-def test_distortion_is_refused_where_it_shows() -> None:
+def as_nerf_s(root: Path, *splits: str) -> Path:
+    """The same world as NeRF's synthetic sets lie: angles, names without an ending, no size, a listing of each split."""
+    listing = stored(written(root))
+    for field in ("camera_model", "fl_x", "fl_y", "w", "h"):
+        del listing[field]
+    for frame in listing["frames"]:
+        frame["file_path"] = "./" + frame["file_path"].removesuffix(".png")
+    (root / "transforms.json").unlink()
+    listing |= {"camera_angle_x": 2 * math.atan(48 / 90.5), "camera_angle_y": 2 * math.atan(36 / 92.25)}
+    for split in splits:
+        (root / f"transforms{split}.json").write_text(json.dumps(listing))
+    return root
+
+
+@pytest.mark.parametrize("split", ["", "_train"])
+def test_frames_of_nerf_s_synthetic_sets(tmp_path: Path, split: str) -> None:
+    """Oracle: the world; the angle under which a side is seen is 2 atan(side / 2 f)."""
+    check_frames(open_dataset(as_nerf_s(tmp_path, split)), far=True)
+
+
+def test_frames_of_splits_have_names_of_their_own(tmp_path: Path) -> None:
+    """Oracle: by hand; a whole listing goes before split ones, and splits come as they are named."""
+    names = [frame.name for frame in open_dataset(as_nerf_s(tmp_path, "_test", "_train")).frames]
+    assert names == [f"{split}_f{number}" for split in ("train", "test") for number in range(4)]
+    as_nerf_s(tmp_path, "", "_test")
+    assert [frame.name for frame in open_dataset(tmp_path).frames] == ["f0", "f1", "f2", "f3"]
+
+
+def test_the_focal_length_of_an_angle(tmp_path: Path) -> None:
+    """Oracle: NeRF's `lego`: 0.6911112070083618 radians of 800 pixels are 1111.1110311937682 px, in both directions."""
+    write_picture(tmp_path / "r_0.png", np.zeros((800, 800, 3), np.uint8))
+    lens = lens_of(FileFields("t.json", {"camera_angle_x": 0.6911112070083618}), tmp_path / "r_0.png")
+    assert lens.hw == (800, 800) and lens.intrinsics == pytest.approx((1111.1110311937682,) * 2 + (400.0, 400.0))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            {"camera_angle_x": 55.9},
+            r"transforms\.json: frames\[0\]: camera_angle_x is 55\.9; radians between 0 and 3\.142",
+        ),
+        ({"camera_angle_x": "wide"}, r"frames\[0\]: camera_angle_x is \"wide\"; a finite number is expected"),
+        ({"camera_angle_x": None}, r"frames\[0\]: has neither fl_x \(pixels\) nor camera_angle_x \(radians\)"),
+        ({"w": 96}, r"frames\[0\]: field 'h' is missing"),
+        (
+            {"depth_file_path": None},
+            r"none of its 4 frames has a depth_file_path; name the depth of each frame so .*dlama depth",
+        ),
+        ({"file_path": "./train/r_0"}, r"train/r_0\.png: no such file"),
+    ],
+)
+def test_what_nerf_s_sets_lack_is_named(tmp_path: Path, change: dict[str, Any], message: str) -> None:
+    """Oracle: the field that is changed, in the listing or in each frame of it; None: left out."""
+    root = as_nerf_s(tmp_path, "")
+    listing = stored(root)
+    for fields in (listing, *listing["frames"]):
+        fields.update({name: value for name, value in change.items() if name in fields or name == "w"})
+        for name in [name for name in fields if name in change and change[name] is None]:
+            del fields[name]
+    save(root, listing)
+    with pytest.raises(InputError, match=message):
+        open_dataset(root)
+
+
+def test_distortion_is_refused_where_it_shows(tmp_path: Path) -> None:
     """Oracle: by hand: with k1 alone the corner at radius r (in focal lengths) moves by f k1 r^3."""
     lens = {"fl_x": 100.0, "fl_y": 100.0, "cx": 50.0, "cy": 50.0, "w": 100, "h": 100}
     moves = 100 * math.hypot(0.5, 0.5) ** 3
     for pixels, fine in ((0.49, True), (0.51, False), (-0.51, False)):
         fields = FileFields("t.json", {**lens, "k1": pixels / moves})
         if fine:
-            assert lens_of(fields).hw == (100, 100)
+            assert lens_of(fields, tmp_path / "unread.png").hw == (100, 100)
         else:
             with pytest.raises(CameraError, match=r"t\.json: k1 \.\.\. p2 move the picture's corners by 0\.5 px"):
-                lens_of(fields)
+                lens_of(fields, tmp_path / "unread.png")
 
 
 @pytest.mark.parametrize(

@@ -105,7 +105,7 @@ LAYOUTS: dict[str, Layout] = {
             _posed("redwood", "trajectory.log and a folder depth", trajectory_log, True),
             _posed("replica", "traj.txt and a folder results", replica, True),
             _posed("colmap", "images and cameras (.txt or .bin) in sparse/0 or sparse", colmap),
-            _posed("nerfstudio", "transforms.json", nerfstudio),
+            _posed("nerfstudio", "transforms.json, or transforms_train.json and the like", nerfstudio),
             _posed("stray-scanner", "rgb.mp4, odometry.csv and depth", stray_scanner, parts=("odometry.csv",)),
             _posed("polycam", "keyframes with depth and cameras", polycam, parts=("keyframes",)),
             _posed(

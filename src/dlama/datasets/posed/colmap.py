@@ -18,6 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
+from dlama.datasets.posed import nerfstudio
 from dlama.datasets.posed.posed_frames import Lens, Listed, files_of
 from dlama.datasets.text_tables import pose_at, read_rows
 from dlama.errors import CameraError, FileError
@@ -188,8 +189,8 @@ DENSE, DENSE_KINDS = "stereo/depth_maps", (".geometric.bin", ".photometric.bin")
 
 
 def looks_like(root: Path) -> bool:
-    """True where a model lies in a folder, and no transforms.json of nerfstudio, which often has one next to it."""
-    return model_folder(root) is not None and not (root / "transforms.json").is_file()
+    """True where a model lies in a folder, and no listing of nerfstudio, which often has one next to it."""
+    return model_folder(root) is not None and not nerfstudio.looks_like(root)
 
 
 def model_folder(root: Path) -> Path | None:

@@ -2,10 +2,12 @@
 sequence written as such a folder, which trainers of splats read.
 
 `transform_matrix` is camera to world with OpenGL axes (x right, y up, z back). `fl_x fl_y cx cy w h`, for all frames or for
-each; first pixel's centre at 0.5. Depth times `depth_unit_scale_factor` (default 0.001, for NPY too; 1 for EXR, which
-nerfstudio does not read) is metres; 0 is missing, 65535 in 16 bits far as in our own files. Distortion is refused where it
-shows. Where a frame's `mask_path` is black its picture shows nothing of the scene.
-Format: docs.nerf.studio/quickstart/data_conventions.html.
+each; first pixel's centre at 0.5. NeRF's synthetic sets and instant-ngp have `camera_angle_x` (radians, the whole angle) in place
+of `fl_x`, may leave out the others and the pictures' endings, and split the listing (transforms_train.json ...).
+Depth times `depth_unit_scale_factor` (default 0.001, for NPY too; 1 for EXR, which nerfstudio does not read) is metres; 0 is
+missing, 65535 in 16 bits far as in our own files. Distortion is refused where it shows. Where a frame's `mask_path` is black its
+picture shows nothing of the scene.
+Formats: docs.nerf.studio/quickstart/data_conventions.html; github.com/bmild/nerf, load_blender.py; instant-ngp's nerf_loader.cu.
 
 Written are images/NAME.png, depth/NAME.png (16-bit millimetres, 0 = missing, 65535 = far), hole/NAME.png (255 = colour and depth
 were filled), origin/NAME.png (codes, docs/concepts/conventions.md), source/NAME.png (16 bit: 1 + the number of the frame a pixel
@@ -14,6 +16,7 @@ comes from, 0 = none) and transforms.json, whose `source_frames` names those num
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -25,10 +28,11 @@ import numpy as np
 from PIL import Image
 
 from dlama.datasets.posed.posed_frames import Lens, Listed, files_of, units_per_metre
-from dlama.datasets.text_tables import holds, pose_at
-from dlama.errors import CameraError
+from dlama.datasets.text_tables import pose_at
+from dlama.errors import CameraError, FileError
 from dlama.files.fields import FileFields, Intrinsics, read_json_fields
 from dlama.files.rasters.depth import write_depth_png
+from dlama.files.rasters.images import SUFFIXES, picture_hw
 from dlama.files.rasters.pictures import read_region, save_picture, write_codes, write_color, write_mask
 from dlama.files.results.meta_json import write_json
 from dlama.geometry.camera import Camera
@@ -36,7 +40,8 @@ from dlama.geometry.figures.false_color import ORIGIN_PALETTE
 from dlama.geometry.view import View
 
 NAME = "transforms.json"
-looks_like = holds(NAME)
+SPLITS = ("train", "val", "test")
+"""Listings called transforms_SPLIT.json, where there is no NAME: all are read."""
 CV_FROM_GL = np.diag([1.0, -1.0, -1.0, 1.0])
 """Camera axes: y and z turn round; the same matrix both ways."""
 UNIT = "depth_unit_scale_factor"
@@ -46,48 +51,101 @@ SHOWS_PX = 0.5
 """Distortion that moves a corner by no more than this is left alone."""
 
 
+def looks_like(root: Path) -> bool:
+    """Whether a folder has a listing, whole or split."""
+    return bool(listings_of(root))
+
+
+def listings_of(folder: Path) -> dict[str, Path]:
+    """The listings of a folder, by what the names of their frames begin with: splits call frames alike."""
+    whole = folder / NAME
+    parts = {f"{split}_": folder / f"transforms_{split}.json" for split in SPLITS}
+    return {"": whole} if whole.is_file() else {prefix: path for prefix, path in parts.items() if path.is_file()}
+
+
 def list_frames(folder: Path) -> Listed:
     """The frames of one scene. Raises FileError, CameraError."""
-    fields = read_json_fields(folder / NAME)
-    units = units_per_metre(fields, UNIT, DEPTH_UNIT)
-    units_of_exr = units_per_metre(fields, UNIT, 1.0)
-    for number, each in enumerate(fields.entries("frames", "frames")):
-        frame = fields.part(f"frames[{number}]", each)
+    listed = [(prefix, *each) for prefix, path in listings_of(folder).items() for each in list_entries(path)]
+    if all("depth_file_path" not in frame for _, _, frame in listed):
+        raise FileError(
+            f"{folder}: none of its {len(listed)} frames has a depth_file_path; name the depth of each frame so (16-bit PNG in "
+            "millimetres, EXR in metres). Of single photos `dlama depth` estimates it"
+        )
+    for prefix, fields, frame in listed:
         if "depth_file_path" not in frame:
-            yield "", f"without a depth_file_path in {NAME}"
+            yield "", "without a depth_file_path"
             continue
-        color, depth = (Path(frame.text(name)) for name in ("file_path", "depth_file_path"))
+        color, depth = picture_at(folder, frame.text("file_path")), folder / frame.text("depth_file_path")
         pose = pose_at(f"{frame.path}: transform_matrix", frame.matrix("transform_matrix", (4, 4)) @ CV_FROM_GL)
-        lens = lens_of(FileFields(frame.path, {**fields.values, **frame.values}))
-        own = units_of_exr if depth.suffix.lower() == ".exr" else units
-        files = files_of(folder / color, folder / depth, lens, pose, own, has_far=True)
+        lens = lens_of(FileFields(frame.path, {**fields.values, **frame.values}), color)
+        units = units_per_metre(fields, UNIT, 1.0 if depth.suffix.lower() == ".exr" else DEPTH_UNIT)
+        files = files_of(color, depth, lens, pose, units, has_far=True)
         if "mask_path" in frame:
             files = replace(files, shown=partial(read_region, folder / frame.text("mask_path")))
-        yield color.stem, files
+        yield prefix + color.stem, files
 
 
-def lens_of(fields: FileFields) -> Lens:
-    """The lens of one frame, its own fields before the shared ones; raises CameraError."""
+def list_entries(path: Path) -> list[tuple[FileFields, FileFields]]:
+    """The fields of a listing, with those of each of its frames. Raises FileError."""
+    fields = read_json_fields(path)
+    entries = enumerate(fields.entries("frames", "frames"))
+    return [(fields, fields.part(f"frames[{number}]", each)) for number, each in entries]
+
+
+def picture_at(folder: Path, name: str) -> Path:
+    """The picture that a listing names, also without its ending; the first of them where there is none."""
+    path = folder / name
+    if path.suffix.lower() in SUFFIXES or path.is_file():
+        return path
+    whole = [path.with_name(path.name + suffix) for suffix in SUFFIXES]
+    return next((each for each in whole if each.is_file()), whole[0])
+
+
+def lens_of(fields: FileFields, picture: Path) -> Lens:
+    """The lens of one frame, its own fields before the shared ones; raises CameraError, FileError."""
     model = fields.values.get("camera_model", "OPENCV")
     if model not in PINHOLES:
         raise CameraError(
             f"{fields.path}: camera_model is {model}; one of {', '.join(PINHOLES)} is expected, undistort first"
         )
-    fx, fy, cx, cy = (fields.number(name) for name in ("fl_x", "fl_y", "cx", "cy"))
+    sized = "h" in fields or "w" in fields
+    height, width = (fields.count("h"), fields.count("w")) if sized else picture_hw(picture)
+    intrinsics = intrinsics_of(fields, height, width)
     for name in ("k4", "k5", "k6"):
         if name in fields and fields.number(name) != 0:
             raise CameraError(
                 f"{fields.path}: {name} is not 0; a pinhole camera is expected, undistort the pictures first"
             )
-    height, width = fields.count("h"), fields.count("w")
     terms = [fields.number(name) if name in fields else 0.0 for name in ("k1", "k2", "p1", "p2", "k3")]
-    moved = distortion_px((fx, fy, cx, cy), (height, width), terms)
+    moved = distortion_px(intrinsics, (height, width), terms)
     if moved > SHOWS_PX:
         raise CameraError(
             f"{fields.path}: k1 ... p2 move the picture's corners by {moved:.1f} px; a pinhole camera is expected, undistort "
             "the pictures first"
         )
-    return Lens(str(fields.path), (fx, fy, cx, cy), 0.5, (height, width))
+    return Lens(str(fields.path), intrinsics, 0.5, (height, width))
+
+
+def intrinsics_of(fields: FileFields, height: int, width: int) -> Intrinsics:
+    """What a frame has of fx, fy, cx and cy; by the whole angle that the camera sees, and from the picture's centre, where it
+    has not. Raises CameraError."""
+    if "fl_x" not in fields and "camera_angle_x" not in fields:
+        raise CameraError(
+            f"{fields.path}: has neither fl_x (pixels) nor camera_angle_x (radians); one of them is expected"
+        )
+    fx = fields.number("fl_x") if "fl_x" in fields else _focal(fields, "camera_angle_x", width)
+    fy = _focal(fields, "camera_angle_y", height) if "camera_angle_y" in fields else fx
+    fy = fields.number("fl_y") if "fl_y" in fields else fy
+    cx, cy = (fields.number(name) if name in fields else side / 2 for name, side in (("cx", width), ("cy", height)))
+    return fx, fy, cx, cy
+
+
+def _focal(fields: FileFields, name: str, side: int) -> float:
+    """Pixels, of the angle under which a side of the picture is seen. Raises CameraError."""
+    angle = fields.number(name)
+    if not 0 < angle < math.pi:
+        raise CameraError(f"{fields.path}: {name} is {angle:g}; radians between 0 and {math.pi:.4g} are expected")
+    return side / 2 / math.tan(angle / 2)
 
 
 def distortion_px(
