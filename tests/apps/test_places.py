@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -56,8 +57,14 @@ REFUSED = {
     "view, a linked picture": ("view scenes/linked.png depth.png --fov 60 --yaw 5 -o {folder}", "linked.png"),
     "photo3d": (f"photo3d {PICTURE} --fov 60 -o .", "--output is ., the folder of the image image.png"),
     "view, no home": (f"view {PICTURE} --fov 60 --yaw 5 --output=~/out", "~/out: cannot be written: ~ is the home"),
-    "view, a file's name": (f"view {PICTURE} --fov 60 --yaw 5 -o new.PNG", "--output is new.PNG, the name of a file"),
-    "photo3d, a file's name": (f"photo3d {PICTURE} --fov 60 -o scenes/turns.html", "turns.html, the name of a file"),
+    "view, a file's name": (
+        f"view {PICTURE} --fov 60 --yaw 5 -o new.PNG",
+        "new.PNG: is the name of a file; a folder is expected",
+    ),
+    "photo3d, a file's name": (
+        f"photo3d {PICTURE} --fov 60 -o scenes/turns.html",
+        "turns.html: is the name of a file; a folder",
+    ),
     "remove": ("remove image.png mask.png --fov 60 -o .", "the folder of the image"),
     "mask": (
         f"mask {PICTURE} --fov 60 --click 3,3 -o image.png",
@@ -96,6 +103,21 @@ def test_every_verb_that_reads_and_writes_is_here() -> None:
     """Law: a verb with an output that is not in the table fails this test."""
     assert {case.partition(",")[0] for case in REFUSED} == set(VERBS) - WITHOUT_BOTH
     assert cli.demo is VERBS["demo"]
+
+
+@pytest.mark.parametrize(
+    "refused",
+    [
+        lambda: dlama.sequence("scenes", "done.mp4"),
+        lambda: list(dlama.batch([{"id": "a", "verb": "view", "image": "image.png"}], "done.json")),
+    ],
+)
+def test_python_refuses_a_folder_named_as_a_file(refused: Callable[[], Any], folder: Path) -> None:
+    """Oracle: the command line's message, before anything is read; no such folder is made."""
+    before = sorted(folder.iterdir())
+    with pytest.raises(dlama.OutputError, match=r"done\.\w+: is the name of a file; a folder is expected"):
+        refused()
+    assert sorted(folder.iterdir()) == before
 
 
 def test_another_folder_beside_or_inside_is_fine(folder: Path) -> None:

@@ -191,6 +191,16 @@ def test_no_result_replaces_an_input(removal: Completion, tmp_path: Path) -> Non
     assert (write(removal, tmp_path, only=["depth"], inputs={"image": picture}) / "depth.exr").is_file()
 
 
+@pytest.mark.parametrize("name", ["o.png", "o.JPG", "scene.glb", "scene.npz", "o.tiff"])
+def test_a_folder_named_as_a_file_is_refused(removal: Completion, tmp_path: Path, name: str) -> None:
+    """Law: it would be a folder called o.png. Nothing is written; a folder that has such a name is one."""
+    with pytest.raises(OutputError, match=rf"{name}: is the name of a file; a folder is expected"):
+        write(removal, tmp_path / name, only=["image"])
+    assert list(tmp_path.iterdir()) == []
+    (tmp_path / name).mkdir()
+    assert (write(removal, tmp_path / name, only=["image"]) / "image.png").is_file()
+
+
 def test_the_files_are_named_before_they_are_written(removal: Completion, tmp_path: Path) -> None:
     """Oracle: the folder itself."""
     made = write(removal, tmp_path / "out", also=("points", "scene", "hole"))

@@ -9,10 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from dlama.errors import OutputError, system_reason
-from dlama.writing.atomic_write import check_name
-
-FILE_ENDINGS = (".png", ".jpg", ".jpeg", ".webp", ".exr", ".gif", ".mp4", ".html", ".glb", ".ply", ".npz", ".json")
-"""Who gives a verb a new name that ends so expects one file of it, and would find a directory."""
+from dlama.writing.atomic_write import check_folder_name, check_name
 
 Inputs = Mapping[str, Path | str | None]
 """What a file or folder is to the verb (image, depth, data set) -> its path; None: not given."""
@@ -28,11 +25,7 @@ def check_folder_apart(output: Path, inputs: Inputs) -> None:
 
     Results have names like image.png and depth.png, and are placed as one folder.
     """
-    check_place(output)
-    if output.suffix.lower() in FILE_ENDINGS and not output.is_dir():
-        raise OutputError(
-            f"`output` is {output}, the name of a file; a directory is expected, files get names of their own"
-        )
+    check_place(check_folder_name(output))
     for role, path in _given_paths(inputs):
         if _same(output, path) and path.is_dir():
             raise OutputError(f"`output` is {output}, an input of this run ({role}); give another directory")

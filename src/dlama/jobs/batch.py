@@ -24,7 +24,7 @@ from dlama.jobs.storage import Output, folder_of, is_address, local_path
 from dlama.models.network_file import processor_count
 from dlama.workers.memory import PROCESS_BYTES, check_processes
 from dlama.workers.pool import Pool
-from dlama.writing.atomic_write import PathLike, check_name
+from dlama.writing.atomic_write import PathLike, check_folder_name
 
 Source = PathLike | Iterable[Mapping[str, Any]]
 
@@ -77,7 +77,7 @@ def batch(
     counts = {"stop_after_failures": stop_after_failures, "pack": pack, "workers": workers, "threads": threads}
     raise_all(functools.partial(check_count, count, name) for name, count in counts.items())
     check_number(gpus_per_worker, "gpus_per_worker", "a share of a GPU, 0 or more,")
-    check_name(out)
+    check_folder_name(out)
     output = Output(str(out) if is_address(str(out)) else str(Path(local_path(str(out))).absolute()))
     settings = Settings(output, ordered, resume, stop_after_failures, pack, progress or (lambda *_: None))
     return run_jobs(source, source.can_be_read_twice, settings, worker_starter(workers, threads, ray, gpus_per_worker))

@@ -38,6 +38,11 @@ PathLike = str | os.PathLike[str]
 """A file's path."""
 NO_FLUSH = (errno.EINVAL, errno.ENOTSUP, errno.EBADF, errno.EROFS, errno.EACCES, errno.EPERM)
 """Errors of file systems that cannot flush, which is no reason to fail."""
+FILE_ENDINGS = (
+    ".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".exr", ".gif", ".mp4",
+    ".html", ".glb", ".ply", ".usdz", ".spz", ".npz", ".json",
+)  # fmt: skip
+"""A new name that ends so is meant as one file, and would be that of a directory."""
 FULL = (errno.ENOSPC, errno.EFBIG, getattr(errno, "EDQUOT", errno.ENOSPC))
 """Errors of a full disk."""
 
@@ -91,9 +96,9 @@ def new_directory(path: PathLike) -> Iterator[Path]:
     """A temporary directory to write results to; on success it becomes the directory `path`, or is merged into it, as a whole.
 
     Files of the same names are replaced, all others stay. On failure everything goes, also folders that were made on the way.
-    Raises OutputError when the place cannot be written, or a file and a folder have the same name.
+    Raises OutputError when the place cannot be written or is named as a file, or a file and a folder have the same name.
     """
-    target, draft = check_name(path), None
+    target, draft = check_folder_name(path), None
     made: list[Path] = []
     try:
         with writing(target):
@@ -124,6 +129,14 @@ def check_name(path: PathLike) -> Path:
     if begins_at_home(path):  # a directory called ~ would be made, and who removes it removes the home directory
         raise OutputError(f"{path}: cannot be written: {NO_HOME}")
     return Path(path)
+
+
+def check_folder_name(path: PathLike) -> Path:
+    """The path, if a folder is there, or one can be called so and is not named as a file is; else OutputError."""
+    folder = check_name(path)
+    if folder.suffix.lower() in FILE_ENDINGS and not folder.is_dir():
+        raise OutputError(f"{folder}: is the name of a file; a folder is expected, files in it get names of their own")
+    return folder
 
 
 NO_HOME = "~ is the home directory only where a shell replaces it, at the beginning of a word; give the whole path"

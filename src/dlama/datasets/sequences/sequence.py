@@ -30,7 +30,7 @@ from dlama.geometry.codes import Origin
 from dlama.geometry.frames.choosing import MOST_FRAMES
 from dlama.geometry.rgbd import BoolArray
 from dlama.geometry.scene import Scene
-from dlama.writing.atomic_write import PathLike
+from dlama.writing.atomic_write import PathLike, check_folder_name
 
 Progress = Callable[[int, int, str, bool], None]
 """Called after each view: how many are done, of how many, which one, and whether an earlier run had done it."""
@@ -101,7 +101,7 @@ def sequence(
         InputError: what `scene` and `complete` refuse, a mask for a frame that is not there; FileError, OutputError.
     """
     check_arguments(sequence, locals())
-    started, target, chosen = time.perf_counter(), Path(output), check_results(only, also)
+    started, target, chosen = time.perf_counter(), check_folder_name(output), check_results(only, also)
     method = options_of(options)
     reading = {"layout": layout, "scene": scene, "camera": camera}
     units = {"depth_range": depth_range, "depth_scale": depth_scale}
