@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import json
+import re
+import shlex
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
-from running import FAST, refused, run
+from running import FAST, error_line, refused, run
 
 from dlama.apps.cli import main
 from dlama.completion import memory
 from dlama.errors import InputError
 from dlama.geometry.camera import Camera
+from posed_folders import LENS, text_K, write_numbered
 
 HUGE = 10**400
 PICTURE = ("image.png", "depth.png")
@@ -53,6 +56,50 @@ def test_bad_options_of_a_removal(frame: Path, capsys: pytest.CaptureFixture[str
     """A dilation over the whole picture used to take minutes or gigabytes; colours of classes are bytes."""
     line = refused(capsys, frame, *REMOVE, option, *FAST)
     assert [word for word in words.split() if word not in line] == [], line
+
+
+@pytest.mark.parametrize(
+    ("verb", "of_data_set"),
+    [("view", False), ("view", True), ("remove", False), ("remove", True), ("depth", False), ("depth", True)],
+)
+def test_many_pictures_in_place_of_one(
+    frame: Path, capsys: pytest.CaptureFixture[str], verb: str, of_data_set: bool
+) -> None:
+    """The line names what takes a folder. Oracle: `dlama batch` as the line has it finds the pictures."""
+    folder = frame / "many"
+    write_numbered(folder)
+    if of_data_set:
+        (folder / "camera-intrinsics.txt").write_text(text_K(LENS))
+    else:
+        for path in folder.iterdir():
+            path.unlink() if ".color." not in path.name else None
+    options = {"view": ("--yaw", "5"), "remove": ("--click", "5,5"), "depth": ()}[verb]
+    line = refused(capsys, frame, verb, folder, *options)
+    assert ("`dlama sequence` and `dlama video`" in line) == (of_data_set and verb != "depth")
+    (command,) = re.findall("`dlama (batch [^`]+)`", line)
+    main([*shlex.split(command), *options, "--dry-run"])
+    assert capsys.readouterr().out.startswith(f"4 jobs (4 {verb}), 0 of them cannot be run")
+
+
+def test_a_result_in_place_of_a_picture(frame: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Oracle: the option that writes what can be read."""
+    run(frame, "view", *PICTURE, "--fov", 60, "--yaw", 5, *FAST)
+    capsys.readouterr()
+    line = error_line(capsys, "view", str(frame / "out"), "--yaw", "5", "-o", str(frame / "further"))
+    assert "holds no scene.npz" in line and "--also scene" in line
+
+
+def test_a_list_of_cameras_in_place_of_one(frame: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The line names what takes a list. Oracle: `dlama sequence` as the line has it makes a view of each camera."""
+    cameras = frame / "cameras.json"
+    cameras.write_text(json.dumps([CAMERA, CAMERA]))
+    line = refused(capsys, frame, "view", *PICTURE, "--fov", 60, "--to", cameras)
+    assert f"{cameras}: holds a list of 2 cameras, one camera is expected" in line
+    run(frame, "view", *PICTURE, "--fov", 60, "--yaw", 5, "--also", "scene", *FAST)
+    (command,) = re.findall("`dlama (sequence [^`]+)`", line)
+    words = [str(frame / "out" / "scene.npz") if word == "SCENE" else word for word in shlex.split(command)]
+    main([*words, "-o", str(frame / "done"), *FAST])
+    assert len(list((frame / "done" / "images").iterdir())) == 2
 
 
 def spoiled(frame: Path, what: str) -> None:

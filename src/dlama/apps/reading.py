@@ -14,8 +14,8 @@ import dlama
 from dlama.apps.options import given_options
 from dlama.apps.places import Inputs, check_folder_apart, given_files
 from dlama.apps.terminal.output import SHOWN, WITH_FLAGS, Result
-from dlama.errors import OutputError
-from dlama.files.rasters.images import ADDRESS
+from dlama.errors import InputError, OutputError
+from dlama.files.rasters.images import ADDRESS, SUFFIXES
 from dlama.files.rasters.pictures import write_color, write_mask
 from dlama.files.results.completion import file_names
 from dlama.files.results.estimated_depth import FILES as FILES_OF_DEPTH
@@ -47,6 +47,7 @@ class Command(JobInputs):
         """
         if ADDRESS.match(str(output)):
             raise OutputError(f"`output` is {output}; a directory is expected, addresses are for `dlama batch` alone")
+        refuse_many(verb, files.get("image"))
         check_folder_apart(output, files)
         given = given_files({**files, **others}) | given_options(*groups)
         parameters = check_parameters(verb, given, False, partial(check_job, verb))
@@ -93,6 +94,30 @@ class Command(JobInputs):
         line = f"{output}: {found.chosen} by {found.masker}, {found.mask.mean():.1%} of the picture{shadow}"
         line += f", {self.seconds:.1f} s{mask_notes(found.chosen, found.candidates, found.notes)}"
         self.result.add(line, files=[str(output), str(overlay)], **found.about, **shares)
+
+
+def refuse_many(verb: str, image: Path | str | None) -> None:
+    """InputError where a data set, or a folder of pictures, is given in place of a picture: it names the verbs that take it."""
+    if image is None or not (place := Path(image)).is_dir():
+        return
+    from dlama.datasets.layouts import layout_of
+    from dlama.datasets.text_tables import files_in
+
+    try:
+        layout = layout_of(place, None)
+    except InputError:
+        if (place / "meta.json").is_file():  # a result: the error says so
+            raise
+        if pictures := files_in(place, SUFFIXES):
+            which = f"--images '{place}/*{pictures[0].suffix}' --verb {verb}"
+            raise InputError(
+                f"{place}: is a folder, a picture is expected; `dlama batch {which}` takes all in it"
+            ) from None
+        return
+    takers = f"`dlama batch --data {place} --verb {'stereo' if layout == 'stereo' else verb}` takes each by itself"
+    if layout != "stereo" and verb != "depth":
+        takers = f"`dlama sequence` and `dlama video` take its frames as one scene, {takers}"
+    raise InputError(f"{place}: is a data set (layout {layout}), a picture is expected; {takers}")
 
 
 def summary_line(meta: dict[str, Any], place: object, seconds: float) -> str:

@@ -14,7 +14,15 @@ from numpy.typing import ArrayLike
 from dlama.arguments import check_arguments
 from dlama.errors import CameraError, FileError, format_size, system_errors, warn
 from dlama.files.camera_yaml import SUFFIXES, read_yaml_fields
-from dlama.files.fields import FileFields, Intrinsics, json_text, json_value, read_calib_txt, read_json_fields
+from dlama.files.fields import (
+    FileFields,
+    Intrinsics,
+    json_fields,
+    json_text,
+    json_value,
+    read_calib_txt,
+    read_json_fields,
+)
 from dlama.files.rasters.images import read_stored
 from dlama.geometry.camera import Camera, StereoRig, check_pixel_center
 from dlama.perception.diagnosis.lens import check_lens, looks_like_radians
@@ -51,11 +59,21 @@ def read_camera(path: PathLike, *, hw: tuple[int, int] | None = None) -> Camera:
     elif Path(path).suffix.lower() in SUFFIXES:
         fields, name = read_yaml_fields(path), "K"
     else:
-        fields = read_json_fields(path)
+        fields = _fields_of_one(path)
         camera = _camera_of(fields, hw)
         fields.warn_of_unknown(CAMERA_FIELDS)
         return camera
     return make_camera(path, fields.size(hw), fields.intrinsics(name), 0.0)
+
+
+def _fields_of_one(path: PathLike) -> FileFields:
+    """Those of a JSON file with one camera; FileError for a list, which other verbs take."""
+    if isinstance(listed := json_value(path, text := json_text(path)), list):
+        raise FileError(
+            f"{path}: holds a list of {len(listed)} cameras, one camera is expected; `dlama sequence SCENE --views {path}` and "
+            f"`dlama video SCENE --path {path}` take a list (SCENE: the folder of a data set, or a scene.npz)"
+        )
+    return json_fields(path, text)
 
 
 def _camera_of(fields: FileFields, hw: tuple[int, int] | None) -> Camera:
