@@ -394,6 +394,8 @@ def test_bad_files_are_told_beside_their_field(pages: Pages, frame: Path, tmp_pa
     (tmp_path / "camera.json").touch()  # its field is hidden, for no file is left
     page.set_input_files("#files", [tmp_path / "camera.json", frame / "image.png"])
     playwright.expect(page.get_by_text("camera.json: is empty (0 bytes)")).to_be_visible()
+    playwright.expect(page.locator('#uploads [data-role="picture"]')).to_contain_text("image.png")
+    page.get_by_role("button", name="Start over").click()
     (tmp_path / "calib.json").write_text('{"K": 3}')
     page.set_input_files("#files", [frame / "image.png", tmp_path / "calib.json"])
     playwright.expect(page.locator('[data-error="right"]')).to_contain_text(
@@ -414,6 +416,26 @@ def test_a_mask_is_not_taken_for_the_other_picture_of_a_pair(pages: Pages) -> No
         "mask.png: masks are made here, by clicks, a box or the"
     )
     playwright.expect(page.locator('.under [data-fact="depth"]')).to_contain_text("% missing")
+
+
+def test_of_files_handed_in_together_the_good_ones_are_taken(pages: Pages, tmp_path: Path) -> None:
+    """Oracle: the list of files. What is no picture, no calibration, damaged or too large is named."""
+    page, street = pages.open(), dlama.example()
+    bad = {
+        "report.docx": b"x",
+        "notes.txt": b"hello there\n",
+        "right.png": b"\x89PNG and nothing",
+        "b.exr": bytes(9 * 2**20),
+    }
+    for name, data in bad.items():
+        (tmp_path / name).write_bytes(data)
+    good = [street / name for name in ("street.jpg", "depth.png", "camera.json")]
+    page.set_input_files("#files", [*(tmp_path / name for name in bad), *good])
+    page.locator("#marker").wait_for()
+    for name in bad:
+        playwright.expect(page.locator("#general")).to_contain_text(f"{name}: ")
+    listed = page.eval_on_selector_all("#uploads li", "all => all.map((one) => [one.dataset.role, one.title])")
+    assert listed == [["picture", "street.jpg"], ["depth", "depth.png"], ["camera", "camera.json"]]
 
 
 @pytest.mark.parametrize("name", ["display.png", "depths-of-the-sea.jpg"])

@@ -177,6 +177,34 @@ def test_a_new_picture_forgets_what_came_of_the_old(visit: Visit, frame: Path) -
     assert visit.files["picture"].name == "other.png"
 
 
+@pytest.mark.parametrize(
+    ("role", "name", "text", "message"),
+    [
+        (
+            "camera",
+            "notes.txt",
+            "hello there",
+            r"^notes\.txt: is no calib\.txt of Middlebury or KITTI: a line is 'hello there'",
+        ),
+        ("camera", "meta.json", "{}", r"^meta\.json: field 'fx' is missing"),
+        ("camera", "pose.yaml", "a: 1", r"^pose\.yaml: "),
+        ("calib", "notes.txt", "hello there", r"^notes\.txt: is no calib\.txt"),
+        ("picture", "image.png", "no picture", r"^image\.png: is no readable PNG"),
+    ],
+)
+def test_a_file_that_is_refused_replaces_none(
+    role: str, name: str, text: str, message: str, visit: Visit, frame: Path, tmp_path: Path
+) -> None:
+    """Oracle: the frame that was read before, which stays, and the folder of the visit."""
+    open_frame(visit, frame)
+    before = sorted(visit.folder.iterdir())
+    (tmp_path / name).write_text(text)
+    with pytest.raises(PageError, match=message) as caught:
+        hand_in(visit, role, tmp_path / name)
+    assert caught.value.field == role
+    assert visit.source is not None and sorted(visit.folder.iterdir()) == before
+
+
 @pytest.mark.parametrize("name", first_quick(api.EXAMPLES, 2))
 def test_examples_open(name: str, visit: Visit) -> None:
     """Each of them; of a pair the left picture has depth to click on."""

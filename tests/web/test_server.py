@@ -266,7 +266,7 @@ def test_a_full_disk_is_said_and_leaves_nothing(
         raise OSError(errno.ENOSPC, "No space left on device")
 
     with monkeypatch.context() as patched:
-        patched.setattr("dlama.web.api.check_size", full)
+        patched.setattr("dlama.web.api.check_upload", full)
         told = page.upload("picture", data, "image.png", status=507)
     assert told == {"error": "the server cannot keep that: no space left on device", "field": ""}
     assert [path for path in server.visits.root.rglob("*") if path.is_file()] == [] and capfd.readouterr().err == ""

@@ -18,7 +18,7 @@ from dlama.web.completions import results
 from dlama.web.completions.request import read_request
 from dlama.web.completions.runs import warnings_of_thread
 from dlama.web.form import describe_form
-from dlama.web.inputs import ROLES, Upload, check_size, file_name, pixel_of, read_source
+from dlama.web.inputs import ROLES, Upload, check_upload, file_name, pixel_of, read_source
 from dlama.web.marks import find, mask_of, pointing, read_marks
 from dlama.web.visits import Visit
 
@@ -42,20 +42,26 @@ def settings(limits: Limits) -> dict[str, Any]:
 
 
 def keep_upload(visit: Visit, role: str, name: str, limits: Limits, write: Callable[[Any], None]) -> dict[str, Any]:
-    """Put an uploaded file into the visit's folder; `write` writes it to an open file. PageError."""
+    """Put an uploaded file into the visit's folder, in place of an earlier one; `write` writes it to an open file.
+
+    PageError: it is not taken, the earlier one stays.
+    """
     clean, suffix = file_name(name, role, visit.files)
+    draft = Upload(clean, visit.folder / f"new-{role}{suffix}")
     upload = Upload(clean, visit.folder / f"{role}{suffix}")
     with visit.lock:
-        forget_file(visit, role)
         try:
-            with upload.path.open("wb") as file:
+            with draft.path.open("wb") as file:
                 write(file)
-            check_size(upload, int(limits.megapixels * 1e6), role)
+            with warnings_of_thread():  # they are shown when it is read
+                check_upload(draft, int(limits.megapixels * 1e6), role)
         except BaseException as error:
-            upload.path.unlink(missing_ok=True)
+            draft.path.unlink(missing_ok=True)
             if isinstance(error, DlamaError) and not isinstance(error, PageError):
-                raise PageError(hide_paths(error.marked, {upload.path: clean}), role) from error
+                raise PageError(hide_paths(error.marked, {draft.path: clean}), role) from error
             raise
+        forget_file(visit, role)
+        draft.path.replace(upload.path)
         visit.files[role] = upload
     return {"role": role, "name": clean}
 

@@ -10,6 +10,8 @@ from typing import Any
 
 import dlama
 from dlama.errors import InputError
+from dlama.files.camera_yaml import read_yaml_fields
+from dlama.files.fields import read_calib_txt, read_json_fields
 from dlama.files.rasters.images import SUFFIXES, picture_hw
 from dlama.geometry.rgbd import RGBD, UInt8Array, describe_depth_range, percent
 from dlama.jobs import parameters
@@ -83,9 +85,11 @@ def number(name: str, value: Any, where: str) -> float:
         raise PageError(error.marked, where) from None
 
 
-def check_size(upload: Upload, most_pixels: int, role: str) -> None:
-    """Raise PageError where a picture says that it is larger than this page takes."""
-    if upload.path.suffix in SUFFIXES:
+def check_upload(upload: Upload, most_pixels: int, role: str) -> None:
+    """Raise InputError where a camera's file is none, PageError where a picture says that it is larger than this page takes."""
+    if role in ("camera", "calib"):
+        check_lens_file(upload.path, role)
+    elif upload.path.suffix in SUFFIXES:
         height, width = picture_hw(upload.path)
         if height * width > most_pixels:
             raise PageError(
@@ -93,6 +97,18 @@ def check_size(upload: Upload, most_pixels: int, role: str) -> None:
                 "scale it down or use the command line",
                 role,
             )
+
+
+def check_lens_file(path: Path, role: str) -> None:
+    """Raise InputError where a file holds no camera, or nothing like a calibration; its size may be that of a picture to come."""
+    if path.suffix == ".txt":
+        read_calib_txt(path)
+    elif path.suffix != ".json":
+        read_yaml_fields(path)
+    elif role == "camera":
+        dlama.read_camera(path)
+    else:
+        read_json_fields(path)
 
 
 def read_source(files: Mapping[str, Upload], fields: Mapping[str, Any]) -> Source:

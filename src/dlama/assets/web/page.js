@@ -16,26 +16,30 @@ function takeFiles(list) {
   if (files.length) server.inTurn(() => shownWhile(() => taken(files), ""));
 }
 
+// What is refused is named once the others are read: alone at its field, else where it stays next to what is said of those.
 async function taken(files) {
   clearErrors();
   const have = Object.fromEntries(all("#uploads li").map((item) => [item.dataset.role, true]));
-  const { found, left, masks } = rolesOf(files, have, settings.roles);
-  if (left.length) return failed(new server.Failure(`${left[0].name}: is no file that this page takes (PNG, JPEG, WebP, TIFF, HEIC; EXR, PFM, NPY, NPZ; JSON, YAML, TXT)`, ""), "");
-  if (found.picture && files.length === 1 && have.picture) await server.ask("start_over");
-  for (const [role, file] of Object.entries(found)) if (!(await send(role, file))) return;
-  await read();
-  if (masks.length) failed(new server.Failure(`${masks[0].name}: masks are made here, by clicks, a box or the brush; the command line takes the file by --mask`, ""), "");
+  const fits = (file) => file.size <= settings.limits.bytes;
+  const { found, left, masks } = rolesOf(files.filter(fits), have, settings.roles);
+  const refused = files.filter((file) => !fits(file)).map(tooLarge);
+  refused.push(...left.map(([file, why]) => new server.Failure(`${file.name}: ${why}`, "")));
+  if (found.picture && files.length - refused.length === 1 && have.picture) await server.ask("start_over");
+  let sent = 0;
+  for (const [role, file] of Object.entries(found)) {
+    const error = await send(role, file);
+    if (error) refused.push(error); else sent += 1;
+  }
+  if (sent) await read(); else await refresh();
+  refused.push(...masks.map((file) => new server.Failure(`${file.name}: masks are made here, by clicks, a box or the brush; the command line takes the file by --mask`, "")));
+  if (refused.length) failed(files.length > 1 ? new server.Failure(refused.map((error) => error.message).join("\n"), "") : refused[0], "");
 }
 
+const tooLarge = (file) => new server.Failure(`${file.name}: has ${(file.size / 2 ** 20).toFixed(0)} MB; up to ${(settings.limits.bytes / 2 ** 20).toFixed(0)} MB are taken`, "picture");
+
+// Why the server does not take the file; null: it does.
 async function send(role, file) {
-  if (file.size > settings.limits.bytes) {
-    failed(new server.Failure(`${file.name}: has ${(file.size / 2 ** 20).toFixed(0)} MB; up to ${(settings.limits.bytes / 2 ** 20).toFixed(0)} MB are taken`, role), "");
-    return false;
-  }
-  try {
-    await server.upload(role, file);
-    return true;
-  } catch (error) { await refresh(); failed(error, role); return false; }
+  try { await server.upload(role, file); return null; } catch (error) { return error; }
 }
 
 async function refresh() { showUploads((await server.ask("state")).files); }
@@ -149,7 +153,8 @@ function showSettings() {
         clearErrors();
         // Depth that was taken for the right picture before.
         if (role === "depth" && all("#uploads li").some((one) => one.dataset.role === "right" && one.title === file.name)) await server.ask("forget", { role: "right" });
-        if (await send(role, file)) await read();
+        const error = file.size > settings.limits.bytes ? tooLarge(file) : await send(role, file);
+        if (error) failed(error, role); else await read();
       });
     });
     row.append(label, input);
