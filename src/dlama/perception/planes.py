@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.camera import Camera
+from dlama.geometry.depth_noise import REACH, deviation, second_differences
 from dlama.geometry.kernels.jit import as_input, in_bands
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.perception.kernels import planes as plane_kernels
@@ -27,8 +28,6 @@ NOISE_FACTOR = 2.5
 """The same in units of the noise of inverse depth (stereo matching, structured light); the larger one counts."""
 OUTLIER_FACTOR = 2.0
 """Multiple of that residual up to which a pixel amid inliers is one, too: matching errs in patches, not by a Gaussian."""
-NOISE_REACH = 4
-"""Distance in px of the differences that measure noise: neighbouring pixels are correlated."""
 NEIGHBOURHOOD = 9
 """Width in px of the window in which planes compete for a pixel."""
 MOST_PLANES = 12
@@ -71,18 +70,14 @@ class KnownSurfaces:
 def noise_level(w: Float32Array, surface: BoolArray) -> float:
     """Standard deviation (1/m) of the noise of measured inverse depth; 0 where it is exact.
 
-    Measured as the median second difference over NOISE_REACH px: planes are linear in inverse depth, and most of a picture is
-    planar. Noise below the tolerance at the median distance counts as none.
+    Measured as the median second difference (`geometry.depth_noise`). Noise below the tolerance at the median distance counts as
+    none.
     """
-    k, found, step = NOISE_REACH, [], math.ceil(w.size / NOISE_PIXELS)
-    spans = slice(-2 * k), slice(k, -k), slice(2 * k, None)
-    for values, there in ((w[:, ::step], surface[:, ::step]), (w[::step].T, surface[::step].T)):
-        before, here, after = (values[span] for span in spans)
-        known = there[spans[0]] & there[spans[1]] & there[spans[2]]
-        found.append(np.abs(here - (before + after) / 2)[known])
-    bends = np.concatenate(found)
+    step = math.ceil(w.size / NOISE_PIXELS)
+    lines = (w[::step], surface[::step]), (w[:, ::step].T, surface[:, ::step].T)
+    bends = np.concatenate([second_differences(*each, REACH)[0] for each in lines])
     level = w[::step][surface[::step]]
-    noise = float(np.median(bends)) / (0.6745 * np.sqrt(1.5)) if bends.size and level.size else 0.0
+    noise = deviation(bends) if bends.size and level.size else 0.0
     return noise if noise and NOISE_FACTOR * noise > TOLERANCE * float(np.median(level)) else 0.0
 
 

@@ -31,9 +31,9 @@ ROWS, NEAR_ROWS = 512, 64
 def write_textured_glb(path: PathLike, scene: Scene) -> None:
     """Write one unlit, double-sided mesh: POSITION, TEXCOORD_0, _ORIGIN, _CONFIDENCE, and the layers' pictures as its texture.
 
-    The loss: flat parts are large triangles (depth within 1 mm or 0.1 %, estimated depth 0.5 %, the picture within half a pixel;
-    see `decimate`), and the texture is a JPEG of quality 90. scene.npz has everything without loss, and the far pixels (sky),
-    which have no triangles.
+    The loss: flat parts are large triangles (depth within 1 mm, 0.1 % or its noise, estimated depth 0.5 %, the picture within
+    half a pixel; see `decimate`), and the texture is a JPEG of quality 90. scene.npz has everything without loss, and the far
+    pixels (sky), which have no triangles.
 
     Without any surface an empty scene is written. Raises OutputError.
     """

@@ -8,6 +8,7 @@ import numpy as np
 
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType, Origin
+from dlama.geometry.depth_noise import ENOUGH, LINES, REACH, deviation, differences_of_lines
 from dlama.geometry.drawing.picture_edges import align_edges, behind_edges, edge_ratio
 from dlama.geometry.frames.stored import Layer
 from dlama.geometry.holes import fill_with_nearest
@@ -17,9 +18,8 @@ from dlama.geometry.kernels.jit import as_input, in_bands
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, paste
 from dlama.geometry.view import View
 
-NOISE_REACH, NOISE_LINES, NOISE_STEPS, NOISY = 4, 32, 4.0, 2.5
-"""Distance in px of the differences that measure noise; rows and columns used; standard deviations within one surface; and from
-which surfaces tear."""
+NOISE_STEPS, NOISY = 4.0, 2.5
+"""Standard deviations of noise within one surface; and from which surfaces tear."""
 
 
 class Joints(NamedTuple):
@@ -40,20 +40,13 @@ def step_by_noise(w: Float32Array, ratio: float) -> float:
     """Step in inverse depth (1/m) between neighbouring pixels caused by noise alone; 0 where `ratio` covers it at the median.
 
     w: with a margin, see `depth_edges`. Matched depth is off by a fraction of a pixel of disparity everywhere: far walls must
-    not be torn by it. Measured as the median second difference over NOISE_REACH px (0 on straight lines) of some NOISE_LINES
-    rows and columns.
+    not be torn by it. Measured as the median second difference (0 on straight lines) of some rows and columns.
     """
-    k, bends, levels = NOISE_REACH, [], []
-    for lines in (w, w.T):
-        some = lines[edges.PAD : -edges.PAD : max(1, len(lines) // NOISE_LINES), edges.PAD : -edges.PAD]
-        before, here, after = some[:, : -2 * k], some[:, k:-k], some[:, 2 * k :]
-        known = (before > 0) & (here > 0) & (after > 0)
-        bends.append(np.abs(here - (before + after) / 2)[known])
-        levels.append(here[known])
-    bend, level = np.concatenate(bends), np.concatenate(levels)
-    if bend.size < 1000:  # too few to distinguish noise from edges
+    some = [lines[edges.PAD : -edges.PAD : max(1, len(lines) // LINES), edges.PAD : -edges.PAD] for lines in (w, w.T)]
+    bend, level = differences_of_lines(((one, one > 0) for one in some), REACH)
+    if bend.size < ENOUGH:
         return 0.0
-    noise = float(np.median(bend)) / (0.6745 * np.sqrt(1.5))
+    noise = deviation(bend)
     return NOISE_STEPS * noise if NOISY * noise > ratio * float(np.median(level)) else 0.0
 
 

@@ -16,7 +16,7 @@ import math
 from dlama.geometry.kernels.jit import Array, Flag, Real, Whole, kernel, piece
 
 DEPTH_METRES = 1e-3
-"""Most that depth may be off in metres, or a share of it that is handed in, whichever is more."""
+"""Most that depth may be off in metres; or a `share` of it, or as `noise` of inverse depth (1/m) moves it, whichever is most."""
 PIXELS = 0.5
 """Most that a place of the texture may be away from its pixel: textures are interpolated in space, not in the picture."""
 TINY = 1e-9
@@ -33,7 +33,16 @@ def ends(x0: Whole, y0: Whole, x1: Whole, y1: Whole, y: Whole, low: Real, high: 
 
 @piece
 def fits(
-    depth: Array, flat: Array, share: Real, x0: Whole, y0: Whole, x1: Whole, y1: Whole, x2: Whole, y2: Whole
+    depth: Array,
+    flat: Array,
+    share: Real,
+    noise: Real,
+    x0: Whole,
+    y0: Whole,
+    x1: Whole,
+    y1: Whole,
+    x2: Whole,
+    y2: Whole,
 ) -> Flag:
     """True if a triangle between three pixels lies on one surface and within the tolerances at each pixel that it covers."""
     area = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)
@@ -67,7 +76,7 @@ def fits(
             z, here = float(depth[y, begin + step]), w + wx * step
             off_x, off_y = u + ux * step - (right + step) * here, v + vx * step - down * here
             far_off = off_x * off_x + off_y * off_y > PIXELS * PIXELS * here * here
-            wrong += far_off | (abs(1 - here * z) > max(DEPTH_METRES, share * z) * here)
+            wrong += far_off | (abs(1 - here * z) > max(DEPTH_METRES, z * max(share, noise * z)) * here)
         if wrong > 0:
             return False
     return True
@@ -75,18 +84,29 @@ def fits(
 
 @piece
 def fits_clamped(
-    depth: Array, flat: Array, share: Real, x0: Whole, y0: Whole, x1: Whole, y1: Whole, x2: Whole, y2: Whole
+    depth: Array,
+    flat: Array,
+    share: Real,
+    noise: Real,
+    x0: Whole,
+    y0: Whole,
+    x1: Whole,
+    y1: Whole,
+    x2: Whole,
+    y2: Whole,
 ) -> Flag:
     """`fits`, of corners on the lattice."""
     right, bottom = depth.shape[1] - 1, depth.shape[0] - 1
     return fits(
-        depth, flat, share,
+        depth, flat, share, noise,
         min(x0, right), min(y0, bottom), min(x1, right), min(y1, bottom), min(x2, right), min(y2, bottom),
     )  # fmt: skip
 
 
 @kernel
-def halve_smallest(first: Whole, last: Whole, depth: Array, flat: Array, share: Real, halved: Array) -> None:
+def halve_smallest(
+    first: Whole, last: Whole, depth: Array, flat: Array, share: Real, noise: Real, halved: Array
+) -> None:
     """`halve_at_sides` of half 1 in the inside of the picture, where most of the work is: what `fits` says, in a few steps."""
     for row in range(max(first, 1), min(last, depth.shape[0] - 1)):
         for column in range(1 + row % 2, depth.shape[1] - 1, 2):
@@ -98,13 +118,13 @@ def halve_smallest(first: Whole, last: Whole, depth: Array, flat: Array, share: 
             )
             around = flat[row, column] & flat[row - 1, column] & flat[row, column - 1] & flat[row - 1, column - 1]
             harmonic = 2 * one * other
-            wrong = abs(harmonic - z * (one + other)) > max(DEPTH_METRES, share * z) * (one + other)
+            wrong = abs(harmonic - z * (one + other)) > max(DEPTH_METRES, z * max(share, noise * z)) * (one + other)
             halved[row, column] = 1 if (around == 0) | wrong else 0
 
 
 @kernel
 def halve_at_sides(
-    first: Whole, last: Whole, depth: Array, flat: Array, share: Real, half: Whole, halved: Array
+    first: Whole, last: Whole, depth: Array, flat: Array, share: Real, noise: Real, half: Whole, halved: Array
 ) -> None:
     """Middles of the sides of the squares of size 2 * half, in rows of `half` pixels: 1 where the triangles there are halved.
 
@@ -128,14 +148,14 @@ def halve_at_sides(
                 apex_y, apex_x = y + way * along_x, x + way * along_y
                 if not found and 0 <= apex_y < tall and 0 <= apex_x < wide:
                     found = not fits_clamped(
-                        depth, flat, share, x - along_x, y - along_y, x + along_x, y + along_y, apex_x, apex_y
+                        depth, flat, share, noise, x - along_x, y - along_y, x + along_x, y + along_y, apex_x, apex_y
                     )
             halved[y, x] = 1 if found else 0
 
 
 @kernel
 def halve_at_centres(
-    first: Whole, last: Whole, depth: Array, flat: Array, share: Real, size: Whole, halved: Array
+    first: Whole, last: Whole, depth: Array, flat: Array, share: Real, noise: Real, size: Whole, halved: Array
 ) -> None:
     """Centres of squares: 1 where the two triangles of one are halved: one at a side is, or one of the two does not fit."""
     half = size // 2
@@ -151,5 +171,5 @@ def halve_at_centres(
             for way in range(2):
                 if not found:
                     apex_x, apex_y = (x, right_y) if way == 0 else (x + size, left_y)
-                    found = not fits_clamped(depth, flat, share, x, left_y, x + size, right_y, apex_x, apex_y)
+                    found = not fits_clamped(depth, flat, share, noise, x, left_y, x + size, right_y, apex_x, apex_y)
             halved[y + half, x + half] = 1 if found else 0

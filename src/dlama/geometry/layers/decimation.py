@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.cloud import Mesh
 from dlama.geometry.codes import Origin
+from dlama.geometry.depth_noise import measured_noise
 from dlama.geometry.drawing.grid_mesh import mesh_grid
 from dlama.geometry.fusion import HALVES, cell_halves
 from dlama.geometry.holes import box_around
@@ -24,6 +25,8 @@ LARGEST = 64
 """px of the largest triangles' legs, a power of 2: larger ones would save little."""
 DEPTH_SHARE, ESTIMATED_SHARE = 1e-3, 5e-3
 """Share of the depth by which triangles may miss it, and where it was estimated: no estimate is as right as that."""
+DEVIATIONS = 3.0
+"""Standard deviations of the noise of measured inverse depth by which triangles may miss it."""
 SQUARE = ((-0.5, -0.5), (0.5, -0.5), (-0.5, 0.5), (0.5, 0.5))
 """The corners of a pixel, from its centre."""
 
@@ -47,8 +50,9 @@ def decimate(
     """The surface of a layer, with large triangles where it is flat.
 
     Vertices are pixels of the layer, at their own place in space. The loss: at each pixel that a triangle covers its depth
-    differs by 1 mm or 0.1 % of the depth at most, whichever is more (where it was estimated 0.5 %; or by the `share` that is
-    given), and the place in the picture that its texture shows by half a pixel at most. Confidence is linear between vertices.
+    differs by 1 mm or 0.1 % of the depth at most, whichever is more (where it was estimated 0.5 %, or the `share` that is given;
+    noisy measured depth: as far as three standard deviations of its noise), and the place in the picture that its texture shows
+    by half a pixel at most. Confidence is linear between vertices.
     Outlines are kept: no triangle covers pixels at both sides of a depth edge, nor pixels of two origins unless it is as small as
     a pixel. Pixels that have no triangle in the grid, as those of a wire one pixel wide, become squares of their own size. Flying
     pixels, which rendering leaves out, and far ones have none. grid: the layer's `mesh_grid`, where it is another than that.
@@ -56,13 +60,15 @@ def decimate(
     depth, joined = grid or mesh_grid(view)
     surface = is_valid(depth)
     box = bounding_box(surface)
+    noise = 0.0
     if share is None:
         share = ESTIMATED_SHARE if Origin.ESTIMATED in view.origins else DEPTH_SHARE
+        noise = noise_tolerance(view, share)
     depth, joined = np.ascontiguousarray(depth[box]), joined[box]
     if depth.max(initial=0) == np.inf:  # sky
         depth = np.where(surface[box], depth, np.float32(0))
     halves = cell_halves(depth, joined)
-    halved = halving_tree(depth, flat_cells(joined, view.origin[box]), share)
+    halved = halving_tree(depth, flat_cells(joined, view.origin[box]), share, noise)
     del depth, joined  # of a large picture they are as large as all that follows
     corners = np.concatenate(triangles(halved, halves, surface[box].shape))
     covered = covered_pixels(halves, surface[box].shape)
@@ -84,6 +90,14 @@ def decimate(
     vertices = unproject(view.camera, places[:, 0], places[:, 1], view.depth[rows, columns])
     mesh = Mesh(freeze(vertices), freeze(np.concatenate([numbers, squares])), *planes)
     return DecimatedMesh(mesh, pixels, surface)
+
+
+def noise_tolerance(view: View, share: float) -> float:
+    """Inverse depth (1/m) by which triangles may miss noisy depth, for smaller ones would show its noise; 0 where that is less
+    than a `share` of the depth or DEPTH_METRES at the median distance: depth counts as exact."""
+    noise, middle = measured_noise(view)
+    tolerance = DEVIATIONS * noise
+    return tolerance if tolerance > middle * max(share, kernels.DEPTH_METRES * middle) else 0.0
 
 
 def bounding_box(where: BoolArray) -> tuple[slice, slice]:
@@ -126,20 +140,20 @@ def triangles(halved: UInt8Array, halves: tuple[BoolArray, ...], hw: tuple[int, 
     return [drop_degenerate(np.minimum(part, last)) for part in found]
 
 
-def halving_tree(depth: Float32Array, flat: BoolArray, share: float) -> UInt8Array:
+def halving_tree(depth: Float32Array, flat: BoolArray, share: float, noise: float) -> UInt8Array:
     """Which middles of longest sides halve triangles, on a lattice of whole squares of LARGEST (see `kernels.decimating`); share:
-    of the depth that a triangle may be off."""
+    of the depth that a triangle may be off; noise: inverse depth (1/m) by which it may be."""
     rows, columns = (-(-(side - 1) // LARGEST) for side in depth.shape)
     halved = np.zeros((rows * LARGEST + 1, columns * LARGEST + 1), np.uint8)
     if min(depth.shape) < 2:
         return halved
     cells = flat.view(np.uint8)
-    in_bands(kernels.halve_smallest, len(depth), depth, cells, share, halved)
+    in_bands(kernels.halve_smallest, len(depth), depth, cells, share, noise, halved)
     size = 2
     while size <= LARGEST:
         half = size // 2
-        in_bands(kernels.halve_at_sides, (len(halved) - 1) // half + 1, depth, cells, share, half, halved)
-        in_bands(kernels.halve_at_centres, (len(halved) - 1) // size, depth, cells, share, size, halved)
+        in_bands(kernels.halve_at_sides, (len(halved) - 1) // half + 1, depth, cells, share, noise, half, halved)
+        in_bands(kernels.halve_at_centres, (len(halved) - 1) // size, depth, cells, share, noise, size, halved)
         size *= 2
     return halved
 
