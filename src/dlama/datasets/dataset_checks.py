@@ -20,7 +20,7 @@ from dlama.errors import InputError, format_count
 from dlama.geometry.rgbd import RGBD
 from dlama.perception.diagnosis.finding import Finding, Observed
 from dlama.perception.diagnosis.frames.landing import SmallFrame, shrink
-from dlama.perception.diagnosis.frames.odd_frames import compare_frames
+from dlama.perception.diagnosis.frames.odd_frames import check_sizes, compare_frames
 from dlama.perception.diagnosis.rgbd_checks import describe_frame, run_checks
 from dlama.perception.diagnosis.stereo_pair import check_pair
 from dlama.workers.progress import log_messages
@@ -72,18 +72,24 @@ def examine_scene(frames: Sequence[Frame]) -> tuple[list[Finding], RGBD]:
     """Findings on the frames of a scene, those that cannot be read among them; and the first frame in a row that can. The
     reader's error where none can."""
     row, small, unread = frames_in_a_row(frames), dict[str, SmallFrame](), dict[str, InputError]()
+    sizes = dict[str, tuple[int, int]]()
     spread = np.linspace(0, len(frames) - 1, min(len(frames), COMPARED)).round().astype(int)
     looked_at = {name_of(each): each for each in (*(frames[place] for place in spread), *row)}
     for name, each in looked_at.items():
         try:
-            small[name] = shrink(each.load())
+            frame = each.load()
+            small[name], sizes[name] = shrink(frame), frame.camera.hw
         except InputError as error:
             unread[name] = error
     if not small:
         raise next(iter(unread.values()))
-    in_row = [name_of(each) for each in row if name_of(each) in small] or list(small)[:FRAMES]
-    name, first = in_row[0], looked_at[in_row[0]].load()
-    found = run_checks(Observed.of(first, (name, name, name)))
+    if not any(name_of(each) in small for each in row):
+        start = next(place for place in spread if name_of(frames[place]) in small)
+        row = list(frames[start : start + FRAMES])
+    in_row = [name_of(each) for each in row]
+    name = next(each for each in in_row if each in small)
+    first = looked_at[name].load()
+    found = run_checks(Observed.of(first, (name, name, name))) + check_sizes(sizes, row[0].scene)
     of_poses = compare_frames(small, in_row, row[0].scene)
     if any(each.check == "depth-scale" and each.what.startswith(f"{name}:") for each in of_poses):
         found = [each for each in found if each.check != "depth-scale"]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from functools import cache
+from itertools import pairwise
 from pathlib import Path
 
 import cv2
@@ -85,7 +86,7 @@ def hand_held(seed: int) -> tuple[dlama.RGBD, ...]:
 
 
 def poses_of(frames: Sequence[dlama.RGBD]) -> list[Finding]:
-    return check_poses([shrink(frame) for frame in frames], "scene")
+    return check_poses(list(pairwise(shrink(frame) for frame in frames)), "scene")
 
 
 @pytest.mark.parametrize("seed", first_quick([3, 12]))
@@ -173,7 +174,10 @@ def test_poses_far_from_the_origin_are_checked() -> None:
         frames.append(dlama.RGBD(frame.color, frame.depth, frame.camera.at(pose)))
     assert poses_of(frames) == []
     assert (
-        mean_fit([shrink(frame) for frame in frames], lambda pose: pose @ np.diag([1, 1, 1, 1]) + np.eye(4, k=3) * 1e12)
+        mean_fit(
+            list(pairwise(shrink(frame) for frame in frames)),
+            lambda pose: pose @ np.diag([1, 1, 1, 1]) + np.eye(4, k=3) * 1e12,
+        )
         == 0
     )
 

@@ -17,6 +17,7 @@ from corruptions import FRAMES, with_curve, with_depth, with_focal
 from dlama.datasets.layouts import open_dataset
 from dlama.datasets.posed.nerfstudio import write_transforms
 from dlama.files.rasters.depth import write_depth_png
+from dlama.geometry.motion.poses import make_pose
 from dlama.perception.diagnosis.finding import Finding
 from dlama.perception.diagnosis.frames.landing import shrink
 from dlama.perception.diagnosis.frames.odd_frames import compare_frames, find_odd_frames, rescale_frame
@@ -39,6 +40,12 @@ def spoilt(frames: Sequence[dlama.RGBD], number: int, name: str) -> list[dlama.R
 
 shrunk = cache(shrink)
 """Most frames are those of an orbit, as they are."""
+
+
+def scaled_poses(frame: dlama.RGBD, factor: float) -> dlama.RGBD:
+    """The frame with its camera so many times as far from the world's origin."""
+    pose = frame.camera.world_from_cam
+    return dlama.RGBD(frame.color, frame.depth, frame.camera.at(make_pose(pose[:3, :3], factor * pose[:3, 3])))
 
 
 def odd(frames: Sequence[dlama.RGBD]) -> list[Finding]:
@@ -160,6 +167,45 @@ def test_each_frame_that_cannot_be_read_is_named(tmp_path: Path) -> None:
     assert [each.check for each in found] == ["reading", "reading", "depth-scale", "understood"]
     assert "images/1.png: no such file" in found[0].what and "depth/3.png: no pixel has a depth" in found[1].what
     assert found[2].what.startswith(f"{tmp_path.name}/5:")
+
+
+def drive(seed: int, metres: float) -> list[dlama.RGBD]:
+    """Six frames of a world, from cameras that stand in a line of that length and look the same way."""
+    made = build(seed, None, ())
+    base = made.camera(0, 128)
+    away = [metres * number / 5 * base.world_from_cam[:3, 0] for number in range(6)]
+    return [
+        made.frame(base.at(make_pose(base.world_from_cam[:3, :3], base.world_from_cam[:3, 3] + each))) for each in away
+    ]
+
+
+@pytest.mark.parametrize("seed", first_quick([3, 1, 11]))
+def test_frames_far_apart_show_no_scale(seed: int, tmp_path: Path) -> None:
+    """Oracle: the poses are right. Frames between which others cannot be read are no neighbours; two that fit as well from one
+    place show no scale; poses of neighbours in millimetres are named."""
+    frames = drive(seed, 20.0)
+    write_frames(tmp_path, frames)
+    for number in range(1, 5):
+        (tmp_path / f"images/{number}.png").unlink()
+    assert {each.check for each in dlama.diagnose(tmp_path)} <= {"reading", "no-overlap", "understood"}
+    small = {str(number): shrink(frame) for number, frame in enumerate(frames)}
+    assert "pose-scale" not in {
+        each.check for each in compare_frames({name: small[name] for name in "05"}, "05", "scene")
+    }
+    near = {str(number): shrink(scaled_poses(frame, 1000)) for number, frame in enumerate(drive(seed, 2.0)[:2])}
+    assert [each.check for each in compare_frames(near, "01", "scene")] == ["pose-scale"]
+
+
+def test_frames_of_several_sizes_are_named(tmp_path: Path) -> None:
+    """Oracle: `dlama sequence` refuses them."""
+    made = build(12, None, ())
+    cameras = [dlama.orbit(made.camera(0, 96 if number == 2 else 128), 8.0 * number) for number in range(6)]
+    write_frames(tmp_path, [made.frame(camera) for camera in cameras])
+    sizes, understood = dlama.diagnose(tmp_path)
+    assert (sizes.check, sizes.severity, understood.check) == ("frame-sizes", "fault", "understood")
+    assert f"5 of 6 frames are 128x128, not {tmp_path.name}/2 (96x96); `dlama sequence` takes one size" in sizes.what
+    with pytest.raises(dlama.ShapeError, match="frames of one size are expected"):
+        dlama.sequence(tmp_path, tmp_path / "out")
 
 
 @pytest.mark.parametrize("factor", first_quick([5.0, 0.2]))

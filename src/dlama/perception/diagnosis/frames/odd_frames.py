@@ -7,11 +7,13 @@ reported if they agree clearly better with its depth, or focal length, multiplie
 from __future__ import annotations
 
 import dataclasses
+from collections import Counter
 from collections.abc import Mapping, Sequence
-from itertools import combinations
+from itertools import combinations, pairwise
 
 import numpy as np
 
+from dlama.errors import format_size
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.frames.gathering import OUTLIER
 from dlama.perception.diagnosis.finding import Finding, certainty
@@ -29,6 +31,8 @@ from dlama.perception.diagnosis.frames.poses import check_poses
 
 NEIGHBOURS = 4
 """Frames that each one is compared with; most of them must agree."""
+SHOWN = 3
+"""Frames of another size that are named."""
 FACTORS = 1.05 ** np.arange(-10, 11)
 """Tried factors of the focal length, 0.61 to 1.63."""
 LEAST_CHANGE = 1.1
@@ -42,12 +46,26 @@ LEAST_CURVE = 1.4
 def compare_frames(frames: Mapping[str, SmallFrame], row: Sequence[str], scene: str) -> list[Finding]:
     """Findings on the poses of frames in a row (by name), without those that do not fit the others; where these fit, on those.
 
-    scene: what messages call it.
+    row: names of which `frames` lack those that cannot be read. scene: what messages call it.
     """
     odd = find_odd_frames(list(frames.values()), list(frames))
     even = [name for name in row if not any(each.what.startswith(f"{name}:") for each in odd)]
-    of_row = check_poses([frames[name] for name in even], scene)
+    pairs = [(frames[one], frames[other]) for one, other in pairwise(even) if one in frames and other in frames]
+    of_row = check_poses(pairs, scene)
     return of_row if any(each.severity == "fault" for each in of_row) else odd or of_row
+
+
+def check_sizes(sizes: Mapping[str, tuple[int, int]], scene: str) -> list[Finding]:
+    """Reports frames of a scene that are not of one size: (height, width) by name."""
+    counts = Counter(sizes.values()).most_common()
+    if len(counts) < 2:
+        return []
+    usual, count = counts[0]
+    others = [f"{name} ({format_size(hw)})" for name, hw in sizes.items() if hw != usual]
+    named = ", ".join(others[:SHOWN]) + (", ..." if len(others) > SHOWN else "")
+    what = f"{scene}: {count} of {len(sizes)} frames are {format_size(usual)}, not {named}; `dlama sequence` takes one size"
+    mend = "bring picture, depth and camera of all to one size, or leave the others out"
+    return [Finding("frame-sizes", "fault", 1.0, what, mend)]
 
 
 def find_odd_frames(frames: Sequence[SmallFrame], names: Sequence[str]) -> list[Finding]:

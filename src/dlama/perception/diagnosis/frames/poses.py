@@ -7,7 +7,6 @@ for each usual mistake undone.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -27,6 +26,8 @@ BODY = np.array([[0.0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1]])
 UNEVEN = 1.25
 """Least ratio of brightness, of points that two frames show, that is reported."""
 Undo = Callable[[Float64Array], Float64Array]
+Pair = tuple[SmallFrame, SmallFrame]
+"""A frame, and the next in a row."""
 
 
 class Convention(NamedTuple):
@@ -79,16 +80,16 @@ CONVENTIONS: list[Convention] = [
 """The usual mistakes."""
 
 
-def check_poses(frames: Sequence[SmallFrame], name: str) -> list[Finding]:
-    """Findings on frames in a row (each overlapping the next), called `name` in messages."""
-    if len(frames) < 2:
+def check_poses(pairs: Sequence[Pair], name: str) -> list[Finding]:
+    """Findings on frames and the next in a row (each overlapping the next), called `name` in messages."""
+    if not pairs:
         return []
-    as_read = [find_landing_points(*pair) for pair in pairwise(frames)]
+    as_read = [find_landing_points(*pair) for pair in pairs]
     fit = float(np.mean([each.fit for each in as_read]))
-    fits = [mean_fit(frames, way.undo) for way in CONVENTIONS]
+    fits = [mean_fit(pairs, way.undo) for way in CONVENTIONS]
     best, way = max(fits), CONVENTIONS[int(np.argmax(fits))]
     lead = best / max(fit, 1e-3)
-    if lead > LEAST_LEAD and best > LEAST_FIT:
+    if lead > LEAST_LEAD and best > LEAST_FIT and not (way.check == "pose-scale" and is_chance(pairs, best)):
         what = f"{name}: poses {way.what}; so {best:.0%} of a frame's points fit the next one, {fit:.0%} as read"
         return [Finding(way.check, "fault", certainty(lead - 1, 0.5), what, way.mend)]
     found = check_exposure([each for each in as_read if each.fit > LEAST_FIT], name)
@@ -96,6 +97,11 @@ def check_poses(frames: Sequence[SmallFrame], name: str) -> list[Finding]:
         return found
     what = f"{name}: frames in a row hardly fit each other ({fit:.0%} of the points); no usual convention mends it"
     return [Finding("poses", "note", 0.6, what, "check that poses, depth and camera belong to these frames"), *found]
+
+
+def is_chance(pairs: Sequence[Pair], fit: float) -> bool:
+    """Whether two frames fit as well from one place: a scale that moves them together shows no more than that they look alike."""
+    return len(pairs) == 1 and fit < LEAST_LEAD * mean_fit(pairs, lambda pose: make_pose(pose[:3, :3], (0, 0, 0)))
 
 
 def check_exposure(landed: Sequence[Landed], name: str) -> list[Finding]:
@@ -107,12 +113,13 @@ def check_exposure(landed: Sequence[Landed], name: str) -> list[Finding]:
     return [Finding("exposure", "note", 0.85, what, "undo the gain before colours of frames are compared or mixed")]
 
 
-def mean_fit(frames: Sequence[SmallFrame], undo: Undo) -> float:
-    """Mean agreement of successive frames, each pose changed by `undo`."""
+def mean_fit(pairs: Sequence[Pair], undo: Undo) -> float:
+    """Mean agreement of pairs, each pose changed by `undo`."""
     try:
         moved = [
-            frame._replace(camera=frame.camera.at(undo(np.array(frame.camera.world_from_cam)))) for frame in frames
+            [frame._replace(camera=frame.camera.at(undo(np.array(frame.camera.world_from_cam)))) for frame in pair]
+            for pair in pairs
         ]
     except CameraError:  # far from the world's origin already, and scaled: no camera stands there
         return 0.0
-    return float(np.mean([find_landing_points(*pair).fit for pair in pairwise(moved)]))
+    return float(np.mean([find_landing_points(*pair).fit for pair in moved]))
