@@ -120,8 +120,8 @@ def _spy_on_jobs(spy: Callable[..., None]) -> None:
     spy("dlama.jobs.inputs.read_color", lambda path: SimpleNamespace(shape=(3, 4, 3), name=Path(path).name))
     for place in ("options", "verbs.measuring.evaluating"):
         spy(f"dlama.apps.{place}.model_for", lambda model: Path("cache", str(model)))
-    for verb in ("view", "remove"):
-        spy(f"dlama.jobs.verbs.{verb}", done)
+    for place in ("jobs.verbs.view", "jobs.verbs.remove", "completion.verbs.view"):
+        spy(f"dlama.{place}", done)
     spy("dlama.jobs.verbs.stereo", lambda mask, **_: (mask("left") if callable(mask) else None, done)[1])
     spy("dlama.jobs.inputs.write")
     spy("dlama.apps.reading.file_names", [])

@@ -12,8 +12,8 @@ from PIL import Image
 
 from box_frame import CAMERA, WORLD, small_frame
 from dlama.datasets.diagnosis import diagnose
-from dlama.errors import DlamaError
-from dlama.files.rasters.depth import read_depth, write_depth_exr
+from dlama.errors import DepthError, DlamaError
+from dlama.files.rasters.depth import read_depth, read_inverse_depth, write_depth_exr
 from dlama.files.rgbd import read_rgbd
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import Float32Array
@@ -40,6 +40,46 @@ def test_inverse_depth_is_warned_of(tmp_path: Path) -> None:
         read_depth(tmp_path / "depth.png")
     with pytest.warns(UserWarning, match=r"inverse\.png: looks like inverse depth.*metric depth is expected"):
         read_depth(tmp_path / "inverse.png")
+
+
+@pytest.mark.filterwarnings("ignore:.*looks like inverse depth")
+def test_normalised_depth_is_warned_of(tmp_path: Path) -> None:
+    """A ramp stretched to 0..65535 by a tool: its unit is lost (oracle: the stretching); with a unit there is no word, nor where
+    it is not stretched."""
+    ramp = np.linspace(0, 1, 192 * 256).reshape(192, 256)
+    cv2.imwrite(str(tmp_path / "depth.png"), np.uint16(1000 + 8000 * ramp))
+    cv2.imwrite(str(tmp_path / "stretched.png"), np.uint16(65535 * ramp))
+    with pytest.warns(UserWarning, match=r"values span 0\.\.65535 exactly.*`depth_scale`, or `inverse_depth`"):
+        read_depth(tmp_path / "stretched.png")
+    with warnings.catch_warnings():
+        warnings.filterwarnings("error", ".*values span")
+        read_depth(tmp_path / "depth.png")
+        read_depth(tmp_path / "stretched.png", depth_scale=7000)
+
+
+def test_inverse_depth_in_whatever_a_tool_saves(tmp_path: Path) -> None:
+    """One ramp as 16 bits, floats, 8 bits grey and in three channels alike: the same up to a factor (oracle: the ramp), in 8 bits
+    to half a step. False colours, and numbers that are no depth, are refused."""
+    ramp = np.tile(np.linspace(0.2, 1, 800), (40, 1))
+    np.save(tmp_path / "floats.npy", np.where(np.arange(800) < 5, np.nan, ramp))
+    cv2.imwrite(str(tmp_path / "fine.png"), np.uint16(np.round(65535 * ramp)))
+    grey = np.uint8(np.round(255 * ramp))
+    cv2.imwrite(str(tmp_path / "grey.png"), grey)
+    cv2.imwrite(str(tmp_path / "three.png"), np.repeat(grey[..., None], 3, 2))
+    floats = read_inverse_depth(tmp_path / "floats.npy")
+    np.testing.assert_allclose(floats, np.where(np.arange(800) < 5, 0, ramp), rtol=1e-6)
+    np.testing.assert_allclose(read_inverse_depth(tmp_path / "fine.png") / 65535, ramp, atol=1e-5)
+    for name in ("grey", "three"):
+        with pytest.warns(UserWarning, match="has 8 bits, 256 steps of inverse depth"):
+            smooth = read_inverse_depth(tmp_path / f"{name}.png")
+        assert abs(smooth - 255 * ramp).max() <= 1
+        assert abs(smooth - 255 * ramp)[:, 10:-10].mean() < 0.5 * abs(grey - 255 * ramp)[:, 10:-10].mean()
+    cv2.imwrite(str(tmp_path / "drawn.png"), cv2.applyColorMap(grey, cv2.COLORMAP_INFERNO))
+    with pytest.raises(DepthError, match=r"three channels that differ \(a picture of it in false colours"):
+        read_inverse_depth(tmp_path / "drawn.png")
+    np.save(tmp_path / "nothing.npy", np.full((4, 5), -1.0))
+    with pytest.raises(DepthError, match="no pixel has an inverse depth above 0"):
+        read_inverse_depth(tmp_path / "nothing.npy")
 
 
 def test_millimetres_of_a_close_range_scanner_are_warned_of(tmp_path: Path) -> None:

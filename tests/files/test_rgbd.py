@@ -8,13 +8,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dlama.errors import CameraError, ShapeError
+from dlama.errors import CameraError, InputError, ShapeError
 from dlama.files.cameras import write_camera
 from dlama.files.rasters.depth import read_depth, write_depth_png
 from dlama.files.rasters.exr_files import write_exr
 from dlama.files.rasters.pictures import write_color
 from dlama.files.rgbd import read_rgbd
 from dlama.geometry.camera import Camera
+from dlama.perception.depth_networks import DepthPrediction
+from dlama.perception.depth_scale import describe_depth_source
+from dlama.perception.monocular import estimate_depth
 from dlama.perception.resampling import upsample_depth
 
 COLOR = np.random.default_rng(0).integers(0, 256, (6, 8, 3)).astype(np.uint8)
@@ -96,3 +99,47 @@ def test_other_sizes(tmp_path: Path) -> None:
             read_rgbd(*pair(tmp_path, np.ones((4, 4))), fov=60, resize_depth=how)
     with pytest.raises(ShapeError, match=r"d\.png is 3x4 and .*turned by 90 degrees, turn it back$"):
         read_rgbd(*pair(tmp_path, depth.T), fov=60, resize_depth="guided")
+
+
+NETWORK_GAVE = (0.9 - 0.1 * np.arange(6)[:, None] + 0.02 * np.arange(8)).astype(np.float32)
+"""Relative inverse depth of COLOR."""
+
+
+@pytest.fixture
+def inverse(tmp_path: Path) -> tuple[Path, Path]:
+    """A picture, and a network's inverse depth of it."""
+    write_color(tmp_path / "c.png", COLOR)
+    np.save(tmp_path / "inverse.npy", NETWORK_GAVE)
+    return tmp_path / "c.png", tmp_path / "inverse.npy"
+
+
+@pytest.mark.filterwarnings("ignore:the (field of view|scale of the estimated depth) is assumed")
+def test_inverse_depth_that_a_network_gave(inverse: tuple[Path, Path]) -> None:
+    """Oracle: `estimate_depth` with a network that gives the numbers of the file."""
+    rgbd = read_rgbd(*inverse, inverse_depth=True)
+    same = estimate_depth(COLOR, depth_model=lambda _: DepthPrediction(NETWORK_GAVE, "inverse depth", False))
+    np.testing.assert_array_equal(rgbd.depth, same.depth)
+    about = rgbd.estimate or {}
+    assert about["file"] == "inverse.npy" and about["scale"]["rule"] == "assumed"
+    assert describe_depth_source(about) == "of inverse.npy, as a network gave it"
+
+
+def test_known_depths_give_inverse_depth_its_metres(inverse: tuple[Path, Path]) -> None:
+    """Closed form: 1 / z = factor * value + shift through three known pixels, and so everywhere."""
+    truth = 1 / (0.5 * NETWORK_GAVE.astype(np.float64) + 0.1)
+    known = [(x, y, float(truth[y, x])) for x, y in ((2, 2), (5, 3), (4, 2))]
+    rgbd = read_rgbd(*inverse, fov=60, inverse_depth=True, metres_at=known, sharpen=False)
+    np.testing.assert_allclose(rgbd.depth, truth, rtol=2e-5)
+
+
+def test_what_contradicts_inverse_depth(inverse: tuple[Path, Path]) -> None:
+    """Oracle: what the options mean; a map that shows something else has other proportions."""
+    image, file = inverse
+    for name, value in {"depth_scale": 2.0, "depth_range": 9.0, "resize_depth": "nearest", "depth_model": "x"}.items():
+        with pytest.raises(InputError, match=f"{name} and inverse_depth contradict each other"):
+            read_rgbd(image, file, fov=60, inverse_depth=True, **{name: value})  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="inverse_depth is given without a depth file"):
+        read_rgbd(image, fov=60, inverse_depth=True)
+    np.save(file, NETWORK_GAVE[:, :3])
+    with pytest.raises(ShapeError, match=r"is 3x6 and .*c\.png 8x6; they cannot show the same"):
+        read_rgbd(image, file, fov=60, inverse_depth=True)

@@ -13,9 +13,9 @@ from dlama.arguments import check_arguments
 from dlama.errors import DepthError, FileError, InputError, ShapeError, format_size, system_errors, warn
 from dlama.files.cameras import camera_for
 from dlama.files.photos.depth import PhotoDepth, read_photo_depth
-from dlama.files.rasters.depth import check_depth_options, read_depth
+from dlama.files.rasters.depth import check_depth_options, read_depth, read_inverse_depth
 from dlama.files.rasters.depth_checks import warn_of_far_plane, warn_of_missing_code
-from dlama.files.rasters.images import read_stored
+from dlama.files.rasters.images import picture_hw, read_stored
 from dlama.files.rasters.pictures import read_color
 from dlama.files.rasters.turned_pairs import refuse_turned, same_proportions, warn_of_turn
 from dlama.geometry.camera import Camera
@@ -49,6 +49,7 @@ def read_rgbd(
     metres_at: Sequence[tuple[float, float, float]] = (),
     camera_height: float | None = None,
     sharpen: bool = True,
+    inverse_depth: bool = False,
 ) -> RGBD:
     """Colour and metric depth of one camera; of a picture without depth, depth estimated from it.
 
@@ -64,6 +65,8 @@ def read_rgbd(
             picture has them (`upsample_depth`), also a map that was enlarged by the nearest pixel before; "nearest": from the
             nearest pixel. Depth larger than the picture is taken from the nearest pixel.
         depth_model, metres_at, camera_height, sharpen: As in `estimate_depth`, of a picture without depth.
+        inverse_depth: The depth file is what a network gave (`read_inverse_depth`): it is used as estimated depth is, with
+            metres_at, camera_height and sharpen. Its size may be another.
 
     Raises:
         InputError: options of a depth file without one, or of estimated depth with one.
@@ -79,9 +82,16 @@ def read_rgbd(
     of_file = {"depth_scale": depth_scale, "depth_range": depth_range, "channel": channel, "resize_depth": resize_depth}
     options: dict[str, Any] = {"metres_at": metres_at, "camera_height": camera_height, "sharpen": sharpen}
     if depth is None:
-        for name in (name for name, value in of_file.items() if value is not None):
-            raise InputError(f"`{name}` is given without a depth file; it says how one is read")
-        return _estimate_rgbd(image, lens, depth_model, far, options)
+        for name, value in (of_file | {"inverse_depth": inverse_depth or None}).items():
+            if value is not None:
+                raise InputError(f"`{name}` is given without a depth file; it says how one is read")
+        own = _find_photo_depth(image) if depth_model is None else None
+        return _estimate_rgbd(image, lens, own, depth_model, far, options)
+    if inverse_depth:
+        of_metres = {name: value for name, value in of_file.items() if name != "channel"} | {"depth_model": depth_model}
+        for name in (name for name, value in of_metres.items() if value is not None):
+            raise InputError(f"`{name}` and `inverse_depth` contradict each other; give one of them")
+        return _estimate_rgbd(image, lens, _read_network_depth(image, depth, channel), None, far, options)
     of_estimate = {**options, "metres_at": len(metres_at) or None, "sharpen": None if sharpen else False}
     for name, value in {**of_estimate, "depth_model": depth_model}.items():
         if value is not None:
@@ -103,16 +113,16 @@ def read_rgbd(
 def _estimate_rgbd(
     image: PathLike,
     lens: Mapping[str, Any],
+    own: PhotoDepth | None,
     depth_model: str | Path | Estimator | None,
     far: float | None,
     options: Mapping[str, Any],
 ) -> RGBD:
-    """A picture file with the depth that it carries, or with estimated depth where it has none or a depth_model is given.
+    """A picture file with its own depth, that it carries or that a network gave; None: with estimated depth.
 
     lens: the options of `camera_for`; options: the others of `estimate_depth`.
     """
     color = read_color(image)
-    own = _find_photo_depth(image) if depth_model is None else None
     camera, source = _find_camera(image, color.shape[:2], lens, own)
     if own is not None:
         rgbd = _use_photo_depth(image, color, camera, own, options)
@@ -136,6 +146,18 @@ def _find_camera(
     if given or read_stored(image).focal_35mm is not None:
         return camera_for((hw[0], hw[1]), image=image, **lens)
     return None, ""
+
+
+def _read_network_depth(image: PathLike, depth: PathLike, channel: str | None) -> PhotoDepth:
+    """A file of inverse depth that shows what the picture shows. ShapeError: it does not."""
+    hw, values = picture_hw(image), read_inverse_depth(depth, channel=channel)
+    refuse_turned(image, depth, hw, (values.shape[0], values.shape[1]))
+    warn_of_turn(image, depth)
+    if not same_proportions(values.shape, hw):
+        raise _wrong_proportions(image, depth, hw, values.shape)
+    name = Path(depth).name
+    about = {"file": name, "size": list(values.shape)}
+    return PhotoDepth(values, metric=False, by=f"a network, read from {name}", about=about)
 
 
 def _find_photo_depth(image: PathLike) -> PhotoDepth | None:
@@ -163,7 +185,7 @@ def _use_photo_depth(
     metric = own.metric if not is_known else own.absolute
     prediction = DepthPrediction(np.maximum(values, np.float32(0)), "inverse depth", metric, notes=dict(own.about))
     rgbd = estimate_depth(color, camera, depth_model=lambda _: prediction, **options).rgbd
-    about = {**(rgbd.estimate or {}), "estimator": "the photo's own depth"}
+    about = {**(rgbd.estimate or {}), "estimator": own.by}
     if about["scale"]["rule"] == "metric model":
         about["scale"] = {**about["scale"], "rule": "photo"}
         if not own.absolute:
@@ -203,12 +225,21 @@ def _resize_depth(
     hw = color.shape[:2]
     if metres.shape == hw:
         return _smooth_terraces(depth, metres, color, how)
-    sizes = f"{depth} is {format_size(metres.shape)} and {image} {format_size(hw)}"
     if not same_proportions(metres.shape, hw):
-        turned = same_proportions(metres.shape[::-1], hw)
-        mend = "one is turned by 90 degrees, turn it back" if turned else "crop one of them to what both show"
-        raise ShapeError(f"{sizes}; they cannot show the same field of view: {mend}")
+        raise _wrong_proportions(image, depth, hw, metres.shape)
     if how is None:
+        sizes = _sizes_in_words(image, depth, hw, metres.shape)
         raise ShapeError(f"{sizes}; both must have the same size, or give `resize_depth=guided`")
     smaller = metres.size < hw[0] * hw[1]
     return upsample_depth(metres, color) if how == "guided" and smaller else nearest_pixels(metres, hw)
+
+
+def _wrong_proportions(image: PathLike, depth: PathLike, hw: tuple[int, ...], depth_hw: tuple[int, ...]) -> ShapeError:
+    turned = same_proportions(depth_hw[::-1], hw)
+    mend = "one is turned by 90 degrees, turn it back" if turned else "crop one of them to what both show"
+    sizes = _sizes_in_words(image, depth, hw, depth_hw)
+    return ShapeError(f"{sizes}; they cannot show the same field of view: {mend}")
+
+
+def _sizes_in_words(image: PathLike, depth: PathLike, hw: tuple[int, ...], depth_hw: tuple[int, ...]) -> str:
+    return f"{depth} is {format_size(depth_hw)} and {image} {format_size(hw)}"

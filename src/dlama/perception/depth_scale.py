@@ -40,6 +40,8 @@ RULES = {
 
 def describe_depth_source(estimate: Mapping[str, Any]) -> str:
     """In words, of an RGBD's `estimate`: the network, or the photo that carries its depth."""
+    if "file" in estimate:
+        return f"of {estimate['file']}, as a network gave it"
     own = estimate.get("source")
     return f"of the photo ({own})" if own else f"estimated by {estimate['estimator']}"
 

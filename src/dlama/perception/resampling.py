@@ -24,6 +24,8 @@ BEND, STEEP = 0.06, 0.35
 """and, on a slanted one, up to which steps differ that follow each other, and the largest of them."""
 COLOR_SIGMA = 20.0
 """Levels by which colours differ on one surface (each channel)."""
+SMOOTHING = 3.0
+"""Sigma in pixels of the smoothing that undoes 8-bit steps of depth."""
 LEAST_NEAR = 0.15
 """Added to the bilinear weights of the four, so that the farthest may be chosen for its colour."""
 
@@ -47,6 +49,13 @@ def shrink_rgbd(rgbd: RGBD, wh: tuple[int, int]) -> RGBD:
     padding = None if rgbd.padding is None else nearest_pixels(rgbd.padding, hw)
     color, depth = shrink_color(rgbd.color, hw), nearest_pixels(rgbd.depth, hw)
     return dataclasses.replace(rgbd, color=color, depth=depth, camera=rgbd.camera.resized(*wh), padding=padding)
+
+
+def smooth_quantised(levels: Float32Array) -> Float32Array:
+    """H x W 8-bit levels of inverse depth smoothed within half a step, so that slopes are slopes again and edges stay; level 0
+    stays 0 (far)."""
+    smooth = np.asarray(cv2.GaussianBlur(levels, (0, 0), SMOOTHING), np.float32)
+    return np.where(levels > 0, np.clip(smooth, levels - 0.5, levels + 0.5), np.float32(0))
 
 
 def upsample_depth(depth: Float32Array, color: UInt8Array) -> Float32Array:

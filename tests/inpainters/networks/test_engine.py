@@ -21,9 +21,9 @@ from dlama.inpainters.networks.migan import (
     fill_depth,
     fill_picture,
     find_cracks,
-    smooth_quantised,
 )
 from dlama.models.network_file import PROVIDERS
+from dlama.perception.resampling import smooth_quantised
 from tiny_networks import constant, contract, echo_mask, written
 
 pytest.importorskip("onnxruntime")

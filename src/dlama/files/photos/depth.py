@@ -59,7 +59,7 @@ HEIF_KINDS = {0: "inverse depth", 1: "disparity", 2: "depth", 3: "disparity"}
 
 @dataclass(frozen=True, eq=False)
 class PhotoDepth:
-    """Depth as a photo carries it."""
+    """Depth as a photo carries it, or as a network gave it."""
 
     values: Float32Array
     """h x w inverse depth at its own size, turned as the picture is shown; larger is nearer, 0 and less is far."""
@@ -71,6 +71,8 @@ class PhotoDepth:
     """Whether depth counts along the ray of each pixel and not along the optical axis."""
     about: dict[str, Any] = field(default_factory=dict)
     """For meta.json: `source`, `size`, `accuracy`, `at_far_limit_share`, ..."""
+    by: str = "the photo's own depth"
+    """What gave it, for meta.json: its `estimator`."""
 
     @property
     def absolute(self) -> bool:

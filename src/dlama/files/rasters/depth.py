@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.arguments import is_finite
-from dlama.errors import DepthError, FileError, system_errors
-from dlama.files.rasters.depth_checks import warn_of_inverse, warn_of_millimetres
+from dlama.errors import DepthError, FileError, system_errors, warn
+from dlama.files.rasters.depth_checks import warn_of_inverse, warn_of_millimetres, warn_of_normalised
 from dlama.files.rasters.exr_files import read_exr, write_exr
 from dlama.files.rasters.float_files import read_array, read_pfm, write_pfm
 from dlama.files.rasters.images import SUFFIXES, existing_file, read_stored
 from dlama.files.rasters.pictures import DEPTH_PNG, ROWS_AT_ONCE, write_png
 from dlama.geometry.rgbd import PLAUSIBLE_M, Float32Array, mark_far
+from dlama.perception.resampling import smooth_quantised
 from dlama.writing.atomic_write import PathLike
 
 FAR_CODE = 65535
@@ -55,6 +56,8 @@ def read_depth(
             raise DepthError(f"{path}: holds whole numbers; `depth_range` is for depth normalised to 0..1 (EXR)")
         scale = depth_scale or MILLIMETRES
         depth = depth_from_mm(values, scale)
+        if depth_scale is None and values.dtype == np.uint16:
+            warn_of_normalised(path, depth, scale)
     depth[np.isnan(depth)] = 0
     median = _check_plausible(path, depth, scale, depth_range)
     depth[depth > FAR_METRES] = np.inf
@@ -63,6 +66,24 @@ def read_depth(
     if values.dtype.kind == "f" and (depth_scale or depth_range) is None:
         warn_of_millimetres(path, depth, median)
     return depth if far is None else mark_far(depth, far, f"{path}: ")
+
+
+@system_errors(FileError)
+def read_inverse_depth(path: PathLike, *, channel: str | None = None) -> Float32Array:
+    """A file of relative inverse depth, as Depth Anything and MiDaS give it, as float32 H x W: larger is nearer, 0 is far.
+
+    8- or 16-bit PNG, JPEG or TIFF, one channel or three alike, EXR, PFM, NPY, NPZ (key `depth`), in any unit. What is not finite
+    is far. Steps of 8 bits are smoothed by as much as a step cannot tell. Raises FileError or DepthError: colours, nothing near.
+    """
+    stored = read_stored_numbers(path, "depth", channel, eight_bit=True)
+    values = stored.astype(np.float32)
+    values[~(np.isfinite(values) & (values > 0))] = 0
+    if not values.any():
+        raise DepthError(f"{path}: no pixel has an inverse depth above 0")
+    if stored.dtype.itemsize > 1:
+        return values
+    warn(f"{path}: has 8 bits, 256 steps of inverse depth: what is far is terraced; 16 bits are not")
+    return smooth_quantised(values)
 
 
 @system_errors(FileError)
@@ -145,7 +166,7 @@ def read_stored_numbers(path: PathLike, what: str, channel: str | None, eight_bi
     if suffix in (".npy", ".npz"):
         values = read_array(path, what)
     elif suffix in SUFFIXES:
-        values = _one_channel(path, read_stored(path).values, what)
+        values = _one_channel(path, read_stored(path).values, what, eight_bit)
     else:
         raise FileError(f"{path}: {what} comes as 16-bit PNG or TIFF, EXR, PFM, NPY or NPZ, not as '{suffix}'")
     if values.dtype.itemsize == 1 and not eight_bit:
@@ -153,22 +174,23 @@ def read_stored_numbers(path: PathLike, what: str, channel: str | None, eight_bi
             f"{path}: holds 8-bit numbers; say how many of them make a pixel (`disparity_scale`, Middlebury 2003: 4)"
             if what == "disparity"
             else f"{path}: holds 8-bit numbers, too coarse for depth (256 steps) and often gamma-encoded or only a picture of "
-            "depth; save depth as 16-bit PNG in millimetres, or as EXR"
+            "depth; save depth as 16-bit PNG in millimetres, or as EXR; `inverse_depth` takes what a network gave"
         )
     return values
 
 
-def _one_channel(path: PathLike, values: np.ndarray, what: str) -> np.ndarray:
+def _one_channel(path: PathLike, values: np.ndarray, what: str, eight_bit: bool) -> np.ndarray:
     if values.ndim == 2:
         return values
-    if values.dtype == np.uint8:
+    if values.dtype == np.uint8 and not eight_bit:
         raise DepthError(
             f"{path}: is an 8-bit colour picture; {what} in one channel of 16-bit or float numbers is expected "
             "(are the picture and the depth given in the wrong order?)"
         )
     colours = values[..., :3] if values.shape[2] >= 3 else values[..., :1]
     if (colours != colours[..., :1]).any():
-        raise DepthError(f"{path}: has three channels that differ; {what} in one channel is expected")
+        drawn = " (a picture of it in false colours?)" if values.dtype == np.uint8 else ""
+        raise DepthError(f"{path}: has three channels that differ{drawn}; {what} in one channel is expected")
     return np.ascontiguousarray(colours[..., 0])
 
 
@@ -183,7 +205,8 @@ def _metres_from_floats(
     if at_one and np.nanmax(values) == 1 and ((values > 0) & (values < 1)).any():
         raise DepthError(
             f"{path}: looks normalised to 0..1 ({at_one} values are exactly 1, none is larger): give `depth_range` "
-            "in metres (EasySynth), or `depth_scale=1` if these are metres"
+            "in metres (EasySynth), `inverse_depth` if a network gave inverse depth (Depth Anything), or `depth_scale=1` "
+            "if these are metres"
         )
     return values.astype(np.float32)
 

@@ -9,7 +9,7 @@ import numpy as np
 from dlama.errors import warn
 from dlama.geometry.rgbd import Float32Array
 from dlama.perception.diagnosis.depth_code import looks_inverse
-from dlama.perception.diagnosis.depth_scale import find_far_plane
+from dlama.perception.diagnosis.depth_scale import begins_at_camera, fills_16_bits, find_far_plane
 from dlama.perception.sky import OUTDOORS_M
 from dlama.writing.atomic_write import PathLike
 
@@ -25,7 +25,16 @@ def warn_of_inverse(path: PathLike, depth: Float32Array) -> None:
     if looks_inverse(depth):
         warn(
             f"{path}: looks like inverse depth or disparity (planes of the scene are flat so, and bent as depth): metric depth "
-            "is expected, such as depth = scale / value"
+            "is expected, such as depth = scale / value; `inverse_depth` takes what a network gave, in no unit"
+        )
+
+
+def warn_of_normalised(path: PathLike, depth: Float32Array, units: float) -> None:
+    """Warn (UserWarning) where depth (H x W metres; a metre is `units` of the file's 16-bit numbers) was normalised."""
+    if fills_16_bits(depth, units) and begins_at_camera(depth):
+        warn(
+            f"{path}: values span 0..65535 exactly, as normalised depth does, so they are no millimetres: give `depth_scale`, or "
+            "`inverse_depth` if a network gave inverse depth (Depth Anything)"
         )
 
 

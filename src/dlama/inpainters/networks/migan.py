@@ -21,11 +21,10 @@ from dlama.inpainters.filling import Fill, Painter
 from dlama.inpainters.networks.engine import Engine, open_engine
 from dlama.inpainters.networks.view_tensors import DepthPlane, color_from_planes, color_planes, levels_of
 from dlama.inpainters.opencv import telea
+from dlama.perception.resampling import smooth_quantised
 
 CRACK_SIDE = 3
 """Holes that a square of this side does not fit into are cracks."""
-SMOOTHING = 3.0
-"""Sigma in pixels of the smoothing that undoes 8-bit steps of depth."""
 NETWORK_SIDE = 512
 """The network's own size: every crop of up to this side costs the same."""
 
@@ -70,12 +69,6 @@ def fill_depth(view: View, diffused: Float32Array, network: Engine) -> Float32Ar
     if not view.far.any():  # level 0 is then no sky, only farther than a step can tell
         values = np.maximum(values, np.float32(0.25 / 255))
     return plane.metres(values.astype(np.float32))
-
-
-def smooth_quantised(levels: Float32Array) -> Float32Array:
-    """Levels smoothed within half a step, so that slopes are slopes again and edges stay; level 0 stays 0 (far)."""
-    smooth = np.asarray(cv2.GaussianBlur(levels, (0, 0), SMOOTHING), np.float32)
-    return np.where(levels > 0, np.clip(smooth, levels - 0.5, levels + 0.5), np.float32(0))
 
 
 def find_cracks(hole: BoolArray) -> BoolArray:

@@ -58,7 +58,8 @@ CODES = {
     "inverse": (
         "inverse-depth",
         "inverse depth (or disparity): the larger the value, the nearer",
-        "convert it to metres before: a / value, where a is the focal length times the baseline of a disparity",
+        "convert it to metres before: a / value, where a is the focal length times the baseline of a disparity; or give "
+        "`inverse_depth`, where a network gave it in no unit",
     ),
     "radial": (
         "radial-depth",

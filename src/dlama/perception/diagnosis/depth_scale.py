@@ -100,20 +100,32 @@ def share_cut_off(seen: Observed) -> float:
 def check_value_range(seen: Observed) -> list[Finding]:
     """Reports 16-bit values that fill 0..65535 exactly, as normalising leaves them: they begin at the camera, or make no likely
     scene (floats of 0..1 are refused when they are read)."""
-    known, far = seen.valid, np.isposinf(seen.depth)
-    if seen.units in (None, 1.0) or not known.any() or not 0 < far.sum() <= RARE * (known | far).sum():
+    if seen.units in (None, 1.0) or not fills_16_bits(seen.depth, seen.units):
         return []
-    share = seen.depth[known] * seen.units / FULL
     extent = measure_extent(seen)
-    if share.min() > LOWEST or not HIGHEST <= share.max() <= 1 or extent is None:
+    if extent is None:
         return []
-    if seen.depth[known].min() > TOUCHING and unlikeliness(extent, 1.0) < UNLIKELY:
+    if not begins_at_camera(seen.depth) and unlikeliness(extent, 1.0) < UNLIKELY:
         return []
     read, typical = (extent.middle, MIDDLE[0]) if extent.floor is None else (extent.floor, FLOOR[0])
     scale = seen.units * read / typical
     what = f"{seen.names[1]}: values span 0..{FULL} exactly, as normalised depth does; its unit is lost"
     mend = f"save metres; depth_scale={scale:.3g} would make this a usual scene, a guess ({FULL / scale:.2g} m at most)"
     return [Finding("normalised-depth", "fault", 0.85, what, mend)]
+
+
+def fills_16_bits(depth: np.ndarray, units: float) -> bool:
+    """Whether depth (H x W metres) fills 0..FULL of the file's numbers, `units` a metre, as normalising leaves it."""
+    known, far = is_valid(depth), np.isposinf(depth)
+    if not known.any() or not 0 < far.sum() <= RARE * (known | far).sum():
+        return False
+    share = depth[known] * units / FULL
+    return bool(share.min() <= LOWEST and HIGHEST <= share.max() <= 1)
+
+
+def begins_at_camera(depth: np.ndarray) -> bool:
+    """Whether some depth (H x W metres) is nearer than a camera measures."""
+    return bool(depth[is_valid(depth)].min() <= TOUCHING)
 
 
 def find_far_plane(depth: np.ndarray) -> tuple[float, float] | None:
