@@ -71,8 +71,8 @@ def serve_until_interrupted(server: Server) -> None:
     """Connections are taken in a thread of their own: a signal raises in the main one, where it interrupts the wait alone (in the
     midst of taking a connection it ended that, and the server continued)."""
     thread = threading.Thread(target=server.serve_forever, name="dlama serve", daemon=True)
-    thread.start()
     try:
+        thread.start()
         while thread.is_alive():
             thread.join(WAKES_SECONDS)
     except KeyboardInterrupt:
