@@ -22,6 +22,7 @@ import pytest
 from options_table import BASE, TABLE, commands
 
 import dlama
+import dlama.jobs.verbs
 from dlama.apps.cli import main
 from dlama.datasets.frames import Case, Dataset
 from verb_options import fields_of
@@ -123,6 +124,8 @@ def _spy_on_jobs(spy: Callable[..., None]) -> None:
     for place in ("jobs.verbs.view", "jobs.verbs.remove", "completion.verbs.view"):
         spy(f"dlama.{place}", done)
     spy("dlama.jobs.verbs.stereo", lambda mask, **_: (mask("left") if callable(mask) else None, done)[1])
+    # as it does: the scene of a pair is seen by `view`
+    spy("dlama.jobs.verbs.view_pair", lambda target, method, **_: dlama.jobs.verbs.view(done, **target, **method))
     spy("dlama.jobs.inputs.write")
     spy("dlama.apps.reading.file_names", [])
     spy("dlama.jobs.inputs.file_names", [])
