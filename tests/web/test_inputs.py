@@ -8,13 +8,16 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from handing_in import hand_in, open_frame
+from handing_in import completed, hand_in, open_frame
 
+import dlama
 from dlama.errors import CameraError, DepthError, DlamaError, FileError, InputError
+from dlama.files.rasters.depth import read_depth
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
 from dlama.web import api
 from dlama.web.answers import PageError, field_of, hide_paths, use_page_words
+from dlama.web.completions import take_home
 from dlama.web.form import PARTS, labelled, read_form
 from dlama.web.inputs import Upload, file_name, shrink
 from dlama.web.visits import Visit
@@ -203,6 +206,25 @@ def test_a_file_that_is_refused_replaces_none(
         hand_in(visit, role, tmp_path / name)
     assert caught.value.field == role
     assert visit.source is not None and sorted(visit.folder.iterdir()) == before
+
+
+@pytest.mark.filterwarnings("ignore:.*8 bits", "ignore:the scale of the estimated depth is assumed")
+def test_inverse_depth_of_a_network_is_ticked(visit: Visit, frame: Path, tmp_path: Path) -> None:
+    """Refused as depth, in the page's words; ticked it is used as estimated depth, which the command says, too (oracle: the
+    reader with that option)."""
+    depth = read_depth(frame / "depth.png", depth_scale=900)
+    cv2.imwrite(str(tmp_path / "depth.png"), np.uint8(np.round(255 * depth.min() / depth)))
+    hand_in(visit, "picture", frame / "image.png")
+    hand_in(visit, "depth", tmp_path / "depth.png")
+    with pytest.raises(DepthError, match="8-bit numbers") as caught:
+        api.read(visit, {"fov": 60})
+    assert "“Inverse depth of a network” takes what a network gave" in use_page_words(caught.value.marked)
+    told = api.read(visit, {"fov": 60, "inverse_depth": "true"})
+    assert told["source"]["estimated"] and "as a network gave it" in told["source"]["facts"]["depth"]
+    expected = dlama.read_rgbd(frame / "image.png", tmp_path / "depth.png", fov=60, inverse_depth=True).depth
+    np.testing.assert_array_equal(visit.require_source().rgbd.depth, expected)
+    how = take_home.how(completed(visit, yaw=2))
+    assert " --inverse-depth " in how["command"] and "inverse_depth=True" in how["python"]
 
 
 @pytest.mark.parametrize("name", first_quick(api.EXAMPLES, 2))

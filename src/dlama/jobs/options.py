@@ -95,7 +95,7 @@ class Estimating:
     """The camera's height above the ground that the picture shows, instead of known depths."""
     sharpen: bool = option("", "on", True)
     """Leave the blurred edges of estimated depth as they are, instead of moving them to the picture's."""
-    inverse_depth: bool = option("", "off", False)
+    inverse_depth: bool = option("", "off", False, label="Inverse depth of a network")
     """The depth file is what a network such as Depth Anything or MiDaS gave: inverse depth, larger is nearer, in no unit. It is
     used as estimated depth is."""
 

@@ -32,6 +32,8 @@ def describe_form() -> dict[str, list[dict[str, Any]]]:
 def describe_field(name: str, one: Option) -> dict[str, Any]:
     """One field: choices of which one is chosen (or a single one, ticked or not), or else a text or a number that is typed."""
     words = next((get_args(each) for each in (one.kind, *get_args(one.kind)) if get_origin(each) is Literal), ())
+    if one.kind is bool:
+        words = ("true",)
     return {
         "name": name,
         "label": ", ".join(filter(None, (one.label, UNITS.get(one.metavar)))),

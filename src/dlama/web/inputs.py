@@ -120,7 +120,7 @@ def read_source(files: Mapping[str, Upload], fields: Mapping[str, Any]) -> Sourc
 
 def read_picture(files: Mapping[str, Upload], fields: Mapping[str, Any]) -> Source:
     """A picture with its depth file, or with estimated depth."""
-    options = read_form(fields, "lens", "depth" if "depth" in files else "estimate")
+    options = read_form(fields, "lens", "estimate", *(["depth"] if "depth" in files else []))
     job = JobInputs()
     used = {role: files[role] for role in ("picture", "depth", "camera") if role in files}
     paths = {"image" if role == "picture" else role: upload.path for role, upload in used.items()}

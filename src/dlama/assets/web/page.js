@@ -56,7 +56,7 @@ function showUploads(files) {
   }));
   const any = Object.keys(files).length > 0;
   $("reading").hidden = !any || "right" in files || "calib" in files;
-  for (const [kind, on] of [["depth", "depth" in files], ["estimate", !("depth" in files)]]) document.querySelector(`[data-for="${kind}"]`).hidden = !on;
+  document.querySelector('[data-for="depth"]').hidden = !("depth" in files);
 }
 
 async function read() {
