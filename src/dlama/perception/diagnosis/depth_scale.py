@@ -116,8 +116,11 @@ def check_value_range(seen: Observed) -> list[Finding]:
 
 def fills_16_bits(depth: np.ndarray, units: float) -> bool:
     """Whether depth (H x W metres) fills 0..FULL of the file's numbers, `units` a metre, as normalising leaves it."""
-    known, far = is_valid(depth), np.isposinf(depth)
-    if not known.any() or not 0 < far.sum() <= RARE * (known | far).sum():
+    far = np.count_nonzero(np.isposinf(depth))
+    if not 0 < far <= RARE * depth.size:
+        return False
+    known = is_valid(depth)
+    if not 0 < far <= RARE * (np.count_nonzero(known) + far) or not known.any():
         return False
     share = depth[known] * units / FULL
     return bool(share.min() <= LOWEST and HIGHEST <= share.max() <= 1)
