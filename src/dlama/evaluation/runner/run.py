@@ -42,8 +42,8 @@ def run_tasks(tasks: Sequence[Task], jobs: int) -> Iterator[Outcome]:
             else:
                 yield from ended.answer
     except BaseException:  # Ctrl-C: files are written whole or not at all, so nobody has to be waited for
-        for folder in {task.folder / name for task in tasks for name in FOLDERS}:
-            remove_abandoned(folder, again=True)
+        for name in FOLDERS:
+            remove_abandoned(tasks[0].folder / name, again=True)
         raise
 
 
@@ -93,18 +93,17 @@ def run(
     report = progress or (lambda *_: None)
     total, done = len(cases) * len(methods), reused
     report(None, done, total)
-    failures: list[Outcome] = []
+    failed: dict[str, Outcome] = {}
     for outcome in run_tasks(tasks, jobs):
         done += 1
-        failures += [outcome] if outcome.error else []
+        if outcome.error:
+            failed[stem(outcome.case, outcome.method)] = outcome
         report(outcome, done, total)
-    order = {case.key: number for number, case in enumerate(cases)}
-    failures.sort(key=lambda one: (order[one.case.key], methods.index(one.method)))
+    names = [stem(case, method) for case in cases for method in methods]
+    failures = tuple(failed[name] for name in names if name in failed)
     write_errors(folder, failures)
-    failed = {stem(one.case, one.method) for one in failures}
-    names = [name for case in cases for method in methods if (name := stem(case, method)) not in failed]
-    stored = [read_stored(folder / "cases" / f"{name}.json") for name in names]
-    return Results(tuple(one for one in stored if one is not None), tuple(failures), reused, stale)
+    stored = [read_stored(folder / "cases" / f"{name}.json") for name in names if name not in failed]
+    return Results(tuple(one for one in stored if one is not None), failures, reused, stale)
 
 
 def write_errors(folder: Path, failures: Sequence[Outcome]) -> None:

@@ -8,6 +8,7 @@ border (`borders`). `choice` takes one of these masks.
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -146,10 +147,8 @@ def rgbd_candidates(measured: Measured, prompt: Prompt) -> dict[str, BoolArray]:
     stands = find_stands(measured, pieces, seeds)
     if stands.any():
         pieces = find_pieces(measured, support | stands)
-    away = [pixel for pixel in prompt.away if pieces.free[pixel]]
     own = pieces.at_any(seeds)
-    most = BARRED * merge_pieces(pieces, own, OBJECT_GAP, set()).sum() if away else 0
-    barred = {int(pieces.label[p]) for p in away if not own[p] and pieces.at(p).sum() < most}
+    barred = find_barred(pieces, own, prompt.away)
     whole = {
         "object": merge_pieces(pieces, own, OBJECT_GAP, barred),
         "part": own,
@@ -157,6 +156,15 @@ def rgbd_candidates(measured: Measured, prompt: Prompt) -> dict[str, BoolArray]:
     }
     raw = drop_duplicates({name: mask & prompt.inside for name, mask in whole.items()})
     return drop_duplicates({name: finish_mask(measured, mask, prompt, seeds + flat) for name, mask in raw.items()})
+
+
+def find_barred(pieces: Pieces, own: BoolArray, away: Sequence[Pixel]) -> set[int]:
+    """Numbers of the pieces that negative clicks remove (BARRED) from an object; `own`: H x W, its clicked pieces."""
+    others = [pixel for pixel in away if pieces.free[pixel] and not own[pixel]]
+    if not others:
+        return set()
+    most = BARRED * merge_pieces(pieces, own, OBJECT_GAP, set()).sum()
+    return {int(pieces.label[pixel]) for pixel in others if pieces.at(pixel).sum() < most}
 
 
 def split_clicks(measured: Measured, prompt: Prompt) -> tuple[list[Pixel], list[Pixel], BoolArray]:

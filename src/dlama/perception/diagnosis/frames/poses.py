@@ -86,17 +86,24 @@ def check_poses(pairs: Sequence[Pair], name: str) -> list[Finding]:
         return []
     as_read = [find_landing_points(*pair) for pair in pairs]
     fit = float(np.mean([each.fit for each in as_read]))
-    fits = [mean_fit(pairs, way.undo) for way in CONVENTIONS]
-    best, way = max(fits), CONVENTIONS[int(np.argmax(fits))]
-    lead = best / max(fit, 1e-3)
-    if lead > LEAST_LEAD and best > LEAST_FIT and not (way.check == "pose-scale" and is_chance(pairs, best)):
-        what = f"{name}: poses {way.what}; so {best:.0%} of a frame's points fit the next one, {fit:.0%} as read"
-        return [Finding(way.check, "fault", certainty(lead - 1, 0.5), what, way.mend)]
+    if mistaken := check_convention(pairs, fit, name):
+        return [mistaken]
     found = check_exposure([each for each in as_read if each.fit > LEAST_FIT], name)
     if fit >= LEAST_FIT:
         return found
     what = f"{name}: frames in a row hardly fit each other ({fit:.0%} of the points); no usual convention mends it"
     return [Finding("poses", "note", 0.6, what, "check that poses, depth and camera belong to these frames"), *found]
+
+
+def check_convention(pairs: Sequence[Pair], fit: float, name: str) -> Finding | None:
+    """Reports the usual mistake without which the poses of frames, called `name`, fit far better than as read (`fit`)."""
+    fits = [mean_fit(pairs, way.undo) for way in CONVENTIONS]
+    best, way = max(fits), CONVENTIONS[int(np.argmax(fits))]
+    lead = best / max(fit, 1e-3)
+    if lead <= LEAST_LEAD or best <= LEAST_FIT or (way.check == "pose-scale" and is_chance(pairs, best)):
+        return None
+    what = f"{name}: poses {way.what}; so {best:.0%} of a frame's points fit the next one, {fit:.0%} as read"
+    return Finding(way.check, "fault", certainty(lead - 1, 0.5), what, way.mend)
 
 
 def is_chance(pairs: Sequence[Pair], fit: float) -> bool:
