@@ -107,6 +107,11 @@ def test_no_such_folder(tmp_path: Path) -> None:
     (tmp_path / "street.jpg").touch()
     with pytest.raises(FileError, match=r"street\.jpg: is a file; the folder of a data set is expected"):
         open_dataset(tmp_path / "street.jpg")
+    (tmp_path / "walk.MOV").touch()
+    with pytest.raises(
+        FileError, match=r"walk\.MOV: is a video without poses and depth; .*dense workspace that COLMAP"
+    ):
+        open_dataset(tmp_path / "walk.MOV")
 
 
 def scene(root: Path) -> Path:

@@ -14,6 +14,7 @@ from dlama.files.rasters.images import existing_file
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.motion.poses import QUATERNION_TOLERANCE, check_pose, make_pose, rotation_from_quaternion
 
+VIDEOS = (".mp4", ".mov", ".m4v", ".avi", ".webm")
 LEVELS = 3
 """A data set is the folder itself, or in its folders, or in theirs (7-Scenes: chess/seq-01)."""
 
@@ -194,8 +195,10 @@ def holds(*names: str) -> Callable[[Path], bool]:
 def check_folder(root: Path) -> None:
     """Raise FileError where the folder of a data set is not there, or is no folder."""
     if not root.is_dir():
-        what = "is a file" if root.exists() else "no such folder"
-        raise FileError(f"{root}: {what}; the folder of a data set is expected")
+        video = root.exists() and root.suffix.lower() in VIDEOS
+        what = "is a video without poses and depth" if video else "is a file" if root.exists() else "no such folder"
+        such = ", such as the dense workspace that COLMAP makes of its pictures" if video else ""
+        raise FileError(f"{root}: {what}; the folder of a data set is expected{such}")
 
 
 def folders_in(folder: Path) -> list[Path]:
