@@ -92,9 +92,16 @@ def check(value: object, annotation: Any, name: str) -> None:
 
 @functools.lru_cache(None)
 def _classes(annotation: Any) -> tuple[type, ...]:
-    """The annotation, or the members of a union, that a value fits by its class alone: without elements to look at."""
-    members = get_args(annotation) if get_origin(annotation) in (Union, types.UnionType) else (annotation,)
+    """The annotation, or those of its alternatives, that a value fits by its class alone: without elements to look at."""
+    members = _alternatives(annotation) or (annotation,)
     return tuple(one for one in members if get_origin(one) is None and isinstance(one, type) and one not in TO_LOOK_AT)
+
+
+def _alternatives(annotation: Any) -> tuple[Any, ...]:
+    """The annotations, of a union or a TypeVar, of which a value must fit one; () for any other."""
+    if isinstance(annotation, TypeVar):
+        return annotation.__constraints__
+    return get_args(annotation) if get_origin(annotation) in (Union, types.UnionType) else ()
 
 
 def as_array(value: object, name: str, expected: str = "an array") -> np.ndarray:
@@ -152,12 +159,11 @@ def _complaint(value: object, annotation: Any, name: str) -> str:
     """What is wrong with a value; "" where it fits."""
     if isinstance(value, _classes(annotation)):
         return ""
-    kind, inner = get_origin(annotation) or annotation, get_args(annotation)
-    members = annotation.__constraints__ if isinstance(annotation, TypeVar) else inner
-    if kind in (Union, types.UnionType) or isinstance(annotation, TypeVar):
-        return _complaint_of_union(value, members, name) if members else ""
+    if alternatives := _alternatives(annotation):
+        return _complaint_of_union(value, alternatives, name)
     if _numbers_in(annotation):
         return _complaint_of_numbers(value, annotation, name)
+    kind, inner = get_origin(annotation) or annotation, get_args(annotation)
     if not _is_a(value, kind, inner):
         return _not_a(value, [annotation], name)
     unlike = (one for one in _elements(value, kind, inner, name) if not isinstance(one[0], _classes(one[1])))
@@ -191,16 +197,21 @@ def _complaint_of_numbers(value: object, annotation: Any, name: str) -> str:
         found = np.array(list(value) if isinstance(value, (set, frozenset)) else value)
     except ValueError:  # rows of several lengths
         found = np.array(None)
-    if counts[0] is None and found.shape[:1] == (0,):
-        return ""
-    fits = found.ndim == len(counts) and all(count in (None, size) for count, size in zip(counts, found.shape))
-    if fits and found.dtype.kind in "iufb":
+    if _holds_numbers(found, counts):
         return ""
     expected = (
         f"{counts[-1] or 'some'} numbers are" if len(counts) == 1 else f"a list of tuples of {counts[-1]} numbers is"
     )
     came = repr(value) if np.size(found) < 20 else f"of type {type(value).__name__} with shape {found.shape}"
     return f"{name} is {came}; {expected} expected"
+
+
+def _holds_numbers(found: np.ndarray, counts: tuple[int | None, ...]) -> bool:
+    """Whether an array holds as many numbers along each axis as `_numbers_in` says; where that is any, none will do, too."""
+    if counts[0] is None and found.shape[:1] == (0,):
+        return True
+    fits = found.ndim == len(counts) and all(count in (None, size) for count, size in zip(counts, found.shape))
+    return fits and found.dtype.kind in "iufb"
 
 
 def _not_a(value: object, expected: Sequence[Any], name: str) -> str:

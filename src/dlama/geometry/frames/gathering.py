@@ -156,8 +156,8 @@ def _drop_outliers(kept: list[int], found: dict[tuple[int, int], Overlap], calle
     every, noted = kept, list[str]()
     while len(kept) > 2:
         shares = _share_agreeing(kept, found)
-        worst = int(np.nanargmin(shares)) if not np.isnan(shares).all() else 0
-        if not shares[worst] < OUTLIER * np.nanmedian(shares):
+        worst = _find_outlier(shares)
+        if worst is None:
             break
         noted.append(
             f"{called[kept[worst]]} contradicts the others: {shares[worst]:.0%} of its points that they can see lie on their "
@@ -180,6 +180,14 @@ def _drop_outliers(kept: list[int], found: dict[tuple[int, int], Overlap], calle
     for each in noted:
         warnings.warn(each, UserWarning, stacklevel=4)
     return kept
+
+
+def _find_outlier(shares: Float64Array) -> int | None:
+    """Row of the frame that agrees least with the others, by `_share_agreeing`, where that is far less than most do."""
+    if np.isnan(shares).all():
+        return None
+    worst = int(np.nanargmin(shares))
+    return worst if shares[worst] < OUTLIER * np.nanmedian(shares) else None
 
 
 def _share_agreeing(kept: Sequence[int], found: dict[tuple[int, int], Overlap]) -> Float64Array:
@@ -212,7 +220,7 @@ def add_frame(scene: Scene, frame: FrameSource) -> Scene:
         measured,
         frames=tuple(frames[place] for place in measured.numbers),
         removals=(*scene.removals, *removals),
-        fills=tuple(fill for fill in fills if contribution(one := fill.load()).any() or one.far.any()),
+        fills=tuple(fill for fill in fills if adds_to_scene(fill)),
         numbers=tuple(numbers[place] for place in measured.numbers),
     )
 
@@ -232,6 +240,12 @@ def drop_seen_fill(fill: Layer, frame: View) -> Layer:
     view = fill.load()
     seen = is_seen_by(frame, view) & from_filler(view.origin)
     return fill.without(seen, HoleType.NONE) if seen.any() else fill
+
+
+def adds_to_scene(fill: Layer) -> bool:
+    """Whether a fill holds points or sky of its own."""
+    view = fill.load()
+    return bool(contribution(view).any() or view.far.any())
 
 
 def drop_seen_depth(one: Layer, frame: View) -> Layer:

@@ -125,14 +125,16 @@ def pixel_features(planes: ShadowPlanes, shape: BoolArray, probability: float) -
     within = cv2.distanceTransform(inside.astype(np.uint8), cv2.DIST_L2, 3)
     ring = (out > 2) & (out < 10) & where
     deep = float(np.median(dark[inside])) if inside.any() else 0.0
-    around = float(np.median(dark[ring])) if ring.sum() >= FEWEST_PX else 0.0
+    around, surroundings = 0.0, np.zeros(3, np.float32)
+    if ring.sum() >= FEWEST_PX:
+        around, surroundings = float(np.median(dark[ring])), planes.color[:, ring].mean(1)
     scale = max(deep, LEAST_DEEP)
     smooth = [box_mean(dark, there, window, 1e-3) for window in WINDOWS]
     spread = np.sqrt(np.maximum(box_mean(dark * dark, there, WINDOWS[1], 1e-3) - smooth[1] ** 2, 0))
     apart, nearest = nearest_object_pixel(caster)
     tall = max(float(np.sqrt(caster.sum())), 4.0)
     right, away = (FAR * np.arctanh(np.clip(plane, -0.999, 0.999)) for plane in map(planes.plane, ("right", "away")))
-    ratio = planes.color - (planes.color[:, ring].mean(1) if ring.sum() >= FEWEST_PX else np.zeros(3))[:, None, None]
+    ratio = planes.color - surroundings[:, None, None]
     flat = [dark, *smooth, spread, box_mean(there, np.ones_like(there), WINDOWS[1])]
     flat += [np.clip(each / scale, -1.5, 2.5) for each in (dark, smooth[0], smooth[1])]
     flat += [np.clip((out - within) / REACH, -1, 1), np.exp(-out / 5), np.clip((out - within) / tall, -1, 2)]

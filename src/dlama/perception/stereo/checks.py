@@ -160,12 +160,16 @@ def diagnose_corners(corners: Corners, height: int, doffs: float = 0.0) -> tuple
             f"{(across < -1).mean():.0%} of the corners lie farther to the right in the right picture; are left and right "
             "swapped?"
         )
-    warmth = corners.warmth[near]
-    if (warmth.std(0) > COLORED).all() and np.asarray(np.corrcoef(warmth.T))[0, 1] < EXCHANGED:
+    if has_exchanged_channels(corners.warmth[near]):
         return "channels", (
             "what is red in one picture is blue in the other one: the channels of one are the other way round (BGR read as RGB)"
         )
     return None
+
+
+def has_exchanged_channels(warmth: Float64Array) -> bool:
+    """Whether what is red in one picture is blue in the other one; warmth: as in `Corners`."""
+    return bool((warmth.std(0) > COLORED).all() and np.asarray(np.corrcoef(warmth.T))[0, 1] < EXCHANGED)
 
 
 def diagnose_orientation(corners: Corners) -> tuple[str, str] | None:
