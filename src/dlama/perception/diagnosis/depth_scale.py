@@ -120,7 +120,7 @@ def fills_16_bits(depth: np.ndarray, units: float) -> bool:
     if not 0 < far <= RARE * depth.size:
         return False
     known = is_valid(depth)
-    if not 0 < far <= RARE * (np.count_nonzero(known) + far) or not known.any():
+    if far > RARE * (np.count_nonzero(known) + far):
         return False
     share = depth[known] * units / FULL
     return bool(share.min() <= LOWEST and HIGHEST <= share.max() <= 1)
