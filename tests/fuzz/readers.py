@@ -33,7 +33,13 @@ from dlama.evaluation.report.panels import choose
 from dlama.evaluation.runner.store import Row, Stored, read_stored, write_stored
 from dlama.files.cameras import read_camera, read_cameras, read_stereo_calib
 from dlama.files.photos.depth import read_photo_depth
-from dlama.files.rasters.depth import read_depth, read_disparity, write_depth_exr, write_disparity_pfm
+from dlama.files.rasters.depth import (
+    read_depth,
+    read_disparity,
+    read_inverse_depth,
+    write_depth_exr,
+    write_disparity_pfm,
+)
 from dlama.files.rasters.float_files import read_colmap_depth
 from dlama.files.rasters.images import picture_hw
 from dlama.files.rasters.pictures import read_color, read_mask, read_region
@@ -265,6 +271,8 @@ def arrays() -> list[Reader]:
         Reader("depth.npy", npy(DEPTH), read_depth),
         Reader("depth.npz", npy(DEPTH), read_depth, zipped("depth.npy")),
         Reader("whole.npz", zipped("depth.npy")(npy(DEPTH)), read_depth),
+        Reader("inverse.png", picture("PNG", codes), read_inverse_depth, summed),
+        Reader("inverse.npy", npy(DEPTH), read_inverse_depth),
         Reader("disparity.pfm", made(lambda path: write_disparity_pfm(path, DEPTH), ".pfm"), read_disparity),
         Reader("disparity.png", picture("PNG", codes), read_disparity, summed),
         Reader("mask.png", picture("PNG", mask), read_mask, summed),
