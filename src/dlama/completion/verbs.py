@@ -95,9 +95,8 @@ def view_pair(
     target: keywords of `view` that say where the camera stands; method: the options of a completion.
     """
     done = view(pair.scene, **target, progress=progress, **method)
-    seconds = {
-        name: round(spent + done.meta["seconds"].get(name, 0), 4) for name, spent in pair.meta["seconds"].items()
-    }
+    before, after = pair.meta["seconds"], done.meta["seconds"]
+    seconds = before | {name: round(before.get(name, 0) + spent, 4) for name, spent in after.items()}
     return replace(done, meta=done.meta | {"stereo": pair.meta["stereo"], "seconds": seconds})
 
 

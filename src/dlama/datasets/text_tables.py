@@ -15,6 +15,7 @@ from dlama.geometry.camera import Float64Array
 from dlama.geometry.motion.poses import QUATERNION_TOLERANCE, check_pose, make_pose, rotation_from_quaternion
 
 VIDEOS = (".mp4", ".mov", ".m4v", ".avi", ".webm")
+"""Endings of videos, which are given in place of a data set."""
 LEVELS = 3
 """A data set is the folder itself, or in its folders, or in theirs (7-Scenes: chess/seq-01)."""
 

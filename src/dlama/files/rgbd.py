@@ -104,8 +104,7 @@ def read_rgbd(
     if far is None:
         warn_of_far_plane(depth, metres)
         warn_of_missing_code(depth, metres)
-    refuse_turned(image, depth, hw, (metres.shape[0], metres.shape[1]))
-    warn_of_turn(image, depth)
+    _check_same_view(image, depth, hw, (metres.shape[0], metres.shape[1]))
     metres = _resize_depth(image, depth, metres, color, resize_depth)
     return RGBD(freeze(color), freeze(metres), camera_for(hw, image=image, **lens)[0])
 
@@ -151,10 +150,7 @@ def _find_camera(
 def _read_network_depth(image: PathLike, depth: PathLike, channel: str | None) -> PhotoDepth:
     """A file of inverse depth that shows what the picture shows. ShapeError: it does not."""
     hw, values = picture_hw(image), read_inverse_depth(depth, channel=channel)
-    refuse_turned(image, depth, hw, (values.shape[0], values.shape[1]))
-    warn_of_turn(image, depth)
-    if not same_proportions(values.shape, hw):
-        raise _wrong_proportions(image, depth, hw, values.shape)
+    _check_same_view(image, depth, hw, (values.shape[0], values.shape[1]))
     name = Path(depth).name
     about = {"file": name, "size": list(values.shape)}
     return PhotoDepth(values, metric=False, by=f"a network, read from {name}", about=about)
@@ -219,14 +215,12 @@ def _smooth_terraces(depth: PathLike, metres: Float32Array, color: UInt8Array, h
 def _resize_depth(
     image: PathLike, depth: PathLike, metres: Float32Array, color: UInt8Array, how: str | None
 ) -> Float32Array:
-    """At the picture's size. ShapeError: of another size or field of view. Warns of a map that was enlarged before."""
+    """At the picture's size. ShapeError: of another size. Warns of a map that was enlarged before."""
     if how not in (None, "guided", "nearest"):
         raise ShapeError(f"`resize_depth` is {how!r}; 'guided' or 'nearest' is expected")
     hw = color.shape[:2]
     if metres.shape == hw:
         return _smooth_terraces(depth, metres, color, how)
-    if not same_proportions(metres.shape, hw):
-        raise _wrong_proportions(image, depth, hw, metres.shape)
     if how is None:
         sizes = _sizes_in_words(image, depth, hw, metres.shape)
         raise ShapeError(f"{sizes}; both must have the same size, or give `resize_depth=guided`")
@@ -234,11 +228,16 @@ def _resize_depth(
     return upsample_depth(metres, color) if how == "guided" and smaller else nearest_pixels(metres, hw)
 
 
-def _wrong_proportions(image: PathLike, depth: PathLike, hw: tuple[int, ...], depth_hw: tuple[int, ...]) -> ShapeError:
-    turned = same_proportions(depth_hw[::-1], hw)
-    mend = "one is turned by 90 degrees, turn it back" if turned else "crop one of them to what both show"
-    sizes = _sizes_in_words(image, depth, hw, depth_hw)
-    return ShapeError(f"{sizes}; they cannot show the same field of view: {mend}")
+def _check_same_view(image: PathLike, depth: PathLike, hw: tuple[int, int], depth_hw: tuple[int, int]) -> None:
+    """ShapeError where depth cannot show what the picture shows: turned by its tag, or of other proportions. Warns of a tag that
+    one of them has alone."""
+    refuse_turned(image, depth, hw, depth_hw)
+    warn_of_turn(image, depth)
+    if not same_proportions(depth_hw, hw):
+        turned = same_proportions(depth_hw[::-1], hw)
+        mend = "one is turned by 90 degrees, turn it back" if turned else "crop one of them to what both show"
+        sizes = _sizes_in_words(image, depth, hw, depth_hw)
+        raise ShapeError(f"{sizes}; they cannot show the same field of view: {mend}")
 
 
 def _sizes_in_words(image: PathLike, depth: PathLike, hw: tuple[int, ...], depth_hw: tuple[int, ...]) -> str:

@@ -42,8 +42,8 @@ def run_tasks(tasks: Sequence[Task], jobs: int) -> Iterator[Outcome]:
             else:
                 yield from ended.answer
     except BaseException:  # Ctrl-C: files are written whole or not at all, so nobody has to be waited for
-        for name in FOLDERS:
-            remove_abandoned(tasks[0].folder / name, again=True)
+        for folder in {task.folder / name for task in tasks for name in FOLDERS}:
+            remove_abandoned(folder, again=True)
         raise
 
 
