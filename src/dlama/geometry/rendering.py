@@ -42,7 +42,7 @@ from dlama.geometry.holes import box_around, dilate_mask, fill_with_nearest
 from dlama.geometry.kernels.drawing import hole_types as hole_kernels
 from dlama.geometry.kernels.jit import in_bands, threads
 from dlama.geometry.projection import project
-from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array, brighten, freeze
+from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array, freeze
 from dlama.geometry.scene import Scene, contribution
 from dlama.geometry.view import View
 
@@ -143,28 +143,24 @@ def draw_scene(
     """A scene's layers, drawn. count: of the pixels of fills that count (`count_wanted`); frames: whether they are drawn."""
     fine, errors = fine and mode == "surface", any(layer.has_errors for layer in scene.layers)
     keep = mode == "surface" and len(scene.layers) >= SEVERAL
+    fills = visible_fills(scene, camera, mode)
+    gains = gains_of(scene, fills, camera)
 
     def prepare(layer: Layer) -> Grid:
         return Grid.of(layer, camera, mode, fine, surface_of(layer) if keep else None)
 
-    shown = visible_fills(scene, camera, mode)
     if not frames:
         drawn = Drawn(Canvas.empty(camera, errors), [])
     elif len(scene.frames) > 1:
         drawn = merge_frames(scene, camera, mode, fine, errors)
     else:
         drawn = draw_frame(prepare(scene.frames[0]), errors)
-    fills = [prepare(fill) for fill in shown]
-    gains = gains_of(scene, shown, camera)
-    put_fills(drawn, fills, gains, camera, count)
+    grids = [prepare(fill) for fill in fills]
+    put_fills(drawn, grids, gains, camera, count)
     for grid in drawn.grids if drawn.frame is None else ():
         draw_far(grid, drawn.canvas)
-    for grid, gain in zip(fills, gains):
-        empty = None if (gain == 1).all() else drawn.canvas.depth == 0
-        draw_far(grid, drawn.canvas)
-        if empty is not None:
-            brighten_pixels(drawn.canvas, empty & (drawn.canvas.depth > 0), gain)
-    return drawn._replace(grids=[*drawn.grids, *fills])
+    draw_far_of_fills(drawn.canvas, grids, gains)
+    return drawn._replace(grids=[*drawn.grids, *grids])
 
 
 def draw_frame(grid: Grid, errors: bool) -> Drawn:
@@ -189,11 +185,6 @@ def gains_of(scene: Scene, fills: Sequence[Layer], camera: Camera) -> list[Float
     return [scene.gain_of(fill.camera) / here for fill in fills]
 
 
-def brighten_pixels(canvas: Canvas, where: BoolArray, gain: Float64Array) -> None:
-    """Multiply what is drawn in the pixels of `where` (H x W) by a gain."""
-    canvas.color[where] = brighten(canvas.color[where], gain)
-
-
 def put_fills(
     drawn: Drawn, fills: list[Grid], gains: Sequence[Float64Array], camera: Camera, count: NDArray[np.int32]
 ) -> None:
@@ -206,8 +197,17 @@ def put_fills(
         draw_apart(some, canvases, count)
         for grid, one, gain in zip(some, canvases, bright):
             if (gain != 1).any():
-                brighten_pixels(one, one.depth > 0, gain)
+                one.brighten_where(one.depth > 0, gain)
             canvas.put(one, over_measured=grid.layer.shows_source, at_home=at_home)
+
+
+def draw_far_of_fills(canvas: Canvas, fills: Sequence[Grid], gains: Sequence[Float64Array]) -> None:
+    """Draw what of fills is infinitely far where nothing is drawn. gains: of each, `gains_of`."""
+    for grid, gain in zip(fills, gains):
+        empty = None if (gain == 1).all() else canvas.depth == 0
+        draw_far(grid, canvas)
+        if empty is not None:
+            canvas.brighten_where(empty & (canvas.depth > 0), gain)
 
 
 def share_own_view(scene: Scene, camera: Camera, types: bool) -> View | None:

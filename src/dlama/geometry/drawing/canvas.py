@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dlama.geometry.camera import Camera
+from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.codes import Origin, from_source
-from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, freeze, paste
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, brighten, freeze, paste
 from dlama.geometry.view import View
 
 BEHIND = 0.005
@@ -67,6 +67,10 @@ class Canvas:
         paste(other.confidence, where, self.confidence)
         if self.errors is not None and other.errors is not None:
             paste(other.errors, where, self.errors)
+
+    def brighten_where(self, where: BoolArray, gain: Float64Array) -> None:
+        """Multiply the colours of pixels (H x W) by a gain."""
+        self.color[where] = brighten(self.color[where], gain)
 
     def pair_errors(self, errors: Float32Array | None) -> tuple[Float32Array, Float32Array]:
         """Expected errors of a layer and of the canvas, for kernels: both without rows unless both have some."""
