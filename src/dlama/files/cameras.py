@@ -234,6 +234,11 @@ def make_camera(
     return camera
 
 
+def focal_of_film(millimetres: float, hw: tuple[int, ...]) -> float:
+    """Pixels of a picture of that size, of a focal length in terms of 35 mm film."""
+    return millimetres / FILM_DIAGONAL_MM * math.hypot(*hw)
+
+
 def _is_calib_txt(path: PathLike) -> bool:
     return Path(path).suffix.lower() == ".txt"
 
@@ -283,6 +288,6 @@ def _focal_lengths(
     except FileError as error:
         raise CameraError(f"{NO_INTRINSICS} ({error})") from error
     if film is not None:
-        focal = film / FILM_DIAGONAL_MM * math.hypot(*hw)
+        focal = focal_of_film(film, hw)
         return focal, focal, f"EXIF FocalLengthIn35mmFilm ({film:g} mm)"
     raise CameraError(NO_INTRINSICS)

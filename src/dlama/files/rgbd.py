@@ -79,25 +79,21 @@ def read_rgbd(
     check_depth_options(depth_scale, depth_range, far)
     lens: dict[str, Any] = {"camera": camera, "fx": fx, "fy": fy, "cx": cx, "cy": cy, "fov": fov}
     lens["pixel_center"] = pixel_center
-    of_file = {"depth_scale": depth_scale, "depth_range": depth_range, "channel": channel, "resize_depth": resize_depth}
+    of_file: dict[str, Any] = {"depth_scale": depth_scale, "depth_range": depth_range}
+    of_file |= {"channel": channel, "resize_depth": resize_depth}
     options: dict[str, Any] = {"metres_at": metres_at, "camera_height": camera_height, "sharpen": sharpen}
     if depth is None:
-        for name, value in (of_file | {"inverse_depth": inverse_depth or None}).items():
-            if value is not None:
-                raise InputError(f"`{name}` is given without a depth file; it says how one is read")
+        given = of_file | {"inverse_depth": inverse_depth or None}
+        _refuse(given, "is given without a depth file; it says how one is read")
         own = _find_photo_depth(image) if depth_model is None else None
         return _estimate_rgbd(image, lens, own, depth_model, far, options)
     if inverse_depth:
-        of_metres = {name: value for name, value in of_file.items() if name != "channel"} | {"depth_model": depth_model}
-        for name in (name for name, value in of_metres.items() if value is not None):
-            raise InputError(f"`{name}` and `inverse_depth` contradict each other; give one of them")
+        given = of_file | {"channel": None, "depth_model": depth_model}
+        _refuse(given, "and `inverse_depth` contradict each other; give one of them")
         return _estimate_rgbd(image, lens, _read_network_depth(image, depth, channel), None, far, options)
-    of_estimate = {**options, "metres_at": len(metres_at) or None, "sharpen": None if sharpen else False}
-    for name, value in {**of_estimate, "depth_model": depth_model}.items():
-        if value is not None:
-            raise InputError(
-                f"`{name}` and a depth file contradict each other: it is for pictures without depth; give one of them"
-            )
+    given = {**options, "metres_at": len(metres_at) or None, "sharpen": None if sharpen else False}
+    why = "and a depth file contradict each other: it is for pictures without depth; give one of them"
+    _refuse({**given, "depth_model": depth_model}, why)
     color = read_color(image)
     hw = color.shape[:2]
     metres = read_depth(depth, depth_scale=depth_scale, depth_range=depth_range, channel=channel, far=far)
@@ -107,6 +103,13 @@ def read_rgbd(
     _check_same_view(image, depth, hw, (metres.shape[0], metres.shape[1]))
     metres = _resize_depth(image, depth, metres, color, resize_depth)
     return RGBD(freeze(color), freeze(metres), camera_for(hw, image=image, **lens)[0])
+
+
+def _refuse(options: Mapping[str, object], why: str) -> None:
+    """InputError for the first option that is given (is not None)."""
+    for name, value in options.items():
+        if value is not None:
+            raise InputError(f"`{name}` {why}")
 
 
 def _estimate_rgbd(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import hashlib
 import json
 import re
@@ -14,7 +13,7 @@ from typing import Any
 from dlama import __version__
 from dlama.errors import InputError, first_line
 from dlama.jobs.parameters import FILES, KNOWN, NETWORKS, VERBS, check_parameters
-from dlama.models.verify import sha256_of
+from dlama.models.verify import sha256_while_unchanged
 
 RESERVED = ("manifest", "manifest.csv", "report.html", "shards", "staged")
 """What lies in OUT besides the results."""
@@ -129,14 +128,4 @@ def folders_above(name: str) -> Iterator[str]:
 
 def _network_hash(model: str) -> str:
     """Of a network file its bytes; a name stays."""
-    path = Path(model)
-    try:
-        found = path.stat()
-    except OSError:
-        return model
-    return _file_hash(path, found.st_size, found.st_mtime_ns) if path.is_file() else model
-
-
-@functools.lru_cache(maxsize=32)
-def _file_hash(path: Path, size: int, changed: int) -> str:
-    return sha256_of(path)
+    return sha256_while_unchanged(Path(model)) if Path(model).is_file() else model

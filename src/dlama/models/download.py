@@ -28,6 +28,7 @@ LONGEST = 4 << 30
 TRIES = 4
 RANGE_REFUSED = 416
 PARTIAL = 206
+WEB_PAGE = "a web page came instead of the file (moved, or a login is asked for)"
 
 
 class Unusable(Exception):
@@ -148,7 +149,7 @@ def _pieces(response: Any, reply: _Reply) -> Iterator[bytes]:
         if not piece:
             return
         if first and re.match(rb"\s*<(!doctype\s+html|html)", piece[:256], re.IGNORECASE):
-            raise Moved("a web page came instead of the file (moved, or a login is asked for)")
+            raise Moved(WEB_PAGE)
         first = False
         yield piece
 
@@ -156,10 +157,7 @@ def _pieces(response: Any, reply: _Reply) -> Iterator[bytes]:
 def _reply(url: str, response: Any, start_at: int, size: int | None) -> _Reply:
     """What the headers announce; raises where it is plainly not the file."""
     headers = response.headers
-    if url.startswith("https:") and not response.geturl().startswith("https:"):
-        raise Unusable(f"redirects from https to {response.geturl()}, which is not followed")
-    if headers.get_content_type() == "text/html" and "Content-Type" in headers:
-        raise Moved("a web page came instead of the file (moved, or a login is asked for)")
+    _refuse_other(url, response)
     length = headers.get("Content-Length", "")
     total = int(length) if length.isdecimal() else None
     start = 0
@@ -168,6 +166,14 @@ def _reply(url: str, response: Any, start_at: int, size: int | None) -> _Reply:
     if size is not None and total is not None and total != size:
         raise Unusable(f"{'cut short' if total < size else 'too long'}: {total} bytes are announced, expected {size}")
     return _Reply(start, total, _validator(headers))
+
+
+def _refuse_other(url: str, response: Any) -> None:
+    """Raise Unusable where a reply comes from an unsafe address, or is a web page."""
+    if url.startswith("https:") and not response.geturl().startswith("https:"):
+        raise Unusable(f"redirects from https to {response.geturl()}, which is not followed")
+    if response.headers.get_content_type() == "text/html" and "Content-Type" in response.headers:
+        raise Moved(WEB_PAGE)
 
 
 def _validator(headers: Any) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 from dataclasses import dataclass
 from pathlib import Path
@@ -61,6 +62,18 @@ def mismatch(size: int, digest: str, known_size: int | None, known_digest: str |
 def sha256_of(path: Path) -> str:
     """64 hexadecimal digits of a file's content, read in pieces; FileError where it cannot be read."""
     return size_and_sha256(path)[1]
+
+
+def sha256_while_unchanged(path: Path) -> str:
+    """As `sha256_of`; a file is read again only when its size or time of change differs. FileError."""
+    with system_errors(FileError):
+        found = path.stat()
+    return _sha256_at(path, found.st_size, found.st_mtime_ns)
+
+
+@functools.lru_cache(maxsize=32)
+def _sha256_at(path: Path, size: int, changed: int) -> str:
+    return sha256_of(path)
 
 
 def size_and_sha256(path: Path) -> tuple[int, str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import os
+from importlib import metadata
 from pathlib import Path
 
 import made_up
@@ -72,13 +73,11 @@ def test_a_key_holds_all_of_it() -> None:
 @pytest.mark.parametrize("package", ["opencv-python-headless", "numba", "onnxruntime"])
 def test_another_version_of_what_computes_makes_results_stale(monkeypatch: pytest.MonkeyPatch, package: str) -> None:
     """Each by itself; a package that only draws does not count."""
-    version = room.metadata.version
+    version = metadata.version
     key = functools.partial(cache_key, "case", "method", ProtocolSettings(), made_up.protocol)
     before = key()
     for changed, stale in (("jinja2", False), (package, True)):
-        monkeypatch.setattr(
-            room.metadata, "version", lambda name, new=changed: "99.9" if name == new else version(name)
-        )
+        monkeypatch.setattr(metadata, "version", lambda name, new=changed: "99.9" if name == new else version(name))
         room.versions.cache_clear()
         assert (key() != before) == stale
     room.versions.cache_clear()

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import functools
 import hashlib
 import json
 import pickle
 from collections.abc import Callable, Mapping
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -18,9 +16,10 @@ import numpy as np
 from dlama.datasets.frames import Case
 from dlama.evaluation.metrics.pictures import SETTINGS as METRIC_SETTINGS
 from dlama.evaluation.protocols.methods import Method, ProtocolSettings
+from dlama.files.results.meta_json import package_versions
 from dlama.inpainters import FILLERS, model_file
 from dlama.models.network_file import default_provider
-from dlama.models.verify import sha256_of
+from dlama.models.verify import sha256_while_unchanged
 
 SHOWING = ("apps/", "jobs/", "training/", "web/", "evaluation/report/")
 """Folders whose code makes no number: a change there makes no result stale. The imports' order keeps what measures apart."""
@@ -43,18 +42,14 @@ def cache_key(case: str, method: str, settings: ProtocolSettings, protocol: Call
 
 def compute_versions() -> dict[str, Any]:
     """What results are computed with: versions of packages, who runs networks, weights that come with dlama."""
-    weights = {name: _file_sha256(SOURCE / name) for name in WEIGHTS if (SOURCE / name).is_file()}
+    weights = {name: sha256_while_unchanged(SOURCE / name) for name in WEIGHTS if (SOURCE / name).is_file()}
     return {"versions": versions(), "provider": default_provider(), "weights": weights}
 
 
 @functools.lru_cache(maxsize=1)
 def versions() -> dict[str, str]:
     """Of the PACKAGES that are installed."""
-    found = {}
-    for name in PACKAGES:
-        with contextlib.suppress(metadata.PackageNotFoundError):
-            found[name] = metadata.version(name)
-    return found
+    return package_versions(PACKAGES)
 
 
 def short_hash(value: Any) -> str:
@@ -71,7 +66,7 @@ def case_hash(case: Case) -> str:
 def method_hash(method: Method) -> str:
     """Of a method: its settings, and the bytes of its network file."""
     file = model_file(method.filler, method.model) if method.filler in FILLERS else method.model
-    model = None if file is None else _file_sha256(file)
+    model = None if file is None else sha256_while_unchanged(file)
     return short_hash([method.recipe, method.filler, model, dict(method.changes), method.seed])
 
 
@@ -114,8 +109,3 @@ def _describe_file(path: Path) -> Any:
     except OSError:
         return [str(path), "missing"]
     return [str(path)] if path.is_dir() else [str(path), found.st_size, found.st_mtime_ns]
-
-
-@functools.lru_cache(maxsize=32)
-def _file_sha256(path: Path) -> str:
-    return sha256_of(path)

@@ -18,7 +18,7 @@ import numpy as np
 from PIL import Image
 
 from dlama.errors import DepthError, any_error, format_size
-from dlama.files.cameras import FILM_DIAGONAL_MM
+from dlama.files.cameras import focal_of_film
 from dlama.files.photos.containers import (
     JPEG_BEGINS,
     STEREO,
@@ -239,7 +239,7 @@ def _of_stereo(file: Path, other: Item, orientation: int) -> PhotoDepth:
     }
     baseline, farthest = find_baseline(other.data), float(np.percentile(disparity, 1))
     if baseline and stored.focal_35mm and farthest > 0:
-        focal = stored.focal_35mm / FILM_DIAGONAL_MM * np.hypot(*disparity.shape)
+        focal = focal_of_film(stored.focal_35mm, disparity.shape)
         about |= {"baseline_m": baseline, "accuracy": "relative"}
         return PhotoDepth((disparity / np.float32(focal * baseline)).astype(np.float32), True, about=about)
     return PhotoDepth(np.maximum(disparity - np.float32(farthest - 1), np.float32(0)), False, about=about)

@@ -48,22 +48,18 @@ def read_depth(
     check_depth_options(depth_scale, depth_range, far)
     values = read_stored_numbers(path, "depth", channel)
     _check_not_negative(path, values, "depth")
-    if values.dtype.kind == "f":
-        depth = _metres_from_floats(path, values, depth_scale, depth_range)
+    if is_float := values.dtype.kind == "f":
         scale = depth_scale or 1.0
+        depth = _metres_from_floats(path, values, depth_scale, depth_range)
     else:
-        if depth_range is not None:
-            raise DepthError(f"{path}: holds whole numbers; `depth_range` is for depth normalised to 0..1 (EXR)")
         scale = depth_scale or MILLIMETRES
-        depth = depth_from_mm(values, scale)
-        if depth_scale is None and values.dtype == np.uint16:
-            warn_of_normalised(path, depth, scale)
+        depth = _metres_from_codes(path, values, depth_scale, depth_range)
     depth[np.isnan(depth)] = 0
     median = _check_plausible(path, depth, scale, depth_range)
     depth[depth > FAR_METRES] = np.inf
     if depth_range is None:
         warn_of_inverse(path, depth)
-    if values.dtype.kind == "f" and (depth_scale or depth_range) is None:
+    if is_float and (depth_scale or depth_range) is None:
         warn_of_millimetres(path, depth, median)
     return depth if far is None else mark_far(depth, far, f"{path}: ")
 
@@ -209,6 +205,18 @@ def _metres_from_floats(
             "if these are metres"
         )
     return values.astype(np.float32)
+
+
+def _metres_from_codes(
+    path: PathLike, codes: np.ndarray, depth_scale: float | None, depth_range: float | None
+) -> Float32Array:
+    """Of whole numbers. Warns of normalised depth."""
+    if depth_range is not None:
+        raise DepthError(f"{path}: holds whole numbers; `depth_range` is for depth normalised to 0..1 (EXR)")
+    depth = depth_from_mm(codes, depth_scale or MILLIMETRES)
+    if depth_scale is None and codes.dtype == np.uint16:
+        warn_of_normalised(path, depth, MILLIMETRES)
+    return depth
 
 
 def _check_plausible(path: PathLike, depth: Float32Array, scale: float, depth_range: float | None) -> float:

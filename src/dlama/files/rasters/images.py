@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import os
 import re
 import stat
 import warnings
@@ -34,7 +35,7 @@ LARGEST_PIXELS = 2**26
 """Pixels of the largest picture or array that is read (8192 x 8192): bounds the memory that a small file can ask for."""
 HEIC = re.compile(rb"....ftyp(hei|mif1)", re.DOTALL)
 """How a HEIC file begins (ISO 23008-12, brands)."""
-OTHER_PICTURES = {
+OTHER_FILES = {
     "AVIF": rb"....ftypavi",
     "GIF": rb"GIF8",
     "BMP": rb"BM",
@@ -51,10 +52,27 @@ OTHER_PICTURES = {
     "a video": rb"....ftyp(qt  |isom|iso2|mp4|M4V)",
     "SVG": rb"(<\?xml|<svg)",
     "a NumPy array": rb"\x93NUMPY",
+    "a pointer of Git LFS": rb"version http",
+    "a web page": rb"(?i:<!doctype|<html)",
 }
-"""Kinds of pictures that are not read, and how their files begin."""
-LINEAR = ("OpenEXR", "Radiance HDR")
-"""Those of them whose numbers are proportional to light, which an ordinary picture's are not."""
+"""What may be given in place of a picture that is read, and how such files begin."""
+LINEAR = "convert its linear light to sRGB, and save it as 16-bit PNG"
+ADVICE = {
+    "OpenEXR": LINEAR,
+    "Radiance HDR": LINEAR,
+    "a pointer of Git LFS": "`git lfs pull` gets the file",
+    "a web page": "what it was to be was not downloaded",
+}
+"""What to do with those of them that cannot be saved as PNG as they are."""
+TAKE_SCENES = "goes into view, photo3d, sequence, video and show (--also scene writes it)"
+OF_OTHER_VERBS = {
+    **dict.fromkeys(
+        (".bag", ".mcap", ".db3", ".mkv", ".r3d"), "a recording goes into sequence, photo3d, show and doctor"
+    ),
+    **dict.fromkeys((".ply", ".glb"), f"the scene.npz of the result {TAKE_SCENES}"),
+    ".npz": f"a scene {TAKE_SCENES}",
+}
+"""Endings of files that other verbs take -> which these are."""
 NO_RGB = ("CMYK", "YCbCr", "LAB", "HSV")
 """Pillow's modes of colours that become RGB when they are read."""
 SEVERAL = {"TIFF": "page", "WEBP": "frame"}
@@ -94,6 +112,12 @@ def existing_file(path: PathLike) -> Path:
         raise FileError(
             f"{printable_name(path)}: cannot be read ({getattr(error, 'strerror', '') or error})"
         ) from error
+    _check_ordinary(file, found)
+    return file
+
+
+def _check_ordinary(file: Path, found: os.stat_result) -> None:
+    """FileError where what lies there is no file with something in it."""
     if stat.S_ISDIR(found.st_mode):
         scene = file / "scene.npz"
         raise FileError(f"{file}: is a directory, a file is expected{f' ({scene}?)' if scene.is_file() else ''}")
@@ -101,7 +125,6 @@ def existing_file(path: PathLike) -> Path:
         raise FileError(f"{file}: is a pipe or device, a file on disk is expected")
     if not found.st_size:
         raise FileError(f"{file}: is empty (0 bytes)")
-    return file
 
 
 def printable_name(path: PathLike) -> str:
@@ -260,25 +283,15 @@ def _exif(picture: Image.Image) -> tuple[int, float | None]:
 
 
 def _describe_file(file: Path) -> str:
-    """What a file is that was given as a picture, and what to do with it: of another kind of pictures, a scene.npz, or points or
-    a mesh of a result."""
+    """What a file is that was given as a picture, and what to do with it; "" for what is not known."""
     with file.open("rb") as stream:
         head = stream.read(12)
-    found = next((kind for kind, begins in OTHER_PICTURES.items() if re.match(begins, head, re.DOTALL)), None)
-    if found is not None:
-        linear = "convert its linear light to sRGB, and save it as 16-bit PNG"
-        return f", but {found}: {linear if found in LINEAR else 'save it as PNG'}"
+    kind = next((kind for kind, begins in OTHER_FILES.items() if re.match(begins, head, re.DOTALL)), None)
+    if kind is not None:
+        return f", but {kind}: {ADVICE.get(kind, 'save it as PNG')}"
     if head[:4] in TIFF_HEADS:
         return describe_tiff(file)
-    if head.startswith(b"version http"):
-        return ", but a pointer of Git LFS: `git lfs pull` gets the file"
-    if head.lower().startswith((b"<!doctype", b"<html")):
-        return ", but a web page: what it was to be was not downloaded"
-    suffix = file.suffix.lower()
-    if suffix in (".bag", ".mcap", ".db3", ".mkv", ".r3d"):
-        return "; a recording goes into sequence, photo3d, show and doctor"
-    if head.startswith(b"PK") and suffix != ".npz":
-        return ", but a ZIP archive: unpack it, and give the folder or the picture in it"
-    scene = "the scene.npz of the result"
-    which = {".npz": "a scene", ".ply": scene, ".glb": scene}.get(suffix)
-    return f"; {which} goes into view, photo3d, sequence, video and show (--also scene writes it)" if which else ""
+    if (suffix := file.suffix.lower()) in OF_OTHER_VERBS:
+        return f"; {OF_OTHER_VERBS[suffix]}"
+    is_zip = head.startswith(b"PK")
+    return ", but a ZIP archive: unpack it, and give the folder or the picture in it" if is_zip else ""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import platform
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from importlib import metadata
 from pathlib import Path
@@ -59,10 +59,17 @@ def legends() -> dict[str, dict[str, Any]]:
 
 def versions() -> dict[str, str]:
     """Versions of what computes the result; a package that is not installed is left out."""
-    found = {"dlama": __version__, "python": platform.python_version()}
-    for name in ("numpy", "numba", "opencv-python-headless", "opencv-python", "pillow", "OpenEXR"):
+    names = ("numpy", "numba", "opencv-python-headless", "opencv-python", "pillow", "OpenEXR")
+    packages = {name.split("-python")[0]: number for name, number in package_versions(names).items()}
+    return {"dlama": __version__, "python": platform.python_version(), **packages}
+
+
+def package_versions(names: Iterable[str]) -> dict[str, str]:
+    """Name -> version of those packages that are installed."""
+    found = {}
+    for name in names:
         with suppress(metadata.PackageNotFoundError):
-            found[name.split("-python")[0]] = metadata.version(name)
+            found[name] = metadata.version(name)
     return found
 
 
