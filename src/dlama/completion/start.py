@@ -131,18 +131,13 @@ def choose_filler(estimated: bool, filler: str | Inpainter = AUTO, model: str | 
     if filler != AUTO:
         named = filler if isinstance(filler, str) else getattr(filler, "__name__", type(filler).__name__)
         return FillerChoice(filler, named, "as given")
-    refuse_model_of_auto(filler, model)
-    if estimated:
-        return FillerChoice(ESTIMATED, ESTIMATED, "a network estimated the depth")
-    return FillerChoice(MEASURED, MEASURED, "the depth was measured")
-
-
-def refuse_model_of_auto(filler: str | Inpainter, model: str | Path | None) -> None:
-    """Raise InputError where a model is given and the filler is `auto`: which one it chooses depends on the picture."""
-    if filler == AUTO and model is not None:
+    if model is not None:
         raise InputError(
             f"`model` is {model} and filler 'auto', which chooses by the depth; name the filler that runs the model"
         )
+    if estimated:
+        return FillerChoice(ESTIMATED, ESTIMATED, "a network estimated the depth")
+    return FillerChoice(MEASURED, MEASURED, "the depth was measured")
 
 
 def filler_of_recipe(filler: Inpainter, recipe: Recipe) -> Inpainter:

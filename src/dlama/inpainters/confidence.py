@@ -223,24 +223,28 @@ def channel_mean(color: UInt8Array) -> Float32Array:
 
 def blur(values: Float32Array, sigma: float) -> Float32Array:
     """H x W under a Gaussian of `sigma` pixels; computed at a coarser size where it is broad."""
+    return enlarge(blur_coarsely(values, sigma), values.shape)
+
+
+def blur_coarsely(values: Float32Array, sigma: float) -> Float32Array:
+    """H x W under a Gaussian of `sigma` pixels; in a smaller size where it is broad."""
     by = max(1, int(sigma // 2))
-    size = max(1, values.shape[1] // by), max(1, values.shape[0] // by)
-    coarse = cv2.GaussianBlur(cv2.resize(values, size, interpolation=cv2.INTER_AREA), (0, 0), max(sigma / by, 0.5))
-    return np.asarray(cv2.resize(coarse, (values.shape[1], values.shape[0])), np.float32)
+    if by > 1:
+        size = max(1, values.shape[1] // by), max(1, values.shape[0] // by)
+        values = np.asarray(cv2.resize(values, size, interpolation=cv2.INTER_AREA), np.float32)
+    return np.asarray(cv2.GaussianBlur(values, (0, 0), max(sigma / by, 0.5)), np.float32)
+
+
+def enlarge(values: Float32Array, hw: tuple[int, ...]) -> Float32Array:
+    """A plane of `blur_coarsely` at the picture's height and width."""
+    return values if values.shape == hw else np.asarray(cv2.resize(values, (hw[1], hw[0])), np.float32)
 
 
 def local_contrast(values: Float32Array, known: BoolArray, sigma: float) -> tuple[Float32Array, Float32Array]:
     """(mean, standard deviation), H x W, of the known values round each pixel under a Gaussian of `sigma` pixels."""
-    by = max(1, int(sigma // 2))  # the blur is computed at a coarser size where it is broad
-    full = values.shape[1], values.shape[0]
-    size, weight = (max(1, full[0] // by), max(1, full[1] // by)), known.astype(np.float32)
-    sums: list[np.ndarray] = [weight, values * weight, values**2 * weight]
-    if by > 1:
-        sums = [cv2.resize(part, size, interpolation=cv2.INTER_AREA) for part in sums]
-    share, first, second = (cv2.GaussianBlur(part, (0, 0), max(sigma / by, 0.5)) for part in sums)
+    weight = known.astype(np.float32)
+    share, first, second = (blur_coarsely(part, sigma) for part in (weight, values * weight, values**2 * weight))
     share = np.maximum(share, 1e-6)
     mean = np.asarray(first / share, np.float32)
     deviation = np.asarray(np.sqrt(np.maximum(second / share - mean**2, 0)), np.float32)
-    if by > 1:
-        mean, deviation = (np.asarray(cv2.resize(one, full), np.float32) for one in (mean, deviation))
-    return mean, deviation
+    return enlarge(mean, values.shape), enlarge(deviation, values.shape)

@@ -28,7 +28,7 @@ from dlama.models.network_file import NetworkFile, cores, default_provider, file
 from dlama.models.records import CATALOGUE
 from dlama.perception.depth_networks import IMAGENET, DepthContract, DepthPrediction, predict
 from dlama.perception.depth_scale import check_known, estimate_scale
-from dlama.perception.point_maps import depth_of_points, horizontal_fov
+from dlama.perception.point_maps import fit_points, horizontal_fov
 from dlama.perception.sharpening import sharpen_depth
 
 DEFAULT = "tcmonodepth"
@@ -199,7 +199,7 @@ def resolve_camera(
     source = "given"
     if prediction.gives == "points":
         known = None if camera is None else horizontal_fov(camera)
-        _, shift, found = depth_of_points(prediction.values, prediction.far, known)
+        shift, found = fit_points(prediction.values, prediction.far, known)
         if camera is None:
             camera, source = Camera.from_fov(width, height, found), "the network"
     if camera is None:

@@ -13,7 +13,7 @@ from dlama.errors import InputError, MaskError
 from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array, check_color, make_read_only, percent
 from dlama.models.network_file import make_room
 from dlama.perception.masks.choice import rgbd_masker
-from dlama.perception.masks.prompt import Box, NothingThereError, Point, Prompt, nothing_at
+from dlama.perception.masks.prompt import Box, NothingThereError, Point, Prompt
 from dlama.perception.masks.salient import salient_masker
 from dlama.perception.masks.segment_anything import segment_anything_masker
 from dlama.perception.masks.small import SmallPicture
@@ -112,7 +112,7 @@ class MaskSession:
             masks, notes = self._pointed(smaller)
         except NothingThereError as error:
             here = dict(zip(smaller.on, prompt.on))[error.pixel]
-            raise nothing_at(here, error.where, error.on) from None
+            raise NothingThereError(here, error.where, error.on) from None
         return {name: small.enlarge_found(mask, prompt) for name, mask in masks.items()}, notes
 
     def find(

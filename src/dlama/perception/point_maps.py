@@ -1,4 +1,4 @@
-"""A point map whose z is known up to a shift in; the shift, depth and field of view out.
+"""A point map whose z is known up to a shift in; the shift and the field of view out.
 
 Networks of this kind (MoGe, Wang et al. 2025) predict x, y and z of every pixel up to an affine change. The shift of z and the
 focal length follow from the condition that each point lies on the ray of its pixel.
@@ -19,10 +19,8 @@ STEPS = 60
 GOLDEN = (math.sqrt(5) - 1) / 2
 
 
-def depth_of_points(
-    points: Float32Array, far: BoolArray | None = None, fov: float | None = None
-) -> tuple[Float32Array, float, float]:
-    """(depth h x w, the shift of z, horizontal field of view in degrees) of points h x w x 3.
+def fit_points(points: Float32Array, far: BoolArray | None, fov: float | None) -> tuple[float, float]:
+    """(the shift of z, horizontal field of view in degrees) of points h x w x 3.
 
     far: h x w, True where points mean nothing. fov: degrees, where it is known. The shift minimises the distance, in the image
     plane, between points and the rays of their pixels; the best focal length for each shift has a closed form. DepthError where
@@ -40,7 +38,7 @@ def depth_of_points(
     known = None if fov is None else 0.5 / math.tan(math.radians(fov) / 2)
     shift = best_shift(cloud, image, known)
     focal = known or best_focal(cloud, image, shift)
-    return points[..., 2] + np.float32(shift), shift, math.degrees(2 * math.atan(0.5 / focal))
+    return shift, math.degrees(2 * math.atan(0.5 / focal))
 
 
 def best_shift(cloud: np.ndarray, image: np.ndarray, focal: float | None) -> float:

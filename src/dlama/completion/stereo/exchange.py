@@ -13,6 +13,7 @@ import numpy as np
 from dlama.completion.stereo.pair import MatchedPair
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.codes import Origin
+from dlama.geometry.frames.agreement import SAME_GAIN, UNCLIPPED
 from dlama.geometry.fusion import add_layer
 from dlama.geometry.holes import morphological_open, square
 from dlama.geometry.projection import depth_from_inverse
@@ -26,10 +27,6 @@ from dlama.inpainters.context import FillContext
 from dlama.inpainters.layered.depth.surfaces import continue_surfaces
 from dlama.perception.stereo.matching import nearest_columns
 
-UNCLIPPED = (8, 247)
-"""Levels between which a channel shows how much brighter one picture is than the other."""
-SAME_GAIN = 0.01
-"""A gain nearer to 1 than this is none: rounding would cost more than it mends."""
 NARROWEST = 3
 """px; what one camera saw alone and is narrower than this is the rim of a depth edge."""
 

@@ -23,16 +23,14 @@ def complete_pair_one_by_one(pair: MatchedPair, draft: Plan, clock: Clock) -> Co
     recipe, inpainter = draft.recipe, filler_of_recipe(draft.inpainter, draft.recipe)
     scene, grown_mask = without_object(pair, recipe)
     flat = [RGBD(one.color, np.ones(one.color.shape[:2], np.float32), one.camera) for one in (pair.left, pair.right)]
-    plans: list[Plan] = []
     before: list[View] = []
     filled: list[View] = []
     fills: list[FillReport] = []
     for source, mask in zip(map(View.from_rgbd, flat), pair.masks):
-        alone = Scene((source,))
-        plans.append(dataclasses.replace(draft, inpainter=inpainter, measured=alone))
+        context = dataclasses.replace(draft, measured=Scene((source,))).context
         before.append(source.without(dilate_mask(mask, recipe.dilate or 0), HoleType.OBJECT))
         with clock("fill"):
-            view, report = inpaint(before[-1], inpainter, plans[-1].context, draft.seed)
+            view, report = inpaint(before[-1], inpainter, context, draft.seed)
         filled.append(view)
         fills.append(report)
     with clock("match"):
@@ -44,9 +42,7 @@ def complete_pair_one_by_one(pair: MatchedPair, draft: Plan, clock: Clock) -> Co
     )
     record = Record(fills, clock.seconds, grown_mask)
     completed = Scene((left,), scene.removals)
-    return CompletedPair(
-        plans[0], pair.left, (before[0], before[1]), (left, right), completed, record, {"right": "given"}
-    )
+    return CompletedPair(draft, pair.left, (before[0], before[1]), (left, right), completed, record, {"right": "given"})
 
 
 def with_origin_of(matched: View, filled: View) -> View:

@@ -23,10 +23,10 @@ from dlama.completion.options import OptionKeywords, Options, Unpack, options_of
 from dlama.completion.recipes import Recipe
 from dlama.completion.report import Clock, Record, warn_of_disparity, warn_of_scale
 from dlama.completion.start import (
+    FillerChoice,
     Plan,
     choose_filler,
     filler_of_recipe,
-    refuse_model_of_auto,
     scene_of,
 )
 from dlama.completion.steps import complete_frame, frames_to_fill
@@ -58,7 +58,7 @@ from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
-from dlama.inpainters import AUTO, find_filler
+from dlama.inpainters import find_filler
 from dlama.inpainters.filling import FillReport, Inpainter, inpaint
 from dlama.inpainters.networks.pair import PairFiller
 from dlama.perception.stereo.matching import Matcher
@@ -116,7 +116,7 @@ def stereo(
     given = options_of(options)
     chosen = given.settings
     check_memory((rig.left, rig.right))
-    inpainter = filler_of_pair(given)
+    choice, filler = filler_of_pair(given)
     one_by_one = fills_one_by_one(chosen, mask is not None, disparity is not None)
     clock = Clock()
     with clock("match"):
@@ -127,12 +127,10 @@ def stereo(
     masks = masks_of_pair(found, mask_right, pair.disparities[0], rig)
     pair = dataclasses.replace(pair, masks=masks)
     start = scene_of(pair.left)
-    choice = choose_filler(start.has_estimated_depth, given.filler)
     decisions = choice.decision
     if masks is not None:
         growth = mask_growth(start, chosen.dilate)
         chosen, decisions = dataclasses.replace(chosen, dilate=growth.px), decisions | {"mask_growth": growth._asdict()}
-    filler = inpainter or find_filler(choice.filler)
     draft = Plan(chosen, filler, given.seed, start, choice.name, decisions)
     complete_pair = complete_pair_one_by_one if one_by_one else complete_pair_together
     if choose_right_view(right_view, chosen, masks is not None) == "synthesised":
@@ -142,17 +140,16 @@ def stereo(
     return completion.with_min_confidence(given.min_confidence)
 
 
-def filler_of_pair(options: Options) -> Inpainter | None:
-    """The filler that the options name; None: it is chosen by the depth. InputError: one that cannot be, or fills no depth."""
-    refuse_model_of_auto(options.filler, options.model)
-    if options.filler == AUTO:
-        return None
-    inpainter, depth_by = find_filler(options.filler, options.model), options.settings.depth_by
-    if isinstance(inpainter, PairFiller) and depth_by != "surfaces":
+def filler_of_pair(options: Options) -> tuple[FillerChoice, Inpainter]:
+    """The filler for measured depth, which matched depth is, and why that one. InputError: one that cannot be, or fills no
+    depth."""
+    choice = choose_filler(False, options.filler, options.model)
+    filler, depth_by = find_filler(choice.filler, options.model), options.settings.depth_by
+    if isinstance(filler, PairFiller) and depth_by != "surfaces":
         raise InputError(
             f"`depth_by` is {depth_by!r} and the filler 'pair', which fills no depth; surfaces is expected"
         )
-    return inpainter
+    return choice, filler
 
 
 def fills_one_by_one(recipe: Recipe, removing: bool, matched: bool) -> bool:

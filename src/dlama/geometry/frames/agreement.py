@@ -20,6 +20,8 @@ AGREES = 0.05
 """Largest relative difference of two depths of one surface, at any noise and pose error."""
 UNCLIPPED = (8, 247)
 """Levels between which a channel is used for the gain of a picture."""
+SAME_GAIN = 0.01
+"""A gain nearer to 1 than this is none: rounding would cost more than it mends."""
 BLUR_PX = 5
 """Side in px of the squares whose mean colours are compared: poses are off by a pixel or two."""
 ENOUGH = 20

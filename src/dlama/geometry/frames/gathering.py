@@ -19,6 +19,7 @@ from dlama.geometry.codes import HoleType, Origin, from_filler
 from dlama.geometry.frames.agreement import (
     AGREES,
     ENOUGH,
+    SAME_GAIN,
     Overlap,
     fit_gains,
     fit_noise,
@@ -33,8 +34,6 @@ from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.geometry.scene import Scene, contribution
 from dlama.geometry.view import View
 
-SAME_GAIN = 0.01
-"""Gains that all lie nearer to 1 than this are none."""
 SAME_POSE = 1e-6
 """Of the entries of two poses that may be the same."""
 OUTLIER = 0.5

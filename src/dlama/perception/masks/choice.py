@@ -19,7 +19,7 @@ from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
 from dlama.perception.masks.borders import decide_by_color
 from dlama.perception.masks.click_network import object_probability
 from dlama.perception.masks.photo import PhotoMasker, name_masks
-from dlama.perception.masks.prompt import Prompt, nothing_at
+from dlama.perception.masks.prompt import NothingThereError, Prompt
 from dlama.perception.masks.rgbd import Measured, correct_at_clicks, rgbd_candidates
 from dlama.perception.masks.rough import rough_candidates, rough_depth
 from dlama.perception.masks.salient import WindowSaliency
@@ -72,7 +72,7 @@ def choose_mask(
     rated = rate_masks(rgbd, prompt, find, network, seen is not None)
     if prompt.box is None and network.there < LEAST:
         where = "where nothing stands apart: that is ground, a wall or the sky"
-        raise nothing_at(prompt.on[0], where, "amid an object")
+        raise NothingThereError(prompt.on[0], where, "amid an object")
     masks = [mask for _, mask in rated]
     if rated and rated[0][0] >= agrees * network.iou(network.own):
         return name_masks(masks[0], masks[1:])

@@ -95,14 +95,9 @@ class Prompt:
 class NothingThereError(MaskError):
     """A click under which no object is found."""
 
-    def __init__(self, pixel: Pixel, where: str, on: str) -> None:
+    def __init__(self, pixel: Pixel, where: str, on: str = "on an object") -> None:
         super().__init__(f"`clicks` holds {pixel[1]},{pixel[0]}, {where}; click {on}, or give a box round it")
         self.pixel, self.where, self.on = pixel, where, on
-
-
-def nothing_at(pixel: Pixel, where: str, on: str = "on an object") -> NothingThereError:
-    """The error of a click under which no object is found."""
-    return NothingThereError(pixel, where, on)
 
 
 def check_numbers(name: str, values: Sequence[float], count: int, kind: str) -> tuple[float, ...]:

@@ -28,7 +28,7 @@ from dlama.geometry.holes import (
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
 from dlama.perception.kernels.regions import join_regions
 from dlama.perception.masks.borders import HOLE_PX, at_same_depth, correct_at_click, snap_to_picture_edges
-from dlama.perception.masks.prompt import Pixel, Prompt, nothing_at, square_about
+from dlama.perception.masks.prompt import NothingThereError, Pixel, Prompt, square_about
 from dlama.perception.masks.rough import check_surfaces
 from dlama.perception.masks.supports import (
     Planes,
@@ -186,7 +186,7 @@ def split_clicks(measured: Measured, prompt: Prompt) -> tuple[list[Pixel], list[
         seeds = [pixel for pixel in seeds if pixel not in flat]
     if not seeds:
         what = "the sky" if rgbd.far[flat[0]] else "a plain surface (ground, wall or table)"
-        raise nothing_at(flat[0], f"which lies on {what}: nothing stands apart there")
+        raise NothingThereError(flat[0], f"which lies on {what}: nothing stands apart there")
     return seeds, flat, support
 
 
@@ -231,7 +231,7 @@ def snap_to_piece(pieces: Pieces, seed: Pixel) -> Pixel:
         return seed
     distance, nearest = nearest_known(pieces.free)
     if not distance[seed] <= SNAP_PX * 1.5:
-        raise nothing_at(seed, "where depth shows nothing that stands apart")
+        raise NothingThereError(seed, "where depth shows nothing that stands apart")
     row, column = divmod(int(nearest[seed]), pieces.free.shape[1])
     return row, column
 

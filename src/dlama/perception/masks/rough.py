@@ -16,7 +16,7 @@ from dlama.geometry.holes import box_around, larger_box, morphological_close, mo
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.perception.masks.borders import run_grabcut
-from dlama.perception.masks.prompt import Pixel, Prompt, nothing_at, square_about
+from dlama.perception.masks.prompt import NothingThereError, Pixel, Prompt, square_about
 from dlama.perception.masks.supports import ESTIMATED_NOISE
 from dlama.perception.planes import find_planes, plane_values
 
@@ -113,13 +113,13 @@ def state_before_cut(rough: RoughDepth, prompt: Prompt) -> UInt8Array:
 def rough_candidates(rough: RoughDepth, prompt: Prompt) -> dict[str, BoolArray]:
     """The H x W mask as `object`. MaskError where nothing is found, or the sky is clicked."""
     if prompt.clicks and all(rough.far[pixel] for pixel in prompt.on):
-        raise nothing_at(prompt.on[0], "which lies on the sky: nothing stands apart there")
+        raise NothingThereError(prompt.on[0], "which lies on the sky: nothing stands apart there")
     mask = cut_along_colors(rough.color, mark_clicks(state_before_cut(rough, prompt), prompt))
     if prompt.clicks:
         mask = keep_clicked_parts(mask, prompt)
         if mask.sum() < NOTHING * len(prompt.clicks) * SEED_PX**2:
             where = "where nothing stands apart in colour or rough depth"
-            raise nothing_at(prompt.on[0], where, "amid an object")
+            raise NothingThereError(prompt.on[0], where, "amid an object")
         if prompt.box is None:
             refuse_background(mask, prompt)
             refuse_ground(rough, mask, prompt)
@@ -142,13 +142,13 @@ def refuse_background(mask: BoolArray, prompt: Prompt) -> None:
     """MaskError where the region covers half of the picture and of its upper border."""
     if mask.mean() > BACKGROUND and mask[0].mean() > BACKGROUND:
         where = "where more than half of the picture and of its upper rim are connected: that is background (sky, wall)"
-        raise nothing_at(prompt.on[0], where)
+        raise NothingThereError(prompt.on[0], where)
 
 
 def refuse_ground(rough: RoughDepth, mask: BoolArray, prompt: Prompt) -> None:
     """MaskError where the region is ground and runs along most of the picture's lower border."""
     if rough.ground[mask].mean() > ALL_GROUND and mask[-1].mean() > BACKGROUND:
-        raise nothing_at(prompt.on[0], "which lies on the ground: nothing stands apart there")
+        raise NothingThereError(prompt.on[0], "which lies on the ground: nothing stands apart there")
 
 
 def first_guess(rough: RoughDepth, pixel: Pixel) -> BoolArray:

@@ -16,13 +16,12 @@ import numpy as np
 from dlama.errors import MaskError
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.models.network_file import NetworkFile
+from dlama.perception.depth_networks import IMAGENET
 from dlama.perception.masks.prompt import Pixel, Prompt
 from dlama.perception.monocular import LEAST_CONTRAST, contrast
 
 MODEL = Path(__file__).parents[2] / "assets" / "u2netp" / "u2netp.onnx"
 SIDE = 320
-MEAN = np.array([0.485, 0.456, 0.406], np.float32)
-DEVIATION = np.array([0.229, 0.224, 0.225], np.float32)
 FLAT = 0.05
 """Least range of the output: below it there is no salient object."""
 Window = tuple[slice, slice]
@@ -56,7 +55,8 @@ def small_saliency(color: UInt8Array) -> Float32Array:
             "the picture has nearly one colour all over: it has no salient object; another picture is expected"
         )
     small = cv2.resize(color, (SIDE, SIDE), interpolation=cv2.INTER_AREA).astype(np.float32)
-    planes = (small / max(float(small.max()), 1e-6) - MEAN) / DEVIATION
+    mean, deviation = np.array(IMAGENET, np.float32)
+    planes = (small / max(float(small.max()), 1e-6) - mean) / deviation
     net = network()
     name = next(iter(net.inputs))
     out = net.run({name: np.ascontiguousarray(planes.transpose(2, 0, 1)[None], np.float32)})[0, 0]

@@ -83,17 +83,19 @@ class ShadowPlanes:
     def shares(self) -> ColorShares:
         """Frequencies of colours on the surface."""
         color = self.color[:, self.surface].T * LOG_RANGE
-        place = (np.clip((color - DARKEST) / (BRIGHTEST - DARKEST), 0, 0.9999) * COLORS).astype(int)
+        place = bin_of(color)
         flat = (place[:, 0] * COLORS + place[:, 1]) * COLORS + place[:, 2]
         counts = np.bincount(flat, minlength=COLORS**3).astype(np.float32).reshape((COLORS,) * 3)
         for axis in range(3):
             counts += (np.roll(counts, 1, axis) + np.roll(counts, -1, axis) - 2 * counts) / 4
         share = np.log(counts / max(len(color), 1) + 1e-4)
-        raised = []
-        for more in LIGHTER:
-            higher = (np.clip((color + more - DARKEST) / (BRIGHTEST - DARKEST), 0, 0.9999) * COLORS).astype(int)
-            raised.append(share[tuple(higher.T)])
+        raised = [share[tuple(bin_of(color + more).T)] for more in LIGHTER]
         return ColorShares(share[tuple(place.T)], raised)
+
+
+def bin_of(color: Float32Array) -> NDArray[np.intp]:
+    """N x 3: which of COLORS bins each channel of log colours (N x 3) is in."""
+    return (np.clip((color - DARKEST) / (BRIGHTEST - DARKEST), 0, 0.9999) * COLORS).astype(int)
 
 
 def shadow_planes(rgbd: RGBD, mask: BoolArray, ground: Ground) -> tuple[ShadowPlanes, Crop, Float32Array]:

@@ -20,7 +20,14 @@ from dlama.inpainters.context import FillContext
 from dlama.inpainters.layered.depth.coarse_cells import CoarseCells
 from dlama.inpainters.layered.depth.cut_objects import CutObjects
 from dlama.inpainters.layered.depth.distances import CHORD, angle_to_far, enlarge, mean_chords
-from dlama.inpainters.layered.depth.out_of_view import FOLLOWED, PlaneLines, above_horizon, ending_cost, follow_lines
+from dlama.inpainters.layered.depth.out_of_view import (
+    FOLLOWED,
+    IN_FRONT,
+    PlaneLines,
+    above_horizon,
+    ending_cost,
+    follow_lines,
+)
 from dlama.inpainters.layered.depth.plane_edges import align_lines_to_edges
 from dlama.inpainters.layered.kernels import surfaces as surface_kernels
 from dlama.perception.planes import SMOOTH
@@ -49,8 +56,6 @@ ORDER_COST = 3.0
 """Cost of a surface behind a plane that it is never seen behind."""
 OUT_OF_ORDER = 0.02
 """Largest share of a surface's known cells behind a plane that counts as never: noise, wrong labels."""
-IN_FRONT = 1.05
-"""Relative inverse depth from which one plane stands before another."""
 LEAST_CELLS = 50
 """Least number of known cells that define the order of surfaces."""
 LEAST_INVERSE_DEPTH = 1e-3
