@@ -107,29 +107,31 @@ CONFIG = (OmitArgPrefixes, FlagCreatePairsOff)
 def main(args: Sequence[str] | None = None) -> None:
     """The entry point `dlama`; `args` default to the command line's."""
     words = list(sys.argv[1:] if args is None else args)
-    if words[:1] == ["--version"]:
-        with errors_as_lines():
-            print(f"dlama {dlama.__version__}")
-    elif not words:
-        with errors_as_lines():
+    if words and words[0] in VERBS:
+        run_verb(words[0], words[1:])
+        return
+    with errors_as_lines():
+        if not words:
             print(FIRST_WORDS)
-    elif words[0] in ("--help", "-h"):
-        with errors_as_lines():
+        elif words[0] == "--version":
+            print(f"dlama {dlama.__version__}")
+        elif words[0] in ("--help", "-h"):
             print(list_verbs())
             sys.exit(0)
-    elif words[0] in VERBS:
-        run_verb(words[0], words[1:])
-    else:
-        with errors_as_lines():
-            if words and not words[0].startswith("-"):
-                meant = (
-                    difflib.get_close_matches(words[0], VERBS, 1) if "." not in words[0] else []
-                )  # a file is no verb
-                hint = f"did you mean {meant[0]}? One" if meant else "one"
-                raise InputError(f"{words[0]!r} is no verb of dlama; {hint} of {', '.join(VERBS)} is expected")
+        elif words[0].startswith("-"):
             tyro.extras.subcommand_cli_from_dict(
                 VERBS, prog="dlama", description=DESCRIPTION, args=words, config=CONFIG
             )
+        else:
+            raise _unknown_verb(words[0])
+
+
+def _unknown_verb(word: str) -> InputError:
+    """The error for a word that is none of the verbs."""
+    is_file = "." in word
+    meant = [] if is_file else difflib.get_close_matches(word, VERBS, 1)
+    hint = f"did you mean {meant[0]}? One" if meant else "one"
+    return InputError(f"{word!r} is no verb of dlama; {hint} of {', '.join(VERBS)} is expected")
 
 
 def list_verbs() -> str:

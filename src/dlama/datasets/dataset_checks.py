@@ -6,7 +6,7 @@ import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -71,29 +71,42 @@ def _open(root: Path, layout: str | None, options: Mapping[str, Any]) -> tuple[D
 def examine_scene(frames: Sequence[Frame]) -> tuple[list[Finding], RGBD]:
     """Findings on the frames of a scene, those that cannot be read among them; and the first frame in a row that can. The
     reader's error where none can."""
-    row, small, unread = frames_in_a_row(frames), dict[str, SmallFrame](), dict[str, InputError]()
-    sizes = dict[str, tuple[int, int]]()
+    row, scene = frames_in_a_row(frames), frames[0].scene
     spread = np.linspace(0, len(frames) - 1, min(len(frames), COMPARED)).round().astype(int)
-    looked_at = {name_of(each): each for each in (*(frames[place] for place in spread), *row)}
-    for name, each in looked_at.items():
-        try:
-            frame = each.load()
-            small[name], sizes[name] = shrink(frame), frame.camera.hw
-        except InputError as error:
-            unread[name] = error
-    if not small:
-        raise next(iter(unread.values()))
-    if not any(name_of(each) in small for each in row):
-        start = next(place for place in spread if name_of(frames[place]) in small)
+    looked_at = _look_at({name_of(each): each for each in (*(frames[place] for place in spread), *row)})
+    if not any(name_of(each) in looked_at.small for each in row):
+        start = next(place for place in spread if name_of(frames[place]) in looked_at.small)
         row = list(frames[start : start + FRAMES])
-    in_row = [name_of(each) for each in row]
-    name = next(each for each in in_row if each in small)
-    first = looked_at[name].load()
-    found = run_checks(Observed.of(first, (name, name, name))) + check_sizes(sizes, row[0].scene)
-    of_poses = compare_frames(small, in_row, row[0].scene)
+    first = next(each for each in row if name_of(each) in looked_at.small)
+    rgbd, name = first.load(), name_of(first)
+    found = run_checks(Observed.of(rgbd, (name, name, name))) + check_sizes(looked_at.sizes, scene)
+    of_poses = compare_frames(looked_at.small, [name_of(each) for each in row], scene)
     if any(each.check == "depth-scale" and each.what.startswith(f"{name}:") for each in of_poses):
         found = [each for each in found if each.check != "depth-scale"]
-    return [*(Finding("reading", "fault", 1.0, error.marked) for error in unread.values()), *found, *of_poses], first
+    return [*looked_at.unread, *found, *of_poses], rgbd
+
+
+class _LookedAt(NamedTuple):
+    """Frames by their names: small, with their heights and widths; and findings on those that cannot be read."""
+
+    small: dict[str, SmallFrame]
+    sizes: dict[str, tuple[int, int]]
+    unread: list[Finding]
+
+
+def _look_at(frames: Mapping[str, Frame]) -> _LookedAt:
+    """The frames, one after the other. The reader's error where none can be read."""
+    found, first_error = _LookedAt({}, {}, []), None
+    for name, each in frames.items():
+        try:
+            frame = each.load()
+            found.small[name], found.sizes[name] = shrink(frame), frame.camera.hw
+        except InputError as error:
+            first_error = first_error or error
+            found.unread.append(Finding("reading", "fault", 1.0, error.marked))
+    if first_error is not None and not found.small:
+        raise first_error
+    return found
 
 
 def name_of(frame: Frame) -> str:

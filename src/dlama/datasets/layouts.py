@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,7 +13,7 @@ from dlama.arguments import check_count
 from dlama.completion.options import Unpack
 from dlama.datasets.captures import arkitscenes, azure_kinect, polycam, record3d, rosbag, scannetpp, stray_scanner
 from dlama.datasets.easysynth.dataset import easysynth, looks_like_easysynth
-from dlama.datasets.frames import Dataset, Gamma
+from dlama.datasets.frames import Dataset, Gamma, Protocol
 from dlama.datasets.pairs_json import looks_like_pairs, pairs_json
 from dlama.datasets.posed import colmap, nerfstudio, replica, scannet, trajectory_log, tum
 from dlama.datasets.posed.numbered_frames import SEVEN_SCENES, TSDF_FUSION
@@ -225,7 +226,7 @@ def select_cases(dataset: Dataset, scenes: Sequence[str] | None, limit: int | No
     names = [*(each.scene for each in dataset.frames), *(each.scene for each in dataset.cases)]
     check_scenes(list(dict.fromkeys(names)), scenes)
     frames = [each for each in dataset.frames if scenes is None or each.scene in scenes]
-    cases, counts = [], dict.fromkeys(("vpi", "ori", "sii"), 0)
+    cases, counts = [], Counter[Protocol]()
     for case in dataset.cases:
         if (scenes is None or case.scene in scenes) and (limit is None or counts[case.protocol] < limit):
             counts[case.protocol] += 1

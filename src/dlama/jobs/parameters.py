@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 import os
-import re
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -100,31 +99,22 @@ def box(name: str, value: Any) -> list[float]:
     return numbers(name, value, 4, "X,Y,W,H")
 
 
-def known_depths(typed: Sequence[str]) -> tuple[tuple[float, float, float], ...]:
-    """(x, y, metres) of each `X,Y=D`; raises InputError."""
-    found = []
-    for word in typed:
-        parts = re.fullmatch(r"([^,=]+),([^,=]+)=([^,=]+)", word)
-        try:
-            if parts is None:
-                raise ValueError
-            x, y, metres = map(float, parts.groups())
-        except ValueError:
-            raise InputError(
-                f"`metres_at` is {word!r}; X,Y=D is expected: a pixel and its depth in metres, such as 320,400=2.5"
-            ) from None
-        found.append((x, y, metres))
-    return tuple(found)
-
-
 def metres_at(name: str, value: Any) -> tuple[tuple[float, float, float], ...]:
     """`X,Y=D X,Y=D`, or a list of such texts or of threes."""
-    expected = "X,Y=D"
-    words = [
-        one if isinstance(one, str) else _split_values(name, one, expected, 3)
-        for one in _split_values(name, value, expected)
-    ]
-    return known_depths([one if isinstance(one, str) else "{},{}={}".format(*one) for one in words])
+    return tuple(_known_depth(name, one) for one in _split_values(name, value, "X,Y=D"))
+
+
+def _known_depth(name: str, value: Any) -> tuple[float, float, float]:
+    """(x, y, metres) of `X,Y=D`, or of a list of three."""
+    word = value if isinstance(value, str) else "{},{}={}".format(*_split_values(name, value, "X,Y=D", 3))
+    try:
+        pixel, metres = word.split("=")
+        x, y = pixel.split(",")
+        return float(x), float(y), float(metres)
+    except ValueError:
+        raise InputError(
+            f"`{name}` is {word!r}; X,Y=D is expected: a pixel and its depth in metres, such as 320,400=2.5"
+        ) from None
 
 
 def results(name: str, value: Any) -> tuple[str, ...]:

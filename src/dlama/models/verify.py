@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import hashlib
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Literal
 from dlama.errors import FileError, system_errors
 from dlama.models.cache import describe_manual_install, known_size_and_sha256, pin, target_path
 from dlama.models.records import Record
+from dlama.writing.unchanged import while_unchanged
 
 PIECE = 1 << 20
 
@@ -64,15 +64,10 @@ def sha256_of(path: Path) -> str:
     return size_and_sha256(path)[1]
 
 
+@system_errors(FileError)
+@while_unchanged(keep=32)
 def sha256_while_unchanged(path: Path) -> str:
-    """As `sha256_of`; a file is read again only when its size or time of change differs. FileError."""
-    with system_errors(FileError):
-        found = path.stat()
-    return _sha256_at(path, found.st_size, found.st_mtime_ns)
-
-
-@functools.lru_cache(maxsize=32)
-def _sha256_at(path: Path, size: int, changed: int) -> str:
+    """As `sha256_of`; a file is read again only when it has changed."""
     return sha256_of(path)
 
 

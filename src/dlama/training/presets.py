@@ -42,7 +42,6 @@ MINI = (
 )
 SMALL = "about 255 (estimate: what 15 cores make, 17 each; by its FLOP a GPU of 990 TFLOP/s does three times as many)"
 BIG = "about 60 (estimate: 1.7 TFLOP a sample and step, 10 % of a GPU of 990 TFLOP/s; 15 cores make 64)"
-BIG_SCREEN = DataSettings(size=512, held_out=32)
 FINISH = OptimiserSettings(warm_up=200, decay="cosine")
 
 
@@ -94,7 +93,7 @@ def _big() -> TrainSettings:
         "big-rgbd",
         network=NetworkSettings("rgbd", width=64, blocks=18),
         optimiser=FINISH,
-        data=BIG_SCREEN,
+        data=DataSettings(size=512, held_out=32),
         loop=LoopSettings(steps=300_000, batch=8, precision="bf16"),
     )
 

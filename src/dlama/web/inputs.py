@@ -59,6 +59,11 @@ class Source:
     files: Mapping[str, Upload] = field(default_factory=dict)
 
 
+def names_of(files: Mapping[str, Upload]) -> dict[Path, str]:
+    """Our path of each upload -> the visitor's name of it."""
+    return {upload.path: upload.name for upload in files.values()}
+
+
 def file_name(name: str, role: str, taken: Mapping[str, Upload]) -> tuple[str, str]:
     """A visitor's name without folders and odd signs, of a role and unlike those of other roles, and its ending.
 

@@ -10,6 +10,7 @@ import numpy as np
 
 import dlama
 from dlama.files.results.completion import views_by_folder
+from dlama.files.results.preview import name_code
 from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.figures.false_color import (
     HOLE_PALETTE,
@@ -108,18 +109,14 @@ def scene_origins(done: dlama.Completion) -> list[dict[str, Any]]:
     """Name and colour of each origin that occurs in the scene."""
     layers = (layer.load() for layer in done.scene.layers)
     found = {int(code) for layer in layers for code in np.unique(layer.origin[~layer.hole])}
-    return [
-        {"name": code.name.lower().replace("_", " "), "color": list(ORIGIN_PALETTE[code])}
-        for code in Origin
-        if code in found
-    ]
+    return [{"name": name_code(code), "color": list(ORIGIN_PALETTE[code])} for code in Origin if code in found]
 
 
 def shares(codes: UInt8Array, names: Any, palette: Any, skip: int = -1) -> list[dict[str, Any]]:
     """Name, colour and share of each code that occurs."""
     counts = np.bincount(codes.ravel(), minlength=len(palette)) / max(codes.size, 1)
     return [
-        {"name": code.name.lower().replace("_", " "), "color": list(palette[code]), "share": float(counts[code])}
+        {"name": name_code(code), "color": list(palette[code]), "share": float(counts[code])}
         for code in names
         if counts[code] and int(code) != skip
     ]
@@ -143,8 +140,8 @@ def pixel(view: View, x: int, y: int) -> dict[str, Any]:
         "x": x,
         "y": y,
         "color": view.color[y, x].tolist(),
-        "origin": Origin(int(view.origin[y, x])).name.lower().replace("_", " "),
-        "hole_type": HoleType(int(view.hole_type[y, x])).name.lower().replace("_", " "),
+        "origin": name_code(Origin(int(view.origin[y, x]))),
+        "hole_type": name_code(HoleType(int(view.hole_type[y, x]))),
         "confidence": round(float(view.confidence[y, x]), 3),
         "depth": None if depth <= 0 else "sky" if np.isinf(depth) else round(depth, 4),
         "point": None,

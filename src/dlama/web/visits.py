@@ -21,7 +21,7 @@ from dlama.geometry.rgbd import BoolArray
 from dlama.web.answers import PageError
 from dlama.web.completions.request import CompletionRequest
 from dlama.web.completions.runs import Run
-from dlama.web.inputs import Source, Upload
+from dlama.web.inputs import Source, Upload, names_of
 from dlama.web.marks import Marks
 from dlama.writing.drafts import DRAFT, hold, name_of, remove_abandoned
 
@@ -82,7 +82,7 @@ class Visit:
 
     def names(self) -> dict[Path, str]:
         """Our path of each upload -> the visitor's name of it."""
-        return {upload.path: upload.name for upload in self.files.values()}
+        return names_of(self.files)
 
     def require_source(self) -> Source:
         """What was read. PageError."""

@@ -9,7 +9,6 @@ recorded by itself names its topics in its own way: `realsense`.
 
 from __future__ import annotations
 
-import functools
 import itertools
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -43,6 +42,7 @@ from dlama.datasets.posed.registered_depth import register_depth
 from dlama.datasets.text_tables import nearest_in_time
 from dlama.errors import CameraError, FileError, any_error, import_extra
 from dlama.files.fields import FileFields
+from dlama.writing.unchanged import while_unchanged
 
 FILES = (".bag", ".mcap", ".db3")
 IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
@@ -251,12 +251,7 @@ class Bag:
         return Lens(where, intrinsics, 0.0, hw)
 
 
+@while_unchanged(keep=2)
 def open_bag(path: Path) -> Bag:
     """The bag; the last two stay open."""
-    stat = path.stat()
-    return _open_cached(path, stat.st_mtime_ns)
-
-
-@functools.lru_cache(maxsize=2)
-def _open_cached(path: Path, changed: int) -> Bag:
     return Bag(path)

@@ -9,7 +9,6 @@ iphone/arkit_pcl.py.
 
 from __future__ import annotations
 
-import functools
 import zlib
 from collections.abc import Callable
 from contextlib import suppress
@@ -28,6 +27,7 @@ from dlama.files.rasters.images import existing_file
 from dlama.files.rasters.pictures import read_color_of_camera
 from dlama.files.rasters.video_frames import read_video_frame, video_times
 from dlama.geometry.rgbd import Float32Array, UInt8Array
+from dlama.writing.unchanged import while_unchanged
 
 POSES, FOLDER = "pose_intrinsic_imu.json", "iphone"
 VIDEOS = ("rgb.mkv", "rgb.mp4")
@@ -92,15 +92,15 @@ def _depths(folder: Path) -> Callable[[int], Callable[[], Float32Array] | None]:
         files = files_by_stem(folder / "depth", (".png",))
         return lambda number: partial(read_depth, files[name]) if (name := f"frame_{number:06d}") in files else None
     path = existing_file(folder / "depth.bin")
-    count = len(_blocks(path, path.stat().st_mtime_ns))
+    count = len(_blocks(path))
     return lambda number: partial(depth_of_bin, path, number) if number < count else None
 
 
 def depth_of_bin(path: Path, number: int) -> Float32Array:
     """The depth of one frame, 192 x 256 metres. FileError, MissingExtraError."""
-    place, size = _blocks(path, path.stat().st_mtime_ns)[number]
+    place, size = _blocks(path)[number]
     if size < 0:  # one stream of all
-        return _whole(path, path.stat().st_mtime_ns)[number]
+        return _whole(path)[number]
     with path.open("rb") as stream:
         stream.seek(place)
         block = stream.read(size)
@@ -114,8 +114,8 @@ def depth_of_bin(path: Path, number: int) -> Float32Array:
     return _array(path, codes, np.uint16)[0].astype(np.float32) / np.float32(1000)
 
 
-@functools.lru_cache(maxsize=4)
-def _blocks(path: Path, changed: int) -> list[tuple[int, int]]:
+@while_unchanged(keep=4)
+def _blocks(path: Path) -> list[tuple[int, int]]:
     """Place and size of each frame's block; sizes of -1 where all frames are one stream."""
     total, at, found = path.stat().st_size, 0, list[tuple[int, int]]()
     with path.open("rb") as stream:
@@ -124,11 +124,11 @@ def _blocks(path: Path, changed: int) -> list[tuple[int, int]]:
             size = int.from_bytes(stream.read(4), "little")
             found.append((at + 4, size))
             at += 4 + size
-    return found if at == total else [(0, -1)] * len(_whole(path, changed))
+    return found if at == total else [(0, -1)] * len(_whole(path))
 
 
-@functools.lru_cache(maxsize=1)
-def _whole(path: Path, changed: int) -> Float32Array:
+@while_unchanged(keep=1)
+def _whole(path: Path) -> Float32Array:
     stream = zlib.decompressobj(wbits=-zlib.MAX_WBITS)
     with any_error(FileError, f"{path}: is neither a row of packed depth pictures nor one packed stream"):
         data = stream.decompress(path.read_bytes(), LONGEST)

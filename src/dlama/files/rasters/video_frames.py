@@ -5,7 +5,6 @@ Pictures are found by their time stamps and not by the frame rate: phones record
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable
 from pathlib import Path
 from threading import Lock
@@ -17,6 +16,7 @@ from dlama.errors import FileError, any_error, import_extra, system_errors
 from dlama.files.rasters.images import check_pixels, existing_file
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.rgbd import UInt8Array, UInt16Array
+from dlama.writing.unchanged import while_unchanged
 
 AHEAD = 60
 """Pictures that are decoded on the way to a later one rather than sought."""
@@ -25,14 +25,14 @@ AHEAD = 60
 @system_errors(FileError)
 def video_times(path: Path, track: int = 0) -> Float64Array:
     """Seconds of the pictures of a track, ascending; they are not decoded. FileError, MissingExtraError."""
-    video = _opened(path, track)
+    video = _open_video(existing_file(path), track)
     return np.array(video.stamps, np.float64) * float(video.stream.time_base or 1)
 
 
 @system_errors(FileError)
 def video_tracks(path: Path) -> tuple[list[dict[str, str]], dict[str, bytes]]:
     """The tags of each video track, and name -> bytes of what is attached to the file. FileError, MissingExtraError."""
-    streams: Any = _opened(path, 0).container.streams
+    streams: Any = _open_video(existing_file(path), 0).container.streams
     attached = {each.name: each.data for each in streams if each.type == "attachment"}
     return [dict(each.metadata) for each in streams.video], attached
 
@@ -50,7 +50,7 @@ def read_raw_frame(path: Path, place: int, track: int) -> UInt16Array:
 
 
 def _picture(path: Path, place: int, track: int, how: Callable[[Video, int], np.ndarray]) -> np.ndarray:
-    video = _opened(path, track)
+    video = _open_video(existing_file(path), track)
     with any_error(FileError, f"{path}: picture {place} is damaged"):
         return how(video, place)
 
@@ -102,11 +102,7 @@ class Video:
             )
 
 
-def _opened(path: Path, track: int) -> Video:
-    stat = existing_file(path).stat()
-    return _kept_open(Path(path), track, stat.st_mtime_ns, stat.st_size)
-
-
-@functools.lru_cache(maxsize=4)
-def _kept_open(path: Path, track: int, changed: int, size: int) -> Video:
+@while_unchanged(keep=4)
+def _open_video(path: Path, track: int) -> Video:
+    """The track; the last four stay open."""
     return Video(path, track)

@@ -9,7 +9,7 @@ import numpy as np
 
 from dlama.completion.completion import Completion, StereoCompletion
 from dlama.files.results.contact_sheet import PANEL_WIDTH, Panel, write_contact_sheet
-from dlama.geometry.codes import HoleType
+from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.figures.false_color import HOLE_PALETTE, RGB, depth_limits, depth_picture, hole_picture
 from dlama.geometry.holes import erode_square
 from dlama.geometry.rgbd import UInt8Array
@@ -21,10 +21,15 @@ def hole_legend(hole_type: UInt8Array) -> list[tuple[str, RGB]]:
     """(name with its share of the picture, colour) of the hole types that occur, for a sheet's legend."""
     counts = {code: np.count_nonzero(hole_type == code) for code in HoleType if code}
     return [
-        (f"{code.name.lower().replace('_', ' ')} {percent(count / hole_type.size)}", HOLE_PALETTE[code])
+        (f"{name_code(code)} {percent(count / hole_type.size)}", HOLE_PALETTE[code])
         for code, count in counts.items()
         if count
     ]
+
+
+def name_code(code: HoleType | Origin) -> str:
+    """What people call it: out of view."""
+    return code.name.lower().replace("_", " ")
 
 
 def percent(share: float) -> str:
@@ -99,7 +104,7 @@ def demo_panels(name: str, completion: Completion) -> list[Panel]:
 def demo_legend(completions: Sequence[Completion]) -> list[tuple[str, RGB]]:
     """Names and colours of the hole types that occur in any of the jobs."""
     found = {int(code) for done in completions for view in done.warped for code in np.unique(view.hole_type)}
-    return [(code.name.lower().replace("_", " "), HOLE_PALETTE[code]) for code in HoleType if code and code in found]
+    return [(name_code(code), HOLE_PALETTE[code]) for code in HoleType if code and code in found]
 
 
 def source_panel(completion: Completion) -> Panel:

@@ -13,7 +13,7 @@ from dlama.web.answers import Blob, Fields, PageError, hide_paths, use_page_word
 from dlama.web.completions import take_home
 from dlama.web.completions.request import read_request
 from dlama.web.completions.runs import Run
-from dlama.web.inputs import pixel_of
+from dlama.web.inputs import names_of, pixel_of
 from dlama.web.marks import pointing
 from dlama.web.visits import Result, Visit
 
@@ -92,7 +92,7 @@ def cancel(visit: Visit, fields: Fields) -> dict[str, Any]:
 
 def describe_result(result: Result) -> dict[str, Any]:
     """What came out, for the page."""
-    done, names = result.done, {upload.path: upload.name for upload in result.source.files.values()}
+    done, names = result.done, names_of(result.source.files)
     view = pictures.result_views(done, False)[0]
     pair = isinstance(done, dlama.StereoCompletion)
     sides = ("left", "right") if pair else ("left",)

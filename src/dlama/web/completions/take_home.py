@@ -19,7 +19,7 @@ from dlama.files.scenes.photo3d_page import photo3d_page
 from dlama.jobs.options import Pointing
 from dlama.jobs.parameters import ESTIMATING, LENS, METHOD, MOVE, POINTING, READING
 from dlama.web.answers import PageError, hide_paths
-from dlama.web.inputs import Source
+from dlama.web.inputs import Source, names_of
 from dlama.web.marks import pointing
 from dlama.web.visits import Result
 
@@ -153,7 +153,7 @@ def how(result: Result) -> dict[str, Any]:
 def write_result(result: Result, folder: Path, only: tuple[str, ...] | None = None) -> Path:
     """Write a result as the command line does, to `folder`/out; with the mask next to it where the command reads one."""
     inputs = dict(result.source.job.inputs)
-    names = {upload.path: upload.name for upload in result.source.files.values()}
+    names = names_of(result.source.files)
     if needs_mask_file(result) and result.mask is not None:
         inputs["mask"] = folder / MASK
         names[folder / MASK] = MASK

@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 from dlama.apps.options import Report, Seed, option
 from dlama.apps.places import check_folder_apart
 from dlama.apps.terminal.output import counting_bar, report_result
+from dlama.errors import format_count
 
 
 def worlds(
@@ -36,6 +37,5 @@ def worlds(
         from dlama.worlds.writer import write_worlds  # in here, so that what it warns of is one line
 
         scenes = write_worlds(output, count=count, seed=seed, progress=progress, **scene)  # type: ignore[arg-type]
-        made = f"{len(scenes)} scene{'s' * (len(scenes) != 1)}"
-        line = f"{output}: {made}. Next: dlama evaluate {shlex.quote(str(output))} -o dlama-report"
+        line = f"{output}: {format_count(len(scenes), 'scene')}. Next: dlama evaluate {shlex.quote(str(output))} -o dlama-report"
         result.add(line, output=str(output), scenes=[str(scene) for scene in scenes])
