@@ -102,9 +102,7 @@ def render(
     drawn = draw_scene(scene, camera, mode, fine)
     if close and mode == "surface" and can_close_gaps(scene):
         close_gaps(drawn.canvas)
-    hole = drawn.canvas.depth == 0
-    kinds = hole_types(drawn.grids, scene.removals, hole) if types else hole * np.uint8(HoleType.OUT_OF_VIEW)
-    return drawn.view(camera, kinds)
+    return drawn.view(camera, hole_types(drawn, scene.removals) if types else None)
 
 
 def render_measured(
@@ -133,8 +131,7 @@ def render_fills(scene: Scene, camera: Camera, mode: Mode, hole: BoolArray, fram
 
     frames: False where the frames, as they are in the scene, leave that hole too: they are not drawn again.
     """
-    drawn = draw_scene(scene, camera, mode, True, count_wanted(hole), frames)
-    return drawn.view(camera, (drawn.canvas.depth == 0) * np.uint8(HoleType.OUT_OF_VIEW))
+    return draw_scene(scene, camera, mode, True, count_wanted(hole), frames).view(camera)
 
 
 def draw_scene(
@@ -242,8 +239,9 @@ def drop_overlap(fills: tuple[Layer, ...]) -> tuple[Layer, ...]:
     return tuple(fill.without(~where, HoleType.NONE) for fill, where in zip(fills, added))
 
 
-def hole_types(grids: list[Grid], removals: tuple[Layer, ...], hole: BoolArray) -> UInt8Array:
-    """H x W HoleType codes of the empty pixels of a scene (its grids, its removed objects)."""
+def hole_types(drawn: Drawn, removals: tuple[Layer, ...]) -> UInt8Array:
+    """H x W HoleType codes of the empty pixels of a drawn scene; removals: its removed objects."""
+    grids, hole = drawn.grids, drawn.canvas.depth == 0
     count = cv2.integral(hole.view(np.uint8))
     ranks = np.zeros(hole.shape, np.uint8)
     for grid in grids:
@@ -293,4 +291,4 @@ def render_cloud(cloud: PointCloud, camera: Camera, mode: Mode) -> View:
     origin = cloud.origin[chosen]
     canvas.origin[row, column] = np.where(origin == Origin.MEASURED.value, np.uint8(Origin.REPROJECTED), origin)
     canvas.confidence[row, column] = cloud.confidence[chosen]
-    return Drawn(canvas, []).view(camera, (canvas.depth == 0) * np.uint8(HoleType.OUT_OF_VIEW))
+    return Drawn(canvas, []).view(camera)

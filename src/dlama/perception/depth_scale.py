@@ -190,8 +190,8 @@ def fit_scale_to_ground(values: Float32Array, inverse: bool, camera: Camera, cam
 
 
 def ground_plane(w: Float32Array, camera: Camera) -> np.ndarray | None:
-    """n / d of the ground n . X = d (camera axes) from inverse depth H x W: the level plane with most pixels in the lowest
-    third of the picture; None where there is none."""
+    """n / d of the ground n . X = d (camera axes) from inverse depth H x W: the level plane with most pixels in the lower
+    half of the picture; None where there is none."""
     low = np.zeros(w.shape, np.bool_)
     low[w.shape[0] // 2 :] = True
     surface = low & (w > 0)

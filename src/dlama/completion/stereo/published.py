@@ -22,7 +22,8 @@ def complete_pair_one_by_one(pair: MatchedPair, draft: Plan, clock: Clock) -> Co
     assert pair.masks is not None
     recipe, inpainter = draft.recipe, filler_of_recipe(draft.inpainter, draft.recipe)
     scene, grown_mask = without_object(pair, recipe)
-    flat = [RGBD(one.color, np.ones(one.color.shape[:2], np.float32), one.camera) for one in (pair.left, pair.right)]
+    cameras = pair.rig.left, pair.rig.right
+    flat = [RGBD(color, np.ones(camera.hw, np.float32), camera) for color, camera in zip(pair.colors, cameras)]
     before: list[View] = []
     filled: list[View] = []
     fills: list[FillReport] = []

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.camera import Camera, Float64Array
-from dlama.geometry.codes import Origin
+from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.drawing.canvas import Canvas
 from dlama.geometry.drawing.grid_mesh import mesh_grid
 from dlama.geometry.frames.stored import Layer
@@ -104,14 +104,15 @@ class Drawn(NamedTuple):
     frame: UInt16Array | None = None
     """H x W, 1 + the number of the frame that a pixel comes from, of a scene of many; 0 = none."""
 
-    def view(self, camera: Camera, hole_type: UInt8Array) -> View:
-        """As a view, whose holes have these types (H x W)."""
+    def view(self, camera: Camera, hole_type: UInt8Array | None = None) -> View:
+        """As a view, whose holes have these types (H x W); None: all are OUT_OF_VIEW."""
         canvas, frame = self.canvas, self.frame
         color, depth, origin, confidence = (freeze(plane) for plane in canvas.buffers())
         frame = None if frame is None else freeze(frame * np.uint16(origin != Origin.FILLED.value))
         errors = None if canvas.errors is None else freeze(canvas.errors)
         hole = freeze(depth == 0)
-        return View(camera, color, depth, hole, freeze(hole_type), origin, confidence, frame, errors)
+        types = hole * np.uint8(HoleType.OUT_OF_VIEW) if hole_type is None else hole_type
+        return View(camera, color, depth, hole, freeze(types), origin, confidence, frame, errors)
 
 
 def count_wanted(wanted: BoolArray) -> NDArray[np.int32]:

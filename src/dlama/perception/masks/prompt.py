@@ -25,6 +25,12 @@ def square_about(pixel: Pixel, px: int) -> tuple[slice, slice]:
     return rows, columns
 
 
+def whole_pixels(start: float, length: float, most: int) -> slice:
+    """The pixels of a row or column of `most` that a side of a box covers, one at least."""
+    first = max(0, round(start))
+    return slice(first, max(first + 1, min(most, round(start + length))))
+
+
 @dataclass(frozen=True)
 class Prompt:
     """Clicks and a box in a picture of a certain size; raises InputError for what lies outside it."""
@@ -81,8 +87,7 @@ class Prompt:
         """Rows and columns of the box, or of the whole picture where there is none."""
         height, width = self.hw
         x, y, wide, high = self.box or (0, 0, width, height)
-        rows = slice(max(0, round(y)), max(max(0, round(y)) + 1, min(height, round(y + high))))
-        return rows, slice(max(0, round(x)), max(max(0, round(x)) + 1, min(width, round(x + wide))))
+        return whole_pixels(y, high, height), whole_pixels(x, wide, width)
 
     @property
     def inside(self) -> BoolArray:

@@ -44,30 +44,25 @@ class Darkness:
     """Exponent of the sky's visible share that gives the levels."""
 
 
-def measure_darkness(
-    rgbd: RGBD, mask: BoolArray, surface: BoolArray, occlusion: Float32Array | None
-) -> Darkness | None:
+def measure_darkness(rgbd: RGBD, mask: BoolArray, surface: BoolArray, occlusion: Float32Array) -> Darkness | None:
     """Darkness of the surface round the object under `mask`; None: too little of it is seen.
 
-    occlusion: H x W, `ambient_occlusion`; None: no ambient component. Both parts are fitted robustly (Tukey's weights, cut
-    sooner on the darker side).
+    occlusion: H x W, `ambient_occlusion`. Both parts are fitted robustly (Tukey's weights, cut sooner on the darker side).
     """
     near = around(mask)
     usable = surface & near & ~dilate_mask(mask, EDGE_PX)
     if usable.sum() < FEWEST_PX:
         return None
     smooth = smooth_level(rgbd, surface & ~dilate_mask(mask, EDGE_PX))
-    hidden = np.zeros(mask.shape) if occlusion is None else sky_lost(occlusion)
+    hidden = sky_lost(occlusion)
     v, u = np.nonzero(usable)
     keep = slice(None, None, max(1, len(v) // POINTS))
     v, u = v[keep], u[keep]
     height, width = mask.shape
     design, value = quadratic(u / width, v / height), smooth[v, u].astype(np.float64)
-    share = 0.0
-    if occlusion is not None:
-        fit = robust_fit(np.c_[design, -hidden[v, u]], value)
-        share = float(np.clip(fit[-1], 0, ALL_FROM_THE_SKY))
-    if occlusion is None or share != fit[-1]:
+    fit = robust_fit(np.c_[design, -hidden[v, u]], value)
+    share = float(np.clip(fit[-1], 0, ALL_FROM_THE_SKY))
+    if share != fit[-1]:
         fit = robust_fit(design, value + share * hidden[v, u])
     rows, columns = np.nonzero(surface & near)
     dark, ambient = np.zeros((2, *mask.shape), np.float32)

@@ -15,7 +15,7 @@ from dlama.geometry.rgbd import Float32Array, UInt8Array
 from dlama.inpainters.layered.kernels.cells import NEARER, Sources, bilinear_neighbours, blend, sample
 
 FARTHER = np.float32(0.9)
-"""And this much farther."""
+"""Ratio of inverse depths below which a source is what lies behind the surface."""
 
 
 @piece
