@@ -5,6 +5,7 @@ Inputs are read as every verb reads them, once; what the reader refuses is the f
 
 from __future__ import annotations
 
+import inspect
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -39,8 +40,6 @@ LENS = ("camera", "fx", "fy", "cx", "cy", "fov", "pixel_center")
 READING = ("depth_scale", "depth_range", "channel", "far", "resize_depth")
 MASKING = ("mask_polarity", "soft_mask", "mask_class")
 """Options of `diagnose`, as `read_rgbd` and `read_mask` take them."""
-DEFAULTS = {"pixel_center": 0.5, "mask_polarity": "fill", "soft_mask": False}
-"""Of those that are not None."""
 CLEAR_TAG = "clear the tag (exiftool -Orientation= FILE)"
 UNTURNED = (0, 1, 2, 3, 4, 5, 8, 7, 6)
 """EXIF orientation -> the one that undoes it."""
@@ -92,8 +91,9 @@ def diagnose(
     given = dict(locals())
     check_arguments(diagnose, given)
     examine, takes = examination_of(Path(first), given)
+    defaults = {name: one.default for name, one in inspect.signature(diagnose).parameters.items()}
     for name, value in given.items():
-        if name not in takes | {"first"} and value is not None and value != DEFAULTS.get(name):
+        if name not in takes | {"first"} and value != defaults[name]:
             raise InputError(f"{Path(first)}: `{name}` is {value}; it does not apply to these inputs")
     try:
         found, names, parts = examine()

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dlama.errors import CameraError, FileError, InputError, ShapeError, format_size
+from dlama.errors import CameraError, FileError, InputError, ShapeError, format_size, system_errors
 from dlama.files.rasters.images import existing_file
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.motion.poses import QUATERNION_TOLERANCE, check_pose, make_pose, rotation_from_quaternion
@@ -214,6 +214,14 @@ def files_in(folder: Path, suffixes: Iterable[str]) -> list[Path]:
         (each for each in folder.iterdir() if each.suffix.lower() in kinds and not each.name.startswith(".")),
         key=lambda path: natural_order(path.name),
     )
+
+
+def files_below(folder: Path, suffixes: Iterable[str]) -> list[Path]:
+    """The files of these kinds in a folder and below, by path. FileError where the folder cannot be listed."""
+    kinds = set(suffixes)
+    with system_errors(FileError):
+        next(folder.iterdir(), None)  # PermissionError; rglob would find nothing there
+    return sorted(path for path in folder.rglob("*") if path.suffix.lower() in kinds and path.is_file())
 
 
 def files_by_stem(folder: Path, suffixes: Iterable[str]) -> dict[str, Path]:

@@ -1,6 +1,6 @@
 """A model's name in; what is known of it out: addresses, sha256, licence, and which contract its file follows.
 
-Where a record says `seen=False` its file was not examined: addresses and hash are as others publish them.
+No file was examined: addresses and hashes are as others publish them.
 """
 
 from __future__ import annotations
@@ -35,8 +35,6 @@ class Record:
     `dlama.perception.masks.segment_anything.PAIRS`)."""
     file: str
     """Its name in the cache directory."""
-    seen: bool = True
-    """Whether the file was examined; otherwise addresses and hash are as others publish them."""
     member: str | None = None
     """Where the addresses serve a ZIP: the end of the path, inside it, of the one entry that is kept."""
     note: str = ""
@@ -52,10 +50,8 @@ _BIG_LAMA = "LaMa with 18 blocks, trained on Places: fills holes of any size in 
 
 
 def _segment_anything(name: str, what: str, url: str, sha256: str, size: int) -> Record:
-    """The encoder or decoder of a network of the Segment Anything family, in ONNX; its file was not examined."""
-    return Record(
-        name, what, (url,), sha256, size, "Apache-2.0", "mask-network", f"{name}.onnx", seen=False, note=_AS_PUBLISHED
-    )
+    """The encoder or decoder of a network of the Segment Anything family, in ONNX."""
+    return Record(name, what, (url,), sha256, size, "Apache-2.0", "mask-network", f"{name}.onnx", note=_AS_PUBLISHED)
 
 
 CATALOGUE: dict[str, Record] = {
@@ -73,7 +69,6 @@ CATALOGUE: dict[str, Record] = {
             licence="Apache-2.0",
             contract="lama-weights",
             file="big-lama.pt",
-            seen=False,
             note="Size and sha256 are as several projects that load it publish them.",
         ),
         Record(
@@ -85,7 +80,6 @@ CATALOGUE: dict[str, Record] = {
             licence="Apache-2.0",
             contract="lama-weights",
             file="big-lama-official.ckpt",
-            seen=False,
             member="models/best.ckpt",
             note="The mirror that the authors' README names; about 400 MB, of which the checkpoint is kept.",
         ),
@@ -98,7 +92,6 @@ CATALOGUE: dict[str, Record] = {
             licence="Apache-2.0",
             contract="depth-network",
             file="depth-anything-small.onnx",
-            seen=False,
             note="Size and sha256 are as several projects that load it publish them. Its larger siblings are CC-BY-NC-4.0.",
         ),
         Record(
@@ -110,7 +103,6 @@ CATALOGUE: dict[str, Record] = {
             licence="Apache-2.0",
             contract="depth-network",
             file="depth-anything-indoor.onnx",
-            seen=False,
             note="About 95 MB; the sha256 is as a project that loads it publishes it.",
         ),
         Record(
@@ -122,7 +114,6 @@ CATALOGUE: dict[str, Record] = {
             licence="Apache-2.0",
             contract="depth-network",
             file="depth-anything-outdoor.onnx",
-            seen=False,
             note="About 95 MB.",
         ),
         Record(
@@ -134,7 +125,6 @@ CATALOGUE: dict[str, Record] = {
             licence="MIT",
             contract="depth-network",
             file="moge-small.onnx",
-            seen=False,
             note="Size and sha256 are as two projects that load it publish them. Parts of DINOv2 in it are Apache-2.0.",
         ),
         _segment_anything(

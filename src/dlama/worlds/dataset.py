@@ -18,6 +18,7 @@ from dlama.arguments import check_count, check_word, is_finite
 from dlama.completion.options import Unpack
 from dlama.datasets.frames import Case, Dataset, Frame, RemovalTruth, StereoTruth, ViewTruth
 from dlama.datasets.layouts import DatasetOptions, open_dataset, refuse_unused, select_cases
+from dlama.datasets.text_tables import files_below
 from dlama.errors import FileError, InputError, system_errors
 from dlama.geometry.camera import Camera, StereoRig
 from dlama.geometry.projection import disparity_from_depth
@@ -76,8 +77,7 @@ def _pictures(folder: Path) -> tuple[Path, ...]:
     """All pictures below a folder, in the order of their names."""
     if not folder.is_dir():
         raise FileError(f"{folder}: is no folder; a folder of pictures is expected for textures")
-    next(folder.iterdir(), None)  # PermissionError where nothing can be listed; rglob would find nothing there
-    found = tuple(sorted(each for each in folder.rglob("*") if each.suffix.lower() in PICTURES))
+    found = tuple(files_below(folder, PICTURES))
     if not found:
         raise FileError(f"{folder}: holds no pictures ({', '.join(PICTURES)}); textures are taken from them")
     return found

@@ -48,24 +48,23 @@ def score(truth: Truth, method: Method, settings: ProtocolSettings) -> list[Scor
         InputError: what the completion raises.
     """
     assert isinstance(truth, RemovalTruth)
-    scored = [score_mask(truth, method, settings, 0)]
-    for change in settings.mask_changes:
+    run, measures = run_with(truth.mask, truth, method, settings)
+    shown = picture_panel(run, reference_of(truth, settings), truth.source, truth.without)
+    scored = [Scored(measures, panel=shown, meta=run.completion.meta)]
+    for change in filter(None, settings.mask_changes):
         mask = grow_or_shrink(truth.mask, change)
-        if change and mask.any() and not mask.all():
-            scored.append(score_mask(truth, method, settings, change))
+        if mask.any() and not mask.all():
+            run, measures = run_with(mask, truth, method, settings)
+            scored.append(Scored(measures, f"mask{change:+d}", meta=run.completion.meta))
     return scored
 
 
-def score_mask(truth: RemovalTruth, method: Method, settings: ProtocolSettings, change: int) -> Scored:
-    """One run, with the mask changed by so many px."""
-    reference = reference_of(truth, settings)
-    mask = grow_or_shrink(truth.mask, change)
+def run_with(
+    mask: BoolArray, truth: RemovalTruth, method: Method, settings: ProtocolSettings
+) -> tuple[MethodRun, tuple[Measure, ...]]:
+    """One run, with this mask, and its measures."""
     run = run_method(method, truth.source, truth.source.camera, mask)
-    measures = removal_measures(run, reference, truth)
-    if change:
-        return Scored(tuple(measures), f"mask{change:+d}", meta=run.completion.meta)
-    shown = picture_panel(run, reference, truth.source, truth.without)
-    return Scored(tuple(measures), panel=shown, meta=run.completion.meta)
+    return run, tuple(removal_measures(run, reference_of(truth, settings), truth))
 
 
 def grow_or_shrink(mask: BoolArray, change: int) -> BoolArray:

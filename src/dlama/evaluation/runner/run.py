@@ -5,6 +5,7 @@ Where single processes die, the other tasks continue.
 
 from __future__ import annotations
 
+import itertools
 import json
 import shutil
 from collections import Counter
@@ -32,8 +33,7 @@ DIED = "a process died twice while it ran this case (out of memory?); fewer --jo
 def run_tasks(tasks: Sequence[Task], jobs: int) -> Iterator[Outcome]:
     """Of every task. When a process dies, the case it had runs again; one that ends its process again fails."""
     if jobs == 1 or len(tasks) <= 1:
-        for task in tasks:
-            yield from work(task)
+        yield from itertools.chain.from_iterable(map(work, tasks))
         return
     try:
         for ended in run_all(work_all, tasks, min(jobs, len(tasks))):

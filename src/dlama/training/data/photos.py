@@ -10,7 +10,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from dlama.errors import FileError, InputError, system_errors
+from dlama.datasets.text_tables import files_below
+from dlama.errors import FileError, InputError
 from dlama.files.rasters.images import SUFFIXES, read_stored
 from dlama.files.rasters.pictures import srgb_of
 from dlama.geometry.rgbd import UInt8Array
@@ -25,9 +26,7 @@ def folder_photos(folder: Path) -> tuple[Path, ...]:
     """All PNG, JPEG, WebP, TIFF and HEIC pictures in a folder and below, by path. FileError where there are none."""
     if not folder.is_dir():
         raise FileError(f"{folder}: no such folder; a folder of pictures is expected")
-    with system_errors(FileError):
-        next(folder.iterdir(), None)  # PermissionError where nothing can be listed; rglob would find nothing there
-    paths = sorted(path for path in folder.rglob("*") if path.suffix.lower() in SUFFIXES and path.is_file())
+    paths = files_below(folder, SUFFIXES)
     if not paths:
         raise FileError(f"{folder}: holds no picture ({', '.join(SUFFIXES)}) and is no data set of a known layout")
     return tuple(paths)

@@ -81,7 +81,7 @@ class Info(Report):
             "licence": entry.licence,
             "contract": entry.contract,
             "note": entry.note,
-            "caution": None if entry.seen else "dlama's authors never had this file in hand",
+            "caution": "dlama's authors never had this file in hand",
             "file": f"{target_path(entry)} ({_here(entry)})",
         }
 
