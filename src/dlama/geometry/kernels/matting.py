@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.kernels.jit import Real, Whole, kernel, piece
+from dlama.geometry.kernels.jit import Real, Whole, inlined, kernel, piece
 from dlama.geometry.rgbd import Float32Array, UInt8Array
 
 NEAR_SAMPLE, FAR_SAMPLE = 1, 2
@@ -19,6 +19,18 @@ MIXED, PRIOR = 20.0, 60.0
 def step_of(one: UInt8Array, other: UInt8Array, channel: Whole) -> Real:
     """Levels from one colour to another in a channel."""
     return np.float64(one[channel]) - np.float64(other[channel])
+
+
+@inlined
+def cell_at(grid: Float32Array, y: Whole, x: Whole, step: Whole) -> Real:
+    """The value of a grid, one in step x step pixels, at a pixel; beyond its end the last one's."""
+    return grid[min(y // step, grid.shape[0] - 1), min(x // step, grid.shape[1] - 1)]
+
+
+@inlined
+def closeness(side: Float32Array, y: Whole, x: Whole, step: Whole, reach: Real) -> Real:
+    """How near a pixel is to the edge: 1 at it, 0 from `reach` on."""
+    return 1.0 - min(abs(cell_at(side, y, x, step)) / reach, 1.0)
 
 
 @kernel
@@ -44,34 +56,32 @@ def separate(
     w inverse depth (1/m), middle of the two surfaces' (1/m), side signed distance to the edge (cells; > 0 on the near one, reach
     at most). room: N x K. Out: alpha H x W, front and back H x W x 3.
     """
-    rows, columns, grid_rows, grid_columns = color.shape[0], color.shape[1], w.shape[0], w.shape[1]
+    rows, columns = color.shape[0], color.shape[1]
     for n in range(first, last):
         row, column = pixels[n, 0], pixels[n, 1]
-        r, c = min(row // step, grid_rows - 1), min(column // step, grid_columns - 1)
-        hard = 1.0 if side[r, c] > 0 else 0.0
-        prior = PRIOR * PRIOR * (side[r, c] / reach) * (side[r, c] / reach)
+        between, away = cell_at(middle, row, column, step), cell_at(side, row, column, step)
+        hard = 1.0 if away > 0 else 0.0
+        prior = PRIOR * PRIOR * (away / reach) * (away / reach)
         for k in range(len(offsets)):
             y, x = row + offsets[k, 0], column + offsets[k, 1]
             room[n, k] = 0
             if 0 <= y < rows and 0 <= x < columns:
-                there = w[min(y // step, grid_rows - 1), min(x // step, grid_columns - 1)]
+                there = cell_at(w, y, x, step)
                 if there > 0:
-                    room[n, k] = NEAR_SAMPLE if there > middle[r, c] else FAR_SAMPLE
+                    room[n, k] = NEAR_SAMPLE if there > between else FAR_SAMPLE
         best, share, nearest, farthest = np.inf, hard, -1, -1
         for i in range(len(offsets)):
             if room[n, i] != NEAR_SAMPLE:
                 continue
             y, x = row + offsets[i, 0], column + offsets[i, 1]
             near = color[y, x]
-            off = 1.0 - min(abs(side[min(y // step, grid_rows - 1), min(x // step, grid_columns - 1)]) / reach, 1.0)
+            off = closeness(side, y, x, step, reach)
             for j in range(len(offsets)):
                 if room[n, j] != FAR_SAMPLE:
                     continue
                 y, x = row + offsets[j, 0], column + offsets[j, 1]
                 far = color[y, x]
-                other = 1.0 - min(
-                    abs(side[min(y // step, grid_rows - 1), min(x // step, grid_columns - 1)]) / reach, 1.0
-                )
+                other = closeness(side, y, x, step, reach)
                 length, along, here = 0.0, 0.0, 0.0
                 for channel in range(3):
                     d, e = step_of(near, far, channel), step_of(color[row, column], far, channel)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dlama.geometry.kernels.jit import Real, Whole, kernel, piece
+from dlama.geometry.kernels.jit import Flag, Real, Whole, inlined, kernel, piece
 from dlama.geometry.rgbd import BoolArray, Float32Array
 
 ROOM = 10
@@ -79,6 +79,68 @@ def fit_planes(
             out[row, column] = min(max(fit(room, row, best * 1.0), best - near), best + near)
 
 
+@piece
+def is_one_surface(one: Real, other: Real, ratio: Real, down: Real, right: Real) -> Flag:
+    """Whether two pixels so many rows and columns apart may lie on one surface; ratio: step of inverse depth of neighbours."""
+    away = float(max(abs(down), abs(right)))
+    return abs(one - other) <= ratio * (2.0 + away) * max(one, other)
+
+
+@inlined
+def sum_sides(
+    w: Float32Array,
+    rim: BoolArray,
+    color: Float32Array,
+    ratio: Real,
+    radius: Whole,
+    row: Whole,
+    column: Whole,
+    room: Float32Array,
+) -> None:
+    """Number and summed colours of the pixels within `radius` beyond the rim: of the own surface into room[row, :4], of nearer
+    ones into room[row, 4:8]."""
+    here = w[row, column]
+    for k in range(8):
+        room[row, k] = 0
+    for y in range(max(0, row - radius), min(w.shape[0], row + radius + 1)):
+        for x in range(max(0, column - radius), min(w.shape[1], column + radius + 1)):
+            there = w[y, x]
+            if rim[y, x] or there <= 0:
+                continue
+            same = is_one_surface(there, here, ratio, y - row, x - column)
+            if there < here and not same:
+                continue
+            side = 0 if same else 4
+            room[row, side] += 1
+            for k in range(3):
+                room[row, side + 1 + k] += color[y, x, k]
+
+
+@inlined
+def spread_along(
+    w: Float32Array,
+    rim: BoolArray,
+    color: Float32Array,
+    ratio: Real,
+    radius: Whole,
+    row: Whole,
+    column: Whole,
+    room: Float32Array,
+) -> Real:
+    """Sum of the squares of how far the own surface's colours are from their mean (room[row, 1:4]) along the way to the nearer
+    side's (room[row, 5:8])."""
+    spread = 0.0
+    for y in range(max(0, row - radius), min(w.shape[0], row + radius + 1)):
+        for x in range(max(0, column - radius), min(w.shape[1], column + radius + 1)):
+            if rim[y, x] or not is_one_surface(w[y, x], w[row, column], ratio, y - row, x - column):
+                continue
+            one = 0.0
+            for k in range(3):
+                one += (color[y, x, k] - room[row, 1 + k]) * room[row, 5 + k]
+            spread += one * one
+    return spread
+
+
 @kernel
 def find_mixed(
     first: Whole,
@@ -99,28 +161,12 @@ def find_mixed(
     rim: H x W, within RIM of an edge; contrast: least difference of the sides' mean colours in levels; spreads: least deviation
     from the own side's colour in standard deviations; other arguments as of `fit_planes`.
     """
-    rows, columns = w.shape
     for row in range(first, last):
-        for column in range(columns):
-            here = w[row, column]
+        for column in range(w.shape[1]):
             out[row, column] = False
-            if not rim[row, column] or here <= 0:
+            if not rim[row, column] or w[row, column] <= 0:
                 continue
-            for k in range(8):
-                room[row, k] = 0
-            for y in range(max(0, row - radius), min(rows, row + radius + 1)):
-                for x in range(max(0, column - radius), min(columns, column + radius + 1)):
-                    there = w[y, x]
-                    if rim[y, x] or there <= 0:
-                        continue
-                    away = float(max(abs(y - row), abs(x - column)))
-                    same = abs(there - here) <= ratio * (2.0 + away) * max(there, here)
-                    if there < here and not same:
-                        continue
-                    side = 0 if same else 4
-                    room[row, side] += 1
-                    for k in range(3):
-                        room[row, side + 1 + k] += color[y, x, k]
+            sum_sides(w, rim, color, ratio, radius, row, column, room)
             if room[row, 0] < 3 or room[row, 4] < 3:
                 continue
             for k in range(3):
@@ -129,18 +175,10 @@ def find_mixed(
             apart = room[row, 5] ** 2 + room[row, 6] ** 2 + room[row, 7] ** 2
             if apart < contrast * contrast:
                 continue
-            along, spread = 0.0, 0.0
+            along = 0.0
             for k in range(3):
                 along += (color[row, column, k] - room[row, 1 + k]) * room[row, 5 + k]
             if along < share * apart:
                 continue
-            for y in range(max(0, row - radius), min(rows, row + radius + 1)):
-                for x in range(max(0, column - radius), min(columns, column + radius + 1)):
-                    away = float(max(abs(y - row), abs(x - column)))
-                    if rim[y, x] or abs(w[y, x] - here) > ratio * (2.0 + away) * max(w[y, x], here):
-                        continue
-                    one = 0.0
-                    for k in range(3):
-                        one += (color[y, x, k] - room[row, 1 + k]) * room[row, 5 + k]
-                    spread += one * one
+            spread = spread_along(w, rim, color, ratio, radius, row, column, room)
             out[row, column] = along * along * room[row, 0] > spreads * spreads * spread

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dlama.geometry.kernels.jit import Whole, kernel, piece
+from dlama.geometry.kernels.jit import Whole, inlined, kernel, piece
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 
 OUTER, INNER = 0.2389942656229905, 0.7610057343770095
@@ -56,6 +56,16 @@ def describe_rows(
                 out[row, column, 4] = weight * along[row, column] / share[row, column]
 
 
+@inlined
+def count_known(hole: BoolArray, row: Whole, column: Whole) -> Whole:
+    """Known ones of the four pixels under one of half the size."""
+    known = 0
+    for y in range(2 * row, min(2 * row + 2, hole.shape[0])):
+        for x in range(2 * column, min(2 * column + 2, hole.shape[1])):
+            known += not hole[y, x]
+    return known
+
+
 @kernel
 def halve_rows(
     first: Whole, last: Whole, values: Float32Array, hole: BoolArray, out: Float32Array, hole_out: BoolArray
@@ -65,10 +75,7 @@ def halve_rows(
     height, width, channels = values.shape
     for row in range(first, last):
         for column in range(out.shape[1]):
-            known = 0
-            for y in range(2 * row, min(2 * row + 2, height)):
-                for x in range(2 * column, min(2 * column + 2, width)):
-                    known += not hole[y, x]
+            known = count_known(hole, row, column)
             hole_out[row, column] = known < 2
             total = 0.0
             for k in range(channels):

@@ -8,10 +8,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.camera import Float64Array
-from dlama.geometry.kernels.jit import Whole, kernel
+from dlama.geometry.kernels.jit import Flag, Whole, inlined, kernel
 from dlama.geometry.rgbd import BoolArray
 
 DIRECTIONS_A_TASK = 16
+
+
+@inlined
+def is_at_rim(stamp: NDArray[np.int32], mark: Whole, v: Whole, u: Whole) -> Flag:
+    """Whether a pixel with the mark has a neighbour without it; not where it lies on the picture's border."""
+    if v == 0 or u == 0 or v == stamp.shape[0] - 1 or u == stamp.shape[1] - 1:
+        return False
+    return stamp[v - 1, u] != mark or stamp[v + 1, u] != mark or stamp[v, u - 1] != mark or stamp[v, u + 1] != mark
 
 
 @kernel
@@ -59,12 +67,5 @@ def cast_shapes(
                     continue
                 out[k, 0] += values[v, u]
                 out[k, 1] += 1
-                if v == 0 or u == 0 or v == height - 1 or u == width - 1:
-                    continue
-                if (
-                    stamp[v - 1, u] != mark
-                    or stamp[v + 1, u] != mark
-                    or stamp[v, u - 1] != mark
-                    or stamp[v, u + 1] != mark
-                ):
+                if is_at_rim(stamp, mark, v, u):
                     out[k, 2] += 1

@@ -5,8 +5,23 @@ from __future__ import annotations
 import numpy as np
 
 from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
-from dlama.geometry.kernels.jit import Real, Whole, kernel
+from dlama.geometry.kernels.jit import Flag, Real, Whole, kernel, piece
 from dlama.geometry.rgbd import Float32Array, UInt8Array
+
+
+@piece
+def leads_to(own: Whole, other: Whole, top: Flag, bottom: Flag, before: Flag, after: Flag) -> Flag:
+    """Whether joints lead from one pixel of a quad to another (0, 1 above, 2, 3 below); top, bottom: of the two above, of the two
+    below; before, after: of the two on the left, of the two on the right."""
+    level, upright = (top if own < 2 else bottom), (before if own % 2 == 0 else after)
+    other_level, other_upright = (bottom if own < 2 else top), (after if own % 2 == 0 else before)
+    if other == own:
+        return True
+    if other == own ^ 1:
+        return level or (upright and other_level and other_upright)
+    if other == own ^ 2:
+        return upright or (level and other_upright and other_level)
+    return (level and other_upright) or (upright and other_level)
 
 
 @kernel
@@ -68,20 +83,9 @@ def upsample_joined(
                 score[k] = (near[k] + least_near) * alike[min(unlike, most)] if w[at_y, at_x] >= 0 else -1
                 if score[k] > score[own]:
                     own = k
-            # of the quad's other three, those that its joints lead to from `own`
-            level, upright = (top if own < 2 else bottom), (before if own % 2 == 0 else after)
-            other_level, other_upright = (bottom if own < 2 else top), (after if own % 2 == 0 else before)
             sums, weights = np.float32(0), np.float32(0)
             for k in range(4):
-                if k == own:
-                    on = True
-                elif k == own ^ 1:
-                    on = level or (upright and other_level and other_upright)
-                elif k == own ^ 2:
-                    on = upright or (level and other_upright and other_level)
-                else:
-                    on = (level and other_upright) or (upright and other_level)
-                if on:
+                if leads_to(own, k, top, bottom, before, after):
                     sums += near[k] * w[lower if k >= 2 else upper, right if k % 2 else left]
                     weights += near[k]
             value = w[lower if own >= 2 else upper, right if own % 2 else left]

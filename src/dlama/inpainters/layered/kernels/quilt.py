@@ -5,13 +5,45 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.kernels.jit import Real, Whole, kernel
+from dlama.geometry.kernels.jit import Real, Whole, inlined, kernel
 from dlama.geometry.rgbd import Float32Array, UInt8Array
 
 OUTSIDE, UNDECIDED, GAP = -3, -2, -1
 """Source of a pixel: not needed, not decided yet, and a gap that shows the background."""
 RIM, RIM_BUMPS = 0.8, 0.2
 """Reach of a block in the first round, in half sides from its middle, and the variation of its rim."""
+
+
+@inlined
+def compare_blocks(
+    out: NDArray[np.int32],
+    color: UInt8Array,
+    y: Whole,
+    x: Whole,
+    known_y: Whole,
+    known_x: Whole,
+    side: Whole,
+    stride: Whole,
+    color_scale: Real,
+) -> Real:
+    """Mean difference of a known block (corner: known_y, known_x) from what is decided in the block at (y, x), which may reach
+    beyond the picture; other arguments as of `quilt`."""
+    height, width = out.shape
+    total, count = 0.0, 1e-6
+    for j in range(max(-y, 0), min(side, height - y), stride):
+        for i in range(max(-x, 0), min(side, width - x), stride):
+            here, other = out[y + j, x + i], out[known_y + j, known_x + i]
+            if here < GAP:
+                continue
+            count += 1
+            if (here < 0) != (other < 0):
+                total += 1
+            elif here >= 0:
+                for k in range(3):
+                    step = np.float64(color[here // width, here % width, k])
+                    step = (step - color[other // width, other % width, k]) / color_scale
+                    total += step * step
+    return total / count
 
 
 @kernel
@@ -53,22 +85,9 @@ def quilt(
         best, least = np.int64(-1), np.inf
         for c in range(tried.shape[1]):
             n = np.int64(tried[t, c])
-            total, count = 0.0, 1e-6
-            for j in range(top, bottom, stride):
-                for i in range(left, right, stride):
-                    here, other = out[y + j, x + i], out[corners[n, 0] + j, corners[n, 1] + i]
-                    if here < GAP:
-                        continue
-                    count += 1
-                    if (here < 0) != (other < 0):
-                        total += 1
-                    elif here >= 0:
-                        for k in range(3):
-                            step = np.float64(color[here // width, here % width, k])
-                            step = (step - color[other // width, other % width, k]) / color_scale
-                            total += step * step
+            unlike = compare_blocks(out, color, y, x, corners[n, 0], corners[n, 1], side, stride, color_scale)
             first, second = own[t, 0] - there[n, 0], own[t, 1] - there[n, 1]
-            value = total / count + first * first + second * second
+            value = unlike + first * first + second * second
             if value < least:
                 best, least = n, value
         for j in range(top, bottom):
