@@ -55,11 +55,11 @@ def bilinear(grid, x, y):
     return value
 
 
-def push(sums, weights, coarser, enough):
+def push(sums, weights, coarser):
     """Own mean where there is enough weight, the coarser grid's value where there is none, a mix between."""
     out = np.zeros(sums.shape)
     for y, x in itertools.product(*map(range, weights.shape)):
-        own = min(1.0, weights[y, x] / enough)
+        own = min(1.0, weights[y, x])
         mean = sums[y, x] / weights[y, x] if weights[y, x] else 0
         out[y, x] = own * mean + (1 - own) * bilinear(coarser, (x + 0.5) / 2, (y + 0.5) / 2)
     return out

@@ -203,7 +203,8 @@ class OffsetSearch:
         index.ravel()[self.cells] = np.arange(len(self.cells))
         distance = self._distance_to_rim(index)
         order = self.cells[np.argsort(distance, kind="stable")]
-        chosen = kernels.assign(index, np.ascontiguousarray(cost), copied, order, SEAM_COST, 5)
+        chosen = np.full(len(cost), -1, np.int32)
+        kernels.assign_cells(index, np.ascontiguousarray(cost), copied, order, SEAM_COST, 5, chosen)
         choice = np.full(self.base_shape, -1, np.int32)
         choice.ravel()[self.cells] = chosen
         grain = self._grain(offsets, chosen)

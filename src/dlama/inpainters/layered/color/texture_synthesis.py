@@ -14,13 +14,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.kernels.jit import in_bands
+from dlama.geometry.kernels.jit import as_input, in_bands
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.inpainters.layered.color.offset_search import Bases, CopiedDetail
 from dlama.inpainters.layered.color.patch_offsets import copy_detail
 from dlama.inpainters.layered.color.texture_grid import UNTRUSTED, HoleRegion, TextureGrid, labels_in
 from dlama.inpainters.layered.kernels import base_color as base_kernels
-from dlama.inpainters.layered.kernels.patch_offsets import paint
+from dlama.inpainters.layered.kernels.patch_offsets import paint_pixels
 
 GREY = 128
 """Colour in a view without any known pixel."""
@@ -30,6 +30,8 @@ LEAST_CELLS = 12
 """Planes with fewer known cells are painted as no plane."""
 GAP = 8
 """Largest gap in cells between parts of one object."""
+BAND = 2048
+"""Pixels per task."""
 SCREEN = 0.002
 """Weight of a surface's mean colour in each cell of its base, next to the 4 of the neighbours (screened Laplace equation)."""
 DEPTH_SCREEN = 0.002
@@ -63,20 +65,10 @@ def paint_region(out: UInt8Array, grid: TextureGrid, region: HoleRegion, rng: np
         return
     bases, unit = base_colors(grid, region), grid.at_unit_depth(region.label)
     copied = CopiedDetail.none(bases[0].shape[:2]) if rng is None else copy_detail(unit, region, bases, rng)
-    paint(
-        out,
-        grid.color,
-        region.pixels,
-        unit.inverse_depth,
-        region.trusted(grid),
-        region.label,
-        copied.axes,
-        bases,
-        grid.base_cell_size,
-        copied.choice,
-        copied.gains,
-        copied.offsets,
-    )
+    surface = unit.inverse_depth, region.trusted(grid), region.label, copied.axes
+    cells = *bases, grid.base_cell_size, copied.choice, copied.gains, copied.offsets
+    pixels, room = region.pixels, np.zeros((len(region.pixels), 3))
+    in_bands(paint_pixels, len(pixels), out, as_input(grid.color), pixels, *surface, *cells, room, band=BAND)
 
 
 def hole_regions(grid: TextureGrid) -> Iterator[HoleRegion]:
@@ -187,6 +179,6 @@ def _extrapolate(
     value = (top / np.maximum(top_weight, np.float32(1e-9))[..., None]).astype(np.float32)
     mean = value[0, 0].astype(np.float64)
     for level in reversed(ladder):
-        value = base_kernels.push(*level, value, 1.0)
+        value = base_kernels.push(*level, value)
     base_kernels.relax(value, usable, cells, mean, SCREEN, 40)
     return value

@@ -33,14 +33,13 @@ def push_rows(
     sums: Float32Array,
     weights: Float32Array,
     coarser: Float32Array,
-    enough: Real,
     out: Float32Array,
 ) -> None:
     """Rows of `push`."""
     for y in range(first, last):
         along = bilinear_neighbours((y + 0.5) / 2, coarser.shape[0])
         for x in range(weights.shape[1]):
-            share = np.float64(weights[y, x] / enough)
+            share = np.float64(weights[y, x])
             own = share if share < 1 else 1.0
             across = bilinear_neighbours((x + 0.5) / 2, coarser.shape[1])
             for k in range(3):
@@ -52,10 +51,10 @@ def push_rows(
                 out[y, x, k] = value
 
 
-def push(sums: Float32Array, weights: Float32Array, coarser: Float32Array, enough: float) -> Float32Array:
+def push(sums: Float32Array, weights: Float32Array, coarser: Float32Array) -> Float32Array:
     """Cells with little weight take the coarser grid's value (bilinear), the others their own mean."""
     out = np.empty((*weights.shape, 3), np.float32)
-    in_bands(push_rows, len(weights), sums, weights, coarser, np.float32(enough), out, band=64)
+    in_bands(push_rows, len(weights), sums, weights, coarser, out, band=64)
     return out
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.camera import Float64Array
-from dlama.geometry.kernels.jit import BAND, Flag, Real, Whole, as_input, in_bands, kernel, piece
+from dlama.geometry.kernels.jit import BAND, Flag, Real, Whole, in_bands, kernel, piece
 from dlama.geometry.rgbd import Float32Array, UInt8Array
 from dlama.inpainters.layered.kernels.cells import NEARER, Sources, bilinear_neighbours, blend, sample
 
@@ -156,7 +156,11 @@ def assign_cells(
     sweeps: Whole,
     chosen: NDArray[np.int32],
 ) -> None:
-    """`assign`, into `chosen` (all -1)."""
+    """Choose one shift per hole cell: unary cost plus seams to the neighbours' choices (ordered fill, then sweeps).
+
+    index: rows x cols, cell number or -1 (not a hole cell of this surface); cost: cells x shifts (>= 1e6: impossible); lateral:
+    cells x shifts x 3, the colour detail of each shift. chosen: cells, -1 before, and after where none is possible.
+    """
     rows, cols = index.shape
     number, many = cost.shape
     for sweep in range(sweeps):
@@ -191,24 +195,6 @@ def assign_cells(
             chosen[p] = best
 
 
-def assign(
-    index: NDArray[np.int32],
-    cost: Float32Array,
-    lateral: Float32Array,
-    order: NDArray[np.int64],
-    seam: float,
-    sweeps: int,
-) -> NDArray[np.int32]:
-    """Choose one shift per hole cell: unary cost plus seams to the neighbours' choices (ordered fill, then sweeps).
-
-    index: rows x cols, cell number or -1 (not a hole cell of this surface); cost: cells x shifts (>= 1e6: impossible); lateral:
-    cells x shifts x 3, the colour detail of each shift. Returns cells, int32, -1 where none is possible.
-    """
-    chosen = np.full(len(cost), -1, np.int32)
-    assign_cells(index, cost, lateral, order, seam, sweeps, chosen)
-    return chosen
-
-
 @kernel
 def paint_pixels(
     first: Whole,
@@ -228,7 +214,12 @@ def paint_pixels(
     shifts: Float64Array,
     added: Float64Array,
 ) -> None:
-    """Pixels first..last of `paint`. added: N x 3 zeros, room to work."""
+    """Colour the flat pixels first..last of a list in `out`, feathered between the shifts of neighbouring cells.
+
+    fine, smooth: rows x cols x 3 grids of `cell`-pixel cells, colours true to the rim and very smooth ones; pick: rows x cols,
+    shift or -1; gains: rows x cols x 3, weights of the fine band, the middle band and the copied colour; added: N x 3 zeros, room
+    to work.
+    """
     height, width = inverse_depth.shape
     rows, cols = pick.shape
     for n in range(first, last):
@@ -260,27 +251,3 @@ def paint_pixels(
         for k in range(3):
             value = blend(fine, across, along, k) + (added[n, k] / total if total > 0 else 0.0) + 0.5
             out[y, x, k] = np.uint8(0.0 if value < 0 else (255.0 if value > 255 else value))
-
-
-def paint(
-    out: UInt8Array,
-    color: UInt8Array,
-    pixels: NDArray[np.int64],
-    inverse_depth: Float32Array,
-    source: NDArray[np.int8],
-    kind: int,
-    axes: NDArray[np.float64],
-    bases: tuple[Float32Array, Float32Array],
-    cell: int,
-    pick: NDArray[np.int32],
-    gains: Float32Array,
-    shifts: NDArray[np.float64],
-) -> None:
-    """Colour the listed flat pixels of `out` in place, feathered between the shifts of neighbouring cells.
-
-    bases: (true to the rim, very smooth), rows x cols x 3 grids of `cell`-pixel cells; pick: rows x cols, shift or -1; gains:
-    rows x cols x 3, weights of the fine band, the middle band and the copied colour.
-    """
-    added = np.zeros((len(pixels), 3))
-    known = as_input(color), pixels, inverse_depth, source, kind, axes
-    in_bands(paint_pixels, len(pixels), out, *known, *bases, cell, pick, gains, shifts, added, band=2048)

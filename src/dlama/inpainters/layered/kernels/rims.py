@@ -5,11 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.kernels.jit import Real, Whole, in_bands, kernel
+from dlama.geometry.kernels.jit import Real, Whole, kernel
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
-
-BAND = 2048
-"""Pixels per task."""
 
 
 @kernel
@@ -26,7 +23,12 @@ def mean_known(
     out: Float32Array,
     found: BoolArray,
 ) -> None:
-    """Pixels first..last of `mean_known_nearby`."""
+    """N x 3 mean of the known pixels of the same surface within `reach` px, by the inverse fourth power of distance, at the flat
+    `places` first..last of N (out); and N, True where there are any (found).
+
+    color: H x W x 3; known: H x W label of pixels that count, any other number elsewhere (and at `places`); label, w: H x W
+    label and inverse depth of all; apart: largest relative difference of inverse depth within one surface.
+    """
     height, width = w.shape
     for n in range(first, last):
         y, x = places[n] // width, places[n] % width
@@ -46,23 +48,3 @@ def mean_known(
         found[n] = total > 0
         if total > 0:
             out[n, 0], out[n, 1], out[n, 2] = red / total, green / total, blue / total
-
-
-def mean_known_nearby(
-    color: UInt8Array,
-    places: NDArray[np.int32],
-    known: NDArray[np.int8],
-    label: NDArray[np.int8],
-    w: Float32Array,
-    reach: int,
-    apart: float,
-) -> tuple[Float32Array, BoolArray]:
-    """N x 3 mean of the known pixels of the same surface within `reach` px, by the inverse fourth power of distance, at N flat
-    `places`; and N, True where there are any.
-
-    color: H x W x 3; known: H x W label of pixels that count, any other number elsewhere (and at `places`); label, w: H x W
-    label and inverse depth of all; apart: largest relative difference of inverse depth within one surface.
-    """
-    out, found = np.zeros((len(places), 3), np.float32), np.empty(len(places), np.bool_)
-    in_bands(mean_known, len(places), color, places, known, label, w, reach, float(apart), out, found, band=BAND)
-    return out, found
