@@ -123,7 +123,7 @@ def clip_frame(frame: FrameSource, clip: float | None) -> FrameSource:
     return frame.clip_depth(clip) if isinstance(frame, RGBD) else lambda: frame().clip_depth(clip)
 
 
-def choose_filler(estimated: bool, filler: str | Inpainter = AUTO, model: str | Path | None = None) -> FillerChoice:
+def choose_filler(estimated: bool, filler: str | Inpainter, model: str | Path | None) -> FillerChoice:
     """The filler as given; for `auto` the one that suits depth that was measured, or estimated.
 
     InputError: a model for `auto`.

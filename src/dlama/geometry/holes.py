@@ -224,6 +224,11 @@ def smaller_size(hw: tuple[int, ...], side: float) -> tuple[int, int]:
     return max(1, round(width * by)), max(1, round(height * by))
 
 
+def repeat_cells(values: np.ndarray, times: int, hw: tuple[int, ...]) -> np.ndarray:
+    """Values of a coarser grid (h x w ...), each `times` x `times` times, cut to a height and width (`hw`)."""
+    return values.repeat(times, 0).repeat(times, 1)[: hw[0], : hw[1]]
+
+
 def shrink_known(values: np.ndarray, known: BoolArray, wh: tuple[int, int]) -> tuple[Float32Array, Float32Array]:
     """(h x w x C means of the known values, h x w share that is known) of H x W x C values in a smaller size (width, height)."""
     weight = known.astype(np.float32)

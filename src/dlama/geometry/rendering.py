@@ -105,9 +105,7 @@ def render(
     return drawn.view(camera, hole_types(drawn, scene.removals) if types else None)
 
 
-def render_measured(
-    measured: Scene, scene: Scene, camera: Camera, mode: Mode = "surface", footprint: bool = False
-) -> View:
+def render_measured(measured: Scene, scene: Scene, camera: Camera, mode: Mode, footprint: bool) -> View:
     """What the measurements alone show from `camera`: I', lambda' and M (eq. 2-4).
 
     Away from the cameras of its frames the depth of sensor holes, filled in `scene`, counts as measured.

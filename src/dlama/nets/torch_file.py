@@ -16,17 +16,13 @@ import numpy as np
 
 from dlama.errors import FileError
 from dlama.nets.safetensors_file import DTYPES, widen_bfloat16
-from dlama.nets.torch_pickle import MOST_ITEMS, Inert, StoredTensor, read_pickle
+from dlama.nets.torch_pickle import MOST_ITEMS, STORAGES, Inert, StoredTensor, read_pickle
 
 DEEPEST = 100
 LONGEST_NAME = 1000
 """Characters of a tensor's name."""
 LARGEST_SHARING = 4
 """How many times the bytes of the file its tensors may hold: tied weights share a storage."""
-STORAGES = {
-    "DoubleStorage": "F64", "FloatStorage": "F32", "HalfStorage": "F16", "BFloat16Storage": "BF16", "LongStorage": "I64",
-    "IntStorage": "I32", "ShortStorage": "I16", "CharStorage": "I8", "ByteStorage": "U8", "BoolStorage": "BOOL",
-}  # fmt: skip
 
 
 class TorchFile:

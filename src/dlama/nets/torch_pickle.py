@@ -23,10 +23,11 @@ MOST_SIDES = 64
 """Dimensions of a tensor, as in NumPy."""
 LARGEST_INT = 2**60
 """Of a key: beyond, many whole numbers share one hash."""
-STORAGE_TYPES = (
-    "DoubleStorage", "FloatStorage", "HalfStorage", "BFloat16Storage", "LongStorage", "IntStorage", "ShortStorage",
-    "CharStorage", "ByteStorage", "BoolStorage",
-)  # fmt: skip
+STORAGES = {
+    "DoubleStorage": "F64", "FloatStorage": "F32", "HalfStorage": "F16", "BFloat16Storage": "BF16", "LongStorage": "I64",
+    "IntStorage": "I32", "ShortStorage": "I16", "CharStorage": "I8", "ByteStorage": "U8", "BoolStorage": "BOOL",
+}  # fmt: skip
+"""Torch's names of the storage types -> dtypes as safetensors names them."""
 
 
 @dataclass(frozen=True)
@@ -127,7 +128,7 @@ class _Rebuild:
                 raise pickle.UnpicklingError("a parameter that wraps no tensor")
             return args[0]
         (key, kind), offset, shape, strides = args[:4]
-        if not isinstance(key, str) or kind not in STORAGE_TYPES or len(shape) > MOST_SIDES:
+        if not isinstance(key, str) or kind not in STORAGES or len(shape) > MOST_SIDES:
             raise pickle.UnpicklingError("a tensor without a storage of a known type, or of too many sides")
         numbers = (offset, *shape, *strides)
         if len(shape) != len(strides) or any(type(number) is not int or not 0 <= number < 2**63 for number in numbers):
@@ -155,7 +156,7 @@ class _InertUnpickler(pickle._Unpickler):
     def find_class(self, module: str, name: str) -> Any:
         if (module, name) in (("torch._utils", "_rebuild_tensor_v2"), ("torch._utils", "_rebuild_parameter")):
             return _Rebuild(parameter=name.endswith("parameter"))
-        if module in ("torch", "torch.storage") and name in STORAGE_TYPES:
+        if module in ("torch", "torch.storage") and name in STORAGES:
             return _StorageType(name)
         if (module, name) == ("collections", "OrderedDict"):
             return self.table

@@ -163,7 +163,7 @@ def complete_mask(
     masks: Mapping[str, BoolArray],
     chosen: str,
     masker: str,
-    with_shadow: bool = False,
+    with_shadow: bool,
     notes: Sequence[str] = (),
 ) -> ObjectMask:
     """The chosen mask, with the object's cast shadow on request. InputError: that needs depth."""

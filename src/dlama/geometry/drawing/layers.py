@@ -134,9 +134,7 @@ def draw(grid: Grid, canvas: Canvas, count: NDArray[np.int32] = ALL) -> Canvas:
     return canvas
 
 
-def draw_apart(
-    grids: Sequence[Grid], canvases: Sequence[Canvas], count: NDArray[np.int32] = ALL, far: bool = False
-) -> None:
+def draw_apart(grids: Sequence[Grid], canvases: Sequence[Canvas], count: NDArray[np.int32], far: bool = False) -> None:
     """Layers side by side, each onto its own canvas by `draw`, and where `far` by `draw_far`."""
 
     def draw_some(first: int, last: int) -> None:
@@ -165,7 +163,7 @@ def draw_as_points(grid: Grid, canvas: Canvas) -> None:
         out_errors[drawn] = errors[np.divmod(raster.LARGEST - (nearest[drawn] & raster.LARGEST), width)]
 
 
-def draw_as_surface(grid: Grid, canvas: Canvas, count: NDArray[np.int32] = ALL) -> None:
+def draw_as_surface(grid: Grid, canvas: Canvas, count: NDArray[np.int32]) -> None:
     """The layer's mesh, and footprints at its rim."""
     layer, rows = grid.layer, grid.camera.height
     depth, joined = grid.surface.mesh

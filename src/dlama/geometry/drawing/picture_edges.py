@@ -221,14 +221,9 @@ def edge_ratio(camera: Camera, pixels: float = 1.0) -> float:
 
 
 def near_jumps(w: Float32Array, reach: int) -> BoolArray:
-    """H x W, True within `reach` px of a jump of inverse depth (H x W, known everywhere)."""
-    return dilate_square(jumps(w), 2 * reach + 1)
-
-
-def jumps(w: Float32Array) -> BoolArray:
-    """H x W, True where inverse depth (H x W, known everywhere) jumps to a neighbour."""
+    """H x W, True within `reach` px of a jump of inverse depth (H x W, known everywhere) between neighbours."""
     high, low = cv2.dilate(w, square(3)), cv2.erode(w, square(3))
-    return np.asarray(high - low > JUMP * high)
+    return dilate_square(np.asarray(high - low > JUMP * high), 2 * reach + 1)
 
 
 def edge_uncertainty(view: View) -> int:

@@ -41,7 +41,7 @@ def merge_frames(scene: Scene, camera: Camera, mode: Mode, fine: bool, errors: b
 
     In the camera of a frame its own pixels stay bit for bit; the others are drawn only where it has no depth.
     """
-    places = choose_frames(scene.frames, camera, MOST_FRAMES)
+    places = choose_frames(scene.frames, camera)
     frames = [scene.frames[place].load() for place in places]
     grids = [Grid.of(frame, camera, mode, fine, surface_of(frame)) for frame in frames]
     gains = np.array([scene.gains[place] for place in places])

@@ -77,7 +77,7 @@ def mask_growth(scene: Scene, dilate: int | None = None) -> Growth:
     return Growth(round(GROWTH_PX * max(1.0, widest / GROWTH_WIDTH)), f"by the picture's longer side, {widest} px")
 
 
-def remove_object(scene: Scene, mask: BoolArray | Mapping[int, BoolArray], dilate: int | None = None) -> Removal:
+def remove_object(scene: Scene, mask: BoolArray | Mapping[int, BoolArray], dilate: int | None) -> Removal:
     """The scene as it was measured without the object under a mask; arguments and errors as of `Scene.without`."""
     masks = masks_by_place(scene, mask)
     growth = mask_growth(scene, dilate)

@@ -15,7 +15,7 @@ import numpy as np
 
 from dlama.geometry.camera import Camera
 from dlama.geometry.drawing.grid_mesh import join_neighbours, mesh_grid
-from dlama.geometry.holes import fill_with_nearest, nearest_known
+from dlama.geometry.holes import fill_with_nearest, nearest_known, repeat_cells
 from dlama.geometry.kernels.depth_edges import DOWN, RIGHT, inverse_with_margin
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.kernels.matting import separate, smooth
@@ -137,6 +137,6 @@ def find_edges(w: Float32Array, joined: UInt8Array) -> tuple[BoolArray, BoolArra
 
 def enlarge(plane: np.ndarray, step: int, size: tuple[int, int]) -> np.ndarray:
     """The plane of the grid in the picture's size (width, height): each value step x step times, the last ones repeated."""
-    large = np.repeat(np.repeat(plane, step, 0), step, 1)
-    pad = max(0, size[1] - large.shape[0]), max(0, size[0] - large.shape[1])
-    return np.pad(large, ((0, pad[0]), (0, pad[1])), mode="edge")[: size[1], : size[0]] if any(pad) else large
+    large = repeat_cells(plane, step, size[::-1])
+    pad = [(0, whole - side) for whole, side in zip(size[::-1], large.shape)]
+    return np.pad(large, pad, mode="edge") if any(after for _, after in pad) else large

@@ -15,7 +15,7 @@ import numpy as np
 
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.cloud import Mesh
-from dlama.geometry.holes import dilate_square, fill_with_nearest
+from dlama.geometry.holes import dilate_square, fill_with_nearest, repeat_cells
 from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
 from dlama.geometry.layers.decimation import decimate
 from dlama.geometry.layers.head_box import HeadBox
@@ -112,7 +112,7 @@ def cover_blocks(where: BoolArray) -> BoolArray:
     near = cv2.dilate(where.view(np.uint8), np.ones((3, 3), np.uint8))
     padded = np.pad(near, [(0, -side % BLOCK) for side in near.shape])
     blocks = padded.reshape(padded.shape[0] // BLOCK, BLOCK, -1, BLOCK).max((1, 3))
-    whole = np.repeat(np.repeat(blocks, BLOCK, 0), BLOCK, 1)[: near.shape[0], : near.shape[1]]
+    whole = repeat_cells(blocks, BLOCK, near.shape)
     return cv2.dilate(whole, np.ones((2, 2), np.uint8), anchor=(1, 1)).view(bool)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.codes import HoleType, Origin
-from dlama.geometry.holes import dilate_mask, morphological_open, nearest_known, regions_touching, square
+from dlama.geometry.holes import dilate_mask, morphological_open, nearest_known, regions_touching, repeat_cells, square
 from dlama.geometry.kernels.jit import begin_job
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array, sampled_pixels
@@ -140,8 +140,7 @@ def find_occluders_coarsely(view: View, surfaces: Surfaces, depth: Float32Array,
     planes = np.stack([step * a, step * b, c + aside * (a + b)], 1)
     coarse = Surfaces(surfaces.inverse_depth[at], surfaces.label[at], planes)
     found = find_occluders(view.subsample(step), coarse, depth[at], law)
-    height, width = view.hole.shape
-    return found.repeat(step, 0).repeat(step, 1)[:height, :width] & view.valid
+    return repeat_cells(found, step, view.hole.shape) & view.valid
 
 
 def find_background(view: View, law: Law) -> BoolArray:

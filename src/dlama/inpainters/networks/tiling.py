@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from dlama.geometry.holes import smaller_size
+from dlama.geometry.holes import repeat_cells, smaller_size
 from dlama.geometry.rgbd import BoolArray, Float32Array
 
 Network = Callable[[Float32Array, BoolArray], Float32Array]
@@ -118,7 +118,7 @@ def cell_groups(hole: BoolArray) -> tuple[np.ndarray, int]:
     full[:height, :width] = hole
     cells = full.reshape(rows, CELL, columns, CELL).any((1, 3))
     count, number = cv2.connectedComponents(np.asarray(cells, np.uint8), connectivity=8)
-    return np.repeat(np.repeat(number, CELL, 0), CELL, 1)[:height, :width], count - 1
+    return repeat_cells(number, CELL, hole.shape), count - 1
 
 
 def boxes_with_context(hole: BoolArray, number: np.ndarray, count: int, layout: Layout) -> np.ndarray:

@@ -87,7 +87,8 @@ def rate_masks(
     try:
         rated = [(network.iou(mask), mask) for mask in find(prompt).values()]
     except MaskError:
-        confident = estimated and network.iou(network.own) > CONFIDENT and not on_sky(rgbd, prompt)
+        on_sky = any(rgbd.far[pixel] for pixel in prompt.on)
+        confident = estimated and network.iou(network.own) > CONFIDENT and not on_sky
         missing = all(rgbd.missing[pixel] for pixel in prompt.on)
         if not (network.own.any() and (confident or missing)):
             raise
@@ -125,11 +126,6 @@ class NetworkMask:
         """Its mask, along the picture's colours, with the clicks and without the negative ones."""
         band = dilate_mask(self.own, self.reach) & ~erode_mask(self.own, self.reach) & prompt.inside
         return correct_at_clicks(rgbd, decide_by_color(rgbd, self.own, band), prompt, prompt.on)
-
-
-def on_sky(rgbd: RGBD, prompt: Prompt) -> bool:
-    """Whether a click is on what is far."""
-    return any(rgbd.far[pixel] for pixel in prompt.on)
 
 
 def expected_iou(probability: Float32Array, mask: BoolArray) -> float:

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from dlama.geometry.camera import Float64Array
+from dlama.geometry.codes import Origin
 from dlama.geometry.kernels.jit import Flag, Real, Whole, inlined, kernel, piece
 from dlama.geometry.kernels.visibility import ray
 from dlama.geometry.rgbd import Float32Array, UInt8Array, UInt16Array
@@ -23,8 +24,10 @@ SAFE_PX = 12.0
 LEAST = 1e-6
 CLIPPED, CLIPPED_SHARE = (215.0, 250.0), 0.05
 """Levels between which a colour saturates, and its least weight."""
-REPROJECTED, DEPTH_FILLED, ELSEWHERE = 2, 3, 6
-"""Origin codes; of the last two the colour is a frame's own, the depth is not."""
+REPROJECTED, DEPTH_FILLED, ELSEWHERE = (
+    code.value for code in (Origin.REPROJECTED, Origin.DEPTH_FILLED, Origin.ELSEWHERE)
+)
+"""Of the last two the colour is a frame's own, the depth is not."""
 FARTHEST = 1e6
 """Distance in metres that stands for far when frames are weighed."""
 

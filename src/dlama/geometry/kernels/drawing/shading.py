@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.camera import Float64Array
+from dlama.geometry.codes import Origin
 from dlama.geometry.kernels.drawing.rasterize import index_of, inverse_of, quad_sides
 from dlama.geometry.kernels.drawing.sampling import HALF, ONE, ZERO, bilinear, level, smooth_color, surface_color
 from dlama.geometry.kernels.jit import Flag, Real, Whole, inlined, kernel, piece
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 
-REPROJECTED = 2
-MEASURED = 1
+MEASURED, REPROJECTED = Origin.MEASURED.value, Origin.REPROJECTED.value
 SHRUNK_2 = np.float32(1.2**2)
 """Source pixels per target pixel, squared, above which one place is not enough."""
 FARTHEST = np.float32(4)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.camera import Camera
+from dlama.geometry.holes import repeat_cells
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.inpainters.layered.kernels.cells import shrink, trusted_sources
 
@@ -106,8 +107,7 @@ class HoleRegion:
         """H x W: the label of pixels that the region may copy, else UNTRUSTED."""
         if not self.apart.any():
             return grid.trusted
-        size, (height, width) = grid.cell_size, grid.hole.shape
-        apart = np.repeat(np.repeat(self.apart, size, 0), size, 1)[:height, :width]
+        apart = repeat_cells(self.apart, grid.cell_size, grid.hole.shape)
         return np.where(apart, np.int8(UNTRUSTED), grid.trusted)
 
     def cell_label(self, grid: TextureGrid) -> Labels:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.camera import Camera
+from dlama.geometry.holes import repeat_cells
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.projection import rays
 from dlama.geometry.rgbd import BoolArray, Float32Array
@@ -172,8 +173,7 @@ def enlarge_strided(values: Float32Array, hw: tuple[int, ...]) -> Float32Array:
 
 def enlarge_like(values: Float32Array, other: np.ndarray) -> Float32Array:
     """Cells of a coarser grid repeated to the shape of a finer one."""
-    by = STRIDE_ACROSS // STRIDE
-    return np.asarray(np.repeat(np.repeat(values, by, 0), by, 1)[: other.shape[0], : other.shape[1]], np.float32)
+    return np.asarray(repeat_cells(values, STRIDE_ACROSS // STRIDE, other.shape), np.float32)
 
 
 def plane_coefficients(candidates: Float32Array) -> NDArray[np.float64]:

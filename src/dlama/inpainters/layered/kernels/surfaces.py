@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.kernels.jit import Flag, Real, Whole, in_bands, kernel, piece
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+from dlama.perception.planes import SKY
 
 DIRECTIONS = 16
-SKY_LABEL = 0
 
 
 @piece
@@ -117,7 +117,7 @@ def rim_cost(value: Real, label: Whole, known: Real, known_label: Whole, rim: Fl
     step = 0.0 if step < 0 else (1.0 if step > 1 else step)
     if in_front:
         return rim[0] + rim[3] * step
-    return rim[0] + (rim[2] if label == SKY_LABEL else rim[1]) * step
+    return rim[0] + (rim[2] if label == SKY else rim[1]) * step
 
 
 @kernel
