@@ -33,6 +33,44 @@ def closeness(side: Float32Array, y: Whole, x: Whole, step: Whole, reach: Real) 
     return 1.0 - min(abs(cell_at(side, y, x, step)) / reach, 1.0)
 
 
+@inlined
+def mark_samples(
+    row: Whole,
+    column: Whole,
+    offsets: NDArray[np.int32],
+    hw: tuple[Whole, Whole],
+    w: Float32Array,
+    between: Real,
+    step: Whole,
+    marks: UInt8Array,
+) -> None:
+    """Which of a pixel's samples are on the near surface, and which on the far one, into `marks` (K); `between`: inverse depth
+    between the two; hw: of the picture."""
+    for k in range(len(offsets)):
+        y, x = row + offsets[k, 0], column + offsets[k, 1]
+        marks[k] = 0
+        if 0 <= y < hw[0] and 0 <= x < hw[1]:
+            there = cell_at(w, y, x, step)
+            if there > 0:
+                marks[k] = NEAR_SAMPLE if there > between else FAR_SAMPLE
+
+
+@inlined
+def mix(own: UInt8Array, near: UInt8Array, far: UInt8Array, hard: Real, prior: Real) -> tuple[Real, Real]:
+    """The near colour's share in a pixel that is mixed of two, `hard` where they are too alike to tell; and what it costs: the
+    rest, and `prior` times its square off `hard`."""
+    length, along, here = 0.0, 0.0, 0.0
+    for channel in range(3):
+        d, e = step_of(near, far, channel), step_of(own, far, channel)
+        length += d * d
+        along += d * e
+        here += e * e
+    a = hard
+    if length > CONTRAST * CONTRAST:
+        a = min(max(along / length, 0.0), 1.0)
+    return a, here - 2 * a * along + a * a * length + prior * (a - hard) * (a - hard)
+
+
 @kernel
 def separate(
     first: Whole,
@@ -56,19 +94,13 @@ def separate(
     w inverse depth (1/m), middle of the two surfaces' (1/m), side signed distance to the edge (cells; > 0 on the near one, reach
     at most). room: N x K. Out: alpha H x W, front and back H x W x 3.
     """
-    rows, columns = color.shape[0], color.shape[1]
+    hw = color.shape[0], color.shape[1]
     for n in range(first, last):
         row, column = pixels[n, 0], pixels[n, 1]
         between, away = cell_at(middle, row, column, step), cell_at(side, row, column, step)
         hard = 1.0 if away > 0 else 0.0
         prior = PRIOR * PRIOR * (away / reach) * (away / reach)
-        for k in range(len(offsets)):
-            y, x = row + offsets[k, 0], column + offsets[k, 1]
-            room[n, k] = 0
-            if 0 <= y < rows and 0 <= x < columns:
-                there = cell_at(w, y, x, step)
-                if there > 0:
-                    room[n, k] = NEAR_SAMPLE if there > between else FAR_SAMPLE
+        mark_samples(row, column, offsets, hw, w, between, step, room[n])
         best, share, nearest, farthest = np.inf, hard, -1, -1
         for i in range(len(offsets)):
             if room[n, i] != NEAR_SAMPLE:
@@ -80,18 +112,8 @@ def separate(
                 if room[n, j] != FAR_SAMPLE:
                     continue
                 y, x = row + offsets[j, 0], column + offsets[j, 1]
-                far = color[y, x]
                 other = closeness(side, y, x, step, reach)
-                length, along, here = 0.0, 0.0, 0.0
-                for channel in range(3):
-                    d, e = step_of(near, far, channel), step_of(color[row, column], far, channel)
-                    length += d * d
-                    along += d * e
-                    here += e * e
-                a = hard
-                if length > CONTRAST * CONTRAST:
-                    a = min(max(along / length, 0.0), 1.0)
-                cost = here - 2 * a * along + a * a * length + prior * (a - hard) * (a - hard)
+                a, cost = mix(color[row, column], near, color[y, x], hard, prior)
                 cost += MIXED * MIXED * (off * off + other * other)
                 if cost < best:
                     best, share, nearest, farthest = cost, a, i, j

@@ -113,6 +113,22 @@ def search_rows(
         cost[t] = least
 
 
+@inlined
+def match_of_neighbour(
+    row: int, column: int, q: int, leap: int, number: NDArray[np.int32], now: Places
+) -> tuple[int, int]:
+    """Row and column of the source that continues the match of a target's neighbour, `leap` pixels away in direction q % 4;
+    -1, -1 where that is no target."""
+    down = leap if q % 4 == 0 else (-leap if q % 4 == 1 else 0)
+    across = leap if q % 4 == 2 else (-leap if q % 4 == 3 else 0)
+    other_row, other_column = row + down, column + across
+    inside = 0 <= other_row < number.shape[0] and 0 <= other_column < number.shape[1]
+    neighbour = int(number[other_row, other_column]) if inside else -1
+    if neighbour < 0:
+        return -1, -1
+    return int(now[neighbour, 0]) - down, int(now[neighbour, 1]) - across
+
+
 @kernel
 def match_rows(
     first: Whole,
@@ -149,16 +165,7 @@ def match_rows(
         while q < NEIGHBOURS or radius >= 1:
             if q < NEIGHBOURS:
                 leap = 1 if q < 4 else 1 + int(abs(random[draw, 0]) * LEAP)
-                down = leap if q % 4 == 0 else (-leap if q % 4 == 1 else 0)
-                across = leap if q % 4 == 2 else (-leap if q % 4 == 3 else 0)
-                other_row, other_column = row + down, column + across
-                inside = 0 <= other_row < height and 0 <= other_column < width
-                neighbour = int(number[other_row, other_column]) if inside else -1
-                if neighbour >= 0:
-                    source_row = int(now[neighbour, 0]) - down
-                    source_column = int(now[neighbour, 1]) - across
-                else:
-                    source_row, source_column = -1, -1
+                source_row, source_column = match_of_neighbour(row, column, q, leap, number, now)
             else:
                 source_row = best_row + int(random[draw, 0] * radius)
                 source_column = best_column + int(random[draw, 1] * radius)

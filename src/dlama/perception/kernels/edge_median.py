@@ -6,6 +6,7 @@ import numpy as np
 
 from dlama.geometry.kernels.jit import Real, Whole, kernel, piece
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+from dlama.perception.kernels.colors import color_difference
 
 MOST = 256
 """Most voters of one pixel: a window of 15 x 15."""
@@ -81,10 +82,7 @@ def joint_median(
                     x = column + step * i - radius
                     if x < 0 or x >= width or not votes[y, x]:
                         continue
-                    unlike: Whole = 0
-                    for channel in range(3):
-                        apart = np.int64(color[y, x, channel]) - np.int64(color[row, column, channel])
-                        unlike += apart * apart
+                    unlike = color_difference(color, row, column, color, y, x)
                     here, w = values[y, x], near[j, i] * alike[min(unlike, most)]
                     total += w
                     if here > guess:
@@ -128,9 +126,6 @@ def take_most_alike(
                 there = (place + 4) % 9
                 near_y = min(max(y + there // 3 - 1, 0), rows - 1)
                 near_x = min(max(x + there % 3 - 1, 0), columns - 1)
-                off = 0
-                for channel in range(3):
-                    step = int(color[row, column, channel]) - int(small_color[near_y, near_x, channel])
-                    off += step * step
+                off = color_difference(color, row, column, small_color, near_y, near_x)
                 if off < least:
                     least, out[row, column] = off, small[near_y, near_x]

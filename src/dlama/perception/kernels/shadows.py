@@ -22,6 +22,27 @@ def is_at_rim(stamp: NDArray[np.int32], mark: Whole, v: Whole, u: Whole) -> Flag
     return stamp[v - 1, u] != mark or stamp[v + 1, u] != mark or stamp[v, u - 1] != mark or stamp[v, u + 1] != mark
 
 
+@inlined
+def sum_shape(
+    stamp: NDArray[np.int32],
+    mark: Whole,
+    box: tuple[Whole, Whole, Whole, Whole],
+    values: Float64Array,
+    seen: BoolArray,
+    out: Float64Array,
+) -> None:
+    """Add up (out: 3) the values, pixels and border pixels of the shape with a mark, where it is seen; box: first and last row,
+    first and last column that may hold it."""
+    for v in range(box[0], box[1] + 1):
+        for u in range(box[2], box[3] + 1):
+            if stamp[v, u] != mark or not seen[v, u]:
+                continue
+            out[0] += values[v, u]
+            out[1] += 1
+            if is_at_rim(stamp, mark, v, u):
+                out[2] += 1
+
+
 @kernel
 def cast_shapes(
     first: Whole,
@@ -61,11 +82,4 @@ def cast_shapes(
                     stamp[v, u] = mark
                     top, bottom = min(top, v), max(bottom, v)
                     left, right = min(left, u), max(right, u)
-        for v in range(top, bottom + 1):
-            for u in range(left, right + 1):
-                if stamp[v, u] != mark or not seen[v, u]:
-                    continue
-                out[k, 0] += values[v, u]
-                out[k, 1] += 1
-                if is_at_rim(stamp, mark, v, u):
-                    out[k, 2] += 1
+        sum_shape(stamp, mark, (top, bottom, left, right), values, seen, out[k])

@@ -7,6 +7,7 @@ import numpy as np
 from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
 from dlama.geometry.kernels.jit import Flag, Real, Whole, kernel, piece
 from dlama.geometry.rgbd import Float32Array, UInt8Array
+from dlama.perception.kernels.colors import color_difference
 
 
 @piece
@@ -76,10 +77,7 @@ def upsample_joined(
             own = 0
             for k in range(4):
                 at_y, at_x = lower if k >= 2 else upper, right if k % 2 else left
-                unlike: Whole = 0
-                for channel in range(3):
-                    apart = np.int64(color[row, column, channel]) - np.int64(small_color[at_y, at_x, channel])
-                    unlike += apart * apart
+                unlike = color_difference(color, row, column, small_color, at_y, at_x)
                 score[k] = (near[k] + least_near) * alike[min(unlike, most)] if w[at_y, at_x] >= 0 else -1
                 if score[k] > score[own]:
                     own = k
