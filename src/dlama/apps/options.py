@@ -40,11 +40,6 @@ Seed = Annotated[int, option("N", "0")]
 Output = Annotated[Path, option("DIR", None, aliases=["-o"])]
 
 
-def names_in(listed: str | None) -> tuple[str, ...] | None:
-    """The names in a list with commas; None: none is given."""
-    return None if listed is None else tuple(name.strip() for name in listed.split(",") if name.strip())
-
-
 def typed_words(value: Any) -> list[str]:
     """A value as it would be typed, or each of a list."""
     parts = value if isinstance(value, (list, tuple)) else (value,)

@@ -228,7 +228,6 @@ class JobInputs:
         if self.object_mask:
             done.meta["object_mask"] = self.object_mask
         done.meta.update(self.how_depth_was_read())
-        addresses: dict[str, Any] = {"input_addresses": self.addresses} if self.addresses else {}
         with self.timed("write"):
             write(
                 done,
@@ -238,6 +237,6 @@ class JobInputs:
                 intrinsics_from=self.intrinsics_from,
                 seconds=dict(self.stages),
                 mask=self.removed,
-                **addresses,
+                input_addresses=self.addresses,
             )
         return file_names(done, **select(p, RESULTS))

@@ -11,10 +11,10 @@ from tyro.conf import Positional
 
 import dlama
 from dlama.apps.command import command
-from dlama.apps.options import Depth, Filler, Output, PictureOptions, Report, given_options, names_in, option
+from dlama.apps.options import Depth, Filler, Output, PictureOptions, Report, given_options, option
 from dlama.apps.places import check_folder_apart, given_files
 from dlama.errors import format_count
-from dlama.jobs.parameters import METHOD, PICTURE, read_parameters
+from dlama.jobs.parameters import METHOD, PICTURE, RESULTS, read_parameters
 
 
 @dataclass(frozen=True)
@@ -70,8 +70,8 @@ def photo3d(
     from dlama.jobs.inputs import refuse_of_pictures, select
 
     with command("photo3d", report) as this:
-        chosen, more = names_in(results.only), names_in(results.also) or ()
-        check_names(chosen, more)
+        names = read_parameters(RESULTS, given_options(results))
+        check_names(**names)
         files = {"image": image, "depth": depth}
         check_folder_apart(output, files)
         given = given_files(files) | given_options(picture, filler)
@@ -89,8 +89,7 @@ def photo3d(
         dlama.write_photo3d(
             done,
             output,
-            only=chosen,
-            also=more,
+            **names,
             inputs=this.inputs,
             intrinsics_from=this.intrinsics_from or "the scene",
             seconds=this.stages,

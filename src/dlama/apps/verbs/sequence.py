@@ -21,12 +21,12 @@ from dlama.apps.options import (
     Report,
     check_of_object,
     given_options,
-    names_in,
     option,
 )
 from dlama.apps.places import check_folder_apart
 from dlama.apps.terminal.output import SHOWN, follow_run, report_result
 from dlama.errors import InputError, format_count
+from dlama.jobs.parameters import RESULTS, read_parameters, text
 
 if TYPE_CHECKING:
     from dlama.geometry.rgbd import BoolArray
@@ -104,8 +104,8 @@ def sequence(
         check_of_object(how, *files.values())
         found = read_masks(files, **how)
         with show_progress("sequence", report) as progress:
-            options = {"masks": found, "views": results.views, **vars(source)}
-            options |= {"only": names_in(results.only), "also": names_in(results.also) or ()}
+            chosen = read_parameters({"views": text, **RESULTS}, given_options(results))
+            options = {"masks": found, **vars(source), **chosen}
             meta = dlama.sequence(dataset, output, progress=progress, **options, **given_options(method))
         result.add(summary_line(meta, output, time.perf_counter() - started), **summary_values(meta, output))
 

@@ -53,7 +53,7 @@ EYES = 0.2
 STEREO_WIDTH, LOOP_WIDTH, LOOP_PICTURES, LOOP_FPS = 1920, 640, 72, 24.0
 
 
-def check_names(only: Sequence[str] | None, also: Sequence[str]) -> tuple[str, ...]:
+def check_names(only: Sequence[str] | None = None, also: Sequence[str] = ()) -> tuple[str, ...]:
     """The names of what is to be written. InputError: an unknown one; MissingExtraError: what writes one is not installed."""
     names = choose_names(only, also, tuple(RESULTS), BY_DEFAULT)
     if "loop" in names:
