@@ -18,7 +18,7 @@ from dlama.errors import DepthError, InputError
 from dlama.geometry.camera import Camera
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array
-from dlama.perception.planes import find_planes, fit_plane, plane_normal
+from dlama.perception.planes import ESTIMATED_NOISE, NOISE_FACTOR, find_planes, fit_plane, plane_normal
 
 ASSUMED_MEDIAN_M = 3.0
 """Median depth of a picture of which nothing is known in metres."""
@@ -197,14 +197,14 @@ def ground_plane(w: Float32Array, camera: Camera) -> np.ndarray | None:
     surface = low & (w > 0)
     if not surface.any():
         return None
-    noise = 0.02 * float(np.median(w[surface]))  # of estimated planes; RANSAC accepts 2.5 times that
+    noise = ESTIMATED_NOISE * float(np.median(w[surface]))
     rows, columns = np.nonzero(surface[::4, ::4])
     u, v = 4 * columns + 0.5, 4 * rows + 0.5
     value = w[::4, ::4][rows, columns].astype(np.float64)
     best, most = None, 0
     for plane in find_planes(w, surface, seed=0, noise=noise):
         residual = np.abs(plane[0] * u + plane[1] * v + plane[2] - value)
-        near = np.maximum(0.05 * value, 2.5 * noise)
+        near = np.maximum(0.05 * value, NOISE_FACTOR * noise)
         inliers = residual < near
         if inliers.sum() < 12:
             continue

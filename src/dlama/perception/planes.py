@@ -26,6 +26,8 @@ TOLERANCE = 0.012
 """Largest relative residual in inverse depth of a pixel that lies on a plane."""
 NOISE_FACTOR = 2.5
 """The same in units of the noise of inverse depth (stereo matching, structured light); the larger one counts."""
+ESTIMATED_NOISE = 0.02
+"""Relative error of estimated inverse depth with which its planes are fitted."""
 OUTLIER_FACTOR = 2.0
 """Multiple of that residual up to which a pixel amid inliers is one, too: matching errs in patches, not by a Gaussian."""
 NEIGHBOURHOOD = 9

@@ -20,6 +20,7 @@ from dlama.models.contracts import CONTRACT_KEY, contract_errors
 from dlama.models.verify import sha256_of
 
 FIELDS = ("in_planes", "out_planes", "in_range", "out_range", "mask", "hole", "multiple", "minimum")
+"""What every file's contract says."""
 COLOR = ("red", "green", "blue")
 PAIR = (*COLOR, *(f"other {name}" for name in COLOR))
 """Of a stereo pair: the left picture's planes, then the right one's."""
@@ -124,18 +125,7 @@ class Contract:
     def metadata(self, **provenance: object) -> dict[str, str]:
         """The ONNX metadata that says all this; provenance (licence, source ...): further entries, JSON-ready, after it."""
         depth = {"depth": DEPTH_PLANE} if "depth" in self.out_planes else {}
-        words = {
-            "version": 1,
-            "network": self.network,
-            "in_planes": self.in_planes,
-            "out_planes": self.out_planes,
-            "in_range": self.in_range,
-            "out_range": self.out_range,
-            "mask": self.mask,
-            "hole": self.hole,
-            "multiple": self.multiple,
-            "minimum": self.minimum,
-        }
+        words = {"version": 1, "network": self.network} | {name: getattr(self, name) for name in FIELDS}
         side = {} if self.side is None else {"side": self.side}
         return {CONTRACT_KEY: json.dumps(depth | words | side | provenance)}
 

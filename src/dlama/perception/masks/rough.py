@@ -17,8 +17,7 @@ from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.perception.masks.borders import run_grabcut
 from dlama.perception.masks.prompt import NothingThereError, Pixel, Prompt, square_about
-from dlama.perception.masks.supports import ESTIMATED_NOISE
-from dlama.perception.planes import find_planes, plane_values
+from dlama.perception.planes import ESTIMATED_NOISE, find_planes, plane_values
 
 AS_NEAR = 0.1
 """Largest relative difference of inverse depth from the click's in the first guess."""

@@ -11,7 +11,7 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.holes import dilate_mask
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
-from dlama.perception.planes import find_planes, label_known, noise_level, plane_normal
+from dlama.perception.planes import ESTIMATED_NOISE, find_planes, label_known, noise_level, plane_normal
 
 SMALLEST_SUPPORT = 0.03
 """Least share of the picture of a supporting plane."""
@@ -26,8 +26,6 @@ BEHIND = 1.015
 """Inverse depth of a plane over an adjacent pixel's from which that lies behind the plane."""
 NOISY = 6.0
 """Least difference for both, in standard deviations of the noise."""
-ESTIMATED_NOISE = 0.02
-"""Relative error of estimated inverse depth with which its planes are fitted."""
 BORDER_PX = 2
 LEVEL = 0.8
 """Least cosine between a level plane's normal and the vertical of the camera."""

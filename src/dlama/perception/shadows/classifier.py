@@ -11,18 +11,19 @@ import functools
 from dataclasses import dataclass
 from pathlib import Path
 
-import cv2
 import numpy as np
 
 from dlama.geometry.holes import dilate_mask, erode_square, iou, regions_touching
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.models.network_file import NetworkFile
 from dlama.models.perceptron import Perceptron, read_arrays
+from dlama.perception.shadows.cast import SMALLEST_PX
 from dlama.perception.shadows.features import (
     FEWEST_PX,
     candidate_features,
     cast_interiors,
     pixel_features,
+    surroundings,
     tone_steps,
 )
 from dlama.perception.shadows.network import network_probability
@@ -100,7 +101,7 @@ def find_likely_shadows(
         tones = tone_steps(planes, regions_touching(mean > SHADOW, shapes[number]))
         last = np.r_[last, agreement(marked, marked_by_pixel > SHADOW, planes.surface), 0, tones]
         out.append(LikelyShadows(shapes[number], mean, last))
-    if region.sum() >= 25:  # px
+    if region.sum() >= SMALLEST_PX:
         certain = float(parts["candidate"](own[None])[0])
         last = verdict_features(planes, region, marked, certain, own, certainty)
         tones = tone_steps(planes, region)
@@ -128,8 +129,7 @@ def verdict_features(
     """Features of a region: probabilities inside and outside, the step at its border, and the features of its shape."""
     where, dark = planes.surface, planes.plane("darkness")
     region = regions_touching(marked_by_pixel > SHADOW, shape)
-    out = cv2.distanceTransform((~region).astype(np.uint8), cv2.DIST_L2, 3)
-    ring, rest = (out > 2) & (out < 8) & where, (out >= 8) & where
+    ring, rest = surroundings(region, where, 8)
     inner = region & erode_square(region, 3)
     inner = inner if inner.sum() >= FEWEST_PX else region
     deep = around = step = likely = likely_around = apart = 0.0

@@ -61,8 +61,7 @@ def candidate_features(planes: ShadowPlanes, shapes: list[BoolArray]) -> Float32
         if inside.sum() < FEWEST_PX:
             rows.append([np.nan] * CANDIDATE_FEATURES)
             continue
-        out = cv2.distanceTransform((~inside).astype(np.uint8), cv2.DIST_L2, 3)
-        ring, rest = (out > 2) & (out < 10) & where, (out >= 10) & where
+        ring, rest = surroundings(inside, where, 10)
         ring = ring if ring.sum() >= FEWEST_PX else where
         deep, around = float(np.median(dark[inside])), float(np.median(dark[ring]))
         middle = (deep + around) / 2
@@ -103,6 +102,12 @@ def tone_steps(planes: ShadowPlanes, region: BoolArray) -> Float32Array:
     middle = max(float(steps[TONES.index(50)]), LEAST_DEEP)
     shares = np.clip([steps[TONES.index(90)] / middle, steps.min() / middle], -1, 2)
     return np.array([*np.clip(steps, -1, 1.5), *shares], np.float32)
+
+
+def surroundings(region: BoolArray, where: BoolArray, width: float) -> tuple[BoolArray, BoolArray]:
+    """h x w each: the part of `where` (h x w) more than 2 and less than `width` px round a region (h x w), and all beyond."""
+    away = cv2.distanceTransform((~region).astype(np.uint8), cv2.DIST_L2, 3)
+    return (away > 2) & (away < width) & where, (away >= width) & where
 
 
 def overlap(one: BoolArray, other: BoolArray) -> float:
