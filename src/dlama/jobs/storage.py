@@ -140,8 +140,7 @@ class Output:
     def names(self, folder: str) -> list[str]:
         """The files below a folder there, relative to it, sorted; none where there is no such folder."""
         if not self.is_remote:
-            place = Path(self.of(folder))
-            return sorted(one.relative_to(place).as_posix() for one in place.rglob("*") if one.is_file())
+            return _files_below(Path(self.of(folder)))
         system, inside = file_system(self.of(folder))
         return sorted(one[len(inside) :].strip("/") for one in system.find(inside)) if system.exists(inside) else []
 
@@ -177,11 +176,15 @@ class Output:
         system, inside = file_system(self.of(name))
         if self.exists(f"{name}/{MARKER}"):
             self.remove(f"{name}/{MARKER}")
-        files = sorted(path for path in folder.rglob("*") if path.is_file())
-        for path in sorted(files, key=lambda path: path.relative_to(folder).as_posix() == MARKER):
-            place = f"{inside}/{path.relative_to(folder).as_posix()}"
+        for file in sorted(_files_below(folder), key=lambda file: file == MARKER):
+            place = f"{inside}/{file}"
             system.makedirs(place.rpartition("/")[0], exist_ok=True)
-            system.put_file(str(path), place)
+            system.put_file(str(folder / file), place)
+
+
+def _files_below(folder: Path) -> list[str]:
+    """The files below a folder of this computer, relative to it, sorted; none where there is no such folder."""
+    return sorted(one.relative_to(folder).as_posix() for one in folder.rglob("*") if one.is_file())
 
 
 def _swap(folder: Path, target: Path) -> None:

@@ -162,7 +162,7 @@ def _view_truth(settings: WorldSettings, yaw: float) -> ViewTruth:
     made, source, target = settings.world(), settings.camera(0.0), settings.camera(yaw)
     seen = made.raycast(source)
     return ViewTruth(
-        source=RGBD(seen.color, seen.depth, source),
+        source=seen.frame(source),
         target=made.frame(target),
         object_mask=seen.group == made.object_index,
         target_without=made.frame(target, object=False),
@@ -173,8 +173,8 @@ def _removal_truth(settings: WorldSettings, yaw: float) -> RemovalTruth:
     made, camera = settings.world(), settings.camera(yaw)
     with_object, without = made.raycast(camera), made.raycast(camera, object=False)
     return RemovalTruth(
-        source=RGBD(with_object.color, with_object.depth, camera),
-        without=RGBD(without.color, without.depth, camera),
+        source=with_object.frame(camera),
+        without=without.frame(camera),
         mask=with_object.group == made.object_index,
         shadow=made.shadow_of(with_object, without),
     )

@@ -123,7 +123,7 @@ class SceneBuilder:
 
     def texels(self) -> UInt8Array:
         """L x P x 4: every layer with its coarser levels behind it."""
-        out = np.empty((len(self.layers), sum((k.SIDE >> n) ** 2 for n in range(k.LEVELS)), 4), np.uint8)
+        out = np.empty((len(self.layers), k.TEXELS, 4), np.uint8)
         for pyramid, layer in zip(out, self.layers):
             start = 0
             level: np.ndarray = layer

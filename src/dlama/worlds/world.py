@@ -14,7 +14,7 @@ from dlama.geometry.camera import Camera, Float64Array, StereoRig
 from dlama.geometry.motion.trajectories import move_sideways, orbit
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, make_read_only
 from dlama.worlds.raycast.bounding_boxes import boxes_by_depth, shadow_cells
-from dlama.worlds.raycast.shape_rows import BLOCKED, COLUMNS, GROUP, LEVELS, LIT, OBJECT_GROUP, SIDE
+from dlama.worlds.raycast.shape_rows import BLOCKED, COLUMNS, GROUP, LIT, OBJECT_GROUP, TEXELS
 from dlama.worlds.raycast.tiles import cast_rays
 
 Kind = Literal["street", "room"]
@@ -67,6 +67,10 @@ class Raycast(NamedTuple):
     light: UInt8Array
     """H x W: UNLIT, LIT or BLOCKED."""
 
+    def frame(self, camera: Camera) -> RGBD:
+        """The colour and depth of the camera that sees it."""
+        return RGBD(self.color, self.depth, camera)
+
 
 @dataclass(frozen=True, eq=False)
 class World:
@@ -89,11 +93,10 @@ class World:
     """Numbers of light and sky, and which shapes may stand before the light, as `raycast` takes them."""
 
     def __post_init__(self) -> None:
-        texels = sum((SIDE >> n) ** 2 for n in range(LEVELS))
         if self.shapes.ndim != 2 or self.shapes.shape[1] != COLUMNS:
             raise InputError(f"world.shapes is {self.shapes.shape}; N x {COLUMNS} is expected")
-        if self.textures.ndim != 3 or self.textures.shape[1:] != (texels, 4) or len(self.textures) < 2:
-            raise InputError(f"world.textures is {self.textures.shape}; at least 2 layers x {texels} x 4 are expected")
+        if self.textures.ndim != 3 or self.textures.shape[1:] != (TEXELS, 4) or len(self.textures) < 2:
+            raise InputError(f"world.textures is {self.textures.shape}; at least 2 layers x {TEXELS} x 4 are expected")
         grid, starts, items = shadow_cells(self.shapes, np.array(self.light.to_light))
         sky, light = self.sky, self.light
         numbers = [*light.to_light, *light.sun, *light.ambient_sky, *light.ambient_ground, *sky.horizon, *sky.zenith]
@@ -115,8 +118,7 @@ class World:
 
     def frame(self, camera: Camera, *, object: bool = True) -> RGBD:
         """The frame this camera takes; without the object its shadow goes, too. Sky has depth +inf; nothing is missing."""
-        seen = self.raycast(camera, object=object)
-        return RGBD(seen.color, seen.depth, camera)
+        return self.raycast(camera, object=object).frame(camera)
 
     def shadow_of(self, with_object: Raycast, without: Raycast) -> BoolArray:
         """H x W, True where the object, and nothing else, keeps the light from the surface seen (never on the object); from what

@@ -13,7 +13,6 @@ from dlama.completion.memory import LONGEST_SIDE, check_memory
 from dlama.datasets.easysynth.writer import SequenceFrame, SequenceKey, StereoSequence, write_scene
 from dlama.errors import InputError, OutputError, system_errors
 from dlama.geometry.camera import Camera
-from dlama.geometry.rgbd import RGBD
 from dlama.worlds.dataset import YAWS, WorldSettings, world_settings
 from dlama.worlds.world import SIZE, Kind, World, classes_of, yaw_order
 
@@ -62,8 +61,8 @@ def _write_or_keep(root: Path, settings: WorldSettings, step: Callable[[], None]
         "seed": settings.seed,
         "kind": settings.kind,
         "size": settings.size,
+        "textures": str(textures) if isinstance(textures, Path) else None,
     }
-    made_with["textures"] = str(textures) if isinstance(textures, Path) else None
     found = None
     with suppress(OSError, ValueError, RecursionError):
         found = json.loads((folder / MADE_WITH).read_text(encoding="utf-8"))
@@ -85,7 +84,7 @@ def _sequences(
     def frame(camera: Camera, object: bool) -> SequenceFrame:
         seen = world.raycast(camera, object=object)
         step()
-        return SequenceFrame(RGBD(seen.color, seen.depth, camera), classes_of(seen.group, world.object_index))
+        return SequenceFrame(seen.frame(camera), classes_of(seen.group, world.object_index))
 
     def orbit(object: bool) -> Iterator[SequenceFrame]:
         return (frame(world.camera(yaw, size), object) for yaw in yaw_order(YAWS))

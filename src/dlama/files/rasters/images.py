@@ -174,8 +174,7 @@ def read_stored(path: PathLike) -> StoredPicture:
 @system_errors(FileError)
 def picture_hw(path: PathLike) -> tuple[int, int]:
     """(height, width) of a picture file as viewers show it, from its header. Raises FileError."""
-    hw, orientation = _header(existing_file(path))
-    return hw if orientation < 5 else (hw[1], hw[0])
+    return _header(existing_file(path))[0]
 
 
 def orientation_of(path: PathLike) -> int:
@@ -196,7 +195,7 @@ def has_16_bits(path: PathLike) -> bool:
 
 
 def _header(file: Path) -> tuple[tuple[int, int], int]:
-    """(height, width) as stored, and the orientation."""
+    """(height, width) as viewers show it, and the orientation."""
     with any_error(FileError, f"{file}: is damaged or truncated"):
         with file.open("rb") as stream:
             tiff = stream.read(4) in TIFF_HEADS | BIG_TIFF_HEADS
@@ -204,8 +203,9 @@ def _header(file: Path) -> tuple[tuple[int, int], int]:
         with _open(file, data) as picture:
             hw, turned = (picture.height, picture.width), decoder_orientation(picture)
             if turned != 1:
-                return hw if turned < 5 else (hw[1], hw[0]), turned
-            return hw, orientation if tiff else _exif(picture)[0]
+                return hw, turned
+            orientation = orientation if tiff else _exif(picture)[0]
+            return hw if orientation < 5 else (picture.width, picture.height), orientation
 
 
 @contextmanager

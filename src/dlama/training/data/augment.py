@@ -35,12 +35,11 @@ GAIN, GAMMA, TINT, CONTRAST = 0.25, 0.3, 0.06, 0.15
 def add_depth_faults(rgbd: RGBD, rng: np.random.Generator, sensor_holes: bool = False) -> RGBD:
     """The frame with flying pixels, noise and quantisation of depth, each with probability 1/2; with `sensor_holes` also some
     missing depth (0)."""
-    if rng.random() < CLEAN:
-        return rgbd if not sensor_holes else dataclasses.replace(rgbd, depth=add_depth_holes(rgbd.depth, rng))
-    depth = rgbd.depth
-    for fault in (add_flying_pixels, add_depth_noise, quantise_depth):
-        if rng.random() < 0.5:
-            depth = fault(depth, rng)
+    depth, clean = rgbd.depth, rng.random() < CLEAN
+    if not clean:
+        for fault in (add_flying_pixels, add_depth_noise, quantise_depth):
+            if rng.random() < 0.5:
+                depth = fault(depth, rng)
     if sensor_holes:
         depth = add_depth_holes(depth, rng)
     return dataclasses.replace(rgbd, depth=depth)

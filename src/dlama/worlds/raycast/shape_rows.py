@@ -22,6 +22,8 @@ side of the grid across the light, which lists what may stand in its way."""
 SIDE = 256
 """Texels along a layer of the finest level; layer 0 is grey noise (stains), layer 1 the clouds."""
 LEVELS = 9
+TEXELS = sum((SIDE >> level) ** 2 for level in range(LEVELS))
+"""Of a layer, all levels together."""
 TILE_PX = 16
 NEAR = 1e-9
 LIFT = 1e-4

@@ -64,8 +64,7 @@ class WorldViews:
 
     def frame(self, number: int) -> RGBD:
         """The frame of camera `number`."""
-        seen = self.raycast(number)
-        return RGBD(seen.color, seen.depth, self.cameras[number])
+        return self.raycast(number).frame(self.cameras[number])
 
 
 @dataclass(frozen=True)
