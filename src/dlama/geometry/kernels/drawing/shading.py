@@ -57,7 +57,7 @@ def shade_surface(
     wbuf: H x W inverse depth, 0 = empty; where: H x W x 2 source column, row (vertex positions, so 0 is the first pixel).
     smooth: `sampling.smooth_quads`; knots: `sampling.spline`. errors: without rows where none are drawn.
     """
-    with_errors, (height, width) = len(errors) > 0, joined.shape
+    with_errors = len(errors) > 0
     for ty in range(first, last):
         for tx in range(wbuf.shape[1]):
             w = wbuf[ty, tx]
@@ -73,22 +73,7 @@ def shade_surface(
                     out_errors[ty, tx, part] = errors[nearest_row, nearest_column, part]
             red, green, blue, count = ZERO, ZERO, ZERO, ZERO
             if average:
-                across_u, across_v = stride(wbuf, where, ty, tx, ty, tx + 1)
-                down_u, down_v = stride(wbuf, where, ty, tx, ty + 1, tx)
-                wide_2, high_2 = across_u * across_u + across_v * across_v, down_u * down_u + down_v * down_v
-                if wide_2 > SHRUNK_2 or high_2 > SHRUNK_2:
-                    wide, high = places(wide_2), places(high_2)
-                    count = wide * high
-                    for y in range(np.int64(high)):
-                        aside = (np.float32(y) + HALF) / high - HALF
-                        for x in range(np.int64(wide)):
-                            along = (np.float32(x) + HALF) / wide - HALF
-                            u, v = su + along * across_u + aside * down_u, sv + along * across_v + aside * down_v
-                            if count == ZERO or not in_whole_quad(u, v, height, width, joined, smooth):
-                                count = ZERO
-                                break
-                            r, g, b = surface_color(u, v, joined, smooth, color, knots)
-                            red, green, blue = red + r, green + g, blue + b
+                red, green, blue, count = sum_shrunk(wbuf, where, ty, tx, joined, smooth, color, knots)
             if count > ZERO:
                 red, green, blue = red / count, green / count, blue / count
             else:
@@ -96,9 +81,43 @@ def shade_surface(
             out_color[ty, tx, 0], out_color[ty, tx, 1], out_color[ty, tx, 2] = level(red), level(green), level(blue)
 
 
+@inlined
+def sum_shrunk(
+    wbuf: Float32Array,
+    where: Float32Array,
+    ty: Whole,
+    tx: Whole,
+    joined: UInt8Array,
+    smooth: UInt8Array,
+    color: UInt8Array,
+    knots: Float32Array,
+) -> tuple[Real, Real, Real, Real]:
+    """Summed red, green, blue of the places of a target pixel whose source is drawn smaller, and their number; number 0: it is
+    not, or a place lies in no whole quad."""
+    across_u, across_v = stride(wbuf, where, ty, tx, ty, tx + 1)
+    down_u, down_v = stride(wbuf, where, ty, tx, ty + 1, tx)
+    wide_2, high_2 = across_u * across_u + across_v * across_v, down_u * down_u + down_v * down_v
+    red, green, blue = ZERO, ZERO, ZERO
+    if wide_2 <= SHRUNK_2 and high_2 <= SHRUNK_2:
+        return red, green, blue, ZERO
+    wide, high = places(wide_2), places(high_2)
+    for y in range(np.int64(high)):
+        aside = (np.float32(y) + HALF) / high - HALF
+        for x in range(np.int64(wide)):
+            along = (np.float32(x) + HALF) / wide - HALF
+            u = where[ty, tx, 0] + along * across_u + aside * down_u
+            v = where[ty, tx, 1] + along * across_v + aside * down_v
+            if not in_whole_quad(u, v, joined, smooth):
+                return red, green, blue, ZERO
+            r, g, b = surface_color(u, v, joined, smooth, color, knots)
+            red, green, blue = red + r, green + g, blue + b
+    return red, green, blue, wide * high
+
+
 @piece
-def in_whole_quad(u: Real, v: Real, height: Whole, width: Whole, joined: UInt8Array, smooth: UInt8Array) -> Flag:
+def in_whole_quad(u: Real, v: Real, joined: UInt8Array, smooth: UInt8Array) -> Flag:
     """Whether a source column, row lies between four pixels that are all joined."""
+    height, width = joined.shape
     left, upper = np.int64(u), np.int64(v)
     if u < 0 or v < 0 or left >= width - 1 or upper >= height - 1:
         return False
