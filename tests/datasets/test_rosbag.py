@@ -14,6 +14,7 @@ from PIL import Image
 
 from damaged import damaged_copies
 from dlama.datasets.captures.ros_messages import Transforms
+from dlama.datasets.captures.rosbag import Bag
 from dlama.datasets.diagnosis import diagnose
 from dlama.datasets.layouts import detect, open_dataset
 from dlama.datasets.sequences.loading import open_frames
@@ -268,6 +269,16 @@ def test_float_depth_in_millimetres_is_warned_of(tmp_path: Path) -> None:
     small_bag(tmp_path / "a.bag", "/c", truth()[0].color, "rgb8", per_metre=1000)
     with pytest.warns(UserWarning, match=r"the median depth is \d+ m: metres are expected; divide millimetres by 1000"):
         sequence(tmp_path / "a.bag", tmp_path / "out", filler="telea")
+
+
+def test_a_bag_that_is_no_longer_kept_is_closed(tmp_path: Path) -> None:
+    """Oracle: what the package says of its own reader."""
+    bag = Bag(write_bag(tmp_path / "a.bag", "ros1"))
+    reader = bag.reader
+    assert next(reader.messages())
+    del bag
+    with pytest.raises(rosbags.highlevel.AnyReaderError, match="not open"):
+        next(reader.messages())
 
 
 def test_without_the_package_it_says_which(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

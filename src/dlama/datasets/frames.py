@@ -12,8 +12,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
+
 from dlama.errors import FileError
 from dlama.geometry.camera import StereoRig
+from dlama.geometry.projection import disparity_from_depth
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 
 Protocol = Literal["vpi", "ori", "sii"]
@@ -84,6 +87,12 @@ class StereoTruth:
     without_right: RGBD | None = None
     metric: bool = True
     """The rig's focal length and baseline are true; False: nominal, so depth in metres means nothing."""
+
+
+def true_disparity(rig: StereoRig, depth: Float32Array) -> Float32Array:
+    """H x W px, as StereoTruth has it, of true depth (m); 0 where depth is missing, or disparity is not > 0."""
+    disparity = disparity_from_depth(depth, fx=rig.left.fx, baseline_m=rig.baseline_m, doffs=rig.doffs)
+    return np.maximum(disparity, 0)
 
 
 Truth = ViewTruth | RemovalTruth | StereoTruth

@@ -16,13 +16,12 @@ import numpy as np
 
 from dlama.arguments import check_count, check_word, is_finite
 from dlama.completion.options import Unpack
-from dlama.datasets.frames import Case, Dataset, Frame, RemovalTruth, StereoTruth, ViewTruth
+from dlama.datasets.frames import Case, Dataset, Frame, RemovalTruth, StereoTruth, ViewTruth, true_disparity
 from dlama.datasets.layouts import DatasetOptions, open_dataset, refuse_unused, select_cases
 from dlama.datasets.text_tables import files_below
 from dlama.errors import FileError, InputError, system_errors
-from dlama.geometry.camera import Camera, StereoRig
-from dlama.geometry.projection import disparity_from_depth
-from dlama.geometry.rgbd import RGBD, Float32Array
+from dlama.geometry.camera import Camera
+from dlama.geometry.rgbd import RGBD
 from dlama.worlds.layouts.random_scene import build
 from dlama.worlds.world import SIZE, Kind, World, yaw_order
 
@@ -188,18 +187,13 @@ def _stereo_truth(settings: WorldSettings) -> StereoTruth:
         left=left.color,
         right=right.color,
         rig=rig,
-        disparity_left=_disparity(rig, left.depth),
-        disparity_right=_disparity(rig, right.depth),
+        disparity_left=true_disparity(rig, left.depth),
+        disparity_right=true_disparity(rig, right.depth),
         mask_left=left.group == made.object_index,
         mask_right=right.group == made.object_index,
         without_left=made.frame(rig.left, object=False),
         without_right=made.frame(rig.right, object=False),
     )
-
-
-def _disparity(rig: StereoRig, depth: Float32Array) -> Float32Array:
-    """H x W px; the sky's is 0."""
-    return disparity_from_depth(depth, fx=rig.left.fx, baseline_m=rig.baseline_m)
 
 
 @system_errors(FileError)

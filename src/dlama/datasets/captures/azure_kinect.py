@@ -18,7 +18,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from dlama.datasets.captures.captured_frames import MOST_ENLARGED
+from dlama.datasets.captures.captured_frames import MOST_ENLARGED, NEAREST_S
 from dlama.datasets.posed.posed_frames import LOG, FrameFiles, Lens, Listed
 from dlama.datasets.posed.registered_depth import register_depth
 from dlama.datasets.text_tables import nearest_in_time, pose_at
@@ -41,8 +41,6 @@ COLORS = {(w, h): ((w, 3 * w // 4), (0, (3 * w // 4 - h) // 2)) for w, h in (
     (1280, 720), (1920, 1080), (2560, 1440), (2048, 1536), (3840, 2160), (4096, 3072)
 )}  # fmt: skip
 """The same of colour, whose sensor has 4:3."""
-NEAREST_S = 0.02
-"""Seconds by which colour and depth may differ."""
 
 
 @dataclass(frozen=True)

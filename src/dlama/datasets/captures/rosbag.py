@@ -10,8 +10,8 @@ recorded by itself names its topics in its own way: `realsense`.
 from __future__ import annotations
 
 import itertools
+import weakref
 from collections.abc import Callable, Iterator
-from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from threading import Lock
@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from dlama.datasets.captures import realsense
-from dlama.datasets.captures.captured_frames import MOST_ENLARGED
+from dlama.datasets.captures.captured_frames import MOST_ENLARGED, NEAREST_S
 from dlama.datasets.captures.ros_messages import (
     Topic,
     Track,
@@ -48,8 +48,6 @@ FILES = (".bag", ".mcap", ".db3")
 IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 INFO, TF, ODOMETRY = "sensor_msgs/msg/CameraInfo", "tf2_msgs/msg/TFMessage", "nav_msgs/msg/Odometry"
 KINDS = (*IMAGES, INFO, TF, "tf/msg/tfMessage", ODOMETRY)
-NEAREST_S = 0.02
-"""Seconds by which colour and depth may differ."""
 
 
 def looks_like(root: Path) -> bool:
@@ -101,9 +99,7 @@ def _decode(how: Callable[[Any, str], Any], path: Path, topic: str, place: int) 
 
 
 class Bag:
-    """An open bag; its pictures are found once, and read when they are needed."""
-
-    reader: Any = None
+    """An open bag; its pictures are found once, and read when they are needed. It is closed when it is no longer kept."""
 
     def __init__(self, path: Path) -> None:
         highlevel, types = (
@@ -116,14 +112,9 @@ class Bag:
             store = types.get_typestore(types.Stores.ROS1_NOETIC if is_old else types.Stores.ROS2_HUMBLE)
             self.reader = highlevel.AnyReader([path], default_typestore=store)
             self.reader.open()
+            weakref.finalize(self, self.reader.close)
             self.units, self.unread = dict[str, float](), dict[str, str]()
             self.topics, self.infos, self.transforms = self._list_topics()
-
-    def __del__(self) -> None:
-        """Close the files of a bag that is no longer kept open."""
-        if self.reader is not None:
-            with suppress(Exception):
-                self.reader.close()
 
     def _list_topics(self) -> tuple[dict[str, tuple[Topic, Any]], dict[str, Any], Transforms]:
         """Topic -> its pictures and the first message, camera_info by topic, and the transforms."""

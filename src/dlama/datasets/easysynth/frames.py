@@ -7,14 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
-from dlama.datasets.frames import Gamma, RemovalTruth, StereoTruth, ViewTruth
+from dlama.datasets.frames import Gamma, RemovalTruth, StereoTruth, ViewTruth, true_disparity
 from dlama.datasets.posed.posed_frames import FrameFiles, load_rgbd
 from dlama.errors import CameraError, DepthError, FileError, MaskError
 from dlama.files.rasters.images import read_stored
 from dlama.files.rasters.pictures import read_classes
 from dlama.files.semantic_classes import RGB
 from dlama.geometry.camera import StereoRig
-from dlama.geometry.projection import disparity_from_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array
 
 SRGB_LINEAR_BELOW = 0.04045
@@ -74,7 +73,7 @@ def load_stereo(
         rig = StereoRig(one.camera, other.camera)
     except CameraError as error:
         raise CameraError(f"{left.color}, {right.color}: {error}") from error
-    disparities = _disparity(rig, one.depth), _disparity(rig, other.depth)
+    disparities = true_disparity(rig, one.depth), true_disparity(rig, other.depth)
     if without is None or object_color is None:
         return StereoTruth(one.color, other.color, rig, *disparities)
     masks = _object_mask(left, object_color), _object_mask(right, object_color)
@@ -87,12 +86,6 @@ def _object_mask(frame: RenderedFrame, color: RGB) -> BoolArray:
     if not mask.any():
         raise MaskError(f"{frame.semantic}: no pixel shows the object's class ({','.join(map(str, color))})")
     return mask
-
-
-def _disparity(rig: StereoRig, depth: Float32Array) -> Float32Array:
-    """H x W px; 0 where depth is missing, or disparity is not > 0."""
-    disparity = disparity_from_depth(depth, fx=rig.left.fx, baseline_m=rig.baseline_m, doffs=rig.doffs)
-    return np.maximum(disparity, 0)
 
 
 def read_png_depth(path: Path, depth_range: float, gamma: Gamma) -> Float32Array:
