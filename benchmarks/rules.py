@@ -107,6 +107,12 @@ def _plain_infinity() -> None:
     _replace("completion.stereo.disparities", "drop_plain_infinity", lambda color, disparity, depth: disparity)
 
 
+def _refined_disparity() -> None:
+    from dlama.perception.stereo.subpixel import denoise
+
+    _replace("perception.stereo.matching", "refine_disparity", lambda left, right, found, lowest: denoise(found))
+
+
 def _beyond_range() -> None:
     _replace("inpainters.layered.depth.surfaces", "move_beyond_range", lambda filled, *rest: filled)
 
@@ -220,5 +226,6 @@ RULES: dict[str, Callable[[], None]] = {
     "beyond-range": _beyond_range,
     "sky-without-depth": _sky_without_depth,
     "plain-infinity": _plain_infinity,
+    "refined-disparity": _refined_disparity,
 }
 """Name -> what turns the rule off."""

@@ -17,6 +17,7 @@ from dlama.arguments import check_number, format_value, is_finite
 from dlama.errors import InputError, ShapeError
 from dlama.geometry.projection import SMALLEST_DISPARITY
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+from dlama.perception.stereo.subpixel import refine_disparity
 
 Matcher = Callable[[UInt8Array, UInt8Array], tuple[Float32Array, Float32Array]]
 """Left and right picture (H x W x 3, RGB) in; the disparity of each (H x W px, 0 = unknown) out."""
@@ -57,9 +58,6 @@ VOLUME = 2.5e8
 SAME_EXPOSURE = 1.1
 """Ratio of brightness up to which pictures are matched as they are. Of one at half the exposure OpenCV's matcher finds 20 % and
 less of the disparities (Motorcycle 91 % to 20 %, Cone 89 % to 20 %), all of them where it is made as bright first."""
-SMOOTH_SIZE, SMOOTH_PX, SMOOTH_REACH = 5, 0.25, 2.0
-"""Bilateral filter of disparities: window, and sigmas of disparity and distance, px. A larger one hides the noise of matches:
-planes are then fitted with too small a tolerance, and fills get worse."""
 
 
 def disparity_pair(
@@ -70,9 +68,9 @@ def disparity_pair(
     A right picture that is darker or brighter as a whole is first made as bright as the left one.
     Two semi-global searches: along eight paths at the pictures' width, and along three at twice the width for what lies below a
     pixel. Where they agree within 1 px the finer one counts, else the first; where the first has no match, the finer one,
-    unless a nearer surface occludes it. Each search keeps what passes the left-right check and is no speckle. A bilateral
-    filter then removes sub-pixel noise. Everything else is 0 = unknown: above all what only one of the two cameras sees.
-    A match at exactly 0 px (infinity) is written as 1e-6. `max_disparity` None searches the range first, in a small
+    unless a nearer surface occludes it. Each search keeps what passes the left-right check and is no speckle. Matches are
+    then refined below a pixel (`refine_disparity`). Everything else is 0 = unknown: above all what only one of the two cameras
+    sees. A match at exactly 0 px (infinity) is written as 1e-6. `max_disparity` None searches the range first, in a small
     copy of the pair; negative disparities need a negative `min_disparity`.
     Raises ShapeError when the pictures are no such pair, InputError when the range is empty, or wider than the picture.
     """
@@ -91,8 +89,9 @@ def disparity_pair(
     limits = min_disparity, max_disparity
     whole = _search(left, right, limits, WHOLE, _scale_of_whole(left.shape, max_disparity - min_disparity))
     fine = _search(left, right, limits, FINE, 2 if left.shape[1] <= DOUBLED_UP_TO_PX else 1)
-    at_left = _denoise(_join(whole[0], fine[0], whole[1], 1))
-    at_right = _denoise(_join(whole[1], fine[1], whole[0], -1))
+    at_left, at_right = _join(whole[0], fine[0], whole[1], 1), _join(whole[1], fine[1], whole[0], -1)
+    at_left = refine_disparity(left, right, at_left, min_disparity)
+    at_right = refine_disparity(right[:, ::-1], left[:, ::-1], at_right[:, ::-1], min_disparity)[:, ::-1]
     return zero_where_unknown(at_left), zero_where_unknown(at_right)
 
 
@@ -144,17 +143,6 @@ def _join(whole: Float32Array, fine: Float32Array, other: Float32Array, sign: in
     columns, inside = nearest_columns(np.nan_to_num(fine), sign)
     hidden = np.take_along_axis(other, columns, axis=1) > fine + TOLERANCE_PX
     return np.where(np.isnan(whole) & inside & ~hidden, fine, agreed)
-
-
-def _denoise(disparity: Float32Array) -> Float32Array:
-    """Disparities (NaN = unknown) averaged over similar neighbours; steps between surfaces stay."""
-    known = np.isfinite(disparity)
-    if not known.any():
-        return disparity
-    low, high = disparity[known].min(), disparity[known].max()
-    apart = np.float32(low - 20 * SMOOTH_PX)  # too far away to weigh anything
-    smooth = cv2.bilateralFilter(np.where(known, disparity, apart), SMOOTH_SIZE, SMOOTH_PX, SMOOTH_REACH)
-    return np.where(known, np.clip(smooth, low, high), np.float32(np.nan))
 
 
 def check_pictures(left: UInt8Array, right: UInt8Array) -> None:
