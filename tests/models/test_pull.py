@@ -26,9 +26,7 @@ WRONG = BODY[:-1] + b"!"
 def a_record(*urls: str, known: bool = True, body: bytes = BODY, member: str | None = None) -> Record:
     """A record of BODY at those addresses."""
     sha256 = hashlib.sha256(body).hexdigest() if known else None
-    return Record(
-        "toy", "a toy", urls, sha256, len(body) if known else None, "MIT", "lama-weights", "toy.pt", True, member
-    )
+    return Record("toy", "a toy", urls, sha256, len(body) if known else None, "MIT", "lama-weights", "toy.pt", member)
 
 
 def refused(wanted: Record) -> str:
