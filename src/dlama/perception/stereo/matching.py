@@ -9,12 +9,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import cv2
 import numpy as np
 
 from dlama.arguments import check_number, format_value, is_finite
 from dlama.errors import InputError, ShapeError
+from dlama.geometry.kernels.jit import begin_job
 from dlama.geometry.projection import SMALLEST_DISPARITY
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.perception.stereo.subpixel import refine_disparity
@@ -55,6 +57,8 @@ DOUBLED_UP_TO_PX = 1600
 """Pictures up to this width are searched finely at twice the width, larger ones as they are."""
 VOLUME = 2.5e8
 """Pixels x disparities of the search along eight paths, which keeps 4 bytes of each; beyond it the pictures are halved."""
+VOLUME_AT_ONCE = 8e7
+"""The same up to which both views are matched at once."""
 SAME_EXPOSURE = 1.1
 """Ratio of brightness up to which pictures are matched as they are. Of one at half the exposure OpenCV's matcher finds 20 % and
 less of the disparities (Motorcycle 91 % to 20 %, Cone 89 % to 20 %), all of them where it is made as bright first."""
@@ -90,9 +94,9 @@ def disparity_pair(
     whole = _search(left, right, limits, WHOLE, _scale_of_whole(left.shape, max_disparity - min_disparity))
     fine = _search(left, right, limits, FINE, 2 if left.shape[1] <= DOUBLED_UP_TO_PX else 1)
     at_left, at_right = _join(whole[0], fine[0], whole[1], 1), _join(whole[1], fine[1], whole[0], -1)
+    mirrored = begin_job(refine_disparity, right[:, ::-1], left[:, ::-1], at_right[:, ::-1], min_disparity)
     at_left = refine_disparity(left, right, at_left, min_disparity)
-    at_right = refine_disparity(right[:, ::-1], left[:, ::-1], at_right[:, ::-1], min_disparity)[:, ::-1]
-    return zero_where_unknown(at_left), zero_where_unknown(at_right)
+    return zero_where_unknown(at_left), zero_where_unknown(mirrored()[:, ::-1])
 
 
 def equalise_exposure(picture: UInt8Array, like: UInt8Array) -> UInt8Array:
@@ -182,9 +186,11 @@ def _match_both_ways(
 ) -> tuple[Float32Array, Float32Array]:
     """Both views matched, checked against each other, speckles removed; NaN = unknown."""
     # Mirrored left and right, the right view is a left one: the same matcher serves both.
+    at_once = left.shape[0] * left.shape[1] * (highest - lowest) <= VOLUME_AT_ONCE
+    mirrored = right[:, ::-1], left[:, ::-1], lowest, highest, search
+    of_right = begin_job(_match, *mirrored) if at_once else partial(_match, *mirrored)
     at_left = _match(left, right, lowest, highest, search)
-    at_right = _match(right[:, ::-1], left[:, ::-1], lowest, highest, search)[:, ::-1]
-    return keep_consistent(at_left, at_right, tolerance)
+    return keep_consistent(at_left, of_right()[:, ::-1], tolerance)
 
 
 def _match(base: UInt8Array, other: UInt8Array, lowest: float, highest: float, search: Search) -> Float32Array:
