@@ -4,8 +4,8 @@
     python benchmarks/click_network.py train FOLDER --photos ../shared/photos [--start FILE --rate 5e-4 --steps 6000 --seeds 0 1]
     python benchmarks/click_network.py object FOLDER --start click.onnx -o click.onnx
 
-`train` makes the network of estimated depth. `object` gives the one of measured depth its second output, whether an object is at
-the click at all: a small network on its maps about the click, which leaves the first output as it is.
+`train` makes the network of estimated depth. `object` gives a network its second output, whether an object is at the click at
+all: a small network on its maps about the click, which leaves the first output as it is.
 
 Crops are drawn by kind, so that none is lost among the others: clicks in photos, in worlds with estimated and with measured
 depth, and on the background. Planes of saliency are zeros in some crops: an object need not be salient.
@@ -216,20 +216,22 @@ def train(
 
 
 def maps_at_clicks(start: Path, folder: Path) -> tuple[np.ndarray, np.ndarray]:
-    """N x F: what the output `object` of the file `start` is to be made of, in all crops of measured depth, and N, whether an
-    object is at the click."""
+    """N x F: what the output `object` of the file `start` is to be made of, in all crops of the depth that it is for, and N,
+    whether an object is at the click."""
     state, crops = read_shadow(start), Crops(folder, [], np.random.default_rng(0))
-    channels = sum(len(state[f"up{number}.0.weight"]) for number in (4, 3, 2, 1))
+    channels, planes = sum(len(state[f"up{number}.0.weight"]) for number in (4, 3, 2, 1)), state["down1.0.weight"].shape[1]
     as_they_are = np.eye(channels, dtype=np.float32), np.zeros(channels, np.float32)
+    estimated = planes > len(PLANES)
+    kinds = ("background", "estimated", "photo") if estimated else ("background", "measured")
     maps, there = list[np.ndarray](), list[bool]()
     with tempfile.TemporaryDirectory() as place:
         file = NetworkFile(export_shadow(state | dict(zip(OBJECT, as_they_are * 2)), Path(place) / "maps.onnx", {}))
-        for kind in ("background", "measured"):
+        for kind in kinds:
             for part, number in crops.numbers[kind]:
-                if not crops.files[part][0][number, PLANES.index("estimated"), 0, 0]:
-                    planes, _ = crops.crop(kind, part, number)
-                    maps.append(file.run_all({"planes": planes[None, : len(PLANES)]})[1][0])
-                    there.append(kind == "measured")
+                if crops.files[part][0][number, PLANES.index("estimated"), 0, 0] == estimated:
+                    crop, _ = crops.crop(kind, part, number)
+                    maps.append(file.run_all({"planes": crop[None, :planes]})[1][0])
+                    there.append(kind != "background")
     return np.stack(maps), np.array(there)
 
 

@@ -203,11 +203,9 @@ MASK_RULES: dict[str, Callable[[], None]] = {
     "border-colors": _mask("snap_to_picture_edges", lambda rgbd, target, *rest: target),
     "click-network": _mask("choose_mask", lambda rgbd, prompt, find, *_: find(prompt), "choice"),
     "networks-own-mask": _no_own_mask,
-    "noisy-depth": _mask("is_noisy", lambda rgbd: False, "choice"),
     "salient-photo": _salient_photo,
     "second-window": _mask("WINDOWS", (), "photo"),
     "photo-border": _mask("refine_border", lambda rgbd, mask, window_hw: mask, "photo"),
-    "rough-color": _mask("LARGEST_COLOR", 0.0, "rough"),
 }
 """The same of `dlama.perception.masks`, for `clicks.py --rules`."""
 RULES: dict[str, Callable[[], None]] = {

@@ -131,24 +131,19 @@ def estimated(scene: RGBD) -> RGBD:
     return RGBD(scene.color, scene.depth, scene.camera, {"estimator": "none"})
 
 
-@pytest.mark.parametrize(("confidence", "taken"), [(0.95, True), (0.7, False)])
-def test_a_click_in_estimated_depth_that_the_masker_refuses(
-    monkeypatch: pytest.MonkeyPatch, confidence: float, taken: bool
-) -> None:
-    """The network's mask where it is sure of it (its probability is `confidence` on the object, 0 elsewhere); else the error."""
+def test_a_click_where_nothing_is_salient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The network's mask where the masker has none; a region that the masker refuses is refused."""
 
     def refuse(prompt: Prompt) -> dict[str, np.ndarray]:
         raise MaskError("that is background")
 
     scene = estimated(step_scene())
     object_ = scene.depth == 1
-    monkeypatch.setattr(room, "object_probability", lambda *_: ClickAnswer(object_ * np.float32(confidence), 1, 1.0))
+    monkeypatch.setattr(room, "object_probability", lambda *_: ClickAnswer(object_ * np.float32(0.95), 1, 1.0))
     seen, prompt = salient.WindowSaliency(scene.color), Prompt(HW, ((65, 55),))
-    if taken:
-        np.testing.assert_array_equal(room.choose_mask(scene, prompt, refuse, 0.4, seen)["object"], object_)
-    else:
-        with pytest.raises(MaskError, match="background"):
-            room.choose_mask(scene, prompt, refuse, 0.4, seen)
+    np.testing.assert_array_equal(room.choose_mask(scene, prompt, lambda _: {}, 0.4, seen)["object"], object_)
+    with pytest.raises(MaskError, match="background"):
+        room.choose_mask(scene, prompt, refuse, 0.4, seen)
 
 
 @pytest.mark.parametrize("is_estimated", [True, False])

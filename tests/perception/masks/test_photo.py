@@ -11,9 +11,9 @@ from dlama.geometry.holes import iou
 from dlama.geometry.rgbd import BoolArray, UInt8Array
 from dlama.perception.masks import photo, salient
 from dlama.perception.masks.click_network import first_window, salient_about
+from dlama.perception.masks.color_cut import cut_out_box
 from dlama.perception.masks.photo import name_masks, rim_share
 from dlama.perception.masks.prompt import Prompt
-from dlama.perception.masks.rough import rough_candidates
 from dlama.perception.masks.salient import window_around
 
 SIDE = 192
@@ -87,7 +87,7 @@ def test_what_fills_little_of_a_box_is_not_the_thing(monkeypatch: pytest.MonkeyP
     prompt = Prompt(picture.depth.shape, box=box)
     masker = photo.PhotoMasker(picture)
     assert masker.salient_in_box(prompt.box_slices) is None
-    np.testing.assert_array_equal(masker.candidates(prompt)["object"], rough_candidates(masker.rough, prompt)["object"])
+    np.testing.assert_array_equal(masker.candidates(prompt)["object"], cut_out_box(picture.color, prompt))
 
 
 def test_how_much_of_a_box_is_filled() -> None:

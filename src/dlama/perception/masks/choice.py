@@ -1,7 +1,7 @@
 """A picture with depth and clicks or a box in; the mask of the object meant out.
 
-Where depth is measured its pieces are candidates (`rgbd`), where it is rough the picture leads (`photo`, `rough`). Of the masks
-found a network chooses at clicks, or gives its own (`click_network`).
+Where depth is measured its pieces are candidates (`rgbd`), where it is estimated what is salient in the picture (`photo`). Of the
+masks found a network chooses at clicks, or gives its own (`click_network`).
 """
 
 from __future__ import annotations
@@ -14,40 +14,29 @@ import numpy as np
 
 from dlama.errors import MaskError
 from dlama.geometry.holes import dilate_mask, erode_mask
-from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
 from dlama.perception.masks.borders import decide_by_color
 from dlama.perception.masks.click_network import object_probability
 from dlama.perception.masks.photo import PhotoMasker, name_masks
 from dlama.perception.masks.prompt import NothingThereError, Prompt
 from dlama.perception.masks.rgbd import Measured, correct_at_clicks, rgbd_candidates
-from dlama.perception.masks.rough import rough_candidates, rough_depth
 from dlama.perception.masks.salient import WindowSaliency
-from dlama.perception.planes import noise_level
 
 ROUGH = "found in estimated depth, which is rough: look at the mask, or give depth"
-NOISY = "found in noisy depth: look at the mask"
-MOST_NOISE = 0.02
-"""Relative noise of inverse depth from which the picture leads, not depth."""
 AGREES, AGREES_ESTIMATED, AGREES_CAMERA = 0.4, 0.65, 0.8
 """Agreement of a mask with the network, over that of the network's own mask, from which it is taken: masks of depth that fits the
 picture, of the photo alone, and of a depth camera's."""
-LEAST, CONFIDENT = 0.2, 0.85
-"""Probability of an object at a click, below which the click is on the background; and in estimated depth agreement of the
-network with its own mask, above which it decides where nothing else is found."""
+LEAST = 0.2
+"""Probability of an object at a click, below which the click is on the background."""
 
 
 def rgbd_masker(rgbd: RGBD, model: None) -> Callable[[Prompt], tuple[dict[str, BoolArray], tuple[str, ...]]]:
-    """The masker of one picture; its planes are found once. With estimated or noisy depth the picture leads."""
-    agrees, notes = AGREES_CAMERA, tuple[str, ...]()
+    """The masker of one picture; its planes are found once. With estimated depth the picture leads."""
     find: Callable[[Prompt], dict[str, BoolArray]]
-    seen = None
+    seen, notes = None, tuple[str, ...]()
     if rgbd.estimate is not None:
         photo = PhotoMasker(rgbd)
         find, seen, agrees, notes = photo.candidates, photo.seen, AGREES_ESTIMATED, (ROUGH,)
-    elif is_noisy(rgbd):
-        rough = rough_depth(rgbd)
-        find, notes = partial(rough_candidates, rough), (NOISY,)
     else:
         measured = Measured.of(rgbd)
         agrees, find = AGREES_CAMERA if measured.edge_offset else AGREES, partial(rgbd_candidates, measured)
@@ -63,14 +52,14 @@ def choose_mask(
 ) -> dict[str, BoolArray]:
     """The mask of `find` that the network agrees with most, as `object`, and the others.
 
-    The network's own where it agrees with none (`agrees`, as AGREES), or `find` fails where depth is missing at the clicks or, in
-    estimated depth, the network is confident. MaskError: as `find`, and where no click is on an object and no box is given.
+    The network's own where it agrees with none (`agrees`, as AGREES), where `find` has none, or fails where depth is missing at
+    the clicks. MaskError: as `find`, and where no click is on an object and no box is given.
 
     seen: the picture's saliency where depth is estimated, None elsewhere.
     """
     network = NetworkMask.of(rgbd, prompt, seen)
-    rated = rate_masks(rgbd, prompt, find, network, seen is not None)
-    if prompt.box is None and network.there < LEAST:
+    rated = rate_masks(rgbd, prompt, find, network)
+    if prompt.box is None and (network.there < LEAST or not (rated or network.own.any())):
         where = "where nothing stands apart: that is ground, a wall or the sky"
         raise NothingThereError(prompt.on[0], where, "amid an object")
     masks = [mask for _, mask in rated]
@@ -80,17 +69,14 @@ def choose_mask(
 
 
 def rate_masks(
-    rgbd: RGBD, prompt: Prompt, find: Callable[[Prompt], dict[str, BoolArray]], network: NetworkMask, estimated: bool
+    rgbd: RGBD, prompt: Prompt, find: Callable[[Prompt], dict[str, BoolArray]], network: NetworkMask
 ) -> list[tuple[float, BoolArray]]:
-    """The masks of `find` with their agreement with the network, the best first; none where `find` fails and the network decides
-    alone. MaskError: as `find`, elsewhere. estimated: whether depth is."""
+    """The masks of `find` with their agreement with the network, the best first; none where `find` fails and depth is missing at
+    the clicks. MaskError: as `find`, elsewhere."""
     try:
         rated = [(network.iou(mask), mask) for mask in find(prompt).values()]
     except MaskError:
-        on_sky = any(rgbd.far[pixel] for pixel in prompt.on)
-        confident = estimated and network.iou(network.own) > CONFIDENT and not on_sky
-        missing = all(rgbd.missing[pixel] for pixel in prompt.on)
-        if not (network.own.any() and (confident or missing)):
+        if not (network.own.any() and all(rgbd.missing[pixel] for pixel in prompt.on)):
             raise
         return []
     return sorted(rated, key=lambda each: -each[0])
@@ -132,11 +118,3 @@ def expected_iou(probability: Float32Array, mask: BoolArray) -> float:
     """Intersection over union of a mask (H x W) and an object of which each pixel's probability is known."""
     both = float(probability[mask].sum())
     return both / max(float(probability.sum()) + float(mask.sum()) - both, 1e-6)
-
-
-def is_noisy(rgbd: RGBD) -> bool:
-    """True where surfaces are so uneven, as in stereo matching, that pieces are not connected."""
-    if not rgbd.valid.any():
-        return False
-    w = inverse_depth(rgbd.depth)
-    return noise_level(w, rgbd.valid) > MOST_NOISE * float(np.median(w[rgbd.valid]))

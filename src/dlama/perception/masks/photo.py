@@ -1,8 +1,7 @@
 """A picture with estimated depth and clicks or a box in; masks of the object out. A salient-object network leads.
 
 The network of `salient` runs in two windows round a click, and in the whole picture where those find nothing or cut the object
-off. Round a box it runs in three windows, and its region is taken where it fills the box. `rough` decides where the network
-finds nothing, or something that disagrees with the box.
+off. Round a box it runs in three windows, and its region is taken where it fills the box; elsewhere colours decide (`color_cut`).
 """
 
 from __future__ import annotations
@@ -10,7 +9,6 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
-from functools import cached_property
 
 import cv2
 import numpy as np
@@ -21,17 +19,9 @@ from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
 from dlama.perception.masks.borders import decide_by_color
 from dlama.perception.masks.click_network import first_window
-from dlama.perception.masks.prompt import Pixel, Prompt, square_about
-from dlama.perception.masks.rough import (
-    RoughDepth,
-    check_surfaces,
-    cut_along_colors,
-    keep_clicked_parts,
-    mark_clicks,
-    refuse_background,
-    rough_candidates,
-    rough_depth,
-)
+from dlama.perception.masks.color_cut import cut_along_colors, cut_out_box, keep_clicked_parts, mark_clicks
+from dlama.perception.masks.prompt import NothingThereError, Pixel, Prompt, square_about
+from dlama.perception.masks.rgbd import check_surfaces
 from dlama.perception.masks.salient import SIDE, Window, WindowSaliency, window_around, window_side
 
 WINDOWS = (0.5,)
@@ -50,6 +40,8 @@ BOX_WINDOWS = (1.25, 1.6, 2.2)
 SMALLEST_WINDOW = 48
 FILLS = 0.75
 """Least intersection over union of a box and its salient region for that to be the object."""
+BACKGROUND = 0.5
+"""Share of the picture and of its upper border from which a region is background."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,13 +67,9 @@ class PhotoMasker:
         self.seen = WindowSaliency(rgbd.color)
         self.known: dict[Pixel, list[Reading]] = {}
 
-    @cached_property
-    def rough(self) -> RoughDepth:
-        """What decides where nothing is salient; made when it is first needed."""
-        return rough_depth(self.rgbd)
-
     def candidates(self, prompt: Prompt) -> dict[str, BoolArray]:
-        """H x W masks: object; part, group where a click has a smaller or a larger reading. Errors as `rough_candidates`."""
+        """H x W masks: object; part, group where a click has a smaller or a larger reading; none where nothing is salient at a
+        click. MaskError on sky and large regions, and where a box holds nothing."""
         if prompt.box is not None:
             return self.segment_box(prompt)
         clicks, away = prompt.on, prompt.away
@@ -90,8 +78,10 @@ class PhotoMasker:
             if mask[pixel]:
                 continue
             readings = sorted(self.readings(pixel), key=lambda one: -agreement(one, clicks, away))
+            if not readings and all(self.rgbd.far[each] for each in clicks):
+                raise NothingThereError(clicks[0], "which lies on the sky: nothing stands apart there")
             if not readings:
-                return rough_candidates(self.rough, prompt)
+                return {}
             mask |= readings[0].mask
             if len(clicks) == 1 and not away:
                 others = [one.mask for one in readings[1:] if one.cut <= CUT_OFF]
@@ -104,9 +94,9 @@ class PhotoMasker:
         """The salient region where it fills the box, else the region that colours cut out; with clicks only the latter."""
         filling = None if prompt.clicks or prompt.not_clicks else self.salient_in_box(prompt.box_slices)
         if filling is None:
-            return rough_candidates(self.rough, prompt)
+            return {"object": cut_out_box(self.rgbd.color, prompt)}
         try:
-            others = list(rough_candidates(self.rough, prompt).values())
+            others = [cut_out_box(self.rgbd.color, prompt)]
         except MaskError:
             others = []
         return name_masks(filling, others)
@@ -218,6 +208,13 @@ def exclude_clicks(color: UInt8Array, mask: BoolArray, prompt: Prompt) -> BoolAr
     state[mask] = cv2.GC_PR_FGD
     found = cut_along_colors(color, mark_clicks(state, prompt))
     return keep_clicked_parts(found, prompt) if prompt.clicks else found
+
+
+def refuse_background(mask: BoolArray, prompt: Prompt) -> None:
+    """MaskError where the region covers half of the picture and of its upper border."""
+    if mask.mean() > BACKGROUND and mask[0].mean() > BACKGROUND:
+        where = "where more than half of the picture and of its upper rim are connected: that is background (sky, wall)"
+        raise NothingThereError(prompt.on[0], where)
 
 
 def name_masks(mask: BoolArray, others: list[BoolArray], different: float = DIFFERENT) -> dict[str, BoolArray]:

@@ -29,7 +29,6 @@ from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
 from dlama.perception.kernels.regions import join_regions
 from dlama.perception.masks.borders import HOLE_PX, at_same_depth, correct_at_click, snap_to_picture_edges
 from dlama.perception.masks.prompt import NothingThereError, Pixel, Prompt, square_about
-from dlama.perception.masks.rough import check_surfaces
 from dlama.perception.masks.supports import (
     Planes,
     find_planes_of_picture,
@@ -69,6 +68,12 @@ TOUCHING_PX = 3
 MOSTLY = 0.95
 """Share of the common border with similar depths that joins two pieces. A stool before a bed touches it at its ground contact
 alone, a vase what lies behind the edge of its plinth."""
+
+
+def check_surfaces(rgbd: RGBD) -> None:
+    """MaskError where no pixel has a depth."""
+    if not rgbd.valid.any():
+        raise MaskError("depth is missing or far everywhere, so no object stands apart; depth with values is expected")
 
 
 @dataclass(frozen=True, eq=False)
