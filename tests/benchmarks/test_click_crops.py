@@ -61,8 +61,10 @@ def test_a_background_seen_nearer() -> None:
     assert abs(edge - (SIDE // 2 + 40)) <= 1
 
 
-def test_an_object_is_at_the_click(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """Positive for crops with a red square before a wall, negative for those of the wall alone; the first output stays."""
+@pytest.mark.parametrize("estimated", [False, True])
+def test_an_object_is_at_the_click(estimated: bool, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Positive for crops with a red square before a wall, negative for those of the wall alone; the first output stays.
+    Crops of the other kind of depth are left alone."""
     monkeypatch.setattr(click_network, "OBJECT_STEPS", 300)
     rng = np.random.default_rng(0)
     planes, truth = np.zeros((40, len(PLANES), SIDE, SIDE), np.float16), np.zeros((40, 2, SIDE, SIDE), np.uint8)
@@ -71,14 +73,21 @@ def test_an_object_is_at_the_click(monkeypatch: pytest.MonkeyPatch, tmp_path: Pa
         crop[0, square, square], crop[PLANES.index("distance")], target[0, square, square] = 1, -1, 255
         crop[PLANES.index("distance"), square, square] = 0
     planes[:, PLANES.index("known")] = planes[:, PLANES.index("inside")] = truth[:, 1] = 1
-    for what, values in (("planes", planes), ("truth", truth), ("salient", np.zeros_like(truth))):
-        np.save(tmp_path / f"world-00000.{what}.npy", values)
-    start = network(estimated=False)
-    learned = click_network.fit_object(*click_network.maps_at_clicks(start.path, tmp_path))
+    salient = np.zeros_like(truth)
+    for number, kind in enumerate((estimated, not estimated)):
+        planes[:, PLANES.index("estimated")] = kind
+        for what, values in (("planes", planes), ("truth", truth), ("salient", salient)):
+            np.save(tmp_path / f"world-0000{number}.{what}.npy", values)
+    planes[:, PLANES.index("estimated")] = estimated
+    start = network(estimated)
+    maps, at_object = click_network.maps_at_clicks(start.path, tmp_path)
+    assert len(maps) == 40 and at_object.sum() == 20
+    learned = click_network.fit_object(maps, at_object)
     file = NetworkFile(export_shadow(read_shadow(start.path) | learned, tmp_path / "click.onnx", {}))
-    feed = {"planes": planes.astype(np.float32)}
+    seen = np.concatenate([planes, salient], 1) if estimated else planes
+    feed = {"planes": seen.astype(np.float32)}
     logits, object_ = file.run_all(feed)
-    np.testing.assert_array_equal(logits, start.run(feed))
+    np.testing.assert_array_equal(logits, start.run_all(feed)[0])
     there = truth[:, 0].any((1, 2))
     assert (object_[there] > 0).all() and (object_[~there] < 0).all()
 

@@ -40,8 +40,6 @@ BOX_WINDOWS = (1.25, 1.6, 2.2)
 SMALLEST_WINDOW = 48
 FILLS = 0.75
 """Least intersection over union of a box and its salient region for that to be the object."""
-BACKGROUND = 0.5
-"""Share of the picture and of its upper border from which a region is background."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +67,7 @@ class PhotoMasker:
 
     def candidates(self, prompt: Prompt) -> dict[str, BoolArray]:
         """H x W masks: object; part, group where a click has a smaller or a larger reading; none where nothing is salient at a
-        click. MaskError on sky and large regions, and where a box holds nothing."""
+        click. MaskError on the sky, and where a box holds nothing."""
         if prompt.box is not None:
             return self.segment_box(prompt)
         clicks, away = prompt.on, prompt.away
@@ -87,7 +85,6 @@ class PhotoMasker:
                 others = [one.mask for one in readings[1:] if one.cut <= CUT_OFF]
         if any(mask[pixel] for pixel in away):
             mask = exclude_clicks(self.rgbd.color, mask, prompt)
-        refuse_background(mask, prompt)
         return name_masks(mask, others)
 
     def segment_box(self, prompt: Prompt) -> dict[str, BoolArray]:
@@ -208,13 +205,6 @@ def exclude_clicks(color: UInt8Array, mask: BoolArray, prompt: Prompt) -> BoolAr
     state[mask] = cv2.GC_PR_FGD
     found = cut_along_colors(color, mark_clicks(state, prompt))
     return keep_clicked_parts(found, prompt) if prompt.clicks else found
-
-
-def refuse_background(mask: BoolArray, prompt: Prompt) -> None:
-    """MaskError where the region covers half of the picture and of its upper border."""
-    if mask.mean() > BACKGROUND and mask[0].mean() > BACKGROUND:
-        where = "where more than half of the picture and of its upper rim are connected: that is background (sky, wall)"
-        raise NothingThereError(prompt.on[0], where)
 
 
 def name_masks(mask: BoolArray, others: list[BoolArray], different: float = DIFFERENT) -> dict[str, BoolArray]:
