@@ -76,9 +76,8 @@ class PhotoMasker:
             if mask[pixel]:
                 continue
             readings = sorted(self.readings(pixel), key=lambda one: -agreement(one, clicks, away))
-            if not readings and all(self.rgbd.far[each] for each in clicks):
-                raise NothingThereError(clicks[0], "which lies on the sky: nothing stands apart there")
             if not readings:
+                refuse_sky(self.rgbd, clicks)
                 return {}
             mask |= readings[0].mask
             if len(clicks) == 1 and not away:
@@ -205,6 +204,12 @@ def exclude_clicks(color: UInt8Array, mask: BoolArray, prompt: Prompt) -> BoolAr
     state[mask] = cv2.GC_PR_FGD
     found = cut_along_colors(color, mark_clicks(state, prompt))
     return keep_clicked_parts(found, prompt) if prompt.clicks else found
+
+
+def refuse_sky(rgbd: RGBD, clicks: list[Pixel]) -> None:
+    """MaskError where all clicks lie on the sky."""
+    if all(rgbd.far[pixel] for pixel in clicks):
+        raise NothingThereError(clicks[0], "which lies on the sky: nothing stands apart there")
 
 
 def name_masks(mask: BoolArray, others: list[BoolArray], different: float = DIFFERENT) -> dict[str, BoolArray]:
