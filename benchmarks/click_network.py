@@ -219,10 +219,8 @@ def maps_at_clicks(start: Path, folder: Path) -> tuple[np.ndarray, np.ndarray]:
     """N x F: what the output `object` of the file `start` is to be made of, in all crops of the depth that it is for, and N,
     whether an object is at the click."""
     state, crops = read_shadow(start), Crops(folder, [], np.random.default_rng(0))
-    channels, planes = (
-        sum(len(state[f"up{number}.0.weight"]) for number in (4, 3, 2, 1)),
-        state["down1.0.weight"].shape[1],
-    )
+    channels = sum(len(state[f"up{number}.0.weight"]) for number in (4, 3, 2, 1))
+    planes = state["down1.0.weight"].shape[1]
     as_they_are = np.eye(channels, dtype=np.float32), np.zeros(channels, np.float32)
     estimated = planes > len(PLANES)
     kinds = ("background", "estimated", "photo") if estimated else ("background", "measured")

@@ -20,16 +20,21 @@ ROUNDS = 5
 
 
 def cut_out_box(color: UInt8Array, prompt: Prompt) -> BoolArray:
-    """H x W, True on the object in a box: the parts with a click, where there are any. MaskError where there is none."""
-    state = np.full(prompt.hw, cv2.GC_BGD, np.uint8)
-    state[prompt.box_slices] = cv2.GC_PR_FGD
-    mask = cut_along_colors(color, mark_clicks(state, prompt))
-    mask = keep_clicked_parts(mask, prompt) if prompt.clicks else mask
+    """H x W, True on the object in a box. MaskError where there is none."""
+    mask = cut_out(color, prompt.inside, prompt)
     if not mask.any():
         raise MaskError(
             "box holds nothing that stands apart in colour; a box round an object is expected, or clicks on it"
         )
     return mask
+
+
+def cut_out(color: UInt8Array, probable: BoolArray, prompt: Prompt) -> BoolArray:
+    """H x W, True on the object, which is probably `probable` (H x W), without the regions of negative clicks; where there are
+    clicks the parts with one."""
+    state = np.where(probable, cv2.GC_PR_FGD, cv2.GC_BGD).astype(np.uint8)
+    mask = cut_along_colors(color, mark_clicks(state, prompt))
+    return keep_clicked_parts(mask, prompt) if prompt.clicks else mask
 
 
 def mark_clicks(state: UInt8Array, prompt: Prompt) -> UInt8Array:

@@ -10,16 +10,15 @@ import dataclasses
 import math
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
 from dlama.errors import MaskError
 from dlama.geometry.holes import box_around, dilate_mask, disc, erode_mask, morphological_open, region_at, sides_of
 from dlama.geometry.kernels.jit import in_bands
-from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
+from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.perception.masks.borders import decide_by_color
 from dlama.perception.masks.click_network import first_window
-from dlama.perception.masks.color_cut import cut_along_colors, cut_out_box, keep_clicked_parts, mark_clicks
+from dlama.perception.masks.color_cut import cut_out, cut_out_box
 from dlama.perception.masks.prompt import NothingThereError, Pixel, Prompt, square_about
 from dlama.perception.masks.rgbd import check_surfaces
 from dlama.perception.masks.salient import SIDE, Window, WindowSaliency, window_around, window_side
@@ -83,7 +82,7 @@ class PhotoMasker:
             if len(clicks) == 1 and not away:
                 others = [one.mask for one in readings[1:] if one.cut <= CUT_OFF]
         if any(mask[pixel] for pixel in away):
-            mask = exclude_clicks(self.rgbd.color, mask, prompt)
+            mask = cut_out(self.rgbd.color, mask, prompt)
         return name_masks(mask, others)
 
     def segment_box(self, prompt: Prompt) -> dict[str, BoolArray]:
@@ -196,14 +195,6 @@ def refine_border(rgbd: RGBD, mask: BoolArray, window_hw: tuple[int, ...]) -> Bo
     core = morphological_open(part, disc(2 * reach))
     band[box] = dilate_mask(core, reach) & ~erode_mask(core, reach) & ~(part & ~dilate_mask(core, 1))
     return decide_by_color(rgbd, mask, band) if band.any() and (mask & ~band).any() else mask
-
-
-def exclude_clicks(color: UInt8Array, mask: BoolArray, prompt: Prompt) -> BoolArray:
-    """The mask cut again along the picture's colours, without the regions of negative clicks."""
-    state = np.full(mask.shape, cv2.GC_BGD, np.uint8)
-    state[mask] = cv2.GC_PR_FGD
-    found = cut_along_colors(color, mark_clicks(state, prompt))
-    return keep_clicked_parts(found, prompt) if prompt.clicks else found
 
 
 def refuse_sky(rgbd: RGBD, clicks: list[Pixel]) -> None:
