@@ -26,11 +26,11 @@ from torch.nn.functional import binary_cross_entropy_with_logits
 
 from click_crops import crops_of_photo, crops_of_world, write_crops
 from click_photos import CUT_OUT, LEARNT, Object, clear_objects, photos_of, put_object
+from click_training import RATE, expected_iou, mean_state, train, varied
 from dlama.geometry.rgbd import Float32Array
 from dlama.models.network_file import NetworkFile
 from dlama.perception.masks.click_network import PLANES, SALIENT, SIDE
 from shadow_export import OBJECT, export_shadow, read_shadow
-from shadow_net import ShadowNet
 
 KINDS = ("photo", "estimated", "measured", "background")
 IN_BATCH = (5, 5, 3, 3)
@@ -42,8 +42,8 @@ ON_CLICK, ELSEWHERE, LONGER_PX = 0.25, 0.15, (8, 64)
 side. Depth and saliency do not show it, as they do not show small objects on large ones."""
 NEARER = 2.5
 """Clicks on the background are seen from so much nearer at most."""
-WIDTHS, BATCH, RATE, WARM, DECAY, AVERAGED = (24, 40, 64, 96, 96), sum(IN_BATCH), 2.5e-3, 100, 2e-2, 0.995
-RARER, RAREST, SMOOTH_PX = 4.0, 6.0, 5.0
+BATCH = sum(IN_BATCH)
+RARER, RAREST = 4.0, 6.0
 """An object's pixels weigh as a fourth of the square, up to so many times."""
 HIDDEN, OBJECT_RATE, OBJECT_STEPS, OBJECT_BATCH, ON_BACKGROUND = 16, 1e-3, 3000, 256, 2.0
 """Of the layers that say whether an object is at the click: width, how they learn, and the weight of all clicks on the background
@@ -132,87 +132,16 @@ def put_cut_out(
     planes[:3] = (levels / 127.5 - 1).transpose(2, 0, 1) * planes[PLANES.index("inside")]
 
 
-def varied(planes: Float32Array, arrays: np.ndarray, rng: np.random.Generator) -> tuple[Float32Array, np.ndarray]:
-    """A crop mirrored, in other colours, depth lost in a disc. arrays: further planes of the same crop, C x SIDE x SIDE."""
-    color = planes[:3]
-    if rng.random() < 0.3:
-        color = color[rng.permutation(3)]
-    if rng.random() < 0.1:
-        color = np.repeat(color.mean(0, keepdims=True), 3, 0)
-    color = np.clip(color * np.exp(rng.normal(0, 0.2)) + rng.normal(0, 0.1, (3, 1, 1)), -1, 1)
-    if rng.random() < 0.3:
-        color = color + rng.normal(0, rng.uniform(0, 0.08), color.shape)
-    planes[:3] = color * planes[PLANES.index("inside")]
-    if rng.random() < 0.15:
-        row, column, radius = *rng.uniform(0, SIDE, 2), rng.uniform(3, 25)
-        v, u = np.ogrid[:SIDE, :SIDE]
-        gone = (v - row) ** 2 + (u - column) ** 2 < radius**2
-        for name in ("distance", "known", "right", "down"):
-            planes[PLANES.index(name)][gone] = 0
-    if rng.random() < 0.5:
-        planes, arrays = planes[:, :, ::-1].copy(), arrays[:, :, ::-1]
-        planes[PLANES.index("right")] *= -1
-    return planes, arrays
+def loss_of(logits: Tensor, arrays: Tensor) -> Tensor:
+    """Cross entropy of the pixels that count, and one less the expected intersection over union; mean over crops.
 
-
-def loss_of(logits: Tensor, targets: Tensor, counts: Tensor) -> Tensor:
-    """Cross entropy of the pixels that count, and one less the expected intersection over union; mean over crops."""
+    arrays: B x 2 x SIDE x SIDE, the object's share and what counts.
+    """
+    targets, counts = arrays[:, 0], arrays[:, 1]
     area, pixels = (targets * counts).sum((1, 2)), counts.sum((1, 2)).clamp(min=1)
     gain = (pixels / (RARER * area.clamp(min=1))).clamp(1, RAREST)[:, None, None]
     entropy = binary_cross_entropy_with_logits(logits, targets, reduction="none") * counts * (1 + (gain - 1) * targets)
-    said = logits.sigmoid() * counts
-    both, sizes = (said * targets).sum((1, 2)), (said + targets * counts).sum((1, 2))
-    return (entropy.sum((1, 2)) / pixels + 1 - (both + SMOOTH_PX) / (sizes - both + SMOOTH_PX)).mean()
-
-
-def with_planes(state: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """The state of a network that sees fewer planes, which ignores those that are new: its answers stay."""
-    weight = state["down1.0.weight"]
-    more = np.zeros((len(weight), len(PLANES) + len(SALIENT) - weight.shape[1], *weight.shape[2:]), np.float32)
-    return state | {"down1.0.weight": np.concatenate([weight, more], 1)}
-
-
-def train(
-    folder: Path,
-    cut_outs: Sequence[Object],
-    steps: int,
-    rate: float = RATE,
-    start: Path | None = None,
-    seed: int = 0,
-) -> dict[str, np.ndarray]:
-    """The state of a network: the mean of the network's weights over the last steps, by AdamW, its layers computed in bfloat16.
-
-    start: a file that is learned on from; its batch norms, which are part of its convolutions, are not learned anew.
-    """
-    torch.manual_seed(seed)
-    crops = Crops(folder, cut_outs, np.random.default_rng(seed))
-    print(", ".join(f"{len(numbers)} {kind}" for kind, numbers in crops.numbers.items()), flush=True)
-    network = ShadowNet(len(PLANES) + len(SALIENT), WIDTHS, deeper=True).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
-    if start is not None:
-        state = {name: value for name, value in with_planes(read_shadow(start)).items() if name not in OBJECT}
-        network.load_state_dict({name: torch.from_numpy(value) for name, value in state.items()})
-        network.eval()
-    mean = {name: value.clone() for name, value in network.state_dict().items()}
-    optimiser = torch.optim.AdamW(network.parameters(), rate, weight_decay=DECAY)
-    losses = list[float]()
-    for step in range(steps):
-        for group in optimiser.param_groups:
-            group["lr"] = rate * min(1, (step + 1) / WARM) * 0.5 * (1 + np.cos(np.pi * step / steps))
-        planes, arrays = (torch.from_numpy(np.stack(each).astype(np.float32)) for each in zip(*crops.batch()))
-        with torch.autocast("cpu", torch.bfloat16):
-            logits = network(planes.contiguous(memory_format=torch.channels_last))
-        loss = loss_of(logits.float(), arrays[:, 0], arrays[:, 1])
-        optimiser.zero_grad()
-        loss.backward()
-        torch.nn.utils.clip_grad_norm_(network.parameters(), 5.0)
-        optimiser.step()
-        kept = min(AVERAGED, (step + 1) / (step + 21))
-        for name, value in network.state_dict().items():
-            mean[name] = torch.lerp(value, mean[name], kept) if value.is_floating_point() else value.clone()
-        losses.append(float(loss.detach()))
-        if step % 200 == 199 or step == steps - 1:
-            print(f"step {step + 1}: loss {np.mean(losses[-200:]):.3f}", flush=True)
-    return {name: value.numpy() for name, value in mean.items()}
+    return (entropy.sum((1, 2)) / pixels + 1 - expected_iou(logits, targets, counts)).mean()
 
 
 def maps_at_clicks(start: Path, folder: Path) -> tuple[np.ndarray, np.ndarray]:
@@ -291,9 +220,19 @@ def main() -> None:
             pictures = range(given.pictures)
             write_crops(given.folder, "photo", pictures, lambda n: crops_of_photo(n, objects, cut_outs, photos))
         return
-    states = [train(given.folder, cut_outs, given.steps, given.rate, given.start, seed) for seed in given.seeds]
-    mean = {name: np.mean([state[name] for state in states], 0) for name in states[0]}
-    export_shadow(mean, given.output, ABOUT)
+    states = [
+        train(
+            Crops(given.folder, cut_outs, np.random.default_rng(seed)),
+            len(PLANES) + len(SALIENT),
+            loss_of,
+            given.steps,
+            given.rate,
+            given.start,
+            seed,
+        )
+        for seed in given.seeds
+    ]
+    export_shadow(mean_state(states), given.output, ABOUT)
 
 
 if __name__ == "__main__":

@@ -197,11 +197,17 @@ def _no_own_mask() -> None:
         _mask(name, 0.0, "choice")()
 
 
+def _no_click_network() -> None:
+    from dlama.perception.masks.choice import Masker
+
+    _set(Masker, "masks_of_click", lambda self, prompt: self.find(prompt))
+
+
 MASK_RULES: dict[str, Callable[[], None]] = {
     "stands": _mask("find_stands", lambda measured, *rest: np.zeros(measured.rgbd.depth.shape, np.bool_)),
     "several-pieces": _mask("OBJECT_GAP", 0.0),
     "border-colors": _mask("snap_to_picture_edges", lambda rgbd, target, *rest: target),
-    "click-network": _mask("choose_mask", lambda rgbd, prompt, find, *_: find(prompt), "choice"),
+    "click-network": _no_click_network,
     "networks-own-mask": _no_own_mask,
     "salient-photo": _salient_photo,
     "second-window": _mask("WINDOWS", (), "photo"),

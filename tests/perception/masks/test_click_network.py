@@ -107,7 +107,7 @@ def test_the_mask_that_the_network_agrees_with(monkeypatch: pytest.MonkeyPatch, 
     object_, wrong = scene.depth == 1.0, scene.depth == 2.0
     monkeypatch.setattr(room, "object_probability", lambda *_: ClickAnswer(object_.astype(np.float32), 1, 1.0))
     masks = {"object": wrong, "part": object_} if agreed else {"object": wrong}
-    found = room.choose_mask(scene, Prompt(HW, ((65, 55),)), lambda prompt: masks, 0.4)
+    found = room.Masker(scene, lambda prompt: masks, 0.4).masks(Prompt(HW, ((65, 55),)))
     np.testing.assert_array_equal(found["object"], object_)
     np.testing.assert_array_equal(found["group"], wrong)
 
@@ -121,9 +121,9 @@ def test_a_click_where_depth_is_missing(monkeypatch: pytest.MonkeyPatch) -> None
     scene = step_scene()
     hole = scene.depth == 0
     monkeypatch.setattr(room, "object_probability", lambda *_: ClickAnswer(hole.astype(np.float32), 1, 1.0))
-    assert room.choose_mask(scene, Prompt(HW, ((60, 82),)), refuse, 0.4)["object"][82, 60]
+    assert room.Masker(scene, refuse, 0.4).masks(Prompt(HW, ((60, 82),)))["object"][82, 60]
     with pytest.raises(MaskError, match="nothing there"):
-        room.choose_mask(scene, Prompt(HW, ((65, 55),)), refuse, 0.4)
+        room.Masker(scene, refuse, 0.4).masks(Prompt(HW, ((65, 55),)))
 
 
 def estimated(scene: RGBD) -> RGBD:
@@ -141,9 +141,9 @@ def test_a_click_where_nothing_is_salient(monkeypatch: pytest.MonkeyPatch) -> No
     object_ = scene.depth == 1
     monkeypatch.setattr(room, "object_probability", lambda *_: ClickAnswer(object_ * np.float32(0.95), 1, 1.0))
     seen, prompt = salient.WindowSaliency(scene.color), Prompt(HW, ((65, 55),))
-    np.testing.assert_array_equal(room.choose_mask(scene, prompt, lambda _: {}, 0.4, seen)["object"], object_)
+    np.testing.assert_array_equal(room.Masker(scene, lambda _: {}, 0.4, seen).masks(prompt)["object"], object_)
     with pytest.raises(MaskError, match="background"):
-        room.choose_mask(scene, prompt, refuse, 0.4, seen)
+        room.Masker(scene, refuse, 0.4, seen).masks(prompt)
 
 
 @pytest.mark.parametrize("is_estimated", [True, False])
@@ -153,9 +153,10 @@ def test_a_click_on_nothing(monkeypatch: pytest.MonkeyPatch, is_estimated: bool)
     wall, object_ = scene.depth == 2, scene.depth == 1
     answer = lambda rgbd, pixel, seen: ClickAnswer(object_.astype(np.float32), 1, float(object_[pixel]))  # noqa: E731
     monkeypatch.setattr(room, "object_probability", answer)
-    seen, masks = salient.WindowSaliency(scene.color) if is_estimated else None, {"object": wall}
+    seen = salient.WindowSaliency(scene.color) if is_estimated else None
+    masker = room.Masker(scene, lambda prompt: {"object": wall}, 0.4, seen)
     click, box = (20, 30), (5, 25, 30, 30)
     with pytest.raises(MaskError, match="clicks holds 20,30, where nothing stands apart"):
-        room.choose_mask(scene, Prompt(HW, (click,)), lambda prompt: masks, 0.4, seen)
+        masker.masks(Prompt(HW, (click,)))
     for prompt in (Prompt(HW, (click,), box=box), Prompt(HW, (click, (65, 55)))):
-        assert room.choose_mask(scene, prompt, lambda prompt: masks, 0.4, seen)["object"].any()
+        assert masker.masks(prompt)["object"].any()

@@ -1,4 +1,4 @@
-"""Where a mask ends, against closed forms: colours in a band, and corrections at clicks."""
+"""Where a mask ends, against closed forms: colours in a band."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.holes import iou
 from dlama.geometry.rgbd import RGBD
 from dlama.perception.masks import borders
-from dlama.perception.masks.borders import MOST_PX, correct_at_click, decide_by_color, run_grabcut
+from dlama.perception.masks.borders import MOST_PX, decide_by_color, run_grabcut
 from worlds import Box, Plane, World, innermost_pixel
 
 
@@ -61,17 +61,3 @@ def test_an_object_that_a_smaller_picture_loses_stays(monkeypatch: pytest.Monkey
     state[1:60:10, 1:50:10] = cv2.GC_FGD
     found = run_grabcut(np.zeros((120, 120, 3), np.uint8), state, 2)
     np.testing.assert_array_equal(found, state == cv2.GC_FGD)
-
-
-@pytest.mark.parametrize("belongs", [False, True])
-def test_a_click_corrects_the_region_of_its_colour(belongs: bool) -> None:
-    """Oracle: two squares side by side of two colours; the second is taken away from both, or added to the first."""
-    first, second = np.zeros((2, 120, 160), bool)
-    first[40:80, 30:70], second[40:80, 70:110] = True, True
-    color = np.select([first[..., None], second[..., None]], [200, 120], 40)
-    color = color + np.random.default_rng(0).integers(0, 9, (120, 160, 3))
-    frame = RGBD(color.astype(np.uint8), np.ones((120, 160), np.float32), Camera.from_fov(160, 120, 60))
-    before, true = (first, first | second) if belongs else (first | second, first)
-    found = correct_at_click(frame, before, (60, 90), belongs)
-    assert found[60, 90] == belongs
-    assert iou(found, true) > 0.95

@@ -1,4 +1,4 @@
-"""A mask found in depth and the picture in; the mask with its border on the picture's edges, or corrected at a click, out."""
+"""A mask found in depth and the picture in; the mask with its border on the picture's edges out."""
 
 from __future__ import annotations
 
@@ -16,17 +16,12 @@ from dlama.geometry.holes import (
     sides_of,
 )
 from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
-from dlama.perception.masks.prompt import Pixel
 from dlama.perception.masks.supports import Planes
 
 BAND_PX = 3
 """Pixels inside the mask that missing depth next to it may take from it."""
 HOLE_PX = 12
 """Pixels by which a mask may grow into missing depth."""
-CORRECTED, MARK_PX = 3.0, 2
-"""Radius that a corrective click decides, in its distances from the mask's border, and radius in px of the click itself."""
-SAME_DEPTH = 0.05
-"""Largest relative difference in depth from the click's that a correction covers."""
 MOST_PX, LEAST_SCALE = 200_000, 1 / 6
 """Most pixels in which GrabCut runs, for its time is proportional to them (with twice as many a click in photos of 1.7 MP takes
 21 % more, for an IoU larger by .0002, 24 clicks; in pictures of tune it is larger by .0001, 75 clicks); and the smallest scale at
@@ -91,19 +86,3 @@ def run_grabcut(color: UInt8Array, state: UInt8Array, rounds: int) -> BoolArray:
 def is_object(state: UInt8Array) -> BoolArray:
     """H x W, True where GrabCut's code is of the object."""
     return (state == cv2.GC_FGD) | (state == cv2.GC_PR_FGD)
-
-
-def correct_at_click(rgbd: RGBD, mask: BoolArray, pixel: Pixel, belongs: bool) -> BoolArray:
-    """The mask with the region of a click at (row, column) that it has wrong, cut out along colours or added.
-
-    Its reach grows with the click's distance from the mask's border: a correction is local.
-    """
-    wrong = ~mask if belongs else mask
-    border = nearest_known(~wrong)[0][pixel] if not wrong.all() else max(mask.shape)
-    v, u = np.ogrid[: mask.shape[0], : mask.shape[1]]
-    apart = np.hypot(v - pixel[0], u - pixel[1])
-    if rgbd.valid[pixel]:
-        wrong &= ~rgbd.valid | (np.abs(rgbd.depth - rgbd.depth[pixel]) <= SAME_DEPTH * rgbd.depth[pixel])
-    band = wrong & (apart <= min(CORRECTED * border + MARK_PX, max(mask.shape) / 4)) & (apart > MARK_PX)
-    changed = wrong & (apart <= max(border, MARK_PX))
-    return decide_by_color(rgbd, mask ^ changed, band)

@@ -1,12 +1,13 @@
 """A picture with depth and clicks or a box in; the mask of the object meant out.
 
 Where depth is measured its pieces are candidates (`rgbd`), where it is estimated what is salient in the picture (`photo`). Of the
-masks found a network chooses at clicks, or gives its own (`click_network`).
+masks found a network chooses at a click, or gives its own (`click_network`). Further clicks correct it (`corrections`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import dataclasses
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -17,9 +18,10 @@ from dlama.geometry.holes import dilate_mask, erode_mask
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
 from dlama.perception.masks.borders import decide_by_color
 from dlama.perception.masks.click_network import object_probability
+from dlama.perception.masks.corrections import correct_at_click, correct_mask
 from dlama.perception.masks.photo import PhotoMasker, name_masks
-from dlama.perception.masks.prompt import NothingThereError, Prompt
-from dlama.perception.masks.rgbd import Measured, correct_at_clicks, rgbd_candidates
+from dlama.perception.masks.prompt import NothingThereError, Point, Prompt
+from dlama.perception.masks.rgbd import Measured, rgbd_candidates
 from dlama.perception.masks.salient import WindowSaliency
 
 ROUGH = "found in estimated depth, which is rough: look at the mask, or give depth"
@@ -32,59 +34,90 @@ LEAST = 0.2
 
 def rgbd_masker(rgbd: RGBD, model: None) -> Callable[[Prompt], tuple[dict[str, BoolArray], tuple[str, ...]]]:
     """The masker of one picture; its planes are found once. With estimated depth the picture leads."""
-    find: Callable[[Prompt], dict[str, BoolArray]]
-    seen, notes = None, tuple[str, ...]()
     if rgbd.estimate is not None:
         photo = PhotoMasker(rgbd)
-        find, seen, agrees, notes = photo.candidates, photo.seen, AGREES_ESTIMATED, (ROUGH,)
+        masker, notes = Masker(rgbd, photo.candidates, AGREES_ESTIMATED, photo.seen), [ROUGH]
     else:
         measured = Measured.of(rgbd)
-        agrees, find = AGREES_CAMERA if measured.edge_offset else AGREES, partial(rgbd_candidates, measured)
-    return lambda prompt: (choose_mask(rgbd, prompt, find, agrees, seen) if prompt.clicks else find(prompt), notes)
+        agrees = AGREES_CAMERA if measured.edge_offset else AGREES
+        masker, notes = Masker(rgbd, partial(rgbd_candidates, measured), agrees), []
+    return lambda prompt: (masker.masks(prompt), tuple(notes))
 
 
-def choose_mask(
-    rgbd: RGBD,
-    prompt: Prompt,
-    find: Callable[[Prompt], dict[str, BoolArray]],
-    agrees: float,
-    seen: WindowSaliency | None = None,
-) -> dict[str, BoolArray]:
-    """The mask of `find` that the network agrees with most, as `object`, and the others.
+@dataclass(frozen=True, eq=False)
+class Masker:
+    """A picture, and how objects are found in it."""
 
-    The network's own where it agrees with none (`agrees`, as AGREES), where `find` has none, or fails where depth is missing at
-    the clicks. MaskError: as `find`, and where no click is on an object and no box is given.
+    rgbd: RGBD
+    find: Callable[[Prompt], dict[str, BoolArray]]
+    """Masks of one click, or of a box, by name."""
+    agrees: float
+    """As AGREES."""
+    seen: WindowSaliency | None = None
+    """The picture's saliency where depth is estimated."""
 
-    seen: the picture's saliency where depth is estimated, None elsewhere.
-    """
-    network = NetworkMask.of(rgbd, prompt, seen)
-    rated = rate_masks(rgbd, prompt, find, network)
-    if prompt.box is None and (network.there < LEAST or not (rated or network.own.any())):
-        where = "where nothing stands apart: that is ground, a wall or the sky"
-        raise NothingThereError(prompt.on[0], where, "amid an object")
-    masks = [mask for _, mask in rated]
-    if rated and rated[0][0] >= agrees * network.iou(network.own):
-        return name_masks(masks[0], masks[1:])
-    return name_masks(network.fit(rgbd, prompt), masks)
+    def masks(self, prompt: Prompt) -> dict[str, BoolArray]:
+        """The masks of the first click on an object, or of the box, corrected at the other clicks. MaskError: no click is on an
+        object, and no box given, or it holds none."""
+        refused = None
+        for click in prompt.clicks:
+            try:
+                found = self.masks_of_click(of_click(prompt, click))
+            except NothingThereError as error:
+                refused = refused or error
+                continue
+            return self.correct(found, prompt, [other for other in prompt.clicks if other != click])
+        if refused:
+            raise refused
+        return self.correct(self.find(dataclasses.replace(prompt, not_clicks=())), prompt, ())
 
+    def correct(self, found: dict[str, BoolArray], prompt: Prompt, clicks: Sequence[Point]) -> dict[str, BoolArray]:
+        """The masks corrected at `clicks` of the prompt and at its negative ones."""
+        if not (clicks or prompt.not_clicks):
+            return found
+        lacking = [click for click in clicks if not all(mask[int(click[1]), int(click[0])] for mask in found.values())]
+        alone = {(int(y), int(x)): self.object_alone(of_click(prompt, (x, y))) for x, y in lacking}
+        first, *others = [correct_mask(self.rgbd, mask, prompt, alone) for mask in found.values()]
+        return name_masks(first, others)
 
-def rate_masks(
-    rgbd: RGBD, prompt: Prompt, find: Callable[[Prompt], dict[str, BoolArray]], network: NetworkMask
-) -> list[tuple[float, BoolArray]]:
-    """The masks of `find` with their agreement with the network, the best first; none where `find` fails and depth is missing at
-    the clicks. MaskError: as `find`, elsewhere."""
-    try:
-        rated = [(network.iou(mask), mask) for mask in find(prompt).values()]
-    except MaskError:
-        if not (network.own.any() and all(rgbd.missing[pixel] for pixel in prompt.on)):
-            raise
-        return []
-    return sorted(rated, key=lambda each: -each[0])
+    def object_alone(self, prompt: Prompt) -> BoolArray:
+        """H x W, the object of one click; empty where none is found."""
+        try:
+            return self.masks_of_click(prompt)["object"]
+        except MaskError:
+            return np.zeros(prompt.hw, np.bool_)
+
+    def masks_of_click(self, prompt: Prompt) -> dict[str, BoolArray]:
+        """The mask of `find` that the network agrees with most, as `object`, and the others.
+
+        The network's own where it agrees with none, where `find` has none, or fails where depth is missing at the click.
+        MaskError: as `find`, and where the click is on no object and no box is given.
+        """
+        network = NetworkMask.of(self.rgbd, prompt, self.seen)
+        rated = self.rate_masks(prompt, network)
+        if prompt.box is None and (network.there < LEAST or not (rated or network.own.any())):
+            where = "where nothing stands apart: that is ground, a wall or the sky"
+            raise NothingThereError(prompt.on[0], where, "amid an object")
+        masks = [mask for _, mask in rated]
+        if rated and rated[0][0] >= self.agrees * network.iou(network.own):
+            return name_masks(masks[0], masks[1:])
+        return name_masks(network.fit(self.rgbd, prompt), masks)
+
+    def rate_masks(self, prompt: Prompt, network: NetworkMask) -> list[tuple[float, BoolArray]]:
+        """The masks of `find` with their agreement with the network, the best first; none where `find` fails and depth is missing
+        at the click. MaskError: as `find`, elsewhere."""
+        try:
+            rated = [(network.iou(mask), mask) for mask in self.find(prompt).values()]
+        except MaskError:
+            if not (network.own.any() and self.rgbd.missing[prompt.on[0]]):
+                raise
+            return []
+        return sorted(rated, key=lambda each: -each[0])
 
 
 @dataclass(frozen=True, eq=False)
 class NetworkMask:
-    """What the network says of all clicks together."""
+    """What the network says of a click."""
 
     probability: Float32Array
     """H x W, of belonging to the object, in the box of the prompt."""
@@ -93,25 +126,29 @@ class NetworkMask:
     reach: int
     """By how many pixels that may be off."""
     there: float
-    """Probability that an object is at the click where that is likeliest."""
+    """Probability that an object is at the click."""
 
     @classmethod
     def of(cls, rgbd: RGBD, prompt: Prompt, seen: WindowSaliency | None) -> NetworkMask:
-        """Of a picture. seen: as of `choose_mask`."""
-        found = [object_probability(rgbd, pixel, seen) for pixel in prompt.on]
-        whole = np.maximum.reduce([each.probability for each in found])
-        probability = np.where(prompt.inside, whole, np.float32(0))
-        reach, there = 1 + max(each.px for each in found), max(each.there for each in found)
-        return cls(probability, probability > 0.5, reach, there)
+        """Of a prompt with one click. seen: the picture's saliency where depth is estimated."""
+        found = object_probability(rgbd, prompt.on[0], seen)
+        probability = np.where(prompt.inside, found.probability, np.float32(0))
+        return cls(probability, probability > 0.5, 1 + found.px, found.there)
 
     def iou(self, mask: BoolArray) -> float:
         """Expected intersection over union of a mask and the object."""
         return expected_iou(self.probability, mask)
 
     def fit(self, rgbd: RGBD, prompt: Prompt) -> BoolArray:
-        """Its mask, along the picture's colours, with the clicks and without the negative ones."""
+        """Its mask, along the picture's colours, with the click."""
         band = dilate_mask(self.own, self.reach) & ~erode_mask(self.own, self.reach) & prompt.inside
-        return correct_at_clicks(rgbd, decide_by_color(rgbd, self.own, band), prompt, prompt.on)
+        mask, pixel = decide_by_color(rgbd, self.own, band), prompt.on[0]
+        return mask if mask[pixel] else correct_at_click(rgbd, mask, pixel, prompt)
+
+
+def of_click(prompt: Prompt, click: Point) -> Prompt:
+    """The prompt with one click alone."""
+    return dataclasses.replace(prompt, clicks=(click,), not_clicks=())
 
 
 def expected_iou(probability: Float32Array, mask: BoolArray) -> float:

@@ -1,4 +1,4 @@
-"""A picture and clicks or a box in; what GrabCut cuts out along its colours out. No depth is used."""
+"""A picture and a box, with or without clicks, in; what GrabCut cuts out along its colours out. No depth is used."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dlama.errors import MaskError
 from dlama.geometry.holes import box_around, larger_box, morphological_close, sides_of, square
 from dlama.geometry.rgbd import BoolArray, UInt8Array
 from dlama.perception.masks.borders import run_grabcut
-from dlama.perception.masks.prompt import Prompt
+from dlama.perception.masks.prompt import Pixel, Prompt
 
 SEED_PX = 3
 """Radius of a click."""
@@ -20,29 +20,16 @@ ROUNDS = 5
 
 
 def cut_out_box(color: UInt8Array, prompt: Prompt) -> BoolArray:
-    """H x W, True on the object in a box. MaskError where there is none."""
-    mask = cut_out(color, prompt.inside, prompt)
+    """H x W, True on the object in a box; where there are clicks the parts with one. MaskError where there is none."""
+    state = np.where(prompt.inside, cv2.GC_PR_FGD, cv2.GC_BGD).astype(np.uint8)
+    for pixel in prompt.on:
+        cv2.circle(state, pixel[::-1], SEED_PX, cv2.GC_FGD, -1)
+    mask = cut_along_colors(color, state)
     if not mask.any():
         raise MaskError(
             "box holds nothing that stands apart in colour; a box round an object is expected, or clicks on it"
         )
-    return mask
-
-
-def cut_out(color: UInt8Array, probable: BoolArray, prompt: Prompt) -> BoolArray:
-    """H x W, True on the object, which is probably `probable` (H x W), without the regions of negative clicks; where there are
-    clicks the parts with one."""
-    state = np.where(probable, cv2.GC_PR_FGD, cv2.GC_BGD).astype(np.uint8)
-    mask = cut_along_colors(color, mark_clicks(state, prompt))
-    return keep_clicked_parts(mask, prompt) if prompt.clicks else mask
-
-
-def mark_clicks(state: UInt8Array, prompt: Prompt) -> UInt8Array:
-    """GrabCut's codes (H x W, changed in place) with the clicks marked."""
-    for pixels, kind in ((prompt.on, cv2.GC_FGD), (prompt.away, cv2.GC_BGD)):
-        for pixel in pixels:
-            cv2.circle(state, pixel[::-1], SEED_PX, int(kind), -1)
-    return state
+    return keep_clicked_parts(mask, prompt.on) if prompt.clicks else mask
 
 
 def cut_along_colors(color: UInt8Array, state: UInt8Array) -> BoolArray:
@@ -55,11 +42,8 @@ def cut_along_colors(color: UInt8Array, state: UInt8Array) -> BoolArray:
     return out
 
 
-def keep_clicked_parts(mask: BoolArray, prompt: Prompt) -> BoolArray:
-    """The pieces of the mask that contain a click, with gaps of a pixel closed; without negative clicks."""
+def keep_clicked_parts(mask: BoolArray, clicks: list[Pixel]) -> BoolArray:
+    """The pieces of the mask that contain a click, with gaps of a pixel closed."""
     _, labels = cv2.connectedComponents(morphological_close(mask, square(3)).astype(np.uint8), connectivity=8)
-    numbers = {int(labels[pixel]) for pixel in prompt.on} - {0}
-    out = np.isin(labels, list(numbers))
-    for pixel in prompt.away:
-        out[pixel] = False
-    return np.asarray(out)
+    numbers = {int(labels[pixel]) for pixel in clicks} - {0}
+    return np.isin(labels, list(numbers))

@@ -1,4 +1,4 @@
-"""A picture with estimated depth and clicks or a box in; masks of the object out. A salient-object network leads.
+"""A picture with estimated depth and a click or a box in; masks of the object out. A salient-object network leads.
 
 The network of `salient` runs in two windows round a click, and in the whole picture where those find nothing or cut the object
 off. Round a box it runs in three windows, and its region is taken where it fills the box; elsewhere colours decide (`color_cut`).
@@ -18,7 +18,7 @@ from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.perception.masks.borders import decide_by_color
 from dlama.perception.masks.click_network import first_window
-from dlama.perception.masks.color_cut import cut_out, cut_out_box
+from dlama.perception.masks.color_cut import cut_out_box
 from dlama.perception.masks.prompt import NothingThereError, Pixel, Prompt, square_about
 from dlama.perception.masks.rgbd import check_surfaces
 from dlama.perception.masks.salient import SIDE, Window, WindowSaliency, window_around, window_side
@@ -65,29 +65,25 @@ class PhotoMasker:
         self.known: dict[Pixel, list[Reading]] = {}
 
     def candidates(self, prompt: Prompt) -> dict[str, BoolArray]:
-        """H x W masks: object; part, group where a click has a smaller or a larger reading; none where nothing is salient at a
-        click. MaskError on the sky, and where a box holds nothing."""
+        """H x W masks of a click or a box: object; part, group where a click has a smaller or a larger reading; none where
+        nothing is salient at a click.
+
+        MaskError on the sky, and where a box holds nothing.
+        """
         if prompt.box is not None:
             return self.segment_box(prompt)
-        clicks, away = prompt.on, prompt.away
-        mask, others = np.zeros(prompt.hw, np.bool_), list[BoolArray]()
-        for pixel in clicks:
-            if mask[pixel]:
-                continue
-            readings = sorted(self.readings(pixel), key=lambda one: -agreement(one, clicks, away))
-            if not readings:
-                refuse_sky(self.rgbd, clicks)
-                return {}
-            mask |= readings[0].mask
-            if len(clicks) == 1 and not away:
-                others = [one.mask for one in readings[1:] if one.cut <= CUT_OFF]
-        if any(mask[pixel] for pixel in away):
-            mask = cut_out(self.rgbd.color, mask, prompt)
-        return name_masks(mask, others)
+        pixel = prompt.on[0]
+        readings = sorted(self.readings(pixel), key=lambda one: -one.confidence - bool(one.mask[pixel]))
+        if readings:
+            others = [one.mask for one in readings[1:] if one.cut <= CUT_OFF]
+            return name_masks(readings[0].mask, others)
+        if self.rgbd.far[pixel]:
+            raise NothingThereError(pixel, "which lies on the sky: nothing stands apart there")
+        return {}
 
     def segment_box(self, prompt: Prompt) -> dict[str, BoolArray]:
-        """The salient region where it fills the box, else the region that colours cut out; with clicks only the latter."""
-        filling = None if prompt.clicks or prompt.not_clicks else self.salient_in_box(prompt.box_slices)
+        """The salient region where it fills the box, else the region that colours cut out; with a click only the latter."""
+        filling = None if prompt.clicks else self.salient_in_box(prompt.box_slices)
         if filling is None:
             return {"object": cut_out_box(self.rgbd.color, prompt)}
         try:
@@ -179,12 +175,6 @@ def fill_enclosed(box: Window, mask: BoolArray) -> float:
     return math.prod(sides_of(box_around(part, 0))) / part.size if part.any() else 0.0
 
 
-def agreement(reading: Reading, clicks: list[Pixel], away: list[Pixel]) -> float:
-    """How well a reading agrees with all clicks: positive ones that it contains, less negative ones."""
-    holds, wrong = (sum(bool(reading.mask[pixel]) for pixel in pixels) for pixels in (clicks, away))
-    return reading.confidence + holds - wrong
-
-
 def refine_border(rgbd: RGBD, mask: BoolArray, window_hw: tuple[int, ...]) -> BoolArray:
     """The mask with its border cut along colours, where one network pixel covers several picture pixels; thin parts stay."""
     reach = round(max(window_hw) / SIDE)
@@ -195,12 +185,6 @@ def refine_border(rgbd: RGBD, mask: BoolArray, window_hw: tuple[int, ...]) -> Bo
     core = morphological_open(part, disc(2 * reach))
     band[box] = dilate_mask(core, reach) & ~erode_mask(core, reach) & ~(part & ~dilate_mask(core, 1))
     return decide_by_color(rgbd, mask, band) if band.any() and (mask & ~band).any() else mask
-
-
-def refuse_sky(rgbd: RGBD, clicks: list[Pixel]) -> None:
-    """MaskError where all clicks lie on the sky."""
-    if all(rgbd.far[pixel] for pixel in clicks):
-        raise NothingThereError(clicks[0], "which lies on the sky: nothing stands apart there")
 
 
 def name_masks(mask: BoolArray, others: list[BoolArray], different: float = DIFFERENT) -> dict[str, BoolArray]:

@@ -1,4 +1,4 @@
-"""A picture with depth and clicks or a box in; the masks that the object meant may have out.
+"""A picture with depth and a click or a box in; the masks that the object meant may have out.
 
 Supporting surfaces are removed, the tops of objects that the object stands on among them; the connected region around the
 click stays. Where depth edges are misaligned with the picture, as a depth camera's are, colours decide in a band along its
@@ -8,7 +8,6 @@ border (`borders`). `choice` takes one of these masks.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,7 +26,7 @@ from dlama.geometry.holes import (
 )
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
 from dlama.perception.kernels.regions import join_regions
-from dlama.perception.masks.borders import HOLE_PX, at_same_depth, correct_at_click, snap_to_picture_edges
+from dlama.perception.masks.borders import HOLE_PX, at_same_depth, snap_to_picture_edges
 from dlama.perception.masks.prompt import NothingThereError, Pixel, Prompt, square_about
 from dlama.perception.masks.supports import (
     Planes,
@@ -50,8 +49,6 @@ SNAP_PX = 6
 """Radius in px in which a click finds the nearest piece: thin objects are hard to hit."""
 MORE_PX = 1
 """Pixels added to the misalignment of depth edges: the band that colours decide."""
-BARRED = 0.5
-"""A negative click removes its whole piece if that is less than this share of the object, else its surroundings."""
 BAND_PX = 5
 """Least width in px of a stand's top: a narrower band is where its plane cuts another surface,"""
 STANDS_GAP = 0.03
@@ -109,19 +106,15 @@ class Pieces:
         """H x W, True on the piece at a pixel; all False where there is none."""
         return self.free & (self.label == self.label[pixel]) & bool(self.free[pixel])
 
-    def at_any(self, pixels: list[Pixel]) -> BoolArray:
-        """H x W, True on the pieces at pixels."""
-        return sum((self.at(pixel) for pixel in pixels), np.zeros(self.free.shape, np.bool_))
 
-
-def merge_pieces(pieces: Pieces, start: BoolArray, gap: float, barred: set[int]) -> BoolArray:
+def merge_pieces(pieces: Pieces, start: BoolArray, gap: float) -> BoolArray:
     """`start` and, repeatedly, all pieces that belong to it. gap 0: `start` alone.
 
-    gap: largest relative depth difference of touching pieces. barred: numbers of pieces to leave out.
+    gap: largest relative depth difference of touching pieces.
     """
     target = start.copy()
     while gap:
-        chosen = [n for n in find_touching(pieces, target, gap) if n not in barred]
+        chosen = find_touching(pieces, target, gap)
         if not chosen:
             break
         target |= pieces.free & np.isin(pieces.label, chosen)
@@ -146,53 +139,33 @@ def rgbd_candidates(measured: Measured, prompt: Prompt) -> dict[str, BoolArray]:
     depth."""
     if not prompt.clicks:
         return segment_box(measured, prompt)
-    seeds, flat, support = split_clicks(measured, prompt)
+    seed, support = find_seed(measured, prompt.on[0])
     with_stand = pieces = find_pieces(measured, support)
-    seeds = [snap_to_piece(pieces, seed) for seed in seeds]
-    stands = find_stands(measured, pieces, seeds)
+    seed = snap_to_piece(pieces, seed)
+    stands = find_stands(measured, pieces, seed)
     if stands.any():
         pieces = find_pieces(measured, support | stands)
-    own = pieces.at_any(seeds)
-    barred = find_barred(pieces, own, prompt.away)
+    own = pieces.at(seed)
     whole = {
-        "object": merge_pieces(pieces, own, OBJECT_GAP, barred),
+        "object": merge_pieces(pieces, own, OBJECT_GAP),
         "part": own,
-        "group": merge_pieces(with_stand, with_stand.at_any(seeds), GROUP_GAP, set() if stands.any() else barred),
+        "group": merge_pieces(with_stand, with_stand.at(seed), GROUP_GAP),
     }
     raw = drop_duplicates({name: mask & prompt.inside for name, mask in whole.items()})
-    return drop_duplicates({name: finish_mask(measured, mask, prompt, seeds + flat) for name, mask in raw.items()})
+    return drop_duplicates({name: finish_mask(measured, mask) for name, mask in raw.items()})
 
 
-def find_barred(pieces: Pieces, own: BoolArray, away: Sequence[Pixel]) -> set[int]:
-    """Numbers of the pieces that negative clicks remove (BARRED) from an object; `own`: H x W, its clicked pieces."""
-    others = [pixel for pixel in away if pieces.free[pixel] and not own[pixel]]
-    if not others:
-        return set()
-    most = BARRED * merge_pieces(pieces, own, OBJECT_GAP, set()).sum()
-    return {int(pieces.label[pixel]) for pixel in others if pieces.at(pixel).sum() < most}
-
-
-def split_clicks(measured: Measured, prompt: Prompt) -> tuple[list[Pixel], list[Pixel], BoolArray]:
-    """Clicks on objects; clicks on supporting planes, which only add to an object; and H x W, the supporting planes.
-
-    The first click on an object decides which planes support it. MaskError where no click is on an object.
-    """
-    clicks, rgbd, found = prompt.on, measured.rgbd, measured.planes
+def find_seed(measured: Measured, pixel: Pixel) -> tuple[Pixel, BoolArray]:
+    """The pixel of a click on an object, and H x W, the planes that support it. MaskError where it is on none."""
+    rgbd, found = measured.rgbd, measured.planes
     check_surfaces(rgbd)
-    flat = [pixel for pixel in clicks if rgbd.far[pixel] or is_ground(found, *pixel)]
-    seeds = [pixel for pixel in clicks if pixel not in flat]
-    if not seeds:
-        support = find_supports(found, [])
-        seeds = [pixel for pixel in flat if (rgbd.valid & ~support)[square_about(pixel, SNAP_PX)].any()]
-        flat = [pixel for pixel in flat if pixel not in seeds]
-    else:
-        support = find_supports(found, seeds[:1])
-        flat += [pixel for pixel in seeds[1:] if support[pixel]]
-        seeds = [pixel for pixel in seeds if pixel not in flat]
-    if not seeds:
-        what = "the sky" if rgbd.far[flat[0]] else "a plain surface (ground, wall or table)"
-        raise NothingThereError(flat[0], f"which lies on {what}: nothing stands apart there")
-    return seeds, flat, support
+    if not (rgbd.far[pixel] or is_ground(found, *pixel)):
+        return pixel, find_supports(found, [pixel])
+    support = find_supports(found, [])
+    if not (rgbd.valid & ~support)[square_about(pixel, SNAP_PX)].any():
+        what = "the sky" if rgbd.far[pixel] else "a plain surface (ground, wall or table)"
+        raise NothingThereError(pixel, f"which lies on {what}: nothing stands apart there")
+    return pixel, support
 
 
 def find_pieces(measured: Measured, support: BoolArray) -> Pieces:
@@ -211,18 +184,18 @@ def find_pieces(measured: Measured, support: BoolArray) -> Pieces:
     return Pieces(rgbd.depth, free, parent.reshape(free.shape), support)
 
 
-def find_stands(measured: Measured, pieces: Pieces, seeds: list[Pixel]) -> BoolArray:
-    """H x W, True on the tops of objects that the object at the first seed stands on (a table, a plinth, a traffic island): level
+def find_stands(measured: Measured, pieces: Pieces, seed: Pixel) -> BoolArray:
+    """H x W, True on the tops of objects that the object at a pixel stands on (a table, a plinth, a traffic island): level
     planes below it that touch it and are wider."""
     found = measured.planes
     out = np.zeros(pieces.free.shape, np.bool_)
     for number in range(len(found.planes)):
-        if not is_level(found, number, measured.rgbd.camera) or not is_in_front(found, number, seeds[:1]):
+        if not is_level(found, number, measured.rgbd.camera) or not is_in_front(found, number, [seed]):
             continue
         top = found.label == number + 1
-        if (top & pieces.support).any() or any(top[seed] for seed in seeds):
+        if (top & pieces.support).any() or top[seed]:
             continue
-        on_it = find_pieces(measured, pieces.support | out | top).at(seeds[0])
+        on_it = find_pieces(measured, pieces.support | out | top).at(seed)
         contact = dilate_mask(on_it, TOUCHING_PX) & at_same_depth(found, on_it, STANDS_GAP)
         touching = regions_touching(morphological_open(top, square(BAND_PX)), contact)
         if touching.any() and sides_of(box_around(touching, 0))[1] >= WIDER * sides_of(box_around(on_it, 0))[1]:
@@ -241,23 +214,11 @@ def snap_to_piece(pieces: Pieces, seed: Pixel) -> Pixel:
     return row, column
 
 
-def finish_mask(measured: Measured, mask: BoolArray, prompt: Prompt, clicks: list[Pixel]) -> BoolArray:
-    """The mask with its border on the picture's edges, without the regions of negative clicks."""
+def finish_mask(measured: Measured, mask: BoolArray) -> BoolArray:
+    """The mask with its border on the picture's edges."""
     rgbd, offset = measured.rgbd, measured.edge_offset
     unknown = rgbd.missing & dilate_mask(mask, HOLE_PX)
-    mask = snap_to_picture_edges(rgbd, mask, offset + MORE_PX if offset else 0, unknown)
-    return correct_at_clicks(rgbd, mask, prompt, clicks)
-
-
-def correct_at_clicks(rgbd: RGBD, mask: BoolArray, prompt: Prompt, clicks: list[Pixel]) -> BoolArray:
-    """The mask with the regions of `clicks`, without those of negative clicks."""
-    for pixel in prompt.away:
-        mask = correct_at_click(rgbd, mask, pixel, belongs=False) if mask[pixel] else mask
-    for pixel in clicks:
-        mask = mask if mask[pixel] else correct_at_click(rgbd, mask, pixel, belongs=True)
-    for pixel in prompt.away:
-        mask[pixel] = False
-    return mask
+    return snap_to_picture_edges(rgbd, mask, offset + MORE_PX if offset else 0, unknown)
 
 
 def segment_box(measured: Measured, prompt: Prompt) -> dict[str, BoolArray]:
@@ -277,11 +238,9 @@ def segment_box(measured: Measured, prompt: Prompt) -> dict[str, BoolArray]:
     kept = pieces.free & inside & (whole[pieces.label] | (pieces.label == main))
     cropped = dataclasses.replace(pieces, free=kept)
     start = kept & (pieces.label == main)
-    barred = {int(pieces.label[p]) for p in prompt.away if pieces.free[p]} - {main}
     masks = {}
     for name, gap in (("object", GROUP_GAP), ("part", 0.0)):
-        mask = merge_pieces(cropped, start, gap, barred) & inside
-        masks[name] = finish_mask(measured, mask, prompt, [])
+        masks[name] = finish_mask(measured, merge_pieces(cropped, start, gap) & inside)
     return drop_duplicates(masks)
 
 

@@ -1,0 +1,135 @@
+"""A picture with depth, the mask of an object and clicks that the mask contradicts in; the corrected mask out.
+
+A small U-Net sees a square about each such click, with the mask and all clicks, and says which pixels belong to the object. What
+changes is the region about the click: the rest of the mask stays. It learnt on wrong masks of objects of worlds and photos
+(`benchmarks/correction_network.py`).
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Mapping, Sequence
+
+import cv2
+import numpy as np
+
+from dlama.geometry.holes import (
+    box_around,
+    dilate_mask,
+    disc,
+    erode_mask,
+    morphological_open,
+    nearest_known,
+    region_at,
+)
+from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
+from dlama.models.network_file import NetworkFile
+from dlama.perception.masks.borders import decide_by_color
+from dlama.perception.masks.click_network import (
+    CLICK_PX,
+    FOLDER,
+    LARGEST_WINDOW,
+    SIDE,
+    SMALLEST_WINDOW,
+    click_planes,
+    place_square,
+    probability_in_window,
+)
+from dlama.perception.masks.prompt import Pixel, Prompt, square_about
+
+MARGIN, CLOSER = 1.1, 1.5
+"""Half the side of a square over the reach of the mask, and of the second square over that of the region found in the first."""
+OVERLAP = 0.1
+"""Largest share of another object that the mask has already."""
+NEAR = 1 / 16
+"""Radius of what changes where the network finds no region, over the picture's longer side."""
+SNAP = 2
+"""Radius about a click in cells of the network in which the region that changes is searched."""
+
+
+@functools.cache
+def network() -> NetworkFile:
+    """The network, opened once a process."""
+    return NetworkFile(FOLDER / "correction.onnx")
+
+
+def correct_mask(rgbd: RGBD, mask: BoolArray, prompt: Prompt, alone: Mapping[Pixel, BoolArray]) -> BoolArray:
+    """The mask (H x W), in the prompt's box, with what clicks show that it lacks, without the regions of negative clicks.
+
+    alone: (row, column) of the clicks to correct at -> H x W, the object that is found there alone; another one is added whole.
+    """
+    for pixel, other in alone.items():
+        if not mask[pixel]:
+            apart = other[pixel] and (other & mask).sum() <= OVERLAP * other.sum()
+            whole = apart and not any(other[away] for away in prompt.away)
+            mask = mask | other if whole else correct_at_click(rgbd, mask, pixel, prompt)
+    for pixel in prompt.away:
+        mask = correct_at_click(rgbd, mask, pixel, prompt) if mask[pixel] else mask
+    return mask & prompt.inside
+
+
+def correct_at_click(rgbd: RGBD, mask: BoolArray, pixel: Pixel, prompt: Prompt) -> BoolArray:
+    """The mask with the region of a click at (row, column) that it lacks, or without it where it has it.
+
+    Where the network finds no region, or one that holds a click of the other kind, what is near the click (`find_near`).
+    """
+    wrong, others = mask == mask[pixel], prompt.on if mask[pixel] else prompt.away
+    least, most = SMALLEST_WINDOW / 2, LARGEST_WINDOW * max(mask.shape) / 2
+    radius = int(np.clip(MARGIN * farthest(mask, pixel), least, most))
+    region, cell = find_region(rgbd, mask, pixel, prompt, radius)
+    if region.any():
+        closer = int(np.clip(CLOSER * farthest(region, pixel), least, radius))
+        region, cell = find_region(rgbd, mask, pixel, prompt, closer)
+    if not region.any() or any(region[other] for other in others):
+        region, cell = find_near(wrong, pixel, others), 1
+    region[pixel] = True
+    band = wrong & dilate_mask(region, cell) & ~erode_mask(region, cell)
+    for click in (*prompt.on, *prompt.away):
+        band[square_about(click, 1)] = False
+    corrected = mask ^ region
+    return decide_by_color(rgbd, corrected, band) if corrected.any() and band.any() else corrected
+
+
+def find_near(wrong: BoolArray, pixel: Pixel, others: Sequence[Pixel]) -> BoolArray:
+    """H x W, the pixels of `wrong` in a disc about (row, column), to the mask's border, NEAR of the picture and half the way to a
+    click of the other kind (`others`) at most."""
+    border = float(nearest_known(~wrong)[0][pixel]) if not wrong.all() else math.inf
+    reach = min([border, NEAR * max(wrong.shape), *(math.dist(pixel, other) / 2 for other in others)])
+    v, u = np.ogrid[: wrong.shape[0], : wrong.shape[1]]
+    return np.asarray(wrong & (np.hypot(v - pixel[0], u - pixel[1]) <= reach))
+
+
+def farthest(where: BoolArray, pixel: Pixel) -> float:
+    """Largest distance in px from (row, column) to a side of the box round `where` (H x W); 0 where that is empty."""
+    if not where.any():
+        return 0.0
+    return max(float(abs(at - end)) for at, side in zip(pixel, box_around(where, 0)) for end in (side.start, side.stop))
+
+
+def find_region(rgbd: RGBD, mask: BoolArray, pixel: Pixel, prompt: Prompt, radius: int) -> tuple[BoolArray, int]:
+    """H x W, what the network finds wrong about (row, column), in a square of 2 radius + 1 px; and px of the picture for each of
+    the network. Rims of the mask, as thin as that, are left out where more is wrong."""
+    probability = corrected_probability(rgbd, mask, pixel, prompt, radius)
+    cell, square, flip = max(1, round((2 * radius + 1) / SIDE)), square_about(pixel, radius), np.zeros_like(mask)
+    inside = probability[square] > 0.5
+    flip[square] = (inside != mask[square]) & (mask[square] == mask[pixel])
+    near = square_about(pixel, SNAP * cell)
+    region = region_at(morphological_open(flip, disc(cell)), near)
+    return region if region.any() else region_at(flip, near), cell
+
+
+def corrected_probability(rgbd: RGBD, mask: BoolArray, pixel: Pixel, prompt: Prompt, radius: int) -> Float32Array:
+    """H x W probability of each pixel of the square of 2 radius + 1 px about (row, column) belonging to the object."""
+    marks = [mark_clicks(mask.shape, pixels, radius) for pixels in (prompt.on, prompt.away)]
+    planes = click_planes(rgbd, pixel, radius, [each.astype(np.float32) for each in (mask, *marks)])
+    found, _ = probability_in_window(planes, network())
+    return place_square(found, pixel, radius, rgbd.depth.shape)
+
+
+def mark_clicks(hw: tuple[int, ...], clicks: list[Pixel], radius: int) -> BoolArray:
+    """H x W, True on discs about clicks, CLICK_PX of the network wide in a square of 2 radius + 1 px."""
+    out, px = np.zeros(hw, np.uint8), max(1, round(CLICK_PX * (2 * radius + 1) / SIDE))
+    for row, column in clicks:
+        cv2.circle(out, (column, row), px, 1, -1)
+    return out > 0
