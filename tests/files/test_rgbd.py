@@ -101,6 +101,22 @@ def test_other_sizes(tmp_path: Path) -> None:
         read_rgbd(*pair(tmp_path, depth.T), fov=60, resize_depth="guided")
 
 
+def test_depth_along_the_ray(tmp_path: Path) -> None:
+    """Closed form: of points at a constant distance depth is the cosine to the axis; missing and far stay."""
+    distance = np.full(COLOR.shape[:2], 2.0, np.float32)
+    distance[0, :2] = 0, np.inf
+    image, depth = pair(tmp_path, distance)[0], tmp_path / "d.npy"
+    np.save(depth, distance)
+    rgbd = read_rgbd(image, depth, fov=90, radial_depth=True)
+    v, u = np.indices(distance.shape)
+    camera = rgbd.camera
+    away = np.hypot((u + 0.5 - camera.cx) / camera.fx, (v + 0.5 - camera.cy) / camera.fy)
+    np.testing.assert_allclose(rgbd.depth[rgbd.valid], (2 * np.cos(np.arctan(away)))[rgbd.valid], rtol=1e-6)
+    assert rgbd.depth[0, 0] == 0 and rgbd.depth[0, 1] == np.inf
+    with pytest.raises(InputError, match="radial_depth is given without a depth file"):
+        read_rgbd(image, fov=90, radial_depth=True)
+
+
 NETWORK_GAVE = (0.9 - 0.1 * np.arange(6)[:, None] + 0.02 * np.arange(8)).astype(np.float32)
 """Relative inverse depth of COLOR."""
 

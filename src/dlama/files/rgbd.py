@@ -20,7 +20,7 @@ from dlama.files.rasters.pictures import read_color
 from dlama.files.rasters.turned_pairs import refuse_turned, same_proportions, warn_of_turn
 from dlama.geometry.camera import Camera
 from dlama.geometry.drawing.picture_edges import MapGrid
-from dlama.geometry.projection import rays
+from dlama.geometry.projection import ray_lengths
 from dlama.geometry.rgbd import RGBD, Float32Array, UInt8Array, freeze, mark_far
 from dlama.perception.depth_networks import DepthPrediction
 from dlama.perception.monocular import DEFAULT, Estimator, estimate_depth
@@ -45,6 +45,7 @@ def read_rgbd(
     channel: str | None = None,
     far: float | None = None,
     resize_depth: Literal["guided", "nearest"] | None = None,
+    radial_depth: bool = False,
     depth_model: str | Path | Estimator | None = None,
     metres_at: Sequence[tuple[float, float, float]] = (),
     camera_height: float | None = None,
@@ -64,6 +65,8 @@ def read_rgbd(
         resize_depth: Brings depth of another size to the picture's. "guided": interpolated on each surface, with edges where the
             picture has them (`upsample_depth`), also a map that was enlarged by the nearest pixel before; "nearest": from the
             nearest pixel. Depth larger than the picture is taken from the nearest pixel.
+        radial_depth: The depth file holds distances along the ray of each pixel (Hypersim, AirSim's DepthPerspective, ray
+            tracers); `far` counts along the ray, too.
         depth_model, metres_at, camera_height, sharpen: As in `estimate_depth`, of a picture without depth.
         inverse_depth: The depth file is what a network gave (`read_inverse_depth`): it is used as estimated depth is, with
             metres_at, camera_height and sharpen. Its size may be another.
@@ -80,7 +83,7 @@ def read_rgbd(
     lens: dict[str, Any] = {"camera": camera, "fx": fx, "fy": fy, "cx": cx, "cy": cy, "fov": fov}
     lens["pixel_center"] = pixel_center
     of_file: dict[str, Any] = {"depth_scale": depth_scale, "depth_range": depth_range}
-    of_file |= {"channel": channel, "resize_depth": resize_depth}
+    of_file |= {"channel": channel, "resize_depth": resize_depth, "radial_depth": radial_depth or None}
     options: dict[str, Any] = {"metres_at": metres_at, "camera_height": camera_height, "sharpen": sharpen}
     if depth is None:
         given = of_file | {"inverse_depth": inverse_depth or None}
@@ -102,7 +105,8 @@ def read_rgbd(
         warn_of_missing_code(depth, metres)
     _check_same_view(image, depth, hw, (metres.shape[0], metres.shape[1]))
     metres = _resize_depth(image, depth, metres, color, resize_depth)
-    return RGBD(freeze(color), freeze(metres), camera_for(hw, image=image, **lens)[0])
+    used = camera_for(hw, image=image, **lens)[0]
+    return RGBD(freeze(color), freeze(metres / ray_lengths(used) if radial_depth else metres), used)
 
 
 def _refuse(options: Mapping[str, object], why: str) -> None:
@@ -178,9 +182,7 @@ def _use_photo_depth(
     is_known = len(options.get("metres_at", ())) > 0 or options.get("camera_height") is not None
     values = own.values
     if own.along_ray and camera is not None:
-        values = values * np.linalg.norm(rays(camera.resized(values.shape[1], values.shape[0])), axis=2).astype(
-            np.float32
-        )
+        values = values * ray_lengths(camera.resized(values.shape[1], values.shape[0]))
     metric = own.metric if not is_known else own.absolute
     prediction = DepthPrediction(np.maximum(values, np.float32(0)), "inverse depth", metric, notes=dict(own.about))
     rgbd = estimate_depth(color, camera, depth_model=lambda _: prediction, **options).rgbd

@@ -115,6 +115,13 @@ def rays(camera: Camera) -> Float64Array:
     return directions
 
 
+def ray_lengths(camera: Camera) -> Float32Array:
+    """H x W, length of the ray to each pixel's centre for one metre of depth: 1 at the principal point, more towards the rim."""
+    x = (np.arange(camera.width) + 0.5 - camera.cx) / camera.fx
+    y = (np.arange(camera.height) + 0.5 - camera.cy) / camera.fy
+    return np.sqrt(1 + x**2 + y[:, None] ** 2).astype(np.float32)
+
+
 def lift(source: RGBD | View) -> PointCloud:
     """The cloud of all valid pixels (finite depth, no hole), row by row, in world coordinates.
 

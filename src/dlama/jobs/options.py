@@ -80,6 +80,9 @@ class Reading:
     )
     """Bring a depth map of another size to the picture's. guided: interpolated on each surface, with edges where the picture has
     them, also a map that was enlarged by the nearest pixel before. nearest: each pixel from the nearest one."""
+    radial_depth: bool = option("", "off", False, label="Depth along the ray")
+    """The depth file holds distances along the ray of each pixel, not along the optical axis (Hypersim, ray tracers, AirSim's
+    DepthPerspective)."""
 
 
 @dataclass(frozen=True)

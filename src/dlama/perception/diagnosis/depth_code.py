@@ -64,7 +64,7 @@ CODES = {
     "radial": (
         "radial-depth",
         "the distance along the ray, not depth along the optical axis",
-        "divide each value by sqrt(1 + ((u - cx) / fx)^2 + ((v - cy) / fy)^2) before",
+        "`radial_depth` converts it",
     ),
     "gamma": (
         "gamma-depth",
