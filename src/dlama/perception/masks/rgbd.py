@@ -190,7 +190,7 @@ def find_stands(measured: Measured, pieces: Pieces, seed: Pixel) -> BoolArray:
     found = measured.planes
     out = np.zeros(pieces.free.shape, np.bool_)
     for number in range(len(found.planes)):
-        if not is_level(found, number, measured.rgbd.camera) or not is_in_front(found, number, [seed]):
+        if not is_level(found, number, measured.rgbd.camera) or not is_in_front(found, number, seed):
             continue
         top = found.label == number + 1
         if (top & pieces.support).any() or top[seed]:

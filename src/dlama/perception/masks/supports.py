@@ -99,10 +99,10 @@ def is_level(found: Planes, number: int, camera: Camera) -> bool:
     return bool(normal[1] >= LEVEL * np.linalg.norm(normal))
 
 
-def is_in_front(found: Planes, number: int, seeds: list[tuple[int, int]]) -> bool:
-    """Whether all seeds (row, column) lie before plane `number`, by more than noise."""
-    values = [(found.w[seed], found.value_at(number, *seed)) for seed in seeds]
-    return all(here > BEFORE * plane and here > plane + NOISY * found.noise for here, plane in values)
+def is_in_front(found: Planes, number: int, seed: tuple[int, int]) -> bool:
+    """Whether (row, column) lies before plane `number`, by more than noise."""
+    here, plane = found.w[seed], found.value_at(number, *seed)
+    return bool(here > BEFORE * plane and here > plane + NOISY * found.noise)
 
 
 def is_ground(found: Planes, row: int, column: int) -> bool:
