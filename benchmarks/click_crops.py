@@ -18,7 +18,7 @@ import numpy as np
 from numpy.random import Generator
 
 from click_photos import Object, estimated, innermost_pixel, largest_region, photo_with_objects, put_object
-from click_worlds import ClickWorld, objects_in_sight
+from click_worlds import ClickScene, ClickWorld, objects_in_sight
 from dlama.geometry.holes import dilate_mask
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
 from dlama.perception.masks.click_network import (
@@ -59,25 +59,36 @@ Crop = tuple[Float32Array, np.ndarray, np.ndarray, np.ndarray]
 the object does not)."""
 
 
-def crops_of_world(number: int, photos: Sequence[Path], objects: Sequence[Object]) -> Iterator[Crop]:
-    """The crops of a world's objects."""
-    rng = np.random.default_rng([number, 77])
+def world_to_click_in(number: int, photos: Sequence[Path], rng: Generator) -> tuple[ClickWorld, bool]:
+    """A world, and whether photos are its textures."""
     textures = []
     if photos and rng.random() < TEXTURED:
         for file in rng.choice(np.array(photos, object), TEXTURES):
             picture = cv2.imread(str(file))[..., ::-1]
             textures.append(square_crop(np.ascontiguousarray(picture), TEXTURE_PX, rng))
     stands, crowded = (bool(rng.random() < share) for share in (STANDS, CROWDED))
-    made = ClickWorld(FIRST_WORLD + number, tuple(textures), stands=stands, crowded=crowded)
+    return ClickWorld(FIRST_WORLD + number, tuple(textures), stands=stands, crowded=crowded), bool(textures)
+
+
+def views_of_world(made: ClickWorld, rng: Generator) -> Iterator[tuple[ClickScene, list[int]]]:
+    """VIEWS of a world, and the numbers of the objects to click on there."""
     for _ in range(VIEWS):
         scene = made.scene(made.world.camera(float(rng.uniform(-60, 60)), PICTURE_PX, float(rng.uniform(55, 95))))
         scene = made.near_scene(scene, rng) if rng.random() < NEAR else scene
         seen = rng.permutation(objects_in_sight(scene, *SHARES, cut_off=rng.random() < CUT_OFF)).tolist()
-        numbers = [each for each in seen if np.median(scene.frame.depth[scene.mask(each)]) < FARTHEST_M][:MOST_OBJECTS]
+        near = [each for each in seen if np.median(scene.frame.depth[scene.mask(each)]) < FARTHEST_M]
+        yield scene, near[:MOST_OBJECTS]
+
+
+def crops_of_world(number: int, photos: Sequence[Path], objects: Sequence[Object]) -> Iterator[Crop]:
+    """The crops of a world's objects."""
+    rng = np.random.default_rng([number, 77])
+    made, textured = world_to_click_in(number, photos, rng)
+    for scene, numbers in views_of_world(made, rng):
         for sensor in rng.choice(SENSORS, 2, replace=False, p=SENSOR_SHARES) if numbers else ():
             small = np.zeros(scene.group.shape, np.bool_)
             frame = scene.frame
-            if sensor == "estimated" and not textures and rng.random() < SMALL:
+            if sensor == "estimated" and not textured and rng.random() < SMALL:
                 frame, small = with_small_object(frame, scene.mask(int(rng.choice(numbers))), objects, rng)
             frame = as_seen(frame, sensor, rng)
             if small.any():

@@ -26,7 +26,7 @@ from torch.nn.functional import binary_cross_entropy_with_logits
 
 from click_crops import crops_of_photo, crops_of_world, write_crops
 from click_photos import CUT_OUT, LEARNT, Object, clear_objects, photos_of, put_object
-from click_training import RATE, expected_iou, mean_state, train, varied
+from click_training import RATE, CropFolder, expected_iou, train_seeds, varied
 from dlama.geometry.rgbd import Float32Array
 from dlama.models.network_file import NetworkFile
 from dlama.perception.masks.click_network import PLANES, SALIENT, SIDE
@@ -54,20 +54,16 @@ ABOUT = {
 }
 
 
-class Crops:
+class Crops(CropFolder):
     """The crops of a folder, drawn by kind."""
 
     def __init__(self, folder: Path, cut_outs: Sequence[Object], rng: np.random.Generator) -> None:
+        super().__init__(folder)
         self.rng, self.cut_outs = rng, cut_outs
-        names = [file.name.split(".")[0] for file in sorted(folder.glob("*.truth.npy"))]
-        whats = ("planes", "salient", "truth")
-        self.files = [[np.load(folder / f"{name}.{what}.npy", mmap_mode="r") for what in whats] for name in names]
         self.numbers: dict[str, list[tuple[int, int]]] = {kind: [] for kind in KINDS}
-        for part, (name, (planes, _, truth)) in enumerate(zip(names, self.files)):
-            estimated, found = planes[:, PLANES.index("estimated"), 0, 0] > 0, truth[:, 0].any((1, 2))
-            for number in range(len(truth)):
-                kind = "photo" if name.startswith("photo") else "estimated" if estimated[number] else "measured"
-                self.numbers[kind if found[number] else "background"].append((part, number))
+        found = [truth[:, 0].any((1, 2)) for *_, truth in self.files]
+        for (part, number), origin in self.origins.items():
+            self.numbers[origin if found[part][number] else "background"].append((part, number))
         self.orders: dict[str, list[tuple[int, int]]] = {kind: [] for kind in KINDS}
 
     def batch(self) -> list[tuple[Float32Array, np.ndarray]]:
@@ -220,19 +216,8 @@ def main() -> None:
             pictures = range(given.pictures)
             write_crops(given.folder, "photo", pictures, lambda n: crops_of_photo(n, objects, cut_outs, photos))
         return
-    states = [
-        train(
-            Crops(given.folder, cut_outs, np.random.default_rng(seed)),
-            len(PLANES) + len(SALIENT),
-            loss_of,
-            given.steps,
-            given.rate,
-            given.start,
-            seed,
-        )
-        for seed in given.seeds
-    ]
-    export_shadow(mean_state(states), given.output, ABOUT)
+    learned = train_seeds(lambda rng: Crops(given.folder, cut_outs, rng), len(PLANES) + len(SALIENT), loss_of, given)
+    export_shadow(learned, given.output, ABOUT)
 
 
 if __name__ == "__main__":

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import argparse
+from collections.abc import Callable
 from pathlib import Path
 from typing import Protocol
 
@@ -17,6 +18,21 @@ from shadow_net import ShadowNet
 
 WIDTHS, RATE, WARM, DECAY, AVERAGED = (24, 40, 64, 96, 96), 2.5e-3, 100, 2e-2, 0.995
 SMOOTH_PX = 5.0
+
+
+class CropFolder:
+    """The crops of a folder, as `click_crops.write_crops` writes them, by their origin; read when they are needed."""
+
+    def __init__(self, folder: Path) -> None:
+        names = [file.name.split(".")[0] for file in sorted(folder.glob("*.truth.npy"))]
+        whats = ("planes", "salient", "truth")
+        self.files = [[np.load(folder / f"{name}.{what}.npy", mmap_mode="r") for what in whats] for name in names]
+        self.origins: dict[tuple[int, int], str] = {}
+        """Number of the file and of the crop in it -> photo, or estimated or measured depth of a world."""
+        for part, (name, (planes, *_)) in enumerate(zip(names, self.files)):
+            for number, estimated in enumerate(planes[:, PLANES.index("estimated"), 0, 0] > 0):
+                depth = "estimated" if estimated else "measured"
+                self.origins[part, number] = "photo" if name.startswith("photo") else depth
 
 
 class Batches(Protocol):
@@ -116,6 +132,15 @@ def train(
     return {name: value.numpy() for name, value in mean.items()}
 
 
-def mean_state(states: Sequence[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
-    """The mean of networks that learned from the same start."""
+def train_seeds(
+    crops_of: Callable[[np.random.Generator], Batches],
+    planes_seen: int,
+    loss_of: Callable[[Tensor, Tensor], Tensor],
+    given: argparse.Namespace,
+) -> dict[str, np.ndarray]:
+    """The mean of the networks that `train` makes with each of given.seeds, from the same start (given: steps, rate, start)."""
+    states = [
+        train(crops_of(np.random.default_rng(seed)), planes_seen, loss_of, given.steps, given.rate, given.start, seed)
+        for seed in given.seeds
+    ]
     return {name: np.mean([state[name] for state in states], 0) for name in states[0]}

@@ -14,25 +14,8 @@ import cv2
 import numpy as np
 from numpy.random import Generator
 
-from click_crops import (
-    CROWDED,
-    CUT_OFF,
-    FARTHEST_M,
-    FIRST_WORLD,
-    MOST_OBJECTS,
-    NEAR,
-    PICTURE_PX,
-    SHARES,
-    STANDS,
-    TEXTURE_PX,
-    TEXTURED,
-    TEXTURES,
-    VIEWS,
-    Crop,
-    share_in_square,
-)
+from click_crops import SHARES, Crop, share_in_square, views_of_world, world_to_click_in
 from click_photos import Object, innermost_pixel, largest_region, photo_with_objects
-from click_worlds import ClickWorld, objects_in_sight
 from dlama.geometry.holes import dilate_mask, disc, erode_mask, morphological_open
 from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
 from dlama.perception.masks.click_network import (
@@ -44,7 +27,6 @@ from dlama.perception.masks.click_network import (
 from dlama.perception.masks.corrections import mark_clicks
 from dlama.perception.masks.prompt import Pixel
 from dlama.perception.masks.salient import WindowSaliency
-from dlama.training.data.photos import square_crop
 from world_cases import SENSORS, as_seen
 
 SENSOR_SHARES = (0.2, 0.25, 0.2, 0.35)
@@ -64,10 +46,10 @@ objects put on them."""
 
 
 class NothingSalient(WindowSaliency):
-    """Saliency of a picture that is not asked for."""
+    """Saliency of a picture in which nothing is salient; no network runs."""
 
     def level(self, window: tuple[slice, slice]) -> None:
-        """None."""
+        """Nothing is salient in any window."""
 
 
 def innermost(where: BoolArray) -> Pixel:
@@ -187,18 +169,8 @@ def crop_about(
 def crops_of_world(number: int, photos: Sequence[Path]) -> Iterator[Crop]:
     """The crops of a world's objects."""
     rng = np.random.default_rng([number, 87])
-    textures = []
-    if photos and rng.random() < TEXTURED:
-        for file in rng.choice(np.array(photos, object), TEXTURES):
-            picture = cv2.imread(str(file))[..., ::-1]
-            textures.append(square_crop(np.ascontiguousarray(picture), TEXTURE_PX, rng))
-    stands, crowded = (bool(rng.random() < share) for share in (STANDS, CROWDED))
-    made = ClickWorld(FIRST_WORLD + number, tuple(textures), stands=stands, crowded=crowded)
-    for _ in range(VIEWS):
-        scene = made.scene(made.world.camera(float(rng.uniform(-60, 60)), PICTURE_PX, float(rng.uniform(55, 95))))
-        scene = made.near_scene(scene, rng) if rng.random() < NEAR else scene
-        seen = rng.permutation(objects_in_sight(scene, *SHARES, cut_off=rng.random() < CUT_OFF)).tolist()
-        numbers = [each for each in seen if np.median(scene.frame.depth[scene.mask(each)]) < FARTHEST_M][:MOST_OBJECTS]
+    made, _ = world_to_click_in(number, photos, rng)
+    for scene, numbers in views_of_world(made, rng):
         masks = {each: scene.mask(each) for each in numbers}
         for sensor in rng.choice(SENSORS, 2, replace=False, p=SENSOR_SHARES) if numbers else ():
             frame = as_seen(scene.frame, sensor, rng)

@@ -19,7 +19,7 @@ from torch.nn.functional import binary_cross_entropy_with_logits
 
 from click_crops import write_crops
 from click_photos import CUT_OUT, LEARNT, clear_objects, photos_of
-from click_training import expected_iou, mean_state, train, varied
+from click_training import CropFolder, expected_iou, train_seeds, varied
 from correction_crops import crops_of_photo, crops_of_world
 from dlama.geometry.rgbd import Float32Array
 from dlama.perception.masks.click_network import PLANES
@@ -36,20 +36,15 @@ ABOUT = {
 }
 
 
-class CorrectionCrops:
+class CorrectionCrops(CropFolder):
     """The crops of a folder, drawn by kind."""
 
     def __init__(self, folder: Path, rng: np.random.Generator) -> None:
+        super().__init__(folder)
         self.rng = rng
-        names = [file.name.split(".")[0] for file in sorted(folder.glob("*.truth.npy"))]
-        whats = ("planes", "salient", "truth")
-        self.files = [[np.load(folder / f"{name}.{what}.npy", mmap_mode="r") for what in whats] for name in names]
         self.numbers: dict[str, list[tuple[int, int]]] = {kind: [] for kind in KINDS}
-        for part, (name, (planes, _, truth)) in enumerate(zip(names, self.files)):
-            estimated = planes[:, PLANES.index("estimated"), 0, 0] > 0
-            for number in range(len(truth)):
-                kind = "photo" if name.startswith("photo") else "estimated" if estimated[number] else "measured"
-                self.numbers[kind].append((part, number))
+        for place, origin in self.origins.items():
+            self.numbers[origin].append(place)
 
     def batch(self) -> list[tuple[Float32Array, np.ndarray]]:
         """Crops: all planes, and the object's share, what counts and the wrong mask."""
@@ -94,25 +89,16 @@ def main() -> None:
     torch.set_num_threads(1)
     if given.what == "crops":
         photos = photos_of(given.photos, LEARNT) if given.photos else []
+        if given.photos and not photos:
+            parser.error(f"{given.photos}: no folders with photos (*.jpg)")
         write_crops(given.folder, "world", range(given.worlds), lambda n: crops_of_world(n, photos))
-        objects, cut_outs = clear_objects(photos), clear_objects(photos, CUT_OUT)
         if photos:
+            objects, cut_outs = clear_objects(photos), clear_objects(photos, CUT_OUT)
             pictures = range(given.pictures)
             write_crops(given.folder, "photo", pictures, lambda n: crops_of_photo(n, objects, cut_outs, photos))
         return
-    states = [
-        train(
-            CorrectionCrops(given.folder, np.random.default_rng(seed)),
-            len(PLANES) + MAPS,
-            loss_of,
-            given.steps,
-            given.rate,
-            given.start,
-            seed,
-        )
-        for seed in given.seeds
-    ]
-    export_shadow(mean_state(states), given.output, ABOUT)
+    learned = train_seeds(lambda rng: CorrectionCrops(given.folder, rng), len(PLANES) + MAPS, loss_of, given)
+    export_shadow(learned, given.output, ABOUT)
 
 
 if __name__ == "__main__":

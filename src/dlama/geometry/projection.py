@@ -110,16 +110,20 @@ def px_from_px(target: Camera, source: Camera) -> tuple[Float64Array, Float64Arr
 def rays(camera: Camera) -> Float64Array:
     """H x W x 3, the direction through each pixel's centre in camera axes, with z = 1: ray * depth is a point."""
     directions = np.ones((*camera.hw, 3))
-    directions[..., 0] = (np.arange(camera.width) + 0.5 - camera.cx) / camera.fx
-    directions[..., 1] = ((np.arange(camera.height) + 0.5 - camera.cy) / camera.fy)[:, None]
+    directions[..., 0], directions[..., 1] = _slopes(camera)
     return directions
+
+
+def _slopes(camera: Camera) -> tuple[Float64Array, Float64Array]:
+    """W and H x 1, how far the rays of columns and of rows go right and down in one metre of depth."""
+    column, row = (np.arange(n, dtype=np.float64) + 0.5 for n in camera.wh)
+    return (column - camera.cx) / camera.fx, ((row - camera.cy) / camera.fy)[:, None]
 
 
 def ray_lengths(camera: Camera) -> Float32Array:
     """H x W, length of the ray to each pixel's centre for one metre of depth: 1 at the principal point, more towards the rim."""
-    x = (np.arange(camera.width) + 0.5 - camera.cx) / camera.fx
-    y = (np.arange(camera.height) + 0.5 - camera.cy) / camera.fy
-    return np.sqrt(1 + x**2 + y[:, None] ** 2).astype(np.float32)
+    x, y = _slopes(camera)
+    return np.sqrt(1 + x**2 + y**2).astype(np.float32)
 
 
 def lift(source: RGBD | View) -> PointCloud:

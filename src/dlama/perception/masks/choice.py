@@ -20,7 +20,7 @@ from dlama.perception.masks.borders import decide_by_color
 from dlama.perception.masks.click_network import object_probability
 from dlama.perception.masks.corrections import correct_at_click, correct_mask
 from dlama.perception.masks.photo import PhotoMasker, name_masks
-from dlama.perception.masks.prompt import NothingThereError, Point, Prompt
+from dlama.perception.masks.prompt import NothingThereError, Pixel, Point, Prompt
 from dlama.perception.masks.rgbd import Measured, rgbd_candidates
 from dlama.perception.masks.salient import WindowSaliency
 
@@ -75,8 +75,10 @@ class Masker:
         """The masks corrected at `clicks` of the prompt and at its negative ones."""
         if not (clicks or prompt.not_clicks):
             return found
-        lacking = [click for click in clicks if not all(mask[int(click[1]), int(click[0])] for mask in found.values())]
-        alone = {(int(y), int(x)): self.object_alone(of_click(prompt, (x, y))) for x, y in lacking}
+        alone = dict[Pixel, BoolArray]()
+        for one in (of_click(prompt, click) for click in clicks):
+            if not all(mask[one.on[0]] for mask in found.values()):
+                alone[one.on[0]] = self.object_alone(one)
         first, *others = [correct_mask(self.rgbd, mask, prompt, alone) for mask in found.values()]
         return name_masks(first, others)
 
