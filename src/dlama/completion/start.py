@@ -22,7 +22,6 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType
 from dlama.geometry.frames import gathering
 from dlama.geometry.frames.gathering import FrameSource
-from dlama.geometry.frames.removal import remove_object
 from dlama.geometry.frames.stored import Layer
 from dlama.geometry.holes import looks_inverted
 from dlama.geometry.rgbd import RGBD, BoolArray
@@ -35,6 +34,7 @@ from dlama.inpainters.filling import Inpainter
 from dlama.inpainters.grey_depth import with_grey_depth
 from dlama.inpainters.layered.depth_first import paint_over_depth
 from dlama.perception.monocular import DEFAULT
+from dlama.perception.object_removal import remove_object
 
 
 class Dilation(NamedTuple):

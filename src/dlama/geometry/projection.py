@@ -147,6 +147,12 @@ def lift(source: RGBD | View) -> PointCloud:
     return PointCloud(points, source.color[valid], source.origin[valid], source.confidence[valid])
 
 
+def world_points(view: View) -> Float64Array:
+    """H x W x 3, each pixel's point in the world; pixels without depth at the camera."""
+    depth = np.where(view.valid, view.depth, 0)
+    return transform_points(view.camera.world_from_cam, rays(view.camera) * depth[..., None])
+
+
 def unproject(camera: Camera, x: NDArray[Any], y: NDArray[Any], depth: NDArray[Any]) -> Float64Array:
     """N x 3 points in the world at places x, y of the picture (N px, a pixel's centre ends in .5) and depths (N metres)."""
     points = np.empty((len(depth), 3))

@@ -113,7 +113,9 @@ class Scene:
         Raises:
             MaskError: an empty or full mask, or one of another size; InputError: a frame that is not in the scene.
         """
-        remove_object = import_module("dlama.geometry.frames.removal").remove_object  # it renders scenes: imported late
+        remove_object = import_module(
+            "dlama.perception.object_removal"
+        ).remove_object  # it renders scenes: imported late
         found: Scene = remove_object(self, mask, dilate).scene
         return found
 
@@ -129,7 +131,8 @@ class Scene:
             InputError: no depth, another size (ShapeError), or two frames without common surfaces.
         """
         add_frame = import_module("dlama.geometry.frames.gathering").add_frame
-        found: Scene = add_frame(self, frame)
+        find_removed = import_module("dlama.perception.object_removal").find_removed
+        found: Scene = add_frame(self, frame, find_removed)
         return found
 
     def place_of(self, number: int) -> int:

@@ -17,12 +17,12 @@ from dlama.completion.start import NO_DILATION, Dilation, Plan, scene_of
 from dlama.errors import InputError, ShapeError
 from dlama.geometry.camera import StereoRig
 from dlama.geometry.drawing.grid_mesh import find_joints
-from dlama.geometry.frames.removal import remove_object
 from dlama.geometry.holes import check_mask
 from dlama.geometry.projection import depth_from_disparity, disparity_from_depth
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, check_color
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
+from dlama.perception.object_removal import remove_object
 from dlama.perception.stereo.agreement import consistency, transfer_mask
 from dlama.perception.stereo.matching import Matcher, disparity_pair
 

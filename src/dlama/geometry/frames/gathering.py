@@ -26,10 +26,10 @@ from dlama.geometry.frames.agreement import (
     make_comparable,
     measure_overlaps,
 )
-from dlama.geometry.frames.removal import find_removed, mask_growth, part_under_mask, world_points
+from dlama.geometry.frames.removal import mask_growth, part_under_mask
 from dlama.geometry.frames.stored import Layer, PixelCache, StoredView, coarse_depth
 from dlama.geometry.holes import dilate_mask
-from dlama.geometry.projection import project_to_pixels
+from dlama.geometry.projection import project_to_pixels, world_points
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.geometry.scene import Scene, contribution
 from dlama.geometry.view import View
@@ -202,8 +202,8 @@ def _share_agreeing(kept: Sequence[int], found: dict[tuple[int, int], Overlap]) 
     return np.where(total >= ENOUGH, agree / np.maximum(total, 1), np.nan)
 
 
-def add_frame(scene: Scene, frame: FrameSource) -> Scene:
-    """As `Scene.with_frame`."""
+def add_frame(scene: Scene, frame: FrameSource, find_removed: Callable[[Scene, View], BoolArray]) -> Scene:
+    """As `Scene.with_frame`. find_removed: H x W, where a further frame shows what was removed from a scene."""
     caches = [one.cache for one in scene.frames if isinstance(one, StoredView)]
     numbers = (*scene.numbers, max(scene.numbers) + 1)
     names = [f"frame {number}" for number in numbers]
@@ -212,7 +212,7 @@ def add_frame(scene: Scene, frame: FrameSource) -> Scene:
     if len(scene.frames) not in measured.numbers:
         return scene
     view = added.load()
-    kept, removals = remove_again(scene, added)
+    kept, removals = remove_again(scene, added, find_removed(scene, view))
     frames = (*(drop_seen_depth(one, view) for one in scene.frames), kept)
     fills = (drop_seen_fill(one, view) for one in scene.fills)
     return dataclasses.replace(
@@ -224,14 +224,12 @@ def add_frame(scene: Scene, frame: FrameSource) -> Scene:
     )
 
 
-def remove_again(scene: Scene, frame: Layer) -> tuple[Layer, list[View]]:
-    """A further frame without the objects that were removed from a scene, and what of them it showed."""
-    view = frame.load()
-    objects = find_removed(scene, view)
+def remove_again(scene: Scene, frame: Layer, objects: BoolArray) -> tuple[Layer, list[View]]:
+    """A further frame without the removed `objects` (H x W) that it shows, and what of them it showed."""
     if not objects.any():
         return frame, []
     larger = dilate_mask(objects, mask_growth(scene).px)
-    return frame.without(larger, HoleType.OBJECT), [part_under_mask(view, objects, larger)]
+    return frame.without(larger, HoleType.OBJECT), [part_under_mask(frame.load(), objects, larger)]
 
 
 def drop_seen_fill(fill: Layer, frame: View) -> Layer:

@@ -1,30 +1,17 @@
-"""A scene and an object's masks in some of its frames in; the scene without the object, in every frame, out.
-
-The masked frames locate the object's points and, equally, the points next to it that are not its own. In every other frame an
-object's pixel shows such a point. Connected pixels of similar depth in front of the background (`foreground`) are added, if
-they lie within the object's box and no masked frame shows them outside its mask.
-"""
+"""A scene and the masks of objects in each of its layers in; the scene without the objects, its masks grown, out."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Sequence
 from numbers import Integral
 from typing import NamedTuple
 
-import cv2
 import numpy as np
 
 from dlama.errors import InputError, MaskError
 from dlama.geometry.codes import HoleType
-from dlama.geometry.frames.agreement import AGREES
-from dlama.geometry.frames.choosing import choose_frames
-from dlama.geometry.frames.foreground import find_foreground, grow_region
-from dlama.geometry.frames.stored import Layer
-from dlama.geometry.holes import check_mask, dilate_mask, erode_mask, morphological_close, morphological_open, square
-from dlama.geometry.motion.poses import transform_points
-from dlama.geometry.projection import project_to_pixels, rays
-from dlama.geometry.rendering import render
+from dlama.geometry.holes import dilate_mask
 from dlama.geometry.rgbd import BoolArray
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
@@ -33,18 +20,6 @@ GROWTH_PX = 3
 """Growth of a mask in px in a picture of up to GROWTH_WIDTH px, as compression and blur spread an object's colours. In larger
 pictures it scales with the width."""
 GROWTH_WIDTH = 1024
-RIM_PX = 3
-"""Rim in px of a mask that is not transferred: masks reach a little over the object."""
-EDGE_PX = 2
-"""Growth of a region at its edges in px, where depths lie between two surfaces."""
-REACH = 1.5
-"""Reach of an object beyond its masked part, in sides of a square of equal area."""
-BOX_GROWS = 0.25
-"""Growth of the object's box, over its diagonal: other frames see sides that the masked ones do not."""
-THICK = 0.7
-"""Largest thickness along the line of sight of the masked frames, over the object's largest extent."""
-OUTLIERS = (1.0, 99.0)
-"""Percentiles of the object's points inside its box."""
 
 
 class Growth(NamedTuple):
@@ -77,14 +52,11 @@ def mask_growth(scene: Scene, dilate: int | None = None) -> Growth:
     return Growth(round(GROWTH_PX * max(1.0, widest / GROWTH_WIDTH)), f"by the picture's longer side, {widest} px")
 
 
-def remove_object(scene: Scene, mask: BoolArray | Mapping[int, BoolArray], dilate: int | None) -> Removal:
-    """The scene as it was measured without the object under a mask; arguments and errors as of `Scene.without`."""
-    masks = masks_by_place(scene, mask)
-    growth = mask_growth(scene, dilate)
-    measured = scene.unfilled
+def remove_masked(scene: Scene, masks: Sequence[BoolArray], growth: Growth) -> Removal:
+    """The scene as it was measured, without what the masks of its layers (H x W each) mark. MaskError: a grown mask is full."""
     layers, removed, before, given_up = [], [], 0, 0
     count = len(scene.frames)
-    for place, (layer, one) in enumerate(zip(measured.layers, carry_masks(measured, masks))):
+    for place, (layer, one) in enumerate(zip(scene.unfilled.layers, masks)):
         larger, view = dilate_mask(one, growth.px), layer.load()
         if (larger | (view.hole_type == HoleType.OBJECT.value)).all():
             raise MaskError(
@@ -96,7 +68,7 @@ def remove_object(scene: Scene, mask: BoolArray | Mapping[int, BoolArray], dilat
             layer = layer.without(larger, HoleType.OBJECT if place < count else HoleType.NONE)
         layers.append(layer)
     without = dataclasses.replace(
-        measured,
+        scene.unfilled,
         frames=tuple(layers[:count]),
         removals=(*scene.removals, *removed),
         fills=tuple(layers[count:]),
@@ -108,157 +80,3 @@ def part_under_mask(view: View, mask: BoolArray, larger: BoolArray) -> View:
     """The removed part of a layer: the pixels under its grown mask (`larger`); the hole type OBJECT is the mask itself."""
     part = view.without(~larger, HoleType.NONE)
     return part.with_planes(hole_type=np.where(mask, np.uint8(HoleType.OBJECT), part.hole_type))
-
-
-def masks_by_place(scene: Scene, mask: BoolArray | Mapping[int, BoolArray]) -> dict[int, BoolArray]:
-    """Place of a frame -> its mask. Raises MaskError, InputError."""
-    if not isinstance(mask, Mapping):
-        if len(scene.frames) > 1:
-            raise InputError(
-                "`mask` is one picture, and there are many frames; {number of the frame: mask} is expected"
-            )
-        mask = {scene.numbers[0]: mask}
-    if not mask:
-        raise InputError("`mask` is empty; {number of the frame: mask} is expected")
-    places = {scene.place_of(number): one for number, one in mask.items()}
-    return {place: check_mask(one, scene.frames[place].camera.hw) for place, one in places.items()}
-
-
-class MaskedObject(NamedTuple):
-    """One masked object."""
-
-    masks: dict[int, BoolArray]
-    """Place of a frame -> H x W."""
-    shown: Scene
-    """The frames under the masks."""
-    box: tuple[np.ndarray, np.ndarray]
-    """Lower and upper corner, in the world, of the box that holds it."""
-
-    def meets(self, other: MaskedObject) -> bool:
-        """Whether the two boxes have a point in common."""
-        return bool((self.box[0] <= other.box[1]).all() and (other.box[0] <= self.box[1]).all())
-
-
-def carry_masks(scene: Scene, masks: Mapping[int, BoolArray]) -> list[BoolArray]:
-    """H x W bool for each layer of the scene: the given masks (index of a frame -> mask), and in all other layers the same
-    objects. Each is transferred alone, in the frames before any removal, so that the order does not matter."""
-    if len(masks) == len(scene.layers):
-        return [masks[place] for place in range(len(masks))]
-    frames = {place: scene.original(place) for place in masks}
-    objects = separate_objects(frames, masks)
-    if not objects:
-        raise InputError(
-            "mask marks no pixel with depth, so it cannot be carried to the other frames; mask another frame"
-        )
-    found = []
-    for place, layer in enumerate(scene.layers):
-        mask = masks.get(place, np.zeros(layer.camera.hw, bool))
-        left = [one for one in objects if place not in one.masks]
-        if left:
-            original = scene.original(place).load()
-            mask = np.logical_or.reduce([mask, *(_carry_to(original, frames, one) for one in left)])
-        found.append(mask)
-    return found
-
-
-def find_removed(scene: Scene, frame: View) -> BoolArray:
-    """H x W, where one more frame shows removed objects, by the layers relevant to its camera."""
-    masks = {}
-    for place in choose_frames(scene.layers, frame.camera):
-        camera = scene.layers[place].camera
-        removed = [one.load() for one in scene.removals if one.camera.same_view_as(camera)]
-        of_layer = [one.hole_type == HoleType.OBJECT.value for one in removed]
-        if of_layer:
-            masks[place] = np.logical_or.reduce(of_layer)
-    frames = {place: scene.original(place) for place in masks}
-    found = [_carry_to(frame, frames, one) for one in separate_objects(frames, masks)]
-    return np.logical_or.reduce([np.zeros(frame.hole.shape, bool), *found])
-
-
-def separate_objects(frames: Mapping[int, Layer], masks: Mapping[int, BoolArray]) -> list[MaskedObject]:
-    """The masked objects that have depth (place of a frame -> frame, mask): connected parts of masks whose boxes meet are one."""
-    objects: list[MaskedObject] = []
-    for place, mask in masks.items():
-        count, labels = cv2.connectedComponents(dilate_mask(mask, RIM_PX).astype(np.uint8))
-        for label in range(1, count):
-            one = masked_object(frames, {place: mask & (labels == label)})
-            while one is not None and (near := next((each for each in objects if each.meets(one)), None)):
-                objects.remove(near)
-                parts = near.masks | {each: part | near.masks.get(each, part) for each, part in one.masks.items()}
-                one = masked_object(frames, parts)
-            objects += [] if one is None else [one]
-    return objects
-
-
-def masked_object(frames: Mapping[int, Layer], masks: dict[int, BoolArray]) -> MaskedObject | None:
-    """The object under masks of frames (place -> H x W); None where they show no depth."""
-    shown = Scene(tuple(mask_interior(frames[place], mask) for place, mask in masks.items()), numbers=tuple(masks))
-    box = bounding_box(shown)
-    return None if box is None else MaskedObject(masks, shown, box)
-
-
-def mask_interior(frame: Layer, mask: BoolArray) -> Layer:
-    """The masked part of a frame without its rim; thin parts are kept whole."""
-    wide = morphological_open(mask, square(2 * RIM_PX + 1))
-    core = (erode_mask(mask, RIM_PX) | (mask & ~wide)) & frame.load().valid
-    return frame.without(~(core if core.any() else mask), HoleType.NONE)
-
-
-def world_points(view: View) -> np.ndarray:
-    """H x W x 3, each pixel's point in the world; pixels without depth at the camera."""
-    depth = np.where(view.valid, view.depth, 0)
-    return transform_points(view.camera.world_from_cam, rays(view.camera) * depth[..., None])
-
-
-def bounding_box(masked: Scene) -> tuple[np.ndarray, np.ndarray] | None:
-    """Lower and upper corner, in the world, of the box that holds the object; None where the masks show no depth."""
-    points = [world_points(view)[view.valid] for view in (layer.load() for layer in masked.frames)]
-    if not sum(map(len, points)):
-        return None
-    low, high = np.percentile(np.concatenate(points), OUTLIERS, axis=0)
-    thick = THICK * float((high - low).max())
-    backs = []  # where the far side of the object may lie, which the masked frames do not see
-    for layer, front in zip(masked.frames, points):
-        sight = front - layer.camera.world_from_cam[:3, 3]
-        backs.append(front + thick * sight / np.linalg.norm(sight, axis=1, keepdims=True))
-    low, high = np.percentile(np.concatenate([*points, *backs]), OUTLIERS, axis=0)
-    grow = BOX_GROWS * float(np.linalg.norm(high - low))
-    return low - grow, high + grow
-
-
-def _carry_to(frame: View, frames: Mapping[int, Layer], masked: MaskedObject) -> BoolArray:
-    """The pixels of an unmasked frame that show the object; frames: the masked ones, by index."""
-    nothing = np.zeros(frame.hole.shape, bool)
-    points = world_points(frame)
-    candidates = frame.valid & ((points >= masked.box[0]) & (points <= masked.box[1])).all(-1)
-    seen = render(masked.shown, frame.camera, types=False)
-    agrees = np.abs(seen.depth - frame.depth) <= AGREES * frame.depth
-    seeds = seen.valid & frame.valid & agrees
-    near = choose_frames([frames[place] for place in masked.masks], frame.camera)
-    # all points of an object lie behind its mask, in every masked frame that shows them
-    behind = np.zeros_like(nothing)
-    for number, (place, mask) in enumerate(masked.masks.items()):
-        if number in near:
-            outside, within, in_view = compare_with_mask(points, frames[place].load(), mask)
-            candidates &= ~outside & (within | ~in_view)
-            seeds &= ~outside
-            behind |= within
-    candidates &= behind
-    if not seeds.any():
-        return nothing
-    size = max(int(seeds.sum()), *(int(mask.sum()) for mask in masked.masks.values()))
-    candidates &= dilate_mask(seeds, max(2 * RIM_PX, round(REACH * float(np.sqrt(size)))))
-    seeds &= candidates
-    found = grow_region(seeds, find_foreground(frame, candidates) | seeds, frame.depth)
-    gaps = morphological_close(found, square(3)) & (candidates | frame.hole)
-    found = found | gaps | (dilate_mask(found, EDGE_PX) & candidates)
-    return found | (frame.hole & seen.valid & dilate_mask(found, 2 * RIM_PX))
-
-
-def compare_with_mask(points: np.ndarray, masked: View, mask: BoolArray) -> tuple[BoolArray, BoolArray, BoolArray]:
-    """Points (H x W x 3) compared with a masked frame, H x W each: shown outside its mask, on a line of sight of its mask
-    (grown by RIM_PX), in its view."""
-    row, column, z, inside = project_to_pixels(points, masked.camera)
-    there = masked.known_depth[row, column]
-    shown = inside & (np.abs(there - z) <= AGREES * z) & ~mask[row, column]
-    return shown, inside & dilate_mask(mask, RIM_PX)[row, column], inside

@@ -8,9 +8,9 @@ import pytest
 import dlama
 from dlama.geometry.camera import Camera
 from dlama.geometry.frames.foreground import find_foreground, grow_region, interpolate_harmonic
-from dlama.geometry.frames.removal import carry_masks
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import View
+from dlama.perception.object_removal import carry_masks
 from dlama.worlds.dataset import world
 
 YAWS = (0, -10)
@@ -26,6 +26,32 @@ def test_a_mask_follows_the_thing(seed: int, least: float) -> None:
     np.testing.assert_array_equal(found[0], exact[0])
     assert (found[1] & exact[1]).sum() > 0.95 * exact[1].sum()
     assert (found[1] & exact[1]).sum() / (found[1] | exact[1]).sum() > least
+
+
+def test_a_mask_reaches_where_depth_is_missing() -> None:
+    """A frame without depth on half of the object: the carried mask covers that half, too (oracle: the exact mask)."""
+    made = world(4)
+    cameras = [made.camera(yaw, 128) for yaw in YAWS]
+    exact = [made.raycast(camera).group == made.object_index for camera in cameras]
+    first, second = (made.frame(camera) for camera in cameras)
+    lost = exact[1] & (np.arange(128) > np.median(np.nonzero(exact[1])[1]))
+    holed = RGBD(second.color, np.where(lost, np.float32(0), second.depth), cameras[1])
+    found = carry_masks(dlama.scene([first, holed]), {0: exact[0]})[1]
+    assert (found & lost).sum() > 0.9 * lost.sum()
+    assert (found & exact[1]).sum() / (found | exact[1]).sum() > 0.8
+
+
+def test_one_mask_of_many_objects() -> None:
+    """Three balls in one mask, all of them carried (oracle: the closed form of the balls' discs)."""
+    v, u = np.mgrid[:96, :128]
+    discs = [np.hypot(v - 48, u - column) < 11 for column in (20, 64, 108)]
+    balls = np.logical_or.reduce(discs)
+    color = np.where(balls[..., None], np.uint8([200, 40, 30]), np.uint8([90, 110, 100])).astype(np.uint8)
+    depth = np.where(balls, 1.0, 3.0).astype(np.float32)
+    frames = [RGBD(one, depth, Camera.from_fov(128, 96, 70)) for one in (color, color + np.uint8(1))]
+    found = carry_masks(dlama.scene(frames), {0: balls})[1]
+    assert all((found & disc).sum() > 0.95 * disc.sum() for disc in discs)
+    assert (found & ~balls).sum() < 0.1 * balls.sum()
 
 
 def plane_with_a_post() -> tuple[RGBD, np.ndarray]:

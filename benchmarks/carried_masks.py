@@ -1,0 +1,128 @@
+"""Masks carried from one frame to others of the same scene, whose true masks are known: how well they fit, by domain.
+
+    python benchmarks/carried_masks.py ../shared --split tune
+    python benchmarks/carried_masks.py ../shared --split validate -o carried.json
+
+Procedural worlds (`world`), the same with objects on islands, plinths and tables (`stand`), and streets, each as sensors see them.
+The true mask is given in one frame; printed is the mean IoU in four others, 12 to 50 degrees (streets: 10 to 40) aside, with its
+95 % interval (bootstrap by scene), the share of the object that is found, what else is found over the object's pixels, the share
+of masks under .5, and processor seconds a frame. Objects of which less than SEEN px are seen there do not count. Five minutes on
+one core.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from collections.abc import Iterator, Sequence
+from itertools import chain
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+import dlama
+from click_worlds import ClickWorld, objects_in_sight
+from clicks import FIRST, HELD_OUT, SHARES, STREETS, interval
+from dlama.datasets.frames import RemovalTruth
+from dlama.datasets.layouts import open_dataset
+from dlama.geometry.holes import iou
+from dlama.geometry.rgbd import RGBD, BoolArray
+from dlama.perception.object_removal import carry_masks
+from world_cases import as_seen
+
+YAWS, SIZE, FOV_DEG, MOST_YAW = (0, -25, 25, 12, -50), 384, 75.0, 30
+"""Of the frames about a world's first camera, whose own yaw is at most MOST_YAW; px; degrees."""
+STREET_FRAMES = "with-0000", "with-0001", "with-0002", "with-0004", "with-0007"
+"""Yaw 0, 10, -10, -20 and 40."""
+WORLDS, MOST_OBJECTS, FARTHEST_M, SEEN = 8, 4, 8.0, 100
+SENSORS = "exact", "kinect", "matcher"
+STAND_SEEDS = 500
+"""Between the seeds of worlds and of those with stands."""
+
+
+class Frames(NamedTuple):
+    """A scene, and objects in it."""
+
+    domain: str
+    name: str
+    frames: list[RGBD]
+    objects: list[list[tuple[BoolArray, BoolArray]]]
+    """Of each object its mask in every frame, and what stands on it, which does not count (H x W each)."""
+
+
+def world_frames(split: str) -> Iterator[Frames]:
+    """Worlds as each sensor sees them."""
+    for number in range(FIRST[split], FIRST[split] + WORLDS):
+        for kind in ("world", "stand"):
+            made = ClickWorld(HELD_OUT + number + STAND_SEEDS * (kind == "stand"), stands=kind == "stand")
+            rng = np.random.default_rng([number, 21])
+            first = float(rng.uniform(-MOST_YAW, MOST_YAW))
+            scenes = [made.scene(made.world.camera(first + yaw, SIZE, FOV_DEG)) for yaw in YAWS]
+            depth = scenes[0].frame.depth
+            seen = [n for n in objects_in_sight(scenes[0], *SHARES) if np.median(depth[scenes[0].mask(n)]) < FARTHEST_M]
+            objects = [[(one.mask(n), one.on_it(n)) for one in scenes] for n in seen[:MOST_OBJECTS]]
+            for sensor in SENSORS:
+                frames = [
+                    as_seen(one.frame, sensor, np.random.default_rng([number, 5, k])) for k, one in enumerate(scenes)
+                ]
+                yield Frames(f"{kind} {sensor}", str(number), frames, objects)
+
+
+def street_frames(split: str, shared: Path) -> Iterator[Frames]:
+    """Streets as each sensor sees them."""
+    dataset = open_dataset(shared / "street")
+    for scene in STREETS[split]:
+        cases = {case.frame: case for case in dataset.cases if case.protocol == "ori" and case.scene == scene}
+        loaded = [cases[frame].load() for frame in STREET_FRAMES]
+        truths = [one for one in loaded if isinstance(one, RemovalTruth)]
+        objects = [[(one.mask, np.zeros_like(one.mask)) for one in truths]]
+        for sensor in SENSORS:
+            frames = [as_seen(one.source, sensor, np.random.default_rng([5, k])) for k, one in enumerate(truths)]
+            yield Frames(f"street {sensor}", scene, frames, objects)
+
+
+def scores_of(scene: Frames) -> list[tuple[float, float, float]]:
+    """IoU, share found and share too much of each mask that is carried."""
+    frames, found = dlama.scene(scene.frames), list[tuple[float, float, float]]()
+    for masks in scene.objects:
+        carried = carry_masks(frames, {0: masks[0][0]})
+        for (true, on_it), mask in zip(masks[1:], carried[1:]):
+            if (size := int(true.sum())) >= SEEN:
+                both, more = (true & mask).sum() / size, (mask & ~true & ~on_it).sum() / size
+                found.append((iou(mask & ~on_it, true), float(both), float(more)))
+    return found
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("shared", type=Path)
+    parser.add_argument("--split", choices=tuple(FIRST), default="tune")
+    parser.add_argument("-o", "--output", type=Path, help="scores of each mask as JSON")
+    args = parser.parse_args(argv)
+    scores: dict[str, dict[str, list[tuple[float, float, float]]]] = {}
+    seconds: dict[str, float] = {}
+    streets = street_frames(args.split, args.shared) if args.shared.is_dir() else ()
+    for scene in chain(world_frames(args.split), streets):
+        started = time.process_time()
+        scores.setdefault(scene.domain, {})[scene.name] = scores_of(scene)
+        seconds[scene.domain] = seconds.get(scene.domain, 0) + time.process_time() - started
+    print("| domain | masks | IoU | 95 % | found | too much | under .5 | seconds |\n|" + "---|" * 8)
+    means = []
+    for domain, by_scene in scores.items():
+        table = np.array([each for scene in by_scene.values() for each in scene])
+        low, high = interval([[each[0] for each in scene] for scene in by_scene.values()])
+        means.append(table.mean(0))
+        under = 100 * float((table[:, 0] < 0.5).mean())
+        print(
+            f"| {domain} | {len(table)} | {means[-1][0]:.3f} | {low:.3f} to {high:.3f} | {means[-1][1]:.2f} | "
+            f"{means[-1][2]:.2f} | {under:.0f} % | {seconds[domain] / len(table):.2f} |"
+        )
+    print(f"| mean | | {' | | '.join(f'{value:.3f}' for value in np.mean(means, 0)[:2])} | | | |")
+    if args.output:
+        args.output.write_text(json.dumps(scores))
+
+
+if __name__ == "__main__":
+    main()

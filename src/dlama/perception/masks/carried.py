@@ -1,0 +1,39 @@
+"""A picture with depth and the mask of an object that other pictures carried into it in; the mask that this picture shows out.
+
+What is carried has the faults of depth: pieces without depth are missing, rims are off where depth edges are. The network of
+corrections (`corrections`) sees the mask with a click amid it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dlama.geometry.drawing.picture_edges import CLEARLY, edge_misalignment
+from dlama.geometry.holes import dilate_mask, erode_mask, nearest_known
+from dlama.geometry.rgbd import RGBD, BoolArray
+from dlama.perception.masks.borders import decide_by_color
+from dlama.perception.masks.click_network import LARGEST_WINDOW, SMALLEST_WINDOW
+from dlama.perception.masks.corrections import MARGIN, corrected_probability, farthest
+from dlama.perception.masks.prompt import Prompt
+
+KEPT, ADDED = 0.3, 0.7
+"""Least probability of a carried pixel, and of another one, that belongs to the object."""
+BAND_PX = 2
+"""Half the width in px of the band along the border that colours decide where depth edges are off the picture's."""
+
+
+def correct_carried(rgbd: RGBD, mask: BoolArray, barred: BoolArray) -> BoolArray:
+    """The mask (H x W) as the picture shows it. barred: H x W, pixels that other pictures show not to be the object's."""
+    if not mask.any():
+        return mask
+    row, column = np.unravel_index(int(nearest_known(~mask)[0].argmax()), mask.shape)
+    pixel = int(row), int(column)
+    least, most = SMALLEST_WINDOW / 2, LARGEST_WINDOW * max(mask.shape) / 2
+    radius = int(np.clip(MARGIN * farthest(mask, pixel), least, most))
+    prompt = Prompt(mask.shape, clicks=((pixel[1], pixel[0]),))
+    probability = corrected_probability(rgbd, mask, pixel, prompt, radius)
+    found = np.where(mask, probability > KEPT, (probability > ADDED) & ~barred)
+    if edge_misalignment(rgbd.color, rgbd.depth, rgbd.valid, rgbd.far) < CLEARLY:
+        return found
+    band = dilate_mask(found, BAND_PX) & ~erode_mask(found, BAND_PX)
+    return decide_by_color(rgbd, found, band) if found.any() else mask
