@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -188,13 +189,23 @@ def _carry_to(frame: View, frames: Mapping[int, Layer], masked: MaskedObject) ->
     # needed for scenes of many frames alone
     from dlama.perception.masks.carried import correct_carried
 
-    found, barred = found_in_depth(frame, frames, masked)
-    return correct_carried(RGBD(frame.color, frame.known_depth, frame.camera), found, barred)
+    found = find_in_depth(frame, frames, masked)
+    return correct_carried(RGBD(frame.color, frame.known_depth, frame.camera), *found)
 
 
-def found_in_depth(frame: View, frames: Mapping[int, Layer], masked: MaskedObject) -> tuple[BoolArray, BoolArray]:
-    """The pixels of an unmasked frame that show the object as far as depth says, H x W, and those that a masked frame shows
-    outside its mask."""
+class Carried(NamedTuple):
+    """What depth says of an object in another frame."""
+
+    mask: BoolArray
+    """H x W, the pixels that show it, or may where depth is missing."""
+    sure: BoolArray
+    """H x W, those that show what a masked frame shows amid its mask."""
+    barred: BoolArray
+    """H x W, the pixels that a masked frame shows outside its mask."""
+
+
+def find_in_depth(frame: View, frames: Mapping[int, Layer], masked: MaskedObject) -> Carried:
+    """What depth says of an object in an unmasked frame; frames: the masked ones, by index."""
     points = world_points(frame)
     candidates = frame.valid & ((points >= masked.box[0]) & (points <= masked.box[1])).all(-1)
     seen = render(masked.shown, frame.camera, types=False)
@@ -212,13 +223,13 @@ def found_in_depth(frame: View, frames: Mapping[int, Layer], masked: MaskedObjec
     seeds = seen.valid & frame.valid & agrees & ~barred
     unmeasured = frame.hole & render(masked.whole, frame.camera, types=False).valid
     if not seeds.any():
-        return unmeasured, barred
+        return Carried(unmeasured, seeds, barred)
     size = max(int(seeds.sum()), *(int(mask.sum()) for mask in masked.masks.values()))
     candidates &= dilate_mask(seeds, max(2 * RIM_PX, round(REACH * float(np.sqrt(size)))))
     seeds &= candidates
     found = grow_region(seeds, find_foreground(frame, candidates) | seeds, frame.depth)
     gaps = morphological_close(found, square(3)) & (candidates | frame.hole)
-    return found | gaps | (dilate_mask(found, EDGE_PX) & candidates) | unmeasured, barred
+    return Carried(found | gaps | (dilate_mask(found, EDGE_PX) & candidates) | unmeasured, seeds, barred)
 
 
 def compare_with_mask(points: np.ndarray, masked: View, mask: BoolArray) -> tuple[BoolArray, BoolArray, BoolArray]:

@@ -9,21 +9,26 @@ from __future__ import annotations
 import numpy as np
 
 from dlama.geometry.drawing.picture_edges import CLEARLY, edge_misalignment
-from dlama.geometry.holes import dilate_mask, erode_mask, nearest_known
+from dlama.geometry.holes import dilate_mask, disc, erode_mask, morphological_open, nearest_known
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.perception.masks.borders import decide_by_color
 from dlama.perception.masks.click_network import LARGEST_WINDOW, SMALLEST_WINDOW
 from dlama.perception.masks.corrections import MARGIN, corrected_probability, farthest
 from dlama.perception.masks.prompt import Prompt
 
-KEPT, ADDED = 0.3, 0.7
+KEPT, ADDED = 0.1, 0.5
 """Least probability of a carried pixel, and of another one, that belongs to the object."""
 BAND_PX = 2
-"""Half the width in px of the band along the border that colours decide where depth edges are off the picture's."""
+"""Half the width in px of the band along the border that colours decide where depth edges are off the picture's; parts as thin as
+that stay as they are."""
 
 
-def correct_carried(rgbd: RGBD, mask: BoolArray, barred: BoolArray) -> BoolArray:
-    """The mask (H x W) as the picture shows it. barred: H x W, pixels that other pictures show not to be the object's."""
+def correct_carried(rgbd: RGBD, mask: BoolArray, sure: BoolArray, barred: BoolArray) -> BoolArray:
+    """The mask (H x W) as the picture shows it.
+
+    sure: H x W, pixels of the mask that show what is amid a mask of another picture; barred: pixels that other pictures show not
+    to be the object's. A mask need not be of what the network knows as an object: its shadow may be part of it.
+    """
     if not mask.any():
         return mask
     row, column = np.unravel_index(int(nearest_known(~mask)[0].argmax()), mask.shape)
@@ -32,8 +37,9 @@ def correct_carried(rgbd: RGBD, mask: BoolArray, barred: BoolArray) -> BoolArray
     radius = int(np.clip(MARGIN * farthest(mask, pixel), least, most))
     prompt = Prompt(mask.shape, clicks=((pixel[1], pixel[0]),))
     probability = corrected_probability(rgbd, mask, pixel, prompt, radius)
-    found = np.where(mask, probability > KEPT, (probability > ADDED) & ~barred)
+    found = sure | np.where(mask, probability > KEPT, (probability > ADDED) & ~barred)
     if edge_misalignment(rgbd.color, rgbd.depth, rgbd.valid, rgbd.far) < CLEARLY:
         return found
-    band = dilate_mask(found, BAND_PX) & ~erode_mask(found, BAND_PX)
-    return decide_by_color(rgbd, found, band) if found.any() else mask
+    thin = found & ~dilate_mask(morphological_open(found, disc(BAND_PX)), 1)
+    band = dilate_mask(found, BAND_PX) & ~erode_mask(found, BAND_PX) & ~dilate_mask(thin, BAND_PX)
+    return decide_by_color(rgbd, found, band) if band.any() else found
