@@ -1,7 +1,8 @@
 """Worlds and photos in; crops about corrective clicks, each with a wrong mask and the true one, out: what the network of
 corrections learns from.
 
-A wrong mask is what the network of clicks finds, or the true one, with parts added and left out: other objects, discs, half
+Some crops show an object in a box, which is the mask there, or a mask that depth cuts out, as it is carried from another frame.
+Else a wrong mask is what the network of clicks finds, or the true one, with parts added and left out: other objects, discs, half
 planes, regions of one colour. The click lies in one of its errors. In some crops it is on a second object, which is to be added.
 """
 
@@ -16,10 +17,19 @@ from numpy.random import Generator
 
 from click_crops import SHARES, Crop, share_in_square, views_of_world, world_to_click_in
 from click_photos import Object, innermost_pixel, largest_region, photo_with_objects
-from dlama.geometry.holes import dilate_mask, disc, erode_mask, morphological_open
+from dlama.geometry.holes import (
+    box_around,
+    dilate_mask,
+    disc,
+    erode_mask,
+    morphological_open,
+    nearest_known,
+    sides_of,
+)
 from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
 from dlama.perception.masks.click_network import (
     LARGEST_WINDOW,
+    PLANES,
     SMALLEST_WINDOW,
     click_planes,
     object_probability,
@@ -40,9 +50,13 @@ LEVELS_APART, LOG_RADII = (4, 22), (-1.6, 0.3)
 TWO_OBJECTS, SMALLEST, AMID, FURTHER = 0.2, 0.01, 0.65, 0.4
 """Shares of crops with a second object to add, of the least error that is clicked on (of the object's area), of clicks amid their
 error, not anywhere in it, and of crops with a further click of each kind that the mask agrees with."""
-MARGINS, PER_OBJECT, IN_PHOTO, PUT = (1.1, 1.5), 2, 4, 0.65
+MARGINS, BOX_MARGINS, PER_OBJECT, IN_PHOTO, PUT = (1.1, 1.5), (1.2, 1.6), 2, 4, 0.65
 """Half the side of a crop over the reach of what it shows; crops of an object, and of the one of a photo; share of photos with
 objects put on them."""
+BOX_SIDES, IN_BOX = (-0.03, 0.2), (0.35, 0.25)
+"""By which share of its length each side of a box is moved outwards; shares of boxes with a click and with a negative one."""
+SAME_DEPTH, AROUND_PX = 0.05, (2, 6)
+"""Largest relative difference of depth of a mask that depth cuts out, and how far round the object it may reach."""
 
 
 class NothingSalient(WindowSaliency):
@@ -140,6 +154,47 @@ def corrections_of(
     yield crop_about(frame, pixel, side_of_crop(pixel, mask, error, rng), mask, clicks, true, on_it)
 
 
+def box_crop(frame: RGBD, true: BoolArray, on_it: BoolArray, rng: Generator) -> Crop:
+    """A crop round a box that holds an object, the box as the mask; some with clicks."""
+    tight = box_around(true, 0)
+    box = []
+    for side, most in zip(tight, true.shape):
+        apart = rng.uniform(*BOX_SIDES, 2) * (side.stop - side.start)
+        start, stop = max(0, round(side.start - apart[0])), min(most, round(side.stop + apart[1]))
+        box.append(slice(start, max(stop, start + 2)))
+    mask = np.zeros_like(true)
+    mask[box[0], box[1]] = True
+    clicks: dict[bool, list[Pixel]] = {True: [], False: []}
+    for (kind, where), share in zip(((True, true & mask), (False, mask & ~true & ~on_it)), IN_BOX):
+        if where.any() and rng.random() < share:
+            clicks[kind].append(any_pixel(where, rng))
+    row, column = ((side.start + side.stop) // 2 for side in box)
+    radius = int(rng.uniform(*BOX_MARGINS) * max(sides_of((box[0], box[1]))) / 2) + 2
+    planes, *rest = crop_about(frame, (row, column), radius, mask, clicks, true, on_it)
+    planes[PLANES.index("click")] = 0
+    return planes, *rest
+
+
+def carried_crop(frame: RGBD, true: BoolArray, on_it: BoolArray, rng: Generator) -> Crop | None:
+    """A crop about the middle of a mask that depth cuts out, as masks carried from other frames are; None where it has none."""
+    core = erode_mask(true, 2) & frame.valid
+    if not core.any():
+        return None
+    there = frame.depth.ravel()[nearest_known(core)[1]]
+    mask = dilate_mask(true, int(rng.integers(*AROUND_PX))) & (np.abs(frame.depth - there) < SAME_DEPTH * there)
+    if rng.random() < 0.5:
+        mask = mask | (frame.missing & dilate_mask(true, int(rng.integers(0, 4))))
+    if rng.random() < 0.4:
+        mask = mask & ~part_about(frame, any_pixel(true, rng), float(np.sqrt(true.sum())), rng)
+    if not mask.any():
+        return None
+    pixel = innermost(mask)
+    if not true[pixel]:
+        return None
+    radius = side_of_crop(pixel, mask, true, rng)
+    return crop_about(frame, pixel, radius, mask, {True: [pixel], False: []}, true, on_it)
+
+
 def side_of_crop(pixel: Pixel, mask: BoolArray, error: BoolArray, rng: Generator) -> int:
     """Half the side in px of a crop that shows what lies between the error and all of the mask."""
     error_px, mask_px = (float(np.abs(np.argwhere(where) - pixel).max()) for where in (error, mask | error))
@@ -181,6 +236,10 @@ def crops_of_world(number: int, photos: Sequence[Path]) -> Iterator[Crop]:
                     others.append(scene.mask(base))
                 for _ in range(PER_OBJECT):
                     yield from corrections_of(frame, masks[each], scene.on_it(each), others, rng)
+                yield box_crop(frame, masks[each], scene.on_it(each), rng)
+                carried = None if sensor == "estimated" else carried_crop(frame, masks[each], scene.on_it(each), rng)
+                if carried:
+                    yield carried
 
 
 def crops_of_photo(
@@ -197,3 +256,5 @@ def crops_of_photo(
             others = [each for k, each in enumerate(masks) if k != n and each.mean() > SHARES[0]]
             for _ in range(PER_OBJECT if put else IN_PHOTO):
                 yield from corrections_of(frame, mask, np.zeros_like(mask), others, rng)
+            for _ in range(1 if put else 2):
+                yield box_crop(frame, mask, np.zeros_like(mask), rng)

@@ -4,7 +4,8 @@
     python benchmarks/correction_network.py train FOLDER --start estimated.onnx --steps 2500
     python benchmarks/correction_network.py train FOLDER --start correction.onnx --seeds 1 2
 
-It is the network of clicks (`click_network`) with three more planes: the mask, and the clicks of both kinds.
+It is the network of clicks (`click_network`) with three more planes: the mask, and the clicks of both kinds. It also learns what
+a box holds, which is the mask then, and to mend masks carried from other frames.
 """
 
 from __future__ import annotations

@@ -53,6 +53,29 @@ def test_a_click_lies_in_an_error_of_its_mask() -> None:
     assert kinds == {True, False}
 
 
+def test_a_box_is_the_mask_and_nothing_is_clicked_on() -> None:
+    """Law: the mask is a rectangle that holds most of the object, amid the crop; the plane of the click is empty."""
+    for number in range(10):
+        planes, maps, truth, _ = correction_crops.box_crop(
+            scene(), TRUE, np.zeros_like(TRUE), np.random.default_rng(number)
+        )
+        box, object_ = maps[0] > 0, truth > 127
+        rows, columns = np.flatnonzero(box.any(1)), np.flatnonzero(box.any(0))
+        assert box.sum() >= len(rows) * len(columns) - 4 and abs(int(rows[0]) - (SIDE - 1 - int(rows[-1]))) <= 3
+        assert (box & object_).sum() > 0.85 * object_.sum()
+        assert not planes[PLANES.index("click")].any()
+
+
+def test_a_carried_mask_is_clicked_on_amid_the_object() -> None:
+    """Law: the middle of the crop is on the mask and on the object, and is the only click."""
+    middle = SIDE // 2
+    for number in range(10):
+        crop = correction_crops.carried_crop(scene(), TRUE, np.zeros_like(TRUE), np.random.default_rng(number))
+        assert crop is not None
+        _, maps, truth, _ = crop
+        assert (maps[:2, middle, middle] > 127).all() and truth[middle, middle] > 127 and not maps[2].any()
+
+
 def test_a_few_steps_of_training_write_a_network(tmp_path: Path) -> None:
     """The file takes the planes of a crop, as the one that ships does; what is learned on from keeps its answer at rate 0."""
     write_crops(tmp_path, "photo", range(1), lambda _: iter(crops(6)))

@@ -17,7 +17,7 @@ YAWS = (0, -10)
 
 
 @pytest.mark.parametrize(("seed", "least"), [(3, 0.75), (4, 0.9)], ids=["a bicycle seen from behind", "a stool"])
-def test_a_mask_follows_the_thing(seed: int, least: float) -> None:
+def test_a_mask_follows_the_object(seed: int, least: float) -> None:
     """The carried mask covers nearly all of the object, and little else: intersection over union with the exact one."""
     made = world(seed)
     cameras = [made.camera(yaw, 128) for yaw in YAWS]
