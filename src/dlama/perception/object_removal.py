@@ -80,7 +80,7 @@ class MaskedObject:
     shown: Scene
     """The frames under the masks."""
     whole: Scene
-    """The same with depth wherever the masks are: that of the nearest pixel which is surely the object's."""
+    """The same with depth wherever the masks are: that of the nearest pixel amid the object."""
     box: tuple[np.ndarray, np.ndarray]
     """Lower and upper corner, in the world, of the box that holds it."""
 
@@ -198,7 +198,7 @@ class Carried(NamedTuple):
 
     mask: BoolArray
     """H x W, the pixels that show it, or may where depth is missing."""
-    sure: BoolArray
+    confirmed: BoolArray
     """H x W, those that show what a masked frame shows amid its mask."""
     barred: BoolArray
     """H x W, the pixels that a masked frame shows outside its mask."""

@@ -23,10 +23,10 @@ BAND_PX = 2
 that stay as they are."""
 
 
-def correct_carried(rgbd: RGBD, mask: BoolArray, sure: BoolArray, barred: BoolArray) -> BoolArray:
+def correct_carried(rgbd: RGBD, mask: BoolArray, confirmed: BoolArray, barred: BoolArray) -> BoolArray:
     """The mask (H x W) as the picture shows it.
 
-    sure: H x W, pixels of the mask that show what is amid a mask of another picture; barred: pixels that other pictures show not
+    confirmed: H x W, pixels of the mask that show what is amid a mask of another picture; barred: pixels that other pictures show not
     to be the object's. A mask need not be of what the network knows as an object: its shadow may be part of it.
     """
     if not mask.any():
@@ -37,7 +37,7 @@ def correct_carried(rgbd: RGBD, mask: BoolArray, sure: BoolArray, barred: BoolAr
     radius = int(np.clip(MARGIN * farthest(mask, pixel), least, most))
     prompt = Prompt(mask.shape, clicks=((pixel[1], pixel[0]),))
     probability = corrected_probability(rgbd, mask, pixel, prompt, radius)
-    found = sure | np.where(mask, probability > KEPT, (probability > ADDED) & ~barred)
+    found = confirmed | np.where(mask, probability > KEPT, (probability > ADDED) & ~barred)
     if edge_misalignment(rgbd.color, rgbd.depth, rgbd.valid, rgbd.far) < CLEARLY:
         return found
     thin = found & ~dilate_mask(morphological_open(found, disc(BAND_PX)), 1)
