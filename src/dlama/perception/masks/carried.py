@@ -26,8 +26,8 @@ that stay as they are."""
 def correct_carried(rgbd: RGBD, mask: BoolArray, confirmed: BoolArray, barred: BoolArray) -> BoolArray:
     """The mask (H x W) as the picture shows it.
 
-    confirmed: H x W, pixels of the mask that show what is amid a mask of another picture; barred: pixels that other pictures show not
-    to be the object's. A mask need not be of what the network knows as an object: its shadow may be part of it.
+    confirmed: H x W, pixels of the mask that show what is amid a mask of another picture; barred: pixels that other pictures show
+    outside their masks. A mask need not be of what the network knows as an object: its shadow may be part of it.
     """
     if not mask.any():
         return mask
