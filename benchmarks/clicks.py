@@ -3,6 +3,7 @@
     python benchmarks/clicks.py ../shared --split tune
     python benchmarks/clicks.py ../shared --split validate --domains world stand -o clicks.json --worst FOLDER
     python benchmarks/clicks.py ../shared --rules stands click-network
+    python benchmarks/clicks.py ../shared --split validate --prompt box
 
 Domains: procedural worlds by sensor (`world`), the same with objects on islands, plinths and tables (`stand`), streets with exact
 and with estimated depth, real pictures with a depth camera's and with estimated depth, photos with a clear object and photos with
@@ -10,7 +11,8 @@ objects put on them (`photo`). The click is the innermost pixel of what is seen 
 count. In `background` clicks lie on ground, walls, ceilings and the sky of worlds, where an error is right: 1, not an IoU.
 Printed: mean IoU with its 95 % interval (bootstrap by picture), share of clicks under .5, processor seconds a picture and
 click. Five minutes on one core. With --rules the change of IoU without each rule of `rules.MASK_RULES` (all of them: --rules
-all) instead.
+all) instead. With --prompt box a box is drawn round each object, WIDER on each side at most, instead of a click on it; with
+--prompt both there is a click, too.
 """
 
 from __future__ import annotations
@@ -52,6 +54,8 @@ BESIDE_PX = 12
 """Least distance of a click on the background from objects."""
 SHARES = (0.004, 0.12)
 """Of the picture, that an object covers."""
+WIDER = 0.15
+"""Largest distance of a side of a box from the object, over the object's width or height."""
 ONE_PIECE = 0.8
 """Least share of an object that hangs together with the click (gaps of 3 px closed)."""
 PHOTOS, PICTURES = {"tune": TUNE, "validate": VALIDATE}, 24
@@ -186,10 +190,24 @@ def interval(by_picture: Sequence[Sequence[float]], rounds: int = 1000) -> tuple
     return float(low), float(high)
 
 
-def find_clicked(session: MaskSession, click: Click, candidate: str = "object") -> BoolArray:
-    """The mask of one click; empty where none is found."""
+def box_round(click: Click) -> tuple[float, float, float, float]:
+    """x, y, width and height of a box round the object, as a user draws it."""
+    rng = np.random.default_rng(list(click.at))
+    spans = []
+    for axis in (0, 1):
+        there = np.flatnonzero(click.true.any(axis))
+        first, size = int(there[0]), int(there[-1] + 1 - there[0])
+        before, after = (round(size * rng.uniform(0, WIDER)) for _ in range(2))
+        start = max(0, first - before)
+        spans.append((start, min(click.true.shape[1 - axis], first + size + after) - start))
+    return spans[0][0], spans[1][0], spans[0][1], spans[1][1]
+
+
+def find_clicked(session: MaskSession, click: Click, candidate: str = "object", prompt: str = "click") -> BoolArray:
+    """The mask of one click, of a box or of both (prompt: click, box, both); empty where none is found."""
     try:
-        return session.find(clicks=[click.at], candidate=candidate).mask
+        box = None if prompt == "click" else box_round(click)
+        return session.find(clicks=[] if prompt == "box" else [click.at], box=box, candidate=candidate).mask
     except MaskError:
         return np.zeros_like(click.true)
 
@@ -237,6 +255,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("--split", choices=tuple(FIRST), default="tune")
     parser.add_argument("--domains", nargs="+", default=["world", "stand", "background", "street", "real", "photo"])
     parser.add_argument("--candidate", default="object")
+    parser.add_argument("--prompt", choices=("click", "box", "both"), default="click")
     parser.add_argument("-o", "--output", type=Path, help="IoU of each click as JSON")
     parser.add_argument("--worst", type=Path, help="a folder for pictures of the worst clicks")
     parser.add_argument("--rules", nargs="+", choices=("all", *MASK_RULES), help="left out one at a time")
@@ -251,8 +270,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     for case in cases_of(args.split, args.shared, args.domains):
         started = time.process_time()
         session = MaskSession(case.frame)
-        for click in case.clicks:
-            found = find_clicked(session, click, args.candidate)
+        for click in [each for each in case.clicks if args.prompt == "click" or each.true.any()]:
+            found = find_clicked(session, click, args.candidate, args.prompt)
             value = click.score(found)
             values.setdefault(case.domain, {}).setdefault(case.name, []).append(value)
             if args.worst:

@@ -51,3 +51,24 @@ def test_a_stool_before_a_bed_of_a_generated_world() -> None:
     true = seen.group == made.object_index
     found = find_mask(RGBD(seen.color, seen.depth, made.camera(0, size)), clicks=[innermost_pixel(true)]).mask
     assert iou(found, true) > 0.9
+
+
+def test_a_box_round_an_object_without_depth() -> None:
+    """The picture shows a green box before a grey wall, depth only what is round it: that box (oracle: the world's shapes)."""
+    rgbd, shown = painted(World((GROUND, WALL, STOOL)), {2: GREEN})
+    true = shown == 2
+    rows, columns = np.flatnonzero(true.any(1)), np.flatnonzero(true.any(0))
+    box = columns[0] - 6.0, rows[0] - 4.0, len(columns) + 10.0, len(rows) + 8.0
+    holed = RGBD(rgbd.color, np.where(true, np.float32(0), rgbd.depth), CAMERA)
+    for picture in (rgbd, holed):
+        assert iou(find_mask(picture, box=box).mask, true) > 0.9
+
+
+def test_a_negative_click_in_a_box() -> None:
+    """Two boxes in one drawn box, one of them clicked away: the other one (oracle: the world's shapes)."""
+    rgbd, shown = painted(World((GROUND, WALL, *LEAVES)), {2: BROWN, 3: GREEN})
+    true, other = shown == 2, shown == 3
+    rows, columns = np.flatnonzero((true | other).any(1)), np.flatnonzero((true | other).any(0))
+    box = float(columns[0]), float(rows[0]), float(len(columns)), float(len(rows))
+    found = find_mask(rgbd, box=box, not_clicks=[innermost_pixel(other)]).mask
+    assert iou(found, true) > 0.9

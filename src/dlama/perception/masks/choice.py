@@ -1,12 +1,13 @@
 """A picture with depth and clicks or a box in; the mask of the object meant out.
 
 Where depth is measured its pieces are candidates (`rgbd`), where it is estimated what is salient in the picture (`photo`). Of the
-masks found a network chooses at a click, or gives its own (`click_network`). Further clicks correct it (`corrections`).
+masks found a network chooses at a click, or gives its own (`click_network`); in a box that of corrections does. Further clicks
+correct the mask (`corrections`).
 """
 
 from __future__ import annotations
 
-import dataclasses
+import contextlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -14,11 +15,11 @@ from functools import partial
 import numpy as np
 
 from dlama.errors import MaskError
-from dlama.geometry.holes import dilate_mask, erode_mask
+from dlama.geometry.holes import dilate_mask, erode_mask, nearest_known
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
 from dlama.perception.masks.borders import decide_by_color
 from dlama.perception.masks.click_network import object_probability
-from dlama.perception.masks.corrections import correct_at_click, correct_mask
+from dlama.perception.masks.corrections import correct_at_click, correct_mask, probability_in_box
 from dlama.perception.masks.photo import PhotoMasker, name_masks
 from dlama.perception.masks.prompt import NothingThereError, Pixel, Point, Prompt
 from dlama.perception.masks.rgbd import Measured, rgbd_candidates
@@ -57,8 +58,10 @@ class Masker:
     """The picture's saliency where depth is estimated."""
 
     def masks(self, prompt: Prompt) -> dict[str, BoolArray]:
-        """The masks of the first click on an object, or of the box, corrected at the other clicks. MaskError: no click is on an
-        object, and no box given, or it holds none."""
+        """The masks of the box, or of the first click on an object, corrected at the other clicks. MaskError: the box holds
+        nothing, or no click is on an object."""
+        if prompt.box is not None:
+            return self.correct(self.masks_in_box(prompt), prompt, prompt.clicks)
         refused = None
         for click in prompt.clicks:
             try:
@@ -67,9 +70,35 @@ class Masker:
                 refused = refused or error
                 continue
             return self.correct(found, prompt, [other for other in prompt.clicks if other != click])
-        if refused:
-            raise refused
-        return self.correct(self.find(dataclasses.replace(prompt, not_clicks=())), prompt, ())
+        assert refused is not None
+        raise refused
+
+    def masks_in_box(self, prompt: Prompt) -> dict[str, BoolArray]:
+        """What is found in the box, and at a click on it or amid the network's mask: the mask that the network of corrections
+        agrees with most, or its own, as `object`, and the others. MaskError: the box holds nothing."""
+        network = NetworkMask.in_box(self.rgbd, prompt)
+        prompts = [Prompt(prompt.hw, box=prompt.box)]
+        if network.own.any():
+            row, column = np.unravel_index(int(nearest_known(~network.own)[0].argmax()), prompt.hw)
+            amid = *prompt.clicks, (float(column), float(row))
+            prompts.append(Prompt(prompt.hw, amid[:1]))
+        found = list[BoolArray]()
+        for one in prompts:
+            with contextlib.suppress(MaskError):
+                found += [mask & prompt.inside for mask in self.find(one).values()]
+        if not (found or network.own.any()):
+            raise MaskError("box holds nothing that stands apart; a box round an object is expected, or clicks on it")
+        rated = sorted(((network.iou(mask), mask) for mask in found), key=lambda each: -each[0])
+        return self.choose(rated, network, prompt)
+
+    def choose(
+        self, rated: list[tuple[float, BoolArray]], network: NetworkMask, prompt: Prompt
+    ) -> dict[str, BoolArray]:
+        """The first of the rated masks as `object` where it agrees with the network, else the network's own; and the others."""
+        masks = [mask for _, mask in rated]
+        if rated and rated[0][0] >= self.agrees * network.iou(network.own):
+            return name_masks(masks[0], masks[1:])
+        return name_masks(network.fit(self.rgbd, prompt), masks)
 
     def correct(self, found: dict[str, BoolArray], prompt: Prompt, clicks: Sequence[Point]) -> dict[str, BoolArray]:
         """The masks corrected at `clicks` of the prompt and at its negative ones."""
@@ -97,13 +126,10 @@ class Masker:
         """
         network = NetworkMask.of(self.rgbd, prompt, self.seen)
         rated = self.rate_masks(prompt, network)
-        if prompt.box is None and (network.there < LEAST or not (rated or network.own.any())):
+        if network.there < LEAST or not (rated or network.own.any()):
             where = "where nothing stands apart: that is ground, a wall or the sky"
             raise NothingThereError(prompt.on[0], where, "amid an object")
-        masks = [mask for _, mask in rated]
-        if rated and rated[0][0] >= self.agrees * network.iou(network.own):
-            return name_masks(masks[0], masks[1:])
-        return name_masks(network.fit(self.rgbd, prompt), masks)
+        return self.choose(rated, network, prompt)
 
     def rate_masks(self, prompt: Prompt, network: NetworkMask) -> list[tuple[float, BoolArray]]:
         """The masks of `find` with their agreement with the network, the best first; none where `find` fails and depth is missing
@@ -134,23 +160,30 @@ class NetworkMask:
     def of(cls, rgbd: RGBD, prompt: Prompt, seen: WindowSaliency | None) -> NetworkMask:
         """Of a prompt with one click. seen: the picture's saliency where depth is estimated."""
         found = object_probability(rgbd, prompt.on[0], seen)
-        probability = np.where(prompt.inside, found.probability, np.float32(0))
-        return cls(probability, probability > 0.5, 1 + found.px, found.there)
+        return cls(found.probability, found.probability > 0.5, 1 + found.px, found.there)
+
+    @classmethod
+    def in_box(cls, rgbd: RGBD, prompt: Prompt) -> NetworkMask:
+        """Of a prompt with a box."""
+        probability, px = probability_in_box(rgbd, prompt)
+        probability = np.where(prompt.inside, probability, np.float32(0))
+        return cls(probability, probability > 0.5, 1 + px, 1.0)
 
     def iou(self, mask: BoolArray) -> float:
         """Expected intersection over union of a mask and the object."""
         return expected_iou(self.probability, mask)
 
     def fit(self, rgbd: RGBD, prompt: Prompt) -> BoolArray:
-        """Its mask, along the picture's colours, with the click."""
+        """Its mask, along the picture's colours, with the prompt's first click."""
         band = dilate_mask(self.own, self.reach) & ~erode_mask(self.own, self.reach) & prompt.inside
-        mask, pixel = decide_by_color(rgbd, self.own, band), prompt.on[0]
-        return mask if mask[pixel] else correct_at_click(rgbd, mask, pixel, prompt)
+        mask = decide_by_color(rgbd, self.own, band)
+        missed = [pixel for pixel in prompt.on[:1] if not mask[pixel]]
+        return correct_at_click(rgbd, mask, missed[0], prompt) if missed else mask
 
 
 def of_click(prompt: Prompt, click: Point) -> Prompt:
-    """The prompt with one click alone."""
-    return dataclasses.replace(prompt, clicks=(click,), not_clicks=())
+    """One click of a prompt alone."""
+    return Prompt(prompt.hw, (click,))
 
 
 def expected_iou(probability: Float32Array, mask: BoolArray) -> float:

@@ -22,6 +22,7 @@ from dlama.geometry.holes import (
     morphological_open,
     nearest_known,
     region_at,
+    sides_of,
 )
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
 from dlama.models.network_file import NetworkFile
@@ -30,6 +31,7 @@ from dlama.perception.masks.click_network import (
     CLICK_PX,
     FOLDER,
     LARGEST_WINDOW,
+    PLANES,
     SIDE,
     SMALLEST_WINDOW,
     click_planes,
@@ -40,6 +42,8 @@ from dlama.perception.masks.prompt import Pixel, Prompt, square_about
 
 MARGIN, CLOSER = 1.1, 1.5
 """Half the side of a square over the reach of the mask, and of the second square over that of the region found in the first."""
+BOX_MARGIN = 1.4
+"""Half the side of a square over that of the box in it."""
 OVERLAP = 0.1
 """Largest share of another object that the mask has already."""
 NEAR = 1 / 16
@@ -125,6 +129,19 @@ def corrected_probability(rgbd: RGBD, mask: BoolArray, pixel: Pixel, prompt: Pro
     planes = click_planes(rgbd, pixel, radius, [each.astype(np.float32) for each in (mask, *marks)])
     found, _ = probability_in_window(planes, network())
     return place_square(found, pixel, radius, rgbd.depth.shape)
+
+
+def probability_in_box(rgbd: RGBD, prompt: Prompt) -> tuple[Float32Array, int]:
+    """H x W probability of each pixel belonging to the object in the prompt's box, by its clicks too; and px of the picture for
+    each of the network."""
+    rows, columns = prompt.box_slices
+    pixel = (rows.start + rows.stop) // 2, (columns.start + columns.stop) // 2
+    radius = int(BOX_MARGIN * max(sides_of((rows, columns))) / 2) + 2
+    marks = [mark_clicks(prompt.hw, pixels, radius) for pixels in (prompt.on, prompt.away)]
+    planes = click_planes(rgbd, pixel, radius, [each.astype(np.float32) for each in (prompt.inside, *marks)])
+    planes[PLANES.index("click")] = 0
+    found, _ = probability_in_window(planes, network())
+    return place_square(found, pixel, radius, prompt.hw), -(-(2 * radius + 1) // SIDE)
 
 
 def mark_clicks(hw: tuple[int, ...], clicks: list[Pixel], radius: int) -> BoolArray:

@@ -82,8 +82,8 @@ class PhotoMasker:
         return {}
 
     def segment_box(self, prompt: Prompt) -> dict[str, BoolArray]:
-        """The salient region where it fills the box, else the region that colours cut out; with a click only the latter."""
-        filling = None if prompt.clicks else self.salient_in_box(prompt.box_slices)
+        """The salient region where it fills the box, else the region that colours cut out."""
+        filling = self.salient_in_box(prompt.box_slices)
         if filling is None:
             return {"object": cut_out_box(self.rgbd.color, prompt)}
         try:

@@ -151,8 +151,7 @@ def rgbd_candidates(measured: Measured, prompt: Prompt) -> dict[str, BoolArray]:
         "part": own,
         "group": merge_pieces(with_stand, with_stand.at(seed), GROUP_GAP),
     }
-    raw = drop_duplicates({name: mask & prompt.inside for name, mask in whole.items()})
-    return drop_duplicates({name: finish_mask(measured, mask) for name, mask in raw.items()})
+    return drop_duplicates({name: finish_mask(measured, mask) for name, mask in drop_duplicates(whole).items()})
 
 
 def find_seed(measured: Measured, pixel: Pixel) -> tuple[Pixel, BoolArray]:
