@@ -1,8 +1,8 @@
 """A picture with depth, the mask of an object and clicks that the mask contradicts in; the corrected mask out.
 
 A small U-Net sees a square about each such click, with the mask and all clicks, and says which pixels belong to the object. What
-changes is the region about the click: the rest of the mask stays. It learnt on wrong masks of objects of worlds and photos, and on
-boxes, in which it finds the object (`benchmarks/correction_network.py`).
+changes is the region about the click: the rest of the mask stays. It learnt on wrong masks of objects of worlds and photos, and
+on boxes, in which it finds the object (`benchmarks/correction_network.py`).
 """
 
 from __future__ import annotations
