@@ -210,3 +210,20 @@ def test_what_drawing_finds_of_frames_is_kept_for_the_latest() -> None:
     keep(wide)
     keep(wide)
     assert found[-2:] == [wide, wide]
+
+
+def test_a_table_goes_on_behind_what_stood_on_it() -> None:
+    """A cup removed from two frames: where neither shows the table below it, the wall is not seen through the table (oracle: the
+    world without the cup)."""
+    table, cup = Box((-0.5, 0.4, 1.6), (0.5, 0.45, 2.6)), Box((-0.12, 0.15, 1.9), (0.12, 0.4, 2.1))
+    room = Plane((0, 1, 0), (0, -1, 0)), Plane((0, 0, 6), (0, 0, -1)), table
+    cameras = [moved(Camera.from_fov(160, 120, 70), shift=(x, y, 0)) for x, y in ((0, -0.3), (0.9, 0.2))]
+    with_cup, without = World((*room, cup)), World(room)
+    masks = {number: with_cup.trace(camera)[1] == 3 for number, camera in enumerate(cameras)}
+    without_cup = scene([with_cup.rgbd(camera) for camera in cameras]).without(masks, dilate=0)
+    view, empty = render(without_cup, cameras[0]), without.rgbd(cameras[0])
+    on_table = masks[0] & (without.trace(cameras[0])[1] == 2)
+    shown = masks[0] & ~view.hole
+    assert on_table.sum() > 100
+    assert not (on_table & shown & (view.depth > 1.1 * empty.depth)).any()
+    assert (shown & ~on_table).any()  # the wall above the table is seen by the other frame

@@ -15,16 +15,18 @@ import cv2
 import numpy as np
 
 from dlama.geometry.camera import Camera, Float64Array
-from dlama.geometry.codes import Origin, from_source
+from dlama.geometry.codes import HoleType, Origin, from_source
 from dlama.geometry.drawing.canvas import Canvas
 from dlama.geometry.drawing.layers import ALL, Drawn, Grid, Mode, Surface, count_wanted, draw_apart
+from dlama.geometry.frames.agreement import AGREES
 from dlama.geometry.frames.choosing import MOST_FRAMES, choose_frames
+from dlama.geometry.frames.foreground import interpolate_harmonic
 from dlama.geometry.frames.stored import Layer
-from dlama.geometry.holes import morphological_open, square
+from dlama.geometry.holes import box_around, morphological_open, square
 from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
 from dlama.geometry.kernels.drawing import merging as kernels
 from dlama.geometry.kernels.jit import in_bands
-from dlama.geometry.projection import px_from_px
+from dlama.geometry.projection import inverse_depth, project_to_pixels, px_from_px, unproject
 from dlama.geometry.rgbd import Float32Array, UInt16Array, paste
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
@@ -33,6 +35,9 @@ LOOKED_THROUGH_PX = 2
 """A frame sees through a point only if it has no near depth within so many px: poses drift."""
 KEPT, KEPT_PIXELS = 4 * MOST_FRAMES, 1_000_000
 """Layers of which is kept what drawing needs of them, some 30 bytes a pixel, and pixels that they have at most."""
+BEHIND, AROUND_PX = 1.15, 16
+"""Depth over that of the surface that goes on behind a removed object, from which a pixel is behind that surface; px round the
+object in which the surface is known."""
 Found = TypeVar("Found")
 
 
@@ -56,6 +61,7 @@ def merge_frames(scene: Scene, camera: Camera, mode: Mode, fine: bool, errors: b
     _merge_drawn(drawn, grids, canvas, gains, scene.noise, best)
     number = np.array([0, *(scene.numbers[place] + 1 for place in places)], np.uint16)
     if own is not None:
+        _open_gaps(canvas, best, own, frames[1:])
         _keep_own(canvas, best, own)
     return Drawn(canvas, grids, number[best])
 
@@ -118,6 +124,29 @@ def confidence_margin(frame: View, mode: Mode) -> Float32Array:
         inside[:-1] &= (joined[:-1] & DOWN) > 0
     framed = cv2.copyMakeBorder(inside.astype(np.uint8), 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=0)
     return np.asarray(cv2.distanceTransform(framed, cv2.DIST_L2, cv2.DIST_MASK_3)[1:-1, 1:-1], np.float32)
+
+
+def _open_gaps(canvas: Canvas, best: UInt16Array, own: View, others: Sequence[View]) -> None:
+    """Make holes of the pixels of a removed object in which other frames show what is BEHIND the surface that goes on round them,
+    where none of them saw through that surface: it has a gap there because they did not see it either."""
+    removed = own.hole & (own.hole_type == HoleType.OBJECT.value) & (best > 0)
+    if not removed.any():
+        return
+    box = box_around(removed, AROUND_PX)
+    known = (own.valid | own.far)[box]
+    surface = interpolate_harmonic(inverse_depth(own.known_depth)[box], known)
+    rows, columns = np.nonzero(removed[box] & (surface > BEHIND * inverse_depth(canvas.depth)[box]))
+    if not len(rows):
+        return
+    v, u = rows + box[0].start, columns + box[1].start
+    points = unproject(own.camera, u + 0.5, v + 0.5, 1 / surface[rows, columns])
+    through = np.zeros(len(rows), np.bool_)
+    for other in others:
+        row, column, z, inside = project_to_pixels(points, other.camera)
+        through |= inside & (other.known_depth[row, column] > (1 + AGREES) * z)
+    gap = v[~through], u[~through]
+    for plane in (*canvas.buffers(), best):
+        plane[gap] = 0
 
 
 def _keep_own(canvas: Canvas, best: UInt16Array, own: View) -> None:
