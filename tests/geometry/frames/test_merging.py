@@ -212,7 +212,7 @@ def test_what_drawing_finds_of_frames_is_kept_for_the_latest() -> None:
     assert found[-2:] == [wide, wide]
 
 
-def test_a_table_goes_on_behind_what_stood_on_it() -> None:
+def test_a_table_continues_behind_what_stood_on_it() -> None:
     """A cup removed from two frames: where neither shows the table below it, the wall is not seen through the table (oracle: the
     world without the cup)."""
     table, cup = Box((-0.5, 0.4, 1.6), (0.5, 0.45, 2.6)), Box((-0.12, 0.15, 1.9), (0.12, 0.4, 2.1))

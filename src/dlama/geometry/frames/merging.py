@@ -36,7 +36,7 @@ LOOKED_THROUGH_PX = 2
 KEPT, KEPT_PIXELS = 4 * MOST_FRAMES, 1_000_000
 """Layers of which is kept what drawing needs of them, some 30 bytes a pixel, and pixels that they have at most."""
 BEHIND, AROUND_PX = 1.15, 16
-"""Depth over that of the surface that goes on behind a removed object, from which a pixel is behind that surface; px round the
+"""Depth over that of the surface that continues behind a removed object, from which a pixel is behind that surface; px round the
 object in which the surface is known."""
 Found = TypeVar("Found")
 
@@ -127,8 +127,8 @@ def confidence_margin(frame: View, mode: Mode) -> Float32Array:
 
 
 def _open_gaps(canvas: Canvas, best: UInt16Array, own: View, others: Sequence[View]) -> None:
-    """Make holes of the pixels of a removed object in which other frames show what is BEHIND the surface that goes on round them,
-    where none of them saw through that surface: it has a gap there because they did not see it either."""
+    """Make holes of the pixels of a removed object in which other frames show what is BEHIND the surface that continues from
+    around them, where none of them saw through that surface: they only did not see it either."""
     removed = own.hole & (own.hole_type == HoleType.OBJECT.value) & (best > 0)
     if not removed.any():
         return
