@@ -113,9 +113,8 @@ class Scene:
         Raises:
             MaskError: an empty or full mask, or one of another size; InputError: a frame that is not in the scene.
         """
-        remove_object = import_module(
-            "dlama.perception.object_removal"
-        ).remove_object  # it renders scenes: imported late
+        # it renders scenes and looks at pictures: imported late
+        remove_object = import_module("dlama.perception.object_removal").remove_object
         found: Scene = remove_object(self, mask, dilate).scene
         return found
 

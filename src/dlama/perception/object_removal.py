@@ -2,7 +2,8 @@
 
 The masked frames locate the object's points and, equally, the points next to it that are not its own. In every other frame an
 object's pixel shows such a point. Connected pixels of similar depth in front of the background (`foreground`) are added, if
-they lie within the object's box and no masked frame shows them outside its mask.
+they lie within the object's box and no masked frame shows them outside its mask; so are pixels without depth where the object
+would be seen. A network that sees the picture decides at the rims (`masks.carried`).
 """
 
 from __future__ import annotations
