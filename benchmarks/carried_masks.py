@@ -71,13 +71,18 @@ def world_frames(split: str) -> Iterator[Frames]:
                 yield Frames(f"{kind} {sensor}", str(number), frames, objects)
 
 
-def street_frames(split: str, shared: Path) -> Iterator[Frames]:
-    """Streets as each sensor sees them."""
+def streets_with_objects(split: str, shared: Path) -> Iterator[tuple[str, list[RemovalTruth]]]:
+    """Name and STREET_FRAMES of each street."""
     dataset = open_dataset(shared / "street")
     for scene in STREETS[split]:
         cases = {case.frame: case for case in dataset.cases if case.protocol == "ori" and case.scene == scene}
-        loaded = [cases[frame].load() for frame in STREET_FRAMES]
-        truths = [one for one in loaded if isinstance(one, RemovalTruth)]
+        loaded = (cases[frame].load() for frame in STREET_FRAMES)
+        yield scene, [one for one in loaded if isinstance(one, RemovalTruth)]
+
+
+def street_frames(split: str, shared: Path) -> Iterator[Frames]:
+    """Streets as each sensor sees them."""
+    for scene, truths in streets_with_objects(split, shared):
         objects = [[(one.mask, np.zeros_like(one.mask)) for one in truths]]
         for sensor in SENSORS:
             frames = [as_seen(one.source, sensor, np.random.default_rng([5, k])) for k, one in enumerate(truths)]

@@ -22,11 +22,9 @@ from typing import NamedTuple
 import numpy as np
 
 import dlama
-from carried_masks import STREET_FRAMES
+from carried_masks import streets_with_objects
 from click_worlds import ClickWorld, objects_in_sight
-from clicks import FIRST, HELD_OUT, STREETS
-from dlama.datasets.frames import RemovalTruth
-from dlama.datasets.layouts import open_dataset
+from clicks import FIRST, HELD_OUT
 from dlama.geometry.holes import dilate_mask
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.worlds.dataset import world
@@ -89,10 +87,7 @@ def stand_removals(split: str) -> Iterator[Removal]:
 
 def street_removals(split: str, shared: Path) -> Iterator[Removal]:
     """Streets without their object."""
-    dataset = open_dataset(shared / "street")
-    for scene in STREETS[split]:
-        cases = {case.frame: case for case in dataset.cases if case.protocol == "ori" and case.scene == scene}
-        truths = [one for one in (cases[frame].load() for frame in STREET_FRAMES) if isinstance(one, RemovalTruth)]
+    for _, truths in streets_with_objects(split, shared):
         parts = ([getattr(one, name) for one in truths] for name in ("source", "mask", "without"))
         yield from as_sensors("street", 5, *parts)
 

@@ -133,6 +133,12 @@ def nearest_known(known: BoolArray) -> tuple[Float32Array, NDArray[np.intp]]:
     return distance, of_label[labels]
 
 
+def innermost_pixel(where: BoolArray) -> tuple[int, int]:
+    """Row and column of the pixel of `where` (H x W bool, not empty) farthest from all others of the picture."""
+    row, column = np.unravel_index(int(nearest_known(~where)[0].argmax()), where.shape)
+    return int(row), int(column)
+
+
 def _nearest_labels(known: BoolArray) -> tuple[Float32Array, NDArray[np.int32]]:
     distance, labels = cv2.distanceTransformWithLabels(
         (~known).view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_PIXEL

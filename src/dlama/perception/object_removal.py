@@ -33,7 +33,7 @@ from dlama.geometry.holes import (
 )
 from dlama.geometry.projection import project_to_pixels, world_points
 from dlama.geometry.rendering import render
-from dlama.geometry.rgbd import RGBD, BoolArray
+from dlama.geometry.rgbd import BoolArray
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 
@@ -190,8 +190,7 @@ def _carry_to(frame: View, frames: Mapping[int, Layer], masked: MaskedObject) ->
     # needed for scenes of many frames alone
     from dlama.perception.masks.carried import correct_carried
 
-    found = find_in_depth(frame, frames, masked)
-    return correct_carried(RGBD(frame.color, frame.known_depth, frame.camera), *found)
+    return correct_carried(frame, *find_in_depth(frame, frames, masked))
 
 
 class Carried(NamedTuple):
@@ -222,7 +221,7 @@ def find_in_depth(frame: View, frames: Mapping[int, Layer], masked: MaskedObject
             behind |= within
     candidates &= behind & ~barred
     seeds = seen.valid & frame.valid & agrees & ~barred
-    unmeasured = frame.hole & render(masked.whole, frame.camera, types=False).valid
+    unmeasured = frame.hole & render(masked.whole, frame.camera, types=False).valid if frame.has_holes else frame.hole
     if not seeds.any():
         return Carried(unmeasured, seeds, barred)
     size = max(int(seeds.sum()), *(int(mask.sum()) for mask in masked.masks.values()))

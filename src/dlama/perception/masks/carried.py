@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from dlama.geometry.drawing.picture_edges import CLEARLY, edge_misalignment
-from dlama.geometry.holes import dilate_mask, disc, erode_mask, morphological_open, nearest_known
+from dlama.geometry.drawing.picture_edges import CLEARLY, edge_uncertainty
+from dlama.geometry.holes import dilate_mask, disc, erode_mask, innermost_pixel, morphological_open
 from dlama.geometry.rgbd import RGBD, BoolArray
+from dlama.geometry.view import View
 from dlama.perception.masks.borders import decide_by_color
-from dlama.perception.masks.click_network import LARGEST_WINDOW, SMALLEST_WINDOW
-from dlama.perception.masks.corrections import MARGIN, corrected_probability, farthest
+from dlama.perception.masks.corrections import corrected_probability, radius_to_see
 from dlama.perception.masks.prompt import Prompt
 
 KEPT, ADDED = 0.1, 0.5
@@ -23,7 +23,7 @@ BAND_PX = 2
 that stay as they are."""
 
 
-def correct_carried(rgbd: RGBD, mask: BoolArray, confirmed: BoolArray, barred: BoolArray) -> BoolArray:
+def correct_carried(view: View, mask: BoolArray, confirmed: BoolArray, barred: BoolArray) -> BoolArray:
     """The mask (H x W) as the picture shows it.
 
     confirmed: H x W, pixels of the mask that show what is amid a mask of another picture; barred: pixels that other pictures show
@@ -31,14 +31,12 @@ def correct_carried(rgbd: RGBD, mask: BoolArray, confirmed: BoolArray, barred: B
     """
     if not mask.any():
         return mask
-    row, column = np.unravel_index(int(nearest_known(~mask)[0].argmax()), mask.shape)
-    pixel = int(row), int(column)
-    least, most = SMALLEST_WINDOW / 2, LARGEST_WINDOW * max(mask.shape) / 2
-    radius = int(np.clip(MARGIN * farthest(mask, pixel), least, most))
-    prompt = Prompt(mask.shape, clicks=((pixel[1], pixel[0]),))
-    probability = corrected_probability(rgbd, mask, pixel, prompt, radius)
+    rgbd = RGBD(view.color, view.known_depth, view.camera)
+    row, column = pixel = innermost_pixel(mask)
+    prompt = Prompt(mask.shape, clicks=((column, row),))
+    probability = corrected_probability(rgbd, mask, pixel, prompt, radius_to_see(mask, pixel))
     found = confirmed | np.where(mask, probability > KEPT, (probability > ADDED) & ~barred)
-    if edge_misalignment(rgbd.color, rgbd.depth, rgbd.valid, rgbd.far) < CLEARLY:
+    if view.find_once(edge_uncertainty) < CLEARLY:
         return found
     thin = found & ~dilate_mask(morphological_open(found, disc(BAND_PX)), 1)
     band = dilate_mask(found, BAND_PX) & ~erode_mask(found, BAND_PX) & ~dilate_mask(thin, BAND_PX)

@@ -8,14 +8,14 @@ correct the mask (`corrections`).
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
 from dlama.errors import MaskError
-from dlama.geometry.holes import dilate_mask, erode_mask, nearest_known
+from dlama.geometry.holes import dilate_mask, erode_mask, innermost_pixel
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
 from dlama.perception.masks.borders import decide_by_color
 from dlama.perception.masks.click_network import object_probability
@@ -81,18 +81,17 @@ class Masker:
         network = NetworkMask.in_box(self.rgbd, prompt)
         prompts = [Prompt(prompt.hw, box=prompt.box)]
         if network.own.any():
-            row, column = np.unravel_index(int(nearest_known(~network.own)[0].argmax()), prompt.hw)
-            amid = *prompt.clicks, (float(column), float(row))
-            prompts.append(Prompt(prompt.hw, amid[:1]))
+            row, column = innermost_pixel(network.own)
+            prompts.append(of_click(prompt, (*prompt.clicks, (column, row))[0]))
         found = list[BoolArray]()
         for one in prompts:
             with contextlib.suppress(MaskError):
                 found += [mask & prompt.inside for mask in self.find(one).values()]
-            if any(network.iou(mask) >= WELL * network.iou(network.own) for mask in found):
+            rated = network.rate(found)
+            if rated and rated[0][0] >= WELL * network.iou(network.own):
                 break
         if not (found or network.own.any()):
             raise MaskError("box holds nothing that stands apart; a box round an object is expected, or clicks on it")
-        rated = sorted(((network.iou(mask), mask) for mask in found), key=lambda each: -each[0])
         return self.choose(rated, network, prompt)
 
     def choose(
@@ -139,12 +138,11 @@ class Masker:
         """The masks of `find` with their agreement with the network, the best first; none where `find` fails and depth is missing
         at the click. MaskError: as `find`, elsewhere."""
         try:
-            rated = [(network.iou(mask), mask) for mask in self.find(prompt).values()]
+            return network.rate(self.find(prompt).values())
         except MaskError:
             if not (network.own.any() and self.rgbd.missing[prompt.on[0]]):
                 raise
             return []
-        return sorted(rated, key=lambda each: -each[0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,6 +174,10 @@ class NetworkMask:
     def iou(self, mask: BoolArray) -> float:
         """Expected intersection over union of a mask and the object."""
         return expected_iou(self.probability, mask)
+
+    def rate(self, masks: Iterable[BoolArray]) -> list[tuple[float, BoolArray]]:
+        """Masks with their `iou`, the best first."""
+        return sorted(((self.iou(mask), mask) for mask in masks), key=lambda each: -each[0])
 
     def fit(self, rgbd: RGBD, prompt: Prompt) -> BoolArray:
         """Its mask, along the picture's colours, with the prompt's first click."""

@@ -79,11 +79,10 @@ def correct_at_click(rgbd: RGBD, mask: BoolArray, pixel: Pixel, prompt: Prompt) 
     Where the network finds no region, or one that holds a click of the other kind, what is near the click (`find_near`).
     """
     wrong, others = mask == mask[pixel], prompt.on if mask[pixel] else prompt.away
-    least, most = SMALLEST_WINDOW / 2, LARGEST_WINDOW * max(mask.shape) / 2
-    radius = int(np.clip(MARGIN * farthest(mask, pixel), least, most))
+    radius = radius_to_see(mask, pixel)
     region, cell = find_region(rgbd, mask, pixel, prompt, radius)
     if region.any():
-        closer = int(np.clip(CLOSER * farthest(region, pixel), least, radius))
+        closer = int(np.clip(CLOSER * farthest(region, pixel), SMALLEST_WINDOW / 2, radius))
         region, cell = find_region(rgbd, mask, pixel, prompt, closer)
     if not region.any() or any(region[other] for other in others):
         region, cell = find_near(wrong, pixel, others), 1
@@ -102,6 +101,12 @@ def find_near(wrong: BoolArray, pixel: Pixel, others: Sequence[Pixel]) -> BoolAr
     reach = min([border, NEAR * max(wrong.shape), *(math.dist(pixel, other) / 2 for other in others)])
     v, u = np.ogrid[: wrong.shape[0], : wrong.shape[1]]
     return np.asarray(wrong & (np.hypot(v - pixel[0], u - pixel[1]) <= reach))
+
+
+def radius_to_see(mask: BoolArray, pixel: Pixel) -> int:
+    """Half the side in px of the square about (row, column) in which the network sees all of a mask (H x W)."""
+    least, most = SMALLEST_WINDOW / 2, LARGEST_WINDOW * max(mask.shape) / 2
+    return int(np.clip(MARGIN * farthest(mask, pixel), least, most))
 
 
 def farthest(where: BoolArray, pixel: Pixel) -> float:
@@ -125,10 +130,14 @@ def find_region(rgbd: RGBD, mask: BoolArray, pixel: Pixel, prompt: Prompt, radiu
 
 def corrected_probability(rgbd: RGBD, mask: BoolArray, pixel: Pixel, prompt: Prompt, radius: int) -> Float32Array:
     """H x W probability of each pixel of the square of 2 radius + 1 px about (row, column) belonging to the object."""
-    marks = [mark_clicks(mask.shape, pixels, radius) for pixels in (prompt.on, prompt.away)]
-    planes = click_planes(rgbd, pixel, radius, [each.astype(np.float32) for each in (mask, *marks)])
-    found, _ = probability_in_window(planes, network())
+    found, _ = probability_in_window(correction_planes(rgbd, mask, pixel, prompt, radius), network())
     return place_square(found, pixel, radius, rgbd.depth.shape)
+
+
+def correction_planes(rgbd: RGBD, mask: BoolArray, pixel: Pixel, prompt: Prompt, radius: int) -> Float32Array:
+    """What the network sees of the square: the planes of a click at (row, column), the mask, clicks and negative clicks."""
+    marks = [mark_clicks(mask.shape, pixels, radius) for pixels in (prompt.on, prompt.away)]
+    return click_planes(rgbd, pixel, radius, [each.astype(np.float32) for each in (mask, *marks)])
 
 
 def probability_in_box(rgbd: RGBD, prompt: Prompt) -> tuple[Float32Array, int]:
@@ -137,8 +146,7 @@ def probability_in_box(rgbd: RGBD, prompt: Prompt) -> tuple[Float32Array, int]:
     rows, columns = prompt.box_slices
     pixel = (rows.start + rows.stop) // 2, (columns.start + columns.stop) // 2
     radius = int(BOX_MARGIN * max(sides_of((rows, columns))) / 2) + 2
-    marks = [mark_clicks(prompt.hw, pixels, radius) for pixels in (prompt.on, prompt.away)]
-    planes = click_planes(rgbd, pixel, radius, [each.astype(np.float32) for each in (prompt.inside, *marks)])
+    planes = correction_planes(rgbd, prompt.inside, pixel, prompt, radius)
     planes[PLANES.index("click")] = 0
     found, _ = probability_in_window(planes, network())
     return place_square(found, pixel, radius, prompt.hw), -(-(2 * radius + 1) // SIDE)
