@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from numba.core.types import Array
+from numba.core.types import Array, NamedTuple
 
 import dlama
 from dlama.geometry.kernels.jit import KernelCache
@@ -90,6 +90,9 @@ def word(kind: object) -> str:
     """A type as `numba_type` reads it."""
     if isinstance(kind, Array):
         return f"{kind.dtype}.{kind.ndim}{kind.layout}{'' if kind.mutable else 'r'}"
+    if isinstance(kind, NamedTuple):
+        own = kind.instance_class
+        return f"{own.__module__}:{own.__name__}({','.join(map(word, kind.types))})"
     return str(kind)
 
 

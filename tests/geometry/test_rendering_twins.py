@@ -11,8 +11,8 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.drawing import grid_mesh
 from dlama.geometry.drawing.grid_mesh import close_grid, find_joints, mesh_grid
-from dlama.geometry.drawing.layers import NEAR
 from dlama.geometry.drawing.picture_edges import edge_ratio
+from dlama.geometry.kernels.drawing.rasterize import NEAR
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD

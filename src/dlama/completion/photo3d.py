@@ -226,7 +226,7 @@ def find_far(layer: View, camera: Camera) -> BoolArray:
 
 def find_covered(view: View, depth: Float32Array, joined: UInt8Array, camera: Camera) -> BoolArray:
     """H x W: where a camera's picture shows the layer, of which `depth` and `joined` are the mesh (`mesh_grid`)."""
-    covered = rasterize_surface(depth, joined, rim(joined, depth), view.camera, camera)[0] > 0
+    covered = rasterize_surface(depth, joined, rim(joined, depth), view.camera, camera).w > 0
     return covered | find_far(view, camera)
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import functools
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -96,15 +96,22 @@ def round_depth(depth: Float32Array, up: bool = False) -> Float32Array:
     return bits.view(np.float32)
 
 
-@functools.lru_cache(1024)  # asked for again and again while depth is projected onto the law of many frames
-def px_from_px(target: Camera, source: Camera) -> tuple[Float64Array, Float64Array]:
-    """The 3x3 matrix and 3-vector that take a source pixel (u, v, 1) at depth z to z * matrix @ (u, v, 1) + offset.
+class PixelMap(NamedTuple):
+    """What takes a source pixel (u, v, 1) at depth z to z * matrix @ (u, v, 1) + offset: (x, y, 1) * depth in the target, pixels
+    and metres. Kernels take it as it is."""
 
-    What comes out is (x, y, 1) * depth in the target, pixels and metres.
-    """
+    matrix: Float64Array
+    """3x3, K_target R K_source^-1."""
+    offset: Float64Array
+    """3, K_target t."""
+
+
+@functools.lru_cache(1024)  # asked for again and again while depth is projected onto the law of many frames
+def px_from_px(target: Camera, source: Camera) -> PixelMap:
+    """From pixels of the source to those of the target."""
     target_from_source = target.cam_from_world @ source.world_from_cam
     matrix = target.K @ target_from_source[:3, :3] @ np.linalg.inv(source.K)
-    return matrix, target.K @ target_from_source[:3, 3]
+    return PixelMap(matrix, target.K @ target_from_source[:3, 3])
 
 
 def rays(camera: Camera) -> Float64Array:

@@ -23,7 +23,6 @@ from dlama.geometry.drawing.gaps import can_close_gaps, close_gaps
 from dlama.geometry.drawing.grid_mesh import close_grid, find_joints
 from dlama.geometry.drawing.layers import (
     ALL,
-    NEAR,
     Drawn,
     Grid,
     box_room,
@@ -40,6 +39,7 @@ from dlama.geometry.frames.merging import keep_latest, merge_frames, surface_of
 from dlama.geometry.frames.stored import Layer
 from dlama.geometry.holes import box_around, dilate_mask, fill_with_nearest
 from dlama.geometry.kernels.drawing import hole_types as hole_kernels
+from dlama.geometry.kernels.drawing.rasterize import NEAR
 from dlama.geometry.kernels.jit import in_bands, threads
 from dlama.geometry.projection import project
 from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array, freeze
@@ -240,8 +240,8 @@ def drop_overlap(fills: tuple[Layer, ...]) -> tuple[Layer, ...]:
 def hole_types(drawn: Drawn, removals: tuple[Layer, ...]) -> UInt8Array:
     """H x W HoleType codes of the empty pixels of a drawn scene; removals: its removed objects."""
     grids, hole = drawn.grids, drawn.canvas.depth == 0
-    count = cv2.integral(hole.view(np.uint8))
     ranks = np.zeros(hole.shape, np.uint8)
+    out = hole_kernels.Holes(hole, cv2.integral(hole.view(np.uint8)), ranks)
     for grid in grids:
         layer = grid.layer
         if not hole.any():
@@ -250,12 +250,12 @@ def hole_types(drawn: Drawn, removals: tuple[Layer, ...]) -> UInt8Array:
             np.maximum(ranks, RANK_OF_TYPE[layer.hole_type], out=ranks, where=hole)
         elif layer.shows_source:
             depth, grid_rank = (close_frame if len(grids) > 1 else close_grid)(layer, removals)
-            x, y, w, spans = transform_depth(depth, grid.matrix, grid.offset)
+            vertices = transform_depth(depth, grid.way)
             crack_rank = hole_kernels.CRACK_RANK if grid.mode == "points" else hole_kernels.DISOCCLUDED_RANK
-            marks = grid_rank, crack_rank, hole, count, box_room(len(hole)), ranks
             flying, joined = layer.find_once(find_joints)
-            in_bands(hole_kernels.mark_closed_mesh, len(hole), x, y, w, spans, joined, *marks)
-            hole_kernels.mark_points(x, y, w, flying, hole_kernels.FLYING_RANK, hole, ranks)
+            mesh = hole_kernels.ClosedMesh(joined, grid_rank, crack_rank)
+            in_bands(hole_kernels.mark_closed_mesh, len(hole), vertices, mesh, box_room(len(hole)), out)
+            hole_kernels.mark_points(vertices, flying, hole_kernels.FLYING_RANK, out)
     return np.asarray(cv2.LUT(ranks, TYPE_OF_RANK) * hole, np.uint8)
 
 

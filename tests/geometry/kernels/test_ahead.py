@@ -13,6 +13,7 @@ import pytest
 
 import dlama
 from dlama.geometry.kernels import ahead
+from dlama.geometry.kernels.drawing.rasterize import ZBuffer
 
 
 def test_types_round_trip() -> None:
@@ -24,6 +25,8 @@ def test_types_round_trip() -> None:
     arrays = {"uint8.3Cr": frozen, "bool.1C": np.zeros(3, bool), "float32.2C": np.zeros((2, 2), np.float32)}
     for word, value in arrays.items():
         assert ahead.numba_type(word) == typeof(value)
+    drawn = ZBuffer(np.zeros((2, 2), np.float32), np.zeros((2, 2, 2), np.float32))
+    assert ahead.numba_type(f"{ZBuffer.__module__}:ZBuffer(float32.2C,float32.3C)") == typeof(drawn)
     assert ahead.numba_type("int64") == typeof(3) and ahead.numba_type("float64") == typeof(0.5)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.codes import Origin, from_source
+from dlama.geometry.kernels.drawing.shading import Planes
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, brighten, freeze, paste
 from dlama.geometry.view import View
 
@@ -43,7 +44,7 @@ class Canvas:
         return cls(*planes, np.zeros((*hw, 2), np.float32) if errors else None)
 
     def buffers(self) -> tuple[UInt8Array, Float32Array, UInt8Array, Float32Array]:
-        """Colour, depth, origin and confidence, in the order in which kernels take them."""
+        """Colour, depth, origin and confidence."""
         return self.color, self.depth, self.origin, self.confidence
 
     def put(self, other: Canvas, over_measured: bool, at_home: bool) -> None:
@@ -72,8 +73,9 @@ class Canvas:
         """Multiply the colours of pixels (H x W) by a gain."""
         self.color[where] = brighten(self.color[where], gain)
 
-    def pair_errors(self, errors: Float32Array | None) -> tuple[Float32Array, Float32Array]:
-        """Expected errors of a layer and of the canvas, for kernels: both without rows unless both have some."""
-        if self.errors is None or errors is None:
-            return freeze(np.empty((0, 0, 2), np.float32)), np.empty((0, 0, 2), np.float32)
-        return errors, self.errors
+    def pair_with(self, layer: View) -> tuple[Planes, Planes]:
+        """The pixels of a layer and of the canvas, for kernels: expected errors without rows unless both have some."""
+        errors, own = layer.errors, self.errors
+        if errors is None or own is None:
+            errors, own = freeze(np.empty((0, 0, 2), np.float32)), np.empty((0, 0, 2), np.float32)
+        return Planes(layer.color, layer.depth, layer.origin, layer.confidence, errors), Planes(*self.buffers(), own)

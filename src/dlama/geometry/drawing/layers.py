@@ -16,20 +16,20 @@ from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.drawing.canvas import Canvas
 from dlama.geometry.drawing.grid_mesh import mesh_grid
 from dlama.geometry.frames.stored import Layer
-from dlama.geometry.kernels.drawing import chunks, shading
 from dlama.geometry.kernels.drawing import rasterize as raster
+from dlama.geometry.kernels.drawing import shading
+from dlama.geometry.kernels.drawing.chunks import CHUNK, Vertices
 from dlama.geometry.kernels.drawing.footprints import draw_rim, rim
-from dlama.geometry.kernels.drawing.sampling import far_blocks, smooth_quads, spline
+from dlama.geometry.kernels.drawing.rasterize import ZBuffer
+from dlama.geometry.kernels.drawing.sampling import MeshColors, far_blocks, smooth_quads, spline
 from dlama.geometry.kernels.jit import in_bands, light_band
-from dlama.geometry.projection import px_from_px
+from dlama.geometry.projection import PixelMap, px_from_px
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, UInt16Array, freeze, paste
 from dlama.geometry.view import View
 
 Mode = Literal["surface", "points"]
 MODES: tuple[Mode, ...] = ("surface", "points")
 
-NEAR = 1e-3
-"""Near plane in metres."""
 ALL = np.zeros((0, 0), np.int32)
 """Instead of a table of the pixels that count (`count_wanted`): all do."""
 
@@ -70,10 +70,8 @@ class Grid:
     surface: Surface
     camera: Camera
     mode: Mode
-    matrix: Float64Array
-    """3x3, and `offset`: from layer pixels to target pixels, see `px_from_px`."""
-    offset: Float64Array
-    """3."""
+    way: PixelMap
+    """From layer pixels to target pixels."""
     fine: bool
     """Colours by cubic B-spline; False: bilinear."""
 
@@ -81,8 +79,7 @@ class Grid:
     def of(cls, layer: Layer, camera: Camera, mode: Mode, fine: bool, surface: Surface | None = None) -> Grid:
         """The layer, prepared for `camera`. surface: the layer's, where it is kept."""
         surface = surface or Surface(layer.load())
-        places = px_from_px(camera, layer.camera)
-        return cls(surface.layer, surface, camera, mode, *places, fine)
+        return cls(surface.layer, surface, camera, mode, px_from_px(camera, layer.camera), fine)
 
     @cached_property
     def own_camera(self) -> bool:
@@ -150,48 +147,44 @@ def draw_as_points(grid: Grid, canvas: Canvas) -> None:
     """Each pixel of the layer onto the target pixel it falls on."""
     layer, (rows, columns) = grid.layer, canvas.depth.shape
     height, width = layer.camera.hw
-    x, y, w = (np.empty((1, width), np.float32) for _ in range(3))
-    nearest, place = np.zeros(rows * columns, np.uint64), np.empty(width, np.int32)
-    to_target = grid.surface.mesh[0], grid.matrix, grid.offset, NEAR
-    in_bands(raster.draw_points, height, *to_target, x, y, w, place, nearest, columns, band=height)
-    pixels = layer.color.reshape(-1, 3), layer.origin.ravel(), layer.confidence.ravel()
+    nearest, place, room = np.zeros(rows * columns, np.uint64), np.empty(width, np.int32), empty_vertices(1, width)
+    in_bands(raster.draw_points, height, grid.surface.mesh[0], grid.way, room, place, nearest, columns, band=height)
+    source, out = canvas.pair_with(layer)
+    in_a_row = source._replace(
+        color=source.color.reshape(-1, 3), origin=source.origin.ravel(), confidence=source.confidence.ravel()
+    )
     nearest = nearest.reshape(rows, columns)
-    in_bands(shading.shade_points, rows, nearest, *pixels, *canvas.buffers(), band=light_band(columns))
-    errors, out_errors = canvas.pair_errors(layer.errors)
-    if len(out_errors):
+    in_bands(shading.shade_points, rows, nearest, in_a_row, out, band=light_band(columns))
+    if len(out.errors):
         drawn = nearest > 0
-        out_errors[drawn] = errors[np.divmod(raster.LARGEST - (nearest[drawn] & raster.LARGEST), width)]
+        out.errors[drawn] = source.errors[np.divmod(raster.LARGEST - (nearest[drawn] & raster.LARGEST), width)]
 
 
 def draw_as_surface(grid: Grid, canvas: Canvas, count: NDArray[np.int32]) -> None:
     """The layer's mesh, and footprints at its rim."""
     layer, rows = grid.layer, grid.camera.height
     depth, joined = grid.surface.mesh
-    wbuf, where = rasterize_surface(depth, joined, grid.surface.rim, layer.camera, grid.camera, count)
+    drawn = rasterize_surface(depth, joined, grid.surface.rim, layer.camera, grid.camera, count)
     smooth = grid.surface.smooth if grid.fine else np.zeros_like(joined)
-    found = wbuf, where, joined, smooth, layer.color, grid.knots, grid.fine
-    errors, out_errors = canvas.pair_errors(layer.errors)
-    planes = layer.origin, layer.confidence, errors, *canvas.buffers(), out_errors
-    in_bands(shading.shade_surface, rows, *found, *planes)
+    colors = MeshColors(joined, smooth, layer.color, grid.knots)
+    in_bands(shading.shade_surface, rows, drawn, colors, grid.fine, *canvas.pair_with(layer))
 
 
 def rasterize_surface(
     depth: Float32Array,
     joined: UInt8Array,
-    vertices: NDArray[np.int64],
+    rim: NDArray[np.int64],
     source: Camera,
     target: Camera,
     count: NDArray[np.int32] = ALL,
-) -> tuple[Float32Array, Float32Array]:
+) -> ZBuffer:
     """What each of H x W pixels of a target camera shows of the mesh of a source's depth (`mesh_grid`) and the footprints at its
-    rim: inverse z (1/m, 0 = nothing), and the source's pixel (H x W x 2, x and y). vertices: `footprints.rim`; count: as of
-    `draw`."""
-    x, y, w, spans = transform_depth(depth, *px_from_px(target, source))
-    hw, zoom = target.hw, target.fx / source.fx
-    wbuf, where = np.zeros(hw, np.float32), np.empty((*hw, 2), np.float32)
-    in_bands(raster.draw_surface, hw[0], x, y, w, joined, spans, count, box_room(hw[0]), wbuf, where)
-    draw_rim(x, y, w, joined, vertices, depth, zoom, wbuf.copy(), wbuf, where)
-    return wbuf, where
+    rim (`footprints.rim`). count: as of `draw`."""
+    vertices, hw = transform_depth(depth, px_from_px(target, source)), target.hw
+    drawn = ZBuffer(np.zeros(hw, np.float32), np.empty((*hw, 2), np.float32))
+    in_bands(raster.draw_surface, hw[0], vertices, joined, count, box_room(hw[0]), drawn)
+    draw_rim(vertices, joined, rim, depth, target.fx / source.fx, drawn.w.copy(), drawn)
+    return drawn
 
 
 def copy_onto(canvas: Canvas, view: View) -> None:
@@ -211,20 +204,18 @@ def draw_far(grid: Grid, canvas: Canvas) -> None:
         canvas.copy_where(layer, far & (canvas.depth == 0))
         return
     matrix, _ = px_from_px(layer.camera, camera)
-    pixels = layer.color, grid.knots, layer.origin, layer.confidence
     columns = np.flatnonzero(far[rows[0] : rows[-1] + 1].any(0))
     spans = far_spans(matrix, (columns[0], columns[-1]), (rows[0], rows[-1]), camera.hw)
-    errors, out_errors = canvas.pair_errors(layer.errors)
-    empty = canvas.depth == 0 if len(out_errors) else None
-    sky = far, spans, far_blocks(far, grid.fine)
-    band = light_band(camera.width)
-    in_bands(shading.shade_far, camera.height, matrix, *sky, *pixels, *canvas.buffers(), band=band)
+    source, out = canvas.pair_with(layer)
+    empty = canvas.depth == 0 if len(out.errors) else None
+    sky, band = shading.Sky(far, spans, far_blocks(far, grid.fine)), light_band(camera.width)
+    in_bands(shading.shade_far, camera.height, matrix, sky, grid.knots, source, out, band=band)
     if empty is not None:
         drawn = empty & np.isposinf(canvas.depth)
         row, column = np.nonzero(drawn)
         x, y, ahead = matrix @ np.stack([column + 0.5, row + 0.5, np.ones(len(row))])
         rows, columns = (np.clip(part / ahead, 0, n - 1).astype(np.intp) for part, n in zip((y, x), layer.camera.hw))
-        out_errors[drawn] = errors[rows, columns]
+        out.errors[drawn] = source.errors[rows, columns]
 
 
 def far_spans(
@@ -251,16 +242,19 @@ def far_spans(
     return np.clip(spans, 0, hw[1]).astype(np.int64)
 
 
-def transform_depth(depth: Float32Array, matrix: Float64Array, offset: Float64Array) -> tuple[Float32Array, ...]:
-    """Target x, y (pixels) and inverse z (1/m, 0 = not in front) of every source pixel, float32 H x W each; and the target rows
-    that each row spans in N chunks of columns (`chunks.span_chunks`), H x N x 2."""
-    (height, width), band = depth.shape, light_band(depth.shape[1])
-    x, y, w = (np.empty_like(depth) for _ in range(3))
-    spans = np.empty((height, -(-width // chunks.CHUNK), 2), np.float32)
-    in_bands(raster.transform, height, depth, matrix, offset, NEAR, x, y, w, spans, band=band)
-    return x, y, w, spans
+def transform_depth(depth: Float32Array, way: PixelMap) -> Vertices:
+    """Every source pixel (H x W metres) in a target."""
+    vertices = empty_vertices(*depth.shape)
+    in_bands(raster.transform, len(depth), depth, way, vertices, band=light_band(depth.shape[1]))
+    return vertices
+
+
+def empty_vertices(height: int, width: int) -> Vertices:
+    """Of so many rows and columns, to be written."""
+    x, y, w = (np.empty((height, width), np.float32) for _ in range(3))
+    return Vertices(x, y, w, np.empty((height, -(-width // CHUNK), 2), np.float32))
 
 
 def box_room(rows: int) -> NDArray[np.int32]:
     """Room to work for `raster.draw_surface`."""
-    return np.empty((rows, 4, chunks.CHUNK), np.int32)
+    return np.empty((rows, 4, CHUNK), np.int32)

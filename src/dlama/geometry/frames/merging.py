@@ -80,13 +80,19 @@ def _merge_drawn(
     centers = [
         [*(camera.cam_from_world @ grid.layer.camera.world_from_cam)[:3, 3], grid.layer.camera.fx] for grid in grids
     ]
-    in_bands(
-        kernels.merge, camera.height, *drawn,
+    taken = (
         np.stack([nearest_depth_around(grid.layer) for grid in grids]),
         np.stack([confidence_margin(grid.layer, grid.mode) for grid in grids]),
-        np.stack([matrix for matrix, _ in ways]), np.stack([offset for _, offset in ways]), np.array(centers),
-        np.array([camera.fx, camera.fy, camera.cx, camera.cy]), gains, np.array(noise), *canvas.buffers(), best,
-    )  # fmt: skip
+        np.stack([way.matrix for way in ways]),
+        np.stack([way.offset for way in ways]),
+        np.array(centers),
+        gains,
+    )
+    color, depth, origin, confidence = drawn
+    frames = kernels.Frames(color, depth, origin, confidence, *taken)
+    lens = np.array([camera.fx, camera.fy, camera.cx, camera.cy])
+    merged = kernels.Merged(*canvas.buffers(), best)
+    in_bands(kernels.merge, camera.height, frames, lens, np.array(noise), merged)
 
 
 def keep_latest(function: Callable[..., Found]) -> Callable[..., Found]:

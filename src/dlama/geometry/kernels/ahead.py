@@ -30,8 +30,11 @@ def listed_kernels(job: str | None = None) -> list[list[str]]:
 
 
 def numba_type(word: str) -> Any:
-    """`int64`, or `uint8.3C` for arrays: number of dimensions, layout, r = read-only."""
+    """`int64`; `uint8.3C` for arrays: number of dimensions, layout, r = read-only; `module:Name(int64,uint8.3C)`: NamedTuples."""
     types: Any = import_module("numba").types
+    if word.endswith(")"):
+        name, _, inside = word[:-1].partition("(")
+        return types.NamedTuple([numba_type(each) for each in inside.split(",")], pkgutil.resolve_name(name))
     name, _, layout = word.partition(".")
     number = getattr(types, "boolean" if name == "bool" else name)
     return types.Array(number, int(layout[0]), layout[1], readonly=layout.endswith("r")) if layout else number

@@ -5,6 +5,7 @@ What keeps the first run of all short, when every kernel has yet to be compiled:
 - Kernels are plain scalar loops that write into arrays they are handed, allocate nothing, and run over rows [first, last), so
   that `in_bands` can spread them over threads. numba's own parallel loops take twice as long to compile, an allocation as long
   as thirty lines, the assignment of a slice as long as three hundred (its error message is compiled too).
+- Arrays that belong together are one NamedTuple, also between a kernel and its pieces: it costs nothing.
 - No unused entry points: kernels cannot be called from C, pieces neither from C nor from Python.
 - Python's garbage collector waits while numba compiles.
 - One signature each: a literal (`count = 0`, a bare `1`) or another width of float compiles a piece a second time.

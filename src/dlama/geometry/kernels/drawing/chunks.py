@@ -5,6 +5,8 @@ For `rasterize` and `hole_types`, which walk over all quads for each band of tar
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,9 +20,22 @@ CHUNK = 64
 """Source columns that are skipped together where they do not touch a band."""
 
 
+class Vertices(NamedTuple):
+    """The pixel centres of a source picture at their depth, moved into a target picture; H x W each."""
+
+    x: Float32Array
+    """Target pixels."""
+    y: Float32Array
+    w: Float32Array
+    """Inverse z in the target (1/m); 0 = nothing, or not in front: x and y may be anything there."""
+    spans: Float32Array
+    """H x N x 2: smallest and largest target y of a row of vertices, those of CHUNK quads at a time (empty: inf, -inf)."""
+
+
 @piece
-def span_chunks(y: Float32Array, w: Float32Array, row: Whole, spans: Float32Array) -> None:
-    """Smallest and largest target y of a row of vertices, those of CHUNK quads at a time (empty: inf, -inf). spans: H x N x 2."""
+def span_chunks(vertices: Vertices, row: Whole) -> None:
+    """Find the spans of a row of vertices."""
+    y, w, spans = vertices.y, vertices.w, vertices.spans
     for chunk in range(spans.shape[1]):
         low, high = np.float32(np.inf), np.float32(-np.inf)
         for column in range(chunk * CHUNK, min(y.shape[1], (chunk + 1) * CHUNK + 1)):
@@ -31,27 +46,11 @@ def span_chunks(y: Float32Array, w: Float32Array, row: Whole, spans: Float32Arra
 
 
 @piece
-def quad_span(spans: Float32Array, row: Whole, chunk: Whole) -> tuple[Real, Real]:
-    """Smallest and largest target y of a row of CHUNK quads; spans: as of `span_chunks`."""
-    low, high = min(spans[row, chunk, 0], spans[row + 1, chunk, 0]), max(spans[row, chunk, 1], spans[row + 1, chunk, 1])
-    return low, high
-
-
-@piece
 def chunk_boxes(
-    x: Float32Array,
-    y: Float32Array,
-    w: Float32Array,
-    row: Whole,
-    begin: Whole,
-    end: Whole,
-    top: Whole,
-    bottom: Whole,
-    columns: Whole,
-    boxes: NDArray[np.int32],
-) -> None:
-    """Target pixels whose centres the quads begin..end of a row may cover, cut to rows [top, bottom), into `boxes` (4 x CHUNK):
-    left, right, upper, lower, inclusive.
+    vertices: Vertices, row: Whole, chunk: Whole, top: Whole, bottom: Whole, columns: Whole, boxes: NDArray[np.int32]
+) -> Whole:
+    """Target pixels whose centres the quads of a chunk of a row may cover, cut to rows [top, bottom), into `boxes` (4 x CHUNK):
+    left, right, upper, lower, inclusive. How many quads there are.
 
     Vertices that are not there (w = 0) have no position and do not count. Without branches, and with unsigned places, which are
     not checked for being negative: several quads at a time, read in one piece.
@@ -60,8 +59,10 @@ def chunk_boxes(
     low_y: Real
     high_x: Real
     high_y: Real
-    start = np.uintp(begin)
-    for number in range(end - begin):
+    x, y, w = vertices.x, vertices.y, vertices.w
+    begin = chunk * CHUNK
+    count, start = min(x.shape[1] - 1 - begin, CHUNK), np.uintp(begin)
+    for number in range(count):
         low_x, high_x, low_y, high_y = NOWHERE, -NOWHERE, NOWHERE, -NOWHERE
         n = np.uintp(number)
         for corner in range(4):
@@ -73,6 +74,7 @@ def chunk_boxes(
         boxes[1, n] = np.int32(np.floor(max(min(columns - 0.5, high_x), -1.0) - 0.4999))
         boxes[2, n] = np.int32(np.ceil(min(max(top + 0.5, low_y), bottom + 1.0) - 0.5001))
         boxes[3, n] = np.int32(np.floor(max(min(bottom - 0.5, high_y), top - 1.0) - 0.4999))
+    return count
 
 
 @piece
@@ -89,19 +91,16 @@ def marked_within(count: NDArray[np.integer], left: Whole, right: Whole, upper: 
 
 @piece
 def chunk_meets(
-    x: Float32Array,
-    w: Float32Array,
-    row: Whole,
-    chunk: Whole,
-    low: Real,
-    high: Real,
-    first: Whole,
-    last: Whole,
-    count: NDArray[np.integer],
+    vertices: Vertices, row: Whole, chunk: Whole, first: Whole, last: Whole, count: NDArray[np.integer]
 ) -> Flag:
-    """True if the box round a row of quads (target rows low..high, cut to [first, last)) may hold a marked pixel."""
+    """True if the box round a chunk of a row of quads, cut to target rows [first, last), may hold a marked pixel; count: as of
+    `marked_within`, or without rows: every pixel is marked."""
+    x, w, spans = vertices.x, vertices.w, vertices.spans
+    low, high = min(spans[row, chunk, 0], spans[row + 1, chunk, 0]), max(spans[row, chunk, 1], spans[row + 1, chunk, 1])
     if not (low <= last and high >= first):
         return False
+    if len(count) == 0:
+        return True
     columns = count.shape[1] - 1
     left, right = np.float32(columns), np.float32(0)
     for r in range(row, row + 2):

@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
+from dlama.geometry.kernels.drawing.chunks import Vertices
+from dlama.geometry.kernels.drawing.rasterize import ZBuffer
 from dlama.geometry.kernels.drawing.sampling import whole_quads
 from dlama.geometry.kernels.jit import Real, Whole, kernel, piece
 from dlama.geometry.rgbd import Float32Array, UInt8Array
@@ -25,8 +27,9 @@ def rim(joined: UInt8Array, depth: Float32Array) -> NDArray[np.int64]:
 
 
 @piece
-def steepness(x: Float32Array, y: Float32Array, w: Float32Array, joined: UInt8Array, row: Whole, column: Whole) -> Real:
+def steepness(vertices: Vertices, joined: UInt8Array, row: Whole, column: Whole) -> Real:
     """How steep the surface round a vertex is (relative step in w to a joined neighbour), -1 if it is seen from behind."""
+    x, y, w = vertices.x, vertices.y, vertices.w
     height, width = joined.shape
     steepest, facing = 0.0, 0.0
     here = w[row, column]
@@ -52,32 +55,29 @@ def steepness(x: Float32Array, y: Float32Array, w: Float32Array, joined: UInt8Ar
 
 @kernel
 def draw_rim(
-    x: Float32Array,
-    y: Float32Array,
-    w: Float32Array,
+    vertices: Vertices,
     joined: UInt8Array,
-    vertices: NDArray[np.int64],
+    rim: NDArray[np.int64],
     depth: Float32Array,
     zoom: Real,
     meshed: Float32Array,
-    wbuf: Float32Array,
-    where: Float32Array,
+    out: ZBuffer,
 ) -> None:
-    """Footprints of the vertices (N flat source indices) at the rim of the mesh.
+    """Footprints of the vertices at the rim of the mesh (N flat source indices).
 
-    depth: source z; zoom: target focal length / source focal length; meshed: wbuf as the mesh left it. A footprint is the
+    depth: source z; zoom: target focal length / source focal length; meshed: w of `out` as the mesh left it. A footprint is the
     source pixel's own size, at least one target pixel and at most 32. It only covers what is empty, or behind the surface it
     belongs to.
     """
-    width = x.shape[1]
-    rows, columns = wbuf.shape
-    for number in range(len(vertices)):
-        row, column = vertices[number] // width, vertices[number] % width
-        inverse, px, py = w[row, column], x[row, column], y[row, column]
+    width = depth.shape[1]
+    rows, columns = out.w.shape
+    for number in range(len(rim)):
+        row, column = rim[number] // width, rim[number] % width
+        inverse, px, py = vertices.w[row, column], vertices.x[row, column], vertices.y[row, column]
         half = min(16.0, 0.5 * zoom * depth[row, column] * inverse)
         if not (inverse > 0 and -half - 1 < px < columns + half + 1 and -half - 1 < py < rows + half + 1):
             continue
-        steepest = steepness(x, y, w, joined, row, column)
+        steepest = steepness(vertices, joined, row, column)
         if steepest < 0:
             continue
         if half <= 0.5:
@@ -88,7 +88,7 @@ def draw_rim(
             upper, lower = math.ceil(py - half - 0.5), math.ceil(py + half - 0.5) - 1
         for ty in range(max(0, upper), min(rows - 1, lower) + 1):
             for tx in range(max(0, left), min(columns - 1, right) + 1):
-                if inverse > wbuf[ty, tx] and inverse > meshed[ty, tx] * (1.02 + 2 * steepest):
-                    wbuf[ty, tx] = inverse
-                    where[ty, tx, 0] = column
-                    where[ty, tx, 1] = row
+                if inverse > out.w[ty, tx] and inverse > meshed[ty, tx] * (1.02 + 2 * steepest):
+                    out.w[ty, tx] = inverse
+                    out.where[ty, tx, 0] = column
+                    out.where[ty, tx, 1] = row

@@ -6,13 +6,15 @@ measured; where it does not, the place is out of the source's view. Where severa
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.kernels.drawing.chunks import CHUNK, Box, box_at, chunk_boxes, chunk_meets, marked_within, quad_span
+from dlama.geometry.kernels.drawing.chunks import CHUNK, Box, Vertices, box_at, chunk_boxes, chunk_meets, marked_within
 from dlama.geometry.kernels.drawing.rasterize import quad_sides
 from dlama.geometry.kernels.jit import Flag, Real, Whole, kernel, piece
-from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+from dlama.geometry.rgbd import BoolArray, UInt8Array
 
 DISOCCLUDED_RANK = 1
 SENSOR_RANK = 2
@@ -32,61 +34,56 @@ def is_inside(x0: Real, y0: Real, x1: Real, y1: Real, x2: Real, y2: Real, px: Re
     return b1 >= -1e-4 and b2 >= -1e-4 and b1 + b2 <= 1.0001
 
 
+class ClosedMesh(NamedTuple):
+    """The source grid as one mesh, all neighbours joined, and what holes that it covers are."""
+
+    joined: UInt8Array
+    """Which neighbours are one surface."""
+    rank: UInt8Array
+    """SENSOR / OBJECT ranks of source pixels that are not there, else 0."""
+    crack_rank: Whole
+    """What an unbroken quad over an empty pixel means."""
+
+
+class Holes(NamedTuple):
+    """The empty pixels of a target."""
+
+    hole: BoolArray
+    """H x W."""
+    counted: NDArray[np.integer]
+    """Their summed-area table (`chunks.marked_within`)."""
+    rank: UInt8Array
+    """H x W, the highest rank found so far."""
+
+
 @kernel
 def mark_closed_mesh(
-    first: Whole,
-    last: Whole,
-    x: Float32Array,
-    y: Float32Array,
-    w: Float32Array,
-    spans: Float32Array,
-    joined: UInt8Array,
-    grid_rank: UInt8Array,
-    crack_rank: Whole,
-    hole: BoolArray,
-    count: NDArray[np.integer],
-    boxes: NDArray[np.int32],
-    ranks: UInt8Array,
+    first: Whole, last: Whole, vertices: Vertices, mesh: ClosedMesh, boxes: NDArray[np.int32], out: Holes
 ) -> None:
-    """Draw the whole closed grid over the empty pixels of target rows [first, last).
-
-    x, y, w: target pixels and inverse depth of every source pixel (closed: no gaps); spans: as of `chunks.span_chunks`;
-    grid_rank: uint8, SENSOR / OBJECT ranks of source pixels that are not there, else 0; crack_rank: what an unbroken quad over
-    an empty pixel means; count: summed-area table of `hole`.
-    """
-    height, width = x.shape
-    columns = hole.shape[1]
-    for row in range(height - 1):
-        for chunk in range(spans.shape[1]):
-            low, high = quad_span(spans, row, chunk)
-            if not chunk_meets(x, w, row, chunk, low, high, first, last, count):
+    """Draw the whole closed grid over the empty pixels of target rows [first, last). vertices: without gaps."""
+    columns = out.hole.shape[1]
+    for row in range(mesh.joined.shape[0] - 1):
+        for chunk in range(vertices.spans.shape[1]):
+            if not chunk_meets(vertices, row, chunk, first, last, out.counted):
                 continue
-            begin, end, room = chunk * CHUNK, min(width - 1, (chunk + 1) * CHUNK), boxes[first]
-            chunk_boxes(x, y, w, row, begin, end, first, last, columns, room)
-            for n in range(end - begin):
+            room = boxes[first]
+            for n in range(chunk_boxes(vertices, row, chunk, first, last, columns, room)):
                 box = box_at(room, n)
-                if box[0] <= box[1] and box[2] <= box[3] and marked_within(count, box[0], box[1], box[2], box[3]) > 0:
-                    mark_quad(x, y, w, joined, grid_rank, row, begin + n, crack_rank, box, hole, ranks)
+                if (
+                    box[0] <= box[1]
+                    and box[2] <= box[3]
+                    and marked_within(out.counted, box[0], box[1], box[2], box[3]) > 0
+                ):
+                    mark_quad(vertices, mesh, row, chunk * CHUNK + n, box, out)
 
 
 @piece
-def mark_quad(
-    x: Float32Array,
-    y: Float32Array,
-    w: Float32Array,
-    joined: UInt8Array,
-    grid_rank: UInt8Array,
-    row: Whole,
-    column: Whole,
-    crack_rank: Whole,
-    box: Box,
-    hole: BoolArray,
-    ranks: UInt8Array,
-) -> None:
+def mark_quad(vertices: Vertices, mesh: ClosedMesh, row: Whole, column: Whole, box: Box, out: Holes) -> None:
     """One quad of the closed mesh, if all of it is in front of the near plane.
 
     Its rank: the highest of its pixels' own; else a crack where it is one surface; else a dis-occlusion.
     """
+    w, grid_rank = vertices.w, mesh.rank
     wa, wb, wc, wd = w[row, column], w[row, column + 1], w[row + 1, column], w[row + 1, column + 1]
     if min(min(wa, wb), min(wc, wd)) <= 0:
         return
@@ -95,28 +92,28 @@ def mark_quad(
         max(grid_rank[row + 1, column], grid_rank[row + 1, column + 1]),
     )
     if rank == 0:
-        rank = crack_rank if quad_sides(joined, row, column) == 15 else DISOCCLUDED_RANK
+        rank = mesh.crack_rank if quad_sides(mesh.joined, row, column) == 15 else DISOCCLUDED_RANK
     for ty in range(box[2], box[3] + 1):
         for tx in range(box[0], box[1] + 1):
-            if hole[ty, tx] and ranks[ty, tx] < rank and quad_covers(x, y, row, column, tx + 0.5, ty + 0.5):
-                ranks[ty, tx] = rank
+            if out.hole[ty, tx] and out.rank[ty, tx] < rank and quad_covers(vertices, row, column, tx + 0.5, ty + 0.5):
+                out.rank[ty, tx] = rank
 
 
 @piece
-def quad_covers(x: Float32Array, y: Float32Array, row: Whole, column: Whole, px: Real, py: Real) -> Flag:
+def quad_covers(vertices: Vertices, row: Whole, column: Whole, px: Real, py: Real) -> Flag:
     """True if a point lies in one of a quad's two triangles."""
+    x, y = vertices.x, vertices.y
     xb, yb, xc, yc = x[row, column + 1], y[row, column + 1], x[row + 1, column], y[row + 1, column]
     return is_inside(x[row, column], y[row, column], xb, yb, xc, yc, px, py) or is_inside(
         xb, yb, x[row + 1, column + 1], y[row + 1, column + 1], xc, yc, px, py
     )
 
 
-def mark_points(
-    x: Float32Array, y: Float32Array, w: Float32Array, chosen: BoolArray, rank: int, hole: BoolArray, ranks: UInt8Array
-) -> None:
+def mark_points(vertices: Vertices, chosen: BoolArray, rank: int, out: Holes) -> None:
     """Raise the rank at the nearest target pixel of each chosen source pixel, where that is a hole. (numpy: they are few.)"""
-    there = np.flatnonzero(chosen & (w > 0))
-    px, py = x.ravel()[there], y.ravel()[there]
+    hole, ranks = out.hole, out.rank
+    there = np.flatnonzero(chosen & (vertices.w > 0))
+    px, py = vertices.x.ravel()[there], vertices.y.ravel()[there]
     inside = (px >= 0) & (py >= 0) & (px < hole.shape[1]) & (py < hole.shape[0])
     tx, ty = px[inside].astype(np.int64), py[inside].astype(np.int64)
     tx, ty = tx[hole[ty, tx]], ty[hole[ty, tx]]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -32,6 +33,52 @@ FARTHEST = 1e6
 """Distance in metres that stands for far when frames are weighed."""
 
 
+class Frames(NamedTuple):
+    """K frames, drawn into the target, and where they were taken from."""
+
+    color: UInt8Array
+    """K x H x W x 3."""
+    depth: Float32Array
+    """K x H x W, metres: 0 = none, inf = far."""
+    origin: UInt8Array
+    confidence: Float32Array
+    near: Float32Array
+    """K x h x w, each frame's own depth, the nearest of a neighbourhood."""
+    margin: Float32Array
+    """K x h x w, pixels to the frame's border or next depth edge."""
+    matrix: Float64Array
+    """K x 3 x 3, and `offset`: from pixels of the target to those of the frame."""
+    offset: Float64Array
+    """K x 3."""
+    center: Float64Array
+    """K x 4, the frames' centres in the target's axes and their focal lengths."""
+    gain: Float64Array
+    """K x 3, of their colours."""
+
+
+class Merged(NamedTuple):
+    """The target, H x W; pixels where `best` is set stay out."""
+
+    color: UInt8Array
+    depth: Float32Array
+    origin: UInt8Array
+    confidence: Float32Array
+    best: UInt16Array
+    """1 + the index of the frame with the largest weight, whose origin and confidence the pixel gets; 0 = a hole."""
+
+
+class Seen(NamedTuple):
+    """A surface in a pixel."""
+
+    measured: Flag
+    """Whether it is measured there."""
+    nearest: Real
+    """Metres, and `limit`: between these a frame shows it."""
+    limit: Real
+    mean: Real
+    """Metres, of the frames that show it."""
+
+
 @piece
 def tolerance(depth: Real, noise: Float64Array) -> Real:
     """Metres between two depths of one surface: three standard deviations, or the floor."""
@@ -40,11 +87,9 @@ def tolerance(depth: Real, noise: Float64Array) -> Real:
 
 
 @inlined
-def sees_through(
-    row: Whole, column: Whole, depth: Real, frame: Whole, matrix: Float64Array, offset: Float64Array,
-    near: Float32Array, noise: Float64Array,
-) -> Real:  # fmt: skip
+def sees_through(frames: Frames, frame: Whole, row: Whole, column: Whole, depth: Real, noise: Float64Array) -> Real:
     """1 where a frame measured clearly behind the point at `depth` on a target pixel's ray, all around it; else 0."""
+    matrix, offset, near = frames.matrix, frames.offset, frames.near
     ax, ay, az = ray(matrix[frame], row, column)
     z = depth * az + offset[frame, 2]
     if z <= 0:
@@ -59,11 +104,9 @@ def sees_through(
 
 
 @inlined
-def color_weight(
-    row: Whole, column: Whole, depth: Real, frame: Whole, matrix: Float64Array, offset: Float64Array,
-    margin: Float32Array, center: Float64Array, lens: Float64Array,
-) -> Real:  # fmt: skip
+def color_weight(frames: Frames, frame: Whole, row: Whole, column: Whole, depth: Real, lens: Float64Array) -> Real:
     """How well a frame shows the point at `depth` on a target pixel's ray: angle, resolution, distance to border and edges."""
+    matrix, offset, margin, center = frames.matrix, frames.offset, frames.margin, frames.center
     x, y = depth * (column + 0.5 - lens[2]) / lens[0], depth * (row + 0.5 - lens[3]) / lens[1]
     u, v, w = x - center[frame, 0], y - center[frame, 1], depth - center[frame, 2]
     here, there = math.sqrt(x * x + y * y + depth * depth), math.sqrt(u * u + v * v + w * w)
@@ -79,20 +122,18 @@ def color_weight(
 
 
 @inlined
-def shows(depth: Float32Array, origin: UInt8Array, frame: Whole, row: Whole, column: Whole, measured: Flag) -> Real:
+def shows(frames: Frames, frame: Whole, row: Whole, column: Whole, measured: Flag) -> Real:
     """The depth a frame shows in a pixel, if it is measured there, or if not; else 0."""
-    code = origin[frame, row, column]
-    return np.float64(depth[frame, row, column]) if (code != DEPTH_FILLED and code != ELSEWHERE) == measured else 0.0
+    code, depth = frames.origin[frame, row, column], frames.depth[frame, row, column]
+    return np.float64(depth) if (code != DEPTH_FILLED and code != ELSEWHERE) == measured else 0.0
 
 
 @inlined
-def nearest_behind(
-    depth: Float32Array, origin: UInt8Array, row: Whole, column: Whole, measured: Flag, behind: Real
-) -> Real:
+def nearest_behind(frames: Frames, row: Whole, column: Whole, measured: Flag, behind: Real) -> Real:
     """The nearest depth beyond `behind` that a frame shows: inf where only far is left, 0 where nothing is."""
     found = 0.0
-    for k in range(depth.shape[0]):
-        z = shows(depth, origin, k, row, column, measured)
+    for k in range(len(frames.depth)):
+        z = shows(frames, k, row, column, measured)
         if z > behind and (found == 0 or z < found):
             found = z
     return found
@@ -100,12 +141,12 @@ def nearest_behind(
 
 @inlined
 def mean_depth(
-    depth: Float32Array, origin: UInt8Array, row: Whole, column: Whole, measured: Flag, nearest: Real, limit: Real
+    frames: Frames, row: Whole, column: Whole, measured: Flag, nearest: Real, limit: Real
 ) -> tuple[Real, Whole]:
     """Mean depth of the surface between two depths, and how many frames show it; near measurements count more."""
     total, mean, support = 0.0, 0.0, 0
-    for k in range(depth.shape[0]):
-        z = shows(depth, origin, k, row, column, measured)
+    for k in range(len(frames.depth)):
+        z = shows(frames, k, row, column, measured)
         if nearest <= z <= limit:
             weight = 1.0 / (z * z)
             total, mean, support = total + weight, mean + weight * z, support + 1
@@ -113,17 +154,14 @@ def mean_depth(
 
 
 @inlined
-def shade(
-    row: Whole, column: Whole, measured: Flag, nearest: Real, limit: Real, mean: Real,
-    depth: Float32Array, color: UInt8Array, origin: UInt8Array, margin: Float32Array, matrix: Float64Array, offset: Float64Array,
-    center: Float64Array, lens: Float64Array, gain: Float64Array, out_color: UInt8Array, out_best: UInt16Array,
-) -> None:  # fmt: skip
+def shade(frames: Frames, row: Whole, column: Whole, seen: Seen, lens: Float64Array, out: Merged) -> None:
     """The colour of a surface: the weighted mean of the frames that show it, after their gains."""
+    color, gain = frames.color, frames.gain
     red, green, blue, total, most = 0.0, 0.0, 0.0, 0.0, 0.0
-    for k in range(depth.shape[0]):
-        z = shows(depth, origin, k, row, column, measured)
-        if nearest <= z <= limit:
-            w = color_weight(row, column, min(mean, FARTHEST), k, matrix, offset, margin, center, lens)
+    for k in range(len(frames.depth)):
+        z = shows(frames, k, row, column, seen.measured)
+        if seen.nearest <= z <= seen.limit:
+            w = color_weight(frames, k, row, column, min(seen.mean, FARTHEST), lens)
             r, g, b = (
                 np.float64(color[k, row, column, 0]), np.float64(color[k, row, column, 1]), np.float64(color[k, row, column, 2])
             )  # fmt: skip
@@ -139,69 +177,41 @@ def shade(
             total += w
             if w > most:
                 most = w
-                out_best[row, column] = k + 1
-    out_color[row, column, 0] = np.uint8(min(255.0, red / total + 0.5))
-    out_color[row, column, 1] = np.uint8(min(255.0, green / total + 0.5))
-    out_color[row, column, 2] = np.uint8(min(255.0, blue / total + 0.5))
+                out.best[row, column] = k + 1
+    out.color[row, column, 0] = np.uint8(min(255.0, red / total + 0.5))
+    out.color[row, column, 1] = np.uint8(min(255.0, green / total + 0.5))
+    out.color[row, column, 2] = np.uint8(min(255.0, blue / total + 0.5))
 
 
 @kernel
-def merge(
-    first: Whole,
-    last: Whole,
-    color: UInt8Array,
-    depth: Float32Array,
-    origin: UInt8Array,
-    confidence: Float32Array,
-    near: Float32Array,
-    margin: Float32Array,
-    matrix: Float64Array,
-    offset: Float64Array,
-    center: Float64Array,
-    lens: Float64Array,
-    gain: Float64Array,
-    noise: Float64Array,
-    out_color: UInt8Array,
-    out_depth: Float32Array,
-    out_origin: UInt8Array,
-    out_confidence: Float32Array,
-    out_best: UInt16Array,
-) -> None:
+def merge(first: Whole, last: Whole, frames: Frames, lens: Float64Array, noise: Float64Array, out: Merged) -> None:
     """For each pixel the nearest surface that the frames agree on: its mean depth and the colour of the best frames.
 
-    color, depth, origin, confidence: K x H x W (x 3), each of K frames drawn into the target: RGB, metres (0 = none, inf =
-    far), Origin codes. A surface is rejected if as many frames saw through it as show it; filled depths, and those of other
-    frames, count only where no measured one is left. near: K x h x w, each frame's own depth, the nearest of a neighbourhood;
-    margin: K x h x w, pixels to the frame's border or next depth edge. matrix, offset: frame px from target px. center: K x 4,
-    the frames' centres in the target's axes and their focal lengths; lens: fx, fy, cx, cy of the target. gain: K x 3. out_best:
-    1 + the index of the frame with the largest weight, whose origin and confidence the pixel gets, 0 = a hole; pixels where it
-    is set stay out.
+    A surface is rejected if as many frames saw through it as show it; filled depths, and those of other frames, count only where
+    no measured one is left. lens: fx, fy, cx, cy of the target; noise: of depth, as `tolerance` takes it.
     """
     for row in range(first, last):
-        for column in range(depth.shape[2]):
+        for column in range(out.best.shape[1]):
             for measured in (True, False):
                 behind = 0.0
-                while out_best[row, column] == 0:
-                    nearest = nearest_behind(depth, origin, row, column, measured, behind)
+                while out.best[row, column] == 0:
+                    nearest = nearest_behind(frames, row, column, measured, behind)
                     if nearest == 0:
                         break
                     limit, mean = nearest, nearest
                     if nearest < np.inf:
                         limit = nearest + tolerance(nearest, noise)
-                        mean, against = mean_depth(depth, origin, row, column, measured, nearest, limit)
-                        for k in range(depth.shape[0]):
-                            z = shows(depth, origin, k, row, column, measured)
+                        mean, against = mean_depth(frames, row, column, measured, nearest, limit)
+                        for k in range(len(frames.depth)):
+                            z = shows(frames, k, row, column, measured)
                             if not nearest <= z <= limit:
-                                against -= sees_through(row, column, mean, k, matrix, offset, near, noise)
+                                against -= sees_through(frames, k, row, column, mean, noise)
                         if against <= 0:
                             behind = limit
                             continue
-                    out_depth[row, column] = mean
-                    shade(
-                        row, column, measured, nearest, limit, mean, depth, color, origin, margin, matrix, offset, center, lens,
-                        gain, out_color, out_best,
-                    )  # fmt: skip
-                    best = out_best[row, column] - 1
-                    code = origin[best, row, column]
-                    out_origin[row, column] = REPROJECTED if code == ELSEWHERE else code
-                    out_confidence[row, column] = confidence[best, row, column]
+                    out.depth[row, column] = mean
+                    shade(frames, row, column, Seen(measured, nearest, limit, mean), lens, out)
+                    best = out.best[row, column] - 1
+                    code = frames.origin[best, row, column]
+                    out.origin[row, column] = REPROJECTED if code == ELSEWHERE else code
+                    out.confidence[row, column] = frames.confidence[best, row, column]

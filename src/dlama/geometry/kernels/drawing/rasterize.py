@@ -7,41 +7,45 @@ which makes the result independent of the number of threads.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.camera import Float64Array
 from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
 from dlama.geometry.kernels.drawing.chunks import (
     CHUNK,
     Box,
+    Vertices,
     box_at,
     chunk_boxes,
     chunk_meets,
     marked_within,
-    quad_span,
     span_chunks,
 )
 from dlama.geometry.kernels.jit import Real, Whole, inlined, kernel, piece
+from dlama.geometry.projection import PixelMap
 from dlama.geometry.rgbd import Float32Array, UInt8Array
 
+NEAR = 1e-3
+"""Near plane in metres."""
 HALF_WORD, LARGEST = np.uint64(32), np.uint64(2**32 - 1)
 """Bits of each half of a point (`as_point`), and the largest number that fits."""
 
 
+class ZBuffer(NamedTuple):
+    """The nearest surface in each target pixel."""
+
+    w: Float32Array
+    """H x W, inverse depth; 0 = empty."""
+    where: Float32Array
+    """H x W x 2, source column and row (vertex positions, so 0 is the first pixel)."""
+
+
 @piece
-def transform_row(
-    depth: Float32Array,
-    matrix: Float64Array,
-    offset: Float64Array,
-    near: Real,
-    row: Whole,
-    to: Whole,
-    out_x: Float32Array,
-    out_y: Float32Array,
-    out_w: Float32Array,
-) -> None:
-    """One row of vertices (pixel centres at their depth), to row `to` of the arrays of target pixels and inverse z."""
+def transform_row(depth: Float32Array, way: PixelMap, row: Whole, to: Whole, out: Vertices) -> None:
+    """One row of vertices (pixel centres at their depth), to row `to` of `out`."""
+    matrix, offset = way.matrix, way.offset
     v = row + 0.5
     a = matrix[0, 1] * v + matrix[0, 2]
     b = matrix[1, 1] * v + matrix[1, 2]
@@ -50,34 +54,19 @@ def transform_row(
         z = depth[row, column]
         u = column + 0.5
         ahead = z * (matrix[2, 0] * u + c) + offset[2]
-        seen = 0 < z < np.inf and ahead > near
+        seen = 0 < z < np.inf and ahead > NEAR
         inverse = 1.0 / ahead
-        out_x[to, column] = (z * (matrix[0, 0] * u + a) + offset[0]) * inverse
-        out_y[to, column] = (z * (matrix[1, 0] * u + b) + offset[1]) * inverse
-        out_w[to, column] = inverse if seen else 0.0
+        out.x[to, column] = (z * (matrix[0, 0] * u + a) + offset[0]) * inverse
+        out.y[to, column] = (z * (matrix[1, 0] * u + b) + offset[1]) * inverse
+        out.w[to, column] = inverse if seen else 0.0
 
 
 @kernel
-def transform(
-    first: Whole,
-    last: Whole,
-    depth: Float32Array,
-    matrix: Float64Array,
-    offset: Float64Array,
-    near: Real,
-    out_x: Float32Array,
-    out_y: Float32Array,
-    out_w: Float32Array,
-    spans: Float32Array,
-) -> None:
-    """Vertices into target pixels and inverse z; w = 0 (and x, y anything) where there is none, or none in front.
-
-    matrix: 3x3, K_target R K_source^-1; offset: K_target t. (eq. 1 of the paper, with both projections folded in) spans: of the
-    rows, as of `chunks.span_chunks`.
-    """
+def transform(first: Whole, last: Whole, depth: Float32Array, way: PixelMap, out: Vertices) -> None:
+    """Vertices into target pixels and inverse z (eq. 1 of the paper)."""
     for row in range(first, last):
-        transform_row(depth, matrix, offset, near, row, row, out_x, out_y, out_w)
-        span_chunks(out_y, out_w, row, spans)
+        transform_row(depth, way, row, row, out)
+        span_chunks(out, row)
 
 
 @kernel
@@ -85,32 +74,28 @@ def draw_points(
     first: Whole,
     last: Whole,
     depth: Float32Array,
-    matrix: Float64Array,
-    offset: Float64Array,
-    near: Real,
-    x: Float32Array,
-    y: Float32Array,
-    w: Float32Array,
+    way: PixelMap,
+    room: Vertices,
     place: NDArray[np.int32],
     nearest: NDArray[np.uint64],
     columns: Whole,
 ) -> None:
     """Nearest-pixel projection with a z-buffer (the paper's P', eq. 2): what is nearest in each target pixel, as `as_point`.
 
-    nearest: H W zeros; columns: W. x, y, w: 1 x width, place: width: room for a row of source pixels. All source rows are one
+    nearest: H W zeros; columns: W. room: a row, place: width: for a row of source pixels. All source rows are one
     band, for they share a z-buffer: those of several bands take longer to allocate than points to draw.
     """
     rows = len(nearest) // columns
     for row in range(first, last):
-        transform_row(depth, matrix, offset, near, row, 0, x, y, w)
+        transform_row(depth, way, row, 0, room)
         for column in range(depth.shape[1]):
-            px, py = x[0, column], y[0, column]
-            inside = (w[0, column] > 0) & (px >= 0) & (py >= 0) & (px < columns) & (py < rows)
+            px, py = room.x[0, column], room.y[0, column]
+            inside = (room.w[0, column] > 0) & (px >= 0) & (py >= 0) & (px < columns) & (py < rows)
             place[column] = np.int32(py) * np.int32(columns) + np.int32(px) if inside else np.int32(-1)
         for column in range(depth.shape[1]):
             if place[column] >= 0:
                 at = np.uint64(place[column])
-                nearest[at] = max(nearest[at], as_point(w[0, column], row * depth.shape[1] + column))
+                nearest[at] = max(nearest[at], as_point(room.w[0, column], row * depth.shape[1] + column))
 
 
 @piece
@@ -145,60 +130,41 @@ def quad_sides(joined: UInt8Array, row: Whole, column: Whole) -> Whole:
 def draw_surface(
     first: Whole,
     last: Whole,
-    x: Float32Array,
-    y: Float32Array,
-    w: Float32Array,
+    vertices: Vertices,
     joined: UInt8Array,
-    spans: Float32Array,
     count: NDArray[np.integer],
     boxes: NDArray[np.int32],
-    wbuf: Float32Array,
-    where: Float32Array,
+    out: ZBuffer,
 ) -> None:
     """The joined quads of the grid into target rows [first, last), z-buffered.
 
     count: summed-area table of the target pixels that count (`marked_within`), all others may come out as anything; without rows:
-    all count. wbuf: H x W float32 zeros; where: H x W x 2 source column, row.
+    all count. out: w is 0 at first.
     """
-    height, width = x.shape
-    columns, some = wbuf.shape[1], len(count) > 0
-    for row in range(height - 1):
-        for chunk in range(spans.shape[1]):
-            low, high = quad_span(spans, row, chunk)
-            if (
-                high < first
-                or low > last
-                or (some and not chunk_meets(x, w, row, chunk, low, high, first, last, count))
-            ):
+    columns, some = out.w.shape[1], len(count) > 0
+    for row in range(joined.shape[0] - 1):
+        for chunk in range(vertices.spans.shape[1]):
+            if not chunk_meets(vertices, row, chunk, first, last, count):
                 continue
-            begin, end, room = chunk * CHUNK, min(width - 1, (chunk + 1) * CHUNK), boxes[first]
-            chunk_boxes(x, y, w, row, begin, end, first, last, columns, room)
-            for n in range(end - begin):
+            room = boxes[first]
+            for n in range(chunk_boxes(vertices, row, chunk, first, last, columns, room)):
                 if room[0, n] > room[1, n] or room[2, n] > room[3, n]:
                     continue
-                sides, box = quad_sides(joined, row, begin + n), box_at(room, n)
+                column = chunk * CHUNK + n
+                sides, box = quad_sides(joined, row, column), box_at(room, n)
                 if sides == 0:
                     continue
                 if not some or marked_within(count, box[0], box[1], box[2], box[3]) > 0:
-                    draw_quad(x, y, w, row, begin + n, sides, box, wbuf, where)
+                    draw_quad(vertices, row, column, sides, box, out)
 
 
 @inlined
-def draw_quad(
-    x: Float32Array,
-    y: Float32Array,
-    w: Float32Array,
-    row: Whole,
-    column: Whole,
-    sides: Whole,
-    box: Box,
-    wbuf: Float32Array,
-    where: Float32Array,
-) -> None:
+def draw_quad(vertices: Vertices, row: Whole, column: Whole, sides: Whole, box: Box, out: ZBuffer) -> None:
     """One quad: two triangles where all four sides are joined, else the triangle of the corner whose two sides are.
 
     box: the target pixels to look at (left, right, upper, lower, inclusive).
     """
+    x, y, w = vertices.x, vertices.y, vertices.w
     # unsigned places are not checked for being negative
     upper, lower, left, right = np.uintp(row), np.uintp(row + 1), np.uintp(column), np.uintp(column + 1)
     wa, wb, wc, wd = w[upper, left], w[upper, right], w[lower, left], w[lower, right]
@@ -238,9 +204,9 @@ def draw_quad(
                 v0, v1, v2 = b0 * w0, b1 * w1, b2 * w2
                 inverse = v0 + v1 + v2
                 at_row, at_column = np.uintp(ty), np.uintp(tx)
-                if inverse > wbuf[at_row, at_column]:
-                    wbuf[at_row, at_column] = inverse
+                if inverse > out.w[at_row, at_column]:
+                    out.w[at_row, at_column] = inverse
                     across = (v0 if from_b else 0.0) + v1 + (v2 if to_d else 0.0)
                     down = (v1 if over_d else 0.0) + v2
-                    where[at_row, at_column, 0] = column + across / inverse
-                    where[at_row, at_column, 1] = row + down / inverse
+                    out.where[at_row, at_column, 0] = column + across / inverse
+                    out.where[at_row, at_column, 1] = row + down / inverse

@@ -7,6 +7,7 @@ everywhere blurs: on street frames turned by 10 degrees, LPIPS over what both ca
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -121,22 +122,34 @@ def at_pixel(color: UInt8Array, row: Whole, column: Whole) -> tuple[Real, Real, 
     return np.float32(color[row, column, 0]), np.float32(color[row, column, 1]), np.float32(color[row, column, 2])
 
 
+class MeshColors(NamedTuple):
+    """The colours of a mesh."""
+
+    joined: UInt8Array
+    """Which neighbours are joined (`mesh_grid`)."""
+    smooth: UInt8Array
+    """Where colours are read by splines (`smooth_quads`)."""
+    color: UInt8Array
+    """H x W x 3."""
+    knots: Float32Array
+    """Of the splines (`spline`)."""
+
+
 @inlined
-def surface_color(
-    su: Real, sv: Real, joined: UInt8Array, smooth: UInt8Array, color: UInt8Array, knots: Float32Array
-) -> tuple[Real, Real, Real]:
+def surface_color(su: Real, sv: Real, colors: MeshColors) -> tuple[Real, Real, Real]:
     """Colour at source column, row (0 = the first pixel's centre) of a mesh, never across its edges.
 
     Next to an edge: bilinear, where a corner that is cut off (two sides unjoined) counts nothing; the nearest pixel where
     none is joined.
     """
+    joined, color = colors.joined, colors.color
     height, width = joined.shape
     left, upper = np.int64(su), np.int64(sv)
     fu, fv = su - np.float32(left), sv - np.float32(upper)  # int64 - float32 would be float64
     if left >= width - 1 or upper >= height - 1 or (fu < 1e-3 and fv < 1e-3):
         return at_pixel(color, upper + (fv > HALF), left + (fu > HALF))
-    if smooth[upper, left]:
-        return smooth_color(knots, width, upper, left, fu, fv)
+    if colors.smooth[upper, left]:
+        return smooth_color(colors.knots, width, upper, left, fu, fv)
     sides = quad_sides(joined, upper, left)
     a = (ONE - fu) * (ONE - fv) if sides & 3 else ZERO
     b = fu * (ONE - fv) if sides & 5 else ZERO

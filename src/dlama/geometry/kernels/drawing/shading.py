@@ -3,14 +3,24 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.codes import Origin
-from dlama.geometry.kernels.drawing.rasterize import index_of, inverse_of, quad_sides
-from dlama.geometry.kernels.drawing.sampling import HALF, ONE, ZERO, bilinear, level, smooth_color, surface_color
+from dlama.geometry.kernels.drawing.rasterize import ZBuffer, index_of, inverse_of, quad_sides
+from dlama.geometry.kernels.drawing.sampling import (
+    HALF,
+    ONE,
+    ZERO,
+    MeshColors,
+    bilinear,
+    level,
+    smooth_color,
+    surface_color,
+)
 from dlama.geometry.kernels.jit import Flag, Real, Whole, inlined, kernel, piece
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 
@@ -29,73 +39,76 @@ def reprojected_origin(origin: Whole) -> Whole:
     return REPROJECTED if origin == MEASURED else origin
 
 
+class Planes(NamedTuple):
+    """The pixels of a layer, or those that are drawn."""
+
+    color: UInt8Array
+    """H x W x 3."""
+    depth: Float32Array
+    """H x W, 0 = empty."""
+    origin: UInt8Array
+    confidence: Float32Array
+    errors: Float32Array
+    """H x W x 2, expected errors; without rows where none are drawn."""
+
+
+class Sky(NamedTuple):
+    """The far pixels of a layer, and where a target may show them."""
+
+    far: BoolArray
+    """H x W of the layer."""
+    spans: NDArray[np.int64]
+    """First and last column (exclusive) of each target row (`layers.far_spans`)."""
+    blocks: UInt8Array
+    """H x W of the layer: 0; 1 where the four pixels from here on are far; 2 where those round them are, too
+    (`sampling.far_blocks`)."""
+
+
 @kernel
 def shade_surface(
-    first: Whole,
-    last: Whole,
-    wbuf: Float32Array,
-    where: Float32Array,
-    joined: UInt8Array,
-    smooth: UInt8Array,
-    color: UInt8Array,
-    knots: Float32Array,
-    average: Flag,
-    origin: UInt8Array,
-    confidence: Float32Array,
-    errors: Float32Array,
-    out_color: UInt8Array,
-    out_depth: Float32Array,
-    out_origin: UInt8Array,
-    out_confidence: Float32Array,
-    out_errors: Float32Array,
+    first: Whole, last: Whole, drawn: ZBuffer, colors: MeshColors, average: Flag, source: Planes, out: Planes
 ) -> None:
     """Colours of a surface drawing: read between source pixels, never across an edge (`sampling.surface_color`).
 
     Where the source is drawn smaller and `average`: the mean of up to MOST places along a target pixel's row, and as many along
     its column, if all lie in whole quads. They are a source pixel apart at most, so none lies beyond an edge.
-
-    wbuf: H x W inverse depth, 0 = empty; where: H x W x 2 source column, row (vertex positions, so 0 is the first pixel).
-    smooth: `sampling.smooth_quads`; knots: `sampling.spline`. errors: without rows where none are drawn.
     """
-    with_errors = len(errors) > 0
+    with_errors = len(source.errors) > 0
     for ty in range(first, last):
-        for tx in range(wbuf.shape[1]):
-            w = wbuf[ty, tx]
+        for tx in range(drawn.w.shape[1]):
+            w = drawn.w[ty, tx]
             if w <= 0:
                 continue
-            out_depth[ty, tx] = 1.0 / w
-            su, sv = where[ty, tx, 0], where[ty, tx, 1]
+            out.depth[ty, tx] = 1.0 / w
+            su, sv = drawn.where[ty, tx, 0], drawn.where[ty, tx, 1]
             nearest_row, nearest_column = np.int64(sv + HALF), np.int64(su + HALF)
-            out_origin[ty, tx] = reprojected_origin(origin[nearest_row, nearest_column])
-            out_confidence[ty, tx] = confidence[nearest_row, nearest_column]
+            out.origin[ty, tx] = reprojected_origin(source.origin[nearest_row, nearest_column])
+            out.confidence[ty, tx] = source.confidence[nearest_row, nearest_column]
             if with_errors:
                 for part in range(2):
-                    out_errors[ty, tx, part] = errors[nearest_row, nearest_column, part]
+                    out.errors[ty, tx, part] = source.errors[nearest_row, nearest_column, part]
             red, green, blue, count = ZERO, ZERO, ZERO, ZERO
             if average:
-                red, green, blue, count = sum_shrunk(wbuf, where, ty, tx, joined, smooth, color, knots)
+                red, green, blue, count = sum_shrunk(drawn, ty, tx, colors)
             if count > ZERO:
                 red, green, blue = red / count, green / count, blue / count
             else:
-                red, green, blue = surface_color(su, sv, joined, smooth, color, knots)
-            out_color[ty, tx, 0], out_color[ty, tx, 1], out_color[ty, tx, 2] = level(red), level(green), level(blue)
+                red, green, blue = surface_color(su, sv, colors)
+            set_color(out.color, ty, tx, red, green, blue)
 
 
 @inlined
-def sum_shrunk(
-    wbuf: Float32Array,
-    where: Float32Array,
-    ty: Whole,
-    tx: Whole,
-    joined: UInt8Array,
-    smooth: UInt8Array,
-    color: UInt8Array,
-    knots: Float32Array,
-) -> tuple[Real, Real, Real, Real]:
+def set_color(out: UInt8Array, row: Whole, column: Whole, red: Real, green: Real, blue: Real) -> None:
+    """The nearest levels in 0 .. 255."""
+    out[row, column, 0], out[row, column, 1], out[row, column, 2] = level(red), level(green), level(blue)
+
+
+@inlined
+def sum_shrunk(drawn: ZBuffer, ty: Whole, tx: Whole, colors: MeshColors) -> tuple[Real, Real, Real, Real]:
     """Summed red, green, blue of the places of a target pixel whose source is drawn smaller, and their number; number 0: it is
     not, or a place lies in no whole quad."""
-    across_u, across_v = stride(wbuf, where, ty, tx, ty, tx + 1)
-    down_u, down_v = stride(wbuf, where, ty, tx, ty + 1, tx)
+    across_u, across_v = stride(drawn, ty, tx, ty, tx + 1)
+    down_u, down_v = stride(drawn, ty, tx, ty + 1, tx)
     wide_2, high_2 = across_u * across_u + across_v * across_v, down_u * down_u + down_v * down_v
     red, green, blue = ZERO, ZERO, ZERO
     if wide_2 <= SHRUNK_2 and high_2 <= SHRUNK_2:
@@ -105,23 +118,23 @@ def sum_shrunk(
         aside = (np.float32(y) + HALF) / high - HALF
         for x in range(np.int64(wide)):
             along = (np.float32(x) + HALF) / wide - HALF
-            u = where[ty, tx, 0] + along * across_u + aside * down_u
-            v = where[ty, tx, 1] + along * across_v + aside * down_v
-            if not in_whole_quad(u, v, joined, smooth):
+            u = drawn.where[ty, tx, 0] + along * across_u + aside * down_u
+            v = drawn.where[ty, tx, 1] + along * across_v + aside * down_v
+            if not in_whole_quad(u, v, colors):
                 return red, green, blue, ZERO
-            r, g, b = surface_color(u, v, joined, smooth, color, knots)
+            r, g, b = surface_color(u, v, colors)
             red, green, blue = red + r, green + g, blue + b
     return red, green, blue, wide * high
 
 
 @piece
-def in_whole_quad(u: Real, v: Real, joined: UInt8Array, smooth: UInt8Array) -> Flag:
+def in_whole_quad(u: Real, v: Real, colors: MeshColors) -> Flag:
     """Whether a source column, row lies between four pixels that are all joined."""
-    height, width = joined.shape
+    height, width = colors.joined.shape
     left, upper = np.int64(u), np.int64(v)
     if u < 0 or v < 0 or left >= width - 1 or upper >= height - 1:
         return False
-    return smooth[upper, left] > 0 or quad_sides(joined, upper, left) == 15
+    return colors.smooth[upper, left] > 0 or quad_sides(colors.joined, upper, left) == 15
 
 
 @piece
@@ -131,9 +144,10 @@ def places(length_2: Real) -> Real:
 
 
 @inlined
-def stride(wbuf: Float32Array, where: Float32Array, ty: Whole, tx: Whole, y: Whole, x: Whole) -> tuple[Real, Real]:
+def stride(drawn: ZBuffer, ty: Whole, tx: Whole, y: Whole, x: Whole) -> tuple[Real, Real]:
     """Source columns and rows from a target pixel to its neighbour (y, x); 0, 0 where none is or it is too far on."""
-    if y >= wbuf.shape[0] or x >= wbuf.shape[1] or wbuf[y, x] <= 0:
+    w, where = drawn.w, drawn.where
+    if y >= w.shape[0] or x >= w.shape[1] or w[y, x] <= 0:
         return ZERO, ZERO
     u, v = where[y, x, 0] - where[ty, tx, 0], where[y, x, 1] - where[ty, tx, 1]
     if abs(u) > FARTHEST or abs(v) > FARTHEST:
@@ -142,65 +156,39 @@ def stride(wbuf: Float32Array, where: Float32Array, ty: Whole, tx: Whole, y: Who
 
 
 @kernel
-def shade_points(
-    first: Whole,
-    last: Whole,
-    nearest: NDArray[np.uint64],
-    color: UInt8Array,
-    origin: UInt8Array,
-    confidence: Float32Array,
-    out_color: UInt8Array,
-    out_depth: Float32Array,
-    out_origin: UInt8Array,
-    out_confidence: Float32Array,
-) -> None:
+def shade_points(first: Whole, last: Whole, nearest: NDArray[np.uint64], source: Planes, out: Planes) -> None:
     """Colours of a points drawing: each pixel shows its nearest point as it is.
 
-    nearest: H x W points (`rasterize.as_point`); color: pixels x 3, origin, confidence: pixels, as their indices count them.
+    nearest: H x W points (`rasterize.as_point`); source: in a row, as their indices count pixels.
     """
     for ty in range(first, last):
         for tx in range(nearest.shape[1]):
             w = inverse_of(nearest[ty, tx])
-            out_depth[ty, tx] = np.float32(1) / w if w > 0 else np.float32(0)
+            out.depth[ty, tx] = np.float32(1) / w if w > 0 else np.float32(0)
         for tx in range(nearest.shape[1]):
             if nearest[ty, tx] > 0:
-                source = index_of(nearest[ty, tx])
-                out_color[ty, tx, 0] = color[source, 0]
-                out_color[ty, tx, 1] = color[source, 1]
-                out_color[ty, tx, 2] = color[source, 2]
-                out_origin[ty, tx] = reprojected_origin(origin[source])
-                out_confidence[ty, tx] = confidence[source]
+                pixel = index_of(nearest[ty, tx])
+                out.color[ty, tx, 0] = source.color[pixel, 0]
+                out.color[ty, tx, 1] = source.color[pixel, 1]
+                out.color[ty, tx, 2] = source.color[pixel, 2]
+                out.origin[ty, tx] = reprojected_origin(source.origin[pixel])
+                out.confidence[ty, tx] = source.confidence[pixel]
 
 
 @kernel
 def shade_far(
-    first: Whole,
-    last: Whole,
-    matrix: Float64Array,
-    far: BoolArray,
-    spans: NDArray[np.int64],
-    blocks: UInt8Array,
-    color: UInt8Array,
-    knots: Float32Array,
-    origin: UInt8Array,
-    confidence: Float32Array,
-    out_color: UInt8Array,
-    out_depth: Float32Array,
-    out_origin: UInt8Array,
-    out_confidence: Float32Array,
+    first: Whole, last: Whole, matrix: Float64Array, sky: Sky, knots: Float32Array, source: Planes, out: Planes
 ) -> None:
     """The far layer behind everything: empty target pixels (depth 0) whose direction is far in the source.
 
-    matrix: 3x3, K_source R K_target^-1 (rotation alone: what is far does not shift when the camera moves).
-    far: H x W bool; spans: first and last column (exclusive) of each target row that may show it (`layers.far_spans`).
-    blocks: H x W, 0, 1 where the four pixels from here on are far, 2 where those round them are too (`sampling.far_blocks`):
-    the nearest pixel, bilinear or `sampling.smooth_color`.
+    matrix: 3x3, K_source R K_target^-1 (rotation alone: what is far does not shift when the camera moves). The colour is, by the
+    sky's blocks, that of the nearest pixel, bilinear or `sampling.smooth_color`.
     """
-    height, width = far.shape
+    height, width = sky.far.shape
     for ty in range(first, last):
         y = ty + 0.5
-        for tx in range(spans[ty, 0], spans[ty, 1]):
-            if out_depth[ty, tx] != 0:
+        for tx in range(sky.spans[ty, 0], sky.spans[ty, 1]):
+            if out.depth[ty, tx] != 0:
                 continue
             x = tx + 0.5
             ahead = matrix[2, 0] * x + matrix[2, 1] * y + matrix[2, 2]
@@ -212,20 +200,20 @@ def shade_far(
             if not (0 <= su < width and 0 <= sv < height):
                 continue
             column, row = np.int64(su), np.int64(sv)
-            if not far[row, column]:
+            if not sky.far[row, column]:
                 continue
-            out_depth[ty, tx] = np.inf
-            out_origin[ty, tx] = reprojected_origin(origin[row, column])
-            out_confidence[ty, tx] = confidence[row, column]
+            out.depth[ty, tx] = np.inf
+            out.origin[ty, tx] = reprojected_origin(source.origin[row, column])
+            out.confidence[ty, tx] = source.confidence[row, column]
             left, upper = math.floor(su - 0.5), math.floor(sv - 0.5)
             fu, fv = su - 0.5 - left, sv - 0.5 - upper
-            if not (0 <= left < width - 1 and 0 <= upper < height - 1) or blocks[upper, left] == 0:
+            if not (0 <= left < width - 1 and 0 <= upper < height - 1) or sky.blocks[upper, left] == 0:
                 for channel in range(3):  # not as a slice: it would take two seconds longer to compile
-                    out_color[ty, tx, channel] = color[row, column, channel]
+                    out.color[ty, tx, channel] = source.color[row, column, channel]
                 continue
-            if blocks[upper, left] == 2:
+            if sky.blocks[upper, left] == 2:
                 red, green, blue = smooth_color(knots, width, upper, left, fu, fv)
             else:
                 weights = (1 - fu) * (1 - fv), fu * (1 - fv), (1 - fu) * fv, fu * fv
-                red, green, blue = bilinear(color, upper, left, weights)
-            out_color[ty, tx, 0], out_color[ty, tx, 1], out_color[ty, tx, 2] = level(red), level(green), level(blue)
+                red, green, blue = bilinear(source.color, upper, left, weights)
+            set_color(out.color, ty, tx, red, green, blue)
