@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import shlex
+import shutil
 from pathlib import Path
 
 import cv2
@@ -79,6 +80,36 @@ def test_many_pictures_in_place_of_one(
     (command,) = re.findall("`dlama (batch [^`]+)`", line)
     main([*shlex.split(command), *options, "--dry-run"])
     assert capsys.readouterr().out.startswith(f"4 jobs (4 {verb}), 0 of them cannot be run")
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        ("mask ROOM --click 5,5 -o m.png", "ROOM: is a data set (layout tsdf-fusion), a picture is expected\n"),
+        ("mask FOLDER --click 5,5 -o m.png", "FOLDER: is a folder, a picture is expected\n"),
+        ("stereo FOLDER -o out", "FOLDER: is a folder, the left picture of a pair is expected\n"),
+        (
+            "stereo ROOM -o out",
+            "of a pair is expected; `dlama sequence` and `dlama video` take its frames as one scene\n",
+        ),
+        ("stereo PAIR -o out", "the left picture of a pair is expected; `dlama batch --data PAIR --verb stereo` takes"),
+        ("stereo PAIR/left.png -o out", "right is missing; stereo needs left, right, calib\n"),
+        ("stereo PAIR/left.png PAIR/right.png -o out", "--calib is missing; stereo needs left, right, calib\n"),
+    ],
+)
+def test_a_folder_in_place_of_one_picture_of_its_kind(
+    frame: Path, capsys: pytest.CaptureFixture[str], words: str, told: str
+) -> None:
+    """Law: one line that says what it is; it was a directory, and of `stereo` a table of what is missing."""
+    write_numbered(frame / "ROOM")
+    (frame / "ROOM" / "camera-intrinsics.txt").write_text(text_K(LENS))
+    (frame / "PAIR").mkdir()
+    for name in ("left.png", "right.png"):
+        shutil.copy(frame / "image.png", frame / "PAIR" / name)
+    (frame / "FOLDER").mkdir()
+    shutil.copy(frame / "image.png", frame / "FOLDER")
+    line = error_line(capsys, *(str(frame / one) if one[0].isupper() or one == "out" else one for one in words.split()))
+    assert told in line.replace(f"{frame}/", "")
 
 
 def test_a_result_in_place_of_a_picture(frame: Path, capsys: pytest.CaptureFixture[str]) -> None:

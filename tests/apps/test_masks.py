@@ -10,10 +10,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 from running import FAST, error_line, pixels, run
 
 import dlama
-from box_frame import small_frame
+from box_frame import CAMERA, WORLD, small_frame
 from dlama.apps.cli import main
 from dlama.apps.reading import mask_notes, remaining_shadow
 from dlama.jobs import inputs
@@ -86,6 +87,39 @@ def test_remove_takes_a_click_in_place_of_a_mask(tmp_path: Path, capsys: pytest.
     assert json.loads((out / "meta.json").read_text("utf-8"))["object_mask"]["clicks"] == [[30.0, 25.0]]
 
 
+def test_a_result_goes_on_without_a_further_object(frame: Path) -> None:
+    """By its scene.npz (oracle: the picture that the removal of both at once gives), or by image, depth and meta.json (oracle:
+    the plane at 4 m). `remove` and `mask` refused a scene, and meta.json was no camera."""
+    picture, rest = ["image.png", "depth.png"], ["--fov", "60", *FAST]
+    square = np.zeros((48, 64), np.uint8)
+    square[3:9, 50:58] = 255
+    Image.fromarray(square).save(frame / "square.png")
+    Image.fromarray(square | pixels(frame / "mask.png")).save(frame / "both.png")
+    both = pixels(run(frame, "remove", *picture, "both.png", *rest) / "image.png")
+    run(frame, "remove", *picture, "square.png", *rest, "--also", "scene").rename(frame / "first")
+    main(["mask", str(frame / "first" / "scene.npz"), "--click", "30,25", "-o", str(frame / "found.png")])
+    true, found = pixels(frame / "mask.png") > 0, pixels(frame / "found.png") > 0
+    assert (true ^ found).sum() < 0.05 * true.sum()
+    for words in (["mask.png"], ["--click", "30,25"]):
+        further = run(frame, "remove", "first/scene.npz", *words, *FAST)
+        assert (pixels(further / "image.png") == both).all() or "--click" in words
+        assert abs(pixels(further / "depth.png")[true].astype(float) - 4000).max() < 40
+    files = ["first/image.png", "first/depth.exr", "mask.png", "--camera", "first/meta.json"]
+    assert abs(pixels(run(frame, "remove", *files, *FAST) / "depth.png")[true].astype(float) - 4000).max() < 40
+
+
+def test_of_many_frames_the_middle_one_is_clicked(tmp_path: Path) -> None:
+    """Oracle: the object's own mask of that frame, given to the same scene."""
+    frames = [WORLD.rgbd(dlama.orbit(CAMERA, yaw, pivot=3)) for yaw in (-8, 0, 8)]
+    dlama.write(dlama.complete(dlama.scene(frames), [CAMERA], filler="telea"), tmp_path / "done", also=["scene"])
+    file, mask = str(tmp_path / "done" / "scene.npz"), WORLD.trace(CAMERA)[1] == 1
+    main(["remove", file, "--click", "30,25", *FAST, "--also", "mask", "-o", str(tmp_path / "out")])
+    found = pixels(tmp_path / "out" / "mask.png") > 0
+    assert (mask ^ found).sum() < 0.05 * mask.sum()
+    expected = dlama.remove(dlama.read_scene(file), {1: found}, filler="telea").view.color
+    np.testing.assert_array_equal(pixels(tmp_path / "out" / "image.png"), expected)
+
+
 def test_what_to_know_of_a_mask_is_in_the_last_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Law: of `mask` and of `remove` alike, once; a shadow that is not there has no share."""
     folder = small_frame(tmp_path)
@@ -119,8 +153,6 @@ def test_a_shadow_that_stays_is_in_the_last_line() -> None:
 
 def easysynth_frame(tmp_path: Path) -> Path:
     """The small frame in folders as EasySynth names them, with a semantic picture (the box is 255, 0, 0)."""
-    from PIL import Image
-
     folder = small_frame(tmp_path)
     for name in ("ColorImage", "SemanticImage"):
         (folder / name).mkdir()

@@ -22,7 +22,7 @@ from dlama.files.results.estimated_depth import FILES as FILES_OF_DEPTH
 from dlama.files.results.preview import tint
 from dlama.geometry.rgbd import RGBD, UInt8Array, describe_depth_range
 from dlama.jobs.early import check_options
-from dlama.jobs.inputs import JobInputs, Parameters, find_pointed, select
+from dlama.jobs.inputs import JobInputs, Parameters, find_pointed, is_scene, picture_of, select
 from dlama.jobs.parameters import PICTURE, POINTING, RESULTS, check_parameters, read_parameters
 from dlama.jobs.verbs import check_job, perform
 from dlama.perception.depth_scale import RULES, describe_depth_source
@@ -47,7 +47,7 @@ class Command(JobInputs):
         """
         if ADDRESS.match(str(output)):
             raise OutputError(f"`output` is {output}; a directory is expected, addresses are for `dlama batch` alone")
-        refuse_many(verb, files.get("image"))
+        refuse_many(verb, files.get("image", files.get("left")))
         check_folder_apart(output, files)
         given = given_files({**files, **others}) | given_options(*groups)
         parameters = check_parameters(verb, given, False, partial(check_job, verb))
@@ -74,6 +74,7 @@ class Command(JobInputs):
     def find_mask(self, files: Inputs, options: Parameters) -> tuple[dlama.ObjectMask, RGBD | UInt8Array]:
         """What the options point at in a picture, and that, with its depth where it is needed. InputError and its kin."""
         image = Path(str(files["image"]))
+        refuse_many("mask", image)
         given = given_files(files) | dict(options)
         p = read_parameters({**PICTURE, **POINTING}, given, partial(check_options, image=image))
         by_color = "salient" in p or "object_class" in p or p.get("masker", "rgbd") != "rgbd"
@@ -81,7 +82,8 @@ class Command(JobInputs):
         with warnings.catch_warnings():
             if not ("depth" in p or "with_shadow" in p):
                 warnings.filterwarnings("ignore", ASSUMED)
-            picture = self.read_picture(p) if needs_depth else self.read_color(p)
+            scene = is_scene(image)
+            picture = picture_of(self.read_source(p)) if needs_depth or scene else self.read_color(p)
         return find_pointed(picture, image, p)[0], picture
 
     def write_mask(self, found: dlama.ObjectMask, picture: RGBD | UInt8Array, output: Path, overlay: Path) -> None:
@@ -103,21 +105,31 @@ def refuse_many(verb: str, image: Path | str | None) -> None:
     from dlama.datasets.layouts import layout_of
     from dlama.datasets.text_tables import files_in
 
+    expected = f"{'the left picture of a pair' if verb == 'stereo' else 'a picture'} is expected"
     try:
         layout = layout_of(place, None)
     except InputError:
         if (place / "meta.json").is_file():  # a result: the error says so
             raise
-        if pictures := files_in(place, SUFFIXES):
-            which = f"--images '{place}/*{pictures[0].suffix}' --verb {verb}"
-            raise InputError(
-                f"{place}: is a folder, a picture is expected; `dlama batch {which}` takes all in it"
-            ) from None
-        return
-    takers = f"`dlama batch --data {place} --verb {'stereo' if layout == 'stereo' else verb}` takes each by itself"
-    if layout != "stereo" and verb != "depth":
-        takers = f"`dlama sequence` and `dlama video` take its frames as one scene, {takers}"
-    raise InputError(f"{place}: is a data set (layout {layout}), a picture is expected; {takers}")
+        pictures = files_in(place, SUFFIXES)
+        takers = (
+            f"; `dlama batch --images '{place}/*{pictures[0].suffix}' --verb {verb}` takes all in it"
+            if pictures
+            else ""
+        )
+        raise InputError(
+            f"{place}: is a folder, {expected}{takers if verb not in ('mask', 'stereo') else ''}"
+        ) from None
+    of_pairs = layout == "stereo"
+    takers = (
+        ""
+        if of_pairs or verb in ("depth", "mask")
+        else "; `dlama sequence` and `dlama video` take its frames as one scene"
+    )
+    if verb != "mask" and of_pairs >= (verb == "stereo"):
+        by_itself = f"`dlama batch --data {place} --verb {'stereo' if of_pairs else verb}` takes each by itself"
+        takers += f"{',' if takers else ';'} {by_itself}"
+    raise InputError(f"{place}: is a data set (layout {layout}), {expected}{takers}")
 
 
 def summary_line(meta: dict[str, Any], place: object, seconds: float) -> str:

@@ -63,7 +63,7 @@ def _open(root: Path, layout: str | None, options: Mapping[str, Any]) -> tuple[D
     except NoPairsError as error:
         name = layout or (SCENE if is_scene_file(root) else detect(root))
         dataset = Dataset(root.resolve().name, name, root, error.frames, ())
-        if len({frame.world_from_cam.tobytes() for frame in error.frames}) > 1:
+        if error.turned:
             found.append(Finding("no-overlap", "fault", 0.9, str(error)))
     return dataset, [*(Finding("frames", "note", 1.0, note) for note in noted), *found]
 

@@ -22,6 +22,7 @@ from dlama.files.rgbd import read_rgbd
 from dlama.files.scenes.scene_npz import read_scene
 from dlama.files.semantic_classes import semantic_picture
 from dlama.geometry.camera import StereoRig
+from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.geometry.scene import Scene
 from dlama.jobs.parameters import (
@@ -58,6 +59,19 @@ def select(p: Parameters, names: Collection[str]) -> dict[str, Any]:
 def path_of(p: Parameters, name: str) -> Path | None:
     """A file, where it is given."""
     return Path(p[name]) if name in p else None
+
+
+def is_scene(image: str | Path) -> bool:
+    """Whether what is given in place of a picture is called like a scene."""
+    return Path(image).suffix.lower() == ".npz"
+
+
+def picture_of(source: RGBD | Scene) -> RGBD:
+    """The picture that clicks and masks are of: of a scene what its middle frame's camera sees, fills included."""
+    if isinstance(source, RGBD):
+        return source
+    view = render(source, source.middle_frame.camera)
+    return RGBD(view.color, view.depth, view.camera, estimate={} if source.has_estimated_depth else None)
 
 
 def refuse_of_pictures(p: Parameters, kind: str, taken: Collection[str] = ()) -> None:
@@ -142,7 +156,7 @@ class JobInputs:
 
     def read_source(self, p: Parameters) -> RGBD | Scene:
         """The picture with its depth (estimated, where there is no file) and its camera; or a scene. InputError and its kin."""
-        if Path(p["image"]).suffix.lower() != ".npz":
+        if not is_scene(p["image"]):
             return self.read_picture(p)
         refuse_of_pictures(p, "a scene")
         self.inputs["scene"] = Path(p["image"])
@@ -186,7 +200,7 @@ class JobInputs:
         path = self.inputs[role] = Path(p[role])
         with self.reading(path):
             mask = read_mask(path, **select(p, MASKING))
-            if picture in p and Path(p[picture]).is_file():
+            if picture in p and Path(p[picture]).is_file() and not is_scene(p[picture]):
                 check_mask_fits(mask, path, Path(p[picture]))
             return mask
 

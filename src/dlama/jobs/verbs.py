@@ -13,8 +13,9 @@ from dlama.errors import InputError
 from dlama.files.cameras import read_camera
 from dlama.files.results.estimated_depth import write_depth
 from dlama.geometry.rgbd import RGBD
+from dlama.geometry.scene import Scene
 from dlama.jobs.early import check_options
-from dlama.jobs.inputs import JobInputs, Parameters, path_of, select
+from dlama.jobs.inputs import JobInputs, Parameters, path_of, picture_of, select
 from dlama.jobs.job import Job
 from dlama.jobs.parameters import METHOD, is_moved, is_pointed
 from dlama.jobs.storage import is_address
@@ -63,8 +64,11 @@ def _remove(this: JobInputs, p: Parameters, truth: Any) -> Completion:
     mask = this.read_removed(p, "image", getattr(truth, "mask", None))  # before depth is estimated, which takes longer
     if mask is None:
         raise InputError("no object to remove is given: give `mask=FILE`, `click=X,Y` on the object, or `box=X,Y,W,H`")
-    rgbd = this.read_picture(p) if truth is None else getattr(truth, "source", truth)
-    return remove(rgbd, mask(rgbd) if callable(mask) else mask, **target, **select(p, METHOD))
+    source = this.read_source(p) if truth is None else getattr(truth, "source", truth)
+    masks: Any = mask(picture_of(source)) if callable(mask) else mask
+    if isinstance(source, Scene) and len(source.frames) > 1:
+        masks = {source.numbers[len(source.numbers) // 2]: masks}
+    return remove(source, masks, **target, **select(p, METHOD))
 
 
 def _stereo(this: JobInputs, p: Parameters, truth: Any) -> Completion:

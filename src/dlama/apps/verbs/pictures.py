@@ -72,7 +72,8 @@ def remove(
     """The scene without an object: what it hid is restored, seen from the same place or from elsewhere.
 
     Args:
-        image: The colour picture: PNG, JPEG, WebP, TIFF or HEIC.
+        image: The colour picture: PNG, JPEG, WebP, TIFF or HEIC. Or the scene.npz of a result: masks and clicks are of
+            its middle frame.
         depth_and_mask: Its depth, same size (16-bit PNG or TIFF, EXR, PFM, NPY or NPZ; without it, it is estimated), and the
             object in the picture: black and white, 255 = remove; --click or --box say it in place of that file.
         mask: The mask, where its file does not follow the others.
@@ -86,9 +87,10 @@ def remove(
 
 def stereo(
     left: Positional[Annotated[Path, option("LEFT", None)]],
-    right: Positional[Annotated[Path, option("RIGHT", None)]],
+    right: Positional[Annotated[Path | None, option("RIGHT", None)]] = None,
     /,
-    calib: Annotated[Path, option("CALIB", None)],
+    *,
+    calib: Annotated[Path | None, option("CALIB", None)] = None,
     output: Output,
     move: Move,
     chosen: ObjectOptions,
@@ -115,9 +117,10 @@ def stereo(
         far: What is measured at or beyond this is far (sky).
     """
     with command("stereo", report) as this:
-        files = {"left": left, "right": right, "mask": mask, "mask_right": mask_right, "disparity": disparity}
+        files = {"left": left, "right": right, "calib": calib}
+        files |= {"mask": mask, "mask_right": mask_right, "disparity": disparity}
         check_of_object(given_options(chosen), mask, mask_right)
-        this.run("stereo", output, files, move, chosen, matching, completing, calib=calib, far=far)
+        this.run("stereo", output, files, move, chosen, matching, completing, far=far)
 
 
 def depth(
@@ -153,7 +156,7 @@ def mask(
     """The mask of an object that you point at: click on it, or draw a box around it.
 
     Args:
-        image: The colour picture: PNG, JPEG, WebP, TIFF or HEIC.
+        image: The colour picture: PNG, JPEG, WebP, TIFF or HEIC. Or a scene.npz: its middle frame.
         depth: Its depth, same size: 16-bit PNG or TIFF (millimetres), EXR, PFM, NPY or NPZ; without it, it is estimated
             where the masker needs it.
         output: The mask, 255 = the object; next to it MASK_overlay.png shows it in the picture.

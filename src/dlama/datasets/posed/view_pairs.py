@@ -35,11 +35,12 @@ EVERY_PIXEL = 8
 
 
 class NoPairsError(FileError):
-    """No frame shows what another one shows; it has the frames, for a diagnosis."""
+    """No case can be made of the frames; it has them, and whether any two turn as those of a case do, for a diagnosis."""
 
-    def __init__(self, message: str, frames: tuple[PosedFrame, ...]) -> None:
+    def __init__(self, message: str, frames: tuple[PosedFrame, ...], turned: bool = False) -> None:
         super().__init__(message)
         self.frames = frames
+        self.turned = turned
 
 
 def load_view(source: Callable[[], RGBD], target: Callable[[], RGBD], exposure_varies: bool) -> ViewTruth:
@@ -69,11 +70,11 @@ def posed_dataset(layout: str, root: Path, frames: Iterable[PosedFrame], limit: 
             f"{root}: holds {format_count(len(frames), 'frame')}; two or more of one scene are expected", frames
         )
     if not cases:
-        raise NoPairsError(
-            f"{root}: no two of its {len(frames)} frames overlap by {MIN_OVERLAP:.0%} and turn by "
-            f"{DEGREES[0]:g} to {DEGREES[-1]:g} degrees; are depth and poses in the same unit?",
-            frames,
-        )
+        turned = any(_turns(each, [one for one in frames if one.scene == each.scene]) for each in frames)
+        of_those = f"overlap by {MIN_OVERLAP:.0%} and turn" if turned else "turn"
+        unit = "; are depth and poses in the same unit?" if turned else ", as those of a case do"
+        degrees = f"{DEGREES[0]:g} to {DEGREES[-1]:g} degrees"
+        raise NoPairsError(f"{root}: no two of its {len(frames)} frames {of_those} by {degrees}{unit}", frames, turned)
     return Dataset(name, layout, root, frames, tuple(cases))
 
 
@@ -148,6 +149,13 @@ def _sample(depth: Float32Array, camera: Camera) -> tuple[Float64Array, Float32A
     small[~np.isfinite(small)] = 0
     local = (rays(camera)[rows[:, None], columns] * small[..., None])[small > 0]
     return transform_points(camera.world_from_cam, local), small, camera
+
+
+def _turns(source: PosedFrame, frames: Sequence[PosedFrame]) -> bool:
+    """Whether one of the frames turned away from the source as the target of a case does."""
+    rotations = np.stack([frame.world_from_cam[:3, :3] for frame in frames])
+    angles = rotation_deg(rotations, source.world_from_cam[:3, :3])
+    return bool(((angles >= DEGREES[0] - DEGREES_OFF) & (angles <= DEGREES[-1] + DEGREES_OFF)).any())
 
 
 def _targets(source: int, rotations: Float64Array, overlaps: Overlaps) -> Iterator[int]:

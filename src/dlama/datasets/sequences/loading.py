@@ -66,7 +66,8 @@ def read_scene_of(
     for name, error in errors.items():
         warn(f"frame {name} is left out: {error.marked}")
     damaged = {name: first_line(error) for name, error in errors.items()}
-    gathered = gather_views(list(views.values()), list(views))
+    called = [name if name.startswith("frame") else f"frame {name}" for name in views]
+    gathered = gather_views(list(views.values()), called)
     return LoadedScene(list(views), gathered, damaged, [frame.name for frame in every if frame.name not in kept])
 
 

@@ -64,7 +64,7 @@ ADVICE = {
     "a web page": "what it was to be was not downloaded",
 }
 """What to do with those of them that cannot be saved as PNG as they are."""
-TAKE_SCENES = "goes into view, photo3d, sequence, video and show (--also scene writes it)"
+TAKE_SCENES = "goes into view, remove, mask, photo3d, sequence, video and show (--also scene writes it)"
 OF_OTHER_VERBS = {
     **dict.fromkeys(
         (".bag", ".mcap", ".db3", ".mkv", ".r3d"), "a recording goes into sequence, photo3d, show and doctor"

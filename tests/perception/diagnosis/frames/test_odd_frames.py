@@ -197,15 +197,26 @@ def test_frames_far_apart_show_no_scale(seed: int, tmp_path: Path) -> None:
 
 
 def test_frames_of_several_sizes_are_named(tmp_path: Path) -> None:
-    """Oracle: `dlama sequence` refuses them."""
+    """Oracle: `dlama sequence` refuses them, and calls them so."""
     made = build(12, None, ())
     cameras = [dlama.orbit(made.camera(0, 96 if number == 2 else 128), 8.0 * number) for number in range(6)]
     write_frames(tmp_path, [made.frame(camera) for camera in cameras])
     sizes, understood = dlama.diagnose(tmp_path)
     assert (sizes.check, sizes.severity, understood.check) == ("frame-sizes", "fault", "understood")
     assert f"5 of 6 frames are 128x128, not {tmp_path.name}/2 (96x96); `dlama sequence` takes one size" in sizes.what
-    with pytest.raises(dlama.ShapeError, match="frames of one size are expected"):
+    with pytest.raises(dlama.ShapeError, match="frame 2 is 96x96 and frame 0 128x128; frames of one size are expected"):
         dlama.sequence(tmp_path, tmp_path / "out")
+
+
+def test_cameras_that_shift_sideways_are_fine(tmp_path: Path) -> None:
+    """Oracle: exact frames. That none turns, as cases of `dlama evaluate` do, was the fault "no-overlap"."""
+    made = build(12, None, ())
+    camera, right = made.camera(0, 128), np.zeros((4, 4))
+    right[0, 3] = 0.05
+    write_frames(tmp_path, [made.frame(camera.at(camera.world_from_cam + number * right)) for number in range(5)])
+    assert [each.check for each in dlama.diagnose(tmp_path)] == ["understood"]
+    with pytest.raises(dlama.FileError, match="no two of its 5 frames turn by 10 to 60 degrees, as those of a case do"):
+        open_dataset(tmp_path)
 
 
 @pytest.mark.parametrize("factor", first_quick([5.0, 0.2]))
