@@ -75,9 +75,9 @@ def test_checker_agrees_with_its_twin(seed: int) -> None:
 def test_push_back_finds_the_first_lawful_depth(seed: int) -> None:
     """Twin: a march in steps of 1e-4. The answer keeps the law, and nothing before it does, but for the tolerance."""
     frame, law, target, depth, where = setup(seed)
-    out, places, moved = depth.copy(), np.flatnonzero(where).astype(np.int32), depth[where]
-    kernels.push_back(0, len(places), places, moved, target.width, *px_from_px(frame.camera, target), frame.depth)
-    out[where] = moved
+    out, pixels = depth.copy(), kernels.Pixels(np.flatnonzero(where).astype(np.int32), depth[where], target.width)
+    kernels.push_back(0, len(pixels.places), pixels, px_from_px(frame.camera, target), frame.depth)
+    out[where] = pixels.depth
     np.testing.assert_array_equal(out[~where], depth[~where])
     still, unsure = twin.broken(target, out, where, frame.camera, frame.depth)
     assert not (still & ~unsure).any()

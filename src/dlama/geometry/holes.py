@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dlama.arguments import as_array
 from dlama.errors import InputError, MaskError
-from dlama.geometry.kernels.along_colors import nearest_by_color
+from dlama.geometry.kernels.along_colors import DepthCost, nearest_by_color
 from dlama.geometry.rgbd import BoolArray, Float32Array
 
 LARGE = 24
 """Radius in px from which a mask is dilated by a distance transform, whose time does not depend on the radius."""
-STEP, DEAREST, ROUNDS = 8.0, 60.0, 2
-"""For `nearest_by_color`: colour step in levels that doubles a path's cost, the largest cost of a step, sweeps there and back."""
+ROUNDS = 2
+"""Sweeps there and back of `nearest_by_color`."""
 
 
 def disc(radius: int) -> np.ndarray:
@@ -146,17 +144,6 @@ def _nearest_labels(known: BoolArray) -> tuple[Float32Array, NDArray[np.int32]]:
     return np.asarray(distance, np.float32), np.asarray(labels, np.int32)
 
 
-class DepthCost(NamedTuple):
-    """What it costs a path to reach a pixel whose measured depth is another surface's."""
-
-    w: Float32Array
-    """H x W inverse depth, 1/m; 0 = unknown."""
-    ratio: float
-    """Relative step of w between neighbours up to which they are one surface."""
-    added: float
-    """px."""
-
-
 def nearest_along_colors(
     color: Float32Array,
     known: BoolArray,
@@ -174,8 +161,8 @@ def nearest_along_colors(
     """
     source = np.where(known, np.arange(known.size, dtype=np.int32).reshape(known.shape), np.int32(-1))
     distance = np.where(known, np.float32(start), np.float32(longest))
-    w, ratio, added = against or DepthCost(np.zeros(known.shape, np.float32), 0.0, 0.0)
-    nearest_by_color(distance, source, free, color, STEP, DEAREST, w, ratio, added, ROUNDS)
+    nothing = DepthCost(np.zeros(known.shape, np.float32), 0.0, 0.0)
+    nearest_by_color(distance, source, free, color, against or nothing, ROUNDS)
     return source
 
 

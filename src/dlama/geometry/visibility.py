@@ -100,21 +100,11 @@ class Law:
     def violations(self, camera: Camera, depth: Float32Array, where: BoolArray) -> BoolArray:
         """H x W bool, True at pixels of `where` (H x W bool) whose `depth` (H x W metres, seen from `camera`) breaks the law."""
         broken, chosen = np.zeros(depth.shape, np.bool_), where & (depth > 0)
-        places, values = np.flatnonzero(chosen).astype(np.int32), depth[chosen]
-        found, width = np.zeros(len(places), np.bool_), depth.shape[1]
+        pixels = kernels.Pixels(np.flatnonzero(chosen).astype(np.int32), depth[chosen], depth.shape[1])
+        found = np.zeros(len(pixels.places), np.bool_)
         for source, measured in self.measured:
-            from_camera = px_from_px(source, camera)
-            in_bands(
-                kernels.violations,
-                len(places),
-                places,
-                values,
-                width,
-                *from_camera,
-                as_input(measured),
-                found,
-                band=BAND,
-            )
+            to_source = px_from_px(source, camera), as_input(measured)
+            in_bands(kernels.violations, len(found), pixels, *to_source, found, band=BAND)
         broken[chosen] = found
         return broken
 
@@ -134,12 +124,11 @@ class Law:
                 return out, moved
             if number:  # rounding to float32, or another source's law, brought it back over a border
                 out[broken] *= np.float32(1 + 1e-5 * 4**number)
-            places, values = np.flatnonzero(broken).astype(np.int32), out[broken]
+            pixels = kernels.Pixels(np.flatnonzero(broken).astype(np.int32), out[broken], out.shape[1])
             for source, measured in self.measured:
-                from_camera = px_from_px(source, camera)
-                to_source = *from_camera, as_input(measured)
-                in_bands(kernels.push_back, len(places), places, values, out.shape[1], *to_source, band=BAND)
-            out[broken] = values
+                to_source = px_from_px(source, camera), as_input(measured)
+                in_bands(kernels.push_back, len(pixels.places), pixels, *to_source, band=BAND)
+            out[broken] = pixels.depth
             broken = self.violations(camera, out, broken)  # all others are lawful as they were
         out[broken] = np.inf
         return out, moved

@@ -10,7 +10,7 @@ import pytest
 
 import dlama
 from dlama.geometry.camera import Camera
-from dlama.geometry.kernels.along_colors import nearest_by_color
+from dlama.geometry.kernels.along_colors import DEAREST, STEP, DepthCost, nearest_by_color
 from dlama.geometry.rgbd import RGBD
 from dlama.inpainters.missing_depth.along_colors import fill_along_colors
 from dlama.inpainters.missing_depth.kernels import conductances, relax
@@ -20,7 +20,7 @@ WIDTH, HEIGHT = 192, 144
 CAMERA = Camera.from_fov(WIDTH, HEIGHT, 60)
 
 
-def dijkstra(source: tuple[int, int], free: np.ndarray, color: np.ndarray, step: float, dearest: float) -> np.ndarray:
+def dijkstra(source: tuple[int, int], free: np.ndarray, color: np.ndarray) -> np.ndarray:
     """The slow twin: one known pixel, one queue, every way."""
     distance = np.full(free.shape, np.inf)
     distance[source] = 0
@@ -32,7 +32,7 @@ def dijkstra(source: tuple[int, int], free: np.ndarray, color: np.ndarray, step:
             if not (0 <= y < len(free) and 0 <= x < free.shape[1] and free[y, x]):
                 continue
             unlike = [
-                min(((color[y, x] - color[one]) ** 2).sum() / step**2, dearest) for one in ((row, column), source)
+                min(((color[y, x] - color[one]) ** 2).sum() / STEP**2, DEAREST) for one in ((row, column), source)
             ]
             there = here + np.hypot(dr, dc) * (1 + sum(unlike))
             if there < distance[y, x]:
@@ -53,8 +53,8 @@ def test_sweeps_find_the_shortest_ways(known: list[tuple[int, int]]) -> None:
     source, distance = np.full(free.shape, -1, np.int32), np.full(free.shape, 1e6, np.float32)
     for one in known:
         free[one], source[one], distance[one] = False, np.ravel_multi_index(one, free.shape), 0
-    nearest_by_color(distance, source, free, color, 20.0, 20.0, np.zeros_like(distance), 0.0, 0.0, 30)
-    each = {int(np.ravel_multi_index(one, free.shape)): dijkstra(one, free, color, 20.0, 20.0) for one in known}
+    nearest_by_color(distance, source, free, color, DepthCost(np.zeros_like(distance), 0.0, 0.0), 30)
+    each = {int(np.ravel_multi_index(one, free.shape)): dijkstra(one, free, color) for one in known}
     shortest = np.minimum.reduce(list(each.values()))
     there = free & np.isfinite(shortest)
     assert ((source >= 0) == (there | (distance == 0))).all()

@@ -65,9 +65,8 @@ def remove_flying_pixels(view: View, step: float = 0.0) -> tuple[Float32Array, B
     unknown = view.hole | mixed
     w = edges.inverse_with_margin(placed, unknown)
     depth, fly = np.empty_like(placed), np.empty_like(view.hole)
-    ratio = edge_ratio(view.camera)
-    least = max(step, step_by_noise(w, ratio))
-    in_bands(edges.reject_flying, len(depth), w, as_input(placed), unknown, ratio, least, depth, fly)
+    grid = edge_grid(w, view.camera, step)
+    in_bands(edges.reject_flying, len(depth), grid, as_input(placed), unknown, depth, fly)
     fly |= mixed
     w[edges.PAD : -edges.PAD, edges.PAD : -edges.PAD][fly] = 0
     return depth, fly, w
@@ -76,9 +75,14 @@ def remove_flying_pixels(view: View, step: float = 0.0) -> tuple[Float32Array, B
 def join_neighbours(w: Float32Array, camera: Camera, step: float = 0.0) -> UInt8Array:
     """H x W bits RIGHT (1), DOWN (2): is a pixel joined to its right, its lower one? w, step: as of `remove_flying_pixels`."""
     joined = np.empty(camera.hw, np.uint8)
-    ratio = edge_ratio(camera)
-    in_bands(edges.join, len(joined), w, ratio, max(step, step_by_noise(w, ratio)), joined)
+    in_bands(edges.join, len(joined), edge_grid(w, camera, step), joined)
     return joined
+
+
+def edge_grid(w: Float32Array, camera: Camera, step: float) -> edges.Grid:
+    """What kernels tell edges by. w, step: as of `remove_flying_pixels`."""
+    ratio = edge_ratio(camera)
+    return edges.Grid(w, ratio, max(step, step_by_noise(w, ratio)))
 
 
 def mesh_grid(view: View, step: float = 0.0) -> tuple[Float32Array, UInt8Array]:

@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import Origin
-from dlama.geometry.holes import DepthCost, dilate_square, fill_with_nearest, nearest_along_colors, square
+from dlama.geometry.holes import dilate_square, fill_with_nearest, nearest_along_colors, square
+from dlama.geometry.kernels.along_colors import DepthCost
 from dlama.geometry.kernels.jit import in_bands
-from dlama.geometry.kernels.picture_edges import ROOM, find_mixed, fit_planes
+from dlama.geometry.kernels.picture_edges import ROOM, Edges, find_mixed, fit_planes
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import View
@@ -39,11 +40,8 @@ WIDER = 3
 """Pixels beyond that reach that move, too, if colours agree: a fifth of the edges are farther off."""
 FARTHEST, CONTRARY = 30.0, 2.0
 """Longest path that moves a pixel; path length added by a pixel whose measured depth is another surface's."""
-RIM, MIXED, CONTRAST, SPREADS = 1, 0.3, 40.0, 2.0
-"""Radius in px round an edge (and its own two) of mixed pixels; the least share of the other side in them; the least colour
-difference of the sides (root of the sum over channels); the least deviation from their own side, in standard deviations."""
-UNLIKE = 60.0
-"""Colour difference (root of the sum over channels) from which two colours have no similarity."""
+RIM = 1
+"""Radius in px round an edge (and its own two) of mixed pixels."""
 BEHIND, OF = 2, 1024
 """Pixels behind an edge of estimated depth, of a picture whose longer side is the second, whose colours are not those of their
 surface: what stands before it is mixed in, and sharpening and JPEG leave a halo there."""
@@ -170,22 +168,9 @@ def move_edges(color: UInt8Array, depth: Float32Array, known: BoolArray, reach: 
     levels = color.astype(np.float32)
     out, room = np.empty_like(w), np.empty((len(w), ROOM), np.float32)
     target = find_other_surfaces(w, known, wide & known, levels, ratio)
-    in_bands(fit_planes, len(w), w, wide, target, levels, ratio, 2 * (reach + WIDER), UNLIKE, room, out)
+    in_bands(fit_planes, len(w), Edges(w, wide, levels, ratio, 2 * (reach + WIDER)), target, room, out)
     rim, neither = near_jumps(fill_with_nearest(out, known), RIM), np.empty_like(known)
-    in_bands(
-        find_mixed,
-        len(w),
-        out,
-        rim,
-        levels,
-        ratio,
-        2 * reach,
-        MIXED,
-        CONTRAST,
-        SPREADS,
-        room,
-        neither,
-    )
+    in_bands(find_mixed, len(w), Edges(out, rim, levels, ratio, 2 * reach), room, neither)
     depth = np.where(out != w, 1 / np.maximum(out, np.float32(1e-6)), depth)
     return AlignedDepth(depth.astype(np.float32), neither, band & known)
 

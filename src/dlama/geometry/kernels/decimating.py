@@ -5,13 +5,12 @@ longest side, again and again, until its legs are one pixel long. Diagonals lead
 two triangles at a longest side are halved together, and no crack opens (Evans, Kirkpatrick, Townsend: Right-Triangulated
 Irregular Networks, 2001). `halved` is 1 at the middles where that is done, on a lattice that may reach beyond the picture: places
 beyond stand for the nearest pixel of the last row or column, so that triangles there have no area.
-
-`flat` (H - 1) x (W - 1): 1 where the four pixels round a square are one surface; a triangle larger than a pixel covers no other.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from dlama.geometry.kernels.jit import Array, Flag, Real, Whole, kernel, piece
 
@@ -31,20 +30,23 @@ def ends(x0: Whole, y0: Whole, x1: Whole, y1: Whole, y: Whole, low: Real, high: 
     return min(low, x), max(high, x)
 
 
+class Relief(NamedTuple):
+    """Depth, and how far triangles may be off it."""
+
+    depth: Array
+    """H x W metres, 0 = none."""
+    flat: Array
+    """(H - 1) x (W - 1): 1 where the four pixels round a square are one surface, as larger triangles cover no others."""
+    share: Real
+    """Of the depth,"""
+    noise: Real
+    """and of inverse depth (1/m)."""
+
+
 @piece
-def fits(
-    depth: Array,
-    flat: Array,
-    share: Real,
-    noise: Real,
-    x0: Whole,
-    y0: Whole,
-    x1: Whole,
-    y1: Whole,
-    x2: Whole,
-    y2: Whole,
-) -> Flag:
+def fits(relief: Relief, x0: Whole, y0: Whole, x1: Whole, y1: Whole, x2: Whole, y2: Whole) -> Flag:
     """True if a triangle between three pixels lies on one surface and within the tolerances at each pixel that it covers."""
+    depth, flat, share, noise = relief
     area = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)
     if area == 0:
         return True
@@ -83,31 +85,17 @@ def fits(
 
 
 @piece
-def fits_clamped(
-    depth: Array,
-    flat: Array,
-    share: Real,
-    noise: Real,
-    x0: Whole,
-    y0: Whole,
-    x1: Whole,
-    y1: Whole,
-    x2: Whole,
-    y2: Whole,
-) -> Flag:
+def fits_clamped(relief: Relief, x0: Whole, y0: Whole, x1: Whole, y1: Whole, x2: Whole, y2: Whole) -> Flag:
     """`fits`, of corners on the lattice."""
-    right, bottom = depth.shape[1] - 1, depth.shape[0] - 1
-    return fits(
-        depth, flat, share, noise,
-        min(x0, right), min(y0, bottom), min(x1, right), min(y1, bottom), min(x2, right), min(y2, bottom),
-    )  # fmt: skip
+    right, bottom = relief.depth.shape[1] - 1, relief.depth.shape[0] - 1
+    x0, x1, x2 = min(x0, right), min(x1, right), min(x2, right)
+    return fits(relief, x0, min(y0, bottom), x1, min(y1, bottom), x2, min(y2, bottom))
 
 
 @kernel
-def halve_smallest(
-    first: Whole, last: Whole, depth: Array, flat: Array, share: Real, noise: Real, halved: Array
-) -> None:
+def halve_smallest(first: Whole, last: Whole, relief: Relief, halved: Array) -> None:
     """`halve_at_sides` of half 1 in the inside of the picture, where most of the work is: what `fits` says, in a few steps."""
+    depth, flat, share, noise = relief
     for row in range(max(first, 1), min(last, depth.shape[0] - 1)):
         for column in range(1 + row % 2, depth.shape[1] - 1, 2):
             down, right = row % 2, 1 - row % 2
@@ -123,19 +111,18 @@ def halve_smallest(
 
 
 @kernel
-def halve_at_sides(
-    first: Whole, last: Whole, depth: Array, flat: Array, share: Real, noise: Real, half: Whole, halved: Array
-) -> None:
+def halve_at_sides(first: Whole, last: Whole, relief: Relief, half: Whole, halved: Array) -> None:
     """Middles of the sides of the squares of size 2 * half, in rows of `half` pixels: 1 where the triangles there are halved.
 
     They are where a smaller one at this middle is, or where one of the two, which lead to the centres of squares, does not fit.
     """
+    height, width = relief.depth.shape
     tall, wide = halved.shape
     quarter = half // 2
     for row in range(first, last):
         y = row * half
         for x in range(half * (1 - row % 2), wide, 2 * half):
-            if half == 1 and 0 < x < depth.shape[1] - 1 and 0 < y < depth.shape[0] - 1:
+            if half == 1 and 0 < x < width - 1 and 0 < y < height - 1:
                 continue  # halve_smallest did it
             found = False
             if quarter > 0:
@@ -147,16 +134,12 @@ def halve_at_sides(
             for way in range(-1, 2, 2):
                 apex_y, apex_x = y + way * along_x, x + way * along_y
                 if not found and 0 <= apex_y < tall and 0 <= apex_x < wide:
-                    found = not fits_clamped(
-                        depth, flat, share, noise, x - along_x, y - along_y, x + along_x, y + along_y, apex_x, apex_y
-                    )
+                    found = not fits_clamped(relief, x - along_x, y - along_y, x + along_x, y + along_y, apex_x, apex_y)
             halved[y, x] = 1 if found else 0
 
 
 @kernel
-def halve_at_centres(
-    first: Whole, last: Whole, depth: Array, flat: Array, share: Real, noise: Real, size: Whole, halved: Array
-) -> None:
+def halve_at_centres(first: Whole, last: Whole, relief: Relief, size: Whole, halved: Array) -> None:
     """Centres of squares: 1 where the two triangles of one are halved: one at a side is, or one of the two does not fit."""
     half = size // 2
     for row in range(first, last):
@@ -171,5 +154,5 @@ def halve_at_centres(
             for way in range(2):
                 if not found:
                     apex_x, apex_y = (x, right_y) if way == 0 else (x + size, left_y)
-                    found = not fits_clamped(depth, flat, share, noise, x, left_y, x + size, right_y, apex_x, apex_y)
+                    found = not fits_clamped(relief, x, left_y, x + size, right_y, apex_x, apex_y)
             halved[y + half, x + half] = 1 if found else 0

@@ -7,6 +7,8 @@ Loaded only when something renders.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from dlama.geometry.kernels.jit import Flag, Real, Whole, kernel, piece
@@ -49,12 +51,21 @@ def is_slope(w: Float32Array, r: Whole, c: Whole, dr: Whole, dc: Whole) -> Flag:
     return beyond > 0 and abs(beyond - ahead - step) <= tolerance
 
 
-@kernel
-def join(first: Whole, last: Whole, w: Float32Array, ratio: Real, least: Real, out: UInt8Array) -> None:
-    """uint8 H x W: bit RIGHT / DOWN set where a vertex is joined to its right / lower neighbour.
+class Grid(NamedTuple):
+    """Inverse depth, and which steps of it between neighbours are one surface."""
 
-    Joined are slopes, and steps up to `ratio` of the larger inverse depth, or up to `least` (1/m), the noise, if that is more.
-    """
+    w: Float32Array
+    """With its margin."""
+    ratio: Real
+    """Steps up to this share of the larger inverse depth,"""
+    least: Real
+    """or up to this (1/m), the noise, if that is more."""
+
+
+@kernel
+def join(first: Whole, last: Whole, grid: Grid, out: UInt8Array) -> None:
+    """uint8 H x W: bit RIGHT / DOWN set where a vertex is joined to its right / lower neighbour, by a slope or a small step."""
+    w, ratio, least = grid
     surely = np.float32(ratio * 0.99999)  # a quick look in single precision first: few pixels need the exact one
     for row in range(first, last):
         r = row + PAD
@@ -89,20 +100,17 @@ def lies_between(here: Real, one: Real, other: Real, share: Real, least: Real) -
 def reject_flying(
     first: Whole,
     last: Whole,
-    w: Float32Array,
+    grid: Grid,
     depth: Float32Array,
     hole: BoolArray,
-    ratio: Real,
-    least: Real,
     out_depth: Float32Array,
     out_flying: BoolArray,
 ) -> None:
     """Vertices strictly between two surfaces along a row or a column, joined to neither: marked, and left out of the depth.
 
-    ratio, least: as of `join`.
-
     depth: H x W metres; out_depth: the same without holes and flying pixels (0).
     """
+    w, ratio, least = grid
     roughly = np.float32((1 - ratio) * 1.00001)
     for row in range(first, last):
         r = row + PAD

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -33,24 +35,41 @@ def closeness(side: Float32Array, y: Whole, x: Whole, step: Whole, reach: Real) 
     return 1.0 - min(abs(cell_at(side, y, x, step)) / reach, 1.0)
 
 
+class Border(NamedTuple):
+    """A picture, and a grid that has one cell in step x step of its pixels."""
+
+    color: UInt8Array
+    """H x W x 3."""
+    w: Float32Array
+    """Inverse depth (1/m),"""
+    middle: Float32Array
+    """that of the middle between the two surfaces,"""
+    side: Float32Array
+    """and signed distance to the edge in cells, > 0 on the near surface, of each cell."""
+    step: Whole
+    reach: Real
+    """The largest distance."""
+
+
+class Unmixed(NamedTuple):
+    """Of each pixel the near surface's share, H x W, and both surfaces' colours, H x W x 3."""
+
+    alpha: Float32Array
+    front: UInt8Array
+    back: UInt8Array
+
+
 @inlined
 def mark_samples(
-    row: Whole,
-    column: Whole,
-    offsets: NDArray[np.int32],
-    hw: tuple[Whole, Whole],
-    w: Float32Array,
-    between: Real,
-    step: Whole,
-    marks: UInt8Array,
+    border: Border, row: Whole, column: Whole, offsets: NDArray[np.int32], between: Real, marks: UInt8Array
 ) -> None:
     """Which of a pixel's samples are on the near surface, and which on the far one, into `marks` (K); `between`: inverse depth
-    between the two; hw: of the picture."""
+    between the two."""
     for k in range(len(offsets)):
         y, x = row + offsets[k, 0], column + offsets[k, 1]
         marks[k] = 0
-        if 0 <= y < hw[0] and 0 <= x < hw[1]:
-            there = cell_at(w, y, x, step)
+        if 0 <= y < border.color.shape[0] and 0 <= x < border.color.shape[1]:
+            there = cell_at(border.w, y, x, border.step)
             if there > 0:
                 marks[k] = NEAR_SAMPLE if there > between else FAR_SAMPLE
 
@@ -75,32 +94,23 @@ def mix(own: UInt8Array, near: UInt8Array, far: UInt8Array, hard: Real, prior: R
 def separate(
     first: Whole,
     last: Whole,
+    border: Border,
     pixels: NDArray[np.int32],
     offsets: NDArray[np.int32],
-    color: UInt8Array,
-    w: Float32Array,
-    middle: Float32Array,
-    side: Float32Array,
-    step: Whole,
-    reach: Real,
     room: UInt8Array,
-    alpha: Float32Array,
-    front: UInt8Array,
-    back: UInt8Array,
+    out: Unmixed,
 ) -> None:
     """Of each pixel the pair of samples, one of either surface, that mix to it best: the near one's share, and both colours.
 
-    pixels: N x 2, row and column; offsets: K x 2, of the samples (px). color: H x W x 3. Of the grid, one in step x step pixels:
-    w inverse depth (1/m), middle of the two surfaces' (1/m), side signed distance to the edge (cells; > 0 on the near one, reach
-    at most). room: N x K. Out: alpha H x W, front and back H x W x 3.
+    pixels: N x 2, row and column; offsets: K x 2, of the samples (px). room: N x K.
     """
-    hw = color.shape[0], color.shape[1]
+    color, side, step, reach = border.color, border.side, border.step, border.reach
     for n in range(first, last):
         row, column = pixels[n, 0], pixels[n, 1]
-        between, away = cell_at(middle, row, column, step), cell_at(side, row, column, step)
+        between, away = cell_at(border.middle, row, column, step), cell_at(side, row, column, step)
         hard = 1.0 if away > 0 else 0.0
         prior = PRIOR * PRIOR * (away / reach) * (away / reach)
-        mark_samples(row, column, offsets, hw, w, between, step, room[n])
+        mark_samples(border, row, column, offsets, between, room[n])
         best, share, nearest, farthest = np.inf, hard, -1, -1
         for i in range(len(offsets)):
             if room[n, i] != NEAR_SAMPLE:
@@ -117,11 +127,15 @@ def separate(
                 cost += MIXED * MIXED * (off * off + other * other)
                 if cost < best:
                     best, share, nearest, farthest = cost, a, i, j
-        alpha[row, column] = share
+        out.alpha[row, column] = share
         if farthest >= 0:
             for channel in range(3):
-                front[row, column, channel] = color[row + offsets[nearest, 0], column + offsets[nearest, 1], channel]
-                back[row, column, channel] = color[row + offsets[farthest, 0], column + offsets[farthest, 1], channel]
+                out.front[row, column, channel] = color[
+                    row + offsets[nearest, 0], column + offsets[nearest, 1], channel
+                ]
+                out.back[row, column, channel] = color[
+                    row + offsets[farthest, 0], column + offsets[farthest, 1], channel
+                ]
 
 
 @kernel

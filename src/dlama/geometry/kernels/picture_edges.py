@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from dlama.geometry.kernels.jit import Flag, Real, Whole, inlined, kernel, piece
 from dlama.geometry.rgbd import BoolArray, Float32Array
 
 ROOM = 10
 """Numbers that `fit` needs of a row."""
+UNLIKE = 60.0
+"""Colour difference (root of the sum over channels) from which two colours have no similarity."""
+MIXED, CONTRAST, SPREADS = 0.3, 40.0, 2.0
+"""Of mixed pixels, the least share of the other side; the least colour difference of the sides (root of the sum over channels);
+the least deviation from their own side, in standard deviations."""
 
 
 @piece
-def color_similarity(color: Float32Array, row: Whole, column: Whole, y: Whole, x: Whole, width: Real) -> Real:
-    """1 for one and the same colour, 0 from `width` (levels, root of the sum over the channels) on."""
+def color_similarity(color: Float32Array, row: Whole, column: Whole, y: Whole, x: Whole) -> Real:
+    """1 for one and the same colour, 0 from UNLIKE on."""
     red = color[y, x, 0] - color[row, column, 0]
     green = color[y, x, 1] - color[row, column, 1]
     blue = color[y, x, 2] - color[row, column, 2]
-    return max(0.0, 1.0 - (red * red + green * green + blue * blue) / (width * width))
+    return max(0.0, 1.0 - (red * red + green * green + blue * blue) / (UNLIKE * UNLIKE))
 
 
 @piece
@@ -30,26 +37,30 @@ def fit(room: Float32Array, row: Whole, otherwise: Real) -> Real:
     return (w * (xx * yy - xy * xy) - x * (wx * yy - xy * wy) + y * (wx * xy - xx * wy)) / determinant
 
 
+class Edges(NamedTuple):
+    """The surroundings of depth edges."""
+
+    w: Float32Array
+    """H x W inverse depth, 0 = unknown."""
+    rim: BoolArray
+    """H x W, near an edge, where w or the colour may be wrong."""
+    color: Float32Array
+    """H x W x 3 levels."""
+    ratio: Real
+    """Relative step of one surface between neighbours."""
+    radius: Whole
+    """px looked at."""
+
+
 @kernel
 def fit_planes(
-    first: Whole,
-    last: Whole,
-    w: Float32Array,
-    band: BoolArray,
-    target: Float32Array,
-    color: Float32Array,
-    ratio: Real,
-    radius: Whole,
-    width: Real,
-    room: Float32Array,
-    out: Float32Array,
+    first: Whole, last: Whole, edges: Edges, target: Float32Array, room: Float32Array, out: Float32Array
 ) -> None:
     """Where `target` is not 0, the inverse depth of the plane through known pixels near by that are as near as it, least squares.
 
-    w: H x W, 0 = unknown; band: H x W, where w may be wrong: a pixel there counts a tenth; target: H x W; color: H x W x 3
-    float32: pixels `width` levels apart do not count. ratio: relative step of one surface between neighbours; radius: px looked
-    at; room: H x ROOM. out: H x W, elsewhere w.
+    A pixel at the rim counts a tenth, one whose colour is UNLIKE nothing. target: H x W; room: H x ROOM. out: H x W, elsewhere w.
     """
+    w, band, color, ratio, radius = edges
     rows, columns = w.shape
     for row in range(first, last):
         for column in range(columns):
@@ -64,7 +75,7 @@ def fit_planes(
                     there = w[y, x]
                     if there <= 0 or abs(there - best) > ratio * (2.0 + radius) * best:
                         continue
-                    weight = color_similarity(color, row, column, y, x, width) * (1.0 if not band[y, x] else 0.1)
+                    weight = color_similarity(color, row, column, y, x) * (1.0 if not band[y, x] else 0.1)
                     right, down = float(x - column), float(y - row)
                     room[row, 0] += weight
                     room[row, 1] += weight * right
@@ -87,18 +98,10 @@ def is_one_surface(one: Real, other: Real, ratio: Real, down: Real, right: Real)
 
 
 @inlined
-def sum_sides(
-    w: Float32Array,
-    rim: BoolArray,
-    color: Float32Array,
-    ratio: Real,
-    radius: Whole,
-    row: Whole,
-    column: Whole,
-    room: Float32Array,
-) -> None:
-    """Number and summed colours of the pixels within `radius` beyond the rim: of the own surface into room[row, :4], of nearer
+def sum_sides(edges: Edges, row: Whole, column: Whole, room: Float32Array) -> None:
+    """Number and summed colours of the pixels within the radius beyond the rim: of the own surface into room[row, :4], of nearer
     ones into room[row, 4:8]."""
+    w, rim, color, ratio, radius = edges
     here = w[row, column]
     for k in range(8):
         room[row, k] = 0
@@ -117,18 +120,10 @@ def sum_sides(
 
 
 @inlined
-def spread_along(
-    w: Float32Array,
-    rim: BoolArray,
-    color: Float32Array,
-    ratio: Real,
-    radius: Whole,
-    row: Whole,
-    column: Whole,
-    room: Float32Array,
-) -> Real:
+def spread_along(edges: Edges, row: Whole, column: Whole, room: Float32Array) -> Real:
     """Sum of the squares of how far the own surface's colours are from their mean (room[row, 1:4]) along the way to the nearer
     side's (room[row, 5:8])."""
+    w, rim, color, ratio, radius = edges
     spread = 0.0
     for y in range(max(0, row - radius), min(w.shape[0], row + radius + 1)):
         for x in range(max(0, column - radius), min(w.shape[1], column + radius + 1)):
@@ -142,43 +137,27 @@ def spread_along(
 
 
 @kernel
-def find_mixed(
-    first: Whole,
-    last: Whole,
-    w: Float32Array,
-    rim: BoolArray,
-    color: Float32Array,
-    ratio: Real,
-    radius: Whole,
-    share: Real,
-    contrast: Real,
-    spreads: Real,
-    room: Float32Array,
-    out: BoolArray,
-) -> None:
-    """True at pixels behind the rim with at least a `share` of the nearer side's colour.
-
-    rim: H x W, within RIM of an edge; contrast: least difference of the sides' mean colours in levels; spreads: least deviation
-    from the own side's colour in standard deviations; other arguments as of `fit_planes`.
-    """
+def find_mixed(first: Whole, last: Whole, edges: Edges, room: Float32Array, out: BoolArray) -> None:
+    """True at pixels behind the rim with at least a share of MIXED of the nearer side's colour. room: H x ROOM."""
+    w, rim, color = edges.w, edges.rim, edges.color
     for row in range(first, last):
         for column in range(w.shape[1]):
             out[row, column] = False
             if not rim[row, column] or w[row, column] <= 0:
                 continue
-            sum_sides(w, rim, color, ratio, radius, row, column, room)
+            sum_sides(edges, row, column, room)
             if room[row, 0] < 3 or room[row, 4] < 3:
                 continue
             for k in range(3):
                 room[row, 1 + k] /= room[row, 0]
                 room[row, 5 + k] = room[row, 5 + k] / room[row, 4] - room[row, 1 + k]
             apart = room[row, 5] ** 2 + room[row, 6] ** 2 + room[row, 7] ** 2
-            if apart < contrast * contrast:
+            if apart < CONTRAST * CONTRAST:
                 continue
             along = 0.0
             for k in range(3):
                 along += (color[row, column, k] - room[row, 1 + k]) * room[row, 5 + k]
-            if along < share * apart:
+            if along < MIXED * apart:
                 continue
-            spread = spread_along(w, rim, color, ratio, radius, row, column, room)
-            out[row, column] = along * along * room[row, 0] > spreads * spreads * spread
+            spread = spread_along(edges, row, column, room)
+            out[row, column] = along * along * room[row, 0] > SPREADS * SPREADS * spread

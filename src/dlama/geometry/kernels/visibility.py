@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.kernels.jit import Flag, Real, Whole, kernel, piece
+from dlama.geometry.projection import PixelMap
 from dlama.geometry.rgbd import BoolArray, Float32Array
 
 
@@ -55,26 +58,26 @@ def breaks_law(ax: Real, ay: Real, az: Real, offset: Float64Array, depth: Real, 
     return limit == np.inf or z < limit - tolerance(limit)
 
 
+class Pixels(NamedTuple):
+    """Some pixels of a picture."""
+
+    places: NDArray[np.int32]
+    """N, their flat numbers."""
+    depth: Float32Array
+    """N, > 0."""
+    width: Whole
+    """Of the picture."""
+
+
 @kernel
 def violations(
-    first: Whole,
-    last: Whole,
-    places: NDArray[np.int32],
-    depth: Float32Array,
-    width: Whole,
-    matrix: Float64Array,
-    offset: Float64Array,
-    measured: Float32Array,
-    out: BoolArray,
+    first: Whole, last: Whole, pixels: Pixels, to_source: PixelMap, measured: Float32Array, out: BoolArray
 ) -> None:
-    """Mark, in `out`, those of the pixels first..last whose depth breaks the law of one source.
-
-    places: N, flat numbers of the pixels in a picture of that width; depth: N, > 0; matrix, offset: source px from target px.
-    """
+    """Mark, in `out`, those of the pixels first..last whose depth breaks the law of one source."""
     for n in range(first, last):
         if not out[n]:
-            ax, ay, az = ray(matrix, *pixel_at(places[n], width))
-            out[n] = breaks_law(ax, ay, az, offset, np.float64(depth[n]), measured)
+            ax, ay, az = ray(to_source.matrix, *pixel_at(pixels.places[n], pixels.width))
+            out[n] = breaks_law(ax, ay, az, to_source.offset, np.float64(pixels.depth[n]), measured)
 
 
 @piece
@@ -122,17 +125,8 @@ def lawful_depth(ax: Real, ay: Real, az: Real, offset: Float64Array, depth: Real
 
 
 @kernel
-def push_back(
-    first: Whole,
-    last: Whole,
-    places: NDArray[np.int32],
-    depth: Float32Array,
-    width: Whole,
-    matrix: Float64Array,
-    offset: Float64Array,
-    measured: Float32Array,
-) -> None:
-    """Move the pixels first..last (`depth`, in place) outwards until they keep the law of one source. Arguments: `violations`."""
+def push_back(first: Whole, last: Whole, pixels: Pixels, to_source: PixelMap, measured: Float32Array) -> None:
+    """Move the pixels first..last (their depth, in place) outwards until they keep the law of one source."""
     for n in range(first, last):
-        ax, ay, az = ray(matrix, *pixel_at(places[n], width))
-        depth[n] = lawful_depth(ax, ay, az, offset, np.float64(depth[n]), measured)
+        ax, ay, az = ray(to_source.matrix, *pixel_at(pixels.places[n], pixels.width))
+        pixels.depth[n] = lawful_depth(ax, ay, az, to_source.offset, np.float64(pixels.depth[n]), measured)

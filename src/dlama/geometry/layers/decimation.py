@@ -147,13 +147,13 @@ def halving_tree(depth: Float32Array, flat: BoolArray, share: float, noise: floa
     halved = np.zeros((rows * LARGEST + 1, columns * LARGEST + 1), np.uint8)
     if min(depth.shape) < 2:
         return halved
-    cells = flat.view(np.uint8)
-    in_bands(kernels.halve_smallest, len(depth), depth, cells, share, noise, halved)
+    relief = kernels.Relief(depth, flat.view(np.uint8), share, noise)
+    in_bands(kernels.halve_smallest, len(depth), relief, halved)
     size = 2
     while size <= LARGEST:
         half = size // 2
-        in_bands(kernels.halve_at_sides, (len(halved) - 1) // half + 1, depth, cells, share, noise, half, halved)
-        in_bands(kernels.halve_at_centres, (len(halved) - 1) // size, depth, cells, share, noise, size, halved)
+        in_bands(kernels.halve_at_sides, (len(halved) - 1) // half + 1, relief, half, halved)
+        in_bands(kernels.halve_at_centres, (len(halved) - 1) // size, relief, size, halved)
         size *= 2
     return halved
 

@@ -18,7 +18,7 @@ from dlama.geometry.drawing.grid_mesh import join_neighbours, mesh_grid
 from dlama.geometry.holes import fill_with_nearest, nearest_known, repeat_cells
 from dlama.geometry.kernels.depth_edges import DOWN, RIGHT, inverse_with_margin
 from dlama.geometry.kernels.jit import in_bands
-from dlama.geometry.kernels.matting import separate, smooth
+from dlama.geometry.kernels.matting import Border, Unmixed, separate, smooth
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import View
@@ -109,8 +109,8 @@ def find_soft_edges(color: UInt8Array, w: Float32Array, joined: UInt8Array, step
     rings = np.array(RINGS)[:, None] * reach * step
     offsets = np.rint(np.stack([rings * np.sin(turns), rings * np.cos(turns)], 2)).astype(np.int32).reshape(-1, 2)
     room = np.empty((len(pixels), len(offsets)), np.uint8)
-    grid = w, middle, side, step, float(reach)
-    in_bands(separate, len(pixels), pixels, offsets, color, *grid, room, alpha, front, back, band=1024)
+    border, out = Border(color, w, middle, side, step, float(reach)), Unmixed(alpha, front, back)
+    in_bands(separate, len(pixels), border, pixels, offsets, room, out, band=1024)
     smoothed = np.empty(len(pixels), np.float32)
     in_bands(smooth, len(pixels), pixels, color, alpha, smoothed, band=1024)
     at = pixels[:, 0], pixels[:, 1]

@@ -11,6 +11,7 @@ import numpy as np
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.kernels.jit import Real, Whole, kernel, piece
 from dlama.geometry.kernels.visibility import ray, tolerance
+from dlama.geometry.projection import PixelMap
 from dlama.geometry.rgbd import BoolArray, Float32Array
 
 NUDGE = 1e-9
@@ -91,19 +92,18 @@ def limits(
     last: Whole,
     truth: Float32Array,
     where: BoolArray,
-    matrix: Float64Array,
-    offset: Float64Array,
+    to_source: PixelMap,
     measured: Float32Array,
     out: Float64Array,
 ) -> None:
     """out (float64 H x W inverse depths): made no larger than the law of one source allows at the pixels of `where`.
 
-    truth: H x W inverse depth (1/m, 0 = far); matrix, offset: source px from target px; measured: source depth.
+    truth: H x W inverse depth (1/m, 0 = far); measured: source depth.
     """
     for row in range(first, last):
         for column in range(truth.shape[1]):
             if where[row, column]:
-                ax, ay, az = ray(matrix, row, column)
-                found = limit_on_ray(ax, ay, az, offset, np.float64(truth[row, column]), measured)
+                ax, ay, az = ray(to_source.matrix, row, column)
+                found = limit_on_ray(ax, ay, az, to_source.offset, np.float64(truth[row, column]), measured)
                 if found < out[row, column]:
                     out[row, column] = found

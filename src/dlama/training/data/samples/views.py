@@ -42,7 +42,7 @@ def law_limit(law: Law, camera: Camera, truth: Float32Array, where: BoolArray) -
     truth, where = np.require(truth, np.float32, ["C", "W"]), np.require(where, np.bool_, ["C", "W"])  # one signature
     for source, measured in law.measured:
         measured = np.require(measured, np.float32, ["C", "W"])
-        in_bands(limits, len(truth), truth, where, *px_from_px(source, camera), measured, found)
+        in_bands(limits, len(truth), truth, where, px_from_px(source, camera), measured, found)
     return found.astype(np.float32)
 
 
