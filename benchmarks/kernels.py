@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from numba.core.types import Array, NamedTuple
+from numba.core.types import Array, BaseNamedTuple
 
 import dlama
 from dlama.geometry.kernels.jit import KernelCache
@@ -90,7 +90,7 @@ def word(kind: object) -> str:
     """A type as `numba_type` reads it."""
     if isinstance(kind, Array):
         return f"{kind.dtype}.{kind.ndim}{kind.layout}{'' if kind.mutable else 'r'}"
-    if isinstance(kind, NamedTuple):
+    if isinstance(kind, BaseNamedTuple):
         own = kind.instance_class
         return f"{own.__module__}:{own.__name__}({','.join(map(word, kind.types))})"
     return str(kind)

@@ -27,6 +27,7 @@ def test_types_round_trip() -> None:
         assert ahead.numba_type(word) == typeof(value)
     drawn = ZBuffer(np.zeros((2, 2), np.float32), np.zeros((2, 2, 2), np.float32))
     assert ahead.numba_type(f"{ZBuffer.__module__}:ZBuffer(float32.2C,float32.3C)") == typeof(drawn)
+    assert ahead.numba_type(f"{ZBuffer.__module__}:ZBuffer(float32.2C,float32.2C)") == typeof(ZBuffer(drawn.w, drawn.w))
     assert ahead.numba_type("int64") == typeof(3) and ahead.numba_type("float64") == typeof(0.5)
 
 

@@ -34,7 +34,7 @@ def numba_type(word: str) -> Any:
     types: Any = import_module("numba").types
     if word.endswith(")"):
         name, _, inside = word[:-1].partition("(")
-        return types.NamedTuple([numba_type(each) for each in inside.split(",")], pkgutil.resolve_name(name))
+        return types.BaseTuple.from_types([numba_type(each) for each in inside.split(",")], pkgutil.resolve_name(name))
     name, _, layout = word.partition(".")
     number = getattr(types, "boolean" if name == "bool" else name)
     return types.Array(number, int(layout[0]), layout[1], readonly=layout.endswith("r")) if layout else number

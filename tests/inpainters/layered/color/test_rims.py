@@ -14,7 +14,7 @@ from dlama.geometry.visibility import Law
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.layered import filler
 from dlama.inpainters.layered.color.rims import blend_at_rim
-from dlama.inpainters.layered.kernels.rims import mean_known
+from dlama.inpainters.layered.kernels.rims import APART, Picture, mean_known
 
 HW = 24, 30
 
@@ -41,8 +41,8 @@ def test_the_kernel_agrees_with_its_slow_twin() -> None:
     known = np.where(where, -2, label).astype(np.int8)
     places = np.flatnonzero(where).astype(np.int32)
     got, found = np.zeros((len(places), 3), np.float32), np.empty(len(places), bool)
-    mean_known(0, len(places), color, places, known, label, w, 3, 0.08, got, found)
-    wanted, there = beside_slowly(color, where, known, label, w, 3, 0.08)
+    mean_known(0, len(places), Picture(color, known, label, w), places, 3, got, found)
+    wanted, there = beside_slowly(color, where, known, label, w, 3, APART)
     np.testing.assert_array_equal(found, there[where])
     np.testing.assert_allclose(got, wanted[where], rtol=1e-5)
     assert found.sum() > 100

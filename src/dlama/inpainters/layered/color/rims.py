@@ -15,7 +15,7 @@ from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.inpainters.layered.color.texture_grid import UNTRUSTED
 from dlama.inpainters.layered.kernels.cells import trusted_sources
-from dlama.inpainters.layered.kernels.rims import mean_known
+from dlama.inpainters.layered.kernels.rims import Picture, mean_known
 from dlama.perception.planes import SKY
 
 FADES = 2.5
@@ -25,8 +25,6 @@ LEAST = 0.02
 """Least weight that changes a pixel."""
 REACH = 10
 """Radius in px of the known pixels that count."""
-APART = 0.08
-"""Largest relative difference of inverse depth within one surface: no plane is many objects."""
 BAND = 2048
 """Pixels per task."""
 
@@ -48,8 +46,8 @@ def blend_at_rim(
     own = trusted_sources(hole, w, label, 1) & ~spoiled
     known, depth = np.where(own, label, np.int8(UNTRUSTED)), np.where(label == SKY, np.float32(1), w)
     near, found = np.zeros((len(places), 3), np.float32), np.empty(len(places), np.bool_)
-    marks = np.ascontiguousarray(color), places, known, label, depth
-    in_bands(mean_known, len(places), *marks, REACH, APART, near, found, band=BAND)
+    picture = Picture(np.ascontiguousarray(color), known, label, depth)
+    in_bands(mean_known, len(places), picture, places, REACH, near, found, band=BAND)
     out, places = color.copy(), places[found]
     painted = color.reshape(-1, 3)[places]
     out.reshape(-1, 3)[places] = np.clip(np.round(painted + share[found, None] * (near[found] - painted)), 0, 255)

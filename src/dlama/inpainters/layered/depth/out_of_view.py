@@ -21,7 +21,7 @@ from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.projection import rays
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.inpainters.layered.depth.coarse_cells import CoarseCells
-from dlama.inpainters.layered.kernels.lines import line_rows
+from dlama.inpainters.layered.kernels.lines import Cells, Directions, Found, line_rows
 
 UPRIGHT = 0.5
 """Least sine of the angle between a plane's normal and up for the plane to have horizontals of its own."""
@@ -82,7 +82,7 @@ class PlaneLines(NamedTuple):
 
 def seen_on_lines(
     lines: PlaneLines, towards: NDArray[np.float64], cells: CoarseCells, followed: BoolArray, stride: int
-) -> tuple[Float32Array, Float32Array]:
+) -> Found:
     """K x h' x w' cells from each queried cell to the plane along its line, and the length over which the plane is seen there.
 
     towards: K x 3, homogeneous vanishing point of each plane's lines; followed: K, the planes that are looked for. Every
@@ -90,10 +90,10 @@ def seen_on_lines(
     """
     height, width = (-(-size // stride) for size in cells.hole.shape)
     first = np.full((len(lines.planes), height, width), -1, np.float32)
-    length = np.zeros_like(first)
-    known = cells.inverse_depth, cells.label, cells.hole, lines.past, lines.away, cells.unseen
-    in_bands(line_rows, height, lines.planes, towards, followed, *known, stride, first, length, band=8)
-    return first, length
+    found, directions = Found(first, np.zeros_like(first)), Directions(lines.planes, towards, followed)
+    over = Cells(cells.inverse_depth, cells.label, cells.hole, lines.past, lines.away)
+    in_bands(line_rows, height, directions, over, cells.unseen, stride, found, band=8)
+    return found
 
 
 def follow_lines(lines: PlaneLines, cells: CoarseCells, followed: BoolArray) -> tuple[Float32Array, Float32Array]:

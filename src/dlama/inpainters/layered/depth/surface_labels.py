@@ -94,9 +94,9 @@ class CoarseView(CoarseCells):
         allowed, penalty (further cost): L x h x w; distance: L x h x w cells to the nearest known cell of a label.
         """
         out = np.zeros((*self.hole.shape, len(self.candidates)), np.float32)
-        known = self.hole, self.inverse_depth, self.label
-        costs = REACH * GRID, penalty, np.array(RIM), out
-        in_bands(surface_kernels.unary_rows, len(out), self.candidates, allowed, distance, *known, *costs)
+        known = surface_kernels.Known(self.hole, self.inverse_depth, self.label)
+        candidates = surface_kernels.Candidates(self.candidates, allowed, distance, penalty)
+        in_bands(surface_kernels.unary_rows, len(out), candidates, known, REACH * GRID, np.array(RIM), out)
         return out
 
     def allowed(self, context: FillContext) -> BoolArray:

@@ -75,22 +75,23 @@ def trusted_sources(hole: BoolArray, inverse_depth: Float32Array, label: NDArray
     return out
 
 
+class Trusted(NamedTuple):
+    """A picture, or its means over blocks."""
+
+    color: Array
+    """H x W x 3."""
+    inverse_depth: Float32Array
+    source: NDArray[np.int8]
+    """Label of trusted pixels, -2 elsewhere."""
+
+
 @kernel
-def shrink_rows(
-    first: Whole,
-    last: Whole,
-    color: UInt8Array,
-    inverse_depth: Float32Array,
-    source: NDArray[np.int8],
-    factor: Whole,
-    colors: Float32Array,
-    depths: Float32Array,
-    sources: NDArray[np.int8],
-) -> None:
+def shrink_rows(first: Whole, last: Whole, picture: Trusted, factor: Whole, out: Trusted) -> None:
     """Rows of the blocks of `shrink`."""
+    color, inverse_depth, source = picture
     height, width = source.shape
     for r in range(first, last):
-        for c in range(sources.shape[1]):
+        for c in range(out.source.shape[1]):
             y1, x1 = min(height, (r + 1) * factor), min(width, (c + 1) * factor)
             red, green, blue, w, n, kind = 0.0, 0.0, 0.0, 0.0, 0, -2
             mixed = False
@@ -106,23 +107,20 @@ def shrink_rows(
                     w += inverse_depth[y, x]
                     n += 1
             if n > 0 and not mixed and 2 * n >= (y1 - r * factor) * (x1 - c * factor):
-                colors[r, c, 0], colors[r, c, 1], colors[r, c, 2] = red / n, green / n, blue / n
-                depths[r, c] = w / n
-                sources[r, c] = kind
+                out.color[r, c, 0], out.color[r, c, 1], out.color[r, c, 2] = red / n, green / n, blue / n
+                out.inverse_depth[r, c] = w / n
+                out.source[r, c] = kind
 
 
-def shrink(
-    color: UInt8Array, inverse_depth: Float32Array, source: NDArray[np.int8], factor: int
-) -> tuple[Float32Array, Float32Array, NDArray[np.int8]]:
+def shrink(color: UInt8Array, inverse_depth: Float32Array, source: NDArray[np.int8], factor: int) -> Trusted:
     """Blocks of factor x factor pixels: mean colour and inverse depth of the trusted pixels, and their label.
 
     source: H x W label of trusted pixels, -2 elsewhere. A block is -2 where labels mix or most pixels are not trusted.
     """
     grid = tuple((size + factor - 1) // factor for size in source.shape)
-    colors, depths = np.zeros((*grid, 3), np.float32), np.zeros(grid, np.float32)
-    sources = np.full(grid, -2, np.int8)
-    in_bands(shrink_rows, grid[0], as_input(color), inverse_depth, source, factor, colors, depths, sources)
-    return colors, depths, sources
+    out = Trusted(np.zeros((*grid, 3), np.float32), np.zeros(grid, np.float32), np.full(grid, -2, np.int8))
+    in_bands(shrink_rows, grid[0], Trusted(as_input(color), inverse_depth, source), factor, out)
+    return out
 
 
 @piece

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,22 +20,44 @@ SAME = 1.06
 """Largest ratio of inverse depths of cells on the plane: doors, sills and panes are."""
 
 
+class Cells(NamedTuple):
+    """What lines run over."""
+
+    w: Float32Array
+    """h x w inverse depth of known cells."""
+    label: NDArray[np.int8]
+    hole: BoolArray
+    past: BoolArray
+    """K x h x w, the hole cells in which a source camera saw the sky through each plane."""
+    away: Float32Array
+    """K x h x w distance to known cells, or such, in cells."""
+
+
+class Directions(NamedTuple):
+    """Planes, and where their lines go."""
+
+    planes: Float64Array
+    """K x 3 (a, b, c), w = a x + b y + c over cells."""
+    towards: Float64Array
+    """K x 3, homogeneous vanishing point of each plane's lines."""
+    followed: BoolArray
+    """K, the planes that are looked for."""
+
+
+class Found(NamedTuple):
+    """K x h' x w', of each queried cell; as `follow_line` gives them."""
+
+    first: Float32Array
+    length: Float32Array
+
+
 @piece
 def follow_line(
-    plane: Float64Array,
-    own: Whole,
-    w: Float32Array,
-    label: NDArray[np.int8],
-    hole: BoolArray,
-    past: BoolArray,
-    away: Float32Array,
-    row: Real,
-    column: Real,
-    dr: Real,
-    dc: Real,
+    cells: Cells, plane: Float64Array, own: Whole, row: Real, column: Real, dr: Real, dc: Real
 ) -> tuple[Real, Real]:
     """(first, length): cells to the plane along a line, and the length over which it is seen. Length 0: the line looks behind
     it; first -1: undecided."""
+    w, label, hole, past, away = cells
     height, width = w.shape
     y, x = np.float64(row), np.float64(column)
     jump = 1.0
@@ -80,20 +103,15 @@ def follow_line(
 def line_rows(
     begin: Whole,
     end: Whole,
-    planes: Float64Array,
-    towards: Float64Array,
-    followed: BoolArray,
-    w: Float32Array,
-    label: NDArray[np.int8],
-    hole: BoolArray,
-    past: BoolArray,
-    away: Float32Array,
+    directions: Directions,
+    cells: Cells,
     asking: BoolArray,
     stride: Whole,
-    first: Float32Array,
-    length: Float32Array,
+    out: Found,
 ) -> None:
     """Rows of `seen_on_lines` (depth/out_of_view). asking: h x w, cells of which every stride-th is queried."""
+    planes, towards, followed = directions
+    first, length = out
     for row in range(begin, end):
         for column in range(first.shape[2]):
             y, x = row * stride, column * stride
@@ -108,8 +126,8 @@ def line_rows(
                     continue
                 dc, dr = dc / size, dr / size
                 for _way in range(2):
-                    found, cells = follow_line(planes[k], k + 1, w, label, hole, past, away, y, x, dr, dc)
+                    found, seen = follow_line(cells, planes[k], k + 1, y, x, dr, dc)
                     if found > 0 and (first[k, row, column] < 0 or found < first[k, row, column]):
                         first[k, row, column] = found
-                        length[k, row, column] = cells
+                        length[k, row, column] = seen
                     dc, dr = -dc, -dr

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -39,25 +40,26 @@ def first_known(
 
 
 @piece
-def far_mean(values: Float64Array, weights: Float64Array, line: Whole, count: Whole) -> Real:
-    """Mean of the first `count` values of a line near their weighted first quartile, with squared weights."""
+def far_mean(room: Float64Array, line: Whole, count: Whole) -> Real:
+    """Mean of the first `count` values of a line near their weighted first quartile, with squared weights. room: values and
+    weights, 2 x lines x numbers."""
     total = 0.0
     for number in range(count):
-        total += weights[line, number]
+        total += room[1, line, number]
     reached, limit, taken = 0.0, 0.0, 0
     while reached < 0.25 * total:  # the smallest one that was not taken yet, and so on
         smallest, which = np.inf, 0
         for number in range(count):
-            if not taken >> number & 1 and values[line, number] < smallest:
-                smallest, which = values[line, number], number
+            if not taken >> number & 1 and room[0, line, number] < smallest:
+                smallest, which = room[0, line, number], number
         taken |= 1 << which
-        reached += weights[line, which]
+        reached += room[1, line, which]
         limit = smallest
     top, bottom = 0.0, 0.0
     for number in range(count):
-        if values[line, number] <= 1.3 * limit:
-            square = weights[line, number] * weights[line, number]
-            top += values[line, number] * square
+        if room[0, line, number] <= 1.3 * limit:
+            square = room[1, line, number] * room[1, line, number]
+            top += room[0, line, number] * square
             bottom += square
     return top / bottom
 
@@ -69,12 +71,11 @@ def far_side_rows(
     w: Float32Array,
     apart: Float32Array,
     ways: Float64Array,
-    values: Float64Array,
-    weights: Float64Array,
+    room: Float64Array,
     out: Float32Array,
 ) -> None:
-    """Rows of `far_side`. apart: as of `first_known`; ways: directions x 2, a step's rows and columns; values, weights: H x
-    directions, room to work."""
+    """Rows of `far_side`. apart: as of `first_known`; ways: directions x 2, a step's rows and columns; room: 2 x H x
+    directions."""
     for row in range(first, last):
         for column in range(w.shape[1]):
             if apart[row, column] == 0:
@@ -83,11 +84,11 @@ def far_side_rows(
             for way in range(len(ways)):
                 value, distance = first_known(w, apart, row, column, ways[way, 0], ways[way, 1])
                 if value > 0:
-                    values[row, count] = value
-                    weights[row, count] = 1.0 / distance
+                    room[0, row, count] = value
+                    room[1, row, count] = 1.0 / distance
                     count += 1
             if count > 0:
-                out[row, column] = far_mean(values, weights, row, count)
+                out[row, column] = far_mean(room, row, count)
 
 
 def far_side(w: Float32Array, hole: BoolArray) -> Float32Array:
@@ -98,10 +99,9 @@ def far_side(w: Float32Array, hole: BoolArray) -> Float32Array:
     """
     angles = [2 * math.pi * direction / DIRECTIONS for direction in range(DIRECTIONS)]
     ways = np.array([(math.sin(angle), math.cos(angle)) for angle in angles])
-    values, weights = np.empty((2, len(w), DIRECTIONS))
-    out = np.zeros(w.shape, np.float32)
+    room, out = np.empty((2, len(w), DIRECTIONS)), np.zeros(w.shape, np.float32)
     apart = cv2.distanceTransform(hole.view(np.uint8), cv2.DIST_C, 3)
-    in_bands(far_side_rows, len(w), np.ascontiguousarray(w), apart, ways, values, weights, out, band=16)
+    in_bands(far_side_rows, len(w), np.ascontiguousarray(w), apart, ways, room, out, band=16)
     return out
 
 
@@ -120,26 +120,41 @@ def rim_cost(value: Real, label: Whole, known: Real, known_label: Whole, rim: Fl
     return rim[0] + (rim[2] if label == SKY else rim[1]) * step
 
 
+class Known(NamedTuple):
+    """The known pixels, H x W each."""
+
+    hole: BoolArray
+    """True elsewhere."""
+    w: Float32Array
+    """Inverse depth."""
+    label: NDArray[np.int8]
+
+
+class Candidates(NamedTuple):
+    """What the labels would be in each pixel, L x H x W each; label l is `l - 1` in `Known.label`."""
+
+    values: Float32Array
+    """Inverse depth."""
+    allowed: BoolArray
+    distance: Float32Array
+    """px to the nearest known pixel of the label."""
+    penalty: Float32Array
+    """Further cost."""
+
+
 @kernel
 def unary_rows(
     first: Whole,
     last: Whole,
-    values: Float32Array,
-    allowed: BoolArray,
-    distance: Float32Array,
-    hole: BoolArray,
-    w: Float32Array,
-    label: NDArray[np.int8],
+    candidates: Candidates,
+    known: Known,
     scale: Real,
-    penalty: Float32Array,
     rim: Float64Array,
     out: Float32Array,
 ) -> None:
-    """Rows of `CoarseView.unary_costs`, into `out` (H x W x L).
-
-    values: L x H x W inverse depth; allowed, penalty: L x H x W; distance: L x H x W px to the nearest known pixel of a label;
-    scale: px of distance that cost as much as one full jump. Label l is `l - 1` in `label`.
-    """
+    """Rows of `CoarseView.unary_costs`, into `out` (H x W x L). scale: px of distance that cost as much as one full jump."""
+    values, allowed, distance, penalty = candidates
+    hole, w, label = known
     count, height, width = values.shape
     for row in range(first, last):
         for column in range(width):
@@ -177,24 +192,40 @@ def pair_cost(value: Real, other: Real, potts: Real) -> Real:
     return potts + (jump if jump < 1 else 1.0)
 
 
+class Field(NamedTuple):
+    """Labels of pixels and their messages."""
+
+    unary: Float32Array
+    """H x W x L costs."""
+    messages: Float32Array
+    """4 x H x W x L: from left, right, above and below."""
+    values: Float32Array
+    """H x W x L inverse depth."""
+    potts: Real
+    """Cost of a border."""
+
+
+class Room(NamedTuple):
+    """Room to work, of each line."""
+
+    belief: Float64Array
+    """2 x lines x L."""
+    cheap: NDArray[np.int64]
+    """lines x L."""
+
+
+Pixel = tuple[Whole, Whole]
+"""Row, column."""
+
+
 @piece
-def send(
-    unary: Float32Array,
-    messages: Float32Array,
-    values: Float32Array,
-    potts: Real,
-    belief: Float64Array,
-    cheap: NDArray[np.int64],
-    line: Whole,
-    row: Whole,
-    column: Whole,
-    to_row: Whole,
-    to_column: Whole,
-    incoming: Whole,
-    outgoing: Whole,
-) -> Flag:
+def send(field: Field, room: Room, line: Whole, here: Pixel, there: Pixel, incoming: Whole, outgoing: Whole) -> Flag:
     """One min-sum message from a hole pixel to its neighbour, and whether it changed; `incoming` is the direction it must not
     echo."""
+    unary, messages, values, potts = field
+    belief, cheap = room
+    row, column = here
+    to_row, to_column = there
     count = unary.shape[2]
     one, two, three = np.int64(incoming == 0), 1 + np.int64(incoming <= 1), 2 + np.int64(incoming <= 2)  # the others
     least = np.inf
@@ -235,41 +266,36 @@ def sweep(
     first: Whole,
     last: Whole,
     across: Whole,
-    unary: Float32Array,
-    messages: Float32Array,
-    values: Float32Array,
+    field: Field,
     hole: BoolArray,
-    potts: Real,
     stale: UInt8Array,
-    belief: Float64Array,
-    cheap: NDArray[np.int64],
+    room: Room,
 ) -> None:
     """Messages there and back along each row (across = 1: directions 0 from left, 1 from right) or column (2 from above, 3 from
-    below); lines first..last only, which do not meet. values: H x W x L; stale: H x W, bits of the messages to be sent, those
-    whose own messages changed; belief: 2 x lines x L, cheap: lines x L, room to work."""
+    below); lines first..last only, which do not meet. stale: H x W, bits of the messages to be sent, those whose own messages
+    changed."""
     length = hole.shape[1] if across else hole.shape[0]
     base = 0 if across else 2
     for back in range(2):
         incoming, outgoing = base + 1 - back, base + back
         for step in range(length - 1):
-            here = length - 1 - step if back else step
-            there = here - 1 if back else here + 1
+            at = length - 1 - step if back else step
+            to = at - 1 if back else at + 1
             for line in range(first, last):  # neighbours in memory along columns, and independent of each other
-                row, column, to_row, to_column = (line, here, line, there) if across else (here, line, there, line)
-                if stale[row, column] >> outgoing & 1 and hole[row, column] and hole[to_row, to_column]:
-                    stale[row, column] ^= 1 << outgoing
-                    room = belief, cheap, line
-                    if send(unary, messages, values, potts, *room, row, column, to_row, to_column, incoming, outgoing):
-                        stale[to_row, to_column] |= 15 ^ (1 << incoming)
+                here, there = ((line, at), (line, to)) if across else ((at, line), (to, line))
+                if stale[here] >> outgoing & 1 and hole[here] and hole[there]:
+                    stale[here] ^= 1 << outgoing
+                    if send(field, room, line, here, there, incoming, outgoing):
+                        stale[there] |= 15 ^ (1 << incoming)
 
 
 def beliefs(unary: Float32Array, values: Float32Array, hole: BoolArray, potts: float, rounds: int) -> Float32Array:
     """H x W x L min-marginals by loopy belief propagation (sequential sweeps along rows and columns). values: L x H x W."""
     messages, values = np.zeros((4, *unary.shape), np.float32), np.ascontiguousarray(values.transpose(1, 2, 0))
-    belief = np.empty((2, max(hole.shape), unary.shape[2]))
-    cheap, stale = np.empty(belief.shape[1:], np.int64), np.full(hole.shape, 15, np.uint8)
+    lines, labels = max(hole.shape), unary.shape[2]
+    field, stale = Field(unary, messages, values, potts), np.full(hole.shape, 15, np.uint8)
+    room = Room(np.empty((2, lines, labels)), np.empty((lines, labels), np.int64))
     for _ in range(rounds):
         for across in (1, 0):
-            lines = hole.shape[1 - across]
-            in_bands(sweep, lines, across, unary, messages, values, hole, potts, stale, belief, cheap)
+            in_bands(sweep, hole.shape[1 - across], across, field, hole, stale, room)
     return np.asarray(unary + messages.sum(0))
