@@ -46,14 +46,16 @@ def twin() -> tuple[np.ndarray, np.ndarray]:
 @pytest.mark.slow
 def test_all_compared_is_the_least_of_a_literal_twin() -> None:
     """Twin: every source compared with every target, at the border too."""
-    found, least = np.zeros_like(TARGETS), np.zeros(len(TARGETS), np.float32)
-    kernels.search_rows(0, len(TARGETS), VALUES, TARGETS, SOURCES, LEAN, USED, LABEL, found, least)
+    found = kernels.Matches(np.zeros_like(TARGETS), np.zeros(len(TARGETS), np.float32))
+    patches = kernels.Patches(VALUES, TARGETS, np.full(HOLE.shape, -1, np.int32), whole_patches(HOLE))
+    penalties = kernels.Penalties(LEAN, USED, LABEL)
+    kernels.search_rows(0, len(TARGETS), patches, SOURCES, penalties, found)
     sources, costs = twin()
-    np.testing.assert_array_equal(found, sources)
-    np.testing.assert_allclose(least, costs, rtol=1e-5)
-    again = np.zeros_like(least)
-    kernels.cost_rows(0, len(TARGETS), VALUES, TARGETS, found, LEAN, USED, LABEL, again)
-    np.testing.assert_allclose(again, costs, rtol=1e-5)
+    np.testing.assert_array_equal(found.found, sources)
+    np.testing.assert_allclose(found.cost, costs, rtol=1e-5)
+    found.cost[:] = 0
+    kernels.cost_rows(0, len(TARGETS), patches, penalties, found)
+    np.testing.assert_allclose(found.cost, costs, rtol=1e-5)
 
 
 def test_one_lucky_patch_tells_the_others() -> None:
@@ -69,13 +71,14 @@ def test_one_lucky_patch_tells_the_others() -> None:
     found = sources[RNG.integers(0, len(sources), len(targets))]
     found[100] = targets[100] + (0, -30)
     free, used, random = np.zeros(4, np.float32), np.zeros(hole.shape, np.float32), RNG.uniform(-1, 1, (4096, 2))
-    one = np.zeros(hole.shape, np.int32)
-    costs = np.empty(len(targets), np.float32)
-    kernels.cost_rows(0, len(targets), values, targets, found, free, used, one, costs)
+    penalties = kernels.Penalties(free, used, np.zeros(hole.shape, np.int32))
+    patches, costs = kernels.Patches(values, targets, number, whole_patches(hole)), np.empty(len(targets), np.float32)
+    matches = kernels.Matches(found, costs)
+    kernels.cost_rows(0, len(targets), patches, penalties, matches)
     for turn in range(30):
         before, now = costs.copy(), found.copy()
-        places = values, targets, number, whole_patches(hole), free, used, one, random, 977 * turn, 0.0, now
-        kernels.match_rows(0, len(targets), *places, found, costs)
+        steps = kernels.Steps(random, 977 * turn, 0.0)
+        kernels.match_rows(0, len(targets), patches, penalties, steps, now, matches)
         assert (costs <= before).all()
     np.testing.assert_array_equal(found - targets, np.broadcast_to([0, -30], targets.shape))
     np.testing.assert_array_equal(costs, 0)

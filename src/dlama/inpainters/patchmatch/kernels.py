@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -21,6 +23,50 @@ MOST_USED = 5.0
 
 Places = NDArray[np.int32]
 """N x 2: rows and columns."""
+
+
+class Patches(NamedTuple):
+    """A described picture with a hole, and its patches by their centres."""
+
+    values: Float32Array
+    """H x W x CHANNELS."""
+    targets: Places
+    """N x 2, those that touch the hole."""
+    number: NDArray[np.int32]
+    """H x W, of each target, else -1."""
+    is_source: BoolArray
+    """H x W, True = wholly known."""
+
+
+class Penalties(NamedTuple):
+    """What a match costs besides its differences."""
+
+    weights: Float32Array
+    """4: of distance, per px^2 along rows and columns; of each use of the source; of another surface."""
+    used: Float32Array
+    """H x W, how often a source is used."""
+    label: NDArray[np.integer]
+    """H x W, surfaces."""
+
+
+class Matches(NamedTuple):
+    """The source of each target."""
+
+    found: Places
+    """N x 2."""
+    cost: Float32Array
+    """N."""
+
+
+class Steps(NamedTuple):
+    """Random steps of a round."""
+
+    random: NDArray[np.float64]
+    """K x 2 in -1 .. 1."""
+    start: Whole
+    """From where on they are read."""
+    reach: Real
+    """px of the first one."""
 
 
 @piece
@@ -69,16 +115,9 @@ def distance_penalty(row: Whole, column: Whole, source_row: Whole, source_column
 
 
 @piece
-def penalty(
-    row: Whole,
-    column: Whole,
-    source_row: Whole,
-    source_column: Whole,
-    weights: Float32Array,
-    used: Float32Array,
-    label: NDArray[np.int32],
-) -> Real:
-    """Penalty of a patch: for its distance, for its use, and where its centre lies on another surface (label: H x W)."""
+def penalty(row: Whole, column: Whole, source_row: Whole, source_column: Whole, penalties: Penalties) -> Real:
+    """Penalty of a patch: for its distance, for its use, and where its centre lies on another surface."""
+    weights, used, label = penalties
     again = min(max(np.float64(used[source_row, source_column]) - 1.0, 0.0), MOST_USED)
     other = weights[3] if label[row, column] != label[source_row, source_column] else 0.0
     return distance_penalty(row, column, source_row, source_column, weights) + weights[2] * again + other
@@ -86,31 +125,22 @@ def penalty(
 
 @kernel
 def search_rows(
-    first: Whole,
-    last: Whole,
-    values: Float32Array,
-    targets: Places,
-    sources: Places,
-    weights: Float32Array,
-    used: Float32Array,
-    label: NDArray[np.int32],
-    found: Places,
-    cost: Float32Array,
+    first: Whole, last: Whole, patches: Patches, sources: Places, penalties: Penalties, out: Matches
 ) -> None:
-    """The best of all `sources` for targets [first, last): `found` and `cost` are written."""
+    """The best of all `sources` for targets [first, last)."""
     for t in range(first, last):
-        row, column = int(targets[t, 0]), int(targets[t, 1])
+        row, column = int(patches.targets[t, 0]), int(patches.targets[t, 1])
         least = np.inf
         for s in range(len(sources)):
             source_row, source_column = int(sources[s, 0]), int(sources[s, 1])
-            more = penalty(row, column, source_row, source_column, weights, used, label)
+            more = penalty(row, column, source_row, source_column, penalties)
             if more >= least:
                 continue
-            value = more + difference(values, row, column, source_row, source_column, least - more)
+            value = more + difference(patches.values, row, column, source_row, source_column, least - more)
             if value < least:
                 least = value
-                found[t, 0], found[t, 1] = source_row, source_column
-        cost[t] = least
+                out.found[t, 0], out.found[t, 1] = source_row, source_column
+        out.cost[t] = least
 
 
 @inlined
@@ -133,39 +163,30 @@ def match_of_neighbour(
 def match_rows(
     first: Whole,
     last: Whole,
-    values: Float32Array,
-    targets: Places,
-    number: NDArray[np.int32],
-    is_source: BoolArray,
-    weights: Float32Array,
-    used: Float32Array,
-    label: NDArray[np.int32],
-    random: NDArray[np.float64],
-    start: Whole,
-    reach: Real,
+    patches: Patches,
+    penalties: Penalties,
+    steps: Steps,
     now: Places,
-    found: Places,
-    cost: Float32Array,
+    out: Matches,
 ) -> None:
     """One round of PatchMatch for targets [first, last): propagation from neighbours, then random search with a shrinking
     radius.
 
-    After Barnes et al., "PatchMatch" (2009); neighbours are read from the previous round, so bands are independent. number: H x
-    W, of each target, else -1; random: K x 2 in -1 .. 1, read from `start` on; reach: px of the first random step; now: N x 2,
-    of the previous round; found, cost: of this one, in place.
+    After Barnes et al., "PatchMatch" (2009); neighbours are read from the previous round, so bands are independent. now: N x 2,
+    of the previous round; out: of this one, in place.
     """
-    height, width = is_source.shape
+    random, (height, width) = steps.random, patches.is_source.shape
     for t in range(first, last):
-        row, column = int(targets[t, 0]), int(targets[t, 1])
+        row, column = int(patches.targets[t, 0]), int(patches.targets[t, 1])
         best_row, best_column = int(now[t, 0]), int(now[t, 1])
-        least, compared = np.float64(cost[t]), False  # whether the best one was: neighbours mostly name it again
-        draw = (t * 7919 + start) % len(random)
-        radius = reach
+        least, compared = np.float64(out.cost[t]), False  # whether the best one was: neighbours mostly name it again
+        draw = (t * 7919 + steps.start) % len(random)
+        radius = steps.reach
         q = 0
         while q < NEIGHBOURS or radius >= 1:
             if q < NEIGHBOURS:
                 leap = 1 if q < 4 else 1 + int(abs(random[draw, 0]) * LEAP)
-                source_row, source_column = match_of_neighbour(row, column, q, leap, number, now)
+                source_row, source_column = match_of_neighbour(row, column, q, leap, patches.number, now)
             else:
                 source_row = best_row + int(random[draw, 0] * radius)
                 source_column = best_column + int(random[draw, 1] * radius)
@@ -178,37 +199,27 @@ def match_rows(
                 if compared:
                     continue
                 compared = True
-            if distance_penalty(row, column, source_row, source_column, weights) >= least:
+            if distance_penalty(row, column, source_row, source_column, penalties.weights) >= least:
                 continue
-            if not is_source[source_row, source_column]:
+            if not patches.is_source[source_row, source_column]:
                 continue
-            more = penalty(row, column, source_row, source_column, weights, used, label)
+            more = penalty(row, column, source_row, source_column, penalties)
             if more >= least:
                 continue
-            value = more + difference(values, row, column, source_row, source_column, least - more)
+            value = more + difference(patches.values, row, column, source_row, source_column, least - more)
             if value < least:
                 best_row, best_column, least, compared = source_row, source_column, value, True
-        found[t, 0], found[t, 1], cost[t] = best_row, best_column, least
+        out.found[t, 0], out.found[t, 1], out.cost[t] = best_row, best_column, least
 
 
 @kernel
-def cost_rows(
-    first: Whole,
-    last: Whole,
-    values: Float32Array,
-    targets: Places,
-    found: Places,
-    weights: Float32Array,
-    used: Float32Array,
-    label: NDArray[np.int32],
-    cost: Float32Array,
-) -> None:
-    """`cost` of targets [first, last) with the patches `found`, after the values have changed."""
+def cost_rows(first: Whole, last: Whole, patches: Patches, penalties: Penalties, out: Matches) -> None:
+    """What targets [first, last) cost with their matches, after the values have changed."""
     for t in range(first, last):
-        row, column = int(targets[t, 0]), int(targets[t, 1])
-        source_row, source_column = int(found[t, 0]), int(found[t, 1])
-        more = penalty(row, column, source_row, source_column, weights, used, label)
-        cost[t] = more + difference(values, row, column, source_row, source_column, np.inf)
+        row, column = int(patches.targets[t, 0]), int(patches.targets[t, 1])
+        source_row, source_column = int(out.found[t, 0]), int(out.found[t, 1])
+        more = penalty(row, column, source_row, source_column, penalties)
+        out.cost[t] = more + difference(patches.values, row, column, source_row, source_column, np.inf)
 
 
 @kernel

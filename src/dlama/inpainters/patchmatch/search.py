@@ -65,18 +65,8 @@ class Search:
         most = max(1, pairs // len(self.targets))
         if len(sources) > most:
             sources = sources[np.sort(rng.permutation(len(sources))[:most])]
-        used = np.zeros(self.sources.shape, np.float32)
-        self._run(
-            kernels.search_rows,
-            self.values,
-            self.targets,
-            sources,
-            self.weights,
-            used,
-            self.label,
-            self.found,
-            self.cost,
-        )
+        penalties = kernels.Penalties(self.weights, np.zeros(self.sources.shape, np.float32), self.label)
+        self._run(kernels.search_rows, self._patches, sources, penalties, self._matches)
 
     def start_from(self, coarser: Search, compare: bool) -> None:
         """Start with the matches and colours of the coarser level (half the size); with its costs, too, or `compare` anew."""
@@ -97,26 +87,11 @@ class Search:
 
     def match(self, turn: int, matchings: int) -> None:
         """Improve the matches so many times, by propagation from neighbours and random search."""
-        used = self._count_uses()
+        penalties = self._penalties()
         for step in range(matchings):
             reach = float(max(self.sources.shape)) if step == 0 else NEAR
-            now = self.found.copy()
-            self._run(
-                kernels.match_rows,
-                self.values,
-                self.targets,
-                self.number,
-                self.sources,
-                self.weights,
-                used,
-                self.label,
-                self.random,
-                104729 * (turn * matchings + step),
-                reach,
-                now,
-                self.found,
-                self.cost,
-            )
+            steps = kernels.Steps(self.random, 104729 * (turn * matchings + step), reach)
+            self._run(kernels.match_rows, self._patches, penalties, steps, self.found.copy(), self._matches)
 
     def vote(self) -> None:
         """Set the hole's values by a vote of the matched patches, drawn to the guess."""
@@ -126,10 +101,8 @@ class Search:
 
     def vote_sharply(self, picture: UInt8Array) -> Float32Array:
         """M x 3 colours of the hole by a sharp vote of the patches of the picture (H x W x 3) itself."""
-        out = np.empty((len(self.pixels), 3), np.float32)
-        weights, near = self._weights(SHARP, np.ones_like(self.cost)), gaussian(NARROW)
-        rows = as_input(picture), self.pixels, self.number, self.found, weights, near, out
-        in_bands(vote_kernels.copy_rows, len(self.pixels), *rows, band=BAND)
+        out, votes = np.empty((len(self.pixels), 3), np.float32), self._votes(SHARP, NARROW, np.ones_like(self.cost))
+        in_bands(vote_kernels.copy_rows, len(self.pixels), as_input(picture), votes, out, band=BAND)
         return out
 
     def spread_of_votes(self, picture: UInt8Array) -> Float32Array:
@@ -157,37 +130,37 @@ class Search:
         """Set the hole's values. A patch weighs exp(-sharpness cost / (2 mean cost about it)), times the trust in it (N), times a
         Gaussian of its centre's distance (width_px)."""
         out = np.empty((len(self.pixels), self.values.shape[2]), np.float32)
-        weights, near = self._weights(sharpness, trust), gaussian(width_px)
-        rows = self.values, self.pixels, self.number, self.found, weights, near, out
-        in_bands(vote_kernels.vote_rows, len(self.pixels), *rows, band=BAND)
+        votes = self._votes(sharpness, width_px, trust)
+        in_bands(vote_kernels.vote_rows, len(self.pixels), self.values, votes, out, band=BAND)
         self.values[self.pixels[:, 0], self.pixels[:, 1]] = out
 
-    def _weights(self, sharpness: float, trust: Float32Array) -> Float32Array:
-        """N weights of the patches by their cost and the trust in them."""
+    def _votes(self, sharpness: float, width_px: float, trust: Float32Array) -> vote_kernels.Votes:
+        """The patches, weighted by their cost, the trust in them and the distance of their centres."""
         touched = self.number[self.box] >= 0
         costs = np.zeros(touched.shape, np.float32)
         costs[touched] = self.cost
         mean = sum_over_patch(costs)[touched] / self.around
-        return np.asarray(np.exp(-0.5 * sharpness * self.cost / (mean + 1e-3)) * trust, np.float32)
+        weights = np.asarray(np.exp(-0.5 * sharpness * self.cost / (mean + 1e-3)) * trust, np.float32)
+        return vote_kernels.Votes(self.pixels, self.number, self.found, weights, gaussian(width_px))
+
+    @property
+    def _patches(self) -> kernels.Patches:
+        return kernels.Patches(self.values, self.targets, self.number, self.sources)
+
+    @property
+    def _matches(self) -> kernels.Matches:
+        return kernels.Matches(self.found, self.cost)
 
     def _weigh(self) -> None:
-        self._run(
-            kernels.cost_rows,
-            self.values,
-            self.targets,
-            self.found,
-            self.weights,
-            self._count_uses(),
-            self.label,
-            self.cost,
-        )
+        self._run(kernels.cost_rows, self._patches, self._penalties(), self._matches)
 
-    def _count_uses(self) -> Float32Array:
-        """H x W: how many times each known pixel is used."""
+    def _penalties(self) -> kernels.Penalties:
+        """By how many times each known pixel is used."""
         width = self.sources.shape[1]
         flat = self.found[:, 0].astype(np.int64) * width + self.found[:, 1]
         times = np.bincount(flat, minlength=self.sources.size).reshape(self.sources.shape)
-        return np.asarray(cv2.blur(times.astype(np.float32), (kernels.SIDE, kernels.SIDE)), np.float32)
+        used = np.asarray(cv2.blur(times.astype(np.float32), (kernels.SIDE, kernels.SIDE)), np.float32)
+        return kernels.Penalties(self.weights, used, self.label)
 
     def _run(self, kernel: Callable[..., None], *arguments: Any) -> None:
         in_bands(kernel, len(self.targets), *arguments, band=BAND)

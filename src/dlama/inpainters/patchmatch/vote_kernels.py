@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,22 +12,25 @@ from dlama.geometry.rgbd import Float32Array, UInt8Array
 from dlama.inpainters.patchmatch.kernels import HALF, Places, steps_inside
 
 
-@kernel
-def vote_rows(
-    first: Whole,
-    last: Whole,
-    values: Float32Array,
-    pixels: Places,
-    number: NDArray[np.int32],
-    found: Places,
-    weights: Float32Array,
-    near: Float32Array,
-    out: Float32Array,
-) -> None:
-    """Set hole pixels [first, last) to a weighted mean of the patches over them.
+class Votes(NamedTuple):
+    """Matched patches over pixels of the hole."""
 
-    weights: N, of the patches; near: SIDE x SIDE, by a centre's place next to the pixel; out: M x C, for the M pixels.
-    """
+    pixels: Places
+    """M x 2."""
+    number: NDArray[np.int32]
+    """H x W, of the patch round each pixel, else -1."""
+    found: Places
+    """N x 2, centres of their matches."""
+    weights: Float32Array
+    """N."""
+    near: Float32Array
+    """SIDE x SIDE weights by a centre's place next to the pixel."""
+
+
+@kernel
+def vote_rows(first: Whole, last: Whole, values: Float32Array, votes: Votes, out: Float32Array) -> None:
+    """Set hole pixels [first, last) to a weighted mean of the patches over them. out: M x C."""
+    pixels, number, found, weights, near = votes
     height, width, _ = values.shape
     for p in range(first, last):
         row, column = int(pixels[p, 0]), int(pixels[p, 1])
@@ -48,18 +53,9 @@ def vote_rows(
 
 
 @kernel
-def copy_rows(
-    first: Whole,
-    last: Whole,
-    picture: UInt8Array,
-    pixels: Places,
-    number: NDArray[np.int32],
-    found: Places,
-    weights: Float32Array,
-    near: Float32Array,
-    out: Float32Array,
-) -> None:
+def copy_rows(first: Whole, last: Whole, picture: UInt8Array, votes: Votes, out: Float32Array) -> None:
     """As `vote_rows`, of the colours alone, from the picture itself (H x W x 3). out: M x 3."""
+    pixels, number, found, weights, near = votes
     height, width, _ = picture.shape
     for p in range(first, last):
         row, column = int(pixels[p, 0]), int(pixels[p, 1])

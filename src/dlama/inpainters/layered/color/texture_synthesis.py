@@ -20,7 +20,7 @@ from dlama.inpainters.layered.color.offset_search import Bases, CopiedDetail
 from dlama.inpainters.layered.color.patch_offsets import copy_detail
 from dlama.inpainters.layered.color.texture_grid import UNTRUSTED, HoleRegion, TextureGrid, labels_in
 from dlama.inpainters.layered.kernels import base_color as base_kernels
-from dlama.inpainters.layered.kernels.patch_offsets import paint_pixels
+from dlama.inpainters.layered.kernels.patch_offsets import Paint, Sources, paint_pixels
 
 GREY = 128
 """Colour in a view without any known pixel."""
@@ -65,10 +65,10 @@ def paint_region(out: UInt8Array, grid: TextureGrid, region: HoleRegion, rng: np
         return
     bases, unit = base_colors(grid, region), grid.at_unit_depth(region.label)
     copied = CopiedDetail.none(bases[0].shape[:2]) if rng is None else copy_detail(unit, region, bases, rng)
-    surface = unit.inverse_depth, region.trusted(grid), region.label, copied.axes
-    cells = *bases, grid.base_cell_size, copied.choice, copied.gains, copied.offsets
+    sources = Sources(1, unit.inverse_depth, region.trusted(grid), region.label, copied.axes)
+    paint = Paint(as_input(grid.color), *bases, grid.base_cell_size, copied.choice, copied.gains, copied.offsets)
     pixels, room = region.pixels, np.zeros((len(region.pixels), 3))
-    in_bands(paint_pixels, len(pixels), out, as_input(grid.color), pixels, *surface, *cells, room, band=BAND)
+    in_bands(paint_pixels, len(pixels), pixels, sources, paint, room, out, band=BAND)
 
 
 def hole_regions(grid: TextureGrid) -> Iterator[HoleRegion]:

@@ -6,6 +6,8 @@ p'_h = p_h + w (s1 E1 + s2 E2), with E = K e for two directions e of the plane.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -29,14 +31,13 @@ def displace(u: Real, v: Real, w: Real, s1: Real, s2: Real, axes: Float64Array) 
 
 
 @piece
-def is_source(
-    u: Real, v: Real, expected: Real, factor: Whole, depths: Float32Array, sources: NDArray[np.int8], kind: Whole
-) -> Flag:
+def is_source(u: Real, v: Real, expected: Real, sources: Sources) -> Flag:
     """Is the cell under full-resolution pixel (u, v) a trusted source of this surface at the expected inverse depth?"""
+    factor, label = sources.cell_size, sources.cell_label
     x, y = np.int64(np.floor(u / factor)), np.int64(np.floor(v / factor))
-    if x < 0 or y < 0 or x >= sources.shape[1] or y >= sources.shape[0] or sources[y, x] != kind:
+    if x < 0 or y < 0 or x >= label.shape[1] or y >= label.shape[0] or label[y, x] != sources.label:
         return False
-    w = depths[y, x]
+    w = sources.inverse_depth[y, x]
     return FARTHER * expected - 1e-6 <= w <= NEARER * expected + 1e-6
 
 
@@ -48,17 +49,15 @@ def correlate_rows(
     points: Float32Array,
     here: Float64Array,
     detail: Float32Array,
-    depths: Float32Array,
-    sources: NDArray[np.int8],
-    kind: Whole,
-    axes: Float64Array,
+    sources: Sources,
     need: Whole,
     room: Float32Array,
     out: Float32Array,
 ) -> None:
-    """Shifts first..last of `correlate`. points: 3 x N, u, v in cells and inverse depth; here: N x 3, the detail there; axes:
-    in cells; room: bands x 3 x N, to work in."""
-    rows, cols = sources.shape
+    """Shifts first..last of `correlate`. points: 3 x N, u, v in cells and inverse depth; here: N x 3, the detail there; sources:
+    their axes in cells; room: bands x 3 x N, to work in."""
+    depths, label, kind, axes = sources.inverse_depth, sources.cell_label, sources.label, sources.axes
+    rows, cols = label.shape
     one, least, slack, band = np.float32(1), np.float32(1e-3), np.float32(1e-6), first // BAND
     for i in range(first, last):
         du = np.float32(shifts[i, 0] * axes[0, 0] + shifts[i, 1] * axes[1, 0])
@@ -74,7 +73,7 @@ def correlate_rows(
         ab, aa, bb, n = 0.0, 1e-3, 1e-3, 0
         for p in range(points.shape[1]):
             x, y, expected = room[band, 0, p], room[band, 1, p], room[band, 2, p]
-            if x < 0 or y < 0 or x >= cols or y >= rows or sources[np.int64(y), np.int64(x)] != kind:
+            if x < 0 or y < 0 or x >= cols or y >= rows or label[np.int64(y), np.int64(x)] != kind:
                 continue
             w = depths[np.int64(y), np.int64(x)]
             if w < FARTHER * expected - slack or w > NEARER * expected + slack:
@@ -102,35 +101,26 @@ def correlate(
 
     points: N x 3 (u, v, inverse depth), full-resolution pixels. Shrunk towards 0 for few samples.
     """
-    factor, depths, labels, kind, axes = sources
+    factor = sources.cell_size
     out, in_cells = np.zeros(len(shifts), np.float32), np.array([1 / factor, 1 / factor, 1])
     room = np.empty((-(-len(shifts) // BAND), 3, len(points)), np.float32)
     here = sample(detail, points[:, 0] / factor, points[:, 1] / factor)
     places = np.ascontiguousarray((points * in_cells).T, np.float32)
-    given = shifts, places, here, detail, depths, labels, kind, axes * in_cells, need
-    in_bands(correlate_rows, len(shifts), *given, room, out)
+    sources = sources._replace(axes=sources.axes * in_cells)
+    in_bands(correlate_rows, len(shifts), shifts, places, here, detail, sources, need, room, out)
     return out
 
 
 @kernel
 def scale_rows(
-    first: Whole,
-    last: Whole,
-    shifts: Float64Array,
-    cells: Float64Array,
-    factor: Whole,
-    depths: Float32Array,
-    sources: NDArray[np.int8],
-    kind: Whole,
-    axes: Float64Array,
-    out: Float32Array,
+    first: Whole, last: Whole, shifts: Float64Array, cells: Float64Array, sources: Sources, out: Float32Array
 ) -> None:
     """Shifts first..last of `change_of_scale`."""
     for i in range(first, last):
         for p in range(len(cells)):
             w = cells[p, 2]
-            x, y, z = displace(cells[p, 0], cells[p, 1], w, shifts[i, 0], shifts[i, 1], axes)
-            if z > 1e-3 and is_source(x, y, w / z, factor, depths, sources, kind):
+            x, y, z = displace(cells[p, 0], cells[p, 1], w, shifts[i, 0], shifts[i, 1], sources.axes)
+            if z > 1e-3 and is_source(x, y, w / z, sources):
                 octaves = np.log2(z)
                 out[i, p] = abs(octaves) + (0.3 * (octaves if octaves > 0 else 0.0))
 
@@ -142,7 +132,7 @@ def change_of_scale(
 ) -> Float32Array:
     """For each shift and hole cell (u, v, w): -1 if its source is not known, else |log2| of the change of scale."""
     out = np.full((len(shifts), len(cells)), -1, np.float32)
-    in_bands(scale_rows, len(shifts), shifts, cells, *sources, out, band=8)
+    in_bands(scale_rows, len(shifts), shifts, cells, sources, out, band=8)
     return out
 
 
@@ -195,36 +185,43 @@ def assign_cells(
             chosen[p] = best
 
 
+class Paint(NamedTuple):
+    """What the hole is painted with; grids of rows x cols cells."""
+
+    color: UInt8Array
+    """H x W x 3, the picture that is copied."""
+    fine: Float32Array
+    """rows x cols x 3, colours true to the rim,"""
+    smooth: Float32Array
+    """and very smooth ones."""
+    cell: Whole
+    """Pixels of a cell."""
+    pick: NDArray[np.int32]
+    """rows x cols, shift or -1."""
+    gains: Float32Array
+    """rows x cols x 3, weights of the fine band, the middle band and the copied colour."""
+    shifts: Float64Array
+    """N x 2."""
+
+
 @kernel
 def paint_pixels(
     first: Whole,
     last: Whole,
-    out: UInt8Array,
-    color: UInt8Array,
     pixels: NDArray[np.int64],
-    inverse_depth: Float32Array,
-    source: NDArray[np.int8],
-    kind: Whole,
-    axes: Float64Array,
-    fine: Float32Array,
-    smooth: Float32Array,
-    cell: Whole,
-    pick: NDArray[np.int32],
-    gains: Float32Array,
-    shifts: Float64Array,
+    sources: Sources,
+    paint: Paint,
     added: Float64Array,
+    out: UInt8Array,
 ) -> None:
-    """Colour the flat pixels first..last of a list in `out`, feathered between the shifts of neighbouring cells.
-
-    fine, smooth: rows x cols x 3 grids of `cell`-pixel cells, colours true to the rim and very smooth ones; pick: rows x cols,
-    shift or -1; gains: rows x cols x 3, weights of the fine band, the middle band and the copied colour; added: N x 3 zeros, room
-    to work.
-    """
-    height, width = inverse_depth.shape
+    """Colour the flat pixels first..last of a list in `out`, feathered between the shifts of neighbouring cells. sources: pixels;
+    added: N x 3 zeros, room to work."""
+    color, fine, smooth, cell, pick, gains, shifts = paint
+    height, width = sources.inverse_depth.shape
     rows, cols = pick.shape
     for n in range(first, last):
         y, x = pixels[n] // width, pixels[n] % width
-        u, v, w = x + 0.5, y + 0.5, np.float64(inverse_depth[y, x])
+        u, v, w = x + 0.5, y + 0.5, np.float64(sources.inverse_depth[y, x])
         gu, gv = u / cell, v / cell
         x0, y0 = np.int64(np.floor(gu - 0.5)), np.int64(np.floor(gv - 0.5))
         ax, ay = gu - 0.5 - x0, gv - 0.5 - y0
@@ -235,8 +232,8 @@ def paint_pixels(
             if share <= 0 or cx < 0 or cy < 0 or cx >= cols or cy >= rows or pick[cy, cx] < 0:
                 continue
             i = pick[cy, cx]
-            su, sv, z = displace(u, v, w, shifts[i, 0], shifts[i, 1], axes)
-            if z <= 1e-3 or not is_source(su, sv, w / z, np.int64(1), inverse_depth, source, kind):
+            su, sv, z = displace(u, v, w, shifts[i, 0], shifts[i, 1], sources.axes)
+            if z <= 1e-3 or not is_source(su, sv, w / z, sources):
                 continue
             total += share
             there_x, there_y = bilinear_neighbours(su / cell, cols), bilinear_neighbours(sv / cell, rows)
