@@ -156,6 +156,7 @@ def test_the_whole_way(pages: Pages, frame: Path, tmp_path: Path) -> None:
     complete(page)
     playwright.expect(page.locator("#run-words")).to_contain_text("telea, ")
     playwright.expect(page.locator("#before-name")).to_have_text("known from here")
+    playwright.expect(page.locator("#single")).to_have_value("image.png")
     page.locator("#compare").click(position={"x": 20, "y": 200})
     playwright.expect(page.locator("#readout")).to_contain_text("confidence")
     for kind in ("depth", "hole_type", "origin", "confidence"):

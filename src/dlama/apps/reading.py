@@ -14,6 +14,7 @@ import dlama
 from dlama.apps.options import given_options
 from dlama.apps.places import Inputs, check_folder_apart, given_files
 from dlama.apps.terminal.output import SHOWN, WITH_FLAGS, Result
+from dlama.completion.report import describe_remaining_shadow
 from dlama.errors import InputError, OutputError
 from dlama.files.rasters.images import ADDRESS, SUFFIXES
 from dlama.files.rasters.pictures import write_color, write_mask
@@ -29,8 +30,6 @@ from dlama.perception.depth_scale import RULES, describe_depth_source
 
 ASSUMED = "the (scale of the estimated depth|field of view) is assumed"
 """Warnings of a picture whose depth is estimated; a mask in it depends on neither."""
-SHADOW_SHOWN = 0.02
-"""Pixels of a remaining shadow, over those of the removed object, from which the line about a result names it."""
 
 
 @dataclass
@@ -162,12 +161,9 @@ def describe_unknown(meta: dict[str, Any]) -> str:
 
 
 def remaining_shadow(meta: dict[str, Any], with_shadow: bool) -> str:
-    """For the last line: how many pixels look like the removed object's shadow and stay; "" where few do, or it was removed."""
-    pixels, grown = meta["notes"].get("remaining_shadow_px", 0), meta["dilation"]
-    removed = grown["mask_pixels"] + grown["mask_known_pixels_given_up"]
-    if with_shadow or not removed or pixels < max(1, SHADOW_SHOWN * removed):
-        return ""
-    return f"; {pixels} pixels next to the object look like its shadow and stay: --with-shadow removes it, too"
+    """For the last line: what is known of a shadow that stays, and the option; "" where there is none, or it was removed."""
+    stays = "" if with_shadow else describe_remaining_shadow(meta)
+    return f"; {stays}: --with-shadow removes it, too" if stays else ""
 
 
 def summary_values(meta: dict[str, Any], place: Path, files: list[str], stages: Mapping[str, float]) -> dict[str, Any]:

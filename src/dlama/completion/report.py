@@ -6,7 +6,7 @@ from __future__ import annotations
 import dataclasses
 import time
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
@@ -28,6 +28,8 @@ BEYOND_TURN = 0.1
 """Share of a view that may be unknown beyond what the camera's turn alone shows anew (measured: right depth stays 0.05 below)."""
 EVERY = 4
 """Rows and columns between the pixels of which a median is taken."""
+SHADOW_SHOWN = 0.02
+"""Pixels of a remaining shadow, over those of the removed object, from which it is reported."""
 
 
 class Clock:
@@ -95,6 +97,14 @@ def meta_data(plan: Plan, warped: Sequence[View], record: Record) -> dict[str, A
         "seconds": record.seconds,
         "notes": record.notes,
     }
+
+
+def describe_remaining_shadow(meta: Mapping[str, Any]) -> str:
+    """How many pixels look like the removed object's shadow and stay; "" where few do."""
+    pixels, grown = meta["notes"].get("remaining_shadow_px", 0), meta["dilation"]
+    removed = grown["mask_pixels"] + grown["mask_known_pixels_given_up"]
+    few = not removed or pixels < max(1, SHADOW_SHOWN * removed)
+    return "" if few else f"{pixels} pixels next to the object look like its shadow and stay"
 
 
 def hole_shares(hole_type: UInt8Array) -> dict[str, float]:

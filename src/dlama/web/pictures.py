@@ -31,6 +31,8 @@ from dlama.web.completions.request import CompletionRequest
 from dlama.web.inputs import shrink
 
 PREVIEW_PX = 256
+MAP_PX = 2048
+"""The longer side of a map (depth, origin, ...) at most: the page shows it no larger."""
 
 
 def png(values: np.ndarray, headers: Mapping[str, str] | None = None) -> Blob:
@@ -39,6 +41,12 @@ def png(values: np.ndarray, headers: Mapping[str, str] | None = None) -> Blob:
     done, data = cv2.imencode(".png", np.ascontiguousarray(picture), [cv2.IMWRITE_PNG_COMPRESSION, 1])
     assert done
     return Blob(bytes(data), "image/png", headers=headers)
+
+
+def thin(values: np.ndarray) -> np.ndarray:
+    """Every so many-th row and column of a map; codes are not mixed."""
+    step = -(-max(values.shape[:2]) // MAP_PX)
+    return values[::step, ::step]
 
 
 class Preview:
@@ -78,11 +86,11 @@ def result_picture(done: dlama.Completion, kind: str, right: bool = False) -> UI
     drawn: dict[str, Callable[[], UInt8Array]] = {
         "image": lambda: hatch_holes(view.color, view.color_hole),
         "known": lambda: hatch_holes(before.color, before.color_hole),
-        "hole_type": lambda: hole_picture(view.color, view.hole_type),
-        "origin": lambda: origin_picture(view.origin),
-        "confidence": lambda: np.repeat(np.rint(view.confidence * 255).astype(np.uint8)[..., None], 3, 2),
-        "depth": lambda: depth_picture(view.depth, view.hole, lo, hi),
-        "depth_known": lambda: depth_picture(before.depth, before.hole, lo, hi),
+        "hole_type": lambda: hole_picture(thin(view.color), thin(view.hole_type)),
+        "origin": lambda: origin_picture(thin(view.origin)),
+        "confidence": lambda: np.repeat(np.rint(thin(view.confidence) * 255).astype(np.uint8)[..., None], 3, 2),
+        "depth": lambda: depth_picture(thin(view.depth), thin(view.hole), lo, hi),
+        "depth_known": lambda: depth_picture(thin(before.depth), thin(before.hole), lo, hi),
         "source": lambda: done.source.color,
     }
     if kind not in drawn:
@@ -155,4 +163,4 @@ def pixel(view: View, x: int, y: int) -> dict[str, Any]:
 def source_depth(rgbd: RGBD) -> tuple[UInt8Array, dict[str, Any]]:
     """The depth that was read, in colours, and their scale."""
     lo, hi = depth_limits(rgbd.depth)
-    return depth_picture(rgbd.depth, None, lo, hi), depth_ramp(lo, hi)
+    return depth_picture(thin(rgbd.depth), None, lo, hi), depth_ramp(lo, hi)

@@ -22,6 +22,7 @@ export async function showResult(answer) {
   document.querySelector('input[name="side"][value="left"]').checked = true;
   warnings("result-warnings", answer.nothing_visible ? ["nothing of the scene is visible from there, so nothing could be filled", ...answer.warnings] : answer.warnings);
   offer(answer.how.files, "single");
+  $("single").value = "image.png";
   $("command").textContent = answer.how.command;
   $("python").textContent = answer.how.python;
   $("mask-file").textContent = answer.how.mask_file ? `${answer.how.mask_file} comes with the zip.` : "";

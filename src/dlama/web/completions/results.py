@@ -6,6 +6,7 @@ import json
 from typing import Any
 
 import dlama
+from dlama.completion.report import describe_remaining_shadow
 from dlama.completion.verbs import view_pair
 from dlama.files.scenes.photo3d_page import LARGEST_GLB, describe_box, glb_within
 from dlama.web import pictures
@@ -90,6 +91,14 @@ def cancel(visit: Visit, fields: Fields) -> dict[str, Any]:
     return {"state": "cancelled"}
 
 
+def hints(result: Result) -> list[str]:
+    """What the command's last line says of a shadow that stays, in the page's words."""
+    stays, marks = describe_remaining_shadow(result.done.meta), result.marks
+    if not stays or marks is None or (marks.points_at and marks.with_shadow):
+        return []
+    return [f"{stays}: “with its shadow” removes it, too" if marks.points_at else stays]
+
+
 def describe_result(result: Result) -> dict[str, Any]:
     """What came out, for the page."""
     done, names = result.done, names_of(result.source.files)
@@ -106,7 +115,7 @@ def describe_result(result: Result) -> dict[str, Any]:
         "nothing_visible": done.meta["nothing_visible"],
         "seconds": done.meta["seconds"],
         "filler": done.meta["filler"],
-        "warnings": [use_page_words(hide_paths(text, names)) for text in result.warnings],
+        "warnings": [*(use_page_words(hide_paths(text, names)) for text in result.warnings), *hints(result)],
         "legends": {
             **{side: pictures.legends(done, side == "right") for side in sides},
             "scene": pictures.scene_origins(done),
