@@ -45,10 +45,9 @@ def measure(number: int) -> tuple[float, ...]:
     rig = street.rig(512)
     frames = [street.frame(camera) for camera in (rig.left, rig.right)]
     left, right = (add_photo_noise(one.color, rng) for one in frames)
-    lens = {"fx": rig.left.fx, "baseline_m": rig.baseline_m}
 
     def disparity_errors(found: Float32Array, true: Float32Array) -> Float32Array:
-        return np.abs(disparity_from_depth(found, **lens) - disparity_from_depth(true, **lens))
+        return np.abs(disparity_from_depth(found, rig) - disparity_from_depth(true, rig))
 
     pair = dlama.stereo(left, right, rig)
     found, true = pair.views[0].depth, frames[0].depth

@@ -87,7 +87,7 @@ def start(kind: str) -> Scene:
     if kind == "pair":
         rig = StereoRig(CAMERA, moved(CAMERA, shift=(0.12, 0, 0)))
         left, right = frame_of(rig.left), frame_of(rig.right)
-        disparity = disparity_from_depth(left.depth, fx=CAMERA.fx, baseline_m=0.12, doffs=0)
+        disparity = disparity_from_depth(left.depth, rig)
         return dlama.stereo(left.color, right.color, rig, disparity=disparity, filler="telea").scene.unfilled
     cameras = [CAMERA] if kind == "photo" else [orbit(CAMERA, yaw, 0, 3.5) for yaw in YAWS]
     return dlama.scene([frame_of(camera) for camera in cameras])

@@ -53,8 +53,7 @@ def test_motorcycle_matches_left_to_right(data_dir: Path) -> None:
     assert (truth.disparity_left == 0).mean() == pytest.approx(0.073, abs=5e-4)
     assert truth.metric and truth.disparity_right is None and truth.rig.baseline_m == pytest.approx(0.193001)
     assert truth.rig.left.cx == pytest.approx(311.693) and truth.rig.right.cx == pytest.approx(342.779)
-    rig = truth.rig
-    depth = depth_from_disparity(truth.disparity_left, fx=rig.left.fx, baseline_m=rig.baseline_m, doffs=truth.rig.doffs)
+    depth = depth_from_disparity(truth.disparity_left, truth.rig)
     assert [depth[depth > 0].min(), depth.max()] == pytest.approx([2.11, 5.017], abs=5e-3)
 
 
@@ -107,8 +106,7 @@ def test_middlebury_folder_of_a_plane(tmp_path: Path) -> None:
     assert truth.metric and truth.disparity_right is not None
     for camera, disparity in ((truth.rig.left, truth.disparity_left), (truth.rig.right, truth.disparity_right)):
         assert (disparity[:2, :3] == 0).all() and (disparity != 0).mean() > 0.99
-        rig = truth.rig
-        depth = depth_from_disparity(disparity, fx=camera.fx, baseline_m=rig.baseline_m, doffs=rig.doffs)
+        depth = depth_from_disparity(disparity, truth.rig)
         columns = np.arange(96) + 0.5
         x = camera.world_from_cam[0, 3] + (columns - camera.cx) / camera.fx * depth
         assert np.abs(depth - 3 - x / 2)[2:].max() < 1e-4

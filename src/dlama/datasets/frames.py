@@ -91,8 +91,7 @@ class StereoTruth:
 
 def true_disparity(rig: StereoRig, depth: Float32Array) -> Float32Array:
     """H x W px, as StereoTruth has it, of true depth (m); 0 where depth is missing, or disparity is not > 0."""
-    disparity = disparity_from_depth(depth, fx=rig.left.fx, baseline_m=rig.baseline_m, doffs=rig.doffs)
-    return np.maximum(disparity, 0)
+    return np.maximum(disparity_from_depth(depth, rig), 0)
 
 
 Truth = ViewTruth | RemovalTruth | StereoTruth

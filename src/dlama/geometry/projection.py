@@ -6,15 +6,14 @@ Pixel centres, axes and units are those of `dlama.geometry.camera`. Pure numpy.
 from __future__ import annotations
 
 import functools
-import math
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dlama.arguments import check_arguments
-from dlama.errors import CameraError, DepthError, ShapeError
-from dlama.geometry.camera import Camera, Float64Array
+from dlama.errors import DepthError, ShapeError
+from dlama.geometry.camera import Camera, Float64Array, StereoRig
 from dlama.geometry.cloud import PointCloud
 from dlama.geometry.motion.poses import transform_points
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
@@ -24,15 +23,14 @@ SMALLEST_DISPARITY = np.float32(1e-6)
 """Pixels; stands in for a measured disparity of exactly 0, because 0 means missing."""
 
 
-def depth_from_disparity(disparity: ArrayLike, *, fx: float, baseline_m: float, doffs: float = 0.0) -> Float32Array:
+def depth_from_disparity(disparity: ArrayLike, rig: StereoRig) -> Float32Array:
     """Planar depth in metres, float32 of the same shape: Z = fx * baseline / (disparity + doffs).
 
-    `disparity` in pixels, left x minus right x, any float or integer dtype; `doffs` is the right camera's cx minus the
-    left one's (Middlebury). A disparity of 0, NaN or infinity is missing and gives 0. Other disparities are numbers,
-    negative ones too: d = -doffs is a point at infinity and gives +inf (far); d < -doffs lies behind the cameras, no
-    point can do that, and gives 0 (missing). Raises CameraError when fx or baseline_m is not positive.
+    `disparity` in pixels, left x minus right x, any float or integer dtype. A disparity of 0, NaN or infinity is missing and
+    gives 0. Other disparities are numbers, negative ones too: d = -doffs is a point at infinity and gives +inf (far); d < -doffs
+    lies behind the cameras, no point can do that, and gives 0 (missing).
     """
-    _check_rig(fx, baseline_m, doffs)
+    doffs = rig.doffs
     measured = np.asarray(disparity, np.float32)
     known = np.isfinite(measured) & (measured != 0)
     # Compared in float32, so that what disparity_from_depth wrote for "far" is recognised for any digits of doffs.
@@ -41,37 +39,27 @@ def depth_from_disparity(disparity: ArrayLike, *, fx: float, baseline_m: float, 
     front = known & ~far & (shift > 0)
     depth = np.zeros(measured.shape, np.float32)
     with np.errstate(over="ignore"):  # too far for float32: inf, which is what far is called
-        depth[front] = fx * baseline_m / shift[front]
+        depth[front] = rig.left.fx * rig.baseline_m / shift[front]
     depth[far] = np.inf
     return depth
 
 
-def disparity_from_depth(depth: ArrayLike, *, fx: float, baseline_m: float, doffs: float = 0.0) -> Float32Array:
+def disparity_from_depth(depth: ArrayLike, rig: StereoRig) -> Float32Array:
     """Disparity in pixels, float32 of the same shape: d = fx * baseline / Z - doffs; 0 = missing.
 
     Missing depth (0 or NaN) gives 0. Far depth (+inf) gives -doffs; with doffs = 0 that is 0, so far and missing cannot
     be distinguished in such a disparity map. A valid depth that falls exactly on d = 0 is written as 1e-6 px, or it would
-    be lost. Raises DepthError on negative depth, CameraError when fx or baseline_m is not positive.
+    be lost. Raises DepthError on negative depth.
     """
-    _check_rig(fx, baseline_m, doffs)
     metres = np.asarray(depth, np.float32).astype(np.float64)
     if (metres < 0).any():
         raise DepthError(f"depth holds negative values (smallest {np.nanmin(metres):.6g}); metres >= 0 are expected")
     known = metres > 0
     disparity = np.zeros(metres.shape, np.float32)
     with np.errstate(over="ignore"):
-        disparity[known] = fx * baseline_m / metres[known] - doffs
+        disparity[known] = rig.left.fx * rig.baseline_m / metres[known] - rig.doffs
     disparity[known & np.isfinite(metres) & (disparity == 0)] = SMALLEST_DISPARITY
     return disparity
-
-
-def _check_rig(fx: float, baseline_m: float, doffs: float) -> None:
-    if not (math.isfinite(fx) and fx > 0):
-        raise CameraError(f"stereo fx is {fx}; a focal length > 0 in pixels is expected")
-    if not (math.isfinite(baseline_m) and baseline_m > 0):
-        raise CameraError(f"stereo baseline_m is {baseline_m}; a distance > 0 in metres is expected")
-    if not math.isfinite(doffs):
-        raise CameraError(f"stereo doffs is {doffs}; a finite number of pixels is expected")
 
 
 def inverse_depth(depth: Float32Array) -> Float32Array:

@@ -102,7 +102,7 @@ class CompletedPair:
     def as_completion(self, rig: StereoRig) -> StereoCompletion:
         """With the disparities of both views, how well they agree, and the meta data."""
         lens = {"fx": rig.left.fx, "baseline_m": rig.baseline_m, "doffs": rig.doffs}
-        left, right = (disparity_from_depth(view.depth, **lens) for view in self.views)
+        left, right = (disparity_from_depth(view.depth, rig) for view in self.views)
         agreement = consistency(self.views[0].color, self.views[1].color, left, right)
         source = View.from_rgbd(self.source)
         record = dataclasses.replace(self.record, flying_pixels=source.find_once(find_joints).flying_pixels)
@@ -163,7 +163,7 @@ def masks_of_pair(
 
 def depth_in_metres(disparity: Float32Array, rig: StereoRig, far: float) -> Float32Array:
     """H x W metres of one picture's disparity (H x W px, 0 = missing); at or beyond `far` metres it is +inf."""
-    depth = depth_from_disparity(disparity, fx=rig.left.fx, baseline_m=rig.baseline_m, doffs=rig.doffs)
+    depth = depth_from_disparity(disparity, rig)
     return np.where(depth >= far, np.float32(np.inf), depth)
 
 

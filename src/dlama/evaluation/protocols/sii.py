@@ -38,7 +38,6 @@ from dlama.evaluation.protocols.methods import (
 from dlama.evaluation.protocols.ori import cloud_measures
 from dlama.evaluation.protocols.reliability import reliability_measures
 from dlama.evaluation.protocols.scores import Reference, artifact_measures, leak_measures, picture_panel, view_measures
-from dlama.geometry.camera import StereoRig
 from dlama.geometry.projection import depth_from_disparity, disparity_from_depth
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
 
@@ -54,7 +53,7 @@ def score(truth: Truth, method: Method, settings: ProtocolSettings) -> list[Scor
     assert isinstance(truth, StereoTruth)
     if truth.mask_left is not None:
         return [score_removal(truth, method, settings)]
-    source = RGBD(truth.left, depth_of(truth.disparity_left, truth.rig), truth.rig.left)
+    source = RGBD(truth.left, depth_from_disparity(truth.disparity_left, truth.rig), truth.rig.left)
     scored = [score_right(truth, run_method(method, source, truth.rig.right), source, settings, "")]
     if settings.matched_stereo:
         scored.append(score_right(truth, run_stereo(truth, method), source, settings, "sgm"))
@@ -90,7 +89,7 @@ def score_removal(truth: StereoTruth, method: Method, settings: ProtocolSettings
             measures += cloud_measures(run, truth.without_left, truth.mask_left)
         measures += pair_measures(run, truth, truth.mask_left)
         measures += artifact_measures(run, view, left, "mask", truth.mask_left, truth.without_left, None)
-    source = RGBD(truth.left, depth_of(truth.disparity_left, truth.rig), truth.rig.left)
+    source = RGBD(truth.left, depth_from_disparity(truth.disparity_left, truth.rig), truth.rig.left)
     shown = picture_panel(run, left, source, truth.without_left, 0)
     return Scored(tuple(measures), panel=shown, meta=run.completion.meta)
 
@@ -112,7 +111,7 @@ def pair_measures(run: MethodRun, truth: StereoTruth, mask: BoolArray) -> list[M
     """The completed pair as a pair: its disparity, and whether left and right show the same."""
     done = run.completion
     assert isinstance(done, StereoCompletion) and truth.without_left is not None and truth.without_right is not None
-    there = disparity_of(truth.without_left.depth, truth.rig)
+    there = disparity_from_depth(truth.without_left.depth, truth.rig)
     mine, true = (run.view(0).color, run.view(1).color), (truth.without_left.color, truth.without_right.color)
     differences = {
         "photometric": left_right_difference(*mine, done.disparity_left, mask),
@@ -153,7 +152,7 @@ def right_disparity(truth: StereoTruth, reference: Reference, depth: Float32Arra
     """bad-1, bad-2 and epe of the synthesised view's depth, as disparity, in every region."""
     if truth.disparity_right is None:
         return []
-    mine = disparity_of(depth, truth.rig)
+    mine = disparity_from_depth(depth, truth.rig)
     found: list[Measure] = []
     for name, region in reference.large_regions(None):
         found += measures_of(name, "disparity", disparity_errors(mine, truth.disparity_right, region))
@@ -164,15 +163,4 @@ def right_depth(truth: StereoTruth) -> Float32Array:
     """H x W metres (or nominal units) of the true right view; all missing where its disparity is not known."""
     if truth.disparity_right is None:
         return np.zeros(truth.right.shape[:2], np.float32)
-    return depth_of(truth.disparity_right, truth.rig)
-
-
-def depth_of(disparity: Float32Array, rig: StereoRig) -> Float32Array:
-    """Planar depth of a disparity map of the rig; unknown is missing."""
-    known = np.where(np.isfinite(disparity), disparity, np.float32(0))
-    return depth_from_disparity(known, fx=rig.left.fx, baseline_m=rig.baseline_m, doffs=rig.doffs)
-
-
-def disparity_of(depth: Float32Array, rig: StereoRig) -> Float32Array:
-    """Disparity of a depth map of the rig; missing, and far on a rig without doffs, is 0 = unknown."""
-    return disparity_from_depth(depth, fx=rig.left.fx, baseline_m=rig.baseline_m, doffs=rig.doffs)
+    return depth_from_disparity(truth.disparity_right, truth.rig)
