@@ -225,23 +225,6 @@ def test_a_visit_that_is_being_answered_keeps_nobody_waiting(server: Server, mon
     assert len(server.visits) == 0
 
 
-def test_the_first_page_needs_no_model(temporary: Path) -> None:
-    """Oracle: sys.modules of a fresh interpreter that has answered with the page and begun a visit."""
-    code = (
-        "import http.client, sys, threading\nfrom dlama.web.answers import Limits\nfrom dlama.web.server import open_server\n"
-        "with open_server('127.0.0.1', 0, None, Limits()) as server:\n"
-        "    threading.Thread(target=server.serve_forever, daemon=True).start()\n"
-        "    line = http.client.HTTPConnection('127.0.0.1', server.port)\n"
-        "    for method, path in (('GET', '/'), ('POST', '/api/settings'), ('POST', '/api/visit')):\n"
-        "        line.request(method, path, headers={'X-Dlama-Visit': ''})\n"
-        "        assert line.getresponse().read()\n"
-        "    server.shutdown()\n"
-        "print([name for name in ('onnxruntime', 'onnx', 'openvino', 'torch') if name in sys.modules])"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=600, check=True)
-    assert done.stdout.strip() == "[]"
-
-
 def test_a_killed_server_leaves_nothing_for_long(temporary: Path) -> None:
     """The folder of one that ended without removing it goes when the next begins (oracle: its name, its dead process)."""
     dead = subprocess.Popen([sys.executable, "-c", ""])
