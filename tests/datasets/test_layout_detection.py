@@ -159,8 +159,7 @@ def test_a_tenth_of_a_pair_must_overlap(
     frames = [posed_frame("s", name, files) for name, files in numbered_files(root, lens)]
     assert Overlaps(frames).share(0, 0) == pytest.approx(1.0)
     monkeypatch.setattr(Overlaps, "share", lambda *_: share)
-    assert len(view_pairs(frames, dataset="d")) == listed
-    assert len(view_pairs(frames, dataset="d", limit=2)) == min(listed, 2)
+    assert len(list(view_pairs(frames, "d"))) == listed
 
 
 @pytest.mark.parametrize(("farther", "share"), [(1.04, 1.0), (1.06, 0.0)])

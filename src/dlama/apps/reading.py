@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import statistics
 import warnings
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -110,25 +110,22 @@ def refuse_many(verb: str, image: Path | str | None) -> None:
     except InputError:
         if (place / "meta.json").is_file():  # a result: the error says so
             raise
-        pictures = files_in(place, SUFFIXES)
-        takers = (
-            f"; `dlama batch --images '{place}/*{pictures[0].suffix}' --verb {verb}` takes all in it"
-            if pictures
-            else ""
-        )
-        raise InputError(
-            f"{place}: is a folder, {expected}{takers if verb not in ('mask', 'stereo') else ''}"
-        ) from None
+        pictures = files_in(place, SUFFIXES) if verb not in ("mask", "stereo") else []
+        which = [
+            f"`dlama batch --images '{place}/*{one.suffix}' --verb {verb}` takes all in it" for one in pictures[:1]
+        ]
+        raise InputError("; ".join([f"{place}: is a folder, {expected}", *which])) from None
+    takers = ", ".join(takers_of(place, layout, verb))
+    raise InputError(f"{place}: is a data set (layout {layout}), {expected}{f'; {takers}' if takers else ''}")
+
+
+def takers_of(place: Path, layout: str, verb: str) -> Iterator[str]:
+    """In words, which verbs take a data set of that layout in place of that one."""
     of_pairs = layout == "stereo"
-    takers = (
-        ""
-        if of_pairs or verb in ("depth", "mask")
-        else "; `dlama sequence` and `dlama video` take its frames as one scene"
-    )
+    if not of_pairs and verb not in ("depth", "mask"):
+        yield "`dlama sequence` and `dlama video` take its frames as one scene"
     if verb != "mask" and of_pairs >= (verb == "stereo"):
-        by_itself = f"`dlama batch --data {place} --verb {'stereo' if of_pairs else verb}` takes each by itself"
-        takers += f"{',' if takers else ';'} {by_itself}"
-    raise InputError(f"{place}: is a data set (layout {layout}), {expected}{takers}")
+        yield f"`dlama batch --data {place} --verb {'stereo' if of_pairs else verb}` takes each by itself"
 
 
 def summary_line(meta: dict[str, Any], place: object, seconds: float) -> str:

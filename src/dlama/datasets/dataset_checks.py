@@ -74,13 +74,14 @@ def examine_scene(frames: Sequence[Frame]) -> tuple[list[Finding], RGBD]:
     row, scene = frames_in_a_row(frames), frames[0].scene
     spread = np.linspace(0, len(frames) - 1, min(len(frames), COMPARED)).round().astype(int)
     looked_at = _look_at({name_of(each): each for each in (*(frames[place] for place in spread), *row)})
-    if not any(name_of(each) in looked_at.small for each in row):
-        start = next(place for place in spread if name_of(frames[place]) in looked_at.small)
+    readable = looked_at.small.keys()
+    if readable.isdisjoint(map(name_of, row)):
+        start = next(place for place in spread if name_of(frames[place]) in readable)
         row = list(frames[start : start + FRAMES])
-    first = next(each for each in row if name_of(each) in looked_at.small)
+    first = next(each for each in row if name_of(each) in readable)
     rgbd, name = first.load(), name_of(first)
     found = run_checks(Observed.of(rgbd, (name, name, name))) + check_sizes(looked_at.sizes, scene)
-    of_poses = compare_frames(looked_at.small, [name_of(each) for each in row], scene)
+    of_poses = compare_frames(looked_at.small, list(map(name_of, row)), scene)
     if any(each.check == "depth-scale" and each.what.startswith(f"{name}:") for each in of_poses):
         found = [each for each in found if each.check != "depth-scale"]
     return [*looked_at.unread, *found, *of_poses], rgbd

@@ -6,7 +6,7 @@ import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
-from itertools import islice
+from itertools import chain, islice
 from pathlib import Path
 
 import numpy as np
@@ -54,28 +54,27 @@ def posed_dataset(layout: str, root: Path, frames: Iterable[PosedFrame], limit: 
 
     limit: so many cases at most; 0: no pairs are looked for, the frames alone are expected.
     """
-    frames = tuple(frames)
-    cases: list[Case] = []
-    name = root.resolve().name
+    frames, name = tuple(frames), root.resolve().name
     _check_names(root, frames)
-    if limit == 0:
-        return Dataset(name, layout, root, frames, ())
-    for scene in dict.fromkeys(frame.scene for frame in frames):
-        if limit is None or len(cases) < limit:
-            left = None if limit is None else limit - len(cases)
-            own = [frame for frame in frames if frame.scene == scene]
-            cases += view_pairs(own, dataset=name, limit=left)
+    scenes: dict[str, list[PosedFrame]] = {}
+    for frame in frames:
+        scenes.setdefault(frame.scene, []).append(frame)
+    cases = tuple(islice(chain.from_iterable(view_pairs(own, name) for own in scenes.values()), limit))
+    if not cases and limit != 0:
+        raise _no_pairs(root, scenes.values(), frames)
+    return Dataset(name, layout, root, frames, cases)
+
+
+def _no_pairs(root: Path, scenes: Iterable[list[PosedFrame]], frames: tuple[PosedFrame, ...]) -> NoPairsError:
+    """Why no case can be made of the frames."""
     if len(frames) < 2:
-        raise NoPairsError(
-            f"{root}: holds {format_count(len(frames), 'frame')}; two or more of one scene are expected", frames
-        )
-    if not cases:
-        turned = any(_turns(each, [one for one in frames if one.scene == each.scene]) for each in frames)
-        of_those = f"overlap by {MIN_OVERLAP:.0%} and turn" if turned else "turn"
-        unit = "; are depth and poses in the same unit?" if turned else ", as those of a case do"
-        degrees = f"{DEGREES[0]:g} to {DEGREES[-1]:g} degrees"
-        raise NoPairsError(f"{root}: no two of its {len(frames)} frames {of_those} by {degrees}{unit}", frames, turned)
-    return Dataset(name, layout, root, frames, tuple(cases))
+        count = format_count(len(frames), "frame")
+        return NoPairsError(f"{root}: holds {count}; two or more of one scene are expected", frames)
+    turned = any(_turns(frame, own) for own in scenes for frame in own)
+    of_those = f"overlap by {MIN_OVERLAP:.0%} and turn" if turned else "turn"
+    unit = "; are depth and poses in the same unit?" if turned else ", as those of a case do"
+    degrees = f"{DEGREES[0]:g} to {DEGREES[-1]:g} degrees"
+    return NoPairsError(f"{root}: no two of its {len(frames)} frames {of_those} by {degrees}{unit}", frames, turned)
 
 
 def _check_names(root: Path, frames: Iterable[PosedFrame]) -> None:
@@ -87,23 +86,18 @@ def _check_names(root: Path, frames: Iterable[PosedFrame]) -> None:
             )
 
 
-def view_pairs(frames: Sequence[PosedFrame], *, dataset: str, limit: int | None = None) -> tuple[Case, ...]:
+def view_pairs(frames: Sequence[PosedFrame], dataset: str) -> Iterator[Case]:
     """VPI cases between frames of one scene: of SOURCES frames, evenly, to frames that turned away by about each of DEGREES.
 
     Of the frames within DEGREES_OFF of an angle the nearest to it with enough overlap is taken (of frames in a row the best is
     tried), each target once per source. Overlap is the share of the source's pixels that land in the target within 5 % of its
-    depth: depth files of candidates are read for it. `yaw` is the angle of rotation. Deterministic.
+    depth: depth files of candidates are read for it, as cases are asked for. `yaw` is the angle of rotation. Deterministic.
     """
-    if not frames:
-        return ()
     overlaps = Overlaps(frames)
     rotations = np.stack([frame.world_from_cam[:3, :3] for frame in frames])
-    found = (
-        pair_case(dataset, frames[source], frames[target])
-        for source in range(0, len(frames), math.ceil(len(frames) / SOURCES))
-        for target in _targets(source, rotations, overlaps)
-    )
-    return tuple(islice(found, limit))
+    for source in range(0, len(frames), math.ceil(len(frames) / SOURCES)):
+        for target in _targets(source, rotations, overlaps):
+            yield pair_case(dataset, frames[source], frames[target])
 
 
 class Overlaps:
