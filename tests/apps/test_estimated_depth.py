@@ -95,6 +95,7 @@ def test_depth_of_a_photo_as_files(frame: Path, capsys: pytest.CaptureFixture[st
         "depth.png", "depth.exr", "preview.png", "camera.json", "cloud.ply", "meta.json",
     }  # fmt: skip
     again = dlama.read_rgbd(frame / "image.png", out / "depth.exr", camera=out / "camera.json")
+    assert dlama.read_camera(out / "meta.json").same_view_as(again.camera)
     np.testing.assert_allclose(pixels(out / "depth.png"), again.depth * 1000, atol=0.51)
     cloud = read_ply(out / "cloud.ply")
     np.testing.assert_allclose(cloud.points, dlama.lift(again).points, atol=1e-5)

@@ -41,6 +41,7 @@ def test_every_reader_of_files_is_fuzzed() -> None:
         "read_stored",
         "read_stored_numbers",
         "read_pfm",
+        "read_pcd",
         "read_array",
         "read_exr",
         "read_json_fields",

@@ -29,7 +29,7 @@ def option(metavar: str, default: str | None = "none", **others: Any) -> Any:
     return arg(metavar=metavar, help_behavior_hint=hint, **others)
 
 
-DEPTH_ONLY = (".exr", ".pfm", ".npy", ".npz")
+DEPTH_ONLY = (".exr", ".pfm", ".npy", ".npz", ".pcd")
 """Endings of depth files that no mask has."""
 Metres = Annotated[float | None, option("METRES")]
 CameraFile = Annotated[Path | None, option("FILE.json")]

@@ -60,8 +60,9 @@ def read_camera(path: PathLike, *, hw: tuple[int, int] | None = None) -> Camera:
         fields, name = read_yaml_fields(path), "K"
     else:
         fields = _fields_of_one(path)
-        if isinstance(listed := fields.values.get("cameras"), list) and listed:  # a meta.json: the camera of image.png
-            fields = fields.part("cameras", listed[-1])
+        if "dlama" in fields:  # a meta.json: the camera of image.png, or of estimated depth
+            cameras = fields.entries("cameras", "cameras") if "cameras" in fields else [fields.values.get("camera")]
+            fields = fields.part("camera", cameras[-1])
         camera = _camera_of(fields, hw)
         fields.warn_of_unknown(CAMERA_FIELDS)
         return camera

@@ -14,6 +14,7 @@ from dlama.files.rasters.depth_checks import warn_of_inverse, warn_of_millimetre
 from dlama.files.rasters.exr_files import read_exr, write_exr
 from dlama.files.rasters.float_files import read_array, read_pfm, write_pfm
 from dlama.files.rasters.images import SUFFIXES, existing_file, read_stored
+from dlama.files.rasters.pcd_files import read_pcd
 from dlama.files.rasters.pictures import DEPTH_PNG, ROWS_AT_ONCE, write_png
 from dlama.geometry.rgbd import PLAUSIBLE_M, Float32Array, mark_far
 from dlama.perception.resampling import smooth_quantised
@@ -41,8 +42,8 @@ def read_depth(
     """A depth file as float32 H x W: metres, 0 = missing, +inf = far.
 
     16-bit PNG or TIFF and integer arrays: metres = value / depth_scale (default 1000; TUM 5000, KITTI 256), 65535 = far.
-    EXR, PFM, float TIFF, NPY, NPZ (key `depth`): metres, unless `depth_scale` divides them or `depth_range` (EasySynth)
-    multiplies values normalised to 0..1, where 1 is far. NaN is missing; infinity, and depth >= `far` metres, is far.
+    EXR, PFM, float TIFF, NPY, NPZ (key `depth`), organised PCD: metres, unless `depth_scale` divides them or `depth_range`
+    (EasySynth) multiplies values normalised to 0..1, where 1 is far. NaN is missing; infinity, and depth >= `far` metres, is far.
     Raises FileError, or DepthError: 8-bit, colour, negative, nothing valid, or a median outside 0.05..500 m.
     """
     check_depth_options(depth_scale, depth_range, far)
@@ -159,6 +160,8 @@ def read_stored_numbers(path: PathLike, what: str, channel: str | None, eight_bi
         return read_exr(path, channel)
     if suffix == ".pfm":
         return read_pfm(path)
+    if suffix == ".pcd" and what == "depth":
+        return read_pcd(path)
     if suffix in (".npy", ".npz"):
         values = read_array(path, what)
     elif suffix in SUFFIXES:

@@ -71,6 +71,7 @@ OF_OTHER_VERBS = {
     ),
     **dict.fromkeys((".ply", ".glb"), f"the scene.npz of the result {TAKE_SCENES}"),
     ".npz": f"a scene {TAKE_SCENES}",
+    ".pcd": "an organised cloud is depth: it goes behind its picture",
 }
 """Endings of files that other verbs take -> which these are."""
 NO_RGB = ("CMYK", "YCbCr", "LAB", "HSV")
