@@ -87,14 +87,12 @@ def view(
     return complete(rgbd, [target], progress=progress, **options)
 
 
-def view_pair(
-    pair: StereoCompletion, target: Mapping[str, Any], method: Mapping[str, Any], progress: Progress | None = None
-) -> Completion:
+def view_pair(pair: StereoCompletion, target: Mapping[str, Any], method: Mapping[str, Any]) -> Completion:
     """The scene of a pair from another viewpoint. meta also has how the pair was matched, and the seconds of both.
 
     target: keywords of `view` that say where the camera stands; method: the options of a completion.
     """
-    done = view(pair.scene, **target, progress=progress, **method)
+    done = view(pair.scene, **target, **method)
     before, after = pair.meta["seconds"], done.meta["seconds"]
     seconds = before | {name: round(before.get(name, 0) + spent, 4) for name, spent in after.items()}
     return replace(done, meta=done.meta | {"stereo": pair.meta["stereo"], "seconds": seconds})

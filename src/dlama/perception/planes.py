@@ -133,11 +133,10 @@ def plane_normal(plane: NDArray[np.float64], camera: Camera) -> NDArray[np.float
     return np.asarray(plane @ camera.K)
 
 
-def plane_values(planes: NDArray[np.float64], hw: tuple[int, int], step: float = 1.0, top: int = 0) -> Float32Array:
-    """K x H x W inverse depth of the planes at pixel centres of a grid, from its row `top` on; its pixels are `step` view pixels
-    wide."""
+def plane_values(planes: NDArray[np.float64], hw: tuple[int, int], step: float = 1.0) -> Float32Array:
+    """K x H x W inverse depth of the planes at pixel centres of a grid, whose pixels are `step` view pixels wide."""
     u = (np.arange(hw[1]) + 0.5) * step
-    v = (np.arange(top, top + hw[0]) + 0.5) * step
+    v = (np.arange(hw[0]) + 0.5) * step
     a, b, c = (planes[:, k, None, None] for k in range(3))
     out = np.empty((len(planes), *hw), np.float32)
     for first in range(0, hw[0], BAND):  # sums in float64 that stay in the processor's cache
@@ -175,9 +174,7 @@ def _label_known(
     label = np.full(w.shape, SMOOTH, np.int8)
     residual, fits = np.empty_like(w), np.empty_like(surface)
     for number, plane in enumerate(planes):
-        plane_kernels.residual_rows(
-            0, len(w), as_input(w), as_input(surface), near, as_input(plane), top, residual, fits
-        )
+        plane_kernels.find_residuals(as_input(w), as_input(surface), near, as_input(plane), top, residual, fits)
         if not fits.any():
             continue
         count = count_around(fits)

@@ -13,7 +13,7 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.kernels.along_colors import DEAREST, STEP, DepthCost, nearest_by_color
 from dlama.geometry.rgbd import RGBD
 from dlama.inpainters.missing_depth.along_colors import fill_along_colors
-from dlama.inpainters.missing_depth.kernels import conductances, relax
+from dlama.inpainters.missing_depth.kernels import JUMP, POWER, SOFT, conductances, relax
 from dlama.perception.planes import SKY, SMOOTH, KnownSurfaces
 
 WIDTH, HEIGHT = 192, 144
@@ -75,8 +75,8 @@ def test_what_lies_on_no_plane_is_relaxed_to_the_minimum() -> None:
     free &= begin > 0
     values = begin.copy()
     across, down = np.empty((2, *shape), np.float32)
-    conductances(0, shape[0], across, down, np.ones(shape, np.bool_), begin, color, 4.0, 2.0, 0.1)
-    relax(across, down, free, np.float32(0.05), begin, 1.5, values, np.empty(400))
+    conductances(0, shape[0], across, down, np.ones(shape, np.bool_), begin, color)
+    relax(across, down, free, np.float32(0.05), begin, values, np.empty(400))
     index = {tuple(map(int, one)): n for n, one in enumerate(np.argwhere(free))}
     matrix, right = np.zeros((len(index),) * 2), np.zeros(len(index))
     for (y, x), n in index.items():
@@ -84,8 +84,8 @@ def test_what_lies_on_no_plane_is_relaxed_to_the_minimum() -> None:
         for v, u in ((y - 1, x), (y + 1, x), (y, x - 1), (y, x + 1)):
             if not (0 <= v < shape[0] and 0 <= u < shape[1]) or begin[v, u] == 0:
                 continue
-            by_color = (1 + ((color[y, x] - color[v, u]) ** 2).sum() / 16) ** -2
-            apart = (begin[v, u] - begin[y, x]) / (0.1 * max(begin[v, u], begin[y, x]))
+            by_color = (1 + ((color[y, x] - color[v, u]) ** 2).sum() / SOFT**2) ** -POWER
+            apart = (begin[v, u] - begin[y, x]) / (JUMP * max(begin[v, u], begin[y, x]))
             weight = max(by_color, (1 + apart**2) ** -2)
             matrix[n, n] += weight
             if free[v, u]:

@@ -31,11 +31,8 @@ FADING = 16.0
 """Pixels over which a plane's residual at the known pixel fades out."""
 MOST = 3.0
 """Largest ratio of depths between a plane and its known pixel."""
-SOFT, POWER, JUMP = 2.0, 3.0, 0.1
-"""For `conductances`: colour step in levels, exponent, and the relative step of inverse depth above which conductance falls."""
-KEEP, OVER, SWEEPS, SETTLED = 0.01, 1.8, 80, 1e-4
-"""For `relax`: weight of each pixel's own value, factor of over-relaxation, most sweeps, and the change (1/m) at which it
-stops."""
+KEEP, SWEEPS, SETTLED = 0.01, 80, 1e-4
+"""For `relax`: weight of each pixel's own value, most sweeps, and the change (1/m) at which it stops."""
 AT_ONCE = 8
 """Sweeps that run together."""
 PIECE = 1 << 16
@@ -93,8 +90,8 @@ def relax_depth(w: Float32Array, loose: BoolArray, color: Float32Array) -> None:
     color: H x W x 3.
     """
     across, down, begin = np.empty_like(w), np.empty_like(w), w.copy()
-    in_bands(conductances, len(w), across, down, dilate_mask(loose, 1), begin, color, SOFT, POWER, JUMP)
-    to_relax = across, down, loose, np.float32(KEEP), begin, OVER, w
+    in_bands(conductances, len(w), across, down, dilate_mask(loose, 1), begin, color)
+    to_relax = across, down, loose, np.float32(KEEP), begin, w
     for _ in range(0, SWEEPS, AT_ONCE):
         before, changes = w[loose], np.empty(AT_ONCE)
         relax(*to_relax, changes)

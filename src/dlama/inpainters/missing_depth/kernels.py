@@ -8,6 +8,11 @@ from numpy.typing import NDArray
 from dlama.geometry.kernels.jit import Real, Whole, kernel
 from dlama.geometry.rgbd import BoolArray, Float32Array
 
+SOFT, POWER, JUMP = 2.0, 3.0, 0.1
+"""Colour step in levels, exponent, and the relative step of inverse depth above which conductance falls."""
+OVER = 1.8
+"""Factor of over-relaxation."""
+
 
 @kernel
 def conductances(
@@ -18,14 +23,11 @@ def conductances(
     where: BoolArray,
     begin: Float32Array,
     color: Float32Array,
-    step: Real,
-    power: Real,
-    jump: Real,
 ) -> None:
     """Conductance from the pixels of `where` to their right neighbours (across, H x W) and to their lower ones (down, H x W).
 
-    Colours d levels apart (root of the sum over channels) give (1 + (d / step)^2)^-power. Values of `begin` (H x W) that differ
-    by e of the larger one give at least (1 + (e / jump)^2)^-2; a value of 0 (far, unknown) gives 0. where: H x W; color: H x W
+    Colours d levels apart (root of the sum over channels) give (1 + (d / SOFT)^2)^-POWER. Values of `begin` (H x W) that differ
+    by e of the larger one give at least (1 + (e / JUMP)^2)^-2; a value of 0 (far, unknown) gives 0. where: H x W; color: H x W
     x 3.
     """
     rows, columns = begin.shape
@@ -39,8 +41,8 @@ def conductances(
                 unlike = 0.0
                 for channel in range(3):
                     unlike += (color[row, column, channel] - color[y, x, channel]) ** 2
-                apart = (begin[y, x] - begin[row, column]) / (jump * max(begin[y, x], begin[row, column]))
-                drawn = max((1.0 + unlike / (step * step)) ** -power, 1.0 / (1.0 + apart * apart) ** 2)
+                apart = (begin[y, x] - begin[row, column]) / (JUMP * max(begin[y, x], begin[row, column]))
+                drawn = max((1.0 + unlike / (SOFT * SOFT)) ** -POWER, 1.0 / (1.0 + apart * apart) ** 2)
                 if k == 0:
                     across[row, column] = drawn
                 else:
@@ -54,13 +56,12 @@ def relax(
     open_: BoolArray,
     pull: Real,
     target: Float32Array,
-    over: Real,
     level: Float32Array,
     changes: NDArray[np.float64],
 ) -> None:
     """Sweeps of successive over-relaxation towards the minimum of sum c (difference of neighbours)^2 + pull (level - target)^2.
 
-    across, down: H x W, the c of a pixel and its right and its lower neighbour. pull: a float32. target: H x W. over: 1..2.
+    across, down: H x W, the c of a pixel and its right and its lower neighbour. pull: a float32. target: H x W.
     level: H x W, changed where open. changes: the largest change of each sweep, of which there are as many. Each is two rows
     behind the one before it: so none waits for another, and all find these rows in the processor's cache.
     """
@@ -87,6 +88,6 @@ def relax(
                 if row < rows - 1:
                     total += down[row, column] * level[row + 1, column]
                     weight += down[row, column]
-                change = over * (total / weight - level[row, column])
+                change = OVER * (total / weight - level[row, column])
                 level[row, column] += change
                 changes[turn] = max(changes[turn], abs(change))

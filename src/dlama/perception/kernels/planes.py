@@ -102,9 +102,7 @@ def best_plane(
 
 
 @kernel
-def residual_rows(
-    first: Whole,
-    last: Whole,
+def find_residuals(
     w: Float32Array,
     surface: BoolArray,
     near: Float32Array,
@@ -113,9 +111,9 @@ def residual_rows(
     residual: Float32Array,
     fits: BoolArray,
 ) -> None:
-    """How far inverse depth (H x W) in rows [first, last) is off a plane, and where that is less than `near` (H x W) on a surface
+    """How far inverse depth (H x W) is off a plane, and where that is less than `near` (H x W) on a surface
     (H x W). top: the picture's row that is the first here."""
-    for row in range(first, last):
+    for row in range(len(w)):
         down = plane[1] * (top + row + 0.5)
         for column in range(w.shape[1]):
             value = np.float32(plane[0] * (column + 0.5) + down + plane[2])

@@ -32,13 +32,13 @@ def depth_l1(output: Tensor, truth: Tensor, known: Tensor) -> Tensor:
     return _mean((output - truth).abs(), known)
 
 
-def gradient_matching(output: Tensor, truth: Tensor, known: Tensor, scales: int = SCALES) -> Tensor:
-    """Mean absolute gradient of the difference, on `scales` scales (Li and Snavely 2018, MegaDepth): edges stay sharp.
+def gradient_matching(output: Tensor, truth: Tensor, known: Tensor) -> Tensor:
+    """Mean absolute gradient of the difference, on SCALES scales (Li and Snavely 2018, MegaDepth): edges stay sharp.
 
     A coarser scale averages 2 x 2 pixels and counts those of which all four are known.
     """
     difference, total = (output - truth) * known, output.new_zeros(())
-    for scale in range(scales):
+    for scale in range(SCALES):
         if scale:
             difference, known = avg_pool2d(difference, 2), (avg_pool2d(known, 2) == 1).to(known.dtype)
             difference = difference * known
@@ -46,7 +46,7 @@ def gradient_matching(output: Tensor, truth: Tensor, known: Tensor, scales: int 
             break
         for axis in (-1, -2):
             total = total + _mean(difference.diff(dim=axis).abs(), _both_known(known, axis))
-    return total / scales
+    return total / SCALES
 
 
 def normal_consistency(output: Tensor, truth: Tensor, known: Tensor) -> Tensor:

@@ -22,10 +22,14 @@ FLYING_RANK = 3
 OBJECT_RANK = 4
 CRACK_RANK = 5
 
+Place = tuple[Real, Real]
+"""x, y."""
+
 
 @piece
-def is_inside(x0: Real, y0: Real, x1: Real, y1: Real, x2: Real, y2: Real, px: Real, py: Real) -> Flag:
+def is_inside(one: Place, two: Place, three: Place, px: Real, py: Real) -> Flag:
     """True if a point lies in a triangle of either orientation."""
+    (x0, y0), (x1, y1), (x2, y2) = one, two, three
     area = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)
     if abs(area) <= 1e-9:
         return False
@@ -103,10 +107,9 @@ def mark_quad(vertices: Vertices, mesh: ClosedMesh, row: Whole, column: Whole, b
 def quad_covers(vertices: Vertices, row: Whole, column: Whole, px: Real, py: Real) -> Flag:
     """True if a point lies in one of a quad's two triangles."""
     x, y = vertices.x, vertices.y
-    xb, yb, xc, yc = x[row, column + 1], y[row, column + 1], x[row + 1, column], y[row + 1, column]
-    return is_inside(x[row, column], y[row, column], xb, yb, xc, yc, px, py) or is_inside(
-        xb, yb, x[row + 1, column + 1], y[row + 1, column + 1], xc, yc, px, py
-    )
+    a, b = (x[row, column], y[row, column]), (x[row, column + 1], y[row, column + 1])
+    c, d = (x[row + 1, column], y[row + 1, column]), (x[row + 1, column + 1], y[row + 1, column + 1])
+    return is_inside(a, b, c, px, py) or is_inside(b, d, c, px, py)
 
 
 def mark_points(vertices: Vertices, chosen: BoolArray, rank: int, out: Holes) -> None:

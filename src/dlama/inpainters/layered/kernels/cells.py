@@ -41,15 +41,14 @@ def trusted_rows(
     inverse_depth: Float32Array,
     label: NDArray[np.int8],
     reach: Whole,
-    near_hole: UInt8Array,
     nearest: Float32Array,
     out: BoolArray,
 ) -> None:
-    """Rows of `trusted_sources`. near_hole, nearest: H x W, whether a hole is within `reach`, and the largest inverse depth."""
+    """Rows of `trusted_sources`. nearest: H x W, the largest inverse depth within `reach`, infinite where a hole is."""
     height, width = out.shape
     for y in range(first, last):
         for x in range(width):
-            if near_hole[y, x]:
+            if nearest[y, x] == np.inf:
                 continue
             kind, good = label[y, x], True
             own = inverse_depth[y, x] * NEARER + 1e-6
@@ -70,8 +69,8 @@ def trusted_rows(
 def trusted_sources(hole: BoolArray, inverse_depth: Float32Array, label: NDArray[np.int8], reach: int) -> BoolArray:
     """Known pixels with their surface's own colour: no hole and no nearer surface within `reach` px."""
     square, out = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8), np.zeros(hole.shape, np.bool_)
-    near_hole, nearest = (cv2.dilate(plane, square) for plane in (hole.view(np.uint8), inverse_depth))
-    in_bands(trusted_rows, len(hole), inverse_depth, label, reach, near_hole, nearest, out)
+    nearest = cv2.dilate(np.where(hole, np.float32(np.inf), inverse_depth), square)
+    in_bands(trusted_rows, len(hole), inverse_depth, label, reach, nearest, out)
     return out
 
 
