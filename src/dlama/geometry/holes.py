@@ -47,6 +47,11 @@ def erode_mask(mask: BoolArray, radius: int) -> BoolArray:
     return mask.copy() if radius == 0 else cv2.erode(mask.astype(np.uint8), disc(radius)) > 0
 
 
+def grow_or_shrink(mask: BoolArray, change: int) -> BoolArray:
+    """The mask dilated, or eroded below 0, by so many px (disc)."""
+    return dilate_mask(mask, change) if change >= 0 else erode_mask(mask, -change)
+
+
 def iou(one: BoolArray, other: BoolArray) -> float:
     """Intersection over union of two masks, 0..1; 0 where both are empty."""
     return float((one & other).sum() / max((one | other).sum(), 1))

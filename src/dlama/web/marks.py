@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 import dlama
-from dlama.geometry.holes import dilate_mask, erode_mask
+from dlama.geometry.holes import grow_or_shrink
 from dlama.geometry.rgbd import BoolArray
 from dlama.web.answers import PageError
 from dlama.web.inputs import number
@@ -138,8 +138,7 @@ def mask_of(hw: tuple[int, int], marks: Marks, found: dlama.ObjectMask | None) -
     mask = np.zeros(hw, np.uint8) if found is None else found.mask.astype(np.uint8)
     for stroke in marks.strokes:
         paint(mask, stroke)
-    painted = mask > 0
-    return dilate_mask(painted, marks.grow) if marks.grow >= 0 else erode_mask(painted, -marks.grow)
+    return grow_or_shrink(mask > 0, marks.grow)
 
 
 def paint(mask: np.ndarray, stroke: Stroke) -> None:

@@ -35,7 +35,7 @@ from dlama.evaluation.protocols.scores import Gain, Reference, artifact_measures
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.cloud import PointCloud
 from dlama.geometry.codes import HoleType, from_filler
-from dlama.geometry.holes import dilate_mask, erode_mask
+from dlama.geometry.holes import grow_or_shrink
 from dlama.geometry.projection import lift, project_to_pixels
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.geometry.view import View
@@ -65,11 +65,6 @@ def run_with(
     """One run, with this mask, and its measures."""
     run = run_method(method, truth.source, truth.source.camera, mask)
     return run, tuple(removal_measures(run, reference_of(truth, settings), truth))
-
-
-def grow_or_shrink(mask: BoolArray, change: int) -> BoolArray:
-    """The mask dilated, or eroded below 0, by so many px (disc)."""
-    return dilate_mask(mask, change) if change >= 0 else erode_mask(mask, -change)
 
 
 def removal_measures(run: MethodRun, reference: Reference, truth: RemovalTruth) -> list[Measure]:

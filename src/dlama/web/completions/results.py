@@ -33,7 +33,7 @@ def complete(visit: Visit, fields: Fields) -> dict[str, Any]:
     if mask is not None and found is not None and marks.in_words and source.pair is None:
         about = {**pointing(marks), "mask_model": None, **found.about}
 
-    def work() -> dlama.Completion:
+    def completed() -> dlama.Completion:
         if source.pair is not None:
             pair = dlama.stereo(*source.pair, mask=mask, **request.method)
             return view_pair(pair, request.move, request.method) if request.move else pair
@@ -41,14 +41,13 @@ def complete(visit: Visit, fields: Fields) -> dict[str, Any]:
             return dlama.view(source.rgbd, **request.move, **request.method)
         return dlama.remove(source.rgbd, mask, **request.move, **request.method)
 
+    def work() -> Result:
+        done = completed()
+        return Result(done, source, request, marks if mask is not None else None, mask, about, tuple(started.warnings))
+
     verb = take_home.verb_of(source, mask is not None)
     started = Run(work, EXPECTED_STAGES[verb])
-    started.finish = lambda done: Result(  # made in the run's thread, so that `run` finds it whole
-        done, source, request, marks if mask is not None else None, mask, about, tuple(started.warnings)
-    )
-    visit.run = started
-    started.start()
-    return started.progress()
+    return begin(visit, started)
 
 
 def refuse_second(visit: Visit) -> None:
@@ -57,17 +56,25 @@ def refuse_second(visit: Visit) -> None:
         raise PageError("a completion is under way; cancel it first")
 
 
+def begin(visit: Visit, started: Run) -> dict[str, Any]:
+    """Start a run, which is the visit's from now on; its progress."""
+    visit.run = started
+    started.start()
+    return started.progress()
+
+
 def turn(visit: Visit, fields: Fields) -> dict[str, Any]:
     """Begin to fill what is hidden from all sides; `run` returns its progress."""
     result = visit.require_result()
     if visit.run is not None and visit.run.turns and visit.run.active:
         return visit.run.progress()
     refuse_second(visit)
-    started = Run(lambda: result.photo, EXPECTED_STAGES["photo3d"], turns=True)
-    started.finish = lambda _: result
-    visit.run = started
-    started.start()
-    return started.progress()
+
+    def work() -> Result:
+        _ = result.photo  # made, and kept, as it is asked for
+        return result
+
+    return begin(visit, Run(work, EXPECTED_STAGES["photo3d"], turns=True))
 
 
 def run(visit: Visit, fields: Fields) -> dict[str, Any]:

@@ -70,8 +70,6 @@ class Run:
         self.work = work
         self.turns = turns
         """Whether it fills what is hidden from all sides."""
-        self.finish: Callable[[Any], Any] = lambda result: result
-        """What becomes of what `work` gives, in the same thread."""
         self.expected = expected
         """About as many stages as it has."""
         self.state = "waiting"
@@ -128,12 +126,12 @@ class Run:
                     self._work()
         finally:
             ONE_AT_A_TIME.release()
-            del self.work, self.finish  # and what they hold
+            del self.work  # and what it holds
             self._end()
 
     def _work(self) -> None:
         try:
-            self.result = self.finish(self.work())
+            self.result = self.work()
         except Exception as error:
             self.error = error
             if not isinstance(error, DlamaError):
