@@ -105,7 +105,9 @@ def test_no_such_folder(tmp_path: Path) -> None:
     with pytest.raises(FileError, match=r"nix: no such folder; the folder of a data set is expected"):
         open_dataset(tmp_path / "nix")
     (tmp_path / "street.jpg").touch()
-    with pytest.raises(FileError, match=r"street\.jpg: is a file; the folder of a data set is expected"):
+    with pytest.raises(
+        FileError, match=r"street\.jpg: is a picture; the folder .* `dlama photo3d .*street\.jpg --also loop` makes"
+    ):
         open_dataset(tmp_path / "street.jpg")
     (tmp_path / "walk.MOV").touch()
     with pytest.raises(

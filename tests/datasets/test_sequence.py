@@ -118,7 +118,7 @@ def test_masks_of_all_frames_of_a_video(room: Path, tmp_path: Path) -> None:
     for wrong, words in (
         ({"img-0": mask}, "mask is for frame img-0, which is left out: frames is 1:3"),
         ({"img-1": empty}, "mask is empty"),
-        ({"img-1": mask[:40]}, "mask is 64x40 and the picture 64x48"),
+        ({"img-1": mask[:40]}, "mask of frame img-1 is 64x40 and the picture 64x48"),
     ):
         with pytest.raises(InputError, match=words):
             dlama.sequence(room, tmp_path / "none", frames="1:3", masks=wrong)

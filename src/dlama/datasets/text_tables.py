@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from dlama.errors import CameraError, FileError, InputError, ShapeError, format_size, system_errors
-from dlama.files.rasters.images import existing_file
+from dlama.files.rasters.images import SUFFIXES, existing_file
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.motion.poses import QUATERNION_TOLERANCE, check_pose, make_pose, rotation_from_quaternion
 
@@ -195,11 +195,15 @@ def holds(*names: str) -> Callable[[Path], bool]:
 
 def check_folder(root: Path) -> None:
     """Raise FileError where the folder of a data set is not there, or is no folder."""
-    if not root.is_dir():
-        video = root.exists() and root.suffix.lower() in VIDEOS
-        what = "is a video without poses and depth" if video else "is a file" if root.exists() else "no such folder"
-        such = ", such as the dense workspace that COLMAP makes of its pictures" if video else ""
-        raise FileError(f"{root}: {what}; the folder of a data set is expected{such}")
+    if root.is_dir():
+        return
+    what, such = "is a file" if root.exists() else "no such folder", ""
+    if root.exists() and root.suffix.lower() in VIDEOS:
+        what = "is a video without poses and depth"
+        such = ", such as the dense workspace that COLMAP makes of its pictures"
+    elif root.exists() and root.suffix.lower() in SUFFIXES:
+        what, such = "is a picture", f"; `dlama photo3d {root} --also loop` makes one picture move"
+    raise FileError(f"{root}: {what}; the folder of a data set is expected{such}")
 
 
 def folders_in(folder: Path) -> list[Path]:

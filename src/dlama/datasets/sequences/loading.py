@@ -19,7 +19,17 @@ from dlama.datasets.frames import Frame
 from dlama.datasets.layouts import layout_of, list_dataset
 from dlama.datasets.posed.posed_frames import CameraOption
 from dlama.datasets.text_tables import check_scenes
-from dlama.errors import DlamaError, FileError, InputError, first_line, format_count, system_errors, warn
+from dlama.errors import (
+    DlamaError,
+    FileError,
+    InputError,
+    MaskError,
+    first_line,
+    format_count,
+    format_size,
+    system_errors,
+    warn,
+)
 from dlama.files.rasters.turned_pairs import same_proportions
 from dlama.files.scenes.scene_npz import read_scene
 from dlama.geometry.frames.alignment import Features, detect_features, estimate_poses, with_pose
@@ -169,9 +179,19 @@ def _number_of(name: str, names: Sequence[str], damaged: Mapping[str, str]) -> i
     )
 
 
-def fit_masks(masks: Mapping[int, BoolArray], scene: Scene) -> dict[int, BoolArray]:
-    """Masks by number of a frame, those of larger pictures in the size to which these were shrunk for the frame."""
-    return {number: shrink_mask(mask, scene.frames[scene.place_of(number)].camera.hw) for number, mask in masks.items()}
+def fit_masks(masks: Mapping[int, BoolArray], scene: Scene, names: Sequence[str]) -> dict[int, BoolArray]:
+    """Masks by number of a frame, those of larger pictures in the size to which these were shrunk for the frame. MaskError, which
+    names the frame: another size."""
+    found = {}
+    for number, mask in masks.items():
+        hw = scene.frames[scene.place_of(number)].camera.hw
+        found[number] = shrink_mask(mask, hw)
+        if found[number].shape != hw:
+            raise MaskError(
+                f"`mask` of frame {names[number]} is {format_size(mask.shape)} and the picture {format_size(hw)}; both must "
+                "have the same size"
+            )
+    return found
 
 
 def shrink_mask(mask: BoolArray, hw: tuple[int, int]) -> BoolArray:

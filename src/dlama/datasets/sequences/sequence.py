@@ -113,7 +113,7 @@ def sequence(
     check_first_frame(given)
     others = dict.fromkeys(set(names) - set(kept), "it contradicts all others")
     others |= dict.fromkeys(not_chosen, f"`frames` is {frames}")
-    numbered = fit_masks(masks_by_number(masks or {}, names, damaged, others), given)
+    numbered = fit_masks(masks_by_number(masks or {}, names, damaged, others), given, names)
     plan, _, start, *_ = plan_for(given, method, numbered or None)
     steps, settings = steps_for(plan, start, kept, cameras), settings_of(plan, method)
     state = SequenceState(target, settings | {"views": [(step.name, step.shown) for step in steps]}, start, __version__)
