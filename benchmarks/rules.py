@@ -173,6 +173,7 @@ SHADOW_RULES: dict[str, Callable[[], None]] = {
     "classifiers": _network_alone(),
     "own-light": _empty_plane("cast"),
     "common-light": _empty_plane("common"),
+    "ground-gaps": _shadow("GAP_PX", 1, "ground"),
     "grow-ambient": _shadow("grow_ambient_shadow", lambda rgbd, mask, *rest: np.zeros_like(mask)),
     "under-object": _shadow("grow_under_object", lambda rgbd, mask, *rest: np.zeros_like(mask)),
     "pixel-classifier": _no_pixel_classifier,

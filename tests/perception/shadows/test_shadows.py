@@ -8,9 +8,10 @@ from functools import cache
 import numpy as np
 import pytest
 
+import dlama
 from dlama import find_mask
 from dlama.geometry.camera import Camera
-from dlama.geometry.holes import erode_mask
+from dlama.geometry.holes import erode_mask, iou
 from dlama.geometry.projection import rays
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.perception.shadows.find import enclosed_between, find_shadow, grow_under_object
@@ -92,6 +93,17 @@ def test_a_shadow_in_estimated_depth() -> None:
     found = find_shadow(bent, mask)
     assert (found & shadow).sum() > 0.6 * shadow.sum()
     assert (found & shadow).sum() > 0.75 * found.sum()
+
+
+def test_a_shadow_in_matched_depth() -> None:
+    """Oracle: the shadow in exact depth. The noise of matching cut the ground into pieces, and none was found."""
+    street = dlama.example()
+    exact = dlama.read_rgbd(street / "street.jpg", street / "depth.png", fov=90)
+    mask = dlama.find_mask(exact, clicks=[(256, 345)]).mask
+    rig = dlama.read_stereo_calib(street / "calib.txt")
+    pair = dlama.stereo(exact.color, dlama.read_color(street / "right.jpg"), rig, filler="telea")
+    matched = dlama.RGBD(exact.color, pair.views[0].depth, rig.left)
+    assert iou(find_shadow(matched, mask), find_shadow(exact, mask)) > 0.7
 
 
 def test_another_thing_in_the_shadow_is_never_covered() -> None:

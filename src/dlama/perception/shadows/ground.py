@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.holes import dilate_mask
+from dlama.geometry.holes import dilate_mask, morphological_close, square
 from dlama.geometry.projection import rays
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.perception.masks.supports import Planes
@@ -17,6 +17,8 @@ EDGE_PX = 2
 """Pixels round the object that are mixes of it and its surroundings."""
 POINTS = 8000
 """Most points of the object that are cast for each direction of light."""
+GAP_PX = 7
+"""Noise of matched depth leaves gaps in the ground: narrower ones that are on no other plane belong to it."""
 BENT = 0.2
 """Largest relative difference of estimated inverse depth of the ground from its plane."""
 
@@ -79,7 +81,9 @@ def find_ground(rgbd: RGBD, mask: BoolArray, found: Planes) -> Ground | None:
     if number < 1 or counts[number] < 10:
         return None
     normal = plane_normal(found.planes[number - 1], rgbd.camera)
-    surface = found.label == number
+    on_plane = found.label == number
+    closed = morphological_close(on_plane & rgbd.valid | mask, square(GAP_PX))
+    surface = on_plane | (closed & (found.label < 1))
     if rgbd.estimate is not None:  # estimated ground bends
         value = plane_values(found.planes[number - 1 : number], mask.shape)[0]
         surface = np.abs(value - found.w) < BENT * found.w
