@@ -299,6 +299,28 @@ def test_marks_are_undone_and_painted(pages: Pages, frame: Path) -> None:
     playwright.expect(fact).to_be_empty()
 
 
+@pytest.mark.parametrize("how", ["start over", "example", "file"])
+def test_a_new_picture_begins_anew(pages: Pages, frame: Path, how: str) -> None:
+    """Law: no turn, growth or shadow that was meant for the picture before is left; the next one was turned unseen."""
+    page = pages.open()
+    hand_in(page, frame)
+    click(page, 30, 24)
+    playwright.expect(page.locator("#mask-fact")).to_contain_text("%")
+    page.locator("#shadow").check()
+    slide(page, "yaw", "12")
+    slide(page, "grow", "3")
+    {
+        "start over": lambda: page.get_by_role("button", name="Start over").click(),
+        "example": lambda: page.locator("[data-example=street]").click(),
+        "file": lambda: page.set_input_files("#files", frame / "image.png"),
+    }[how]()
+    playwright.expect(page.locator("#mask-fact")).to_be_empty()
+    for name in ("yaw", "grow"):
+        playwright.expect(page.locator(f"#{name}")).to_have_value("0")
+    playwright.expect(page.locator("#shadow")).not_to_be_checked()
+    playwright.expect(page.locator('output[for="yaw"]')).to_have_text("0°")
+
+
 def test_slow_answers_change_no_order(pages: Pages, frame: Path) -> None:
     """Files handed in while starting over is under way stay (oracle: the list of files), and a mark that is taken back while its
     mask is under way stays away (oracle: no mask is told)."""

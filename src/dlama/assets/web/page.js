@@ -24,6 +24,7 @@ async function taken(files) {
   const { found, left, masks } = rolesOf(files.filter(fits), have, settings.roles);
   const refused = files.filter((file) => !fits(file)).map(tooLarge);
   refused.push(...left.map(([file, why]) => new server.Failure(`${file.name}: ${why}`, "")));
+  if (found.picture && have.picture) resetOptions();
   if (found.picture && files.length - refused.length === 1 && have.picture) await server.ask("start_over");
   let sent = 0;
   for (const [role, file] of Object.entries(found)) {
@@ -138,6 +139,7 @@ function showSettings() {
       clearErrors();
       noSource();
       $("fields").reset();
+      resetOptions();
       await showSource(await server.ask("example", { name }));
     }, "")));
     return button;
@@ -154,6 +156,7 @@ function showSettings() {
         // Depth that was taken for the right picture before.
         if (role === "depth" && all("#uploads li").some((one) => one.dataset.role === "right" && one.title === file.name)) await server.ask("forget", { role: "right" });
         const error = file.size > settings.limits.bytes ? tooLarge(file) : await send(role, file);
+        if (role === "picture") resetOptions();
         if (error) failed(error, role); else await read();
       });
     });
@@ -278,12 +281,20 @@ $("start-over").addEventListener("click", () => server.inTurn(async () => {
   clearErrors();
   await server.ask("start_over").catch((error) => failed(error));
   $("fields").reset();
+  $("method-fields").reset();
+  resetOptions();
   showUploads({});
   noSource();
 }));
 addEventListener("pagehide", () => server.leave({ ...request(), shadow: $("shadow").checked, grow: $("grow").value, candidate: $("candidate").value }));
 addEventListener("pageshow", (event) => { if (event.persisted) server.comeBack(); });
 setInterval(() => { if (source) server.ask("alive").catch(() => {}); }, 60000);
+
+// The camera and the options of the mask as they are for a new picture: a turn meant for the one before would go unseen.
+function resetOptions() {
+  restore({ yaw: 0, pitch: 0, dolly: 0, pivot: "auto", grow: 0, shadow: false });
+  offer([], "candidate");
+}
 
 // The camera, the method and the options of the mask as they were before the page was loaded again.
 function restore({ pivot, shadow, candidate, ...values }) {
