@@ -63,9 +63,7 @@ def read_scene_of(
     clip: metres, as of `complete`. align: poses are made to agree with the pictures, where they do not (`align_frames`).
     """
     if Path(dataset).suffix.lower() == ".npz":
-        _check_whole_scene(dataset, frames, options, clip, align)
-        found = read_scene(dataset)
-        return LoadedScene([f"frame-{number:04d}" for number in range(max(found.numbers) + 1)], found, {}, [])
+        return _read_whole_scene(dataset, frames, options, clip, align)
     every = open_frames(dataset, **options)
     chosen = slice_frames(every, frames)
     kept = {frame.name for frame in chosen}
@@ -81,10 +79,10 @@ def read_scene_of(
     return LoadedScene(list(views), gathered, damaged, [frame.name for frame in every if frame.name not in kept])
 
 
-def _check_whole_scene(
+def _read_whole_scene(
     dataset: PathLike, frames: str | None, options: Mapping[str, object], clip: float | None, align: bool
-) -> None:
-    """Raise InputError for what can be asked for of frames alone."""
+) -> LoadedScene:
+    """The scene of a scene.npz. InputError for what can be asked for of frames alone."""
     if frames is not None:
         raise InputError(f"`frames` is {frames}, and {dataset} is a scene; its frames cannot be chosen any more")
     for name, value in options.items():
@@ -94,6 +92,8 @@ def _check_whole_scene(
         raise InputError(f"recipe clips depth at {clip:g} m, and {dataset} is a scene; give its frames instead")
     if align:
         raise InputError(f"`align` is on, and {dataset} is a scene; align the frames that it is made of")
+    found = read_scene(dataset)
+    return LoadedScene([f"frame-{number:04d}" for number in range(max(found.numbers) + 1)], found, {}, [])
 
 
 def align_poses(frames: Sequence[Frame]) -> list[Frame]:

@@ -28,6 +28,12 @@ FAR_METRES = 1e6
 """A stored depth beyond this is a renderer's word for infinity (Blender writes 1e10 behind everything)."""
 TINY = 1e-3
 """Negative numbers nearer to 0 are no measurements: compression left them."""
+EIGHT_BIT = {
+    "disparity": "; say how many of them make a pixel (`disparity_scale`, Middlebury 2003: 4)",
+    "depth": ", too coarse for depth (256 steps) and often gamma-encoded or only a picture of depth; save depth as 16-bit PNG in "
+    "millimetres, or as EXR; `inverse_depth` takes what a network gave",
+}
+"""What to do where 8-bit numbers were found."""
 
 
 @system_errors(FileError)
@@ -154,10 +160,10 @@ def read_stored_numbers(path: PathLike, what: str, channel: str | None, eight_bi
     """The numbers of any depth or disparity file (`what`), H x W, as stored. Raises FileError; DepthError: colour, or 8 bits
     unless they are asked for."""
     suffix = existing_file(path).suffix.lower()
-    if channel is not None and suffix != ".exr":
-        raise FileError(f"{path}: has no named channels; `channel` is for EXR files")
     if suffix == ".exr":
         return read_exr(path, channel)
+    if channel is not None:
+        raise FileError(f"{path}: has no named channels; `channel` is for EXR files")
     if suffix == ".pfm":
         return read_pfm(path)
     if suffix == ".pcd" and what == "depth":
@@ -169,12 +175,7 @@ def read_stored_numbers(path: PathLike, what: str, channel: str | None, eight_bi
     else:
         raise FileError(f"{path}: {what} comes as 16-bit PNG or TIFF, EXR, PFM, NPY or NPZ, not as '{suffix}'")
     if values.dtype.itemsize == 1 and not eight_bit:
-        raise DepthError(
-            f"{path}: holds 8-bit numbers; say how many of them make a pixel (`disparity_scale`, Middlebury 2003: 4)"
-            if what == "disparity"
-            else f"{path}: holds 8-bit numbers, too coarse for depth (256 steps) and often gamma-encoded or only a picture of "
-            "depth; save depth as 16-bit PNG in millimetres, or as EXR; `inverse_depth` takes what a network gave"
-        )
+        raise DepthError(f"{path}: holds 8-bit numbers{EIGHT_BIT[what]}")
     return values
 
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.kernels.jit import Whole, kernel
+from dlama.geometry.kernels.jit import Real, Whole, inlined, kernel
 from dlama.geometry.rgbd import BoolArray, Float32Array
 
 DIAGONAL = 1.41421356
@@ -27,6 +27,27 @@ class DepthCost(NamedTuple):
     """px."""
 
 
+Pixel = tuple[Whole, Whole]
+"""Row, column."""
+
+
+@inlined
+def step_cost(color: Float32Array, here: Pixel, before: Pixel, known: Pixel, against: DepthCost) -> Real:
+    """What a pixel of length costs a path that comes here from the pixel before, from a known pixel at its end."""
+    w, ratio, contrary = against
+    step, whole = 0.0, 0.0
+    for channel in range(3):
+        level = float(color[here[0], here[1], channel])
+        step += (level - color[before[0], before[1], channel]) ** 2
+        whole += (level - color[known[0], known[1], channel]) ** 2
+    cost = 1.0 + min(step / (STEP * STEP), DEAREST) + min(whole / (STEP * STEP), DEAREST)
+    own, other = w[here[0], here[1]], w[known[0], known[1]]
+    away = float(max(np.abs(known[0] - here[0]), np.abs(known[1] - here[1])))
+    if own > 0 and abs(own - other) > ratio * (2.0 + away) * max(own, other):
+        cost += contrary
+    return cost
+
+
 @kernel
 def nearest_by_color(
     distance: Float32Array,
@@ -43,7 +64,6 @@ def nearest_by_color(
     STEP)^2, where d is the colour difference (root of the sum over channels) to the previous pixel and e that to the known
     pixel, each term at most DEAREST; and more where measured depth is `against` it.
     """
-    w, ratio, contrary = against
     rows, columns = free.shape
     for turn in range(2 * rounds):
         way = 1 if turn % 2 == 0 else -1
@@ -60,18 +80,9 @@ def nearest_by_color(
                     if y < 0 or y >= rows or x < 0 or x >= columns or source[y, x] < 0:
                         continue
                     known = source[y, x]
-                    there, across = known // columns, known % columns
-                    before, own = 0.0, 0.0
-                    for channel in range(3):
-                        level = float(color[row, column, channel])
-                        before += (level - color[y, x, channel]) ** 2
-                        own += (level - color[there, across, channel]) ** 2
-                    longer = 1.0 + min(before / (STEP * STEP), DEAREST) + min(own / (STEP * STEP), DEAREST)
-                    here, other = w[row, column], w[there, across]
-                    away = float(max(abs(there - row), abs(across - column)))
-                    if here > 0 and abs(here - other) > ratio * (2.0 + away) * max(here, other):
-                        longer += contrary
+                    end = known // columns, known % columns
                     length = DIAGONAL if k == 1 or k == 3 else 1.0
-                    if distance[y, x] + length * longer < best:
-                        best, chosen = distance[y, x] + length * longer, known
+                    whole = distance[y, x] + length * step_cost(color, (row, column), (y, x), end, against)
+                    if whole < best:
+                        best, chosen = whole, known
                 distance[row, column], source[row, column] = best, chosen

@@ -110,6 +110,17 @@ def halve_smallest(first: Whole, last: Whole, relief: Relief, halved: Array) -> 
             halved[row, column] = 1 if (around == 0) | wrong else 0
 
 
+@piece
+def halved_within(halved: Array, y: Whole, x: Whole, quarter: Whole) -> Flag:
+    """Whether a smaller triangle at this middle is halved: its middle is a quarter away in both directions."""
+    tall, wide = halved.shape
+    for corner in range(4):
+        sub_y, sub_x = y + quarter * (2 * (corner // 2) - 1), x + quarter * (2 * (corner % 2) - 1)
+        if 0 <= sub_y < tall and 0 <= sub_x < wide and halved[sub_y, sub_x] != 0:
+            return True
+    return False
+
+
 @kernel
 def halve_at_sides(first: Whole, last: Whole, relief: Relief, half: Whole, halved: Array) -> None:
     """Middles of the sides of the squares of size 2 * half, in rows of `half` pixels: 1 where the triangles there are halved.
@@ -124,12 +135,7 @@ def halve_at_sides(first: Whole, last: Whole, relief: Relief, half: Whole, halve
         for x in range(half * (1 - row % 2), wide, 2 * half):
             if half == 1 and 0 < x < width - 1 and 0 < y < height - 1:
                 continue  # halve_smallest did it
-            found = False
-            if quarter > 0:
-                for corner in range(4):
-                    sub_y, sub_x = y + quarter * (2 * (corner // 2) - 1), x + quarter * (2 * (corner % 2) - 1)
-                    if 0 <= sub_y < tall and 0 <= sub_x < wide and halved[sub_y, sub_x] != 0:
-                        found = True
+            found = quarter > 0 and halved_within(halved, y, x, quarter)
             along_y, along_x = half * (row % 2), half * (1 - row % 2)
             for way in range(-1, 2, 2):
                 apex_y, apex_x = y + way * along_x, x + way * along_y

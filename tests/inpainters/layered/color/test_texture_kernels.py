@@ -131,7 +131,7 @@ def test_assign(rng):
     cost[0] = 1e6
     brought = rng.normal(0, 20, (*cost.shape, 3)).astype(np.float32)
     ours = np.full(len(cost), -1, np.int32)
-    kernels.assign_cells(index, cost, brought, order, 0.01, 4, ours)
+    kernels.assign_cells(index, kernels.Choices(cost, brought, ours), order, 0.01, 4)
     assert ours[0] == -1
     np.testing.assert_array_equal(ours, twin.assign(index, cost, brought, order, 0.01, 4))
 

@@ -204,7 +204,8 @@ class OffsetSearch:
         distance = self._distance_to_rim(index)
         order = self.cells[np.argsort(distance, kind="stable")]
         chosen = np.full(len(cost), -1, np.int32)
-        kernels.assign_cells(index, np.ascontiguousarray(cost), copied, order, SEAM_COST, 5, chosen)
+        choices = kernels.Choices(np.ascontiguousarray(cost), copied, chosen)
+        kernels.assign_cells(index, choices, order, SEAM_COST, 5)
         choice = np.full(self.base_shape, -1, np.int32)
         choice.ravel()[self.cells] = chosen
         grain = self._grain(offsets, chosen)

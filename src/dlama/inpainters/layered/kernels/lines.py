@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.camera import Float64Array
-from dlama.geometry.kernels.jit import Real, Whole, kernel, piece
+from dlama.geometry.kernels.jit import Real, Whole, inlined, kernel, piece
 from dlama.geometry.rgbd import BoolArray, Float32Array
 
 CLEAR = 3
@@ -51,14 +51,26 @@ class Found(NamedTuple):
     length: Float32Array
 
 
+@inlined
+def shown_at(cells: Cells, own: Whole, r: Whole, c: Whole, value: Real) -> Whole:
+    """What a cell shows of a plane of inverse depth `value` there: 1 the plane, -1 what is behind it, 0 neither: something stands
+    before the plane, which may continue behind it, or another one meets it."""
+    known = np.float64(0.0 if cells.hole[r, c] else cells.w[r, c])
+    if known > SAME * value:
+        return 0
+    if known * SAME < value:
+        return -1
+    return 0 if cells.label[r, c] > 0 and cells.label[r, c] != own else 1
+
+
 @piece
 def follow_line(
     cells: Cells, plane: Float64Array, own: Whole, row: Real, column: Real, dr: Real, dc: Real
 ) -> tuple[Real, Real]:
     """(first, length): cells to the plane along a line, and the length over which it is seen. Length 0: the line looks behind
     it; first -1: undecided."""
-    w, label, hole, past, away = cells
-    height, width = w.shape
+    hole, past, away = cells.hole, cells.past, cells.away
+    height, width = hole.shape
     y, x = np.float64(row), np.float64(column)
     jump = 1.0
     first, start, on, behind, gone, verdict, steps = -1.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -75,14 +87,12 @@ def follow_line(
             jump = np.float64(away[own - 1, r, c]) - 1.5
             continue
         jump = 1.0
-        known = np.float64(0.0 if hole[r, c] else w[r, c])
-        if known > SAME * value:  # it stands before the plane, which may continue behind it
-            continue
-        if known * SAME >= value and label[r, c] > 0 and label[r, c] != own:  # where two planes meet
+        shown = shown_at(cells, own, r, c, value)
+        if shown == 0:
             continue
         if start < 0:
             start = steps
-        if known * SAME < value:
+        if shown < 0:
             behind += 1.0
             gone += 1.0
         else:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.camera import Float64Array
-from dlama.geometry.kernels.jit import BAND, Flag, Real, Whole, in_bands, kernel, piece
+from dlama.geometry.kernels.jit import BAND, Flag, Real, Whole, in_bands, inlined, kernel, piece
 from dlama.geometry.rgbd import Float32Array, UInt8Array
 from dlama.inpainters.layered.kernels.cells import NEARER, Sources, bilinear_neighbours, blend, sample
 
@@ -136,23 +136,44 @@ def change_of_scale(
     return out
 
 
+class Choices(NamedTuple):
+    """Shifts that hole cells may have, and the one that each has."""
+
+    cost: Float32Array
+    """Cells x shifts (>= 1e6: impossible)."""
+    lateral: Float32Array
+    """Cells x shifts x 3, the colour detail of each shift."""
+    chosen: NDArray[np.int32]
+    """Cells, -1 = none."""
+
+
+@inlined
+def with_seam(total: Real, choices: Choices, p: Whole, i: Whole, q: Whole, seam: Real) -> Real:
+    """The cost of shift i for cell p, and that of the seam to its neighbour q as that was chosen."""
+    cost, lateral, chosen = choices
+    j = chosen[q]
+    if j < 0 or j == i:
+        return total
+    total += 0.15
+    if cost[q, i] >= 1e6 or cost[p, j] >= 1e6:
+        return total + 0.3
+    gap = 0.0
+    for k in range(3):
+        gap += abs(lateral[p, i, k] - lateral[p, j, k]) + abs(lateral[q, i, k] - lateral[q, j, k])
+    return total + seam * gap
+
+
 @kernel
 def assign_cells(
-    index: NDArray[np.int32],
-    cost: Float32Array,
-    lateral: Float32Array,
-    order: NDArray[np.int64],
-    seam: Real,
-    sweeps: Whole,
-    chosen: NDArray[np.int32],
+    index: NDArray[np.int32], choices: Choices, order: NDArray[np.int64], seam: Real, sweeps: Whole
 ) -> None:
     """Choose one shift per hole cell: unary cost plus seams to the neighbours' choices (ordered fill, then sweeps).
 
-    index: rows x cols, cell number or -1 (not a hole cell of this surface); cost: cells x shifts (>= 1e6: impossible); lateral:
-    cells x shifts x 3, the colour detail of each shift. chosen: cells, -1 before, and after where none is possible.
+    index: rows x cols, cell number or -1 (not a hole cell of this surface). choices: nothing is chosen before, and after it where
+    nothing is possible.
     """
     rows, cols = index.shape
-    number, many = cost.shape
+    number, many = choices.cost.shape
     for sweep in range(sweeps):
         for o in range(number):
             cell = order[o] if sweep % 2 == 0 else order[number - 1 - o]
@@ -160,29 +181,17 @@ def assign_cells(
             p = index[y, x]
             best, least = -1, 1e6
             for i in range(many):
-                total = np.float64(cost[p, i])
+                total = np.float64(choices.cost[p, i])
                 if total >= least:
                     continue
                 for d in range(4):
                     yy = y + (d == 0) - (d == 1)
                     xx = x + (d == 2) - (d == 3)
-                    if yy < 0 or xx < 0 or yy >= rows or xx >= cols or index[yy, xx] < 0:
-                        continue
-                    q = index[yy, xx]
-                    j = chosen[q]
-                    if j < 0 or j == i:
-                        continue
-                    total += 0.15
-                    if cost[q, i] < 1e6 and cost[p, j] < 1e6:
-                        gap = 0.0
-                        for k in range(3):
-                            gap += abs(lateral[p, i, k] - lateral[p, j, k]) + abs(lateral[q, i, k] - lateral[q, j, k])
-                        total += seam * gap
-                    else:
-                        total += 0.3
+                    if 0 <= yy < rows and 0 <= xx < cols and index[yy, xx] >= 0:
+                        total = with_seam(total, choices, p, i, index[yy, xx], seam)
                 if total < least:
                     best, least = i, total
-            chosen[p] = best
+            choices.chosen[p] = best
 
 
 class Paint(NamedTuple):
