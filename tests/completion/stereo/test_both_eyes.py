@@ -17,7 +17,9 @@ from dlama.completion.stereo.stereo import stereo
 from dlama.errors import InputError
 from dlama.geometry.camera import Camera, StereoRig
 from dlama.geometry.codes import LARGEST_CONFIDENCE, HoleType, Origin
+from dlama.geometry.holes import iou
 from dlama.geometry.rendering import render
+from dlama.perception.stereo.agreement import carry_mask, transfer_mask
 from worlds import Box, Plane, World, moved
 
 CAMERA = Camera.from_fov(160, 120, 60)
@@ -26,6 +28,10 @@ CAMERAS = RIG.left, RIG.right
 WALL, BOX = Plane((0, 0, 4), (0, 0, -1)), Box((-0.3, -0.4, 2), (0.3, 0.5, 2.2))
 SCENE = World((WALL, BOX))
 WITHOUT = World((WALL,))
+CUT_OFF = World((WALL, Box((0.8, -0.4, 2), (1.5, 0.5, 2.2))))
+"""The left picture's border cuts the box."""
+BEHIND = World((WALL, Box((-0.3, -0.4, 2), (0.3, 0.5, 2.2)), Box((0.0, -0.6, 1.4), (0.16, 0.7, 1.5))))
+"""A post hides more of the box from the left camera than from the right one."""
 
 
 def matches(world: World) -> tuple[np.ndarray, np.ndarray]:
@@ -115,6 +121,25 @@ def test_what_the_other_camera_sees_behind_a_removed_thing_is_no_guess(brighter:
         assert (view.origin[neither] == Origin.FILLED).mean() > 0.6
     shares = done.meta["stereo"]["transferred_share"]
     assert all(0.2 < share < 1 for share in shares) and done.meta["law_violations"] == 0
+
+
+@pytest.mark.parametrize("world", [CUT_OFF, BEHIND])
+def test_a_carried_mask_holds_what_the_right_camera_alone_sees_of_the_object(world: World) -> None:
+    """Closed form: the box in the right picture is known, and the part of it that the left camera does not see; that part is not
+    where disparity moves the left mask. What stands before the box is no part of it."""
+    left, right = (world.trace(camera)[1] == 1 for camera in CAMERAS)
+    alone, before = right & ~world.seen_by(RIG.left, RIG.right), world.trace(RIG.right)[1] == 2
+    assert alone.sum() > 0.1 * right.sum() and transfer_mask(left, matches(world)[0])[alone].mean() < 0.2
+    carried = carry_mask(left, matches(world), world.rgbd(RIG.right))
+    assert iou(carried, right) > 0.9 and carried[alone].mean() > 0.9 and carried[before].sum() <= 0.05 * before.sum()
+
+
+def test_a_mask_of_what_the_right_camera_does_not_see_stays_empty_there() -> None:
+    """Law: an object beyond the left border of the right picture has no mask there."""
+    mask = np.zeros(CAMERA.hw, bool)
+    mask[40:80, :5] = True
+    at_left = np.where(mask, np.float32(20), matches(SCENE)[0])
+    assert not carry_mask(mask, (at_left, matches(SCENE)[1]), SCENE.rgbd(RIG.right)).any()
 
 
 def test_the_points_behind_a_removed_thing_are_in_the_cloud() -> None:

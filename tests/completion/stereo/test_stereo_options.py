@@ -118,6 +118,12 @@ def test_the_object_leaves_the_right_view_where_its_mask_is(given: bool, monkeyp
         np.testing.assert_array_equal(before.hole_type == HoleType.OBJECT, dilate_mask(mask, 1))
 
 
+def test_an_inverted_mask_of_a_pair_is_warned_of(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The mask of all but the thing (oracle: the message that `remove` gives)."""
+    with pytest.warns(UserWarning, match=r"the mask removes 96 % of the picture.*`mask_polarity` turns it round"):
+        completed(monkeypatch, mask=~THING)
+
+
 def test_a_mask_may_be_found_in_the_matched_depth(monkeypatch: pytest.MonkeyPatch) -> None:
     """A function as mask sees the left picture with its depth; the result is that of the mask it gives."""
     seen = []

@@ -23,7 +23,7 @@ from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, check
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.perception.object_removal import remove_object
-from dlama.perception.stereo.agreement import consistency, transfer_mask
+from dlama.perception.stereo.agreement import carry_mask, consistency
 from dlama.perception.stereo.matching import Matcher, disparity_pair
 
 FAR_PX = 0.5
@@ -151,14 +151,15 @@ def check_pair_inputs(
 
 
 def masks_of_pair(
-    mask: BoolArray | None, mask_right: BoolArray | None, left_disparity: Float32Array, rig: StereoRig
+    mask: BoolArray | None, mask_right: BoolArray | None, pair: MatchedPair
 ) -> tuple[BoolArray, BoolArray] | None:
-    """The masks of both pictures; the right one is carried over by disparity where it is not given. Raises MaskError."""
+    """The masks of both pictures; the right one is carried over where it is not given. Raises MaskError."""
     if mask is None:
         return None
-    mask = check_mask(mask, rig.left.hw)
-    carried = transfer_mask(mask, left_disparity) if mask_right is None else check_mask(mask_right, rig.right.hw)
-    return mask, carried
+    mask = check_mask(mask, pair.rig.left.hw)
+    if mask_right is None:
+        return mask, carry_mask(mask, pair.disparities, pair.right)
+    return mask, check_mask(mask_right, pair.rig.right.hw)
 
 
 def depth_in_metres(disparity: Float32Array, rig: StereoRig, far: float) -> Float32Array:

@@ -28,6 +28,7 @@ from dlama.completion.start import (
     choose_filler,
     filler_of_recipe,
     scene_of,
+    warn_of_mask,
 )
 from dlama.completion.steps import complete_frame, frames_to_fill
 from dlama.completion.stereo.disparities import match_pair
@@ -124,11 +125,12 @@ def stereo(
     warn_of_scale(pair.left.depth)
     warn_of_disparity(pair.left)
     found = mask(pair.left) if callable(mask) else mask
-    masks = masks_of_pair(found, mask_right, pair.disparities[0], rig)
+    masks = masks_of_pair(found, mask_right, pair)
     pair = dataclasses.replace(pair, masks=masks)
     start = scene_of(pair.left)
     decisions = choice.decision
     if masks is not None:
+        warn_of_mask(masks[0])
         growth = mask_growth(start, chosen.dilate)
         chosen, decisions = dataclasses.replace(chosen, dilate=growth.px), decisions | {"mask_growth": growth._asdict()}
     draft = Plan(chosen, filler, given.seed, start, choice.name, decisions)

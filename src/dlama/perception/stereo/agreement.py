@@ -1,4 +1,4 @@
-"""Two views of a pair and their disparities in; their consistency, and the left mask transferred to the right view, out."""
+"""Two views of a pair and their disparities in; their consistency, and the left mask carried to the right view, out."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ import cv2
 import numpy as np
 
 from dlama.errors import MaskError, ShapeError
-from dlama.geometry.holes import fill_with_nearest
-from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+from dlama.geometry.holes import dilate_mask, fill_with_nearest
+from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
+from dlama.perception.masks.borders import decide_by_color
 from dlama.perception.stereo.matching import TOLERANCE_PX, check_pictures, nearest_columns
 
 
@@ -95,3 +96,21 @@ def transfer_mask(mask_left: BoolArray, left_disparity: Float32Array) -> BoolArr
     carried[np.nonzero(moved)[0], columns[moved]] = 1
     # A slant stretches the mask along its rows, so that is where gaps open: 5 columns by 3 rows.
     return np.asarray(cv2.morphologyEx(carried, cv2.MORPH_CLOSE, np.ones((3, 5), np.uint8)), bool)
+
+
+def carry_mask(mask_left: BoolArray, disparities: tuple[Float32Array, Float32Array], right: RGBD) -> BoolArray:
+    """The mask of an object in the right picture, by that in the left one and both disparities (H x W each; px, 0 = unknown).
+
+    Disparity moves the mask, but not onto pixels that match what the left picture shows outside it, such as what hides it.
+    Next to it are pixels that the right camera alone sees, where the left picture's border or another object hides more of this
+    one: colours decide them. Raises MaskError as `transfer_mask` does.
+    """
+    carried = transfer_mask(mask_left, disparities[0])
+    columns, inside = nearest_columns(disparities[1], -1)
+    matched = inside & (disparities[1] != 0)
+    carried &= ~matched | np.take_along_axis(dilate_mask(mask_left, round(TOLERANCE_PX)), columns, axis=1)
+    if not carried.any():
+        return carried
+    reach = max(0, math.ceil(disparities[0][mask_left].max()))
+    alone = dilate_mask(carried, reach) & ~carried & ~matched
+    return decide_by_color(right, carried, alone) if alone.any() else carried
