@@ -48,8 +48,8 @@ class Source:
     """EasySynth: metres that 1.0 stands for in its depth files."""
     depth_scale: Annotated[float | None, option("UNITS", "the layout's")] = None
     """Units per metre in depth files of posed frames: 1000 = millimetres, Replica 6553.5."""
-    align: Annotated[bool, option("", "poses stay")] = False
-    """Make the poses agree with the pictures first, where they are off by a pixel or more, as hand-held ones are."""
+    keep_poses: Annotated[bool, option("", "poses agree with the pictures")] = False
+    """Keep poses that are off by a pixel or more; else picture features correct them first, as hand-held ones need it."""
 
 
 @dataclass(frozen=True)
@@ -163,12 +163,18 @@ def summary_line(meta: dict[str, Any], output: Path, seconds: float) -> str:
     shares, count = meta["filled_share"].values(), len(meta["frames"]["names"])
     mean, depth = (sum(meta[name].values()) / max(len(shares), 1) for name in ("filled_share", "depth_filled_share"))
     out = f", {len(meta['left_out'])} left out ({', '.join(list(meta['left_out'])[:3])})" if meta["left_out"] else ""
+    poses = meta["decisions"].get("poses", {})
+    moved = (
+        ", poses corrected from {before_px:.1f} to {after_px:.1f} px".format(**poses)
+        if "aligned" in poses.values()
+        else ""
+    )
     earlier = f", {meta['views_from_earlier_run']} from an earlier run" if meta["views_from_earlier_run"] else ""
     alone = f", {depth:.1%} in depth alone" if depth >= SHOWN else ""
     if meta["min_confidence"]:
         alone += f", {sum(meta['left_open_share'].values()) / max(len(shares), 1):.1%} left open"
     how = f"{mean:.1%} filled{alone}{earlier}, filler {meta['filler']}, {seconds:.1f} s"
-    return f"{output}: {format_count(len(shares), 'view')} of {format_count(count, 'frame')}{out}, {how}"
+    return f"{output}: {format_count(len(shares), 'view')} of {format_count(count, 'frame')}{out}{moved}, {how}"
 
 
 def summary_values(meta: dict[str, Any], output: Path) -> dict[str, Any]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
@@ -32,7 +31,7 @@ from dlama.errors import (
 )
 from dlama.files.rasters.turned_pairs import same_proportions
 from dlama.files.scenes.scene_npz import read_scene
-from dlama.geometry.frames.alignment import Features, detect_features, estimate_poses, with_pose
+from dlama.geometry.frames.alignment import NO_FEATURES, Features, detect_features, estimate_poses, with_pose
 from dlama.geometry.frames.gathering import gather_views, open_view
 from dlama.geometry.frames.stored import Layer, PixelCache
 from dlama.geometry.rgbd import BoolArray
@@ -53,21 +52,27 @@ class LoadedScene(NamedTuple):
     """Frames that could not be read, with why."""
     not_chosen: list[str]
     """Frames that were not asked for."""
+    decisions: dict[str, dict[str, Any]]
+    """For meta.json: whose poses count, and why; of a scene.npz nothing is decided."""
 
 
 def read_scene_of(
-    dataset: PathLike, frames: str | None = None, *, clip: float | None = None, align: bool = False, **options: Any
+    dataset: PathLike, frames: str | None = None, *, clip: float | None = None, keep_poses: bool = False, **options: Any
 ) -> LoadedScene:
     """The scene of the frames that `frames` chooses, read with the options of `open_frames`. A scene.npz is one already.
 
-    clip: metres, as of `complete`. align: poses are made to agree with the pictures, where they do not (`align_frames`).
+    clip: metres, as of `complete`. keep_poses: else they are made to agree with the pictures, where they do not.
     """
     if Path(dataset).suffix.lower() == ".npz":
-        return _read_whole_scene(dataset, frames, options, clip, align)
+        return _read_whole_scene(dataset, frames, options, clip)
     every = open_frames(dataset, **options)
     chosen = slice_frames(every, frames)
     kept = {frame.name for frame in chosen}
-    views, errors = read_views(align_poses(chosen) if align else chosen, PixelCache(), clip)
+    decisions = {"poses": {"name": "given", "reason": "keep_poses"}}
+    if not keep_poses:
+        begin_stage("compare poses with pictures")
+        chosen, decisions = align_poses(chosen)
+    views, errors = read_views(chosen, PixelCache(), clip)
     if not views:
         reason = next(iter(errors.values())).marked
         raise FileError(f"{dataset}: not one of its {len(chosen)} frames can be read; the first: {reason}")
@@ -76,11 +81,12 @@ def read_scene_of(
     damaged = {name: first_line(error) for name, error in errors.items()}
     called = [name if name.startswith("frame") else f"frame {name}" for name in views]
     gathered = gather_views(list(views.values()), called)
-    return LoadedScene(list(views), gathered, damaged, [frame.name for frame in every if frame.name not in kept])
+    not_chosen = [frame.name for frame in every if frame.name not in kept]
+    return LoadedScene(list(views), gathered, damaged, not_chosen, decisions)
 
 
 def _read_whole_scene(
-    dataset: PathLike, frames: str | None, options: Mapping[str, object], clip: float | None, align: bool
+    dataset: PathLike, frames: str | None, options: Mapping[str, object], clip: float | None
 ) -> LoadedScene:
     """The scene of a scene.npz. InputError for what can be asked for of frames alone."""
     if frames is not None:
@@ -90,27 +96,24 @@ def _read_whole_scene(
             raise InputError(f"`{name}` says how a data set is read, and {dataset} is a scene, which has all of it")
     if clip is not None:
         raise InputError(f"recipe clips depth at {clip:g} m, and {dataset} is a scene; give its frames instead")
-    if align:
-        raise InputError(f"`align` is on, and {dataset} is a scene; align the frames that it is made of")
     found = read_scene(dataset)
-    return LoadedScene([f"frame-{number:04d}" for number in range(max(found.numbers) + 1)], found, {}, [])
+    return LoadedScene([f"frame-{number:04d}" for number in range(max(found.numbers) + 1)], found, {}, [], {})
 
 
-def align_poses(frames: Sequence[Frame]) -> list[Frame]:
-    """The frames with poses that agree with their pictures; those that cannot be read stay as they are."""
-    features = dict[int, Features]()
-    for place, frame in enumerate(frames):
-        with suppress(DlamaError):
-            features[place] = detect_features(frame.load())
-    found = estimate_poses(list(features.values()))
+def align_poses(frames: tuple[Frame, ...]) -> tuple[tuple[Frame, ...], dict[str, dict[str, Any]]]:
+    """The frames with poses that agree with their pictures, and what was decided of them; what cannot be read has no features."""
+
+    def features(place: int) -> Features:
+        try:
+            return detect_features(frames[place].load())
+        except DlamaError:
+            return NO_FEATURES
+
+    found = estimate_poses(len(frames), features)
     if found.poses is None:
-        return list(frames)
-    begin_stage(f"align frames: {found.before_px:.1f} px apart before, {found.after_px:.1f} px after")
-    poses = dict(zip(features, found.poses))
-    return [
-        replace(frame, load=with_pose(frame.load, poses[place])) if place in poses else frame
-        for place, frame in enumerate(frames)
-    ]
+        return frames, found.decision
+    aligned = (replace(frame, load=with_pose(frame.load, pose)) for frame, pose in zip(frames, found.poses))
+    return tuple(aligned), found.decision
 
 
 def read_views(

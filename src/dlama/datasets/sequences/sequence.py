@@ -70,7 +70,7 @@ def sequence(
     depth_scale: float | None = None,
     only: Sequence[str] | None = None,
     also: Sequence[str] = (),
-    align: bool = False,
+    keep_poses: bool = False,
     progress: Progress | None = None,
     **options: Unpack[OptionKeywords],
 ) -> dict[str, Any]:
@@ -92,7 +92,8 @@ def sequence(
         layout, scene, camera, depth_range, depth_scale: Of the data set, as in `dlama evaluate`; `scene` of several.
         only: What of scene, points, mesh, colmap and video is written next to the views; None: mesh, colmap and video.
         also: More of them. "scene" is the file that `dlama view` and `dlama video` read.
-        align: Poses are made to agree with the pictures first, where they do not; the results then have the new poses.
+        keep_poses: Else poses are made to agree with the pictures first, where they are off by a pixel or more, as those of
+            hand-held cameras are (`align_frames`); the results then have the new poses.
         progress: Called after each view.
         options: How the scene is completed (`Options`).
     Returns:
@@ -105,8 +106,8 @@ def sequence(
     method = options_of(options)
     reading = {"layout": layout, "scene": scene, "camera": camera}
     units = {"depth_range": depth_range, "depth_scale": depth_scale}
-    names, given, damaged, not_chosen = read_scene_of(
-        dataset, frames, clip=method.settings.clip, align=align, **reading, **units
+    names, given, damaged, not_chosen, decisions = read_scene_of(
+        dataset, frames, clip=method.settings.clip, keep_poses=keep_poses, **reading, **units
     )
     kept = [names[number] for number in given.numbers]
     cameras = cameras_for(views, given)
@@ -124,8 +125,7 @@ def sequence(
         "dataset": str(dataset),
         **about_frames(names, kept, given, damaged),
         **settings,
-        "aligned": align,
-        "decisions": {name: dict(decision) for name, decision in plan.decisions.items()},
+        "decisions": decisions | {name: dict(decision) for name, decision in plan.decisions.items()},
         "masked_frames": [names[number] for number in sorted(numbered)],
         **done.shares(ordered),
         "views_from_earlier_run": done.reused,

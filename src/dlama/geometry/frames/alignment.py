@@ -7,10 +7,11 @@ their frame measured; poses move so that points fall on the pixels, and the dept
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections import deque
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from functools import partial
-from typing import TypeVar
+from functools import lru_cache, partial
+from typing import Any, TypeVar
 
 import cv2
 import numpy as np
@@ -31,6 +32,8 @@ REACH = 0.032
 """Search radius round the predicted position, over the picture's width."""
 STEPS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32)
 """Distances in the sequence between two frames that are compared."""
+CHECKED, CHECKED_STEPS = 6, (1, 4, 12)
+"""How many frames are compared first, and with which: where these fit, poses are kept."""
 CLOSEST, CLEARER = 0.25, 0.64
 """Largest squared distance of two descriptors (in 0..2) of one feature, and its largest ratio to the second best."""
 ENOUGH = 12
@@ -54,6 +57,10 @@ class Features:
     """N metres; 0 = none, or at a depth edge."""
 
 
+NO_FEATURES = Features(Camera.from_fov(2, 2, 60), np.zeros((0, 2)), np.zeros((0, 128), np.float32), np.zeros(0))
+"""Of a frame that cannot be read, or is of one colour."""
+
+
 @dataclass(frozen=True, eq=False)
 class Alignment:
     """Result of the alignment."""
@@ -64,6 +71,24 @@ class Alignment:
     """Offset of matched points under the given poses: the median of the pairs' medians. NaN: no match."""
     after_px: float
     """The same under the new poses."""
+
+    @property
+    def decision(self) -> dict[str, dict[str, Any]]:
+        """For meta.json: whose poses count, and why."""
+        if self.poses is not None:
+            name, reason = "aligned", f"matched features lie {self.before_px:.1f} px apart under the given ones"
+        else:
+            name = "given"
+            if np.isnan(self.before_px):
+                reason = "frames have too few features in common to check them"
+            elif self.before_px <= FITS_PX:
+                reason = "they fit the pictures"
+            else:
+                reason = "none were found that fit the pictures better"
+        offsets = {"before_px": self.before_px, "after_px": self.after_px}
+        return {
+            "poses": {"name": name, "reason": reason, **{key: round(px, 2) for key, px in offsets.items() if px == px}}
+        }
 
 
 def align_frames(frames: Sequence[Source]) -> list[Source]:
@@ -78,24 +103,49 @@ def align_frames(frames: Sequence[Source]) -> list[Source]:
             here.
     """
     check_arguments(align_frames, locals())
-    found = estimate_poses([detect_features(frame if isinstance(frame, RGBD) else frame()) for frame in frames])
+    found = estimate_poses(len(frames), lambda place: detect_features(read_frame(frames[place])))
     if found.poses is None:
         return list(frames)
     return [with_pose(frame, pose) for frame, pose in zip(frames, found.poses)]
 
 
-def estimate_poses(found: Sequence[Features]) -> Alignment:
-    """Poses under which the features of frames agree; the given ones where they fit, or nothing better is found."""
-    matches = match_all(found)
+def estimate_poses(count: int, features: Callable[[int], Features]) -> Alignment:
+    """Poses under which the features of frames agree; the given ones where they fit, or nothing better is found.
+
+    features: place of a frame, 0 to count - 1 -> its features. Few are held at a time.
+    """
+    recent = lru_cache(2 * STEPS[-1])(features)
+    before = check_poses(count, recent)
+    if before <= FITS_PX:
+        return Alignment(None, before, before)
+    cameras, matches = match_all(map(recent, range(count)))
     if matches is None:
         return Alignment(None, np.nan, np.nan)
-    cameras = [each.camera for each in found]
     before = measure_offset(matches, cameras)
     if before <= FITS_PX:
         return Alignment(None, before, before)
     poses = adjust_poses(matches, cameras)
     after = measure_offset(matches, [camera.at(pose) for camera, pose in zip(cameras, poses)])
     return Alignment(tuple(poses), before, after) if after <= BETTER * before else Alignment(None, before, before)
+
+
+def check_poses(count: int, features: Callable[[int], Features]) -> float:
+    """Offset in px of matched points of a few pairs of frames, as `Alignment.before_px`; NaN without matches."""
+    offsets = []
+    for i in range(0, count, max(1, -(-count // CHECKED))):
+        for j in (i + step for step in CHECKED_STEPS if i + step < count):
+            one, other = features(i), features(j)
+            here, there = match_features(one, other)
+            if len(here) >= ENOUGH:
+                offsets.append(
+                    np.median(np.linalg.norm(project_features(one, other)[here] - other.pixels[there], axis=1))
+                )
+    return float(np.median(offsets)) if offsets else np.nan
+
+
+def read_frame(frame: RGBD | Callable[[], RGBD]) -> RGBD:
+    """The frame, read where it is a function that reads it."""
+    return frame if isinstance(frame, RGBD) else frame()
 
 
 def with_pose(frame: Source, pose: Float64Array) -> Source:
@@ -132,18 +182,20 @@ def detect_features(frame: RGBD) -> Features:
     return Features(camera, pixels, np.sqrt(shares).astype(np.float32), surface)
 
 
-def match_all(found: Sequence[Features]) -> Matches | None:
-    """The matches of all pairs of frames, both ways; None where there are none."""
-    parts = []
-    for i in range(len(found)):
-        for j in (i + step for step in STEPS if i + step < len(found)):
-            here, there = match_features(found[i], found[j])
+def match_all(found: Iterable[Features]) -> tuple[list[Camera], Matches | None]:
+    """The cameras of frames in order, and the matches of all their pairs, both ways; None where there are none."""
+    cameras, parts, recent = list[Camera](), list[Matches](), deque[Features](maxlen=STEPS[-1])
+    for j, new in enumerate(found):
+        for i, old in ((j - step, recent[-step]) for step in STEPS if step <= len(recent)):
+            here, there = match_features(old, new)
             if len(here) >= ENOUGH:
-                parts.append(match_pair(i, j, found[i], found[j], here, there))
-                back = found[j].depth[there] > 0
+                parts.append(match_pair(i, j, old, new, here, there))
+                back = new.depth[there] > 0
                 if back.sum() >= ENOUGH:
-                    parts.append(match_pair(j, i, found[j], found[i], there[back], here[back]))
-    return Matches.concatenate(parts) if parts else None
+                    parts.append(match_pair(j, i, new, old, there[back], here[back]))
+        cameras.append(new.camera)
+        recent.append(new)
+    return cameras, Matches.concatenate(parts) if parts else None
 
 
 def match_pair(i: int, j: int, one: Features, other: Features, here: np.ndarray, there: np.ndarray) -> Matches:
@@ -161,17 +213,22 @@ def match_features(one: Features, other: Features) -> tuple[np.ndarray, np.ndarr
     ahead = np.flatnonzero(np.isfinite(at[:, 0]))
     if not len(ahead) or not len(other.pixels):
         return nothing
-    at = at[ahead]
-    apart = (at[:, None, 0] - other.pixels[None, :, 0]) ** 2 + (at[:, None, 1] - other.pixels[None, :, 1]) ** 2
     distance = 2 - 2 * one.descriptors[ahead] @ other.descriptors.T
-    distance[apart > (REACH * other.camera.width) ** 2] = np.inf
+    distance[squared_distances(at[ahead], other.pixels) > (REACH * other.camera.width) ** 2] = np.inf
     best, back = distance.argmin(1), distance.argmin(0)
     number = np.arange(len(ahead))
     closest = distance[number, best]
-    twins = ((other.pixels[None] - other.pixels[best][:, None]) ** 2).sum(-1) < 4  # one place, several orientations
-    distance[twins] = np.inf
-    good = (closest < CLOSEST) & (closest < CLEARER * distance.min(1)) & (back[best] == number)
+    good = (closest < CLOSEST) & (back[best] == number)
+    one_place = squared_distances(other.pixels[best[good]], other.pixels) < 4  # a place has several orientations
+    second = np.where(one_place, np.inf, distance[good]).min(1)
+    good[good] = closest[good] < CLEARER * second
     return ahead[good], best[good]
+
+
+def squared_distances(points: Float64Array, others: Float64Array) -> Float32Array:
+    """N x M squared distances between points N x 2 and M x 2."""
+    across, down = ((points[:, k, None] - others[None, :, k]).astype(np.float32) for k in (0, 1))
+    return across * across + down * down
 
 
 def project_features(one: Features, other: Features) -> Float64Array:

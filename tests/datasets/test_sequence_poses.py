@@ -1,0 +1,79 @@
+"""Poses of a data set that do not fit its pictures (oracle: the exact poses of a generated world)."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+import dlama
+from dlama.datasets.posed.nerfstudio import write_transforms, write_view
+from dlama.datasets.sequences.loading import open_frames
+from dlama.geometry.camera import Camera
+from dlama.geometry.projection import lift, project
+from dlama.geometry.rgbd import RGBD
+from dlama.geometry.view import View
+from dlama.worlds.dataset import world
+
+YAWS = (-4, 0, 4, 8)
+
+
+@pytest.fixture(scope="module")
+def exact() -> dict[str, RGBD]:
+    made = world(3)
+    return {f"img-{n}": made.frame(made.camera(yaw, 256)) for n, yaw in enumerate(YAWS)}
+
+
+@pytest.fixture(scope="module")
+def drifted(exact: dict[str, RGBD]) -> dict[str, Camera]:
+    """Poses off by 2 cm and .8 degrees."""
+    rng, cameras = np.random.default_rng(1), {}
+    for name, frame in exact.items():
+        pose = frame.camera.world_from_cam.copy()
+        pose[:3, :3] = cv2.Rodrigues(np.radians(rng.normal(0, 0.8, 3)))[0] @ pose[:3, :3]
+        pose[:3, 3] += rng.normal(0, 0.02, 3)
+        cameras[name] = frame.camera.at(pose)
+    return cameras
+
+
+@pytest.fixture
+def room(exact: dict[str, RGBD], drifted: dict[str, Camera], tmp_path: Path) -> Path:
+    """The frames with these poses in nerfstudio's layout; the last one cannot be read."""
+    folder = tmp_path / "room"
+    for each in ("images", "depth", "hole", "origin", "source"):
+        (folder / each).mkdir(parents=True)
+    for name, frame in exact.items():
+        write_view(folder, name, View.from_rgbd(frame))
+    write_transforms(folder, drifted, [], {})
+    (folder / "depth" / "img-3.png").write_bytes(b"no picture")
+    return folder
+
+
+def apart(cameras: list[Camera], exact: dict[str, RGBD]) -> float:
+    """Median px between where points of the first frame are seen by the second camera, and where they should be."""
+    first, second = exact["img-0"], exact["img-1"]
+    seen, _ = project(lift(dataclasses.replace(first, camera=cameras[0])).points, cameras[1])
+    expected, _ = project(lift(first).points, second.camera)
+    return float(np.median(np.linalg.norm(seen - expected, axis=1)))
+
+
+def test_poses_are_corrected(room: Path, exact: dict[str, RGBD], drifted: dict[str, Camera], tmp_path: Path) -> None:
+    """Less than a pixel is left, and meta.json says so."""
+    with pytest.warns(UserWarning, match="img-3 is left out"):
+        meta = dlama.sequence(room, tmp_path / "out", only=["points"], filler="telea")
+    corrected = [each.load().camera for each in open_frames(tmp_path / "out")]
+    assert apart(corrected, exact) < 1 < apart(list(drifted.values()), exact)
+    poses = meta["decisions"]["poses"]
+    assert poses["name"] == "aligned" and poses["after_px"] < 1 < poses["before_px"]
+
+
+def test_poses_are_kept(room: Path, drifted: dict[str, Camera], tmp_path: Path) -> None:
+    """Where that is asked for, the given ones stay."""
+    with pytest.warns(UserWarning, match="img-3 is left out"):
+        meta = dlama.sequence(room, tmp_path / "out", only=["points"], filler="telea", keep_poses=True)
+    for each in open_frames(tmp_path / "out"):
+        np.testing.assert_allclose(each.load().camera.world_from_cam, drifted[each.name].world_from_cam, atol=1e-9)
+    assert meta["decisions"]["poses"] == {"name": "given", "reason": "keep_poses"}
