@@ -9,8 +9,8 @@
 Procedural worlds with an object on the ground (`world`), with one that stands on a table, a plinth or an island (`stand`), and
 streets, in exact depth and a Kinect's. Masks hold the shadow, too (not on streets). All frames are completed with `layered`.
 Printed by domain, in the masks grown by GROWN px: mean squared error, and the mean error of the logarithm of depth. Four minutes
-on one core. As frames are recorded: with poses that are off by DRIFT (`--poses drifted`; `corrected`: by `align_frames`), and with
-a tone curve, a white balance and a fall-off towards the corners of each frame's own (`--tones`; also of the truth).
+on one core. As frames are recorded: with poses that are off by DRIFT (`--poses drifted`; `corrected`: by `align_frames`), with a
+tone curve, a white balance and a fall-off towards the corners of each frame's own (`--tones`; also of the truth).
 
 Pairs (--pairs) are noisy pictures that are matched, with the left mask alone; whole, and cut so that the left picture's border
 hides CUT of the object. Printed, too: the IoU of the mask carried to the right picture with the true one, both grown, and the
