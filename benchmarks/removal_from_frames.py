@@ -3,14 +3,12 @@
     python benchmarks/removal_from_frames.py ../shared --split tune
     python benchmarks/removal_from_frames.py ../shared --split validate -o removal.json
     python benchmarks/removal_from_frames.py ../shared --split tune --poses drifted
-    python benchmarks/removal_from_frames.py ../shared --split tune --tones
     python benchmarks/removal_from_frames.py ../shared --split tune --pairs
 
 Procedural worlds with an object on the ground (`world`), with one that stands on a table, a plinth or an island (`stand`), and
 streets, in exact depth and a Kinect's. Masks hold the shadow, too (not on streets). All frames are completed with `layered`.
 Printed by domain, in the masks grown by GROWN px: mean squared error, and the mean error of the logarithm of depth. Four minutes
-on one core. As frames are recorded: with poses that are off by DRIFT (`--poses drifted`; `corrected`: by `align_frames`), with a
-tone curve, a white balance and a fall-off towards the corners of each frame's own (`--tones`; also of the truth).
+on one core. `--poses drifted`: poses that are off by DRIFT, as those of hand-held cameras are; `corrected`: by `align_frames`.
 
 Pairs (--pairs) are noisy pictures that are matched, with the left mask alone; whole, and cut so that the left picture's border
 hides CUT of the object. Printed, too: the IoU of the mask carried to the right picture with the true one, both grown, and the
@@ -40,7 +38,7 @@ from dlama.geometry.camera import Camera, StereoRig
 from dlama.geometry.frames.alignment import with_pose
 from dlama.geometry.holes import dilate_mask, iou
 from dlama.geometry.motion.trajectories import move_sideways
-from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
+from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.geometry.view import View
 from dlama.worlds.dataset import world
 from dlama.worlds.world import BASELINE_M, FOV_DEG, World
@@ -164,32 +162,17 @@ def street_removals(split: str, shared: Path) -> Iterator[Removal]:
         yield from as_sensors("street", 5, *parts)
 
 
-def as_recorded(case: Removal, number: int, poses: str, tones: bool) -> Removal:
-    """The same with drifted poses, or those corrected, and with tones of each frame's own."""
-    frames, without = list(case.frames), list(case.without)
-    if tones:
-        for each in (frames, without):
-            for place, frame in enumerate(each):
-                color = change_tones(frame.color, np.random.default_rng([number, place]))
-                each[place] = dataclasses.replace(frame, color=color)
-    if poses != "true":
-        rng = np.random.default_rng(number)
-        for place in range(1, len(frames)):
-            pose = frames[place].camera.world_from_cam.copy()
-            pose[:3, :3] @= cv2.Rodrigues(rng.normal(0, np.radians(DRIFT[1]), 3))[0]
-            pose[:3, 3] += rng.normal(0, DRIFT[0], 3)
-            frames[place] = with_pose(frames[place], pose)
-    if poses == "corrected":
-        frames = dlama.align_frames(frames)
-    return case._replace(frames=frames, without=without)
-
-
-def change_tones(color: UInt8Array, rng: np.random.Generator) -> UInt8Array:
-    """A picture as another exposure, tone curve, white balance and lens give it."""
-    down, across = (np.linspace(-1, 1, side) ** 2 for side in color.shape[:2])
-    light = (color / 255.0) ** rng.uniform(0.92, 1.08) * rng.uniform(0.85, 1.15) * rng.uniform(0.94, 1.06, 3)
-    light *= (1 - rng.uniform(0, 0.12) * (down[:, None] + across))[..., None]
-    return np.clip(np.round(255 * light), 0, 255).astype(np.uint8)
+def with_poses(frames: list[RGBD], poses: str, rng: np.random.Generator) -> list[RGBD]:
+    """The frames with true, drifted or corrected poses."""
+    if poses == "true":
+        return frames
+    drifted = frames[:1]
+    for frame in frames[1:]:
+        pose = frame.camera.world_from_cam.copy()
+        pose[:3, :3] @= cv2.Rodrigues(rng.normal(0, np.radians(DRIFT[1]), 3))[0]
+        pose[:3, 3] += rng.normal(0, DRIFT[0], 3)
+        drifted.append(with_pose(frame, pose))
+    return dlama.align_frames(drifted) if poses == "corrected" else drifted
 
 
 def errors_of(case: Removal) -> list[tuple[float, ...]]:
@@ -225,7 +208,6 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("--split", choices=tuple(FIRST), default="tune")
     parser.add_argument("--pairs", action="store_true", help="of stereo pairs")
     parser.add_argument("--poses", choices=("true", "drifted", "corrected"), default="true")
-    parser.add_argument("--tones", action="store_true", help="of each frame its own")
     parser.add_argument("-o", "--output", type=Path, help="errors of each scene as JSON")
     args = parser.parse_args(argv)
     errors: dict[str, list[list[tuple[float, ...]]]] = {}
@@ -233,7 +215,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     streets = of_streets(args.split, args.shared) if args.shared.is_dir() else ()
     cases = chain(world_removals(args.split, args.pairs), stand_removals(args.split, args.pairs), streets)
     for number, case in enumerate(cases):
-        errors.setdefault(case.domain, []).append(measure(as_recorded(case, number, args.poses, args.tones)))
+        frames = with_poses(case.frames, args.poses, np.random.default_rng(number))
+        errors.setdefault(case.domain, []).append(measure(case._replace(frames=frames)))
     of_mask = ("IoU of the right mask", "left over") if args.pairs else ()
     names = "domain", "scenes", "squared error", "error of log depth", *of_mask
     print(f"| {' | '.join(names)} |\n|{'---|' * len(names)}")
