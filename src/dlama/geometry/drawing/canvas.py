@@ -8,8 +8,7 @@ import numpy as np
 
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.codes import Origin, from_source
-from dlama.geometry.kernels.drawing.shading import Planes
-from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, brighten, freeze, paste
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, brighten, paste
 from dlama.geometry.view import View
 
 BEHIND = 0.005
@@ -72,10 +71,3 @@ class Canvas:
     def brighten_where(self, where: BoolArray, gain: Float64Array) -> None:
         """Multiply the colours of pixels (H x W) by a gain."""
         self.color[where] = brighten(self.color[where], gain)
-
-    def pair_with(self, layer: View) -> tuple[Planes, Planes]:
-        """The pixels of a layer and of the canvas, for kernels: expected errors without rows unless both have some."""
-        errors, own = layer.errors, self.errors
-        if errors is None or own is None:
-            errors, own = freeze(np.empty((0, 0, 2), np.float32)), np.empty((0, 0, 2), np.float32)
-        return Planes(layer.color, layer.depth, layer.origin, layer.confidence, errors), Planes(*self.buffers(), own)

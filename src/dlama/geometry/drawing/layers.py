@@ -91,6 +91,14 @@ class Grid:
         """Of the colours' splines; none where not fine."""
         return self.surface.knots if self.fine else np.empty(0, np.float32)
 
+    def pixels(self, canvas: Canvas) -> tuple[shading.Planes, shading.Planes]:
+        """Those of the layer and of the canvas, for kernels: expected errors without rows unless both have some."""
+        layer, errors, own = self.layer, self.layer.errors, canvas.errors
+        if errors is None or own is None:
+            errors, own = freeze(np.empty((0, 0, 2), np.float32)), np.empty((0, 0, 2), np.float32)
+        source = shading.Planes(layer.color, layer.depth, layer.origin, layer.confidence, errors)
+        return source, shading.Planes(*canvas.buffers(), own)
+
 
 class Drawn(NamedTuple):
     """What was drawn of a scene."""
@@ -149,7 +157,7 @@ def draw_as_points(grid: Grid, canvas: Canvas) -> None:
     height, width = layer.camera.hw
     nearest, place, room = np.zeros(rows * columns, np.uint64), np.empty(width, np.int32), empty_vertices(1, width)
     in_bands(raster.draw_points, height, grid.surface.mesh[0], grid.way, room, place, nearest, columns, band=height)
-    source, out = canvas.pair_with(layer)
+    source, out = grid.pixels(canvas)
     in_a_row = source._replace(
         color=source.color.reshape(-1, 3), origin=source.origin.ravel(), confidence=source.confidence.ravel()
     )
@@ -167,7 +175,7 @@ def draw_as_surface(grid: Grid, canvas: Canvas, count: NDArray[np.int32]) -> Non
     drawn = rasterize_surface(depth, joined, grid.surface.rim, layer.camera, grid.camera, count)
     smooth = grid.surface.smooth if grid.fine else np.zeros_like(joined)
     colors = MeshColors(joined, smooth, layer.color, grid.knots)
-    in_bands(shading.shade_surface, rows, drawn, colors, grid.fine, *canvas.pair_with(layer))
+    in_bands(shading.shade_surface, rows, drawn, colors, grid.fine, *grid.pixels(canvas))
 
 
 def rasterize_surface(
@@ -206,7 +214,7 @@ def draw_far(grid: Grid, canvas: Canvas) -> None:
     matrix, _ = px_from_px(layer.camera, camera)
     columns = np.flatnonzero(far[rows[0] : rows[-1] + 1].any(0))
     spans = far_spans(matrix, (columns[0], columns[-1]), (rows[0], rows[-1]), camera.hw)
-    source, out = canvas.pair_with(layer)
+    source, out = grid.pixels(canvas)
     empty = canvas.depth == 0 if len(out.errors) else None
     sky, band = shading.Sky(far, spans, far_blocks(far, grid.fine)), light_band(camera.width)
     in_bands(shading.shade_far, camera.height, matrix, sky, grid.knots, source, out, band=band)
