@@ -55,12 +55,11 @@ PARTS = {"candidate": 1, "pixel": 3, "verdict": 1}
 
 
 @functools.cache
-def classifiers() -> dict[str, Classifier]:
-    """PARTS of MODEL, read once a process. FileError where it is damaged."""
-    arrays = read_arrays(MODEL)
+def classifiers(path: Path = MODEL) -> dict[str, Classifier]:
+    """PARTS of the file, read once a process. FileError where it is damaged."""
+    arrays = read_arrays(path)
     return {
-        part: Classifier.of(arrays, MODEL, layers=layers, outputs=1, prefix=f"{part}.")
-        for part, layers in PARTS.items()
+        part: Classifier.of(arrays, path, layers=layers, outputs=1, prefix=f"{part}.") for part, layers in PARTS.items()
     }
 
 
