@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 
@@ -17,6 +16,7 @@ from dlama.geometry.projection import lift, project
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import View
 from dlama.worlds.dataset import world
+from drifted_poses import drift
 
 YAWS = (-4, 0, 4, 8)
 
@@ -29,14 +29,9 @@ def exact() -> dict[str, RGBD]:
 
 @pytest.fixture(scope="module")
 def drifted(exact: dict[str, RGBD]) -> dict[str, Camera]:
-    """Poses off by 2 cm and .8 degrees."""
-    rng, cameras = np.random.default_rng(1), {}
-    for name, frame in exact.items():
-        pose = frame.camera.world_from_cam.copy()
-        pose[:3, :3] = cv2.Rodrigues(np.radians(rng.normal(0, 0.8, 3)))[0] @ pose[:3, :3]
-        pose[:3, 3] += rng.normal(0, 0.02, 3)
-        cameras[name] = frame.camera.at(pose)
-    return cameras
+    """Their cameras with poses off (`drift`)."""
+    rng = np.random.default_rng(1)
+    return {name: drift(frame.camera, rng) for name, frame in exact.items()}
 
 
 @pytest.fixture

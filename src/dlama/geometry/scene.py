@@ -73,6 +73,11 @@ class Scene:
         return self.frames[len(self.frames) // 2]
 
     @property
+    def middle_number(self) -> int:
+        """The number of that frame."""
+        return self.numbers[len(self.numbers) // 2]
+
+    @property
     def has_estimated_depth(self) -> bool:
         """True if a network estimated the depth of a frame."""
         return any(Origin.ESTIMATED in frame.origins for frame in self.frames)

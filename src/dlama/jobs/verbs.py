@@ -66,8 +66,8 @@ def _remove(this: JobInputs, p: Parameters, truth: Any) -> Completion:
         raise InputError("no object to remove is given: give `mask=FILE`, `click=X,Y` on the object, or `box=X,Y,W,H`")
     source = this.read_source(p) if truth is None else getattr(truth, "source", truth)
     masks: Any = mask(picture_of(source)) if callable(mask) else mask
-    if isinstance(source, Scene) and len(source.frames) > 1:
-        masks = {source.numbers[len(source.numbers) // 2]: masks}
+    if isinstance(source, Scene):
+        masks = {source.middle_number: masks}
     return remove(source, masks, **target, **select(p, METHOD))
 
 

@@ -7,21 +7,14 @@ import itertools
 from collections.abc import Sequence
 from functools import partial
 
-import cv2
 import numpy as np
 import pytest
 
-from dlama.geometry.frames.alignment import (
-    Features,
-    align_frames,
-    detect_features,
-    estimate_poses,
-    match_all,
-    with_pose,
-)
+from dlama.geometry.frames.alignment import Features, align_frames, detect_features, estimate_poses, match_all
 from dlama.geometry.frames.pose_system import _solve, measure_offset
 from dlama.geometry.rgbd import RGBD
 from dlama.worlds.dataset import world
+from drifted_poses import drift
 
 YAWS = (-4, 0, 4)
 
@@ -34,15 +27,9 @@ def exact() -> list[RGBD]:
 
 @pytest.fixture(scope="module")
 def drifted(exact: list[RGBD]) -> list[RGBD]:
-    """The same with poses off by 2 cm and a degree."""
+    """The same with poses off (`drift`)."""
     rng = np.random.default_rng(1)
-    poses = []
-    for frame in exact:
-        pose = frame.camera.world_from_cam.copy()
-        pose[:3, :3] = cv2.Rodrigues(np.radians(rng.normal(0, 0.8, 3)))[0] @ pose[:3, :3]
-        pose[:3, 3] += rng.normal(0, 0.02, 3)
-        poses.append(pose)
-    return [with_pose(frame, pose) for frame, pose in zip(exact, poses)]
+    return [dataclasses.replace(frame, camera=drift(frame.camera, rng)) for frame in exact]
 
 
 def apart(frames: Sequence[RGBD], exact: Sequence[RGBD]) -> float:

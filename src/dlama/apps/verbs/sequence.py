@@ -163,12 +163,9 @@ def summary_line(meta: dict[str, Any], output: Path, seconds: float) -> str:
     shares, count = meta["filled_share"].values(), len(meta["frames"]["names"])
     mean, depth = (sum(meta[name].values()) / max(len(shares), 1) for name in ("filled_share", "depth_filled_share"))
     out = f", {len(meta['left_out'])} left out ({', '.join(list(meta['left_out'])[:3])})" if meta["left_out"] else ""
-    poses = meta["decisions"].get("poses", {})
-    moved = (
-        ", poses corrected from {before_px:.1f} to {after_px:.1f} px".format(**poses)
-        if "aligned" in poses.values()
-        else ""
-    )
+    poses, moved = meta["decisions"].get("poses", {}), ""
+    if poses.get("name") == "aligned":
+        moved = f", poses corrected from {poses['before_px']:.1f} to {poses['after_px']:.1f} px"
     earlier = f", {meta['views_from_earlier_run']} from an earlier run" if meta["views_from_earlier_run"] else ""
     alone = f", {depth:.1%} in depth alone" if depth >= SHOWN else ""
     if meta["min_confidence"]:

@@ -18,22 +18,13 @@ from dlama.datasets.frames import Frame
 from dlama.datasets.layouts import layout_of, list_dataset
 from dlama.datasets.posed.posed_frames import CameraOption
 from dlama.datasets.text_tables import check_scenes
-from dlama.errors import (
-    DlamaError,
-    FileError,
-    InputError,
-    MaskError,
-    first_line,
-    format_count,
-    format_size,
-    system_errors,
-    warn,
-)
+from dlama.errors import DlamaError, FileError, InputError, first_line, format_count, system_errors, warn
 from dlama.files.rasters.turned_pairs import same_proportions
 from dlama.files.scenes.scene_npz import read_scene
 from dlama.geometry.frames.alignment import NO_FEATURES, Features, detect_features, estimate_poses, with_pose
 from dlama.geometry.frames.gathering import gather_views, open_view
 from dlama.geometry.frames.stored import Layer, PixelCache
+from dlama.geometry.holes import check_mask_size
 from dlama.geometry.rgbd import BoolArray
 from dlama.geometry.scene import Scene
 from dlama.progress import begin_stage
@@ -189,11 +180,7 @@ def fit_masks(masks: Mapping[int, BoolArray], scene: Scene, names: Sequence[str]
     for number, mask in masks.items():
         hw = scene.frames[scene.place_of(number)].camera.hw
         found[number] = shrink_mask(mask, hw)
-        if found[number].shape != hw:
-            raise MaskError(
-                f"`mask` of frame {names[number]} is {format_size(mask.shape)} and the picture {format_size(hw)}; both must "
-                "have the same size"
-            )
+        check_mask_size(found[number], hw, f" of frame {names[number]}")
     return found
 
 

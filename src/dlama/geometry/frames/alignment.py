@@ -18,6 +18,7 @@ import numpy as np
 
 from dlama.arguments import check_arguments
 from dlama.geometry.camera import Camera, Float64Array
+from dlama.geometry.frames.gathering import read_frame
 from dlama.geometry.frames.pose_system import Matches, adjust_poses, measure_offset
 from dlama.geometry.motion.poses import transform_points
 from dlama.geometry.projection import unproject
@@ -75,20 +76,15 @@ class Alignment:
     @property
     def decision(self) -> dict[str, dict[str, Any]]:
         """For meta.json: whose poses count, and why."""
+        if np.isnan(self.before_px):
+            return {"poses": {"name": "given", "reason": "frames have too few features in common to check them"}}
+        name, reason = "given", "they fit the pictures"
         if self.poses is not None:
             name, reason = "aligned", f"matched features lie {self.before_px:.1f} px apart under the given ones"
-        else:
-            name = "given"
-            if np.isnan(self.before_px):
-                reason = "frames have too few features in common to check them"
-            elif self.before_px <= FITS_PX:
-                reason = "they fit the pictures"
-            else:
-                reason = "none were found that fit the pictures better"
-        offsets = {"before_px": self.before_px, "after_px": self.after_px}
-        return {
-            "poses": {"name": name, "reason": reason, **{key: round(px, 2) for key, px in offsets.items() if px == px}}
-        }
+        elif self.before_px > FITS_PX:
+            reason = "none were found that fit the pictures better"
+        offsets = {"before_px": round(self.before_px, 2), "after_px": round(self.after_px, 2)}
+        return {"poses": {"name": name, "reason": reason, **offsets}}
 
 
 def align_frames(frames: Sequence[Source]) -> list[Source]:
@@ -100,7 +96,7 @@ def align_frames(frames: Sequence[Source]) -> list[Source]:
 
     Args:
         frames: Posed frames of one scene, or functions that read them, in the order in which they were taken. Each is read once
-            here.
+            here, in sequences of more than 64 some twice.
     """
     check_arguments(align_frames, locals())
     found = estimate_poses(len(frames), lambda place: detect_features(read_frame(frames[place])))
@@ -141,11 +137,6 @@ def check_poses(count: int, features: Callable[[int], Features]) -> float:
                     np.median(np.linalg.norm(project_features(one, other)[here] - other.pixels[there], axis=1))
                 )
     return float(np.median(offsets)) if offsets else np.nan
-
-
-def read_frame(frame: RGBD | Callable[[], RGBD]) -> RGBD:
-    """The frame, read where it is a function that reads it."""
-    return frame if isinstance(frame, RGBD) else frame()
 
 
 def with_pose(frame: Source, pose: Float64Array) -> Source:

@@ -81,7 +81,7 @@ def open_view(frame: FrameSource, name: str, cache: PixelCache) -> Layer:
         raise InputTypeError(
             f"{name} is of type {type(frame).__name__}; an RGBD (a picture with depth) is expected, or what reads one"
         )
-    first = View.from_rgbd(frame if isinstance(frame, RGBD) else frame())
+    first = View.from_rgbd(read_frame(frame))
     if not first.shows_source:
         raise InputError(f"{name} has no depth at all; leave it out")
     if isinstance(frame, RGBD):
@@ -89,6 +89,11 @@ def open_view(frame: FrameSource, name: str, cache: PixelCache) -> Layer:
     view = StoredView(first.camera, partial(_source_view, frame), cache, first)
     view.origins, view.find_once(make_comparable), view.find_once(coarse_depth), view.has_holes, view.has_errors
     return view
+
+
+def read_frame(frame: FrameSource) -> RGBD:
+    """The frame, read where it is a function that reads it."""
+    return frame if isinstance(frame, RGBD) else frame()
 
 
 def _source_view(frame: Callable[[], RGBD]) -> View:

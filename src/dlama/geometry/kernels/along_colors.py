@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.kernels.jit import Real, Whole, inlined, kernel
+from dlama.geometry.kernels.jit import Pixel, Real, Whole, inlined, kernel
 from dlama.geometry.rgbd import BoolArray, Float32Array
 
 DIAGONAL = 1.41421356
@@ -25,10 +25,6 @@ class DepthCost(NamedTuple):
     """Relative step of w between neighbours up to which they are one surface."""
     added: float
     """px."""
-
-
-Pixel = tuple[Whole, Whole]
-"""Row, column."""
 
 
 @inlined

@@ -66,6 +66,8 @@ NOT_KEPT = (
 
 Whole = int | np.int64
 """A whole number between kernels and their pieces; to numba both are int64."""
+Pixel = tuple[Whole, Whole]
+"""Row and column."""
 Real = Any
 """A number between kernels and their pieces: float64 or float32, as the caller's is. Not checked, for Python's own rules for
 mixing the two are not numba's, which alone count here."""

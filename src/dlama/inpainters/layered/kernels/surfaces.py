@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.camera import Float64Array
-from dlama.geometry.kernels.jit import Flag, Real, Whole, in_bands, kernel, piece
+from dlama.geometry.kernels.jit import Flag, Pixel, Real, Whole, in_bands, kernel, piece
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.perception.planes import SKY
 
@@ -212,10 +212,6 @@ class Room(NamedTuple):
     """2 x lines x L."""
     cheap: NDArray[np.int64]
     """lines x L."""
-
-
-Pixel = tuple[Whole, Whole]
-"""Row, column."""
 
 
 @piece
