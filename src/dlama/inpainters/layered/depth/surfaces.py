@@ -76,29 +76,25 @@ def continue_lawfully(view: View, context: FillContext, seed: int) -> tuple[Surf
 
 def continue_surfaces(view: View, context: FillContext, seed: int = 0) -> Surfaces:
     """The known surfaces of a view, continued into its holes; the same seed finds the same planes."""
-    depth, missing, by_color = view.known_depth, view.depth_hole, None
+    depth, missing = view.known_depth, view.depth_hole
     sky = find_plain_sky(view.color, missing, depth)
     known = KnownSurfaces.of(inverse_depth(depth), view.valid, view.far | sky, seed)
     if missing.any():
         along_colors = fill_along_colors(view.color, missing, view.hole, known, sky)
         by_color = move_beyond_range(along_colors, known.inverse_depth, missing, view.hole)
-    if by_color is not None and (by_color.reached | ~view.hole).all():
-        return Surfaces(by_color.inverse_depth, by_color.label, known.planes)
+        known = dataclasses.replace(known, inverse_depth=by_color.inverse_depth, label=by_color.label)
+        if (by_color.reached | ~view.hole).all():
+            return Surfaces(known.inverse_depth, known.label, known.planes)
+        view = with_missing_depth(view, by_color)
     coarse = sample_grid(view, known, max(1.0, max(missing.shape) / GRID), context.law.misplaced_edges)
     leaves = begin_job(copy_leaves, view, known.inverse_depth, coarse.cut, seed)
-    found = upsample_labels(view, known, coarse, coarse.label_costs(context), leaves)
-    return found if by_color is None else set_missing_depth(found, by_color)
+    return upsample_labels(view, known, coarse, coarse.label_costs(context), leaves)
 
 
-def set_missing_depth(found: Surfaces, by_color: DepthByColor) -> Surfaces:
-    """The surfaces, with missing depth replaced along colours. Other holes are filled without these pixels."""
-    there = by_color.reached
-    return dataclasses.replace(
-        found,
-        inverse_depth=np.where(there, by_color.inverse_depth, found.inverse_depth),
-        label=np.where(there, by_color.label, found.label),
-        leaves=found.leaves[:, ~there.ravel()[found.leaves[0]]],
-    )
+def with_missing_depth(view: View, by_color: DepthByColor) -> View:
+    """The view with its missing depth as known: between single readings, as of a LIDAR, hardly a cell would be known without."""
+    depth = np.where(by_color.reached, depth_from_inverse(by_color.inverse_depth), view.depth)
+    return dataclasses.replace(view, depth=depth, hole=view.hole & ~by_color.reached)
 
 
 def sample_grid(view: View, surfaces: KnownSurfaces, step: float, solid: bool = False) -> CoarseView:
