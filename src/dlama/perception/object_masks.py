@@ -17,6 +17,7 @@ from dlama.perception.masks.prompt import Box, NothingThereError, Point, Prompt
 from dlama.perception.masks.salient import salient_masker
 from dlama.perception.masks.segment_anything import segment_anything_masker
 from dlama.perception.masks.small import SmallPicture
+from dlama.perception.missing_depth.between_readings import densify
 from dlama.perception.shadows.find import find_shadow
 
 MaskModel = str | Path | tuple[str | Path, str | Path]
@@ -80,9 +81,9 @@ class MaskSession:
     def __init__(
         self, picture: RGBD | UInt8Array, *, masker: str | None = None, mask_model: MaskModel | None = None
     ) -> None:
-        """Parameters and errors as `find_mask`; nothing is computed yet."""
+        """Parameters and errors as `find_mask`. Only depth between single readings is computed here (`densify`)."""
         check_arguments(MaskSession.__init__, locals())
-        self.picture = picture if isinstance(picture, RGBD) else check_color(picture, "picture")
+        self.picture = densify(picture) if isinstance(picture, RGBD) else check_color(picture, "picture")
         self.masker, self.mask_model = check_names(masker, mask_model), mask_model
         if MASKERS[self.masker].needs_depth and not isinstance(picture, RGBD):
             raise InputError(f"masker {self.masker!r} needs depth and the picture has none; an RGBD is expected")

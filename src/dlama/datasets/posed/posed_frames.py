@@ -28,6 +28,7 @@ from dlama.files.rasters.pictures import read_color_of_camera
 from dlama.files.rasters.turned_pairs import same_proportions
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
+from dlama.perception.missing_depth.between_readings import densify
 from dlama.perception.resampling import shrink_color, upsample_depth
 from dlama.writing.atomic_write import PathLike
 
@@ -158,13 +159,16 @@ def scale_depth(files: FrameFiles, depth_scale: float) -> FrameFiles:
 def load_rgbd(files: FrameFiles) -> RGBD:
     """Picture and depth at one size: that of depth, or the one it is enlarged to; the picture is shrunk to it by area means.
 
+    Between single readings, as of a LIDAR, depth is filled along colours (`densify`).
+
     Raises FileError, DepthError, CameraError, ShapeError, MissingExtraError.
     """
     depth, color = measured_depth(files), files.color()
     camera = _camera(files, color.shape[:2], depth.shape)
     wide = min(color.shape[1], files.enlarged * depth.shape[1])
     if wide <= depth.shape[1]:
-        return RGBD(shrink_color(color, depth.shape), depth, camera, padding=_padding(files, color.shape, depth.shape))
+        padding = _padding(files, color.shape, depth.shape)
+        return densify(RGBD(shrink_color(color, depth.shape), depth, camera, padding=padding))
     hw = (max(1, round(color.shape[0] * wide / color.shape[1])), wide)
     color = shrink_color(color, hw)
     return RGBD(color, upsample_depth(depth, color), camera.resized(hw[1], hw[0]))

@@ -18,6 +18,7 @@ from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.motion.poses import rotation_deg, transform_points
 from dlama.geometry.projection import project, rays
 from dlama.geometry.rgbd import RGBD, Float32Array
+from dlama.perception.missing_depth.between_readings import repeat_readings
 
 DEGREES = (10.0, 20.0, 30.0, 40.0, 50.0, 60.0)
 """Rotations that pairs are looked for at: the paper's yaws."""
@@ -139,7 +140,7 @@ class Overlaps:
 def _sample(depth: Float32Array, camera: Camera) -> tuple[Float64Array, Float32Array, Camera]:
     """World points of every eighth pixel, the same pixels' depth (0 = none), and the whole picture's camera."""
     rows, columns = (np.arange(min(EVERY_PIXEL, n) // 2, n, EVERY_PIXEL) for n in depth.shape)
-    small = depth[rows[:, None], columns]
+    small = repeat_readings(depth)[rows[:, None], columns]
     small[~np.isfinite(small)] = 0
     local = (rays(camera)[rows[:, None], columns] * small[..., None])[small > 0]
     return transform_points(camera.world_from_cam, local), small, camera

@@ -155,7 +155,7 @@ def _drop_outliers(kept: list[int], found: dict[tuple[int, int], Overlap], calle
     if not any(each.agree >= ENOUGH for each in found.values()):
         raise InputError(
             f"no two of the {len(kept)} frames show the same surfaces: are the poses camera-to-world, in metres, and of the same "
-            "scene as the depth?"
+            "scene as the depth? Depth of single readings, as of a LIDAR, must be filled between them: `dlama.densify`"
         )
     every, noted = kept, list[str]()
     while len(kept) > 2:

@@ -29,8 +29,8 @@ from dlama.inpainters.layered.depth.foliage import copy_leaves
 from dlama.inpainters.layered.depth.out_of_view import FOLLOWED
 from dlama.inpainters.layered.depth.surface_labels import GRID, CoarseView, with_larger_pixels
 from dlama.inpainters.layered.kernels import surfaces as surface_kernels
-from dlama.inpainters.missing_depth.along_colors import DepthByColor, fill_along_colors
-from dlama.inpainters.missing_depth.beyond_range import move_beyond_range
+from dlama.perception.missing_depth.along_colors import DepthByColor, fill_along_colors
+from dlama.perception.missing_depth.beyond_range import move_beyond_range
 from dlama.perception.planes import SMOOTH, KnownSurfaces, plane_values, plane_values_at
 from dlama.perception.sky import find_plain_sky
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from dlama.geometry.holes import dilate_mask, fill_with_nearest, nearest_along_colors
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
-from dlama.inpainters.missing_depth.kernels import conductances, relax
+from dlama.perception.missing_depth.kernels import conductances, relax
 from dlama.perception.planes import SMOOTH, KnownSurfaces, plane_values_at
 
 BLUR = 1.5

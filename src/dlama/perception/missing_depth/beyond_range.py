@@ -10,7 +10,8 @@ import numpy as np
 
 from dlama.geometry.holes import dilate_mask, distance_to
 from dlama.geometry.rgbd import BoolArray, Float32Array
-from dlama.inpainters.missing_depth.along_colors import DepthByColor
+from dlama.perception.missing_depth.along_colors import DepthByColor
+from dlama.perception.missing_depth.between_readings import reach_between
 from dlama.perception.planes import SMOOTH
 
 FARTHEST_SHARE, AT_LIMIT = 0.005, 0.9
@@ -18,9 +19,6 @@ FARTHEST_SHARE, AT_LIMIT = 0.005, 0.9
 LEAST_SHARE, BEGINS, RIM_PX = 0.04, 0.3, 3
 """Of a missing part beyond the range: its least share of the picture; the least share of the known pixels round it at the
 range's end; and how far round it they are looked for."""
-BETWEEN, SPACINGS = 0.02, 4.0
-"""Distance from measured pixels up to which depth is missing between them, as a LIDAR leaves it: over the picture's longer side,
-and over the mean spacing of measured pixels; the larger one counts."""
 
 
 def move_beyond_range(filled: DepthByColor, w: Float32Array, missing: BoolArray, hole: BoolArray) -> DepthByColor:
@@ -42,7 +40,7 @@ def move_beyond_range(filled: DepthByColor, w: Float32Array, missing: BoolArray,
 def find_beyond_range(w: Float32Array, missing: BoolArray, near: BoolArray, limit: np.float32) -> BoolArray:
     """H x W, True in missing parts that lie beyond the range. near: H x W, known pixels; limit: inverse depth at its end."""
     out = np.zeros_like(missing)
-    reach = round(max(BETWEEN * max(missing.shape), SPACINGS / near.mean() ** 0.5))
+    reach = reach_between(near)
     wide = missing & (distance_to(near) > reach)
     count, part, stats, _ = cv2.connectedComponentsWithStats(wide.view(np.uint8), connectivity=8)
     for number in range(1, count):

@@ -1,0 +1,109 @@
+"""Depth of single readings, as of a LIDAR, filled between them; masks, removals and frames of such depth (oracle: the world)."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import dlama
+from dlama.datasets.posed.view_pairs import Overlaps
+from dlama.geometry.camera import Camera
+from dlama.geometry.holes import iou
+from dlama.geometry.rgbd import RGBD
+from dlama.perception.missing_depth.between_readings import reach_between, repeat_readings
+from worlds import Box, Plane, World, innermost_pixel, moved
+
+CAMERA = Camera.from_fov(256, 192, 70)
+FLOOR, WALL = Plane((0, 1, 0), (0, -1, 0)), Plane((0, 0, 5), (0, 0, -1))
+BOX = Box((-0.6, 0.1, 2.6), (0.1, 1, 3.2))
+ROWS, COLUMNS = 5, 2
+
+
+def scan(rgbd: RGBD, rows: int = ROWS, columns: int = COLUMNS, top: int = 0) -> RGBD:
+    """The frame with depth in every so many rows and columns alone, from row `top` on."""
+    depth = np.zeros_like(rgbd.depth)
+    depth[top::rows, ::columns] = rgbd.depth[top::rows, ::columns]
+    return dataclasses.replace(rgbd, depth=depth)
+
+
+def test_readings_keep_their_bits_and_depth_between_them_is_that_of_the_surfaces() -> None:
+    """Closed form: floor, wall and a box; above the first row nothing was read, and it stays missing beyond the reach."""
+    whole, top = World((FLOOR, WALL, BOX)).rgbd(CAMERA), 60
+    sparse = scan(whole, top=top)
+    dense = dlama.densify(sparse)
+    known = sparse.depth > 0
+    np.testing.assert_array_equal(dense.depth[known], sparse.depth[known])
+    np.testing.assert_array_equal(dense.color, whole.color)
+    between = np.zeros_like(known)
+    between[top:] = ~known[top:]
+    off = np.abs(dense.depth / whole.depth - 1)[between]
+    assert (off < 0.02).mean() > 0.95 and np.median(off) < 0.002
+    assert not dense.depth[: top - reach_between(known) - 1].any()
+
+
+@pytest.mark.parametrize("kept", ["all", "a half", "two of three rows"])
+def test_depth_that_is_no_scan_is_left_as_it_is(kept: str) -> None:
+    """A map without holes, with a large one, and with stripes: the same object comes back."""
+    whole = World((FLOOR, WALL)).rgbd(CAMERA)
+    depth = whole.depth.copy()
+    if kept == "a half":
+        depth[:, :128] = 0
+    if kept == "two of three rows":
+        depth[::3] = 0
+    rgbd = dataclasses.replace(whole, depth=depth)
+    assert dlama.densify(rgbd) is rgbd
+    assert repeat_readings(depth) is depth
+
+
+def test_behind_an_object_of_a_scan_lies_what_is_there() -> None:
+    """The world without the box: the floor and the wall behind it, to a hundredth of their depth in nine of ten pixels. The
+    picture is larger than the grid that surfaces are continued on: hardly a cell of that was all read."""
+    camera, world = Camera.from_fov(512, 384, 70), World((FLOOR, WALL, BOX))
+    mask = world.trace(camera)[1] == 2
+    done = dlama.remove(scan(world.rgbd(camera)), mask, filler="layered", dilate=0)
+    off = np.abs(done.view.depth / World((FLOOR, WALL)).rgbd(camera).depth - 1)[mask]
+    assert (off < 0.01).mean() > 0.9
+
+
+def test_a_click_in_a_scan_finds_the_object() -> None:
+    """The box's own pixels."""
+    world = World((FLOOR, WALL, BOX))
+    mask = world.trace(CAMERA)[1] == 2
+    y, x = innermost_pixel(mask)
+    assert iou(dlama.find_mask(scan(world.rgbd(CAMERA)), clicks=[(x, y)]).mask, mask) > 0.85
+
+
+def test_scans_are_one_scene_where_they_were_made_dense_and_else_it_is_said_how() -> None:
+    """Two posed scans: as read no surface is common, and the message names what mends it; dense they show one room."""
+    cameras = CAMERA, moved(CAMERA, turn=(0, 15, 0), shift=(0.4, 0, 0))
+    frames = [scan(World((FLOOR, WALL, BOX)).rgbd(camera), rows=7, columns=3) for camera in cameras]
+    with pytest.raises(dlama.InputError, match="dlama.densify"):
+        dlama.scene(frames)
+    assert len(dlama.scene([dlama.densify(frame) for frame in frames]).frames) == 2
+
+
+def test_readings_are_repeated_as_far_as_they_reach() -> None:
+    """Closed form: one reading in 6 x 6 pixels is its block's depth; far from any reading nothing is."""
+    depth = np.zeros((60, 90), np.float32)
+    depth[3:30:6, 3::6] = np.arange(1, 76).reshape(5, 15)
+    found = repeat_readings(depth)
+    for row, column in np.argwhere(depth > 0):
+        block = found[row - 2 : row + 3, column - 2 : column + 3]
+        np.testing.assert_array_equal(block, np.full(block.shape, depth[row, column]))
+    assert not found[27 + reach_between(depth > 0) + 1 :].any()
+
+
+def test_frames_of_scans_overlap_as_the_frames_do() -> None:
+    """The share of two whole frames, to a twentieth."""
+    cameras = CAMERA, moved(CAMERA, turn=(0, 15, 0))
+    whole = [World((FLOOR, WALL)).rgbd(camera) for camera in cameras]
+
+    def share(frames: list[RGBD]) -> float:
+        posed = [
+            type("Posed", (), {"load_depth": staticmethod(lambda one=one: (one.depth, one.camera))}) for one in frames
+        ]
+        return Overlaps(posed).share(0, 1)  # type: ignore[arg-type]
+
+    assert abs(share([scan(one) for one in whole]) - share(whole)) < 0.05
