@@ -1,7 +1,7 @@
 """One suite over domains: fillers measured on streets, rooms, tables and worlds that differ in sensor and clutter.
 
     python benchmarks/bench.py run ../shared -o now.jsonl [--methods dlama/auto paper/migan ...] [--split tune] [--workers 2]
-        [--without RULE ... | --each RULE ...]
+        [--without RULE ... | --each RULE ...] [--sensor lidar]
     python benchmarks/bench.py compare before.jsonl now.jsonl [--method dlama/auto] [--against paper/migan]
     python benchmarks/bench.py rules now.jsonl
     python benchmarks/bench.py looks now.jsonl
@@ -23,6 +23,7 @@ import json
 import os
 import time
 import warnings
+import zlib
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -46,7 +47,7 @@ from dlama.evaluation.protocols.reliability import reliability_measures
 from dlama.geometry.rgbd import BoolArray, UInt8Array
 from rules import RULES, without
 from standing_objects import standing_case
-from world_cases import SENSORS, world_case
+from world_cases import SENSORS, as_seen, world_case
 
 SPLITS = ("tune", "validate", "test")
 SETS: dict[str, tuple[tuple[str, str, str], ...]] = {
@@ -76,6 +77,8 @@ STANDING: dict[str, tuple[tuple[str, int, int], ...]] = {
 }
 """Recorded frames in which objects are put on surfaces and removed (domain `clutter`)."""
 SHELF_EVERY = 8
+EXACT = ("street", "clutter", "world")
+"""Domains whose depth is exact, or a camera's with few holes: what `--sensor` measures anew."""
 SETTINGS = ProtocolSettings(mask_changes=(), object_dilations=())
 MARGIN = 48
 """Pixels round what is measured that LPIPS sees."""
@@ -120,6 +123,21 @@ def cases_of(split: str, shared: Path) -> Iterator[BenchCase]:
         yield BenchCase(
             name, "world" if sensor != "estimated" else "estimated", partial(world_case, number, kind, sensor)
         )
+
+
+def seen_by(case: BenchCase, sensor: str) -> BenchCase:
+    """The case with its exact depth as a sensor gives it."""
+    numbers = case.name.split("/")
+    if case.domain == "world":
+        kind = "removal" if "ori" in numbers else "view"
+        return dataclasses.replace(case, load=partial(world_case, int(numbers[-1]), kind, sensor))
+    return dataclasses.replace(case, load=partial(load_as_seen, case.load, sensor, zlib.crc32(case.name.encode())))
+
+
+def load_as_seen(load: Callable[[], Truth], sensor: str, seed: int) -> Truth:
+    """A case whose source is as a sensor gives it."""
+    truth = load()
+    return dataclasses.replace(truth, source=as_seen(truth.source, sensor, np.random.default_rng(seed)))
 
 
 def wanted_yaw(case: Case, split: str, folder: str) -> bool:
@@ -227,6 +245,7 @@ def run(asked: argparse.Namespace) -> None:
     done = {(row["case"], row["method"]) for row in rows_of(asked.output) if "case" in row}
     cases = [case for split in asked.split for case in cases_of(split, asked.shared)]
     cases = [case for case in cases if asked.only in case.name][:: asked.every]
+    cases = [seen_by(case, asked.sensor) for case in cases if case.domain in EXACT] if asked.sensor else cases
     todo = [(case, [one for one in runs if (case.name, label_of(one)) not in done]) for case in cases]
     with (
         asked.output.open("a", encoding="utf-8") as stream,
@@ -358,6 +377,7 @@ def main() -> None:
     one.add_argument("--each", nargs="*", choices=RULES, default=[], help="rules that are turned off one at a time")
     one.add_argument("--only", default="", help="part of a case's name")
     one.add_argument("--every", type=int, default=1)
+    one.add_argument("--sensor", choices=("kinect", "matcher", "lidar"), help="measures exact depth anew")
     one.add_argument("--workers", type=int, default=os.cpu_count())
     one.set_defaults(do=run)
     two = verbs.add_parser("compare")

@@ -127,7 +127,7 @@ def world_clicks(split: str, kind: str) -> Iterator[ClickCase]:
         rng = np.random.default_rng([number, 11])
         scene = made.scene(made.world.camera(float(rng.uniform(-40, 40)), 512, float(rng.uniform(60, 95))))
         clicks = on_background(scene, rng) if kind == "background" else clickable(scene, kind == "stand")
-        for sensor in SENSORS:
+        for sensor in (*SENSORS, "lidar"):
             frame = as_seen(scene.frame, sensor, np.random.default_rng([number, 5]))
             yield ClickCase(f"{kind} {sensor}", str(number), frame, clicks)
 

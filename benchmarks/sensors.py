@@ -1,4 +1,4 @@
-"""A clean RGB-D frame in -> the frame as a structured-light camera or a stereo matcher would measure it, out.
+"""A clean RGB-D frame in -> the frame as a structured-light camera, a stereo matcher or a LIDAR would measure it, out.
 
 Coarser than `augment.add_depth_faults`: depth is missing next to edges and beyond the range, is shifted against the colours, and
 objects are dilated. Strengths are drawn from ranges that cover the first Kinect and semi-global matching.
@@ -25,6 +25,10 @@ SHADOW, FATTENING, MISALIGNED = (2, 9), (1, 4), 2.0
 """Pixels: depth missing next to an edge, foreground dilated, largest shift of depth against colour."""
 OUT_OF_REACH = 0.35
 """Probability that what is far (the last twentieth to fifth of the depths, and the sky) has no depth."""
+RINGS, POINTS, LOST = (3.0, 7.0), (1.0, 3.0), 0.1
+"""Pixels, in a picture 640 wide, between the rings of a LIDAR and between points of one; share of points that do not return."""
+TILT, BENT, NOISE_M, RANGE_M = 0.02, 1e-4, 0.015, 100.0
+"""Of its rings: largest slope, and curvature (1/px); its noise and its range."""
 
 
 def structured_light(rgbd: RGBD, rng: np.random.Generator) -> RGBD:
@@ -53,6 +57,24 @@ def stereo_matcher(rgbd: RGBD, rng: np.random.Generator) -> RGBD:
     strip = int(rng.uniform(0, 0.1) * depth.shape[1])
     depth[:, :strip] = 0
     return _replace_depth(rgbd, depth)
+
+
+def scanning_lidar(rgbd: RGBD, rng: np.random.Generator) -> RGBD:
+    """Depth in the points of tilted, curved rings alone, of every second one none in the upper part of the picture."""
+    height, width = rgbd.depth.shape
+    rings, points = (rng.uniform(*each) * width / 640 for each in (RINGS, POINTS))
+    top = 0.0 if rng.random() < 0.5 else rng.uniform(0.2, 0.45) * height
+    row, column = np.meshgrid(np.arange(top, height, rings), np.arange(0, width, points), indexing="ij")
+    aside, slope, bent = column - width / 2, rng.uniform(-TILT, TILT), rng.uniform(0, BENT)
+    row = row + slope * aside + bent * aside**2 * (row / height - 0.5)
+    y, x = np.rint(row).astype(int), np.rint(column).astype(int)
+    hit = (y >= 0) & (y < height) & (x < width) & (rng.random(y.shape) > LOST)
+    y, x = y[hit], x[hit]
+    metres = rgbd.depth[y, x] + rng.normal(0, NOISE_M, y.shape).astype(np.float32)
+    there = (rgbd.depth[y, x] > 0) & (metres > NOISE_M) & (metres < RANGE_M)
+    depth = np.zeros_like(rgbd.depth)
+    depth[y[there], x[there]] = metres[there]
+    return dataclasses.replace(rgbd, depth=depth)
 
 
 def add_photo_noise(color: UInt8Array, rng: np.random.Generator) -> UInt8Array:

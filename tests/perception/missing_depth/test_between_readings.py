@@ -79,7 +79,7 @@ def test_scans_are_one_scene_where_they_were_made_dense_and_else_it_is_said_how(
     """Two posed scans: as read no surface is common, and the message names what mends it; dense they show one room."""
     cameras = CAMERA, moved(CAMERA, turn=(0, 15, 0), shift=(0.4, 0, 0))
     frames = [scan(World((FLOOR, WALL, BOX)).rgbd(camera), rows=7, columns=3) for camera in cameras]
-    with pytest.raises(dlama.InputError, match="dlama.densify"):
+    with pytest.raises(dlama.InputError, match=r"dlama\.densify"):
         dlama.scene(frames)
     assert len(dlama.scene([dlama.densify(frame) for frame in frames]).frames) == 2
 

@@ -54,7 +54,7 @@ def reach_between(known: BoolArray) -> int:
 
 
 def repeat_readings(depth: Float32Array) -> Float32Array:
-    """H x W metres (0 = missing): between single readings that of the nearest one, without a picture; any other depth as it is."""
+    """H x W metres (0 = missing): between single readings that of the nearest one, without a picture; other depth as it is."""
     known = depth > 0
     if not has_single_readings(known):
         return depth
