@@ -41,6 +41,7 @@ GOOD: dict[str, dict[str, Any]] = {
     "align_frames": {"frames": [RGBD, RGBD]},
     "batch": {"jobs": [], "out": "out", "workers": 1},
     "complete": {"rgbd": RGBD, "cameras": [CAMERA], "filler": fill_with_grey},
+    "densify": {"rgbd": RGBD},
     "diagnose": {"first": "nothing.png", "second": "nothing.exr"},
     "estimate_depth": {"color": COLOR[:8, :8], "depth_model": lambda color: None},
     "find_mask": {"picture": RGBD, "clicks": [(1, 1)]},

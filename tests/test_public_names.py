@@ -28,7 +28,7 @@ NAMES = {
     "CameraError", "DepthError", "DlamaError", "FileError", "InputError", "InputTypeError", "MaskError", "MissingExtraError",
     "OutputError", "ShapeError",
     "align_frames",
-    "complete", "diagnose", "estimate_depth", "example", "find_mask", "fuse", "inpaint", "lift", "orbit", "photo3d",
+    "complete", "densify", "diagnose", "estimate_depth", "example", "find_mask", "fuse", "inpaint", "lift", "orbit", "photo3d",
     "read_camera", "read_color", "read_mask", "read_rgbd", "read_stereo_calib", "remove", "read_scene",
     "render", "render_path", "scene", "sequence", "stereo", "view", "write",
     "write_depth", "write_photo3d",
