@@ -1,7 +1,7 @@
 """One suite over domains: fillers measured on streets, rooms, tables and worlds that differ in sensor and clutter.
 
     python benchmarks/bench.py run ../shared -o now.jsonl [--methods dlama/auto paper/migan ...] [--split tune] [--workers 2]
-        [--without RULE ... | --each RULE ...] [--sensor lidar]
+        [--without RULE ... | --each RULE ...] [--sensor phone]
     python benchmarks/bench.py compare before.jsonl now.jsonl [--method dlama/auto] [--against paper/migan]
     python benchmarks/bench.py rules now.jsonl
     python benchmarks/bench.py looks now.jsonl
@@ -47,7 +47,7 @@ from dlama.evaluation.protocols.reliability import reliability_measures
 from dlama.geometry.rgbd import BoolArray, UInt8Array
 from rules import RULES, without
 from standing_objects import standing_case
-from world_cases import SENSORS, as_seen, world_case
+from world_cases import MEASURE, SENSORS, as_seen, world_case
 
 SPLITS = ("tune", "validate", "test")
 SETS: dict[str, tuple[tuple[str, str, str], ...]] = {
@@ -377,7 +377,7 @@ def main() -> None:
     one.add_argument("--each", nargs="*", choices=RULES, default=[], help="rules that are turned off one at a time")
     one.add_argument("--only", default="", help="part of a case's name")
     one.add_argument("--every", type=int, default=1)
-    one.add_argument("--sensor", choices=("kinect", "matcher", "lidar"), help="measures exact depth anew")
+    one.add_argument("--sensor", choices=tuple(MEASURE), help="measures exact depth anew")
     one.add_argument("--workers", type=int, default=os.cpu_count())
     one.set_defaults(do=run)
     two = verbs.add_parser("compare")

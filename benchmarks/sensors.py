@@ -1,4 +1,4 @@
-"""A clean RGB-D frame in -> the frame as a structured-light camera, a stereo matcher or a LIDAR would measure it, out.
+"""A clean RGB-D frame in -> the frame as a structured-light camera, a stereo matcher, a phone or a LIDAR would measure it, out.
 
 Coarser than `augment.add_depth_faults`: depth is missing next to edges and beyond the range, is shifted against the colours, and
 objects are dilated. Strengths are drawn from ranges that cover the first Kinect and semi-global matching.
@@ -11,8 +11,10 @@ import dataclasses
 import cv2
 import numpy as np
 
+from dlama.geometry.holes import fill_with_nearest
 from dlama.geometry.projection import depth_from_inverse, inverse_depth
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
+from dlama.perception.resampling import upsample_depth
 from dlama.training.data.augment import add_depth_holes
 
 EDGE = 0.06
@@ -27,6 +29,8 @@ OUT_OF_REACH = 0.35
 """Probability that what is far (the last twentieth to fifth of the depths, and the sky) has no depth."""
 RINGS, POINTS, LOST = (3.0, 7.0), (1.0, 3.0), 0.1
 """Pixels, in a picture 640 wide, between the rings of a LIDAR and between points of one; share of points that do not return."""
+MAP_PX, BLURRED_PX, UNEVEN = 256, (0.5, 1.0), 0.004
+"""A phone's depth: pixels of its longer side; sigma of its blur, in these; standard deviation of its noise, relative."""
 TILT, BENT, NOISE_M, RANGE_M = 0.02, 1e-4, 0.015, 100.0
 """Of its rings: largest slope, and curvature (1/px); its noise and its range."""
 
@@ -57,6 +61,19 @@ def stereo_matcher(rgbd: RGBD, rng: np.random.Generator) -> RGBD:
     strip = int(rng.uniform(0, 0.1) * depth.shape[1])
     depth[:, :strip] = 0
     return _replace_depth(rgbd, depth)
+
+
+def phone(rgbd: RGBD, rng: np.random.Generator) -> RGBD:
+    """A small, smooth map, in which edges are mixed of their two sides, enlarged as a recording's is; no range, no holes."""
+    by = MAP_PX / max(rgbd.depth.shape)
+    far = np.float32(RANGE_M)
+    metres = fill_with_nearest(np.minimum(rgbd.depth, far), rgbd.depth > 0)
+    height, width = rgbd.depth.shape
+    small = cv2.resize(metres, (round(by * width), round(by * height)), interpolation=cv2.INTER_AREA)
+    small = cv2.GaussianBlur(small, (0, 0), rng.uniform(*BLURRED_PX))
+    noise = cv2.GaussianBlur(rng.standard_normal(small.shape, np.float32), (0, 0), 3)
+    small = np.asarray(small * (1 + noise * np.float32(UNEVEN / noise.std())), np.float32)
+    return dataclasses.replace(rgbd, depth=upsample_depth(small, rgbd.color))
 
 
 def scanning_lidar(rgbd: RGBD, rng: np.random.Generator) -> RGBD:

@@ -12,12 +12,13 @@ from dlama.geometry.holes import dilate_mask
 from dlama.geometry.rgbd import RGBD
 from dlama.perception.monocular import estimate_depth
 from dlama.training.data.samples.world_views import WorldSet, WorldViews
-from sensors import add_photo_noise, scanning_lidar, stereo_matcher, structured_light
+from sensors import add_photo_noise, phone, scanning_lidar, stereo_matcher, structured_light
 
 SHARES, FARTHEST_M = (0.005, 0.12), 6.0
 """Of the picture, that the removed object of a world covers, and its largest distance (median depth): no houses."""
 SENSORS = ("exact", "kinect", "matcher", "estimated")
-"""Of the suite's worlds, in turn; `as_seen` also knows a lidar."""
+"""Of the suite's worlds, in turn; `as_seen` also knows a phone and a lidar."""
+MEASURE = {"kinect": structured_light, "matcher": stereo_matcher, "phone": phone, "lidar": scanning_lidar}
 
 
 def world_case(number: int, kind: str, sensor: str, worlds: WorldSet | None = None, pair: int = 0) -> Truth:
@@ -69,7 +70,7 @@ def cluttered_object(views: WorldViews, camera: int) -> int | None:
 
 
 def as_seen(frame: RGBD, sensor: str, rng: np.random.Generator) -> RGBD:
-    """The frame as a sensor of that name gives it: one of SENSORS, or lidar."""
+    """The frame as a sensor of that name gives it: one of SENSORS, phone or lidar."""
     if sensor == "exact":
         return frame
     frame = dataclasses.replace(frame, color=add_photo_noise(frame.color, rng))
@@ -77,8 +78,7 @@ def as_seen(frame: RGBD, sensor: str, rng: np.random.Generator) -> RGBD:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             return scaled_estimate(frame)
-    measure = {"kinect": structured_light, "matcher": stereo_matcher, "lidar": scanning_lidar}[sensor]
-    return measure(frame, rng)
+    return MEASURE[sensor](frame, rng)
 
 
 def scaled_estimate(frame: RGBD) -> RGBD:

@@ -9,7 +9,7 @@ import pytest
 
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
-from dlama.perception.resampling import shrink_rgbd, upsample_depth
+from dlama.perception.resampling import is_mixed, shrink_rgbd, upsample_depth
 from reference.upsampling import upsample
 
 RNG = np.random.default_rng(7)
@@ -33,7 +33,8 @@ def test_every_pixel_is_that_of_the_twin(size: tuple[int, int]) -> None:
     color = RNG.integers(0, 256, (*size, 3), dtype=np.uint8)
     color = cv2.GaussianBlur(color, (0, 0), 2)
     small = cv2.resize(color, depth.shape[::-1], interpolation=cv2.INTER_AREA)
-    np.testing.assert_allclose(upsample_depth(depth, color), upsample(depth, color, small), rtol=2e-5)
+    kept = np.where(is_mixed(depth), 0, depth).astype(np.float32)
+    np.testing.assert_allclose(upsample_depth(depth, color), upsample(kept, color, small), rtol=2e-5)
 
 
 def test_a_plane_stays_a_plane() -> None:
@@ -51,6 +52,22 @@ def test_edges_are_those_of_the_picture() -> None:
     """Oracle: the true step. No pixel lies between its sides, and all within a map pixel of it take the side of their colour."""
     true, color = square_before_wall()
     np.testing.assert_allclose(upsample_depth(true[2::4, 2::4], color), true, rtol=1e-6)
+
+
+def test_what_a_sensor_mixed_of_two_surfaces_is_no_depth() -> None:
+    """Oracle: the share of each pixel that the square covers: mixed are those of which it covers a part, none of slanted ground,
+    of a square without mixed pixels, or of a pole one pixel wide."""
+    true, color = square_before_wall()
+    clean = true[2::4, 2::4]
+    blurred = cv2.resize(true, (64, 48), interpolation=cv2.INTER_AREA)
+    np.testing.assert_array_equal(is_mixed(blurred), (blurred > 1) & (blurred < 3))
+    assert is_mixed(blurred).sum() > 60
+    found = upsample_depth(blurred, color)
+    np.testing.assert_allclose(found[found > 0], true[found > 0], rtol=1e-6)
+    pole = np.full((48, 64), 3, np.float32)
+    pole[5:40, 30] = 1
+    ground = (1 / (0.1 + 0.1 * np.arange(48, dtype=np.float32)))[:, None].repeat(64, 1)
+    assert not any(is_mixed(each).any() for each in (clean, pole, ground))
 
 
 def test_missing_stays_missing_and_far_far() -> None:

@@ -2,7 +2,7 @@
 
 Enlarged depth has its edges where the picture has them. After Kopf et al., "Joint Bilateral Upsampling" (2007): near map pixels
 of like colour count. But surfaces are never mixed: a pixel lies on the surface of one of the four map pixels round it, and is
-interpolated among those of them that lie on it.
+interpolated among those of them that lie on it. Map pixels that the sensor mixed of two surfaces are missing depth.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import dataclasses
 import cv2
 import numpy as np
 
+from dlama.geometry.holes import square
 from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.projection import inverse_depth
@@ -22,6 +23,9 @@ JUMP = 0.1
 """Relative step of inverse depth up to which neighbours of the map lie on one surface,"""
 BEND, STEEP = 0.06, 0.35
 """and, on a slanted one, up to which steps differ that follow each other, and the largest of them."""
+MIXED, SLANTED = 0.04, 2.2
+"""Step of inverse depth, relative to the nearer one, from which a map pixel lies on neither of two neighbours; and change within
+7 x 7 pixels, over that within 3 x 3, from which it lies on a slanted surface (3 on a plane)."""
 COLOR_SIGMA = 20.0
 """Levels by which colours differ on one surface (each channel)."""
 SMOOTHING = 3.0
@@ -61,8 +65,9 @@ def smooth_quantised(levels: Float32Array) -> Float32Array:
 def upsample_depth(depth: Float32Array, color: UInt8Array) -> Float32Array:
     """H x W metres (0 = missing, inf = far): depth at the size of its picture, where that is larger.
 
-    depth: h x w metres; color: H x W x 3 RGB, of the same field of view. What is nearest to a missing pixel stays missing.
+    depth: h x w metres; color: H x W x 3 RGB, of the same field of view. What is nearest to a missing or mixed pixel is missing.
     """
+    depth = np.where(is_mixed(depth), np.float32(0), depth)
     known, far = depth > 0, depth == np.inf
     w = np.where(known, inverse_depth(depth), np.float32(-1))
     joined = RIGHT * joined_along(w, known, far) + DOWN * joined_along(w.T, known.T, far.T).T
@@ -71,6 +76,21 @@ def upsample_depth(depth: Float32Array, color: UInt8Array) -> Float32Array:
     alike = (np.exp(-unlike / (6 * COLOR_SIGMA**2)) + 1e-3).astype(np.float32)
     out, room = np.empty(color.shape[:2], np.float32), np.empty((len(color), 2, 4), np.float32)
     in_bands(upsample_joined, len(out), w, joined, small, color, alike, LEAST_NEAR, room, out)
+    return out
+
+
+def is_mixed(depth: Float32Array) -> BoolArray:
+    """h x w, True in pixels of a map (h x w metres, 0 = missing) between a nearer and a farther neighbour, on neither surface;
+    False at its border."""
+    known = depth > 0
+    w = np.where(known, inverse_depth(depth), np.float32(0))
+    nearest, nearest_around = cv2.dilate(w, square(3)), cv2.dilate(w, square(7))
+    least = np.where(known, w, nearest_around)
+    farthest, around = cv2.erode(least, square(3)), nearest_around - cv2.erode(least, square(7))
+    between = (nearest - w > MIXED * nearest) & (w - farthest > MIXED * nearest)
+    out = np.zeros_like(known)
+    inside = np.s_[2:-2, 2:-2]
+    out[inside] = (known & between & (around < SLANTED * (nearest - farthest)))[inside]
     return out
 
 

@@ -27,6 +27,7 @@ from dlama.inpainters.layered.depth_first import (
     NEARER,
     find_occluders,
     find_occluders_coarsely,
+    hide_from_painter,
     paint_over_depth,
     seams,
 )
@@ -115,6 +116,20 @@ def test_ground_that_comes_towards_the_camera_hides_nothing() -> None:
     box[85:95, 100:110] = True
     found = find_occluders(view, surfaces, filled, NOTHING.law)
     assert found[box].all() and not found[~dilate_mask(box, MIXED_PX)].any()
+
+
+def test_an_occluder_hides_also_where_its_depth_is_missing() -> None:
+    """Law: what the painter must not see is the same whether the sensor measured the occluder's rim, or it was filled."""
+    view = step()
+    surfaces, filled = flat(view, 3)
+    rim = np.zeros(view.hole.shape, np.bool_)
+    rim[:, 33:36] = True
+    lacking = dataclasses.replace(view, hole=view.hole | rim, depth=np.where(rim, np.float32(0), view.depth))
+    assert (lacking.depth_hole == rim).all()
+    expected = hide_from_painter(view, surfaces, filled, NOTHING.law)[0]
+    assert expected[rim].all()
+    found = hide_from_painter(lacking, surfaces, np.where(rim, view.depth, filled), NOTHING.law)[0]
+    np.testing.assert_array_equal(found, expected)
 
 
 def test_occluders_for_a_coarse_picture_are_those_of_every_nth_pixel(monkeypatch: pytest.MonkeyPatch) -> None:

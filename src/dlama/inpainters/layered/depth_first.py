@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any
 
 import cv2
@@ -81,7 +82,9 @@ def hide_from_painter(
 
     surfaces: as continued; depth: H x W metres, filled; coarsely: for a painter that sees no finer picture.
     """
-    find = find_occluders_coarsely if coarsely else find_occluders
+    find, missing = find_occluders_coarsely if coarsely else find_occluders, view.depth_hole
+    if missing.any():  # an occluder hides with all its pixels
+        view = dataclasses.replace(view, depth=np.where(missing, depth, view.depth), hole=view.hole & ~missing)
     hidden = view.color_hole | find(view, surfaces, depth, law)
     if not view.object_hole.any():
         return hidden, {}
