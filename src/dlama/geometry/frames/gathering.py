@@ -60,7 +60,7 @@ def scene(
 
     Args:
         frames: Pictures with metric depth, of one size; their cameras stand in one world. In the place of a picture a function
-            that reads it: then only some 60 pictures of 640x480 are in memory at a time, however many there are.
+            that reads it: then only some 90 pictures of 640x480 are in memory at a time, however many there are.
         names: What messages call them; their numbers by default.
     Raises:
         InputError: no frame, frames of different sizes (ShapeError), or of which no two show the same surfaces.
@@ -87,7 +87,7 @@ def open_view(frame: FrameSource, name: str, cache: PixelCache) -> Layer:
     if isinstance(frame, RGBD):
         return first
     view = StoredView(first.camera, partial(_source_view, frame), cache, first)
-    view.origins, view.find_once(make_comparable), view.find_once(coarse_depth), view.has_holes, view.has_errors
+    view.find_once(make_comparable), view.find_once(coarse_depth)
     return view
 
 

@@ -33,8 +33,8 @@ from dlama.geometry.view import View
 
 LOOKED_THROUGH_PX = 2
 """A frame sees through a point only if it has no near depth within so many px: poses drift."""
-KEPT, KEPT_PIXELS = 4 * MOST_FRAMES, 1_000_000
-"""Layers of which is kept what drawing needs of them, some 30 bytes a pixel, and pixels that they have at most."""
+KEPT, KEPT_PIXELS = 4 * MOST_FRAMES, 5_000_000
+"""Layers of which is kept what drawing needs of them, some 30 bytes a pixel, and pixels that they have together at most."""
 BEHIND, AROUND_PX = 1.15, 16
 """Depth over that of the surface that continues behind a removed object, from which a pixel is behind that surface; px round the
 object in which the surface is known."""
@@ -96,11 +96,12 @@ def _merge_drawn(
 
 
 def keep_latest(function: Callable[..., Found]) -> Callable[..., Found]:
-    """Decorator of a function of a frame, and more: what it gave for the frames drawn last is kept, unless frames are large."""
-    kept = functools.lru_cache(KEPT)(function)
+    """Decorator of a function of a frame, and more: what it gave for the frames drawn last is kept, of large frames fewer."""
+    keeping = functools.cache(lambda count: functools.lru_cache(count)(function))
 
     def of_frame(frame: Layer, *more: Hashable) -> Found:
-        return (kept if frame.camera.width * frame.camera.height <= KEPT_PIXELS else function)(frame, *more)
+        found: Found = keeping(min(KEPT, KEPT_PIXELS // (frame.camera.width * frame.camera.height)))(frame, *more)
+        return found
 
     return of_frame
 

@@ -19,8 +19,10 @@ from dlama.geometry.codes import HoleType, from_source
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import Facts, View
 
-CACHE_BYTES = 256_000_000
-"""Memory for the pixels of a scene's frames: 60 frames of 640x480."""
+CACHE_BYTES = 400_000_000
+"""Memory for the pixels of a scene's frames: 90 frames of 640x480."""
+FACTS = "origins", "has_holes", "has_errors"
+"""Of a view, without its pixels."""
 BLOCK = 8
 """Sides in px of the blocks of coarse depth: that of a thousand frames is held."""
 
@@ -36,8 +38,8 @@ class PixelCache:
     def __reduce__(self) -> tuple[Any, ...]:
         return PixelCache, (self.limit,)
 
-    def view(self, key: object, read: Callable[[], View]) -> View:
-        """The view of that key, read unless it is there."""
+    def view(self, key: object, read: Callable[[], View], keep: bool = True) -> View:
+        """The view of that key, read unless it is there. keep: whether one that is read is kept."""
         with self._lock:
             found = self._kept.get(key)
             if found is not None:
@@ -46,7 +48,8 @@ class PixelCache:
         view = read()
         with self._lock:
             self.reads += 1
-            self._keep(key, view)
+            if keep:
+                self._keep(key, view)
         return view
 
     def _keep(self, key: object, view: View) -> None:
@@ -78,9 +81,15 @@ class StoredView(Facts):
     def __repr__(self) -> str:
         return f"StoredView({self.camera.width}x{self.camera.height})"
 
-    def load(self) -> View:
-        """The view with its pixels, read unless the cache holds them; hold it while working with it."""
-        return self.cache.view(self._key, self.read)
+    def load(self, keep: bool = True) -> View:
+        """The view with its pixels, read unless the cache holds them; hold it while working with it.
+
+        keep: whether the cache holds them from now on. What a scene asks of its layers is found at the first reading.
+        """
+        view = self.cache.view(self._key, self.read, keep)
+        for name in FACTS if FACTS[0] not in vars(self) else ():
+            vars(self)[name] = getattr(view, name)
+        return view
 
     def without(self, where: BoolArray, hole_type: HoleType) -> StoredView:
         """As `View.without`; of `where` a bit each is held."""
@@ -97,14 +106,19 @@ Layer = View | StoredView
 """A frame, removed object or fill of a scene; `load` gives its view."""
 
 
+def load_aside(layer: Layer) -> View:
+    """A layer's view for another one that is made of it: no cache keeps it, for the other one is asked for instead."""
+    return layer.load(keep=False) if isinstance(layer, StoredView) else layer
+
+
 def without_filled_depth(stored: StoredView) -> View:
     """`View.without_filled_depth` of a stored view."""
-    return stored.load().without_filled_depth()
+    return load_aside(stored).without_filled_depth()
 
 
 def without_bits(stored: StoredView, bits: UInt8Array, hole_type: HoleType) -> View:
     """`View.without` of a stored view, of a region as `numpy.packbits` packs it."""
-    return stored.load().without(unpack_bits(bits, stored.camera), hole_type)
+    return load_aside(stored).without(unpack_bits(bits, stored.camera), hole_type)
 
 
 def unpack_bits(bits: UInt8Array, camera: Camera) -> BoolArray:

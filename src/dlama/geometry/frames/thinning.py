@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -11,7 +13,7 @@ from dlama.geometry.camera import Float64Array
 from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.frames.choosing import choose_frames
 from dlama.geometry.frames.merging import nearest_depth_around
-from dlama.geometry.frames.stored import Layer, StoredView, unpack_bits
+from dlama.geometry.frames.stored import Layer, StoredView, load_aside, unpack_bits
 from dlama.geometry.holes import dilate_square, morphological_open, square
 from dlama.geometry.projection import project_to_pixels, unproject
 from dlama.geometry.rgbd import BoolArray, UInt8Array, brighten
@@ -35,23 +37,31 @@ def thin_scene(scene: Scene) -> Scene:
     for place, frame in enumerate(scene.frames):
         added = new_points(scene, place)
         if added.any() or not place:
-            make = partial(keep_new_points, frame, np.packbits(added), scene.gain_of(frame.camera))
-            layers.append(StoredView(frame.camera, make, frame.cache) if isinstance(frame, StoredView) else make())
+            layers.append(made_of(frame, keep_new_points, np.packbits(added), scene.gain_of(frame.camera)))
     removals, fills = (
-        tuple(
-            one.with_planes(color=brighten(one.color, scene.gain_of(one.camera)))
-            for one in (each.load() for each in some)
-        )
+        tuple(made_of(one, brighten_layer, scene.gain_of(one.camera)) for one in some)
         for some in (scene.removals, scene.fills)
     )
     return Scene(tuple(layers), removals, fills)
+
+
+def made_of(layer: Layer, make: Callable[..., View], *more: Any) -> Layer:
+    """What `make` gives for a layer and more: at once, or, of a stored one, when its pixels are needed."""
+    of_layer = partial(make, layer, *more)
+    return StoredView(layer.camera, of_layer, layer.cache) if isinstance(layer, StoredView) else of_layer()
+
+
+def brighten_layer(layer: Layer, gain: Float64Array) -> View:
+    """A layer in the scene's brightness."""
+    view = load_aside(layer)
+    return view.with_planes(color=brighten(view.color, gain))
 
 
 def keep_new_points(frame: Layer, bits: UInt8Array, gain: Float64Array) -> View:
     """A frame in the scene's brightness with the pixels `bits` (H x W bool, as `numpy.packbits` packs it) and a rim of one."""
     added = unpack_bits(bits, frame.camera)
     ring = dilate_square(added, 3)
-    layer = frame.load().without(~ring, HoleType.NONE)
+    layer = load_aside(frame).without(~ring, HoleType.NONE)
     origin = np.where(added | layer.hole, layer.origin, np.uint8(Origin.REPROJECTED))
     return dataclasses.replace(layer, origin=origin, color=brighten(layer.color, gain))
 
