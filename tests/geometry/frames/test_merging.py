@@ -197,19 +197,17 @@ def test_nothing_known_far_stays_far() -> None:
     assert np.isposinf(view.depth[5:15]).all() and np.isposinf(truth[5:15]).all()
 
 
-def test_what_drawing_finds_of_frames_is_kept_for_the_latest() -> None:
-    """Law: found once for each of the latest KEPT frames, anew after as many others, and each time for large frames."""
+@pytest.mark.parametrize(("wh", "count"), [((8, 6), merging.KEPT), ((1250, 1000), 4), ((2500, 2004), 0)])
+def test_what_drawing_finds_of_frames_is_kept_for_the_latest(wh: tuple[int, int], count: int) -> None:
+    """Law: found once for each of the latest KEPT frames, or as many as have KEPT_PIXELS, anew after as many others."""
     found: list[View] = []
-    keep = merging.keep_latest(lambda frame: found.append(frame))
-    views = [View.from_rgbd(WORLD.rgbd(LENS)) for _ in range(merging.KEPT + 1)]
+    keep, lens = merging.keep_latest(lambda frame: found.append(frame)), Camera.from_fov(*wh, 60)
+    rgbd = RGBD(np.zeros((*lens.hw, 3), np.uint8), np.ones(lens.hw, np.float32), lens)
+    views = [View.from_rgbd(rgbd) for _ in range(count + 1)]
+    assert count == min(merging.KEPT, merging.KEPT_PIXELS // (wh[0] * wh[1]))
     for view in (*views[:2], *views[:2], *views, views[0]):
         keep(view)
-    assert found == [*views, views[0]]
-    large = Camera.from_fov(1200, 900, 60)
-    wide = View.from_rgbd(RGBD(np.zeros((*large.hw, 3), np.uint8), np.ones(large.hw, np.float32), large))
-    keep(wide)
-    keep(wide)
-    assert found[-2:] == [wide, wide]
+    assert found == ([*views, views[0]] if count else 4 * views)
 
 
 def test_a_table_continues_behind_what_stood_on_it() -> None:
