@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import dataclasses
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import dlama
+from dlama.datasets.posed.nerfstudio import write_transforms, write_view
 from dlama.datasets.posed.view_pairs import Overlaps
+from dlama.datasets.sequences.loading import open_frames
 from dlama.geometry.camera import Camera
 from dlama.geometry.holes import iou
 from dlama.geometry.rgbd import RGBD
+from dlama.geometry.view import View
 from dlama.perception.missing_depth.between_readings import reach_between, repeat_readings
 from worlds import Box, Plane, World, innermost_pixel, moved
 
@@ -107,3 +111,22 @@ def test_frames_of_scans_overlap_as_the_frames_do() -> None:
         return Overlaps(posed).share(0, 1)  # type: ignore[arg-type]
 
     assert abs(share([scan(one) for one in whole]) - share(whole)) < 0.05
+
+
+def test_a_data_set_of_scans_is_one_scene_and_its_meta_data_say_how(tmp_path: Path) -> None:
+    """A folder of two posed scans, and of the same frames whole (oracle: `decisions`, and the world's depth)."""
+    cameras = {"a": CAMERA, "b": moved(CAMERA, turn=(0, 15, 0), shift=(0.4, 0, 0))}
+    decided = []
+    for name, seen in (("scans", scan), ("whole", lambda rgbd: rgbd)):
+        folder = tmp_path / name
+        for each in ("images", "depth", "hole", "origin", "source"):
+            (folder / each).mkdir(parents=True)
+        for frame, camera in cameras.items():
+            write_view(folder, frame, View.from_rgbd(seen(World((FLOOR, WALL, BOX)).rgbd(camera))))
+        write_transforms(folder, cameras, [], {})
+        meta = dlama.sequence(folder, tmp_path / f"{name}-out", filler="telea", only=[])
+        decided.append(meta["decisions"].get("depth", {}).get("name"))
+        done = open_frames(tmp_path / f"{name}-out")[0].load()
+        off = np.abs(done.depth / World((FLOOR, WALL, BOX)).rgbd(CAMERA).depth - 1)
+        assert (off < 0.02).mean() > 0.95
+    assert decided == ["densified", None]

@@ -16,7 +16,7 @@ from dlama.completion.start import clip_frame
 from dlama.datasets.easysynth.listing import sequence_folders
 from dlama.datasets.frames import Frame
 from dlama.datasets.layouts import layout_of, list_dataset
-from dlama.datasets.posed.posed_frames import CameraOption
+from dlama.datasets.posed.posed_frames import CameraOption, PosedFrame
 from dlama.datasets.text_tables import check_scenes
 from dlama.errors import DlamaError, FileError, InputError, first_line, format_count, system_errors, warn
 from dlama.files.rasters.turned_pairs import same_proportions
@@ -27,6 +27,7 @@ from dlama.geometry.frames.stored import Layer, PixelCache
 from dlama.geometry.holes import check_mask_size
 from dlama.geometry.rgbd import BoolArray
 from dlama.geometry.scene import Scene
+from dlama.perception.missing_depth.between_readings import has_single_readings
 from dlama.progress import begin_stage
 from dlama.writing.atomic_write import PathLike
 
@@ -73,7 +74,20 @@ def read_scene_of(
     called = [name if name.startswith("frame") else f"frame {name}" for name in views]
     gathered = gather_views(list(views.values()), called)
     not_chosen = [frame.name for frame in every if frame.name not in kept]
-    return LoadedScene(list(views), gathered, damaged, not_chosen, decisions)
+    first = next(frame for frame in chosen if frame.name in views)
+    return LoadedScene(list(views), gathered, damaged, not_chosen, decisions | decide_depth(first))
+
+
+def decide_depth(frame: Frame) -> dict[str, dict[str, Any]]:
+    """For meta.json, of a scene's first frame: whether depth was filled between its readings (`densify`)."""
+    if not isinstance(frame, PosedFrame):
+        return {}
+    recorded, camera = frame.load_depth()
+    if camera.hw != frame.load().camera.hw or not has_single_readings(recorded > 0):
+        return {}
+    return {
+        "depth": {"name": "densified", "reason": "single readings, as of a LIDAR: filled along colours between them"}
+    }
 
 
 def _read_whole_scene(
