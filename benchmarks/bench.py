@@ -127,10 +127,10 @@ def cases_of(split: str, shared: Path) -> Iterator[BenchCase]:
 
 def seen_by(case: BenchCase, sensor: str) -> BenchCase:
     """The case with its exact depth as a sensor gives it."""
-    numbers = case.name.split("/")
     if case.domain == "world":
-        kind = "removal" if "ori" in numbers else "view"
-        return dataclasses.replace(case, load=partial(world_case, int(numbers[-1]), kind, sensor))
+        *_, protocol, number = case.name.split("/")
+        kind = "removal" if protocol == "ori" else "view"
+        return dataclasses.replace(case, load=partial(world_case, int(number), kind, sensor))
     return dataclasses.replace(case, load=partial(load_as_seen, case.load, sensor, zlib.crc32(case.name.encode())))
 
 

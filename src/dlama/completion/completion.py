@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any, TypeVar
 
 from dlama.completion.recipes import check_confidence
@@ -13,7 +13,7 @@ from dlama.geometry.codes import from_filler
 from dlama.geometry.figures.false_color import depth_limits, depth_picture, hole_picture
 from dlama.geometry.figures.html import Figured, Panel
 from dlama.geometry.figures.show import show_html
-from dlama.geometry.frames.stored import Layer, StoredView
+from dlama.geometry.frames.stored import Layer, StoredView, load_aside
 from dlama.geometry.fusion import scene_cloud, scene_mesh
 from dlama.geometry.rgbd import Float32Array
 from dlama.geometry.scene import Scene
@@ -142,9 +142,9 @@ def layer_above(layer: Layer, min_confidence: float) -> Layer:
     if kept is view:
         return layer
     if isinstance(layer, StoredView):
-        return StoredView(layer.camera, partial(_load_above, layer, min_confidence), layer.cache, kept)
+        return layer.made_by(_load_above, min_confidence, first=kept)
     return kept
 
 
 def _load_above(stored: StoredView, min_confidence: float) -> View:
-    return above_confidence(stored.load(), min_confidence)
+    return above_confidence(load_aside(stored), min_confidence)

@@ -47,6 +47,18 @@ def test_readings_keep_their_bits_and_depth_between_them_is_that_of_the_surfaces
     assert not dense.depth[: top - reach_between(known) - 1].any()
 
 
+def test_the_frame_round_a_scan_gives_no_depth() -> None:
+    """Law: a white frame shows nothing of the scene; next to it depth is that of the scene, not far."""
+    whole = World((FLOOR, WALL)).rgbd(CAMERA)
+    color, depth = whole.color.copy(), scan(whole).depth.copy()
+    frame = np.ones(depth.shape, np.bool_)
+    frame[6:-6, 6:-6] = False
+    color[frame], depth[frame] = 255, 0
+    dense = dlama.densify(RGBD(color, depth, CAMERA))
+    assert dense.padding is not None and not dense.depth[frame].any()
+    assert np.isfinite(dense.depth).all()
+
+
 @pytest.mark.parametrize("kept", ["all", "a half", "two of three rows"])
 def test_depth_that_is_no_scan_is_left_as_it_is(kept: str) -> None:
     """A map without holes, with a large one, and with stripes: the same object comes back."""

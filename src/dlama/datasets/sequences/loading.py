@@ -21,6 +21,7 @@ from dlama.datasets.text_tables import check_scenes
 from dlama.errors import DlamaError, FileError, InputError, first_line, format_count, system_errors, warn
 from dlama.files.rasters.turned_pairs import same_proportions
 from dlama.files.scenes.scene_npz import read_scene
+from dlama.geometry.camera import Camera
 from dlama.geometry.frames.alignment import NO_FEATURES, Features, detect_features, estimate_poses, with_pose
 from dlama.geometry.frames.gathering import gather_views, open_view
 from dlama.geometry.frames.stored import Layer, PixelCache
@@ -75,15 +76,16 @@ def read_scene_of(
     gathered = gather_views(list(views.values()), called)
     not_chosen = [frame.name for frame in every if frame.name not in kept]
     first = next(frame for frame in chosen if frame.name in views)
-    return LoadedScene(list(views), gathered, damaged, not_chosen, decisions | decide_depth(first))
+    decisions |= decide_depth(first, views[first.name].camera)
+    return LoadedScene(list(views), gathered, damaged, not_chosen, decisions)
 
 
-def decide_depth(frame: Frame) -> dict[str, dict[str, Any]]:
-    """For meta.json, of a scene's first frame: whether depth was filled between its readings (`densify`)."""
+def decide_depth(frame: Frame, camera: Camera) -> dict[str, dict[str, Any]]:
+    """For meta.json, of the first frame and its view's camera: whether depth was filled between its readings (`densify`)."""
     if not isinstance(frame, PosedFrame):
         return {}
-    recorded, camera = frame.load_depth()
-    if camera.hw != frame.load().camera.hw or not has_single_readings(recorded > 0):
+    recorded, _ = frame.load_depth()
+    if recorded.shape != camera.hw or not has_single_readings(recorded > 0):
         return {}
     return {
         "depth": {"name": "densified", "reason": "single readings, as of a LIDAR: filled along colours between them"}

@@ -87,19 +87,21 @@ class StoredView(Facts):
         keep: whether the cache holds them from now on. What a scene asks of its layers is found at the first reading.
         """
         view = self.cache.view(self._key, self.read, keep)
-        for name in FACTS if FACTS[0] not in vars(self) else ():
-            vars(self)[name] = getattr(view, name)
+        if FACTS[0] not in vars(self):
+            vars(self).update({name: getattr(view, name) for name in FACTS})
         return view
+
+    def made_by(self, make: Callable[..., View], *more: Any, first: View | None = None) -> StoredView:
+        """What `make` gives for this layer and more, made when it is needed; first: as of `__init__`."""
+        return StoredView(self.camera, partial(make, self, *more), self.cache, first)
 
     def without(self, where: BoolArray, hole_type: HoleType) -> StoredView:
         """As `View.without`; of `where` a bit each is held."""
-        return StoredView(self.camera, partial(without_bits, self, np.packbits(where), hole_type), self.cache)
+        return self.made_by(without_bits, np.packbits(where), hole_type)
 
     def without_filled_depth(self) -> StoredView:
         """As `View.without_filled_depth`."""
-        if not self.has_filled_depth:
-            return self
-        return StoredView(self.camera, partial(without_filled_depth, self), self.cache)
+        return self.made_by(without_filled_depth) if self.has_filled_depth else self
 
 
 Layer = View | StoredView

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -47,8 +46,7 @@ def thin_scene(scene: Scene) -> Scene:
 
 def made_of(layer: Layer, make: Callable[..., View], *more: Any) -> Layer:
     """What `make` gives for a layer and more: at once, or, of a stored one, when its pixels are needed."""
-    of_layer = partial(make, layer, *more)
-    return StoredView(layer.camera, of_layer, layer.cache) if isinstance(layer, StoredView) else of_layer()
+    return layer.made_by(make, *more) if isinstance(layer, StoredView) else make(layer, *more)
 
 
 def brighten_layer(layer: Layer, gain: Float64Array) -> View:

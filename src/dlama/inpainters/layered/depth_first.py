@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from typing import Any
 
 import cv2
@@ -19,7 +18,7 @@ from dlama.geometry.visibility import Law
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill, Inpainter, Painter
 from dlama.inpainters.layered.color.low_frequency import blend_with_low_frequency, smooth_guess
-from dlama.inpainters.layered.depth.surfaces import Surfaces, continue_lawfully
+from dlama.inpainters.layered.depth.surfaces import Surfaces, continue_lawfully, with_depth
 from dlama.inpainters.layered.filler import find_leaves, paint_leaves
 from dlama.inpainters.layered.remaining_shadows import depth_of_removed, find_remaining_shadow
 from dlama.perception.planes import plane_values_at
@@ -84,7 +83,7 @@ def hide_from_painter(
     """
     find, missing = find_occluders_coarsely if coarsely else find_occluders, view.depth_hole
     if missing.any():  # an occluder hides with all its pixels
-        view = dataclasses.replace(view, depth=np.where(missing, depth, view.depth), hole=view.hole & ~missing)
+        view = with_depth(view, depth, missing)
     hidden = view.color_hole | find(view, surfaces, depth, law)
     if not view.object_hole.any():
         return hidden, {}

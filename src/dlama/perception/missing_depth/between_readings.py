@@ -8,11 +8,10 @@ import numpy as np
 
 from dlama.arguments import check_arguments
 from dlama.geometry.holes import distance_to, nearest_known
-from dlama.geometry.projection import depth_from_inverse, inverse_depth
+from dlama.geometry.projection import depth_from_inverse
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, freeze
-from dlama.perception.missing_depth.along_colors import fill_along_colors
-from dlama.perception.planes import KnownSurfaces
-from dlama.perception.sky import find_plain_sky
+from dlama.geometry.view import View
+from dlama.perception.missing_depth.along_colors import fill_along_colors, find_known_surfaces
 
 REACH, SPACINGS = 0.02, 4.0
 """Distance from readings up to which depth is missing between them: over the picture's longer side, and over the mean spacing of
@@ -29,20 +28,20 @@ def densify(rgbd: RGBD) -> RGBD:
     """
     check_arguments(densify, locals())
     known = rgbd.depth > 0
-    if known.all() or not has_single_readings(known):
+    if not has_single_readings(known):
         return rgbd
-    missing = rgbd.missing if rgbd.padding is None else rgbd.missing & ~rgbd.padding
-    sky = find_plain_sky(rgbd.color, missing, rgbd.depth)
-    surfaces = KnownSurfaces.of(inverse_depth(rgbd.depth), rgbd.valid, rgbd.far | sky, 0)
-    filled = fill_along_colors(rgbd.color, missing, missing, surfaces, sky)
+    view = View.from_rgbd(rgbd)
+    surfaces, sky = find_known_surfaces(view)
+    filled = fill_along_colors(view.color, view.depth_hole, view.hole, surfaces, sky)
     between = filled.reached & ~sky & (distance_to(known) <= reach_between(known))
-    return dataclasses.replace(
-        rgbd, depth=freeze(np.where(between, depth_from_inverse(filled.inverse_depth), rgbd.depth))
-    )
+    depth = np.where(between, depth_from_inverse(filled.inverse_depth), rgbd.depth)
+    return dataclasses.replace(rgbd, depth=freeze(depth))
 
 
 def has_single_readings(known: BoolArray) -> bool:
     """Whether most known pixels (H x W) have none above and below them, or none at their sides: points or lines of a scan."""
+    if known.all():
+        return False
     near = np.pad(known, 1)
     alone = ~(near[:-2, 1:-1] | near[2:, 1:-1]) | ~(near[1:-1, :-2] | near[1:-1, 2:])
     return bool((alone & known).sum() > MOSTLY * known.sum())

@@ -29,10 +29,9 @@ from dlama.inpainters.layered.depth.foliage import copy_leaves
 from dlama.inpainters.layered.depth.out_of_view import FOLLOWED
 from dlama.inpainters.layered.depth.surface_labels import GRID, CoarseView, with_larger_pixels
 from dlama.inpainters.layered.kernels import surfaces as surface_kernels
-from dlama.perception.missing_depth.along_colors import DepthByColor, fill_along_colors
+from dlama.perception.missing_depth.along_colors import fill_along_colors, find_known_surfaces
 from dlama.perception.missing_depth.beyond_range import move_beyond_range
 from dlama.perception.planes import SMOOTH, KnownSurfaces, plane_values, plane_values_at
-from dlama.perception.sky import find_plain_sky
 
 OFF_SURFACE = 0.05
 """Relative difference of inverse depth from which a pixel is not on its surface any more."""
@@ -76,25 +75,26 @@ def continue_lawfully(view: View, context: FillContext, seed: int) -> tuple[Surf
 
 def continue_surfaces(view: View, context: FillContext, seed: int = 0) -> Surfaces:
     """The known surfaces of a view, continued into its holes; the same seed finds the same planes."""
-    depth, missing = view.known_depth, view.depth_hole
-    sky = find_plain_sky(view.color, missing, depth)
-    known = KnownSurfaces.of(inverse_depth(depth), view.valid, view.far | sky, seed)
+    missing = view.depth_hole
+    known, sky = find_known_surfaces(view, seed)
     if missing.any():
         along_colors = fill_along_colors(view.color, missing, view.hole, known, sky)
         by_color = move_beyond_range(along_colors, known.inverse_depth, missing, view.hole)
         known = dataclasses.replace(known, inverse_depth=by_color.inverse_depth, label=by_color.label)
         if (by_color.reached | ~view.hole).all():
             return Surfaces(known.inverse_depth, known.label, known.planes)
-        view = with_missing_depth(view, by_color)
+        view = with_depth(view, depth_from_inverse(known.inverse_depth), by_color.reached)
     coarse = sample_grid(view, known, max(1.0, max(missing.shape) / GRID), context.law.misplaced_edges)
     leaves = begin_job(copy_leaves, view, known.inverse_depth, coarse.cut, seed)
     return upsample_labels(view, known, coarse, coarse.label_costs(context), leaves)
 
 
-def with_missing_depth(view: View, by_color: DepthByColor) -> View:
-    """The view with its missing depth as known: between single readings, as of a LIDAR, hardly a cell would be known without."""
-    depth = np.where(by_color.reached, depth_from_inverse(by_color.inverse_depth), view.depth)
-    return dataclasses.replace(view, depth=depth, hole=view.hole & ~by_color.reached)
+def with_depth(view: View, depth: Float32Array, where: BoolArray) -> View:
+    """The view with depth (H x W metres) as known in pixels of `where` (H x W bool) that lacked it alone.
+
+    Of a LIDAR, whose readings are single, hardly a cell would be known without, and of an occluder hardly a rim.
+    """
+    return dataclasses.replace(view, depth=np.where(where, depth, view.depth), hole=view.hole & ~where)
 
 
 def sample_grid(view: View, surfaces: KnownSurfaces, step: float, solid: bool = False) -> CoarseView:
