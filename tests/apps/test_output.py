@@ -18,6 +18,7 @@ from dlama.apps.options import Report
 from dlama.apps.terminal import output as terminal
 from dlama.apps.verbs.measuring import evaluating
 from dlama.files.results.completion import RESULTS
+from dlama.progress import begin_stage
 
 VIEW = ("view", "image.png", "depth.png", "--fov", 60, "--yaw", 12, *FAST)
 
@@ -147,3 +148,20 @@ def test_a_line_a_minute(capsys: pytest.CaptureFixture[str], monkeypatch: pytest
         progress(None, 2, 20)
         time.sleep(0.05)
     assert "2 of 20" not in capsys.readouterr().err
+
+
+def test_a_line_a_minute_of_what_comes_first(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Until something is done the line has the stage of the work, as frames of a scan are read for minutes."""
+    monkeypatch.setattr(terminal, "MINUTE", 0.01)
+    with terminal.follow_run("sequence", Report()) as update:
+        begin_stage("read frame 12 of 300")
+        err = ""
+        while "12 of 300" not in err:
+            err += capsys.readouterr().err
+        assert re.search(r"progress: sequence, read frame 12 of 300: 0 done, running for \d+ s\n", err)
+        update(1, 300, 0, ": frame 0")
+        while "1 of 300" not in err:
+            err += capsys.readouterr().err
+    assert re.search(r"progress: sequence: 1 of 300 done", err)

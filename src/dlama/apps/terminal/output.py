@@ -184,12 +184,13 @@ def follow_run(
     """How far a long run is, as a function of (done, total, kept, note) says: a bar on a terminal, elsewhere a line a minute.
 
     total: None: not known; kept: how many of `done` an earlier run had left; note: behind the title. failed: how many, or that in
-    words. Ctrl-C ends with a line that says that nothing is lost.
+    words. Until something is done the stages of the work are shown. Ctrl-C ends with a line that says that nothing is lost.
     """
     state: dict[str, Any] = {"done": 0, "total": None, "kept": 0}
+    at_first = title
 
     def line(seconds: float) -> str:
-        return progress_line(title, failed=failed(), seconds=seconds, **state)
+        return progress_line(title if state["done"] else at_first, failed=failed(), seconds=seconds, **state)
 
     lines = not (report.quiet or sys.stderr.isatty())
     minutes = write_line_every(line, partial(print_line, "progress"), every=MINUTE) if lines else nullcontext()
@@ -201,7 +202,14 @@ def follow_run(
                 if bar is not None:
                     bar(done, total, f"{title}{note}")
 
-            yield update
+            def show_stage(stage: str) -> None:  # of what comes before the first result
+                nonlocal at_first
+                at_first = f"{title}, {stage}"
+                if bar is not None and not state["done"]:
+                    bar(0, state["total"], f"{title}: {stage}")
+
+            with show_progress(show_stage):
+                yield update
     except KeyboardInterrupt as error:
         word = getattr(error, "word", "interrupted")
         print_line("error", f"{word}; what is done is kept, and the same command resumes it")
