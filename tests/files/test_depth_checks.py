@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import warnings
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from PIL import Image
 from box_frame import CAMERA, WORLD, small_frame
 from dlama.datasets.diagnosis import diagnose
 from dlama.errors import DepthError, DlamaError
+from dlama.files.rasters import depth_checks
 from dlama.files.rasters.depth import read_depth, read_inverse_depth, write_depth_exr
 from dlama.files.rgbd import read_rgbd
 from dlama.geometry.camera import Camera
@@ -40,6 +42,22 @@ def test_inverse_depth_is_warned_of(tmp_path: Path) -> None:
         read_depth(tmp_path / "depth.png")
     with pytest.warns(UserWarning, match=r"inverse\.png: looks like inverse depth.*metric depth is expected"):
         read_depth(tmp_path / "inverse.png")
+
+
+def test_a_file_is_looked_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Depth that was found plain is read again without another look, as frames are; a changed file gets one."""
+    depth = STREET.rgbd(Camera.from_fov(256, 192, 80)).depth
+    file, looks = tmp_path / "depth.png", list[bool]()
+    monkeypatch.setattr(depth_checks, "looks_inverse", lambda values: looks.append(looks_inverse(values)) or looks[-1])
+    cv2.imwrite(str(file), (depth * 1000).astype(np.uint16))
+    read_depth(file), read_depth(file)
+    assert looks == [False]
+    cv2.imwrite(str(file), inverse_codes(depth))
+    os.utime(file, ns=(1, 1))
+    for _ in range(2):
+        with pytest.warns(UserWarning, match="looks like inverse depth"):
+            read_depth(file)
+    assert looks == [False, True, True]
 
 
 @pytest.mark.filterwarnings("ignore:.*looks like inverse depth")

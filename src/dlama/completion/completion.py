@@ -13,7 +13,7 @@ from dlama.geometry.codes import from_filler
 from dlama.geometry.figures.false_color import depth_limits, depth_picture, hole_picture
 from dlama.geometry.figures.html import Figured, Panel
 from dlama.geometry.figures.show import show_html
-from dlama.geometry.frames.stored import Layer, StoredView, load_aside
+from dlama.geometry.frames.stored import BoxedView, Layer, StoredView, load_aside
 from dlama.geometry.fusion import scene_cloud, scene_mesh
 from dlama.geometry.rgbd import Float32Array
 from dlama.geometry.scene import Scene
@@ -137,6 +137,9 @@ def above_confidence(view: View, min_confidence: float) -> View:
 
 def layer_above(layer: Layer, min_confidence: float) -> Layer:
     """The same of a layer of a scene: itself where it has no such pixel; a stored one is read when it is needed."""
+    if isinstance(layer, BoxedView):
+        part = layer_above(layer.part, min_confidence)
+        return layer if part is layer.part else BoxedView(layer.camera, part)
     view = layer.load()
     kept = above_confidence(view, min_confidence)
     if kept is view:

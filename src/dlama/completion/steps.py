@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 from dlama.completion.second_estimate import estimate_again
 from dlama.completion.start import NO_DILATION, Dilation, Plan
 from dlama.geometry.camera import Camera
-from dlama.geometry.frames.choosing import choose_frames
+from dlama.geometry.frames.choosing import choose_frames, count_unseen
 from dlama.geometry.fusion import close_by_earlier_fill, fuse
 from dlama.geometry.rendering import dilate_holes, render_measured
 from dlama.geometry.scene import Scene, replace_frame
@@ -24,6 +24,8 @@ from dlama.geometry.view import View
 from dlama.inpainters.filling import FillReport, inpaint
 from dlama.progress import begin_stage
 
+COUNTED = 8
+"""Frames whose unseen pixels are counted, a rendering each, before the first one is filled."""
 StageClock = Callable[[str], AbstractContextManager[Any]]
 """Counts the seconds of the stage of that name."""
 
@@ -51,13 +53,21 @@ def frames_to_fill(plan: Plan, scene: Scene, cameras: Sequence[Camera]) -> list[
     frames = scene.frames
     chosen = {place for camera in cameras for place in choose_frames(frames, camera)} if cameras else range(len(frames))
     places = sorted(place for place in chosen if frames[place].has_holes)
-    if len(places) > 1 and scene.removals:
-        unseen = {place: count_unseen(plan, frames[place].camera) for place in places}
-        places.sort(key=lambda place: (-unseen[place], place))
-    return places
+    return order_by_unseen(plan, places) if len(places) > 1 and scene.removals else places
 
 
-def count_unseen(plan: Plan, camera: Camera) -> int:
+def order_by_unseen(plan: Plan, places: Sequence[int]) -> list[int]:
+    """The frames in these places, those first that see most of what no frame shows behind removed objects: counted in pixels of
+    the COUNTED that have most of it in their samples, and most of the objects."""
+    frames = plan.measured.frames
+    cells = {place: count_unseen(frames, place) for place in places}
+    first = sorted(places, key=lambda place: (*(-count for count in cells[place]), place))[:COUNTED]
+    pixels = {place: count_unseen_pixels(plan, frames[place].camera) for place in first}
+    others = sorted(set(places) - set(first), key=lambda place: (-cells[place].unseen, place))
+    return [*sorted(first, key=lambda place: (-pixels[place], place)), *others]
+
+
+def count_unseen_pixels(plan: Plan, camera: Camera) -> int:
     """Pixels of a camera's view in which nothing that was measured is behind a removed object."""
     shown = render_measured(plan.measured, plan.measured, camera, plan.recipe.mode, plan.recipe.footprint)
     return int(shown.object_hole.sum())

@@ -15,6 +15,7 @@ from dlama.geometry.cloud import Mesh, PointCloud, concatenate, join_meshes
 from dlama.geometry.codes import LARGEST_CONFIDENCE, SEEN_AGAIN, HoleType, Origin, from_filler, has_code
 from dlama.geometry.drawing.grid_mesh import mesh_grid
 from dlama.geometry.drawing.layers import Mode
+from dlama.geometry.frames.stored import crop_layer
 from dlama.geometry.frames.thinning import thin_scene
 from dlama.geometry.holes import box_around, dilate_square
 from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
@@ -63,7 +64,10 @@ def add_layer(scene: Scene, view: View, added: BoolArray, overlap: int = OVERLAP
     filled = from_filler(layer.origin)
     origin = np.where(added | layer.hole | filled, layer.origin, np.uint8(Origin.REPROJECTED))
     types = np.where(added, layer.hole_type, np.uint8(HoleType.NONE))
-    return dataclasses.replace(scene, fills=(*scene.fills, layer.with_planes(origin=origin, hole_type=types)))
+    layer = layer.with_planes(origin=origin, hole_type=types)
+    return dataclasses.replace(
+        scene, fills=(*scene.fills, layer if len(scene.frames) == 1 else crop_layer(layer, ring))
+    )
 
 
 def close_by_earlier_fill(law: Law, scene: Scene, view: View, mode: Mode, frames: bool) -> tuple[View, int]:
@@ -132,14 +136,14 @@ def scene_cloud(scene: Scene, objects: bool = True) -> PointCloud:
     once = thin_scene(scene)
     layers = (*once.layers, *once.removals) if objects else once.layers
     return concatenate(
-        [lift(view.without(~contribution(view), HoleType.NONE)) for view in (layer.load() for layer in layers)]
+        [lift(view.without(~contribution(view), HoleType.NONE)) for view in (layer.load_part() for layer in layers)]
     )
 
 
 def scene_mesh(scene: Scene) -> Mesh:
     """The scene's surfaces, each once, without removed objects, as one triangle mesh, cut where rendering cuts it. Far pixels
     have no vertices."""
-    return join_meshes([layer_mesh(layer.load()) for layer in thin_scene(scene).layers])
+    return join_meshes([layer_mesh(layer.load_part()) for layer in thin_scene(scene).layers])
 
 
 HALVES = ("abc", "bdc", "abd", "adc")

@@ -11,6 +11,9 @@ from dlama.errors import InputError, MaskError, format_size
 from dlama.geometry.kernels.along_colors import DepthCost, nearest_by_color
 from dlama.geometry.rgbd import BoolArray, Float32Array
 
+Box = tuple[slice, slice]
+"""Rows and columns, both ends given."""
+
 LARGE = 24
 """Radius in px from which a mask is dilated by a distance transform, whose time does not depend on the radius."""
 ROUNDS = 2
@@ -109,7 +112,7 @@ def enclosed_by(mask: BoolArray) -> BoolArray:
     return np.asarray(outside & ~regions_touching(outside, ~np.pad(np.ones_like(mask), 1)))[1:-1, 1:-1]
 
 
-def region_at(where: BoolArray, box: tuple[slice, slice]) -> BoolArray:
+def region_at(where: BoolArray, box: Box) -> BoolArray:
     """The 8-connected region of `where` (H x W) with most pixels in a box of rows and columns; all False: it has none there."""
     _, labels = cv2.connectedComponents(where.astype(np.uint8), connectivity=8)
     counts = np.bincount(labels[box].ravel())
@@ -171,20 +174,20 @@ def nearest_along_colors(
     return source
 
 
-def box_around(mask: BoolArray, margin: int) -> tuple[slice, slice]:
+def box_around(mask: BoolArray, margin: int) -> Box:
     """Rows and columns of the box round a mask (H x W, not empty), so many pixels larger on each side, within the picture."""
     rows, columns = (np.flatnonzero(mask.any(axis)) for axis in (1, 0))
     box = slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1)
     return larger_box(box, margin, mask.shape)
 
 
-def larger_box(box: tuple[slice, slice], margin: int, hw: tuple[int, ...]) -> tuple[slice, slice]:
+def larger_box(box: Box, margin: int, hw: tuple[int, ...]) -> Box:
     """Rows and columns of a box, so many pixels larger on each side, within a picture of that height and width."""
     rows, columns = (slice(max(side.start - margin, 0), min(side.stop + margin, n)) for side, n in zip(box, hw))
     return rows, columns
 
 
-def sides_of(box: tuple[slice, slice]) -> tuple[int, int]:
+def sides_of(box: Box) -> tuple[int, int]:
     """Height and width of a box in pixels."""
     return box[0].stop - box[0].start, box[1].stop - box[1].start
 

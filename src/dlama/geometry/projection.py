@@ -182,10 +182,10 @@ def project_to_pixels(
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], Float64Array, BoolArray]:
     """Row, column and depth in metres of world points (... x 3), and whether each is in the camera's picture.
 
-    Rows and columns of points that are not, or that do not lie in front of the camera, are 0.
+    Of points that are not, row and column are those of the nearest pixel; of points that do not lie in front of the camera, 0.
     """
     pixels, z = project(points.reshape(-1, 3), camera)
     inside = np.asarray((pixels >= 0).all(1) & (pixels < camera.wh).all(1))  # NaN, behind the camera, is neither
-    column, row = np.where(inside[:, None], pixels, 0).astype(np.intp).T
+    column, row = np.clip(np.nan_to_num(pixels), 0, np.array(camera.wh) - 1).astype(np.intp).T
     shape = points.shape[:-1]
     return row.reshape(shape), column.reshape(shape), z.reshape(shape), inside.reshape(shape)

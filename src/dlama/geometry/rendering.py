@@ -27,6 +27,7 @@ from dlama.geometry.drawing.layers import (
     Grid,
     box_room,
     count_wanted,
+    crop_count,
     draw,
     draw_apart,
     draw_far,
@@ -34,10 +35,10 @@ from dlama.geometry.drawing.layers import (
 )
 from dlama.geometry.drawing.layers import MODES as MODES
 from dlama.geometry.drawing.layers import Mode as Mode
-from dlama.geometry.frames.choosing import may_show
+from dlama.geometry.frames.choosing import find_box_of, may_show
 from dlama.geometry.frames.merging import keep_latest, merge_frames, surface_of
-from dlama.geometry.frames.stored import Layer
-from dlama.geometry.holes import box_around, dilate_mask, fill_with_nearest
+from dlama.geometry.frames.stored import BoxedView, Layer
+from dlama.geometry.holes import Box, box_around, dilate_mask, fill_with_nearest
 from dlama.geometry.kernels.drawing import hole_types as hole_kernels
 from dlama.geometry.kernels.drawing.rasterize import NEAR
 from dlama.geometry.kernels.jit import in_bands, threads
@@ -139,10 +140,13 @@ def draw_scene(
     fine, errors = fine and mode == "surface", any(layer.has_errors for layer in scene.layers)
     keep = mode == "surface" and len(scene.layers) >= SEVERAL
     fills = visible_fills(scene, camera, mode)
-    gains = gains_of(scene, fills, camera)
+    gains, boxes = gains_of(scene, fills, camera), [find_box_of(fill, camera) for fill in fills]
 
-    def prepare(layer: Layer) -> Grid:
-        return Grid.of(layer, camera, mode, fine, surface_of(layer) if keep else None)
+    def prepare(layer: Layer, box: Box | None = None) -> Grid:
+        if isinstance(layer, BoxedView) and not layer.camera.same_view_as(camera):
+            layer = layer.part
+        target = camera if box is None else camera.cropped_to(*box)
+        return Grid.of(layer, target, mode, fine, surface_of(layer) if keep else None)
 
     if not frames:
         drawn = Drawn(Canvas.empty(camera, errors), [])
@@ -150,8 +154,8 @@ def draw_scene(
         drawn = merge_frames(scene, camera, mode, fine, errors)
     else:
         drawn = draw_frame(prepare(scene.frames[0]), errors)
-    grids = [prepare(fill) for fill in fills]
-    put_fills(drawn, grids, gains, camera, count)
+    grids = [prepare(*each) for each in zip(fills, boxes)]
+    put_fills(drawn, grids, boxes, gains, count)
     for grid in drawn.grids if drawn.frame is None else ():
         draw_far(grid, drawn.canvas)
     draw_far_of_fills(drawn.canvas, grids, gains)
@@ -181,19 +185,20 @@ def gains_of(scene: Scene, fills: Sequence[Layer], camera: Camera) -> list[Float
 
 
 def put_fills(
-    drawn: Drawn, fills: list[Grid], gains: Sequence[Float64Array], camera: Camera, count: NDArray[np.int32]
+    drawn: Drawn, fills: list[Grid], boxes: Sequence[Box], gains: Sequence[Float64Array], count: NDArray[np.int32]
 ) -> None:
-    """Draw the surfaces of fills, in their order, over what is drawn. gains: of each, `gains_of`; count: as of `draw`."""
+    """Draw the surfaces of fills, in their order, over what is drawn. boxes: of the canvas, for whose part of the camera each is
+    prepared; gains: of each, `gains_of`; count: as of `draw`."""
     canvas, step = drawn.canvas, min(threads(), MOST_AT_ONCE)
     at_home = drawn.frame is None and any(grid.own_camera for grid in drawn.grids)
     for begin in range(0, len(fills), step):
-        some, bright = fills[begin : begin + step], gains[begin : begin + step]
-        canvases = [Canvas.empty(camera, canvas.errors is not None) for _ in some]
-        draw_apart(some, canvases, count)
-        for grid, one, gain in zip(some, canvases, bright):
+        some = slice(begin, begin + step)
+        canvases = [Canvas.empty(grid.camera, canvas.errors is not None) for grid in fills[some]]
+        draw_apart(fills[some], canvases, [crop_count(count, *box) for box in boxes[some]])
+        for grid, one, box, gain in zip(fills[some], canvases, boxes[some], gains[some]):
             if (gain != 1).any():
                 one.brighten_where(one.depth > 0, gain)
-            canvas.put(one, over_measured=grid.layer.shows_source, at_home=at_home)
+            canvas.cropped(*box).put(one, over_measured=grid.layer.shows_source, at_home=at_home)
 
 
 def draw_far_of_fills(canvas: Canvas, fills: Sequence[Grid], gains: Sequence[Float64Array]) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -21,7 +20,7 @@ from dlama.geometry.codes import (
 )
 from dlama.geometry.figures.false_color import depth_picture, hatch_holes, origin_picture
 from dlama.geometry.figures.html import Figured, Panel
-from dlama.geometry.frames.kept import Kept
+from dlama.geometry.frames.facts import Facts
 from dlama.geometry.rgbd import (
     RGBD,
     BoolArray,
@@ -37,49 +36,6 @@ from dlama.geometry.rgbd import (
     sampled_pixels,
     select,
 )
-
-
-class Facts(Kept):
-    """What a scene asks of its layers, without their pixels once it is found."""
-
-    def load(self) -> View:
-        """The view with its pixels in memory; hold it while working with it."""
-        raise NotImplementedError
-
-    @cached_property
-    def origins(self) -> frozenset[int]:
-        """The Origin codes of what is known in it."""
-        import cv2  # late: nouns load numpy alone
-
-        view = self.load()
-        known = (~view.hole).view(np.uint8)
-        return frozenset(np.flatnonzero(cv2.calcHist([view.origin], [0], known, [256], [0, 256])).tolist())
-
-    @property
-    def shows_source(self) -> bool:
-        """True if it holds pixels that the source view itself shows (`from_source`)."""
-        return bool(self.origins & {Origin.MEASURED, Origin.ESTIMATED})
-
-    @cached_property
-    def has_holes(self) -> bool:
-        """True if there is a hole in it."""
-        return bool(self.load().hole.any())
-
-    @property
-    def has_filled_depth(self) -> bool:
-        """True if a pixel of it has a measured colour and a depth that was filled, or that another frame measured."""
-        return bool(self.origins & set(DEPTH_FROM_OTHERS))
-
-    @cached_property
-    def has_errors(self) -> bool:
-        """True if it has expected errors of filled pixels."""
-        return self.load().errors is not None
-
-    @cached_property
-    def has_open_holes(self) -> bool:
-        """True if it has a hole with a type."""
-        view = self.load()
-        return bool((view.hole & (view.hole_type != HoleType.NONE.value)).any())
 
 
 @dataclass(frozen=True, eq=False)
@@ -228,7 +184,7 @@ class View(Figured, Facts):
         """The part of the view in these rows and columns (both ends given), as a smaller camera sees it."""
         camera = self.camera.cropped_to(rows, columns)
         planes = {one.name: getattr(self, one.name) for one in dataclasses.fields(View)[1:]}
-        parts = {n: None if of is None else freeze(np.ascontiguousarray(of[rows, columns])) for n, of in planes.items()}
+        parts = {n: None if of is None else freeze(of[rows, columns].copy()) for n, of in planes.items()}
         return View(camera, **parts)  # type: ignore[arg-type]
 
     def reopen(self, where: BoolArray) -> View:

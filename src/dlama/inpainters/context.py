@@ -67,7 +67,7 @@ class FillContext:
 def sky_of(scene: Scene) -> Float32Array | None:
     """3, the mean RGB of a scene's measured far pixels; None: there are none."""
     sums, count = np.zeros(3), 0
-    for layer in (layer.load() for layer in scene.layers):
+    for layer in (layer.load() for layer in scene.layers if layer.has_far):
         far = layer.far & from_source(layer.origin)
         pixels = int(far.sum())
         sums += pixels * np.array(cv2.mean(layer.color, far.view(np.uint8))[:3])

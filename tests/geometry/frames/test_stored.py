@@ -20,7 +20,16 @@ from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.frames import gathering
 from dlama.geometry.frames.choosing import MOST_FRAMES, may_show
 from dlama.geometry.frames.merging import KEPT
-from dlama.geometry.frames.stored import BLOCK, PixelCache, StoredView, coarse_camera, coarse_depth, count_bytes
+from dlama.geometry.frames.stored import (
+    BLOCK,
+    BoxedView,
+    PixelCache,
+    StoredView,
+    coarse_camera,
+    coarse_depth,
+    count_bytes,
+    crop_layer,
+)
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
@@ -193,7 +202,7 @@ def test_facts_of_a_stored_view_are_read_once() -> None:
         hole=np.zeros_like(plain.hole),
         origin=np.where(plain.hole, np.uint8(Origin.DEPTH_FILLED), plain.origin),
     )
-    names = ("origins", "shows_source", "has_holes", "has_filled_depth", "has_errors", "has_open_holes")
+    names = ("origins", "shows_source", "has_holes", "has_filled_depth", "has_errors", "has_open_holes", "has_far")
     for view in (plain, filled):
         cache = PixelCache(0)
         stored = StoredView(LENS, partial(View.load, view), cache)
@@ -204,6 +213,55 @@ def test_facts_of_a_stored_view_are_read_once() -> None:
         assert (opened is stored) == (view is plain) and isinstance(opened, StoredView)
         np.testing.assert_array_equal(opened.load().depth, plain.depth)
         assert (layer_above(stored, 0.5) is stored) == (view is plain)  # without a filled pixel it stays as it is
+
+
+def boxed_object() -> tuple[View, BoxedView]:
+    """A view with pixels under an object's mask alone, far ones among them, and the same with these pixels held alone."""
+    plain = View.from_rgbd(Reader()(LENS))
+    where = np.zeros(LENS.hw, bool)
+    where[7:21, 18:31] = True
+    far = np.where(where & (np.arange(LENS.width) > 27), np.float32(np.inf), plain.depth)
+    whole = plain.with_planes(depth=far).without(~where, HoleType.NONE)
+    whole = whole.with_planes(hole_type=np.where(where, np.uint8(HoleType.OBJECT), whole.hole_type))
+    return whole, crop_layer(whole, where)
+
+
+def test_a_boxed_view_is_the_whole_one() -> None:
+    """Oracle: the view it was cropped from, plane by plane and fact by fact; held are 16 x 15 pixels of it."""
+    whole, boxed = boxed_object()
+    assert boxed.part.camera.hw == (16, 15) and boxed.camera is LENS
+    for field in dataclasses.fields(View)[1:]:
+        np.testing.assert_array_equal(getattr(boxed.load(), field.name), getattr(whole, field.name))
+    for name in ("origins", "shows_source", "has_holes", "has_filled_depth", "has_errors", "has_open_holes", "has_far"):
+        assert getattr(boxed, name) == getattr(whole, name)
+    again = pickle.loads(pickle.dumps(boxed))
+    np.testing.assert_array_equal(again.load().depth, whole.depth)
+    where = whole.depth > 3.5
+    np.testing.assert_array_equal(
+        boxed.without(where, HoleType.SENSOR).load().depth, whole.without(where, HoleType.SENSOR).depth
+    )
+
+
+def test_a_boxed_view_is_drawn_as_the_whole_one() -> None:
+    """Oracle: the whole view's drawing, of a fill of two frames, from another place and in its own camera."""
+    whole, boxed = boxed_object()
+    frames = tuple(View.from_rgbd(Reader()(camera)).without(~whole.hole, HoleType.OBJECT) for camera in CAMERAS[:2])
+    for camera in (TARGET, LENS):
+        one, other = (render(Scene(frames, fills=(fill,)), camera) for fill in (whole, boxed))
+        np.testing.assert_array_equal(one.hole, other.hole)
+        np.testing.assert_allclose(one.depth, other.depth, rtol=1e-5)
+        assert np.abs(one.color.astype(int) - other.color).max() <= 1
+
+
+def test_what_is_removed_from_many_frames_is_held_in_boxes() -> None:
+    """Law: memory of the removed parts is that of the masks, not of the frames."""
+    frames = [partial(Reader(), camera) for camera in CAMERAS[28:32]]
+    mask = np.zeros(LENS.hw, bool)
+    mask[16:24, 22:30] = True
+    removed = dlama.scene(frames).without(dict.fromkeys(range(4), mask), dilate=0).removals
+    assert len(removed) == 4
+    for one in removed:
+        assert isinstance(one, BoxedView) and count_bytes(one.part.load()) == ONE * 100 // (48 * 36)
 
 
 def _view(camera: Camera) -> View:

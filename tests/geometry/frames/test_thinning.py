@@ -8,7 +8,12 @@ import numpy as np
 
 from dlama.geometry.camera import Camera
 from dlama.geometry.frames.gathering import scene
+from dlama.geometry.frames.merging import nearest_depth_around
+from dlama.geometry.frames.thinning import FLOOR, SIGMAS
 from dlama.geometry.fusion import scene_cloud, scene_mesh
+from dlama.geometry.kernels.jit import as_input, in_bands
+from dlama.geometry.kernels.visibility import Compared, drop_redundant
+from dlama.geometry.projection import project, px_from_px, world_points
 from dlama.geometry.rgbd import RGBD
 from worlds import Box, Plane, World, moved, texture
 
@@ -38,6 +43,31 @@ def test_every_surface_is_there_once_and_equally_bright() -> None:
         truth = texture(points, np.stack([shape.distance(points) for shape in WORLD.shapes]).argmin(0)).astype(float)
         ratio = colors[:, 0] / truth[:, 0]
         assert np.percentile(np.abs(ratio / np.median(ratio) - 1), 90) < 0.08
+
+
+def test_points_that_other_frames_show_are_dropped() -> None:
+    """Slow literal twin: each point of the middle frame, projected into the others one by one."""
+    many = scene([WORLD.rgbd(camera) for camera in CAMERAS])
+    frame = many.frames[1].load()
+    limits = np.array([FLOOR, SIGMAS * 0.01, SIGMAS * 0.002])
+    for place in (0, 2):
+        other = many.frames[place].load()
+        near, known = nearest_depth_around(other), other.known_depth
+        expected, found = frame.valid.copy(), frame.valid.copy()
+        points = world_points(frame)
+        for row, column in zip(*np.nonzero(expected)):
+            (pixel,), (z,) = project(points[row, column][None], other.camera)
+            if not (z > 0 and (pixel >= 0).all() and (pixel < other.camera.wh).all()):
+                continue
+            x, y = pixel.astype(int)
+            limit = max(limits[0] * z, np.hypot(limits[1], limits[2] * z**2))
+            through = near[y, x] > 0 and z < near[y, x] - 2 * limit
+            same = known[y, x] > 0 and abs(known[y, x] - z) <= limit
+            expected[row, column] = not (through or (same and place == 0))
+        compared = Compared(px_from_px(other.camera, frame.camera), as_input(known), near, place == 0)
+        in_bands(drop_redundant, len(found), as_input(frame.depth), compared, limits, found)
+        assert 0.02 < (~expected & frame.valid).mean() < 0.98 or place == 2
+        assert (found != expected).mean() < 1e-3  # rounding to a neighbouring pixel
 
 
 def test_the_scene_of_one_picture_has_all_its_points() -> None:

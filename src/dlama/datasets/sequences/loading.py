@@ -73,6 +73,7 @@ def read_scene_of(
         warn(f"frame {name} is left out: {error.marked}")
     damaged = {name: first_line(error) for name, error in errors.items()}
     called = [name if name.startswith("frame") else f"frame {name}" for name in views]
+    begin_stage("compare frames")
     gathered = gather_views(list(views.values()), called)
     not_chosen = [frame.name for frame in every if frame.name not in kept]
     first = next(frame for frame in chosen if frame.name in views)
@@ -128,7 +129,8 @@ def read_views(
 ) -> tuple[dict[str, Layer], dict[str, DlamaError]]:
     """Name -> source view, which is read again when it is needed and no longer in the cache; name -> why it cannot be read."""
     views, errors = dict[str, Layer](), dict[str, DlamaError]()
-    for frame in frames:
+    for number, frame in enumerate(frames):
+        begin_stage(f"read frame {number + 1} of {len(frames)}")
         try:
             views[frame.name] = open_view(clip_frame(frame.load, clip), frame.name, cache)
         except DlamaError as error:

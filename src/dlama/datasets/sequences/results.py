@@ -24,7 +24,7 @@ from dlama.files.scenes.textured_mesh import write_textured_glb
 from dlama.geometry.camera import Camera
 from dlama.geometry.cloud import PointCloud, concatenate
 from dlama.geometry.codes import HoleType
-from dlama.geometry.frames.thinning import thin_scene
+from dlama.geometry.frames.thinning import count_points, thin_scene
 from dlama.geometry.projection import lift
 from dlama.geometry.rgbd import UInt8Array
 from dlama.geometry.scene import Scene, contribution
@@ -58,8 +58,9 @@ def write_whole(folder: Path, whole: Scene, cameras: Mapping[str, Camera], chose
         begin_stage("write scene")
         write_npz(folder / "scene.npz", whole.frames[0].load(), whole)
     if {"points", "mesh", "colmap"} & set(chosen):
+        begin_stage("write points and mesh")
         once = thin_scene(whole)
-        counts = [int(contribution(layer.load()).sum()) for layer in once.layers]
+        counts = [layer.find_once(count_points) for layer in once.layers]
         if {"points", "colmap"} & set(chosen):
             cloud = cloud_of(once, max(1, math.ceil(sum(counts) / MOST_POINTS)))
             about["points"] = {"of": sum(counts), "written": len(cloud)}
@@ -82,7 +83,7 @@ def cloud_of(scene: Scene, step: int) -> PointCloud:
     return concatenate(
         [
             thin_points(lift(view.without(~contribution(view), HoleType.NONE)), step=step)
-            for view in (layer.load() for layer in scene.layers)
+            for view in (layer.load_part() for layer in scene.layers)
         ]
     )
 

@@ -30,6 +30,7 @@ from dlama.geometry.codes import Origin
 from dlama.geometry.frames.choosing import MOST_FRAMES
 from dlama.geometry.rgbd import BoolArray
 from dlama.geometry.scene import Scene
+from dlama.geometry.view import View
 from dlama.writing.atomic_write import PathLike, check_folder_name
 
 Progress = Callable[[int, int, str, bool], None]
@@ -117,7 +118,8 @@ def sequence(
     numbered = fit_masks(masks_by_number(masks or {}, names, damaged, others), given, names)
     plan, _, start, *_ = plan_for(given, method, numbered or None)
     steps, settings = steps_for(plan, start, kept, cameras), settings_of(plan, method)
-    state = SequenceState(target, settings | {"views": [(step.name, step.shown) for step in steps]}, start, __version__)
+    asked = settings | {"views": [(step.name, step.shown) for step in steps]}
+    state = SequenceState(target, asked, given, numbered, __version__)
     done = complete_steps(plan, start, steps, state, target, progress, method.min_confidence)
     ordered = cameras or {name: frame.camera for name, frame in zip(kept, given.frames)}
     meta = {
@@ -213,26 +215,30 @@ def complete_steps(
         (target / folder).mkdir(exist_ok=True)
     done = StepResults(scene)
     for number, step in enumerate(steps):
-        added = state.of(number) if resumed else None
+        added = state.of(number, step.camera) if resumed else None
         earlier = added is not None
         if added is None:
             found, larger = complete_step(plan, done.scene, step)
-            added = StepChange.by(step, found.view, done.scene, larger)
+            shown = above_confidence(found.view, min_confidence)
             if step.shown:
-                write_view(target, step.name, above_confidence(added.view, min_confidence), masked)
-            added = state.keep(number, added)
+                write_view(target, step.name, shown, masked)
+            added = state.keep(number, step.camera, StepChange.by(step, shares_of(shown), done.scene, larger))
         done.scene, done.reused = added.to(done.scene, step), done.reused + earlier
         if step.shown:
-            shown = above_confidence(added.view, min_confidence)
-            done.views[step.name] = {
-                "filled_share": share(shown.filled),
-                "depth_filled_share": share(shown.origin == Origin.DEPTH_FILLED.value),
-                "left_open_share": share(shown.hole),
-            }
+            done.views[step.name] = added.shares
         if progress is not None:
             progress(number + 1, len(steps), step.name if step.shown else f"{step.name} (on the way)", earlier)
     done.scene = scene_above(done.scene, min_confidence)
     return done
+
+
+def shares_of(view: View) -> dict[str, float]:
+    """What of a completed view was filled, got a depth, is open."""
+    return {
+        "filled_share": share(view.filled),
+        "depth_filled_share": share(view.origin == Origin.DEPTH_FILLED.value),
+        "left_open_share": share(view.hole),
+    }
 
 
 def complete_step(plan: Plan, scene: Scene, step: Step) -> tuple[CompletedView, Scene]:

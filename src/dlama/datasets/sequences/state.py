@@ -16,15 +16,15 @@ import numpy as np
 from dlama.errors import FileError
 from dlama.files.scenes.scene_npz import read_layer, read_npz, write_npz
 from dlama.geometry.camera import Camera
-from dlama.geometry.codes import HoleType
-from dlama.geometry.frames.stored import Layer, PixelCache, StoredView
+from dlama.geometry.frames.stored import BoxedView, Layer, PixelCache, StoredView, pixel_digest
+from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.writing.atomic_write import write_file
 
 FOLDER = ".dlama-sequence"
 """In the output, while the run lasts."""
-FORMAT = 3
+FORMAT = 4
 """Of the files there; what another one left is not gone on with."""
 
 
@@ -44,19 +44,19 @@ class Step(NamedTuple):
 class StepChange:
     """What a step found."""
 
-    view: View
-    """The completed view."""
+    shares: dict[str, float]
+    """Of its completed view, for meta.json."""
     fills: tuple[Layer, ...]
     """What was filled for it."""
     frame: Layer | None
     """The frame itself with depth wherever it has a colour, where it is one that had none somewhere."""
 
     @classmethod
-    def by(cls, step: Step, view: View, before: Scene, after: Scene) -> StepChange:
-        """What the step that completed this view changed."""
+    def by(cls, step: Step, shares: dict[str, float], before: Scene, after: Scene) -> StepChange:
+        """What the step whose view has these shares changed."""
         changed = step.place is not None and after.frames[step.place] is not before.frames[step.place]
         frame = after.frames[step.place] if step.place is not None and changed else None
-        return cls(view, after.fills[len(before.fills) :], frame)
+        return cls(shares, after.fills[len(before.fills) :], frame)
 
     def to(self, scene: Scene, step: Step) -> Scene:
         """The scene with it."""
@@ -69,10 +69,14 @@ class StepChange:
 class SequenceState:
     """What an earlier run with the same inputs and settings has done, in the folder of its output."""
 
-    def __init__(self, output: Path, settings: Mapping[str, Any], scene: Scene, version: str) -> None:
+    def __init__(
+        self, output: Path, settings: Mapping[str, Any], scene: Scene, masks: Mapping[int, BoolArray], version: str
+    ) -> None:
+        """scene, masks: before the removal, number of a frame -> H x W."""
         self.folder = output / FOLDER
-        self.mark = fingerprint({**settings, "format": FORMAT}, scene, version)
-        self.cache = PixelCache()
+        self.mark = fingerprint({**settings, "format": FORMAT}, scene, masks, version)
+        caches = [frame.cache for frame in scene.frames if isinstance(frame, StoredView)]
+        self.cache = caches[0] if caches else PixelCache()
         self._settings = self.folder / "settings.json"
 
     def begin(self) -> bool:
@@ -88,28 +92,33 @@ class SequenceState:
             write_file(self._settings, json.dumps({"mark": self.mark}))
         return same
 
-    def of(self, number: int) -> StepChange | None:
-        """What the step of that number added, if it is done; a file that was cut off counts as not done."""
-        file = self._file(number)
-        if not file.is_file():
-            return None
+    def of(self, number: int, camera: Camera) -> StepChange | None:
+        """What the step of that number and camera added, if it is done; files that were cut off count as not done."""
+        file, about = self._file(number), self._file(number).with_suffix(".json")
         try:
-            view, scene = read_npz(file, self.cache)
-        except FileError:
+            shares = json.loads(about.read_text("utf-8"))
+            _, scene = read_npz(file, self.cache)
+        except (OSError, ValueError, FileError):
             return None
-        return StepChange(view, scene.fills, None if scene.frames[0].load().hole.all() else scene.frames[0])
+        fills = tuple(BoxedView(camera, fill) for fill in scene.fills)
+        return StepChange(shares, fills, scene.frames[0] if scene.frames[0].camera.hw == camera.hw else None)
 
-    def keep(self, number: int, added: StepChange) -> StepChange:
-        """The step is done; the same, whose layers are read from the file when they are needed. Raises OutputError."""
-        nothing = np.ones(added.view.camera.hw, bool)
-        frame = added.view.without(nothing, HoleType.NONE) if added.frame is None else added.frame
-        file = self._file(number)
-        write_npz(file, added.view, Scene((frame,), fills=added.fills))
-        kept, *fills = (
-            StoredView(layer.camera, partial(read_layer, file, f"layer{number}_"), self.cache, layer.load())
-            for number, layer in enumerate((frame, *added.fills))
+    def keep(self, number: int, camera: Camera, added: StepChange) -> StepChange:
+        """The step of that number and camera is done; the same, whose layers are read from the file when they are needed. Raises
+        OutputError."""
+        nothing = View.from_rgbd(
+            RGBD(np.zeros((1, 1, 3), np.uint8), np.zeros((1, 1), np.float32), camera.cropped(0, 0, 1, 1))
         )
-        return StepChange(added.view, tuple(fills), None if added.frame is None else kept)
+        layers = tuple(one.load_part() for one in (added.frame or nothing, *added.fills))
+        file = self._file(number)
+        write_npz(file, nothing, Scene(layers[:1], fills=layers[1:]))
+        write_file(file.with_suffix(".json"), json.dumps(added.shares))
+        kept, *parts = (
+            StoredView(layer.camera, partial(read_layer, file, f"layer{place}_"), self.cache, layer)
+            for place, layer in enumerate(layers)
+        )
+        fills = tuple(BoxedView(camera, part) for part in parts)
+        return StepChange(added.shares, fills, None if added.frame is None else kept)
 
     def end(self) -> None:
         """All is done: nothing is left of this."""
@@ -119,11 +128,13 @@ class SequenceState:
         return self.folder / f"step-{number:06d}.npz"
 
 
-def fingerprint(settings: Mapping[str, Any], scene: Scene, version: str) -> str:
-    """Changes with any pixel, any pose and any setting."""
+def fingerprint(settings: Mapping[str, Any], scene: Scene, masks: Mapping[int, BoolArray], version: str) -> str:
+    """Changes with any pixel, any pose, any mask and any setting."""
     digest = hashlib.sha256(json.dumps([dict(settings), version], sort_keys=True, default=str).encode())
-    for stored in (*scene.layers, *scene.removals):
-        layer = stored.load()
-        for array in (layer.camera.world_from_cam, layer.camera.K, layer.color, layer.depth, layer.hole):
+    for layer in (*scene.layers, *scene.removals):
+        for array in (layer.camera.world_from_cam, layer.camera.K):
             digest.update(np.ascontiguousarray(array).tobytes())
+        digest.update(layer.find_once(pixel_digest))
+    for number, mask in sorted(masks.items()):
+        digest.update(bytes(str(number), "ascii") + mask.tobytes())
     return digest.hexdigest()

@@ -20,9 +20,18 @@ LEAST_FAR = 0.01
 """Least share of the picture that is far, of what may be missing."""
 
 
+_plain: set[tuple[str, int]] = set()
+"""Files, and when they were written, that hold no inverse depth: a sequence reads its frames again and again."""
+
+
 def warn_of_inverse(path: PathLike, depth: Float32Array) -> None:
     """Warn (UserWarning) where the values (H x W, 0 = missing, inf = far) are inverse depth rather than depth."""
-    if looks_inverse(depth):
+    file = str(path), Path(path).stat().st_mtime_ns
+    if file in _plain:
+        return
+    if not looks_inverse(depth):
+        _plain.add(file)
+    else:
         warn(
             f"{path}: looks like inverse depth or disparity (planes of the scene are flat so, and bent as depth): metric depth "
             "is expected, such as depth = scale / value; `inverse_depth` takes what a network gave, in no unit"

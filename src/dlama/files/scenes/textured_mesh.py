@@ -37,7 +37,7 @@ def write_textured_glb(path: PathLike, scene: Scene) -> None:
 
     Without any surface an empty scene is written. Raises OutputError.
     """
-    packed = pack_parts([decimated_part(layer.load()) for layer in scene.layers])
+    packed = pack_parts([decimated_part(layer.load_part()) for layer in scene.layers])
     with new_file(path) as draft, draft.open("wb") as file:
         file.writelines(textured_glb(packed))
 

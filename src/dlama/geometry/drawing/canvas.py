@@ -46,6 +46,12 @@ class Canvas:
         """Colour, depth, origin and confidence."""
         return self.color, self.depth, self.origin, self.confidence
 
+    def cropped(self, rows: slice, columns: slice) -> Canvas:
+        """A part of it: what is drawn there is drawn here."""
+        color, depth, origin, confidence = self.buffers()
+        box, errors = (rows, columns), self.errors
+        return Canvas(color[box], depth[box], origin[box], confidence[box], None if errors is None else errors[box])
+
     def put(self, other: Canvas, over_measured: bool, at_home: bool) -> None:
         """Draw another canvas over this one where this is empty or behind by more than BEHIND.
 

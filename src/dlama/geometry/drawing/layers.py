@@ -125,6 +125,12 @@ def count_wanted(wanted: BoolArray) -> NDArray[np.int32]:
     return np.asarray(cv2.integral(cv2.dilate(wanted.view(np.uint8), np.ones((3, 3), np.uint8))), np.int32)
 
 
+def crop_count(count: NDArray[np.int32], rows: slice, columns: slice) -> NDArray[np.int32]:
+    """The table for a part of the picture."""
+    part = slice(rows.start, rows.stop + 1), slice(columns.start, columns.stop + 1)
+    return np.ascontiguousarray(count[part]) if count.size else count
+
+
 def draw(grid: Grid, canvas: Canvas, count: NDArray[np.int32] = ALL) -> Canvas:
     """One layer's finite surfaces, drawn onto an empty canvas.
 
@@ -139,11 +145,13 @@ def draw(grid: Grid, canvas: Canvas, count: NDArray[np.int32] = ALL) -> Canvas:
     return canvas
 
 
-def draw_apart(grids: Sequence[Grid], canvases: Sequence[Canvas], count: NDArray[np.int32], far: bool = False) -> None:
+def draw_apart(
+    grids: Sequence[Grid], canvases: Sequence[Canvas], counts: Sequence[NDArray[np.int32]], far: bool = False
+) -> None:
     """Layers side by side, each onto its own canvas by `draw`, and where `far` by `draw_far`."""
 
     def draw_some(first: int, last: int) -> None:
-        for grid, canvas in zip(grids[first:last], canvases[first:last]):
+        for grid, canvas, count in zip(grids[first:last], canvases[first:last], counts[first:last]):
             draw(grid, canvas, count)
             if far:
                 draw_far(grid, canvas)

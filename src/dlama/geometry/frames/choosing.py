@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.camera import Camera, Float64Array
-from dlama.geometry.frames.stored import Layer
+from dlama.geometry.frames.stored import BoxedView, Layer
+from dlama.geometry.holes import Box, larger_box
 from dlama.geometry.projection import lift, project, unproject
 from dlama.geometry.rgbd import BoolArray, is_valid
 
@@ -33,8 +34,7 @@ MARGIN = 0.05
 
 def box_of(layer: Layer) -> Float64Array | None:
     """8 x 3, the corners of the box that holds a view's points (NaN where there are none); None: far pixels are in no box."""
-    view = layer.load()
-    return None if view.far.any() else bounding_box(lift(view).points)
+    return None if layer.has_far else box_corners(lift(layer.load_part()).points)
 
 
 def may_show(layer: Layer, camera: Camera) -> bool:
@@ -60,7 +60,27 @@ def intersects_view(corners: Float64Array, camera: Camera) -> BoolArray:
         return np.asarray(np.all([(side >= 0).any(1) for side in sides], axis=0))
 
 
-def bounding_box(points: Float64Array) -> Float64Array:
+def find_box_in_view(corners: Float64Array, camera: Camera) -> Box | None:
+    """Rows and columns in which a camera sees a box (8 x 3 corners in the world), all of them where that begins behind it; None:
+    it is not in view."""
+    pixels, z = project(corners, camera)
+    low, high = np.zeros(2), np.array(camera.wh, float)
+    if (z > 0).all():
+        low, high = np.maximum(low, np.floor(pixels.min(0))), np.minimum(high, np.ceil(pixels.max(0)))
+    if (high <= low).any() or not (z > 0).any():
+        return None
+    return slice(int(low[1]), int(high[1])), slice(int(low[0]), int(high[0]))
+
+
+def find_box_of(layer: Layer, camera: Camera) -> Box:
+    """Rows and columns in which a camera may see a layer: of a boxed one round its points, of another one all."""
+    points = None if layer.camera.same_view_as(camera) else layer.find_once(box_of)
+    found = find_box_in_view(points, camera) if isinstance(layer, BoxedView) and points is not None else None
+    whole = slice(0, camera.height), slice(0, camera.width)
+    return whole if found is None else larger_box(found, round(MARGIN * camera.width), camera.hw)
+
+
+def box_corners(points: Float64Array) -> Float64Array:
     """8 x 3, the corners of the box that holds points (N x 3); NaN for no points, which are in no view."""
     ends = zip(points.min(0), points.max(0)) if len(points) else [(np.nan, np.nan)] * 3
     return np.stack(np.meshgrid(*ends, indexing="ij"), -1).reshape(8, 3)
@@ -76,7 +96,9 @@ class Samples(NamedTuple):
     points: Float64Array
     """N x 3, in the world."""
     box: Float64Array
-    """8 x 3, `bounding_box`."""
+    """8 x 3, `box_corners`."""
+    removed: NDArray[np.intp]
+    """Cells of the picture amid a removed object."""
 
 
 def sample_view(layer: Layer) -> Samples:
@@ -88,10 +110,11 @@ def sample_view(layer: Layer) -> Samples:
     ]
     rows, columns = (part.ravel() for part in np.meshgrid(*grid, indexing="ij"))
     depth = np.where(view.hole[rows, columns], 0, view.depth[rows, columns]).astype(np.float64)
+    removed = np.flatnonzero(view.object_hole[rows, columns])
     known = is_valid(depth)
     rows, columns = rows[known], columns[known]
     points = unproject(view.camera, columns + 0.5, rows + 0.5, depth[known])
-    return Samples(rows, columns, points, bounding_box(points))
+    return Samples(rows, columns, points, box_corners(points), removed)
 
 
 def choose_frames(frames: Sequence[Layer], camera: Camera, most: int = MOST_FRAMES) -> list[int]:
@@ -121,6 +144,22 @@ def find_visible(frames: Sequence[Layer], camera: Camera) -> tuple[list[int], Fl
     return visible, quality * (nearest * OCCLUDED <= nearest.min(0, initial=np.inf))
 
 
+class Unseen(NamedTuple):
+    """Of a frame, cells of its picture."""
+
+    unseen: int
+    """In which a removed object was and no frame shows anything."""
+    removed: int
+    """In which a removed object was."""
+
+
+def count_unseen(frames: Sequence[Layer], place: int) -> Unseen:
+    """How much of what no frame shows behind removed objects a frame sees, by the frames' samples."""
+    removed = frames[place].find_once(sample_view).removed
+    _, cells = find_visible(frames, frames[place].camera)
+    return Unseen(int((cells[:, removed].max(0, initial=0) == 0).sum()), len(removed))
+
+
 def _take_greedily(cells: Float64Array, first: Sequence[int], most: int, least: float = 0.0) -> list[int]:
     """Rows of N x cells (how well each frame shows a cell), at most `most`, each of which adds most value to `first` and those
     before it: the first `least` at least, the others LEAST_WORTH."""
@@ -144,18 +183,18 @@ def _score_visibility(
     rows, columns = SAMPLES
     quality = np.zeros((len(frames), rows * columns))
     nearest = np.full((len(frames), rows * columns), np.inf)
-    center = camera.world_from_cam[:3, 3]
-    for place, (frame, samples) in enumerate(zip(frames, sampled)):
-        pixels, z = project(samples.points, camera)
-        inside = (z > 0) & (pixels >= 0).all(1) & (pixels[:, 0] < camera.width) & (pixels[:, 1] < camera.height)
-        if not inside.any():
-            continue
-        x, y = (pixels[inside] / camera.wh * (columns, rows)).astype(np.intp).T
-        cell, points = y * columns + x, samples.points[inside]
-        here, there = points - center, points - frame.camera.world_from_cam[:3, 3]
-        far_here, far_there = np.linalg.norm(here, axis=1), np.linalg.norm(there, axis=1)
-        cosine = (here * there).sum(1) / np.maximum(far_here * far_there, 1e-9)
-        coarser = np.maximum(1.0, far_there * camera.fx / np.maximum(far_here * frame.camera.fx, 1e-9))
-        np.maximum.at(quality[place], cell, np.maximum(0.05, cosine) / coarser)
-        np.minimum.at(nearest[place], cell, z[inside])
+    points = np.concatenate([np.zeros((0, 3)), *(one.points for one in sampled)])
+    place = np.repeat(np.arange(len(frames)), [len(one.points) for one in sampled])
+    pixels, z = project(points, camera)
+    inside = (z > 0) & (pixels >= 0).all(1) & (pixels[:, 0] < camera.width) & (pixels[:, 1] < camera.height)
+    place, points, z = place[inside], points[inside], z[inside]
+    x, y = (pixels[inside] / camera.wh * (columns, rows)).astype(np.intp).T
+    centers = np.array([frame.camera.world_from_cam[:3, 3] for frame in frames]).reshape(-1, 3)
+    focal = np.array([frame.camera.fx for frame in frames])
+    here, there = points - camera.world_from_cam[:3, 3], points - centers[place]
+    far_here, far_there = np.linalg.norm(here, axis=1), np.linalg.norm(there, axis=1)
+    cosine = (here * there).sum(1) / np.maximum(far_here * far_there, 1e-9)
+    coarser = np.maximum(1.0, far_there * camera.fx / np.maximum(far_here * focal[place], 1e-9))
+    np.maximum.at(quality, (place, y * columns + x), np.maximum(0.05, cosine) / coarser)
+    np.minimum.at(nearest, (place, y * columns + x), z)
     return quality, nearest

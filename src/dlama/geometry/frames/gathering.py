@@ -27,7 +27,7 @@ from dlama.geometry.frames.agreement import (
     measure_overlaps,
 )
 from dlama.geometry.frames.removal import mask_growth, part_under_mask
-from dlama.geometry.frames.stored import Layer, PixelCache, StoredView, coarse_depth
+from dlama.geometry.frames.stored import Layer, PixelCache, StoredView, coarse_depth, crop_layer, pixel_digest
 from dlama.geometry.holes import dilate_mask
 from dlama.geometry.projection import project_to_pixels, world_points
 from dlama.geometry.rgbd import RGBD, BoolArray
@@ -87,7 +87,8 @@ def open_view(frame: FrameSource, name: str, cache: PixelCache) -> Layer:
     if isinstance(frame, RGBD):
         return first
     view = StoredView(first.camera, partial(_source_view, frame), cache, first)
-    view.find_once(make_comparable), view.find_once(coarse_depth)
+    for find in (make_comparable, coarse_depth, pixel_digest):
+        view.find_once(find)
     return view
 
 
@@ -229,12 +230,12 @@ def add_frame(scene: Scene, frame: FrameSource, find_removed: Callable[[Scene, V
     )
 
 
-def remove_again(scene: Scene, frame: Layer, objects: BoolArray) -> tuple[Layer, list[View]]:
+def remove_again(scene: Scene, frame: Layer, objects: BoolArray) -> tuple[Layer, list[Layer]]:
     """A further frame without the removed `objects` (H x W) that it shows, and what of them it showed."""
     if not objects.any():
         return frame, []
     larger = dilate_mask(objects, mask_growth(scene).px)
-    return frame.without(larger, HoleType.OBJECT), [part_under_mask(frame.load(), objects, larger)]
+    return frame.without(larger, HoleType.OBJECT), [crop_layer(part_under_mask(frame.load(), objects, larger), larger)]
 
 
 def drop_seen_fill(fill: Layer, frame: View) -> Layer:

@@ -56,7 +56,7 @@ def merge_frames(scene: Scene, camera: Camera, mode: Mode, fine: bool, errors: b
         gains, best[own.valid | own.far] = gains / gains[0], 1
         count = count_wanted(best == 0)
     drawn = [np.zeros((len(grids), *plane.shape), plane.dtype) for plane in Canvas.empty(camera).buffers()]
-    draw_apart(grids, [Canvas(*planes) for planes in zip(*drawn)], count, far=True)
+    draw_apart(grids, [Canvas(*planes) for planes in zip(*drawn)], [count] * len(grids), far=True)
     canvas = Canvas.empty(camera, errors)
     _merge_drawn(drawn, grids, canvas, gains, scene.noise, best)
     number = np.array([0, *(scene.numbers[place] + 1 for place in places)], np.uint16)

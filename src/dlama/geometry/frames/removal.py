@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterable
 from numbers import Integral
 from typing import NamedTuple
 
@@ -11,10 +11,13 @@ import numpy as np
 
 from dlama.errors import InputError, MaskError
 from dlama.geometry.codes import HoleType
+from dlama.geometry.frames.choosing import sample_view
+from dlama.geometry.frames.stored import StoredView, coarse_depth, crop_layer
 from dlama.geometry.holes import dilate_mask
 from dlama.geometry.rgbd import BoolArray
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
+from dlama.progress import begin_stage
 
 GROWTH_PX = 3
 """Growth of a mask in px in a picture of up to GROWTH_WIDTH px, as compression and blur spread an object's colours. In larger
@@ -52,11 +55,13 @@ def mask_growth(scene: Scene, dilate: int | None = None) -> Growth:
     return Growth(round(GROWTH_PX * max(1.0, widest / GROWTH_WIDTH)), f"by the picture's longer side, {widest} px")
 
 
-def remove_masked(scene: Scene, masks: Sequence[BoolArray], growth: Growth) -> Removal:
+def remove_masked(scene: Scene, masks: Iterable[BoolArray], growth: Growth) -> Removal:
     """The scene as it was measured, without what the masks of its layers (H x W each) mark. MaskError: a grown mask is full."""
     layers, removed, before, given_up = [], [], 0, 0
     count = len(scene.frames)
     for place, (layer, one) in enumerate(zip(scene.unfilled.layers, masks)):
+        if count > 1:
+            begin_stage(f"remove from frame {place + 1} of {count}")
         larger, view = dilate_mask(one, growth.px), layer.load()
         if (larger | (view.hole_type == HoleType.OBJECT.value)).all():
             raise MaskError(
@@ -64,8 +69,11 @@ def remove_masked(scene: Scene, masks: Sequence[BoolArray], growth: Growth) -> R
             )
         before, given_up = before + int(one.sum()), given_up + int(larger.sum()) - int(one.sum())
         if larger.any():
-            removed.append(part_under_mask(view, one, larger))
+            part = part_under_mask(view, one, larger)
+            removed.append(part if count == 1 else crop_layer(part, larger))
             layer = layer.without(larger, HoleType.OBJECT if place < count else HoleType.NONE)
+            if isinstance(layer, StoredView):  # while the frame is in memory
+                layer.find_once(sample_view), layer.find_once(coarse_depth)
         layers.append(layer)
     without = dataclasses.replace(
         scene.unfilled,

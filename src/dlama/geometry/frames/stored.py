@@ -1,27 +1,32 @@
 """What reads a view and its camera in; a handle that loads the view on demand out.
 
 Of a scene of a thousand frames a camera needs four. The pixels that `StoredView.load` reads are in a `PixelCache` of limited
-size, which drops the least recently used. Its coarse depth is held for every frame.
+size, which drops the least recently used. Its coarse depth is held for every frame. Of what fills a small part of a picture, that
+part alone is held (`BoxedView`).
 """
 
 from __future__ import annotations
 
+import dataclasses
+import hashlib
 import threading
 from collections import OrderedDict
 from collections.abc import Callable
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType, from_source
-from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
-from dlama.geometry.view import Facts, View
+from dlama.geometry.frames.facts import Facts
+from dlama.geometry.holes import box_around
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, freeze
+from dlama.geometry.view import View
 
 CACHE_BYTES = 400_000_000
 """Memory for the pixels of a scene's frames: 90 frames of 640x480."""
-FACTS = "origins", "has_holes", "has_errors"
+FACTS = "origins", "has_holes", "has_errors", "has_far"
 """Of a view, without its pixels."""
 BLOCK = 8
 """Sides in px of the blocks of coarse depth: that of a thousand frames is held."""
@@ -104,8 +109,51 @@ class StoredView(Facts):
         return self.made_by(without_filled_depth) if self.has_filled_depth else self
 
 
+class BoxedView(StoredView):
+    """A removed object or fill that has pixels in a box of its picture alone: these are held, as a smaller camera sees them."""
+
+    def __init__(self, camera: Camera, part: View | StoredView) -> None:
+        """part: of a camera that `camera.cropped_to` gave."""
+        super().__init__(camera, part.load, part.cache if isinstance(part, StoredView) else PixelCache(0))
+        self.part = part
+        row, column = round(camera.cy - part.camera.cy), round(camera.cx - part.camera.cx)
+        self.box = slice(row, row + part.camera.height), slice(column, column + part.camera.width)
+
+    def load(self, keep: bool = True) -> View:
+        """The view of the whole picture; `load_part` gives its pixels without what is round them."""
+        part, planes = self.load_part(), dict[str, np.ndarray]()
+        for name, inside in ((one.name, getattr(part, one.name)) for one in dataclasses.fields(View)[1:]):
+            if inside is not None:
+                whole = np.ones if name == "hole" else np.zeros
+                planes[name] = whole((*self.camera.hw, *inside.shape[2:]), inside.dtype)
+                planes[name][self.box] = inside
+        return View(self.camera, **{name: freeze(plane) for name, plane in planes.items()})
+
+    def load_part(self) -> View:
+        """The view of the box."""
+        return self.part.load()
+
+    @cached_property
+    def has_holes(self) -> bool:
+        """True if there is a hole in it."""
+        return self.part.camera.hw != self.camera.hw or self.part.has_holes
+
+
+def crop_layer(view: View, where: BoolArray) -> BoxedView:
+    """A view that is a hole outside `where` (H x W, not empty), in a box round that."""
+    return BoxedView(view.camera, view.cropped(*box_around(where, 1)))
+
+
 Layer = View | StoredView
 """A frame, removed object or fill of a scene; `load` gives its view."""
+
+
+def make_of(layer: Layer, make: Callable[..., View], *more: Any) -> Layer:
+    """What `make` gives for a layer and more: at once, or, of a stored one, when its pixels are needed. A boxed one gives it the
+    part, of which it may look at each pixel alone."""
+    if isinstance(layer, BoxedView):
+        return BoxedView(layer.camera, make_of(layer.part, make, *more))
+    return layer.made_by(make, *more) if isinstance(layer, StoredView) else make(layer, *more)
 
 
 def load_aside(layer: Layer) -> View:
@@ -139,6 +187,14 @@ def coarse_depth(layer: Layer) -> Float32Array:
     padded = np.pad(depth, ((0, rows), (0, columns)))
     blocks = padded.reshape(padded.shape[0] // BLOCK, BLOCK, padded.shape[1] // BLOCK, BLOCK)
     return np.asarray(blocks.min((1, 3)), np.float32)
+
+
+def pixel_digest(layer: Layer) -> bytes:
+    """Changes with any colour, any depth and any hole of a layer."""
+    view, digest = layer.load(), hashlib.sha256()
+    for plane in (view.color, view.depth, view.hole):
+        digest.update(plane.tobytes())
+    return digest.digest()
 
 
 def coarse_camera(camera: Camera) -> Camera:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
@@ -12,11 +10,13 @@ from dlama.geometry.camera import Float64Array
 from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.frames.choosing import choose_frames
 from dlama.geometry.frames.merging import nearest_depth_around
-from dlama.geometry.frames.stored import Layer, StoredView, load_aside, unpack_bits
+from dlama.geometry.frames.stored import Layer, load_aside, make_of, unpack_bits
 from dlama.geometry.holes import dilate_square, morphological_open, square
-from dlama.geometry.projection import project_to_pixels, unproject
+from dlama.geometry.kernels.jit import as_input, in_bands
+from dlama.geometry.kernels.visibility import Compared, drop_redundant
+from dlama.geometry.projection import px_from_px
 from dlama.geometry.rgbd import BoolArray, UInt8Array, brighten
-from dlama.geometry.scene import Scene
+from dlama.geometry.scene import Scene, contribution
 from dlama.geometry.view import View
 
 MOST_COMPARED = 6
@@ -36,17 +36,19 @@ def thin_scene(scene: Scene) -> Scene:
     for place, frame in enumerate(scene.frames):
         added = new_points(scene, place)
         if added.any() or not place:
-            layers.append(made_of(frame, keep_new_points, np.packbits(added), scene.gain_of(frame.camera)))
+            layer = make_of(frame, keep_new_points, np.packbits(added), scene.gain_of(frame.camera))
+            layer.find_once(count_points)  # while the frame is in memory
+            layers.append(layer)
     removals, fills = (
-        tuple(made_of(one, brighten_layer, scene.gain_of(one.camera)) for one in some)
+        tuple(make_of(one, brighten_layer, scene.gain_of(one.camera)) for one in some)
         for some in (scene.removals, scene.fills)
     )
     return Scene(tuple(layers), removals, fills)
 
 
-def made_of(layer: Layer, make: Callable[..., View], *more: Any) -> Layer:
-    """What `make` gives for a layer and more: at once, or, of a stored one, when its pixels are needed."""
-    return layer.made_by(make, *more) if isinstance(layer, StoredView) else make(layer, *more)
+def count_points(layer: Layer) -> int:
+    """Points that a layer adds to the cloud."""
+    return int(contribution(layer.load_part()).sum())
 
 
 def brighten_layer(layer: Layer, gain: Float64Array) -> View:
@@ -69,23 +71,10 @@ def new_points(scene: Scene, place: int) -> BoolArray:
     frame = scene.frames[place].load()
     held = [one for one in choose_frames(scene.frames, frame.camera, MOST_COMPARED) if one != place]
     added = frame.valid.copy()
-    rows, columns = np.nonzero(added)
-    points = unproject(frame.camera, columns + 0.5, rows + 0.5, frame.depth[rows, columns])
-    drop = np.zeros(len(points), bool)
-    for other in held:
-        drop |= _is_redundant(points, scene, scene.frames[other].load(), other < place)
-    added[rows, columns] = ~drop
+    limits = np.array([FLOOR, SIGMAS * scene.noise[0], SIGMAS * scene.noise[1]])
+    for place_of_other in held:
+        other = scene.frames[place_of_other].load()
+        way = px_from_px(other.camera, frame.camera)
+        compared = Compared(way, as_input(other.known_depth), nearest_depth_around(other), place_of_other < place)
+        in_bands(drop_redundant, len(added), as_input(frame.depth), compared, limits, added)
     return morphological_open(added, square(3))
-
-
-def _is_redundant(points: np.ndarray, scene: Scene, other: View, earlier: bool) -> BoolArray:
-    """N, True at points that another frame saw through, or shows itself if it comes earlier."""
-    y, x, z, inside = project_to_pixels(points, other.camera)
-    there = other.known_depth[y, x]
-    near = nearest_depth_around(other)[y, x]
-    limit = np.maximum(FLOOR * z, SIGMAS * np.hypot(scene.noise[0], scene.noise[1] * z**2))
-    through = inside & (near > 0) & (z < near - 2 * limit)
-    if not earlier:
-        return np.asarray(through)
-    with np.errstate(invalid="ignore"):
-        return np.asarray(through | (inside & (there > 0) & (np.abs(there - z) <= limit)))

@@ -1,4 +1,5 @@
-"""Numba kernels of the visibility law: filled depth of a target view against what a source camera measured."""
+"""Numba kernels of the visibility law, filled depth of a target view against what a source camera measured; and of one frame's
+points against what another one measured."""
 
 from __future__ import annotations
 
@@ -130,3 +131,45 @@ def push_back(first: Whole, last: Whole, pixels: Pixels, to_source: PixelMap, me
     for n in range(first, last):
         ax, ay, az = ray(to_source.matrix, *pixel_at(pixels.places[n], pixels.width))
         pixels.depth[n] = lawful_depth(ax, ay, az, to_source.offset, np.float64(pixels.depth[n]), measured)
+
+
+class Compared(NamedTuple):
+    """A frame that another one's points are compared with."""
+
+    way: PixelMap
+    """To its pixels."""
+    depth: Float32Array
+    """H x W metres, 0 = none, inf = far."""
+    nearest: Float32Array
+    """H x W, the nearest depth measured around each pixel with depth; 0 elsewhere."""
+    earlier: Flag
+    """Whether it comes first: what it shows itself is redundant, too."""
+
+
+@kernel
+def drop_redundant(
+    first: Whole, last: Whole, depth: Float32Array, other: Compared, limits: Float64Array, added: BoolArray
+) -> None:
+    """Clear, in `added` (H x W), points of rows first..last that another frame saw through, or shows itself if it comes first.
+
+    limits: relative difference in depth, and deviations in metres and in 1/m (of depth squared), within which two depths are one
+    surface.
+    """
+    for row in range(first, last):
+        for column in range(depth.shape[1]):
+            if not added[row, column]:
+                continue
+            metres = np.float64(depth[row, column])
+            ax, ay, az = ray(other.way.matrix, row, column)
+            z = metres * az + other.way.offset[2]
+            across, along = metres * ax + other.way.offset[0], metres * ay + other.way.offset[1]
+            if z <= 0 or across < 0 or along < 0:
+                continue
+            x, y = across / z, along / z
+            if not (x < other.depth.shape[1] and y < other.depth.shape[0]):
+                continue
+            there, near = other.depth[np.int64(y), np.int64(x)], other.nearest[np.int64(y), np.int64(x)]
+            limit = max(limits[0] * z, np.sqrt(limits[1] ** 2 + (limits[2] * z * z) ** 2))
+            through = near > 0 and z < near - 2 * limit
+            if through or (other.earlier and there > 0 and abs(there - z) <= limit):
+                added[row, column] = False
