@@ -8,7 +8,7 @@ would be seen. A network that sees the picture decides at the rims (`masks.carri
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -18,7 +18,7 @@ import numpy as np
 from dlama.errors import InputError
 from dlama.geometry.codes import HoleType
 from dlama.geometry.frames.agreement import AGREES
-from dlama.geometry.frames.choosing import choose_frames
+from dlama.geometry.frames.choosing import box_corners, choose_frames, find_box_in_view
 from dlama.geometry.frames.foreground import find_foreground, grow_region
 from dlama.geometry.frames.removal import Removal, mask_growth, remove_masked
 from dlama.geometry.frames.stored import Layer
@@ -84,32 +84,35 @@ class MaskedObject:
     """The same with depth wherever the masks are: that of the nearest pixel amid the object."""
     box: tuple[np.ndarray, np.ndarray]
     """Lower and upper corner, in the world, of the box that holds it."""
+    corners: np.ndarray
+    """8 x 3, of a box that holds that one and all of `whole`."""
 
     def meets(self, other: MaskedObject) -> bool:
         """Whether the two boxes have a point in common."""
         return bool((self.box[0] <= other.box[1]).all() and (other.box[0] <= self.box[1]).all())
 
 
-def carry_masks(scene: Scene, masks: Mapping[int, BoolArray]) -> list[BoolArray]:
+def carry_masks(scene: Scene, masks: Mapping[int, BoolArray]) -> Iterator[BoolArray]:
     """H x W bool for each layer of the scene: the given masks (index of a frame -> mask), and in all other layers the same
-    objects. Each is transferred alone, in the frames before any removal, so that the order does not matter."""
+    objects. Each is transferred alone, in the frames before any removal, so that the order does not matter. InputError."""
     if len(masks) == len(scene.layers):
-        return [masks[place] for place in range(len(masks))]
+        return (masks[place] for place in range(len(masks)))
     frames = {place: scene.original(place) for place in masks}
     objects = separate_objects(frames, masks)
     if not objects:
         raise InputError(
             "mask marks no pixel with depth, so it cannot be carried to the other frames; mask another frame"
         )
-    found = []
-    for place, layer in enumerate(scene.layers):
-        mask = masks.get(place, np.zeros(layer.camera.hw, bool))
+
+    def mask_of(place: int) -> BoolArray:
+        mask = masks.get(place, np.zeros(scene.layers[place].camera.hw, bool))
         left = [one for one in objects if place not in one.masks]
         if left:
             original = scene.original(place).load()
             mask = np.logical_or.reduce([mask, *(_carry_to(original, frames, one) for one in left)])
-        found.append(mask)
-    return found
+        return mask
+
+    return map(mask_of, range(len(scene.layers)))
 
 
 def find_removed(scene: Scene, frame: View) -> BoolArray:
@@ -149,7 +152,8 @@ def masked_object(frames: Mapping[int, Layer], masks: dict[int, BoolArray]) -> M
         return None
     layers = (frames[place].load() for place in masks)
     whole = Scene(tuple(map(spread_depth, layers, shown.frames, masks.values())), numbers=tuple(masks))
-    return MaskedObject(masks, shown, whole, box)
+    spread = [world_points(view)[view.valid] for view in (layer.load() for layer in whole.frames)]
+    return MaskedObject(masks, shown, whole, box, box_corners(np.concatenate([*spread, np.stack(box)])))
 
 
 def spread_depth(frame: View, shown: Layer, mask: BoolArray) -> View:
@@ -190,7 +194,14 @@ def _carry_to(frame: View, frames: Mapping[int, Layer], masked: MaskedObject) ->
     # needed for scenes of many frames alone
     from dlama.perception.masks.carried import correct_carried
 
-    return correct_carried(frame, *find_in_depth(frame, frames, masked))
+    box = find_box_in_view(masked.corners, frame.camera)
+    if box is None:
+        return np.zeros_like(frame.hole)
+    within = find_in_depth(frame.cropped(*box), frames, masked)
+    found = [np.zeros_like(frame.hole) for _ in within]
+    for whole, part in zip(found, within):
+        whole[box] = part
+    return correct_carried(frame, *found)
 
 
 class Carried(NamedTuple):
@@ -205,7 +216,7 @@ class Carried(NamedTuple):
 
 
 def find_in_depth(frame: View, frames: Mapping[int, Layer], masked: MaskedObject) -> Carried:
-    """What depth says of an object in an unmasked frame; frames: the masked ones, by index."""
+    """What depth says of an object in a part of an unmasked frame that holds its box; frames: the masked ones, by index."""
     points = world_points(frame)
     candidates = frame.valid & ((points >= masked.box[0]) & (points <= masked.box[1])).all(-1)
     seen = render(masked.shown, frame.camera, types=False)
@@ -233,9 +244,10 @@ def find_in_depth(frame: View, frames: Mapping[int, Layer], masked: MaskedObject
 
 
 def compare_with_mask(points: np.ndarray, masked: View, mask: BoolArray) -> tuple[BoolArray, BoolArray, BoolArray]:
-    """Points (H x W x 3) compared with a masked frame, H x W each: shown outside its mask, on a line of sight of its mask
-    (grown by RIM_PX), in its view."""
+    """Points (H x W x 3) compared with a masked frame, H x W each: shown outside its mask, on a line of sight of its mask (grown
+    by RIM_PX), in its view. Beyond the picture a mask that its border cuts continues as it is there."""
     row, column, z, inside = project_to_pixels(points, masked.camera)
     there = masked.known_depth[row, column]
     shown = inside & (np.abs(there - z) <= AGREES * z) & ~mask[row, column]
-    return shown, inside & dilate_mask(mask, RIM_PX)[row, column], inside
+    within = np.where(inside, dilate_mask(mask, RIM_PX)[row, column], mask[row, column] & (z > 0))
+    return shown, within, inside
