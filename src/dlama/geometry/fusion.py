@@ -15,7 +15,7 @@ from dlama.geometry.cloud import Mesh, PointCloud, concatenate, join_meshes
 from dlama.geometry.codes import LARGEST_CONFIDENCE, SEEN_AGAIN, HoleType, Origin, from_filler, has_code
 from dlama.geometry.drawing.grid_mesh import mesh_grid
 from dlama.geometry.drawing.layers import Mode
-from dlama.geometry.frames.stored import crop_layer
+from dlama.geometry.frames.removal import crop_layer
 from dlama.geometry.frames.thinning import thin_scene
 from dlama.geometry.holes import box_around, dilate_square
 from dlama.geometry.kernels.depth_edges import DOWN, RIGHT

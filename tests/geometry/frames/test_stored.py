@@ -20,6 +20,7 @@ from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.frames import gathering
 from dlama.geometry.frames.choosing import MOST_FRAMES, may_show
 from dlama.geometry.frames.merging import KEPT
+from dlama.geometry.frames.removal import crop_layer
 from dlama.geometry.frames.stored import (
     BLOCK,
     BoxedView,
@@ -28,7 +29,6 @@ from dlama.geometry.frames.stored import (
     coarse_camera,
     coarse_depth,
     count_bytes,
-    crop_layer,
 )
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD

@@ -26,8 +26,8 @@ from dlama.geometry.frames.agreement import (
     make_comparable,
     measure_overlaps,
 )
-from dlama.geometry.frames.removal import mask_growth, part_under_mask
-from dlama.geometry.frames.stored import Layer, PixelCache, StoredView, coarse_depth, crop_layer, pixel_digest
+from dlama.geometry.frames.removal import crop_layer, mask_growth, part_under_mask
+from dlama.geometry.frames.stored import Layer, PixelCache, StoredView, coarse_depth, pixel_digest
 from dlama.geometry.holes import dilate_mask
 from dlama.geometry.projection import project_to_pixels, world_points
 from dlama.geometry.rgbd import RGBD, BoolArray

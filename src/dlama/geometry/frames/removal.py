@@ -12,8 +12,8 @@ import numpy as np
 from dlama.errors import InputError, MaskError
 from dlama.geometry.codes import HoleType
 from dlama.geometry.frames.choosing import sample_view
-from dlama.geometry.frames.stored import StoredView, coarse_depth, crop_layer
-from dlama.geometry.holes import dilate_mask
+from dlama.geometry.frames.stored import BoxedView, StoredView, coarse_depth
+from dlama.geometry.holes import box_around, dilate_mask
 from dlama.geometry.rgbd import BoolArray
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
@@ -88,3 +88,8 @@ def part_under_mask(view: View, mask: BoolArray, larger: BoolArray) -> View:
     """The removed part of a layer: the pixels under its grown mask (`larger`); the hole type OBJECT is the mask itself."""
     part = view.without(~larger, HoleType.NONE)
     return part.with_planes(hole_type=np.where(mask, np.uint8(HoleType.OBJECT), part.hole_type))
+
+
+def crop_layer(view: View, where: BoolArray) -> BoxedView:
+    """A view that is a hole outside `where` (H x W, not empty), in a box round that."""
+    return BoxedView(view.camera, view.cropped(*box_around(where, 1)))

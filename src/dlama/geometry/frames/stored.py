@@ -20,7 +20,6 @@ import numpy as np
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType, from_source
 from dlama.geometry.frames.facts import Facts
-from dlama.geometry.holes import box_around
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, freeze
 from dlama.geometry.view import View
 
@@ -137,11 +136,6 @@ class BoxedView(StoredView):
     def has_holes(self) -> bool:
         """True if there is a hole in it."""
         return self.part.camera.hw != self.camera.hw or self.part.has_holes
-
-
-def crop_layer(view: View, where: BoolArray) -> BoxedView:
-    """A view that is a hole outside `where` (H x W, not empty), in a box round that."""
-    return BoxedView(view.camera, view.cropped(*box_around(where, 1)))
 
 
 Layer = View | StoredView
