@@ -191,14 +191,14 @@ def test_inverse_depth_and_back() -> None:
 
 
 def test_pixels_of_points_are_those_they_lie_on() -> None:
-    """Closed form: a lens of 10 px, its centre at (4, 3): the middle, the last pixel; just beyond it, behind the camera; just
-    before the first one, and the first one."""
+    """Closed form: a lens of 10 px, its centre at (4, 3): the middle, the last pixel; just beyond it (the nearest pixel is
+    its), behind the camera; just before the first one, and the first one."""
     camera = Camera(8, 6, 10, 10, 4, 3)
     points = np.array([[0, 0, 2], [0.79, 0.59, 2], [0.81, 0, 2], [0, 0, -2], [-0.81, 0, 2], [-0.79, -0.59, 2]])
     row, column, z, inside = project_to_pixels(points.reshape(3, 2, 3), camera)
     np.testing.assert_array_equal(inside, [[True, True], [False, False], [False, True]])
-    np.testing.assert_array_equal(row, [[3, 5], [0, 0], [0, 0]])
-    np.testing.assert_array_equal(column, [[4, 7], [0, 0], [0, 0]])
+    np.testing.assert_array_equal(row, [[3, 5], [3, 0], [3, 0]])
+    np.testing.assert_array_equal(column, [[4, 7], [7, 0], [0, 0]])
     np.testing.assert_allclose(z, [[2, 2], [2, -2], [2, 2]])
 
 
