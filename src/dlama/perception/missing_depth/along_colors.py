@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from dlama.geometry.holes import dilate_mask, fill_with_nearest, nearest_along_colors
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.projection import inverse_depth
-from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
-from dlama.geometry.view import View
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, is_valid
 from dlama.perception.missing_depth.kernels import conductances, relax
 from dlama.perception.planes import SMOOTH, KnownSurfaces, plane_values_at
 from dlama.perception.sky import find_plain_sky
@@ -53,12 +52,16 @@ class DepthByColor(NamedTuple):
     """H x W, True where depth alone was missing and a path leads from a known pixel."""
 
 
-def find_known_surfaces(view: View, seed: int = 0) -> tuple[KnownSurfaces, BoolArray]:
-    """The known surfaces of a view, and H x W, True where depth alone is missing and colours say that there is sky; the same seed
-    finds the same planes."""
-    depth = view.known_depth
-    sky = find_plain_sky(view.color, view.depth_hole, depth)
-    return KnownSurfaces.of(inverse_depth(depth), view.valid, view.far | sky, seed), sky
+def find_known_surfaces(
+    color: UInt8Array, depth: Float32Array, missing: BoolArray, seed: int = 0
+) -> tuple[KnownSurfaces, BoolArray]:
+    """The known surfaces, and H x W, True where depth alone is missing and colours say that there is sky; the same seed finds the
+    same planes.
+
+    color: H x W x 3; depth: H x W metres, 0 = unknown, inf = far; missing: H x W, True where depth alone is missing.
+    """
+    sky = find_plain_sky(color, missing, depth)
+    return KnownSurfaces.of(inverse_depth(depth), is_valid(depth), np.isposinf(depth) | sky, seed), sky
 
 
 def fill_along_colors(

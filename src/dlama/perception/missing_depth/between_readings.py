@@ -31,7 +31,7 @@ def densify(rgbd: RGBD) -> RGBD:
     if not has_single_readings(known):
         return rgbd
     view = View.from_rgbd(rgbd)
-    surfaces, sky = find_known_surfaces(view)
+    surfaces, sky = find_known_surfaces(view.color, view.known_depth, view.depth_hole)
     filled = fill_along_colors(view.color, view.depth_hole, view.hole, surfaces, sky)
     between = filled.reached & ~sky & (distance_to(known) <= reach_between(known))
     depth = np.where(between, depth_from_inverse(filled.inverse_depth), rgbd.depth)

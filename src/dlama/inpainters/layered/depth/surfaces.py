@@ -76,7 +76,7 @@ def continue_lawfully(view: View, context: FillContext, seed: int) -> tuple[Surf
 def continue_surfaces(view: View, context: FillContext, seed: int = 0) -> Surfaces:
     """The known surfaces of a view, continued into its holes; the same seed finds the same planes."""
     missing = view.depth_hole
-    known, sky = find_known_surfaces(view, seed)
+    known, sky = find_known_surfaces(view.color, view.known_depth, missing, seed)
     if missing.any():
         along_colors = fill_along_colors(view.color, missing, view.hole, known, sky)
         by_color = move_beyond_range(along_colors, known.inverse_depth, missing, view.hole)
