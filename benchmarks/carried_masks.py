@@ -14,7 +14,6 @@ one core.
 from __future__ import annotations
 
 import argparse
-import dataclasses
 import json
 import time
 from collections.abc import Iterator, Sequence
@@ -84,7 +83,7 @@ def turn_away(made: ClickWorld, scene: ClickScene, n: int) -> ClickScene:
     angle = np.arctan((middle - camera.cx) / camera.fx) - np.arctan((camera.width - camera.cx) / camera.fx)
     pose = camera.world_from_cam.copy()
     pose[:3, :3] @= cv2.Rodrigues(np.array([0, angle, 0]))[0]
-    return made.scene(dataclasses.replace(camera, world_from_cam=pose))
+    return made.scene(camera.at(pose))
 
 
 def streets_with_objects(split: str, shared: Path) -> Iterator[tuple[str, list[RemovalTruth]]]:

@@ -35,9 +35,9 @@ from dlama.geometry.drawing.layers import (
 )
 from dlama.geometry.drawing.layers import MODES as MODES
 from dlama.geometry.drawing.layers import Mode as Mode
-from dlama.geometry.frames.choosing import find_box_of, may_show
+from dlama.geometry.frames.choosing import find_part, may_show
 from dlama.geometry.frames.merging import keep_latest, merge_frames, surface_of
-from dlama.geometry.frames.stored import BoxedView, Layer
+from dlama.geometry.frames.stored import Layer
 from dlama.geometry.holes import Box, box_around, dilate_mask, fill_with_nearest
 from dlama.geometry.kernels.drawing import hole_types as hole_kernels
 from dlama.geometry.kernels.drawing.rasterize import NEAR
@@ -140,12 +140,9 @@ def draw_scene(
     fine, errors = fine and mode == "surface", any(layer.has_errors for layer in scene.layers)
     keep = mode == "surface" and len(scene.layers) >= SEVERAL
     fills = visible_fills(scene, camera, mode)
-    gains, boxes = gains_of(scene, fills, camera), [find_box_of(fill, camera) for fill in fills]
+    gains, parts = gains_of(scene, fills, camera), [find_part(fill, camera) for fill in fills]
 
-    def prepare(layer: Layer, box: Box | None = None) -> Grid:
-        if isinstance(layer, BoxedView) and not layer.camera.same_view_as(camera):
-            layer = layer.part
-        target = camera if box is None else camera.cropped_to(*box)
+    def prepare(layer: Layer, target: Camera) -> Grid:
         return Grid.of(layer, target, mode, fine, surface_of(layer) if keep else None)
 
     if not frames:
@@ -153,9 +150,9 @@ def draw_scene(
     elif len(scene.frames) > 1:
         drawn = merge_frames(scene, camera, mode, fine, errors)
     else:
-        drawn = draw_frame(prepare(scene.frames[0]), errors)
-    grids = [prepare(*each) for each in zip(fills, boxes)]
-    put_fills(drawn, grids, boxes, gains, count)
+        drawn = draw_frame(prepare(scene.frames[0], camera), errors)
+    grids = [prepare(part.layer, part.camera) for part in parts]
+    put_fills(drawn, grids, [part.box for part in parts], gains, count)
     for grid in drawn.grids if drawn.frame is None else ():
         draw_far(grid, drawn.canvas)
     draw_far_of_fills(drawn.canvas, grids, gains)

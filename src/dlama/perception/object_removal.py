@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import cv2
@@ -84,8 +85,13 @@ class MaskedObject:
     """The same with depth wherever the masks are: that of the nearest pixel amid the object."""
     box: tuple[np.ndarray, np.ndarray]
     """Lower and upper corner, in the world, of the box that holds it."""
-    corners: np.ndarray
-    """8 x 3, of a box that holds that one and all of `whole`."""
+
+    @cached_property
+    def corners(self) -> np.ndarray:
+        """8 x 3, of a box that holds that one and all of `whole`."""
+        views = (layer.load() for layer in self.whole.frames)
+        points = [world_points(view)[view.valid] for view in views]
+        return box_corners(np.concatenate([*points, np.stack(self.box)]))
 
     def meets(self, other: MaskedObject) -> bool:
         """Whether the two boxes have a point in common."""
@@ -152,8 +158,7 @@ def masked_object(frames: Mapping[int, Layer], masks: dict[int, BoolArray]) -> M
         return None
     layers = (frames[place].load() for place in masks)
     whole = Scene(tuple(map(spread_depth, layers, shown.frames, masks.values())), numbers=tuple(masks))
-    spread = [world_points(view)[view.valid] for view in (layer.load() for layer in whole.frames)]
-    return MaskedObject(masks, shown, whole, box, box_corners(np.concatenate([*spread, np.stack(box)])))
+    return MaskedObject(masks, shown, whole, box)
 
 
 def spread_depth(frame: View, shown: Layer, mask: BoolArray) -> View:

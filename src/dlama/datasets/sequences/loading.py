@@ -24,7 +24,7 @@ from dlama.files.scenes.scene_npz import read_scene
 from dlama.geometry.camera import Camera
 from dlama.geometry.frames.alignment import NO_FEATURES, Features, detect_features, estimate_poses, with_pose
 from dlama.geometry.frames.gathering import gather_views, open_view
-from dlama.geometry.frames.stored import Layer, PixelCache
+from dlama.geometry.frames.stored import Layer, PixelCache, pixel_digest
 from dlama.geometry.holes import check_mask_size
 from dlama.geometry.rgbd import BoolArray
 from dlama.geometry.scene import Scene
@@ -132,7 +132,8 @@ def read_views(
     for number, frame in enumerate(frames):
         begin_stage(f"read frame {number + 1} of {len(frames)}")
         try:
-            views[frame.name] = open_view(clip_frame(frame.load, clip), frame.name, cache)
+            views[frame.name] = view = open_view(clip_frame(frame.load, clip), frame.name, cache)
+            view.find_once(pixel_digest)  # while its pixels are in memory
         except DlamaError as error:
             errors[frame.name] = error
     return views, errors

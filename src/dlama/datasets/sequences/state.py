@@ -16,7 +16,7 @@ import numpy as np
 from dlama.errors import FileError
 from dlama.files.scenes.scene_npz import read_layer, read_npz, write_npz
 from dlama.geometry.camera import Camera
-from dlama.geometry.frames.stored import BoxedView, Layer, PixelCache, StoredView, pixel_digest
+from dlama.geometry.frames.stored import BoxedView, Layer, StoredView, cache_of, pixel_digest
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
@@ -75,8 +75,7 @@ class SequenceState:
         """scene, masks: before the removal, number of a frame -> H x W."""
         self.folder = output / FOLDER
         self.mark = fingerprint({**settings, "format": FORMAT}, scene, masks, version)
-        caches = [frame.cache for frame in scene.frames if isinstance(frame, StoredView)]
-        self.cache = caches[0] if caches else PixelCache()
+        self.cache = cache_of(scene.frames)
         self._settings = self.folder / "settings.json"
 
     def begin(self) -> bool:

@@ -27,7 +27,7 @@ from dlama.geometry.frames.agreement import (
     measure_overlaps,
 )
 from dlama.geometry.frames.removal import crop_layer, mask_growth, part_under_mask
-from dlama.geometry.frames.stored import Layer, PixelCache, StoredView, coarse_depth, pixel_digest
+from dlama.geometry.frames.stored import Layer, PixelCache, StoredView, cache_of, coarse_depth
 from dlama.geometry.holes import dilate_mask
 from dlama.geometry.projection import project_to_pixels, world_points
 from dlama.geometry.rgbd import RGBD, BoolArray
@@ -87,8 +87,7 @@ def open_view(frame: FrameSource, name: str, cache: PixelCache) -> Layer:
     if isinstance(frame, RGBD):
         return first
     view = StoredView(first.camera, partial(_source_view, frame), cache, first)
-    for find in (make_comparable, coarse_depth, pixel_digest):
-        view.find_once(find)
+    view.find_once(make_comparable), view.find_once(coarse_depth)
     return view
 
 
@@ -210,10 +209,9 @@ def _share_agreeing(kept: Sequence[int], found: dict[tuple[int, int], Overlap]) 
 
 def add_frame(scene: Scene, frame: FrameSource, find_removed: Callable[[Scene, View], BoolArray]) -> Scene:
     """As `Scene.with_frame`. find_removed: H x W, where a further frame shows what was removed from a scene."""
-    caches = [one.cache for one in scene.frames if isinstance(one, StoredView)]
     numbers = (*scene.numbers, max(scene.numbers) + 1)
     names = [f"frame {number}" for number in numbers]
-    added = open_view(frame, names[-1], caches[0] if caches else PixelCache())
+    added = open_view(frame, names[-1], cache_of(scene.frames))
     measured = gather_views([*scene.unfilled.frames, added], names)
     if len(scene.frames) not in measured.numbers:
         return scene

@@ -11,7 +11,7 @@ import dataclasses
 import hashlib
 import threading
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import cached_property, partial
 from typing import Any
 
@@ -148,6 +148,11 @@ def make_of(layer: Layer, make: Callable[..., View], *more: Any) -> Layer:
     if isinstance(layer, BoxedView):
         return BoxedView(layer.camera, make_of(layer.part, make, *more))
     return layer.made_by(make, *more) if isinstance(layer, StoredView) else make(layer, *more)
+
+
+def cache_of(layers: Iterable[Layer]) -> PixelCache:
+    """The cache that holds the pixels of stored layers, of whose scene it is the only one; a new one where all are in memory."""
+    return next((layer.cache for layer in layers if isinstance(layer, StoredView)), PixelCache())
 
 
 def load_aside(layer: Layer) -> View:

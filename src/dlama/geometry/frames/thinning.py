@@ -72,9 +72,9 @@ def new_points(scene: Scene, place: int) -> BoolArray:
     held = [one for one in choose_frames(scene.frames, frame.camera, MOST_COMPARED) if one != place]
     added = frame.valid.copy()
     limits = np.array([FLOOR, SIGMAS * scene.noise[0], SIGMAS * scene.noise[1]])
-    for place_of_other in held:
-        other = scene.frames[place_of_other].load()
+    for each in held:
+        other = scene.frames[each].load()
         way = px_from_px(other.camera, frame.camera)
-        compared = Compared(way, as_input(other.known_depth), nearest_depth_around(other), place_of_other < place)
+        compared = Compared(way, as_input(other.known_depth), nearest_depth_around(other), each < place)
         in_bands(drop_redundant, len(added), as_input(frame.depth), compared, limits, added)
     return morphological_open(added, square(3))

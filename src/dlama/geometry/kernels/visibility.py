@@ -39,6 +39,24 @@ def pixel_at(place: Whole, width: Whole) -> tuple[Whole, Whole]:
 
 
 @piece
+def pixel_on_ray(
+    ax: Real, ay: Real, az: Real, offset: Float64Array, depth: Real, measured: Float32Array
+) -> tuple[Real, Whole, Whole]:
+    """Depth, row and column in the source of the point at `depth` on the ray; row -1: it is not in the source's picture.
+
+    (ax, ay, az): the ray in source pixels; measured: of the source's height and width.
+    """
+    z = depth * az + offset[2]
+    across, along = depth * ax + offset[0], depth * ay + offset[1]
+    if z <= 0 or across < 0 or along < 0 or across > z * (measured.shape[1] + 1) or along > z * (measured.shape[0] + 1):
+        return z, np.int64(-1), np.int64(-1)  # most are clearly outside: no division for them
+    x, y = across / z, along / z
+    if not (x < measured.shape[1] and y < measured.shape[0]):
+        return z, np.int64(-1), np.int64(-1)
+    return z, np.int64(y), np.int64(x)
+
+
+@piece
 def breaks_law(ax: Real, ay: Real, az: Real, offset: Float64Array, depth: Real, measured: Float32Array) -> Flag:
     """True if the point at `depth` on the ray is, seen from the source, in front of what was measured there.
 
@@ -46,14 +64,10 @@ def breaks_law(ax: Real, ay: Real, az: Real, offset: Float64Array, depth: Real, 
     """
     if not depth < np.inf:
         return False
-    z = depth * az + offset[2]
-    across, along = depth * ax + offset[0], depth * ay + offset[1]
-    if z <= 0 or across < 0 or along < 0 or across > z * (measured.shape[1] + 1) or along > z * (measured.shape[0] + 1):
-        return False  # most are clearly outside: no division for them
-    x, y = across / z, along / z
-    if not (x < measured.shape[1] and y < measured.shape[0]):
+    z, row, column = pixel_on_ray(ax, ay, az, offset, depth, measured)
+    if row < 0:
         return False
-    limit = measured[np.int64(y), np.int64(x)]
+    limit = measured[row, column]
     if limit <= 0:
         return False
     return limit == np.inf or z < limit - tolerance(limit)
@@ -159,16 +173,12 @@ def drop_redundant(
         for column in range(depth.shape[1]):
             if not added[row, column]:
                 continue
-            metres = np.float64(depth[row, column])
             ax, ay, az = ray(other.way.matrix, row, column)
-            z = metres * az + other.way.offset[2]
-            across, along = metres * ax + other.way.offset[0], metres * ay + other.way.offset[1]
-            if z <= 0 or across < 0 or along < 0:
+            metres = np.float64(depth[row, column])
+            z, y, x = pixel_on_ray(ax, ay, az, other.way.offset, metres, other.depth)
+            if y < 0:
                 continue
-            x, y = across / z, along / z
-            if not (x < other.depth.shape[1] and y < other.depth.shape[0]):
-                continue
-            there, near = other.depth[np.int64(y), np.int64(x)], other.nearest[np.int64(y), np.int64(x)]
+            there, near = other.depth[y, x], other.nearest[y, x]
             limit = max(limits[0] * z, np.sqrt(limits[1] ** 2 + (limits[2] * z * z) ** 2))
             through = near > 0 and z < near - 2 * limit
             if through or (other.earlier and there > 0 and abs(there - z) <= limit):
