@@ -56,6 +56,23 @@ def test_one_mask_of_many_objects() -> None:
     assert (found & ~balls).sum() < 0.1 * balls.sum()
 
 
+def test_two_objects_masked_in_different_frames_are_both_carried() -> None:
+    """Two boxes close to each other before a wall: neither keeps the other from being found, though the frame that
+    masks the one shows the other unmasked (oracle: the closed form of the boxes)."""
+    made = World(
+        (Plane((0, 0, 4), (0, 0, -1)), Box((-0.5, -0.3, 2.6), (-0.1, 0.3, 3)), Box((-0.02, -0.3, 2.7), (0.4, 0.3, 3.1)))
+    )
+    camera = Camera.from_fov(128, 96, 60)
+    cameras = [moved(camera, (0, -yaw, 0), (yaw / 20, 0, 0)) for yaw in (0, 5, -5)]
+    shapes = [made.trace(each)[1] for each in cameras]
+    one, other = ([shape == k for shape in shapes] for k in (1, 2))
+    found = list(carry_masks(dlama.scene([made.rgbd(each) for each in cameras]), {0: one[0], 1: other[1]}))
+    for mask, first, second in zip(found, one, other):
+        both = first | second
+        assert (mask & both).sum() > 0.97 * both.sum()
+        assert (mask & ~both).sum() < 0.1 * both.sum()
+
+
 def test_a_mask_that_the_border_cuts_continues_beyond_it() -> None:
     """A bar along a wall, of which the masked frame shows a part: in a frame that shows all of it the carried mask covers it, and
     not the wall (oracle: the closed form of the bar)."""

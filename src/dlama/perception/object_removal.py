@@ -50,6 +50,8 @@ THICK = 0.7
 """Largest thickness along the line of sight of the masked frames, over the object's largest extent."""
 OUTLIERS = (1.0, 99.0)
 """Percentiles of the object's points inside its box."""
+SAME = 0.5
+"""Share of the points of one masked part that lie under the mask of another frame, from which both show one object."""
 
 
 def remove_object(scene: Scene, mask: BoolArray | Mapping[int, BoolArray], dilate: int | None) -> Removal:
@@ -93,9 +95,33 @@ class MaskedObject:
         points = [world_points(view)[view.valid] for view in views]
         return box_corners(np.concatenate([*points, np.stack(self.box)]))
 
-    def meets(self, other: MaskedObject) -> bool:
-        """Whether the two boxes have a point in common."""
-        return bool((self.box[0] <= other.box[1]).all() and (other.box[0] <= self.box[1]).all())
+    @cached_property
+    def points(self) -> np.ndarray:
+        """N x 3, in the world, under the masks."""
+        return np.concatenate(
+            [world_points(view)[view.valid] for view in (layer.load() for layer in self.shown.frames)]
+        )
+
+    def is_part_of(self, other: MaskedObject, frames: Mapping[int, Layer]) -> bool:
+        """Whether both are one object: parts under masks of one frame whose points' boxes meet, or parts of other frames most of
+        whose points lie under the masks of the other's; frames: the masked ones, by index."""
+        (low, high), (other_low, other_high) = (np.percentile(one.points, OUTLIERS, axis=0) for one in (self, other))
+        if self.masks.keys() & other.masks.keys():
+            return bool((low <= other_high).all() and (other_low <= high).all())
+        return max(self.share_under(other, frames), other.share_under(self, frames)) > SAME
+
+    def share_under(self, other: MaskedObject, frames: Mapping[int, Layer]) -> float:
+        """Share of the points in view of the other's masked frames that lie under its masks, not before or behind them."""
+        in_view, under = 0, 0
+        for place, mask in other.masks.items():
+            row, column, z, inside = project_to_pixels(self.points, frames[place].camera)
+            there = frames[place].load().known_depth[row, column]
+            shown = inside & (np.abs(there - z) <= AGREES * z)
+            in_view, under = (
+                in_view + int(shown.sum()),
+                under + int((shown & dilate_mask(mask, RIM_PX)[row, column]).sum()),
+            )
+        return under / in_view if in_view else 0.0
 
 
 def carry_masks(scene: Scene, masks: Mapping[int, BoolArray]) -> Iterator[BoolArray]:
@@ -136,13 +162,13 @@ def find_removed(scene: Scene, frame: View) -> BoolArray:
 
 
 def separate_objects(frames: Mapping[int, Layer], masks: Mapping[int, BoolArray]) -> list[MaskedObject]:
-    """The masked objects that have depth (place of a frame -> frame, mask): connected parts of masks whose boxes meet are one."""
+    """The masked objects that have depth (place of a frame -> frame, mask): parts of masks that show one object are one."""
     objects: list[MaskedObject] = []
     for place, mask in masks.items():
         count, labels = cv2.connectedComponents(dilate_mask(mask, RIM_PX).astype(np.uint8))
         for label in range(1, count):
             one = masked_object(frames, {place: mask & (labels == label)})
-            while one is not None and (near := next((each for each in objects if each.meets(one)), None)):
+            while one is not None and (near := next((each for each in objects if one.is_part_of(each, frames)), None)):
                 objects.remove(near)
                 parts = near.masks | {each: part | near.masks.get(each, part) for each, part in one.masks.items()}
                 one = masked_object(frames, parts)
