@@ -9,7 +9,7 @@ demo = dlama.example()
 out = Path(sys.argv[1] if len(sys.argv) > 1 else "out/01_another_view")
 
 rgbd = dlama.read_rgbd(demo / "street.jpg", demo / "depth.png", fov=90)
-done = dlama.view(rgbd, yaw=20, pitch=5)  # to the right and up, still looking at the point 2.5 m ahead
+done = dlama.view(rgbd, yaw=20, pitch=5)  # to the right and up, still looking at the point at the median depth
 
 for kind, share in done.meta["hole_share_by_type"][0].items():
     print(f"{kind:12} {share:6.1%}")

@@ -13,7 +13,7 @@ import pytest
 
 import dlama
 from dlama.arguments import check, check_arguments, check_count, check_number
-from dlama.errors import DlamaError, InputError, InputTypeError
+from dlama.errors import DepthError, DlamaError, InputError, InputTypeError, ShapeError
 from dlama.writing.atomic_write import PathLike
 
 pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")
@@ -210,15 +210,47 @@ def test_a_filler_that_returns_no_fill_is_told_so() -> None:
         dlama.inpaint(VIEW, lambda view, context, seed: small, dlama.FillContext(dlama.Law(())))
 
 
-@pytest.mark.parametrize("wrong", [np.nan, -1.0])
+@pytest.mark.parametrize("wrong", [np.nan, -1.0, 0.0])
 def test_a_filler_whose_depth_is_none_is_told_so(wrong: float) -> None:
-    """NaN went through into depth.exr, scene and mesh."""
+    """NaN went through into depth.exr, scene and mesh, 0 as known depth of high confidence."""
 
     def filler(view: dlama.View, context: dlama.FillContext, seed: int) -> dlama.Fill:
         return dlama.Fill(view.color, np.where(view.hole, np.float32(wrong), view.depth))
 
-    with pytest.raises(InputError, match=r"the filler's depth is NaN or negative in .* pixels of the hole"):
+    with pytest.raises(
+        InputError, match=r"the filler's depth is 0, NaN, negative or no number in .* pixels of the hole"
+    ):
         dlama.view(RGBD, yaw=10, filler=filler)
+
+
+FAULTS_OF_FILLS = [
+    ({"notes": None}, InputTypeError, "the filler's notes is None; a dict is expected"),
+    ({"law_moves": "a"}, InputTypeError, "law_moves is 'a'; 0 or more is expected"),
+    ({"depth": np.full(DEPTH.shape, "deep")}, DepthError, "no number in"),
+    ({"errors": np.full((*DEPTH.shape, 2), np.nan)}, ShapeError, "the filler's errors are NaN or negative"),
+    ({"depth": np.ma.masked_less(DEPTH, 100)}, InputTypeError, "the filler's depth is a masked array"),
+]
+
+
+@pytest.mark.parametrize(("change", "kind", "message"), FAULTS_OF_FILLS)
+def test_a_fault_of_a_filler_is_named(change: dict[str, Any], kind: type[InputError], message: str) -> None:
+    """Message: each field of a Fill; before, numpy's or an attribute's error came from inside."""
+
+    def filler(view: dlama.View, context: dlama.FillContext, seed: int) -> dlama.Fill:
+        return dlama.Fill(**{"color": view.color, "depth": np.ones_like(view.depth), **change})
+
+    with pytest.raises(kind, match=message):
+        dlama.view(RGBD, yaw=10, filler=filler)
+
+
+def test_errors_of_a_filler_are_taken_in_any_float() -> None:
+    """Closed form: the errors of the hole are those given."""
+
+    def filler(view: dlama.View, context: dlama.FillContext, seed: int) -> dlama.Fill:
+        return dlama.Fill(view.color, np.ones_like(view.depth), errors=np.full((*view.depth.shape, 2), 0.25))
+
+    done = dlama.view(RGBD, yaw=10, filler=filler).view
+    assert done.errors is not None and (done.errors[done.filled] == 0.25).all()
 
 
 def test_an_unknown_keyword_is_refused_with_the_one_that_was_meant() -> None:

@@ -107,8 +107,13 @@ def _alternatives(annotation: Any) -> tuple[Any, ...]:
 def as_array(value: object, name: str, expected: str = "an array") -> np.ndarray:
     """An array, a PIL picture, a tensor of torch (in the processor's memory) or anything else that numpy knows, as an array.
 
-    InputTypeError, which calls the value `name`, for anything else; `expected`: what is expected, in words.
+    InputTypeError, which calls the value `name`, for anything else, and for a masked array that hides values; `expected`: what
+    is expected, in words.
     """
+    if isinstance(value, np.ma.MaskedArray) and np.ma.is_masked(value):
+        raise InputTypeError(
+            f"{marked_name(name)} is a masked array; {expected} is expected: .filled(0) of depth, 0 = missing"
+        )
     try:
         if any(hasattr(type(value), way) for way in ("__array__", "__array_interface__")):
             return np.asarray(value)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -207,6 +208,14 @@ def test_what_is_no_K_is_refused(K: Any, center: float, said: str) -> None:
     """Oracle: a CameraError that names what came."""
     with pytest.raises(CameraError, match=said):
         Camera.from_K(K, 8, 6, pixel_center=center)
+
+
+@pytest.mark.parametrize("kind", [float, np.uint8, np.int16, np.float32])
+def test_a_size_in_any_number_is_one_of_python(kind: Callable[[int], Any]) -> None:
+    """Closed form; a float size failed in what was rendered, one of 16 bits overflowed."""
+    camera = Camera.from_fov(kind(96), kind(64), 90)
+    assert camera.wh == (96, 64) and camera.fx == pytest.approx(48)
+    assert type(camera.width) is int and type(camera.height) is int
 
 
 def test_cameras_say_what_they_are_in_one_line() -> None:

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 
-from dlama.errors import DepthError, InputError, ShapeError
+from dlama.errors import DepthError, InputError, InputTypeError, ShapeError
 from dlama.geometry.camera import Camera
 from dlama.geometry.cloud import Mesh, PointCloud, concatenate
 from dlama.geometry.codes import HoleType, Origin, from_source
@@ -88,6 +89,11 @@ REFUSED = [
     ({"camera": Camera(4, 2, 2.0, 2.0, 1.5, 1.0)}, ShapeError, "camera is 4x2 and the picture 3x2"),
     ({"depth": np.full((2, 3), -0.5, np.float32)}, DepthError, "-0.5"),
     ({"depth": np.full((2, 3), -np.inf, np.float32)}, DepthError, "-inf"),
+    ({"depth": np.ma.masked_equal(DEPTH, DEPTH[0, 0])}, InputTypeError, r"masked array.*filled\(0\)"),
+    *(
+        ({"color": Image.fromarray(COLOR).convert(mode)}, ShapeError, f"of mode {mode}")
+        for mode in ("P", "CMYK", "YCbCr")
+    ),
 ]
 
 

@@ -63,6 +63,8 @@ class Camera:
 
     def __post_init__(self) -> None:
         _check_size(self.width, self.height)
+        for name in ("width", "height"):  # 64.0 and NumPy's numbers of 16 bits would fail in what is made of them
+            object.__setattr__(self, name, int(getattr(self, name)))
         for name in ("fx", "fy", "cx", "cy"):
             value = getattr(self, name)
             if not is_finite(value):

@@ -95,6 +95,9 @@ class RGBD(Figured):
 
 def check_color(color: ArrayLike, name: str = "colour") -> UInt8Array:
     """The picture as an array; ShapeError, which calls it `name`, unless it is uint8 H x W x 3 with a pixel or more."""
+    mode = getattr(color, "mode", "RGB")  # of a PIL picture
+    if isinstance(mode, str) and mode != "RGB":
+        raise ShapeError(f"{name} is a PIL picture of mode {mode}; RGB is expected: picture.convert('RGB')")
     array = as_array(color, name, "a picture")
     if array.dtype != np.uint8 or array.ndim != 3 or array.shape[2] != 3 or not array.size:
         raise ShapeError(f"{name} is {array.dtype} {array.shape}; uint8 H x W x 3 is expected{_color_advice(array)}")

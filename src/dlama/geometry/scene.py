@@ -145,7 +145,7 @@ class Scene:
             return self.numbers.index(number)
         first, last = self.numbers[0], self.numbers[-1]
         known = f"{first} to {last}" if len(self.numbers) > 8 else ", ".join(map(str, self.numbers))
-        raise InputError(f"`mask` is for frame {number}, which is not in the scene; it has frames {known}")
+        raise InputError(f"`mask` is for frame {number!r}, which is not in the scene; it has frames {known}")
 
     def __repr__(self) -> str:
         parts = (

@@ -12,8 +12,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from dlama.arguments import check, check_arguments
+from dlama.arguments import as_array, check, check_arguments, check_count
 from dlama.errors import DepthError, ShapeError
 from dlama.geometry.codes import Origin
 from dlama.geometry.fusion import paste_part
@@ -86,20 +87,32 @@ class FillReport:
 def check_fill(fill: Fill, hole: BoolArray) -> Fill:
     """The fill, if it fits this hole (H x W); else InputError (no Fill), ShapeError or DepthError: a fault of the filler."""
     check(fill, Fill, "what the filler returned")
+    check_count(fill.law_moves, "law_moves", least=0)
+    check(fill.notes, dict[str, Any], "the filler's notes")
     hw = hole.shape
-    expected = {"color": (*hw, 3), "depth": hw, "errors": (*hw, 2)}
-    for name, shape in expected.items():
-        array = getattr(fill, name)
-        if np.shape(array) != shape and not (array is None and name == "errors"):
-            raise ShapeError(f"the filler's {name} has shape {np.shape(array)}; {shape} is expected for this view")
-    if (given := np.asarray(fill.color).dtype) != np.uint8:
-        raise ShapeError(f"the filler's color is {given}; uint8 is expected")
-    wrong = int((~(np.asarray(fill.depth)[hole] >= 0)).sum())
-    if wrong:
+    color = _check_plane(fill.color, "color", (*hw, 3))
+    if color.dtype != np.uint8:
+        raise ShapeError(f"the filler's color is {color.dtype}; uint8 is expected")
+    depth = _check_plane(fill.depth, "depth", hw)
+    if wrong := int((~(depth[hole] > 0)).sum()) if depth.dtype.kind in "iuf" else depth.size:
         raise DepthError(
-            f"the filler's depth is NaN or negative in {wrong} pixels of the hole; metres, or infinity for sky, are expected"
+            f"the filler's depth is 0, NaN, negative or no number in {wrong} pixels of the hole; metres, or infinity for sky, "
+            "are expected"
         )
-    return fill
+    errors = (
+        None if fill.errors is None else _check_plane(fill.errors, "errors", (*hw, 2)).astype(np.float32, copy=False)
+    )
+    if errors is not None and not (errors[hole] >= 0).all():
+        raise ShapeError("the filler's errors are NaN or negative in pixels of the hole; numbers >= 0 are expected")
+    return Fill(color, depth, fill.law_moves, fill.notes, errors)
+
+
+def _check_plane(plane: ArrayLike, name: str, shape: tuple[int, ...]) -> np.ndarray:
+    """What a filler gave, as an array; ShapeError, which calls it `name`, unless it is of that shape."""
+    array = as_array(plane, f"the filler's {name}")
+    if array.shape != shape:
+        raise ShapeError(f"the filler's {name} has shape {array.shape}; {shape} is expected for this view")
+    return array
 
 
 def inpaint(view: View, inpainter: Inpainter, context: FillContext, seed: int = 0) -> tuple[View, FillReport]:

@@ -19,7 +19,7 @@ from dlama.jobs.on_ray import RayWorkers
 from dlama.jobs.parameters import FILES, KNOWN, NETWORKS, VERBS
 from dlama.jobs.perform import work
 from dlama.jobs.results.result import JobResult
-from dlama.jobs.run import Progress, Settings, Workers, run_jobs
+from dlama.jobs.run import JobProgress, Settings, Workers, run_jobs
 from dlama.jobs.storage import Output, folder_of, is_address, local_path
 from dlama.models.network_file import processor_count
 from dlama.workers.memory import PROCESS_BYTES, check_processes
@@ -42,7 +42,7 @@ def batch(
     pack: int | None = None,
     ray: str | None = None,
     gpus_per_worker: float = 0.0,
-    progress: Progress | None = None,
+    progress: JobProgress | None = None,
     **defaults: Any,
 ) -> Iterator[JobResult]:
     """Run every job of a list and yield its result as it ends; a job that an earlier run did from the same inputs is kept.
@@ -63,7 +63,8 @@ def batch(
         pack: results go into tar shards of so many, as webdataset reads them, below OUT/shards.
         ray: run on a Ray cluster: local, auto, or HOST:PORT; all its nodes must see the inputs and `out` under the same names.
         gpus_per_worker: on a cluster, the share of a GPU that each worker is given.
-        progress: called as results come.
+        progress: called as results come with three values: the result (None at the start), how many are done, of how many (None:
+            not known).
         defaults: parameters of all jobs whose verb takes them (fov=65, filler="migan").
 
     Raises:

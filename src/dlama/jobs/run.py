@@ -20,7 +20,7 @@ from dlama.jobs.storage import Output, local_path
 from dlama.workers.pool import TRIES, TaskEnd
 from dlama.writing.drafts import remove_abandoned
 
-Progress = Callable[[JobResult | None, int, int | None], object]
+JobProgress = Callable[[JobResult | None, int, int | None], object]
 """Called with what has just ended (None: at the start), and how many of how many are done; None: it is not known."""
 WINDOW = 8
 """Jobs a worker that may be begun before the result of the first of them is handed out, where results come in order."""
@@ -58,7 +58,7 @@ class Settings:
     resume: bool = True
     stop_after_failures: int | None = None
     pack: int | None = None
-    progress: Progress = lambda *_: None
+    progress: JobProgress = lambda *_: None
 
 
 def run_jobs(

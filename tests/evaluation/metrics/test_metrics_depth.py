@@ -65,5 +65,7 @@ def test_wrong_shapes_are_refused() -> None:
     """What came and what was wanted."""
     with pytest.raises(ShapeError, match=r"mine is \(1, 2\) and the truth \(1, 1\)"):
         depth_errors(row(1, 1), row(1))
+    with pytest.raises(ShapeError, match="the region is uint8; bool is expected"):
+        depth_errors(np.ones((2, 2), np.float32), np.ones((2, 2), np.float32), np.ones((2, 2), np.uint8))  # type: ignore[arg-type]
     with pytest.raises(ShapeError, match=r"the region is \(1, 1\)"):
         depth_errors(row(1, 1), row(1, 1), np.ones((1, 1), np.bool_))

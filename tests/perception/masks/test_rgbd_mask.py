@@ -112,6 +112,7 @@ def test_noisy_depth_keeps_to_the_picture(scene: tuple[RGBD, np.ndarray]) -> Non
         ({"clicks": [(3, 5)], "not_clicks": [(3, -1)]}, InputError, "not_clicks holds 3,-1"),
         ({"clicks": [(3, 5)], "not_clicks": [(3, 5)]}, InputError, "both hold pixel 3,5"),
         ({"box": (10, 10, 0, 5)}, InputError, "box is 0 x 5 pixels"),
+        ({"box": (10, 10, 170, 20)}, InputError, "larger than the picture of 160x120"),
         ({"box": (200, 10, 5, 5)}, InputError, "outside the picture of 160x120"),
         ({"box": (1, 2, 3)}, InputError, "4 numbers"),
         ({}, InputError, "clicks and box are both missing"),

@@ -32,7 +32,7 @@ from dlama.jobs.results.result import Totals
 from dlama.jobs.storage import is_address, local_path
 
 if TYPE_CHECKING:
-    from dlama.jobs.batch import Progress
+    from dlama.jobs.batch import JobProgress
     from dlama.jobs.job import Job
     from dlama.jobs.results.result import JobResult
 
@@ -209,7 +209,7 @@ def missing_file(job: Job) -> str | None:
 
 
 @contextmanager
-def show_progress(report: Report, totals: Any) -> Iterator[Progress]:
+def show_progress(report: Report, totals: Any) -> Iterator[JobProgress]:
     """A bar on a terminal, a line a minute elsewhere; the first failures as a line each. Ctrl-C prints that nothing is lost."""
     started = time.monotonic()
     with follow_run("batch", report, totals.kinds_line) as update:

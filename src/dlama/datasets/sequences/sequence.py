@@ -33,7 +33,7 @@ from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.writing.atomic_write import PathLike, check_folder_name
 
-Progress = Callable[[int, int, str, bool], None]
+ViewProgress = Callable[[int, int, str, bool], None]
 """Called after each view: how many are done, of how many, which one, and whether an earlier run had done it."""
 
 
@@ -72,7 +72,7 @@ def sequence(
     only: Sequence[str] | None = None,
     also: Sequence[str] = (),
     keep_poses: bool = False,
-    progress: Progress | None = None,
+    progress: ViewProgress | None = None,
     **options: Unpack[OptionKeywords],
 ) -> dict[str, Any]:
     """Complete a data set of posed frames: what one frame lacks comes from the others, only the rest is filled, once.
@@ -95,7 +95,8 @@ def sequence(
         also: More of them. "scene" is the file that `dlama view` and `dlama video` read.
         keep_poses: Else poses are made to agree with the pictures first, where they are off by a pixel or more, as those of
             hand-held cameras are (`align_frames`); the results then have the new poses.
-        progress: Called after each view.
+        progress: Called after each view with four values: how many are done, of how many, its name, and whether an earlier run
+            did it.
         options: How the scene is completed (`Options`).
     Returns:
         What meta.json holds.
@@ -201,7 +202,7 @@ def complete_steps(
     steps: Sequence[Step],
     state: SequenceState,
     target: Path,
-    progress: Progress | None,
+    progress: ViewProgress | None,
     min_confidence: float,
 ) -> StepResults:
     """The steps one after the other, each kept as soon as it is done, and its view written into `target`. Raises OutputError.

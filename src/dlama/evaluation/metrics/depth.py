@@ -52,6 +52,8 @@ def _check_shapes(what: str, mine: Float32Array, truth: Float32Array, region: Bo
     for name, array in (("mine", mine), ("the region", region)):
         if array is not None and array.shape != truth.shape:
             raise ShapeError(f"{what}: {name} is {array.shape} and the truth {truth.shape}; the same is expected")
+    if region is not None and region.dtype != np.bool_:
+        raise ShapeError(f"{what}: the region is {region.dtype}; bool is expected")
 
 
 def _valid_errors(guess: Float64Array, there: Float64Array) -> dict[str, float]:

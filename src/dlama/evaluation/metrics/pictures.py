@@ -157,3 +157,6 @@ def _gain(mine: Float64Array, truth: Float64Array) -> float:
 def _refuse_differences(truth: UInt8Array, mine: UInt8Array) -> None:
     if truth.shape != mine.shape or truth.ndim not in (2, 3) or (truth.ndim == 3 and truth.shape[2] != 3):
         raise ShapeError(f"truth is {truth.shape} and mine {mine.shape}; twice H x W or H x W x 3 is expected")
+    for name, array in (("truth", truth), ("mine", mine)):
+        if array.dtype != np.uint8:
+            raise ShapeError(f"{name} is {array.dtype}; uint8 is expected")

@@ -71,8 +71,8 @@ def as_matrix(values: ArrayLike, called: str, shape: tuple[int, int]) -> Float64
     """A float64 copy. CameraError, which calls it `called`: no numbers, or of another shape."""
     expected = f"a {shape[0]}x{shape[1]} matrix is expected"
     try:
-        matrix = np.array(values, np.float64)
-    except (TypeError, ValueError, OverflowError) as error:
+        matrix = np.array(np.asarray(values), np.float64)  # asarray: a tensor is asked once, without a copy
+    except (TypeError, ValueError, OverflowError, RuntimeError) as error:
         raise CameraError(f"{called} is of type {type(values).__name__} and holds no numbers; {expected}") from error
     if matrix.shape != shape:
         raise CameraError(f"{called} has shape {matrix.shape}; {expected}")

@@ -26,7 +26,8 @@ def orbit(camera: Camera, yaw: float, pitch: float = 0.0, pivot: float = PIVOT_M
     down. The yaw goes first, about the source camera's y axis; then the pitch, about the x axis of the camera that the
     yaw has turned (both axes shifted into the pivot). Seen from a fixed camera the scene turns the other way:
     p' = C + R_x(pitch) R_y(yaw) (p - C) with C = (0, 0, pivot).
-    With pivot = 0 the camera turns in place. Raises InputError on angles of more than 360 degrees or pivot < 0.
+    With pivot = 0 the camera turns in place. The verbs turn it about the median depth instead.
+    Raises InputError on angles of more than 360 degrees or pivot < 0.
 
     Examples:
         >>> import dlama

@@ -66,6 +66,11 @@ class Prompt:
         x, y, wide, high = check_numbers("box", box, 4, "(x, y, width, height)")
         if wide < 1 or high < 1:
             raise InputError(f"`box` is {wide:g} x {high:g} pixels; a width and a height of 1 or more are expected")
+        if wide > width or high > height:  # x,y,x,y of two corners
+            raise InputError(
+                f"`box` is {wide:g} x {high:g} pixels, larger than the picture of {width}x{height}; "
+                "x,y,width,height of a part of it are expected"
+            )
         if x >= width or y >= height or x + wide <= 0 or y + high <= 0:
             raise InputError(
                 f"`box` is {x:g},{y:g},{wide:g},{high:g}, which lies outside the picture of {width}x{height}; "
