@@ -74,6 +74,11 @@ def grid(inverse_depth: np.ndarray, hole: np.ndarray, label: np.ndarray, planes:
     return CoarseView(camera, hole, hole, *known, nothing)
 
 
+def out_of_view(coarse: CoarseView) -> CoarseView:
+    """The same grid, whose hole the source's view does not hold."""
+    return dataclasses.replace(coarse, hole_in_view=np.zeros_like(coarse.hole))
+
+
 def wall_with_hole(planes: tuple[float, ...] = (0.25,)) -> CoarseView:
     """A wall 4 m away, of which the upper half is a hole."""
     hole = np.zeros((12, 16), bool)
@@ -97,7 +102,7 @@ def test_surfaces_out_of_order_cost_a_jump_of_three(monkeypatch: pytest.MonkeyPa
 def test_sky_that_only_the_source_saw_goes_on_here() -> None:
     """Closed form: a view without sky may continue it where the source camera saw some, at the cost of the angle to it; the
     source looks 90 degrees to the right with 60 degrees in view, so from the middle of this view it is 60 degrees to its sky."""
-    coarse = wall_with_hole()
+    coarse = out_of_view(wall_with_hole())
     aside = moved(coarse.camera, turn=(0, 90, 0))
     grey = np.full((*aside.hw, 3), 128, np.uint8)
     sky = FillContext.of(Scene((View.from_rgbd(RGBD(grey, np.full(aside.hw, np.inf, np.float32), aside)),)))
@@ -105,6 +110,17 @@ def test_sky_that_only_the_source_saw_goes_on_here() -> None:
     assert coarse.distance_to_known(FillContext(Law(())))[1].min() == 1000
     middle = coarse.distance_to_known(sky)[1][5:7, 7:9].mean()
     assert middle == pytest.approx(coarse.camera.fx * np.radians(60), rel=0.1)
+
+
+def test_a_wall_has_no_window_onto_the_sky() -> None:
+    """Law: a hole that surfaces enclose is no sky, however near some is; one that meets it, or leaves the view, may be."""
+    hole, label, w = np.zeros((60, 80), bool), np.ones((60, 80), int), np.full((60, 80), 0.25)
+    label[:10], w[:10] = 0, 0
+    hole[14:30, 10:20] = hole[5:30, 40:50] = True
+    coarse = grid(w, hole, label, (0.25,))
+    sky = coarse.allowed(FillContext(Law(())))[1]
+    assert not sky[14:30, 10:20].any() and sky[5:30, 40:50].all()
+    assert out_of_view(coarse).allowed(FillContext(Law(())))[1][hole].all()
 
 
 def test_chords_of_a_pillar_are_its_height_and_width() -> None:

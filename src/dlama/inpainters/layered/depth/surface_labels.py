@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.camera import Camera
-from dlama.geometry.holes import distance_to
+from dlama.geometry.holes import dilate_mask, distance_to, regions_touching
 from dlama.geometry.kernels.jit import begin_job, in_bands
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.inpainters.context import FillContext
@@ -30,7 +30,7 @@ from dlama.inpainters.layered.depth.out_of_view import (
 )
 from dlama.inpainters.layered.depth.plane_edges import align_lines_to_edges
 from dlama.inpainters.layered.kernels import surfaces as surface_kernels
-from dlama.perception.planes import SMOOTH
+from dlama.perception.planes import SKY, SMOOTH
 
 GRID = 256
 """Longer side of the coarse grid."""
@@ -100,7 +100,8 @@ class CoarseView(CoarseCells):
         return out
 
     def allowed(self, context: FillContext) -> BoolArray:
-        """L x h x w, False where a label is impossible: behind the camera, never seen, or against the law by over 3 %."""
+        """L x h x w, False where a label is impossible: behind the camera, never seen, against the law by over 3 %, or sky with
+        walls all round."""
         out = np.ones(self.candidates.shape, np.bool_)
         shown = np.unique(self.label[~self.hole])
         for number, value in enumerate(self.candidates):
@@ -112,7 +113,13 @@ class CoarseView(CoarseCells):
             if number != 1:
                 depth = np.where(possible, LEEWAY / np.maximum(value, 1e-6), np.inf).astype(np.float32)
                 out[number] &= ~context.law.violations(self.camera, depth, self.hole & possible)
+        out[1] &= ~self.enclosed_by_surfaces()
         return out
+
+    def enclosed_by_surfaces(self) -> BoolArray:
+        """h x w, True in parts of the hole that neither meet known sky nor leave the view: a wall has no window onto the sky."""
+        known_sky = ~self.hole & (self.label == SKY)
+        return self.hole & ~regions_touching(self.hole, self.unseen | dilate_mask(known_sky, 2))
 
     def seen_through(self, context: FillContext, followed: BoolArray) -> BoolArray:
         """K x h x w, True in hole cells in which a source camera saw the sky through a followed plane (K): it has ended there."""
