@@ -181,7 +181,10 @@ def test_float_tiff(tmp_path: Path) -> None:
             np.full((3, 4), 1520, np.float32),
             "1520 m.*millimetres read as metres: depth_scale=1000, or centimetres: depth_scale=100",
         ),
-        (np.full((3, 4), 9e4, np.float32), r"millimetres read as metres: depth_scale=1000$"),
+        (
+            np.full((3, 4), 9e4, np.float32),
+            r"millimetres read as metres: depth_scale=1000; if these are metres: depth_scale=1$",
+        ),
         (np.array([[-1, -2, 0]], np.float32), "2 of 3 depth values are negative.*camera looks along -z, save -z"),
         (np.full((3, 4), 3, np.uint16), "0.003 m.*metres read as millimetres: depth_scale=1$"),
         (np.full((3, 4), 0.002, np.float32), "depth_scale=0.001"),
@@ -194,6 +197,15 @@ def test_bad_depth_is_refused(tmp_path: Path, values: np.ndarray, words: str) ->
     with pytest.raises(DepthError, match=words) as caught:
         read_depth(tmp_path / "d.npy")
     assert str(caught.value).startswith(str(tmp_path / "d.npy")) and "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("metres", [1520, 0.02])
+def test_metres_that_are_stated_are_not_doubted(tmp_path: Path, metres: float) -> None:
+    """Law: aerial and microscopic depth is read by `depth_scale=1`, which the refusal says."""
+    np.save(tmp_path / "d.npy", np.full((3, 4), metres, np.float32))
+    with pytest.raises(DepthError, match=r"if these are metres: depth_scale=1$"):
+        read_depth(tmp_path / "d.npy")
+    assert (read_depth(tmp_path / "d.npy", depth_scale=1) == np.float32(metres)).all()
 
 
 @pytest.mark.parametrize("scale", [1000.0, 5000.0])
@@ -250,7 +262,9 @@ def test_sixteen_bit_codes_there_and_back() -> None:
     again, none = mm_from_depth(depth_from_mm(every))
     np.testing.assert_array_equal(again, every)
     assert none == 0 and depth_from_mm(every[-1:, -1:]) == np.inf
-    assert depth_from_mm(np.array([[65535]], np.int32), 5000) == np.float32(65535 / 5000)
+    wide = np.array([[65535, 65536]], np.int32)  # 65535 is the code where nothing is larger, as of 16 bits saved in 32
+    assert depth_from_mm(wide[:, :1], 5000) == np.inf
+    assert depth_from_mm(wide, 5000).tolist() == [[np.float32(65535 / 5000), np.float32(65536 / 5000)]]
 
 
 @pytest.mark.parametrize("name", ["d.png", "d.exr", "piz.exr", "raw.exr", "d.pfm", "d.npy", "d.npz", "d.tif", "f.tif"])

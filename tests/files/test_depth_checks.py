@@ -75,6 +75,16 @@ def test_normalised_depth_is_warned_of(tmp_path: Path) -> None:
         read_depth(tmp_path / "stretched.png", depth_scale=7000)
 
 
+def test_negative_inverse_depth_keeps_its_order(tmp_path: Path) -> None:
+    """Closed form: the least of several negative numbers becomes 0; one alone is a code for what is far."""
+    ramp = np.linspace(-0.5, 1.5, 60, dtype=np.float32).reshape(6, 10)
+    np.save(tmp_path / "shifted.npy", ramp)
+    with pytest.warns(UserWarning, match=r"25% of the values are negative; all are raised by 0\.5"):
+        np.testing.assert_allclose(read_inverse_depth(tmp_path / "shifted.npy"), ramp + 0.5, atol=1e-6)
+    np.save(tmp_path / "coded.npy", np.where(ramp < 0.5, -1, ramp))
+    np.testing.assert_array_equal(read_inverse_depth(tmp_path / "coded.npy"), np.where(ramp < 0.5, 0, ramp))
+
+
 def test_inverse_depth_in_whatever_a_tool_saves(tmp_path: Path) -> None:
     """One ramp as 16 bits, floats, 8 bits grey and in three channels alike: the same up to a factor (oracle: the ramp), in 8 bits
     to half a step. False colours, and numbers that are no depth, are refused."""

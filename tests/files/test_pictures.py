@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 
 import cv2
@@ -78,6 +79,18 @@ def test_16_bit_keeps_the_high_byte(tmp_path: Path, suffix: str, channels: int) 
     wanted = np.repeat(wanted, 3, axis=2) if channels == 1 else wanted[..., 2::-1]
     with pytest.warns(UserWarning, match="has 16 bits a channel"):
         assert np.array_equal(read_color(tmp_path / f"c{suffix}"), wanted)
+
+
+@pytest.mark.parametrize("bits", [10, 12, 14, 15])
+def test_pictures_of_fewer_bits_in_16_are_warned_of(tmp_path: Path, bits: int) -> None:
+    """Closed form: the bits that the largest value takes, up to a quarter of the range."""
+    values = np.linspace(0, (1 << bits) - 1, 60).reshape(6, 10).astype(np.uint16)
+    cv2.imwrite(str(tmp_path / "infrared.png"), values)
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        read_color(tmp_path / "infrared.png")
+    dark = [one for one in told if f"as of a camera of {bits} bits" in str(one.message)]
+    assert len(dark) == len(told) - 1 == (bits < 15)
 
 
 def test_transparent_colours_of_a_palette_are_warned_of(tmp_path: Path) -> None:

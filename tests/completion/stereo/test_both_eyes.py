@@ -243,5 +243,12 @@ def test_pairs_that_are_none_are_noticed() -> None:
     with pytest.warns(UserWarning, match="swapped") as told:
         done = stereo(right, left, rig, filler="telea", max_disparity=32)
     assert len(told) == 1 and "\n" not in str(told[0].message) and "swapped" in done.meta["stereo"]["doubt"]
+    noise = np.random.default_rng(0).integers(0, 256, (2, *left.shape), np.uint8)
+    lower = np.indices(left.shape)[0] > len(left) // 2
+    with pytest.warns(UserWarning, match=r"\d\d% of the left picture finds no match") as told:
+        done = stereo(*np.where(lower, noise, [left, right]), rig, filler="telea", max_disparity=32)
+    assert (
+        len(told) == 1 and "no match" in done.meta["stereo"]["doubt"] and done.meta["stereo"]["unmatched_share"] > 0.35
+    )
     with pytest.raises(InputError, match="identical"):
         stereo(left, left, rig)

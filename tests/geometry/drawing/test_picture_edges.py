@@ -213,3 +213,7 @@ def test_the_pixels_of_an_enlarged_map_are_found() -> None:
     flat = np.full((60, 50), 2, np.float32)
     flat[10:20, 10:20] = 1
     assert not MapGrid.of(coarse).enlarged and not MapGrid.of(flat).enlarged
+    for step in (3, 4):  # single readings on a lattice: `resize_depth=guided` left nothing of them
+        lattice = np.zeros((300, 400), np.float32)
+        lattice[::step, ::step] = np.random.default_rng(0).uniform(1, 9, lattice[::step, ::step].shape)
+        assert not MapGrid.of(lattice).enlarged

@@ -18,6 +18,9 @@ from dlama.perception.stereo.infinity import drop_plain_infinity
 from dlama.perception.stereo.matching import Matcher, disparity_pair, transfer_disparity
 from dlama.perception.stereo.networks import NetworkMatcher
 
+MANY_UNMATCHED = 0.35
+"""Share of the left picture without a match that is warned of: 3 to 20 % of usable pairs."""
+
 
 def match_pair(
     colors: tuple[UInt8Array, UInt8Array],
@@ -48,9 +51,16 @@ def match_pair(
                     f"the {name} picture has nearly one colour all over: there is nothing to match; give `disparity`"
                 )
         found = match(left, right)
+        notes = {**notes, "unmatched_share": float((found[0] == 0).mean())}
     else:
         found, notes = matches_of_disparity(disparity, left.shape[:2]), {"matcher": "none: the disparity was given"}
     doubt = find_pair_fault(left, right, found[0])
+    unmatched = notes.get("unmatched_share", 0.0)
+    if doubt is None and unmatched > MANY_UNMATCHED:
+        doubt = (
+            f"{unmatched:.0%} of the left picture finds no match in the right one, as surfaces without texture and dark, noisy "
+            "or blurred pictures do; depth there is guessed from its surroundings"
+        )
     if doubt is not None:
         warnings.warn(doubt, UserWarning, stacklevel=3)
         notes = {**notes, "doubt": doubt}

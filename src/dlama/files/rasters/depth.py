@@ -50,7 +50,7 @@ def read_depth(
     16-bit PNG or TIFF and integer arrays: metres = value / depth_scale (default 1000; TUM 5000, KITTI 256), 65535 = far.
     EXR, PFM, float TIFF, NPY, NPZ (key `depth`), organised PCD: metres, unless `depth_scale` divides them or `depth_range`
     (EasySynth) multiplies values normalised to 0..1, where 1 is far. NaN is missing; infinity, and depth >= `far` metres, is far.
-    Raises FileError, or DepthError: 8-bit, colour, negative, nothing valid, or a median outside 0.05..500 m.
+    Raises FileError, or DepthError: 8-bit, colour, negative, nothing valid, a median outside 0.05..500 m (not of floats at 1).
     """
     check_depth_options(depth_scale, depth_range, far)
     values = read_stored_numbers(path, "depth", channel)
@@ -62,7 +62,7 @@ def read_depth(
         scale = depth_scale or MILLIMETRES
         depth = _metres_from_codes(path, values, depth_scale, depth_range)
     depth[np.isnan(depth)] = 0
-    median = _check_plausible(path, depth, scale, depth_range)
+    median = _check_plausible(path, depth, scale, depth_range, stated=is_float and depth_scale == 1)
     depth[depth > FAR_METRES] = np.inf
     if depth_range is None:
         warn_of_inverse(path, depth)
@@ -76,10 +76,15 @@ def read_inverse_depth(path: PathLike, *, channel: str | None = None) -> Float32
     """A file of relative inverse depth, as Depth Anything and MiDaS give it, as float32 H x W: larger is nearer, 0 is far.
 
     8- or 16-bit PNG, JPEG or TIFF, one channel or three alike, EXR, PFM, NPY, NPZ (key `depth`), in any unit. What is not finite
-    is far. Steps of 8 bits are smoothed by as much as a step cannot tell. Raises FileError or DepthError: colours, nothing near.
+    is far. Negative numbers, as MiDaS gives them, shift all so that the least is 0; one negative number alone is a code, and far.
+    Steps of 8 bits are smoothed by as much as a step cannot tell. Raises FileError or DepthError: colours, nothing near.
     """
     stored = read_stored_numbers(path, "depth", channel, eight_bit=True)
     values = stored.astype(np.float32)
+    negative = values[np.isfinite(values) & (values < 0)]
+    if negative.size and (least := negative.min()) < negative.max():
+        warn(f"{path}: {negative.size / values.size:.0%} of the values are negative; all are raised by {-least:.4g}")
+        values -= least
     values[~(np.isfinite(values) & (values > 0))] = 0
     if not values.any():
         raise DepthError(f"{path}: no pixel has an inverse depth above 0")
@@ -126,9 +131,9 @@ def mm_from_depth(depth: Float32Array) -> tuple[NDArray[np.uint16], int]:
 
 
 def depth_from_mm(codes: np.ndarray, units: float = MILLIMETRES) -> Float32Array:
-    """H x W metres of whole numbers, `units` of them a metre: 0 = missing; in 16 bits 65535 = far (+inf)."""
+    """H x W metres of whole numbers, `units` of them a metre: 0 = missing; 65535 = far (+inf) where none is larger."""
     depth = (codes / units).astype(np.float32)
-    if codes.dtype == np.uint16:
+    if codes.dtype == np.uint16 or codes.max(initial=0) == FAR_CODE:
         depth[codes == FAR_CODE] = np.inf
     return depth
 
@@ -223,8 +228,10 @@ def _metres_from_codes(
     return depth
 
 
-def _check_plausible(path: PathLike, depth: Float32Array, scale: float, depth_range: float | None) -> float:
-    """The median depth of what is not beyond FAR_METRES; DepthError."""
+def _check_plausible(
+    path: PathLike, depth: Float32Array, scale: float, depth_range: float | None, stated: bool
+) -> float:
+    """The median depth of what is not beyond FAR_METRES. DepthError of an unlikely one, unless they were stated to be metres."""
     valid = depth[_valid(depth)]
     near = valid[valid <= FAR_METRES]
     if not valid.size:
@@ -239,9 +246,10 @@ def _check_plausible(path: PathLike, depth: Float32Array, scale: float, depth_ra
             else f"{beyond} `depth_range={depth_range:g}`; metres are expected"
         )
     median = float(np.median(near))
-    if PLAUSIBLE_M[0] <= median <= PLAUSIBLE_M[1]:
+    if stated or PLAUSIBLE_M[0] <= median <= PLAUSIBLE_M[1]:
         return median
-    raise DepthError(f"{path}: the median depth is {median:.4g} m, {_scale_advice(median, scale, depth_range)}")
+    mend = "; if these are metres: `depth_scale=1`" * (scale == 1 and depth_range is None)
+    raise DepthError(f"{path}: the median depth is {median:.4g} m, {_scale_advice(median, scale, depth_range)}{mend}")
 
 
 def _scale_advice(median: float, scale: float, depth_range: float | None) -> str:

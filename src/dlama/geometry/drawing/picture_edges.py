@@ -19,7 +19,7 @@ from dlama.geometry.kernels.along_colors import DepthCost
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.kernels.picture_edges import ROOM, Edges, find_mixed, fit_planes
 from dlama.geometry.projection import inverse_depth
-from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, is_valid
 from dlama.geometry.view import View
 
 JUMP = 0.06
@@ -47,6 +47,8 @@ BEHIND, OF = 2, 1024
 surface: what stands before it is mixed in, and sharpening and JPEG leave a halo there."""
 ENLARGED = 1.25
 """Least number of picture pixels to one pixel of an enlarged map."""
+IN_BLOCKS = 0.3
+"""Least share of the pixels of an enlarged map that a neighbour has the depth of; single readings on a lattice have none."""
 LEAST_BORDERS, REGULAR = 40, 0.8
 """Least number of borders; least share of their distances that are equal (to a pixel) in an enlarged map."""
 
@@ -92,7 +94,12 @@ class MapGrid(NamedTuple):
     @classmethod
     def of(cls, depth: Float32Array) -> MapGrid:
         """The grid of depth (H x W), by its blocks of equal values."""
-        return cls(MapAxis.of((depth[1:] != depth[:-1]).any(1)), MapAxis.of((depth[:, 1:] != depth[:, :-1]).any(0)))
+        found = cls(MapAxis.of((depth[1:] != depth[:-1]).any(1)), MapAxis.of((depth[:, 1:] != depth[:, :-1]).any(0)))
+        if not found.enlarged:
+            return found
+        if is_in_block(depth).sum() > IN_BLOCKS * is_valid(depth).sum():
+            return found
+        return cls(found.rows._replace(pixel=1.0), found.columns._replace(pixel=1.0))
 
     @property
     def largest(self) -> float:
@@ -122,6 +129,16 @@ class MapGrid(NamedTuple):
     def enlarge(self, values: np.ndarray) -> np.ndarray:
         """Values of the map at the pixels of the picture."""
         return values[self.rows.owners][:, self.columns.owners]
+
+
+def is_in_block(depth: Float32Array) -> BoolArray:
+    """H x W, True where a pixel has a depth (H x W) and the next one, above, below, left or right, the same."""
+    out, valid = np.zeros(depth.shape, np.bool_), is_valid(depth)
+    for one, other in ((np.s_[1:], np.s_[:-1]), (np.s_[:, 1:], np.s_[:, :-1])):
+        same = valid[one] & (depth[one] == depth[other])
+        out[one] |= same
+        out[other] |= same
+    return out
 
 
 class AlignedDepth(NamedTuple):
