@@ -23,6 +23,7 @@ from dlama.inpainters.layered.depth.out_of_view import (
     PAST,
     PlaneLines,
     above_horizon,
+    continue_between,
     ending_cost,
     follow_lines,
     has_ended,
@@ -94,13 +95,33 @@ def test_lines_count_what_they_meet() -> None:
     w[20:, 24:30], label[20:, 24:30] = 0.5, -1
     cells, every = out_of_view(w, label, hole, np.full((3, *w.shape), 0.25, np.float32)), np.ones(1, np.bool_)
     lines = PlaneLines.of(cells, np.zeros((1, *hole.shape), np.bool_))
-    first, length = seen_on_lines(lines, np.array([[1.0, 0.0, 0.0]]), cells, every, 1)
+    first, length, ways = seen_on_lines(lines, np.array([[1.0, 0.0, 0.0]]), cells, every, 1, cells.unseen)
     for row, start, count in ((5, 24, 0), (15, 24, 36), (30, 30, 30)):
         np.testing.assert_allclose(first[0, row, :24], start - np.arange(24), atol=1)
         np.testing.assert_array_equal(length[0, row, :24], count)
     assert (first[0, :, 24:] == -1).all()
-    upwards = seen_on_lines(lines, np.array([[0.0, 1.0, 0.0]]), cells, every, 1)
+    np.testing.assert_array_equal(ways[0] == 1, length[0] > 0)  # to the left is nothing
+    upwards = seen_on_lines(lines, np.array([[0.0, 1.0, 0.0]]), cells, every, 1, cells.unseen)
     assert (upwards[0] == -1).all()
+
+
+def test_a_plane_continues_between_two_parts_of_it() -> None:
+    """By hand: a wall seen on both sides of a removed object, in rows 10 and below, sky above: it continues in those rows alone,
+    and hides the sky there; where it is seen on one side alone nothing is said."""
+    w, label = np.full((40, 60), 0.25, np.float32), np.ones((40, 60), np.int8)
+    w[:10], label[:10] = 0, 0
+    hole = np.zeros(w.shape, bool)
+    hole[4:30, 20:40] = hole[15:25, 50:] = True
+    candidates = np.stack([np.full(w.shape, value, np.float32) for value in (0.3, 0, 0.25)])
+    camera = Camera.from_fov(60, 40, 60)
+    cells = CoarseCells(camera, hole, hole, w, label, candidates)
+    lines = PlaneLines.of(cells, np.zeros((1, *hole.shape), np.bool_))._replace(along=np.array([[1.0, 0.0, 0.0]]))
+    on, hidden = continue_between(lines, cells, np.ones(1, np.bool_), hole)
+    between = np.zeros_like(hole)
+    between[10:30, 20:40] = True
+    np.testing.assert_array_equal(on[2] == 1, between)
+    np.testing.assert_array_equal(hidden[1] > 0, between)
+    assert not on[:2].any() and not hidden[[0, 2]].any()
 
 
 def test_a_plane_has_ended_where_the_sky_was_seen_through_it() -> None:

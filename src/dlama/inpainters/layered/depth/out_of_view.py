@@ -81,18 +81,25 @@ class PlaneLines(NamedTuple):
 
 
 def seen_on_lines(
-    lines: PlaneLines, towards: NDArray[np.float64], cells: CoarseCells, followed: BoolArray, stride: int
+    lines: PlaneLines,
+    towards: NDArray[np.float64],
+    cells: CoarseCells,
+    followed: BoolArray,
+    stride: int,
+    asking: BoolArray,
 ) -> Found:
     """K x h' x w' cells from each queried cell to the plane along its line, and the length over which the plane is seen there.
 
-    towards: K x 3, homogeneous vanishing point of each plane's lines; followed: K, the planes that are looked for. Every
-    stride-th row and column out of view is queried. -1: undecided, or not looked for; length 0: the line looks behind the plane.
+    towards: K x 3, homogeneous vanishing point of each plane's lines; followed: K, the planes that are looked for; asking:
+    h x w, of which every stride-th row and column is queried. -1: undecided, or not looked for; length 0: the line looks behind
+    the plane.
     """
     height, width = (-(-size // stride) for size in cells.hole.shape)
     first = np.full((len(lines.planes), height, width), -1, np.float32)
-    found, directions = Found(first, np.zeros_like(first)), Directions(lines.planes, towards, followed)
+    found = Found(first, np.zeros_like(first), np.zeros(first.shape, np.int8))
+    directions = Directions(lines.planes, towards, followed)
     over = Cells(cells.inverse_depth, cells.label, cells.hole, lines.past, lines.away)
-    in_bands(line_rows, height, directions, over, cells.unseen, stride, found, band=8)
+    in_bands(line_rows, height, directions, over, asking, stride, found, band=8)
     return found
 
 
@@ -104,8 +111,8 @@ def follow_lines(lines: PlaneLines, cells: CoarseCells, followed: BoolArray) -> 
     on, cost = np.zeros(candidates.shape, np.float32), np.zeros(candidates.shape, np.float32)
     if not unseen.any() or not followed.any():
         return on, cost
-    first, length = seen_on_lines(lines, lines.along, cells, followed, STRIDE)
-    other_first, other_length = seen_on_lines(lines, lines.across, cells, followed, STRIDE_ACROSS)
+    first, length, _ = seen_on_lines(lines, lines.along, cells, followed, STRIDE, unseen)
+    other_first, other_length, _ = seen_on_lines(lines, lines.across, cells, followed, STRIDE_ACROSS, unseen)
     few = candidates[:, ::STRIDE, ::STRIDE], unseen[::STRIDE, ::STRIDE]
     few_on, few_cost = np.zeros_like(few[0]), np.zeros_like(few[0])
     hidden = np.zeros_like(few[0])
@@ -128,6 +135,22 @@ def follow_lines(lines: PlaneLines, cells: CoarseCells, followed: BoolArray) -> 
         for number in np.flatnonzero(values.any((1, 2))):
             out[number] = enlarge_strided(values[number] * weight, hw) / total * unseen
     return on, cost
+
+
+def continue_between(
+    lines: PlaneLines, cells: CoarseCells, followed: BoolArray, removed: BoolArray
+) -> tuple[Float32Array, Float32Array]:
+    """As `follow_lines`, in cells of removed objects (h x w): a plane that its line sees in both ways continues between, so that
+    a wall ends at its skyline, also where the sky above is nearer than the wall to either side."""
+    on, hidden = np.zeros(cells.candidates.shape, np.float32), np.zeros(cells.candidates.shape, np.float32)
+    if not removed.any() or not followed.any():
+        return on, hidden
+    first, length, ways = seen_on_lines(lines, lines.along, cells, followed, 1, removed)
+    on[2:] = ways == 2
+    hides = on[2:] * np.minimum(np.log1p(length / np.maximum(first, 1)), MOST_HIDDEN)
+    for k in np.flatnonzero(on.any((1, 2))):
+        np.maximum(hidden, hides[k - 2] * (IN_FRONT * cells.candidates < cells.candidates[k]), out=hidden)
+    return on, hidden
 
 
 def ending_cost(cells: CoarseCells, followed: BoolArray, beyond: Float32Array, jump: float) -> Float32Array:

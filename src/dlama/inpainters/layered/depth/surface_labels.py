@@ -25,6 +25,7 @@ from dlama.inpainters.layered.depth.out_of_view import (
     IN_FRONT,
     PlaneLines,
     above_horizon,
+    continue_between,
     ending_cost,
     follow_lines,
 )
@@ -72,6 +73,8 @@ class CoarseView(CoarseCells):
     """Least share of the known cells of a plane that is followed along lines out of view."""
     solid: bool = False
     """Whether followed planes also need chords of CHORD cells (geometric mean): with inexact depth edges slats end anywhere."""
+    removed: BoolArray | None = None
+    """h x w, True in the part of the hole where an object was removed."""
 
     def label_costs(self, context: FillContext) -> Float32Array:
         """h x w x L cost of each label after belief propagation (lower is better)."""
@@ -80,6 +83,9 @@ class CoarseView(CoarseCells):
         lines = align_lines_to_edges(PlaneLines.of(self, self.seen_through(context, followed)), self)
         followed |= lines.by_edges
         on, penalty = follow_lines(lines, self, followed)
+        if self.removed is not None:
+            between, hidden = continue_between(lines, self, followed, self.removed)
+            on, penalty = np.maximum(on, between), penalty + hidden
         penalty += ending_cost(self, followed, self.cut.beyond, REACH * GRID)
         penalty[0] += SMOOTH_PENALTY
         penalty[1:] += np.float32(ORDER_COST) * self.out_of_order()

@@ -113,7 +113,8 @@ def sample_grid(view: View, surfaces: KnownSurfaces, step: float, solid: bool = 
         [smooth[None], np.zeros_like(smooth)[None], plane_values(surfaces.planes, camera.hw, step)]
     )
     followed_from = np.inf if surfaces.noise else FOLLOWED
-    return CoarseView(camera, hole, in_view, w, label, candidates, cut(), followed_from, solid)
+    removed = cells_with_holes(view.object_hole, camera.wh) & hole
+    return CoarseView(camera, hole, in_view, w, label, candidates, cut(), followed_from, solid, removed)
 
 
 def upsample_labels(

@@ -49,6 +49,8 @@ class Found(NamedTuple):
 
     first: Float32Array
     length: Float32Array
+    ways: NDArray[np.int8]
+    """In how many of the two ways along the line the plane is seen."""
 
 
 @inlined
@@ -121,7 +123,7 @@ def line_rows(
 ) -> None:
     """Rows of `seen_on_lines` (depth/out_of_view). asking: h x w, cells of which every stride-th is queried."""
     planes, towards, followed = directions
-    first, length = out
+    first, length, ways = out
     for row in range(begin, end):
         for column in range(first.shape[2]):
             y, x = row * stride, column * stride
@@ -137,6 +139,8 @@ def line_rows(
                 dc, dr = dc / size, dr / size
                 for _way in range(2):
                     found, seen = follow_line(cells, planes[k], k + 1, y, x, dr, dc)
+                    if seen > 0:
+                        ways[k, row, column] += 1
                     if found > 0 and (first[k, row, column] < 0 or found < first[k, row, column]):
                         first[k, row, column] = found
                         length[k, row, column] = seen
