@@ -87,6 +87,13 @@ def _ending_cost() -> None:
     _replace("inpainters.layered.depth.surface_labels", "ending_cost", lambda *rest: np.float32(0))
 
 
+def _between() -> None:
+    def nothing(lines: Any, cells: Any, *rest: Any) -> tuple[Any, Any]:
+        return (np.zeros(cells.candidates.shape, np.float32),) * 2
+
+    _replace("inpainters.layered.depth.surface_labels", "continue_between", nothing)
+
+
 def _seams() -> None:
     _replace("inpainters.layered.depth_first", "seams", lambda label, hole: np.zeros_like(hole))
 
@@ -223,6 +230,8 @@ RULES: dict[str, Callable[[], None]] = {
     "plane-edges": _plane_edges,
     "order": _of_coarse("out_of_order", lambda self: np.zeros((len(self.candidates) - 1, *self.hole.shape), np.bool_)),
     "relief": _of_coarse("with_relief", lambda self: self.label),
+    "enclosed-sky": _of_coarse("enclosed_by_surfaces", lambda self: np.zeros_like(self.hole)),
+    "between": _between,
     "ending-cost": _ending_cost,
     "seams": _seams,
     "whole-occluders": _whole_occluders,
