@@ -145,11 +145,12 @@ def continue_between(
     on, hidden = np.zeros(cells.candidates.shape, np.float32), np.zeros(cells.candidates.shape, np.float32)
     if not removed.any() or not followed.any():
         return on, hidden
-    first, length, ways = seen_on_lines(lines, lines.along, cells, followed, 1, removed)
-    on[2:] = ways == 2
-    hides = on[2:] * np.minimum(np.log1p(length / np.maximum(first, 1)), MOST_HIDDEN)
-    for k in np.flatnonzero(on.any((1, 2))):
-        np.maximum(hidden, hides[k - 2] * (IN_FRONT * cells.candidates < cells.candidates[k]), out=hidden)
+    found = seen_on_lines(lines, lines.along, cells, followed, 1, removed)
+    first, length, ways = (one[:, removed] for one in found)
+    on[2:, removed] = ways == 2
+    hides = (ways == 2) * np.minimum(np.log1p(length / np.maximum(first, 1)), MOST_HIDDEN)
+    values = cells.candidates[:, removed]
+    hidden[:, removed] = (hides * (IN_FRONT * values[:, None] < values[2:])).max(1)
     return on, hidden
 
 
