@@ -10,7 +10,7 @@ import pytest
 
 import dlama
 from dlama.errors import InputError
-from dlama.perception.stereo.checks import find_pair_fault, match_corners, refuse_identical
+from dlama.perception.stereo.checks import find_many_unmatched, find_pair_fault, match_corners, refuse_identical
 
 Array = np.ndarray
 KNOWN = np.ones((512, 512), np.float32)
@@ -110,6 +110,16 @@ def test_plain_pictures_are_judged_by_their_matches() -> None:
     known = np.zeros((60, 80), np.float32)
     assert "only 0%" in str(find_pair_fault(plain, plain, known))
     assert find_pair_fault(plain, plain, known + 1) is None
+
+
+def test_sky_that_finds_no_match_is_not_warned_of() -> None:
+    """Law: half of a picture without a match is warned of, unless it is plain blue sky over what is matched outdoors."""
+    left, _ = demo()
+    upper = np.indices(left.shape[:2])[0] < len(left) // 2
+    depth = np.where(upper, 0, 9).astype(np.float32)
+    assert "50% of the left picture finds no match" in str(find_many_unmatched(left, depth))
+    assert find_many_unmatched(np.where(upper[..., None], np.uint8([140, 170, 210]), left), depth) is None
+    assert find_many_unmatched(left, np.where(upper & (upper.cumsum(0) % 4 > 0), 9, depth).astype(np.float32)) is None
 
 
 def test_identical_pictures_are_refused() -> None:

@@ -13,13 +13,10 @@ from dlama.errors import InputError, ShapeError
 from dlama.geometry.camera import StereoRig
 from dlama.geometry.rgbd import Float32Array, UInt8Array, mark_far
 from dlama.perception.monocular import LEAST_CONTRAST, contrast
-from dlama.perception.stereo.checks import find_pair_fault, refuse_identical
+from dlama.perception.stereo.checks import find_many_unmatched, find_pair_fault, refuse_identical
 from dlama.perception.stereo.infinity import drop_plain_infinity
 from dlama.perception.stereo.matching import Matcher, disparity_pair, transfer_disparity
 from dlama.perception.stereo.networks import NetworkMatcher
-
-MANY_UNMATCHED = 0.35
-"""Share of the left picture without a match that is warned of: 3 to 20 % of usable pairs."""
 
 
 def match_pair(
@@ -55,12 +52,8 @@ def match_pair(
     else:
         found, notes = matches_of_disparity(disparity, left.shape[:2]), {"matcher": "none: the disparity was given"}
     doubt = find_pair_fault(left, right, found[0])
-    unmatched = notes.get("unmatched_share", 0.0)
-    if doubt is None and unmatched > MANY_UNMATCHED:
-        doubt = (
-            f"{unmatched:.0%} of the left picture finds no match in the right one, as surfaces without texture and dark, noisy "
-            "or blurred pictures do; depth there is guessed from its surroundings"
-        )
+    if disparity is None:
+        doubt = doubt or find_many_unmatched(left, depth_in_metres(found[0], rig, np.inf))
     if doubt is not None:
         warnings.warn(doubt, UserWarning, stacklevel=3)
         notes = {**notes, "doubt": doubt}

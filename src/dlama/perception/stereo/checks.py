@@ -14,6 +14,7 @@ import numpy as np
 from dlama.errors import InputError
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+from dlama.perception.sky import find_plain_sky
 
 FEATURES = 1500
 """Corners detected in each picture."""
@@ -41,6 +42,8 @@ COLORED, EXCHANGED = 4.0, -0.7
 less, others 0.9 or more)."""
 AGREEING = 0.1
 """Share of pixels with a disparity below which matching has failed."""
+MANY_UNMATCHED = 0.35
+"""Share of the left picture, but for plain sky, without a match that is warned of: 3 to 20 % of usable pairs."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,6 +127,23 @@ def find_pair_fault(left: UInt8Array, right: UInt8Array, left_disparity: Float32
     if known < AGREEING:
         return f"only {known:.0%} of the left picture was found in the right one, so most depth is a guess"
     return None
+
+
+def find_many_unmatched(left: UInt8Array, depth: Float32Array) -> str | None:
+    """That much of the left picture (H x W x 3) finds no match, in one line; None: little, but for plain sky, which is found
+    without.
+
+    depth: H x W metres as matched, 0 = unknown.
+    """
+    unmatched = depth == 0
+    if unmatched.mean() > MANY_UNMATCHED:
+        unmatched &= ~find_plain_sky(left, unmatched, depth)
+    if (share := unmatched.mean()) <= MANY_UNMATCHED:
+        return None
+    return (
+        f"{share:.0%} of the left picture finds no match in the right one, as surfaces without texture and dark, noisy or "
+        "blurred pictures do; depth there is guessed from its surroundings"
+    )
 
 
 def diagnose_corners(corners: Corners, height: int, doffs: float = 0.0) -> tuple[str, str] | None:
