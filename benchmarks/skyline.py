@@ -15,6 +15,7 @@ import warnings
 import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
+from itertools import islice
 from pathlib import Path
 
 import cv2
@@ -46,9 +47,9 @@ def frames(shared: Path, streets: Sequence[str], worlds: range) -> Iterator[tupl
         yield "world", f"w{number}", world_case(number, "view", SENSORS[number % len(SENSORS)]).source, 1
 
 
-def marked_pieces(frame: RGBD, name: str, count: int, across: bool) -> Iterator[BoolArray]:
+def marked_pieces(frame: RGBD, name: str, across: bool) -> Iterator[BoolArray]:
     """H x W masks."""
-    (height, width), rng, made = frame.far.shape, np.random.default_rng(zlib.crc32(name.encode())), 0
+    (height, width), rng = frame.far.shape, np.random.default_rng(zlib.crc32(name.encode()))
     if not SKY[0] < frame.far.mean() < SKY[1]:
         return
     distance = cv2.distanceTransform((~frame.far).astype(np.uint8), cv2.DIST_L2, 5)
@@ -59,10 +60,9 @@ def marked_pieces(frame: RGBD, name: str, count: int, across: bool) -> Iterator[
         fits = ACROSS[0] < frame.far[box].mean() < ACROSS[1]
         if not across:
             fits = 5 <= distance[box].min() <= NEAR * height
-        if fits and made < count:
+        if fits:
             mask = np.zeros(frame.far.shape, np.bool_)
             mask[box] = True
-            made += 1
             yield mask
 
 
@@ -99,7 +99,7 @@ def main() -> None:
             stack.enter_context(without(rule))
         for domain, name, frame, count in frames(args.shared, args.streets, range(*args.worlds)):
             found.setdefault(domain, []).extend(
-                measure(frame, mask) for mask in marked_pieces(frame, name, count, args.across)
+                measure(frame, mask) for mask in islice(marked_pieces(frame, name, args.across), count)
             )
     print("| domain | pieces | squared error | LPIPS | depth, m | false sky |\n|---|---|---|---|---|---|")
     for domain, rows in found.items():

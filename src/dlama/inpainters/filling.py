@@ -94,16 +94,17 @@ def check_fill(fill: Fill, hole: BoolArray) -> Fill:
     if color.dtype != np.uint8:
         raise ShapeError(f"the filler's color is {color.dtype}; uint8 is expected")
     depth = _check_plane(fill.depth, "depth", hw)
-    if wrong := int((~(depth[hole] > 0)).sum()) if depth.dtype.kind in "iuf" else depth.size:
+    filled = depth[hole] > 0 if depth.dtype.kind in "iuf" else np.zeros(int(hole.sum()), np.bool_)
+    if wrong := int((~filled).sum()):
         raise DepthError(
             f"the filler's depth is 0, NaN, negative or no number in {wrong} pixels of the hole; metres, or infinity for sky, "
             "are expected"
         )
-    errors = (
-        None if fill.errors is None else _check_plane(fill.errors, "errors", (*hw, 2)).astype(np.float32, copy=False)
-    )
-    if errors is not None and not (errors[hole] >= 0).all():
-        raise ShapeError("the filler's errors are NaN or negative in pixels of the hole; numbers >= 0 are expected")
+    errors = None
+    if fill.errors is not None:
+        errors = _check_plane(fill.errors, "errors", (*hw, 2)).astype(np.float32, copy=False)
+        if not (errors[hole] >= 0).all():
+            raise ShapeError("the filler's errors are NaN or negative in pixels of the hole; numbers >= 0 are expected")
     return Fill(color, depth, fill.law_moves, fill.notes, errors)
 
 

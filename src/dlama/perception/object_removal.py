@@ -91,22 +91,20 @@ class MaskedObject:
     @cached_property
     def corners(self) -> np.ndarray:
         """8 x 3, of a box that holds that one and all of `whole`."""
-        views = (layer.load() for layer in self.whole.frames)
-        points = [world_points(view)[view.valid] for view in views]
-        return box_corners(np.concatenate([*points, np.stack(self.box)]))
+        return box_corners(np.concatenate([*points_of_frames(self.whole), np.stack(self.box)]))
 
     @cached_property
     def points(self) -> np.ndarray:
         """N x 3, in the world, under the masks."""
-        return np.concatenate(
-            [world_points(view)[view.valid] for view in (layer.load() for layer in self.shown.frames)]
-        )
+        return np.concatenate(points_of_frames(self.shown))
 
     def is_part_of(self, other: MaskedObject, frames: Mapping[int, Layer]) -> bool:
         """Whether both are one object: parts under masks of one frame whose points' boxes meet, or parts of other frames most of
         whose points lie under the masks of the other's; frames: the masked ones, by index."""
-        (low, high), (other_low, other_high) = (np.percentile(one.points, OUTLIERS, axis=0) for one in (self, other))
         if self.masks.keys() & other.masks.keys():
+            (low, high), (other_low, other_high) = (
+                np.percentile(one.points, OUTLIERS, axis=0) for one in (self, other)
+            )
             return bool((low <= other_high).all() and (other_low <= high).all())
         return max(self.share_under(other, frames), other.share_under(self, frames)) > SAME
 
@@ -114,13 +112,8 @@ class MaskedObject:
         """Share of the points in view of the other's masked frames that lie under its masks, not before or behind them."""
         in_view, under = 0, 0
         for place, mask in other.masks.items():
-            row, column, z, inside = project_to_pixels(self.points, frames[place].camera)
-            there = frames[place].load().known_depth[row, column]
-            shown = inside & (np.abs(there - z) <= AGREES * z)
-            in_view, under = (
-                in_view + int(shown.sum()),
-                under + int((shown & dilate_mask(mask, RIM_PX)[row, column]).sum()),
-            )
+            at, _, _, shown = find_in_frame(self.points, frames[place].load())
+            in_view, under = in_view + int(shown.sum()), under + int((shown & dilate_mask(mask, RIM_PX)[at]).sum())
         return under / in_view if in_view else 0.0
 
 
@@ -204,9 +197,14 @@ def mask_interior(frame: Layer, mask: BoolArray) -> Layer:
     return frame.without(~(core if core.any() else mask), HoleType.NONE)
 
 
+def points_of_frames(scene: Scene) -> list[np.ndarray]:
+    """N x 3, in the world, of the measured pixels of each frame."""
+    return [world_points(view)[view.valid] for view in (layer.load() for layer in scene.frames)]
+
+
 def bounding_box(masked: Scene) -> tuple[np.ndarray, np.ndarray] | None:
     """Lower and upper corner, in the world, of the box that holds the object; None where the masks show no depth."""
-    points = [world_points(view)[view.valid] for view in (layer.load() for layer in masked.frames)]
+    points = points_of_frames(masked)
     if not sum(map(len, points)):
         return None
     low, high = np.percentile(np.concatenate(points), OUTLIERS, axis=0)
@@ -277,8 +275,15 @@ def find_in_depth(frame: View, frames: Mapping[int, Layer], masked: MaskedObject
 def compare_with_mask(points: np.ndarray, masked: View, mask: BoolArray) -> tuple[BoolArray, BoolArray, BoolArray]:
     """Points (H x W x 3) compared with a masked frame, H x W each: shown outside its mask, on a line of sight of its mask (grown
     by RIM_PX), in its view. Beyond the picture a mask that its border cuts continues as it is there."""
-    row, column, z, inside = project_to_pixels(points, masked.camera)
-    there = masked.known_depth[row, column]
-    shown = inside & (np.abs(there - z) <= AGREES * z) & ~mask[row, column]
-    within = np.where(inside, dilate_mask(mask, RIM_PX)[row, column], mask[row, column] & (z > 0))
-    return shown, within, inside
+    at, z, inside, shown = find_in_frame(points, masked)
+    within = np.where(inside, dilate_mask(mask, RIM_PX)[at], mask[at] & (z > 0))
+    return shown & ~mask[at], within, inside
+
+
+def find_in_frame(
+    points: np.ndarray, frame: View
+) -> tuple[tuple[np.ndarray, np.ndarray], np.ndarray, BoolArray, BoolArray]:
+    """Where points (... x 3) are in a frame, each of their shape: row and column (the nearest of the picture), depth in metres,
+    in its view, and shown there, neither before nor behind what it measured."""
+    row, column, z, inside = project_to_pixels(points, frame.camera)
+    return (row, column), z, inside, inside & (np.abs(frame.known_depth[row, column] - z) <= AGREES * z)

@@ -95,8 +95,7 @@ def sequence(
         also: More of them. "scene" is the file that `dlama view` and `dlama video` read.
         keep_poses: Else poses are made to agree with the pictures first, where they are off by a pixel or more, as those of
             hand-held cameras are (`align_frames`); the results then have the new poses.
-        progress: Called after each view with four values: how many are done, of how many, its name, and whether an earlier run
-            did it.
+        progress: Called after each view: how many are done, of how many, its name, whether an earlier run did it.
         options: How the scene is completed (`Options`).
     Returns:
         What meta.json holds.
