@@ -5,7 +5,7 @@
 
 Printed by domain: squared error and LPIPS in the mask, mean depth error (m, what is beyond 50 m and sky at 50 m), and the share
 of the mask that is sky and should not be. Rectangles of .15 to .45 of the picture's sides, without sky in them and at most .08 of
-its height below it; --across: a twentieth to .6 of each is sky. Ten minutes on one core.
+its height below it; --across: a twentieth to .6 of each is sky. Four minutes on one core.
 """
 
 from __future__ import annotations
