@@ -232,10 +232,15 @@ def test_chains_keep_the_laws(kind: str) -> None:
 
 
 def test_a_frame_added_is_a_frame_given() -> None:
-    """Law: the scene of three frames is that of two with the third added: frames, numbers, gains and noise."""
+    """Law: the scene of three frames is that of two with the third added: frames, numbers, names, gains and noise."""
     frames = [frame_of(orbit(CAMERA, yaw, 0, 3.5)) for yaw in YAWS]
     whole, grown = dlama.scene(frames), dlama.scene(frames[:2]).with_frame(frames[2])
-    assert (whole.numbers, whole.gains, whole.noise) == (grown.numbers, grown.gains, grown.noise)
+    assert (whole.numbers, whole.gains, whole.noise, whole.names) == (
+        grown.numbers,
+        grown.gains,
+        grown.noise,
+        grown.names,
+    )
     for one, other in zip(whole.frames, grown.frames):
         assert_same_view(one, other)
 

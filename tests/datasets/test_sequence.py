@@ -224,6 +224,23 @@ def test_a_scene_file_goes_on(room: Path, tmp_path: Path) -> None:
     assert list(meta["filled_share"]) == ["x"]
 
 
+def test_a_scene_file_keeps_the_names_of_its_frames(room: Path, tmp_path: Path) -> None:
+    """Round trip: a mask by name removes from the saved scene what it removes from the folder; of a file without names, as
+    earlier versions wrote it, frames are called by their numbers; a name leads to no other folder."""
+    dlama.sequence(room, tmp_path / "out", frames="1:4", only=["scene"])
+    file, mask = tmp_path / "out" / "scene.npz", WORLD.trace(CAMERAS["img-2"])[1] == 3
+    assert dlama.read_scene(file).names == ("img-1", "img-2", "img-3")
+    meta = dlama.sequence(file, tmp_path / "next", masks={"img-2": mask}, only=["scene"])
+    assert meta["masked_frames"] == ["img-2"] and meta["frames"]["names"] == ["img-1", "img-2", "img-3"]
+    assert dlama.read_scene(tmp_path / "next" / "scene.npz").names == ("img-1", "img-2", "img-3")
+    arrays = dict(np.load(file))
+    names = arrays.pop("names")
+    np.savez(tmp_path / "old.npz", **arrays)
+    assert dlama.read_scene(tmp_path / "old.npz").names == ("frame-0000", "frame-0001", "frame-0002")
+    np.savez(tmp_path / "odd.npz", **arrays, names=np.char.add("../../", names))
+    assert dlama.read_scene(tmp_path / "odd.npz").names[0] == ".._.._img-1"
+
+
 def test_auto_is_the_filler_that_suits_the_scene(
     room: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

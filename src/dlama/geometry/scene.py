@@ -44,6 +44,8 @@ class Scene:
     """Gains of each frame's channels to the scene's common brightness; 1 by default."""
     noise: tuple[float, float] = (0.0, 0.0)
     """Standard deviation of the frames' depth z, poses included: hypot(noise[0], noise[1] z^2) metres."""
+    names: tuple[str, ...] = ()
+    """Names of the frames; by default those of their numbers, frame-0000, frame-0001 ..."""
 
     def __post_init__(self) -> None:
         for name in ("frames", "removals", "fills"):
@@ -52,10 +54,14 @@ class Scene:
             check(getattr(self, name), tuple[Layer, ...], name)
         for name in ("numbers", "gains"):
             check(getattr(self, name), Sequence[Any], name)
+        check(self.names, Sequence[str], "names")
         count = len(self.frames)
         if not count:
             raise ShapeError("`frames` is empty; a scene of one frame or more is expected")
-        for name, default in (("numbers", range(count)), ("gains", [(1.0, 1.0, 1.0)] * count)):
+        numbers = self.numbers or range(count)
+        for name, default in (
+            ("numbers", numbers), ("gains", [(1.0, 1.0, 1.0)] * count), ("names", map(name_of_number, numbers))
+        ):  # fmt: skip
             object.__setattr__(self, name, tuple(getattr(self, name) or default))
             if len(getattr(self, name)) != count:
                 raise ShapeError(
@@ -162,6 +168,11 @@ class Scene:
         cloud = concatenate([lift(layer.load()) for layer in self.layers])
         cam_from_world = self.frames[0].camera.cam_from_world
         return point_viewer(repr(self), cloud.points, cloud.color, cloud.origin, cloud.confidence, cam_from_world)
+
+
+def name_of_number(number: int) -> str:
+    """The name of a frame that was given none."""
+    return f"frame-{number:04d}"
 
 
 def replace_frame(scene: Scene, place: int, frame: View) -> Scene:

@@ -40,12 +40,12 @@ def scene_file(path: Path, *, limit: int | None = None) -> Dataset:
     frames = [
         PosedFrame(
             path.stem,
-            f"frame-{number:04d}",
+            name,
             partial(load_frame, path, place),
             world_from_cam=found.frames[place].camera.world_from_cam,
             load_depth=partial(load_frame_depth, path, place),
         )
-        for place, number in enumerate(found.numbers)
+        for place, name in enumerate(found.names)
     ]
     return posed_dataset(LAYOUT, path, frames, limit)
 

@@ -27,7 +27,7 @@ from dlama.geometry.frames.gathering import gather_views, open_view
 from dlama.geometry.frames.stored import Layer, PixelCache, pixel_digest
 from dlama.geometry.holes import check_mask_size
 from dlama.geometry.rgbd import BoolArray
-from dlama.geometry.scene import Scene
+from dlama.geometry.scene import Scene, name_of_number
 from dlama.perception.missing_depth.between_readings import has_single_readings
 from dlama.progress import begin_stage
 from dlama.writing.atomic_write import PathLike
@@ -75,6 +75,7 @@ def read_scene_of(
     called = [name if name.startswith("frame") else f"frame {name}" for name in views]
     begin_stage("compare frames")
     gathered = gather_views(list(views.values()), called)
+    gathered = replace(gathered, names=tuple(list(views)[number] for number in gathered.numbers))
     not_chosen = [frame.name for frame in every if frame.name not in kept]
     first = next(frame for frame in chosen if frame.name in views)
     decisions |= decide_depth(first, views[first.name].camera)
@@ -105,7 +106,9 @@ def _read_whole_scene(
     if clip is not None:
         raise InputError(f"recipe clips depth at {clip:g} m, and {dataset} is a scene; give its frames instead")
     found = read_scene(dataset)
-    return LoadedScene([f"frame-{number:04d}" for number in range(max(found.numbers) + 1)], found, {}, [], {})
+    named = dict(zip(found.numbers, found.names))
+    names = [named.get(number, name_of_number(number)) for number in range(max(found.numbers) + 1)]
+    return LoadedScene(names, found, {}, [], {})
 
 
 def align_poses(frames: tuple[Frame, ...]) -> tuple[tuple[Frame, ...], dict[str, dict[str, Any]]]:

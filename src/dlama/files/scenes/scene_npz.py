@@ -3,7 +3,7 @@
 Keys (FIELD.md's interchange, extended): `rgb depth valid K world_from_cam origin confidence hole hole_type` of the view, where
 something was filled `depth_error` (metres) and `color_error` (levels) that are expected,
 and the same with the prefixes `layer0_ layer1_ ...` of the scene's frames and fills and `object0_ ...` of its removals; `frame`,
-where a view comes from many frames; `numbers gains noise` of the frames, the first layers.
+where a view comes from many frames; `numbers gains noise names` of the frames, the first layers.
 
 Of layers and removals `rgb` is stored as differences of rows (uint8, modulo 256), and `depth` as differences of rows and columns
 of the bits of its float32 numbers (modulo 2^32), their four bytes apart: uint8 4 x H x W. Both come back bit for bit, a quarter
@@ -35,7 +35,7 @@ from dlama.writing.atomic_write import PathLike, new_file
 
 OF_LAYER = re.compile(r"(layer|object)\d+_")
 """How the name of a layer's array begins."""
-FRAMES = ("numbers", "gains", "noise")
+FRAMES = ("numbers", "gains", "noise", "names")
 """Of the scene's frames, its first layers."""
 ERRORS = ("depth_error", "color_error")
 """Planes of `View.errors`, where there are any: metres, levels."""
@@ -174,8 +174,9 @@ def _arrays(prefix: str, view: View) -> dict[str, np.ndarray]:
 
 
 def _scene(layers: Sequence[Layer], removals: Sequence[Layer], arrays: Mapping[str, np.ndarray]) -> Scene:
-    """The scene of its layers, frames first; a file without numbers, as earlier versions wrote of one picture, has one."""
-    numbers, gains, noise = (arrays.get(name, np.zeros(0)).tolist() for name in FRAMES)
+    """The scene of its layers, frames first; a file without numbers, as earlier versions wrote of one picture, has one. No name
+    has a separator, as files of its frame will be called so."""
+    numbers, gains, noise, names = (arrays.get(name, np.zeros(0)).tolist() for name in FRAMES)
     count = len(numbers) or 1
     return Scene(
         tuple(layers[:count]),
@@ -184,6 +185,7 @@ def _scene(layers: Sequence[Layer], removals: Sequence[Layer], arrays: Mapping[s
         tuple(numbers),
         tuple((r, g, b) for r, g, b in gains),
         (noise[0], noise[1]) if noise else (0.0, 0.0),
+        tuple(re.sub(r"[/\\]", "_", name) for name in names),
     )
 
 

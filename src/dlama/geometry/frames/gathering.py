@@ -31,7 +31,7 @@ from dlama.geometry.frames.stored import Layer, PixelCache, StoredView, cache_of
 from dlama.geometry.holes import dilate_mask
 from dlama.geometry.projection import project_to_pixels, world_points
 from dlama.geometry.rgbd import RGBD, BoolArray
-from dlama.geometry.scene import Scene, contribution
+from dlama.geometry.scene import Scene, contribution, name_of_number
 from dlama.geometry.view import View
 
 SAME_POSE = 1e-6
@@ -61,7 +61,7 @@ def scene(
     Args:
         frames: Pictures with metric depth, of one size; their cameras stand in one world. In the place of a picture a function
             that reads it: then only some 90 pictures of 640x480 are in memory at a time, however many there are.
-        names: What messages call them; their numbers by default.
+        names: What messages and files call them (`Scene.names`); by default they have their numbers.
     Raises:
         InputError: no frame, frames of different sizes (ShapeError), or of which no two show the same surfaces.
     """
@@ -72,7 +72,10 @@ def scene(
     if len(called) != len(frames):
         raise InputError(f"names has {len(called)} names for {len(frames)} frames; as many are expected")
     cache = PixelCache()
-    return gather_views([open_view(frame, name, cache) for frame, name in zip(frames, called)], called)
+    found = gather_views([open_view(frame, name, cache) for frame, name in zip(frames, called)], called)
+    if names is None:
+        return found
+    return dataclasses.replace(found, names=tuple(called[number] for number in found.numbers))
 
 
 def open_view(frame: FrameSource, name: str, cache: PixelCache) -> Layer:
@@ -210,9 +213,9 @@ def _share_agreeing(kept: Sequence[int], found: dict[tuple[int, int], Overlap]) 
 def add_frame(scene: Scene, frame: FrameSource, find_removed: Callable[[Scene, View], BoolArray]) -> Scene:
     """As `Scene.with_frame`. find_removed: H x W, where a further frame shows what was removed from a scene."""
     numbers = (*scene.numbers, max(scene.numbers) + 1)
-    names = [f"frame {number}" for number in numbers]
-    added = open_view(frame, names[-1], cache_of(scene.frames))
-    measured = gather_views([*scene.unfilled.frames, added], names)
+    called, names = [f"frame {number}" for number in numbers], (*scene.names, name_of_number(numbers[-1]))
+    added = open_view(frame, called[-1], cache_of(scene.frames))
+    measured = gather_views([*scene.unfilled.frames, added], called)
     if len(scene.frames) not in measured.numbers:
         return scene
     view = added.load()
@@ -225,6 +228,7 @@ def add_frame(scene: Scene, frame: FrameSource, find_removed: Callable[[Scene, V
         removals=(*scene.removals, *removals),
         fills=tuple(fill for fill in fills if adds_to_scene(fill)),
         numbers=tuple(numbers[place] for place in measured.numbers),
+        names=tuple(names[place] for place in measured.numbers),
     )
 
 
