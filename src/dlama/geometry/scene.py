@@ -52,8 +52,8 @@ class Scene:
             check(getattr(self, name), Iterable[Layer], name)
             object.__setattr__(self, name, tuple(getattr(self, name)))
             check(getattr(self, name), tuple[Layer, ...], name)
-        for name in ("numbers", "gains"):
-            check(getattr(self, name), Sequence[Any], name)
+        check(self.numbers, Sequence[int], "numbers")
+        check(self.gains, Sequence[Any], "gains")
         check(self.names, Sequence[str], "names")
         count = len(self.frames)
         if not count:
