@@ -58,11 +58,11 @@ class Scene:
         count = len(self.frames)
         if not count:
             raise ShapeError("`frames` is empty; a scene of one frame or more is expected")
-        numbers = self.numbers or range(count)
+        numbers = tuple(self.numbers) or range(count)
         for name, default in (
             ("numbers", numbers), ("gains", [(1.0, 1.0, 1.0)] * count), ("names", map(name_of_number, numbers))
         ):  # fmt: skip
-            object.__setattr__(self, name, tuple(getattr(self, name) or default))
+            object.__setattr__(self, name, tuple(getattr(self, name)) or tuple(default))
             if len(getattr(self, name)) != count:
                 raise ShapeError(
                     f"{name} has {len(getattr(self, name))} entries for {format_count(count, 'frame')}; as many are expected"
