@@ -13,7 +13,7 @@ import pytest
 from dlama.datasets.captures.azure_kinect import Kinect, undistorted_color
 from dlama.datasets.diagnosis import diagnose
 from dlama.datasets.layouts import detect
-from dlama.datasets.posed.posed_frames import Lens
+from dlama.datasets.posed.lenses import Lens
 from dlama.datasets.sequences.loading import open_frames
 from dlama.errors import FileError
 from dlama.geometry.camera import Camera

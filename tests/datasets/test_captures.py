@@ -6,6 +6,7 @@ import io
 import json
 import shutil
 import sys
+import warnings
 import zipfile
 import zlib
 from collections.abc import Callable
@@ -18,7 +19,7 @@ from PIL import Image
 
 from dlama.datasets.diagnosis import diagnose
 from dlama.datasets.layouts import LAYOUTS, detect, open_dataset
-from dlama.datasets.sequences.loading import open_frames
+from dlama.datasets.sequences.loading import open_frames, read_scene_of
 from dlama.errors import FileError, MissingExtraError
 from dlama.geometry.camera import Camera
 from dlama.geometry.motion.poses import invert_pose, quaternion_from_rotation
@@ -252,7 +253,8 @@ def deflate(data: bytes) -> bytes:
 
 
 def test_readings_beyond_the_range_are_missing(tmp_path: Path) -> None:
-    """Beyond 5 m a phone's depth is a guess."""
+    """Beyond 5 m a phone's depth is a guess, as Polycam's description of its files says; a scene of it counts and reports what
+    was left out (oracle: the codes in the files), and a range that is given takes the place of that one."""
     root = polycam(tmp_path / "set")
     for path in (root / "keyframes" / "depth").iterdir():
         codes = np.asarray(Image.open(path)).copy()
@@ -260,6 +262,20 @@ def test_readings_beyond_the_range_are_missing(tmp_path: Path) -> None:
         Image.fromarray(codes).save(path)
     read = open_frames(root)[0].load()
     assert (read.depth[30:40, 30:40] == 0).all() and read.missing.mean() < 0.02
+    codes = [np.asarray(Image.open(path)) for path in (root / "keyframes" / "depth").iterdir()]
+    readings = np.concatenate([np.where(confidence(255) > 0, one, 0)[(one > 0) & (one < 65535)] for one in codes])
+    beyond = int((readings > 5000).sum())
+    with pytest.warns(
+        UserWarning, match=r"% of the depth readings, in 4 of 4 frames, lie beyond 5 m, the range of a phone's"
+    ):
+        found = read_scene_of(root, keep_poses=True)
+    assert found.decisions["max_depth"]["dropped"] == beyond >= 400
+    assert found.decisions["max_depth"]["readings"] == np.count_nonzero(readings)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        further = read_scene_of(root, keep_poses=True, max_depth=5.002)
+    assert further.decisions["max_depth"]["reason"] == "as given"
+    np.testing.assert_allclose(further.scene.frames[0].load().depth[30:40, 30:40], 5.001, atol=1e-6)
 
 
 def test_frames_that_lack_something_are_left_out(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:

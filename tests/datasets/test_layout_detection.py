@@ -12,8 +12,9 @@ import pytest
 
 from dlama.datasets.frames import Dataset
 from dlama.datasets.layouts import LAYOUTS, detect, open_dataset
+from dlama.datasets.posed.lenses import lens_for
 from dlama.datasets.posed.numbered_frames import numbered_files
-from dlama.datasets.posed.posed_frames import PosedFrame, lens_for, posed_frame
+from dlama.datasets.posed.posed_frames import PosedFrame, posed_frame
 from dlama.datasets.posed.view_pairs import Overlaps, posed_dataset, view_pairs
 from dlama.errors import FileError, InputError
 from dlama.geometry.camera import Camera

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from dlama.datasets.layouts import open_dataset
-from dlama.datasets.posed.posed_frames import read_lens
+from dlama.datasets.posed.lenses import read_lens
 from dlama.datasets.posed.trajectory_log import read_log
 from dlama.errors import CameraError, FileError
 from posed_folders import LENS, check_frames, opencv_K, text_matrix, truth, write_codes16, write_picture

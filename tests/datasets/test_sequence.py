@@ -20,8 +20,10 @@ from dlama.datasets.sequences.camera_paths import VIEWS_OF_PATH
 from dlama.datasets.sequences.loading import masks_by_number, open_frames, slice_frames
 from dlama.errors import FileError, InputError
 from dlama.files.cameras import camera_as_json
+from dlama.files.rasters.pictures import write_color, write_mask
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import Origin
+from dlama.geometry.holes import dilate_mask
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import View
 from worlds import Box, Plane, Sphere, World, moved
@@ -122,6 +124,43 @@ def test_masks_of_all_frames_of_a_video(room: Path, tmp_path: Path) -> None:
     ):
         with pytest.raises(InputError, match=words):
             dlama.sequence(room, tmp_path / "none", frames="1:3", masks=wrong)
+
+
+def test_depth_smaller_than_its_pictures(room: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Pictures that are shrunk to its size are reported; with `resize_depth` they keep theirs, and masks too (oracles: the given
+    pictures, bit for bit; the world's depth at their size)."""
+    cameras = {name: camera.resized(256, 192) for name, camera in CAMERAS.items()}
+    for name, camera in cameras.items():
+        write_color(room / "images" / f"{name}.png", WORLD.rgbd(camera).color)
+    write_transforms(room, cameras, [], {})
+    mask = WORLD.trace(cameras["img-1"])[1] == 3
+    write_mask(tmp_path / "ball.png", mask)
+    words = [
+        "sequence",
+        str(room),
+        "--mask",
+        f"img-1={tmp_path / 'ball.png'}",
+        "--filler",
+        "layered",
+        "--only",
+        "video",
+    ]
+    main([*words, "-o", str(tmp_path / "small")])
+    assert (
+        "pictures of 256x192 are shrunk to 64x48, as their depth is smaller; --resize-depth guided"
+        in capsys.readouterr().err
+    )
+    meta = json.loads((tmp_path / "small" / "meta.json").read_text())
+    assert meta["decisions"]["size"]["name"] == "64x48"
+    main([*words, "-o", str(tmp_path / "large"), "--resize-depth", "guided"])
+    assert "shrunk" not in capsys.readouterr().err
+    assert "size" not in json.loads((tmp_path / "large" / "meta.json").read_text())["decisions"]
+    for each in open_frames(tmp_path / "large"):
+        done, given = each.load(), WORLD.rgbd(cameras[each.name])
+        ball = dilate_mask(WORLD.trace(given.camera)[1] == 3, 12)
+        np.testing.assert_array_equal(done.color[~ball], given.color[~ball])
+        assert np.median(np.abs(done.depth / given.depth - 1)[~ball]) < 0.002
+        assert np.percentile(np.abs(done.depth / given.depth - 1)[~ball], 90) < 0.01
 
 
 def test_names_of_frames_are_no_places(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, TypedDict
+from typing import Any, Literal, TypedDict
 
 from dlama.arguments import check_count
 from dlama.completion.options import Unpack
@@ -16,8 +16,9 @@ from dlama.datasets.easysynth.dataset import easysynth, looks_like_easysynth
 from dlama.datasets.frames import Dataset, Gamma, Protocol
 from dlama.datasets.pairs_json import looks_like_pairs, pairs_json
 from dlama.datasets.posed import colmap, nerfstudio, replica, scannet, trajectory_log, tum
+from dlama.datasets.posed.lenses import CameraOption
 from dlama.datasets.posed.numbered_frames import SEVEN_SCENES, TSDF_FUSION
-from dlama.datasets.posed.posed_frames import CameraOption, posed_frames
+from dlama.datasets.posed.posed_frames import posed_frames
 from dlama.datasets.posed.scene_file import LAYOUT as SCENE
 from dlama.datasets.posed.scene_file import is_scene_file, scene_file
 from dlama.datasets.posed.view_pairs import posed_dataset
@@ -39,8 +40,7 @@ class Layout:
     read: Callable[..., Dataset]
     """`read(root, **options)`; reads listings, no pictures but the depth that pairs are chosen by."""
     options: frozenset[str] = frozenset()
-    """Which of `depth_range`, `depth_scale`, `gamma`, `removal_object`, `camera`, `scenes`, `limit` it takes; the last two are
-    applied afterwards where not."""
+    """Which of `DatasetOptions` it takes; `scenes` and `limit` are applied afterwards where not."""
     files: tuple[str, ...] = ()
     """Endings of files that are such a data set by themselves."""
     parts: tuple[str, ...] = ()
@@ -68,20 +68,22 @@ def _posed(
         root: Path,
         *,
         camera: CameraOption = None,
-        depth_scale: float | None = None,
         scenes: Sequence[str] | None = None,
         limit: int | None = None,
+        **reading: Any,
     ) -> Dataset:
         more = (root, camera) if takes_camera else ()
         folders = scene_folders(root, reader.looks_like, looked_for, scenes, others.get("files", ()))
         listed = {scene: reader.list_frames(place, *more) for scene, place in folders.items()}
-        found = [posed_frames(scene, folders[scene], each, depth_scale) for scene, each in listed.items()]
+        found = [posed_frames(scene, folders[scene], each, **reading) for scene, each in listed.items()]
         return posed_dataset(name, root, itertools.chain(*found), limit)
 
-    options = {"scenes", "limit", "depth_scale", *(("camera",) if takes_camera else ())}
+    options = {"scenes", "limit", *OF_FRAMES, *(("camera",) if takes_camera else ())}
     return name, Layout(looked_for, reader.looks_like, read, frozenset(options), **others)
 
 
+OF_FRAMES = ("depth_scale", "max_depth", "resize_depth")
+"""Options of all layouts of posed frames: how the files of a frame are read."""
 _FOLDERS = frozenset({"scenes"})
 APPLIED_AFTERWARDS = frozenset({"scenes", "limit"})
 """Options that `select_cases` applies where a layout does not."""
@@ -131,6 +133,10 @@ class DatasetOptions(TypedDict, total=False):
     """Metres (easysynth)."""
     depth_scale: float | None
     """Units per metre in depth files of posed frames, in place of the layout's."""
+    max_depth: float | None
+    """Metres beyond which depth of posed frames is missing, in place of the layout's."""
+    resize_depth: Literal["guided", "nearest"] | None
+    """Of posed frames: depth is enlarged to the picture's size, as of `read_rgbd`, in place of a picture that is shrunk."""
     gamma: Gamma | None
     """How 8-bit depth is encoded (easysynth)."""
     removal_object: str | None

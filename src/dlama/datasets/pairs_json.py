@@ -10,7 +10,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from dlama.datasets.frames import Case, Dataset
-from dlama.datasets.posed.posed_frames import Lens, PosedFrame, files_of, json_lens, posed_frame, units_per_metre
+from dlama.datasets.posed.lenses import Lens, json_lens, units_per_metre
+from dlama.datasets.posed.posed_frames import PosedFrame, files_of, posed_frame
 from dlama.datasets.posed.view_pairs import pair_case
 from dlama.datasets.text_tables import holds, pose_at, scene_folders
 from dlama.errors import FileError

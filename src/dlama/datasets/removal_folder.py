@@ -15,7 +15,8 @@ from pathlib import Path
 import numpy as np
 
 from dlama.datasets.frames import Case, Dataset, RemovalTruth
-from dlama.datasets.posed.posed_frames import FrameFiles, files_of, json_lens, load_rgbd, posed_frame, units_per_metre
+from dlama.datasets.posed.lenses import json_lens, units_per_metre
+from dlama.datasets.posed.posed_frames import FrameFiles, files_of, load_rgbd, posed_frame
 from dlama.datasets.text_tables import check_size, holds, scene_folders
 from dlama.errors import FileError
 from dlama.files.fields import read_json_fields

@@ -104,7 +104,7 @@ def read_rgbd(
         warn_of_far_plane(depth, metres)
         warn_of_missing_code(depth, metres)
     _check_same_view(image, depth, hw, (metres.shape[0], metres.shape[1]))
-    metres = _resize_depth(image, depth, metres, color, resize_depth)
+    metres = fit_depth(image, depth, metres, color, resize_depth)
     used = camera_for(hw, image=image, **lens)[0]
     return RGBD(freeze(color), freeze(metres / ray_lengths(used) if radial_depth else metres), used)
 
@@ -217,10 +217,11 @@ def _smooth_terraces(depth: PathLike, metres: Float32Array, color: UInt8Array, h
     return metres
 
 
-def _resize_depth(
+def fit_depth(
     image: PathLike, depth: PathLike, metres: Float32Array, color: UInt8Array, how: str | None
 ) -> Float32Array:
-    """At the picture's size. ShapeError: of another size. Warns of a map that was enlarged before."""
+    """Depth at its picture's size, `how` as `resize_depth` of `read_rgbd`. ShapeError: of another size. Warns of a map that was
+    enlarged before."""
     if how not in (None, "guided", "nearest"):
         raise ShapeError(f"`resize_depth` is {how!r}; 'guided' or 'nearest' is expected")
     hw = color.shape[:2]

@@ -59,7 +59,7 @@ def photo3d(
     Args:
         image: The picture: PNG, JPEG, WebP, TIFF or HEIC. Or the scene.npz of a result, such as of an object removed, or of a
             stereo pair; or the folder of a data set of posed frames, or a recording (.bag, .mcap, .db3, .mkv, .r3d); --camera,
-            --depth-range and --depth-scale are for these, too.
+            --depth-range, --depth-scale and --resize-depth are for these, too.
         depth: Its depth, same size: 16-bit PNG or TIFF (millimetres), EXR, PFM, NPY or NPZ; without it, it is estimated.
         output: Directory for the results, made if need be; files of the same names are replaced.
     """
@@ -78,7 +78,7 @@ def photo3d(
         p = read_parameters(PICTURE, given, partial(check_options, image=image))
         source: dlama.RGBD | dlama.Scene
         if image.is_dir() or is_capture_file(image):
-            reading = ("camera", "depth_range", "depth_scale")
+            reading = ("camera", "depth_range", "depth_scale", "resize_depth")
             refuse_of_pictures(p, "a data set", reading)
             options: dict[str, Any] = {name: given.get(name) for name in reading}
             source = read_scene_of(image, **options).scene

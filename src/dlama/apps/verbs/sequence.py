@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from tyro.conf import Positional
 
@@ -25,11 +25,19 @@ from dlama.apps.options import (
 )
 from dlama.apps.places import check_folder_apart
 from dlama.apps.terminal.output import SHOWN, follow_run, report_result
+from dlama.completion.options import options_in
 from dlama.errors import InputError, format_count
+from dlama.jobs import options as groups
 from dlama.jobs.parameters import RESULTS, read_parameters, text
 
 if TYPE_CHECKING:
     from dlama.geometry.rgbd import BoolArray
+
+
+ResizeDepth = Annotated[
+    Literal["guided", "nearest"] | None,
+    option("guided|nearest", "pictures are shrunk", help=options_in(groups.Reading)["resize_depth"].text),
+]
 
 
 @dataclass(frozen=True)
@@ -48,16 +56,24 @@ class Source:
     """EasySynth: metres that 1.0 stands for in its depth files."""
     depth_scale: Annotated[float | None, option("UNITS", "the layout's")] = None
     """Units per metre in depth files of posed frames: 1000 = millimetres, Replica 6553.5."""
+    max_depth: Annotated[float | None, option("METRES", "5 of a phone's LIDAR")] = None
+    """Depth beyond this is missing."""
+    resize_depth: ResizeDepth = None
     keep_poses: Annotated[bool, option("", "poses agree with the pictures")] = False
     """Keep poses that are off by a pixel or more; else picture features correct them first, as hand-held ones need it."""
+
+
+MASK = (
+    "An object to remove from all frames, by its mask in one or several of them. FRAME is a frame's name, or its place from 0 "
+    "among those that --frames chooses."
+)
 
 
 @dataclass(frozen=True)
 class Objects:
     """What is removed from all frames."""
 
-    mask: Annotated[tuple[str, ...], option("FRAME=FILE ...")] = ()
-    """An object to remove from all frames, in one or several of them: a frame's name or its place from 0, and its mask."""
+    mask: Annotated[tuple[str, ...], option("FRAME=FILE ...", help=MASK)] = ()
     masks: Annotated[Path | None, option("FOLDER")] = None
     """The same: a folder of masks with the names of their frames; those of no object (black) are passed over."""
 

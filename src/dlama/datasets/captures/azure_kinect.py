@@ -19,7 +19,8 @@ import cv2
 import numpy as np
 
 from dlama.datasets.captures.captured_frames import MOST_ENLARGED, NEAREST_S
-from dlama.datasets.posed.posed_frames import LOG, FrameFiles, Lens, Listed
+from dlama.datasets.posed.lenses import Lens
+from dlama.datasets.posed.posed_frames import LOG, FrameFiles, Listed
 from dlama.datasets.posed.registered_depth import register_depth
 from dlama.datasets.text_tables import nearest_in_time, pose_at
 from dlama.errors import FileError, format_size

@@ -12,7 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from dlama.datasets.posed.posed_frames import FrameFiles, Lens
+from dlama.datasets.posed.lenses import Lens
+from dlama.datasets.posed.posed_frames import FrameFiles
 from dlama.errors import FileError
 from dlama.files.rasters.depth import read_depth
 from dlama.files.rasters.images import read_stored

@@ -36,8 +36,9 @@ from dlama.datasets.captures.ros_messages import (
     seconds_of,
     times_to_match,
 )
+from dlama.datasets.posed.lenses import Lens
 from dlama.datasets.posed.nerfstudio import SHOWS_PX
-from dlama.datasets.posed.posed_frames import LOG, FrameFiles, Lens, Listed
+from dlama.datasets.posed.posed_frames import LOG, FrameFiles, Listed
 from dlama.datasets.posed.registered_depth import register_depth
 from dlama.datasets.text_tables import nearest_in_time
 from dlama.errors import CameraError, FileError, any_error, import_extra

@@ -13,7 +13,8 @@ from functools import partial
 from pathlib import Path
 
 from dlama.datasets.captures.captured_frames import levels_of_png, lidar_frame
-from dlama.datasets.posed.posed_frames import Lens, Listed
+from dlama.datasets.posed.lenses import Lens
+from dlama.datasets.posed.posed_frames import Listed
 from dlama.datasets.text_tables import Row, files_by_stem, holds, matrix_of, pose_of, read_rows
 from dlama.errors import FileError
 from dlama.files.rasters.depth import read_depth

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dlama.datasets.posed.posed_frames import Lens
+from dlama.datasets.posed.lenses import Lens
 from dlama.datasets.text_tables import Row, read_rows, rotation_at
 from dlama.errors import CameraError, FileError
 from dlama.files.fields import FileFields, json_fields

@@ -19,7 +19,8 @@ from pathlib import Path
 import numpy as np
 
 from dlama.datasets.posed import nerfstudio
-from dlama.datasets.posed.posed_frames import Lens, Listed, files_of
+from dlama.datasets.posed.lenses import Lens
+from dlama.datasets.posed.posed_frames import Listed, files_of
 from dlama.datasets.text_tables import pose_at, read_rows
 from dlama.errors import CameraError, FileError
 from dlama.files.fields import Intrinsics

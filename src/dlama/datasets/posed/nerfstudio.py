@@ -27,7 +27,8 @@ import cv2
 import numpy as np
 from PIL import Image
 
-from dlama.datasets.posed.posed_frames import Lens, Listed, files_of, units_per_metre
+from dlama.datasets.posed.lenses import Lens, units_per_metre
+from dlama.datasets.posed.posed_frames import Listed, files_of
 from dlama.datasets.text_tables import pose_at
 from dlama.errors import CameraError, FileError
 from dlama.files.fields import FileFields, Intrinsics, read_json_fields

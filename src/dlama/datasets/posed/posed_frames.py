@@ -1,70 +1,36 @@
-"""The colour and the depth file of a pinhole camera at a pose in; an RGBD, or its depth alone, out.
-
-The camera's intrinsics (`Lens`) come from the option `camera`, or from a camera file that lies with the data set.
-"""
+"""The colour and the depth file of a pinhole camera at a pose in; an RGBD, or its depth alone, out."""
 
 from __future__ import annotations
 
 import logging
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
+from typing import Any, Literal, NamedTuple
 
 import cv2
 import numpy as np
 
 from dlama.datasets.frames import Frame
-from dlama.datasets.text_tables import check_size, read_matrix, read_rows
+from dlama.datasets.posed.lenses import Lens
+from dlama.datasets.text_tables import check_size
 from dlama.errors import CameraError, FileError, InputError, ShapeError, format_size
-from dlama.files.camera_yaml import SUFFIXES, read_yaml_fields
-from dlama.files.cameras import make_camera, read_camera
-from dlama.files.fields import FileFields, Intrinsics, read_json_fields
-from dlama.files.rasters.depth import check_depth_options, read_depth
+from dlama.files.rasters.depth import check_positive, read_depth
 from dlama.files.rasters.float_files import read_colmap_depth
 from dlama.files.rasters.images import picture_hw
 from dlama.files.rasters.pictures import read_color_of_camera
 from dlama.files.rasters.turned_pairs import same_proportions
+from dlama.files.rgbd import fit_depth
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.perception.missing_depth.between_readings import densify
-from dlama.perception.resampling import shrink_color, upsample_depth
-from dlama.writing.atomic_write import PathLike
+from dlama.perception.resampling import shrink_color
 
-CameraOption = PathLike | Camera | None
-"""The option `camera` of layouts whose files may say nothing of intrinsics: a camera file, or a Camera (its pose is not used)."""
 LOG = logging.getLogger("dlama")
 SENSOR_PROPORTIONS = 0.01
 """Relative difference of width / height up to which a picture is of the whole sensor that its intrinsics are for."""
-
-
-@dataclass(frozen=True)
-class Lens:
-    """Intrinsics as a file says them, before any picture was opened."""
-
-    source: str
-    """The file or option they come from, for messages."""
-    intrinsics: Intrinsics
-    """fx, fy, cx, cy of the colour picture, px."""
-    pixel_center: float
-    """Where they put the first pixel's centre: 0.5 or 0.0."""
-    hw: tuple[int, int] | None = None
-    """The picture size they are for; None: the picture's."""
-    scales: bool = False
-    """Whether pictures of other sizes and the same proportions have them too, scaled."""
-
-    @classmethod
-    def of_matrix(
-        cls, source: str, K: Sequence[Sequence[float]], center: float, hw: tuple[int, int] | None = None
-    ) -> Lens:
-        """Of a 3x3 matrix; raises CameraError that begins with the source for one that is none of a pinhole camera."""
-        return cls(source, FileFields(source, {"the matrix K": K}).intrinsics("the matrix K"), center, hw)
-
-    def camera(self, world_from_cam: Float64Array, hw: tuple[int, ...] | None = None) -> Camera:
-        """The camera at a pose, of a picture of that size where they are for none; raises CameraError."""
-        height, width = self.hw or hw or ()
-        return make_camera(self.source, (height, width), self.intrinsics, self.pixel_center, world_from_cam)
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,9 +54,11 @@ class FrameFiles:
     least_confidence: int = 0
     """Less is missing depth."""
     range_m: float = np.inf
-    """Beyond is missing depth."""
+    """Beyond is missing depth, but for far pixels."""
     enlarged: int = 1
-    """Times its own size to which depth is enlarged at most, where the picture is larger."""
+    """Times its own size to which depth is enlarged at most, where the picture is larger, which is shrunk to that."""
+    resize_depth: Literal["guided", "nearest"] | None = None
+    """Depth is enlarged to the picture's size, as of `read_rgbd`."""
     has_far: bool = False
     """True: infinite depth is far, as in our own files; False: missing, as sensors mean it."""
     shown: Callable[[], BoolArray] | None = None
@@ -120,25 +88,27 @@ class PosedFrame(Frame):
     """4x4, camera to world, OpenCV axes, metres."""
     load_depth: Callable[[], tuple[Float32Array, Camera]] = field(kw_only=True)
     """Reads the depth of `load` (H x W, metres), or a smaller one, and its camera without the colour; picklable."""
+    files: FrameFiles | None = field(default=None, kw_only=True)
+    """Those it is read from, of a folder."""
 
 
 def posed_frame(scene: str, name: str, files: FrameFiles, yaw: float | None = None) -> PosedFrame:
     """A frame whose pixels are read when they are needed."""
     load, depth = partial(load_rgbd, files), partial(load_depth, files)
-    return PosedFrame(scene, name, load, yaw, world_from_cam=files.world_from_cam, load_depth=depth)
+    return PosedFrame(scene, name, load, yaw, world_from_cam=files.world_from_cam, load_depth=depth, files=files)
 
 
-def posed_frames(scene: str, place: Path, listed: Listed, depth_scale: float | None = None) -> list[PosedFrame]:
-    """The frames of a scene, without those that are left out, which a line reports. Raises FileError where none is kept.
+def posed_frames(scene: str, place: Path, listed: Listed, **reading: Any) -> list[PosedFrame]:
+    """The frames of a scene, without those that are left out, which a line reports; reading: as of `read_otherwise`.
 
-    depth_scale: units per metre of their depth files, in place of the layout's. InputError where depth is not in such files.
+    Raises FileError where none is kept.
     """
     frames, left_out = list[PosedFrame](), Counter[str]()
     for name, files in listed:
         if isinstance(files, str):
             left_out[files] += 1
         else:
-            frames.append(posed_frame(scene, name, files if depth_scale is None else scale_depth(files, depth_scale)))
+            frames.append(posed_frame(scene, name, read_otherwise(files, **reading)))
     count, reasons = len(frames) + left_out.total(), ", ".join(f"{left_out[why]} {why}" for why in left_out)
     if not frames:
         raise FileError(f"{place}: none of its {count} frames can be used" + (f" ({reasons})" if reasons else ""))
@@ -147,9 +117,22 @@ def posed_frames(scene: str, place: Path, listed: Listed, depth_scale: float | N
     return frames
 
 
+def read_otherwise(
+    files: FrameFiles,
+    *,
+    depth_scale: float | None = None,
+    max_depth: float | None = None,
+    resize_depth: Literal["guided", "nearest"] | None = None,
+) -> FrameFiles:
+    """With other units per metre, range of depth (metres) or size of it than the layout's. InputError where that cannot be."""
+    check_positive(depth_scale=depth_scale, max_depth=max_depth)
+    if depth_scale is not None:
+        files = scale_depth(files, depth_scale)
+    return replace(files, range_m=max_depth or files.range_m, resize_depth=resize_depth)
+
+
 def scale_depth(files: FrameFiles, depth_scale: float) -> FrameFiles:
-    """With other units per metre. InputError where depth is not in a file that `read_depth` reads, or that is none."""
-    check_depth_options(depth_scale, None, None)
+    """With other units per metre. InputError where depth is not in a file that `read_depth` reads."""
     read = files.depth
     if not (isinstance(read, partial) and read.func is read_depth):
         raise InputError(f"`depth_scale` does not apply to {files.names[1]}, which has a unit of its own")
@@ -157,21 +140,29 @@ def scale_depth(files: FrameFiles, depth_scale: float) -> FrameFiles:
 
 
 def load_rgbd(files: FrameFiles) -> RGBD:
-    """Picture and depth at one size: that of depth, or the one it is enlarged to; the picture is shrunk to it by area means.
+    """Picture and depth at one size (`size_of_frame`); the picture is shrunk to it by area means.
 
     Between single readings, as of a LIDAR, depth is filled along colours (`densify`).
 
     Raises FileError, DepthError, CameraError, ShapeError, MissingExtraError.
     """
     depth, color = measured_depth(files), files.color()
-    camera = _camera(files, color.shape[:2], depth.shape)
-    wide = min(color.shape[1], files.enlarged * depth.shape[1])
-    if wide <= depth.shape[1]:
-        padding = _padding(files, color.shape, depth.shape)
-        return densify(RGBD(shrink_color(color, depth.shape), depth, camera, padding=padding))
-    hw = (max(1, round(color.shape[0] * wide / color.shape[1])), wide)
-    color = shrink_color(color, hw)
-    return RGBD(color, upsample_depth(depth, color), camera.resized(hw[1], hw[0]))
+    camera, hw = _camera(files, color.shape[:2], depth.shape), size_of_frame(files, color.shape, depth.shape)
+    padding, color = _padding(files, color.shape, hw), shrink_color(color, hw)
+    if files.resize_depth is None and hw == depth.shape:
+        return densify(RGBD(color, depth, camera, padding=padding))
+    fitted = fit_depth(*files.names, depth, color, files.resize_depth or "guided")
+    found = RGBD(color, fitted, camera.resized(hw[1], hw[0]), padding=padding)
+    return densify(found) if hw == depth.shape else found
+
+
+def size_of_frame(files: FrameFiles, color_hw: tuple[int, ...], depth_hw: tuple[int, ...]) -> tuple[int, int]:
+    """(H, W) of a frame: that of its depth, or the one that is enlarged to."""
+    height, width = color_hw[:2]
+    if files.resize_depth is not None:
+        return height, width
+    wide = min(width, files.enlarged * depth_hw[1])
+    return (depth_hw[0], depth_hw[1]) if wide <= depth_hw[1] else (max(1, round(height * wide / width)), wide)
 
 
 def _padding(files: FrameFiles, hw: tuple[int, ...], small: tuple[int, ...]) -> BoolArray | None:
@@ -186,77 +177,48 @@ def _padding(files: FrameFiles, hw: tuple[int, ...], small: tuple[int, ...]) -> 
 def load_depth(files: FrameFiles) -> tuple[Float32Array, Camera]:
     """The depth as it was recorded, and its camera; the picture is not read where its size is known."""
     depth = measured_depth(files)
-    hw = files.color_hw() if files.color_hw is not None else files.lens.hw or files.color().shape[:2]
-    return depth, _camera(files, hw, depth.shape)
+    return depth, _camera(files, size_of_picture(files), depth.shape)
+
+
+def size_of_picture(files: FrameFiles) -> tuple[int, int]:
+    """(H, W); the picture is read where nothing else says it."""
+    height, width = files.color_hw() if files.color_hw is not None else files.lens.hw or files.color().shape[:2]
+    return height, width
 
 
 def measured_depth(files: FrameFiles) -> Float32Array:
     """h x w metres, 0 where it is missing, not confident or beyond the range."""
+    depth, known, beyond = _readings(files)
+    return np.where(known & ~beyond, depth, np.float32(0)).astype(np.float32)
+
+
+class Readings(NamedTuple):
+    """How many readings depth has."""
+
+    every: int
+    beyond: int
+    """Those beyond the range."""
+
+
+def count_readings(files: FrameFiles) -> Readings:
+    """Of the depth of a frame, without those that are not confident."""
+    _, known, beyond = _readings(files)
+    return Readings(int(known.sum()), int((known & beyond).sum()))
+
+
+def _readings(files: FrameFiles) -> tuple[Float32Array, BoolArray, BoolArray]:
+    """The depth as it is stored, h x w, which of it is known, and what is beyond the range."""
     depth = files.depth()
-    known = (depth > 0) & (depth <= files.range_m)
+    known, far = depth > 0, depth == np.inf
     if not files.has_far:
-        known &= depth < np.inf
+        known &= ~far
     if files.confidence is not None:
         confidence = files.confidence()
         if confidence.shape != depth.shape:
             sizes = f"is {format_size(depth.shape)} and its confidence {format_size(confidence.shape)}"
             raise ShapeError(f"{files.names[1]}: {sizes}; one size is expected")
         known &= confidence >= files.least_confidence
-    return np.where(known, depth, np.float32(0)).astype(np.float32)
-
-
-def lens_for(folder: Path, root: Path, camera: CameraOption, names: Sequence[str], advice: str) -> Lens:
-    """The option where given, else the first file of these names in the folder, or above it up to the data set's root.
-
-    Raises CameraError with the `advice` where there is none; FileError.
-    """
-    if isinstance(camera, Camera):
-        return _of_camera(camera, "the given camera")
-    if camera is not None:
-        return read_lens(Path(camera))
-    for place in (folder, *folder.parents):
-        for name in names:
-            if (place / name).is_file():
-                return read_lens(place / name)
-        if place == root:
-            break
-    raise CameraError(f"{folder}: has no {' or '.join(names)}, and {advice}; give `camera=FILE.json`")
-
-
-def read_lens(path: Path) -> Lens:
-    """Our camera JSON (its pose is not used), the YAML of ROS or OpenCV, Open3D's camera_intrinsic.json, or a text file with a
-    3x3 K, or a 4x4 one with nothing in the last row and column (ScanNet).
-
-    The first pixel of all but the first has its centre at 0.0. Raises FileError, CameraError.
-    """
-    if path.suffix.lower() == ".txt":
-        size = 4 if len(read_rows(path)) == 4 else 3
-        return Lens.of_matrix(str(path), read_matrix(path, (size, size))[:3, :3].tolist(), 0.0)
-    if path.suffix.lower() in SUFFIXES:
-        fields = read_yaml_fields(path)
-        return Lens(str(path), fields.intrinsics("K"), 0.0, fields.size(None) if "width" in fields else None)
-    fields = read_json_fields(path)
-    if "intrinsic_matrix" in fields:  # K column by column
-        K = fields.numbers("intrinsic_matrix", 9)
-        return Lens.of_matrix(str(path), [K[row::3] for row in range(3)], 0.0, fields.size(None))
-    return _of_camera(read_camera(path), str(path))
-
-
-def json_lens(fields: FileFields) -> Lens:
-    """The fields `width`, `height`, `K` and `pixel_center` (0.0 where it is missing); raises CameraError."""
-    return Lens(str(fields.path), fields.intrinsics("K"), fields.pixel_center(0.0), fields.size(None))
-
-
-def units_per_metre(fields: FileFields, name: str, default: float | None = None) -> float:
-    """1 / a field that holds metres per unit of depth; raises CameraError (no number), FileError (not > 0)."""
-    scale = fields.number(name) if default is None or name in fields else default
-    if scale <= 0:
-        raise FileError(f"{fields.path}: {name} is {scale:g}; metres per unit > 0 are expected")
-    return 1 / scale
-
-
-def _of_camera(camera: Camera, source: str) -> Lens:
-    return Lens(source, (camera.fx, camera.fy, camera.cx, camera.cy), 0.5, camera.hw)
+    return depth, known, (depth > files.range_m) & ~far
 
 
 def _camera(files: FrameFiles, color_hw: tuple[int, ...], depth_hw: tuple[int, ...]) -> Camera:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from dlama.datasets.posed.posed_frames import Lens
+from dlama.datasets.posed.lenses import Lens
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.projection import project_to_pixels, unproject
 from dlama.geometry.rgbd import Float32Array

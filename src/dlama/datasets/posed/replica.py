@@ -11,7 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from dlama.datasets.posed.posed_frames import CameraOption, Lens, Listed, files_of, lens_for
+from dlama.datasets.posed.lenses import CameraOption, Lens, lens_for
+from dlama.datasets.posed.posed_frames import Listed, files_of
 from dlama.datasets.text_tables import files_in, holds, pose_at, read_rows
 from dlama.errors import FileError
 from dlama.files.fields import read_json_fields

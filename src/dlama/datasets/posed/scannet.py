@@ -11,7 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from dlama.datasets.posed.posed_frames import CameraOption, Listed, files_of, lens_for
+from dlama.datasets.posed.lenses import CameraOption, lens_for
+from dlama.datasets.posed.posed_frames import Listed, files_of
 from dlama.datasets.text_tables import files_by_stem, files_in, holds, pose_at, read_matrix
 
 looks_like = holds("color", "depth", "pose")

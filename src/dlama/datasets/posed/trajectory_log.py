@@ -9,7 +9,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from dlama.datasets.posed.posed_frames import CameraOption, Listed, files_of, lens_for
+from dlama.datasets.posed.lenses import CameraOption, lens_for
+from dlama.datasets.posed.posed_frames import Listed, files_of
 from dlama.datasets.text_tables import files_in, matrix_of, pose_at, read_rows
 from dlama.errors import FileError
 from dlama.geometry.camera import Float64Array

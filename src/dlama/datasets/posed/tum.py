@@ -12,7 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from dlama.datasets.posed.posed_frames import CameraOption, Listed, files_of, lens_for
+from dlama.datasets.posed.lenses import CameraOption, lens_for
+from dlama.datasets.posed.posed_frames import Listed, files_of
 from dlama.datasets.text_tables import Row, holds, nearest_in_time, pose_of, read_rows
 from dlama.errors import FileError
 from dlama.geometry.camera import Float64Array

@@ -16,19 +16,18 @@ from dlama.completion.start import clip_frame
 from dlama.datasets.easysynth.listing import sequence_folders
 from dlama.datasets.frames import Frame
 from dlama.datasets.layouts import layout_of, list_dataset
-from dlama.datasets.posed.posed_frames import CameraOption, PosedFrame
+from dlama.datasets.posed.lenses import CameraOption
+from dlama.datasets.sequences.reading import decide_reading
 from dlama.datasets.text_tables import check_scenes
 from dlama.errors import DlamaError, FileError, InputError, first_line, format_count, system_errors, warn
 from dlama.files.rasters.turned_pairs import same_proportions
 from dlama.files.scenes.scene_npz import read_scene
-from dlama.geometry.camera import Camera
 from dlama.geometry.frames.alignment import NO_FEATURES, Features, detect_features, estimate_poses, with_pose
 from dlama.geometry.frames.gathering import gather_views, open_view
 from dlama.geometry.frames.stored import Layer, PixelCache, pixel_digest
 from dlama.geometry.holes import check_mask_size
 from dlama.geometry.rgbd import BoolArray
 from dlama.geometry.scene import Scene, name_of_number
-from dlama.perception.missing_depth.between_readings import has_single_readings
 from dlama.progress import begin_stage
 from dlama.writing.atomic_write import PathLike
 
@@ -77,21 +76,9 @@ def read_scene_of(
     gathered = gather_views(list(views.values()), called)
     gathered = replace(gathered, names=tuple(list(views)[number] for number in gathered.numbers))
     not_chosen = [frame.name for frame in every if frame.name not in kept]
-    first = next(frame for frame in chosen if frame.name in views)
-    decisions |= decide_depth(first, views[first.name].camera)
+    read = [frame for frame in chosen if frame.name in views]
+    decisions |= decide_reading(read, views[read[0].name].camera.hw, options.get("max_depth"))
     return LoadedScene(list(views), gathered, damaged, not_chosen, decisions)
-
-
-def decide_depth(frame: Frame, camera: Camera) -> dict[str, dict[str, Any]]:
-    """For meta.json, of the first frame and its view's camera: whether depth was filled between its readings (`densify`)."""
-    if not isinstance(frame, PosedFrame):
-        return {}
-    recorded, _ = frame.load_depth()
-    if recorded.shape != camera.hw or not has_single_readings(recorded > 0):
-        return {}
-    return {
-        "depth": {"name": "densified", "reason": "single readings, as of a LIDAR: filled along colours between them"}
-    }
 
 
 def _read_whole_scene(
@@ -220,9 +207,8 @@ def open_frames(
     layout: str | None = None,
     *,
     camera: CameraOption = None,
-    depth_range: float | None = None,
-    depth_scale: float | None = None,
     scene: str | None = None,
+    **reading: Any,
 ) -> tuple[Frame, ...]:
     """The posed frames of a scene, in their order, not yet read.
 
@@ -230,9 +216,8 @@ def open_frames(
         path: A folder in any layout of posed frames that `dlama evaluate` reads.
         layout: Its name; recognised by default.
         camera: The camera file of a layout that has none of its own (tum, 7-scenes, redwood).
-        depth_range: EasySynth: metres that 1.0 stands for in its depth files.
-        depth_scale: Units per metre in depth files, in place of the layout's.
         scene: Which one, of a folder that holds several.
+        reading: depth_range, depth_scale, max_depth, resize_depth, as of `DatasetOptions`.
     Raises:
         InputError: no posed frames, several scenes and none chosen; FileError, CameraError: a file, with line and column.
     """
@@ -240,8 +225,7 @@ def open_frames(
     name = layout_of(root, layout)
     if name == "easysynth":
         _check_one_sequence(root)
-    reading = {"camera": camera, "depth_range": depth_range, "depth_scale": depth_scale, "limit": 0}
-    frames = list_dataset(root, name, reading).frames
+    frames = list_dataset(root, name, {"camera": camera, "limit": 0, **reading}).frames
     if not frames:
         raise InputError(f"{root}: a data set of layout {name} has no posed frames of one scene")
     return _of_scene(root, frames, scene)

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from dlama import __version__
 from dlama.arguments import check_arguments
@@ -17,8 +17,8 @@ from dlama.completion.options import OptionKeywords, Options, Unpack, options_of
 from dlama.completion.report import share, warn_of_scale
 from dlama.completion.start import Plan, plan_for
 from dlama.completion.steps import CompletedView, complete_frame, complete_view, frames_to_fill
+from dlama.datasets.posed.lenses import CameraOption
 from dlama.datasets.posed.nerfstudio import FOLDERS, MASKS, write_transforms, write_view
-from dlama.datasets.posed.posed_frames import CameraOption
 from dlama.datasets.sequences.camera_paths import cameras_for
 from dlama.datasets.sequences.loading import fit_masks, masks_by_number, read_scene_of
 from dlama.datasets.sequences.results import check_results, write_views_video, write_whole
@@ -69,6 +69,8 @@ def sequence(
     camera: CameraOption = None,
     depth_range: float | None = None,
     depth_scale: float | None = None,
+    max_depth: float | None = None,
+    resize_depth: Literal["guided", "nearest"] | None = None,
     only: Sequence[str] | None = None,
     also: Sequence[str] = (),
     keep_poses: bool = False,
@@ -86,11 +88,15 @@ def sequence(
         dataset: The folder of posed frames, in any layout that `dlama evaluate` reads; or a scene.npz.
         output: Directory for the results.
         frames: Which frames: `FIRST:END:STEP`, places from 0.
-        masks: A frame's name, or its place from 0 -> H x W bool, True = remove: an object that is removed from all frames. Those
-            of larger pictures are shrunk, as the frames are, empty ones and those of frames that are not chosen passed over.
+        masks: A frame's name, or its place from 0 of those in `frames` -> H x W bool, True = remove: an object that is removed
+            from all frames. Those of larger pictures are shrunk, as the frames are, empty ones and those of frames that are not
+            chosen passed over.
         views: "frames": at the frames' own cameras; "orbit", "spiral" or "dolly": a path of 24 cameras from the middle frame; a
             JSON file with a list of cameras; or cameras by name.
         layout, scene, camera, depth_range, depth_scale: Of the data set, as in `dlama evaluate`; `scene` of several.
+        max_depth: Metres beyond which depth is missing; None: 5 in recordings of a phone's LIDAR, which guesses beyond.
+        resize_depth: Depth smaller than the pictures is enlarged to their size, as in `read_rgbd`; None: pictures are shrunk to
+            its size, or, in recordings of phones and depth cameras, to up to four times that.
         only: What of scene, points, mesh, colmap and video is written next to the views; None: mesh, colmap and video.
         also: More of them. "scene" is the file that `dlama view` and `dlama video` read.
         keep_poses: Else poses are made to agree with the pictures first, where they are off by a pixel or more, as those of
@@ -106,9 +112,15 @@ def sequence(
     started, target, chosen = time.perf_counter(), check_folder_name(output), check_results(only, also)
     method = options_of(options)
     reading = {"layout": layout, "scene": scene, "camera": camera}
-    units = {"depth_range": depth_range, "depth_scale": depth_scale}
+    of_depth = {"depth_range": depth_range, "depth_scale": depth_scale, "max_depth": max_depth}
     names, given, damaged, not_chosen, decisions = read_scene_of(
-        dataset, frames, clip=method.settings.clip, keep_poses=keep_poses, **reading, **units
+        dataset,
+        frames,
+        clip=method.settings.clip,
+        keep_poses=keep_poses,
+        resize_depth=resize_depth,
+        **reading,
+        **of_depth,
     )
     kept = [names[number] for number in given.numbers]
     cameras = cameras_for(views, given)

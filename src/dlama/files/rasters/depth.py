@@ -101,7 +101,7 @@ def read_disparity(path: PathLike, *, scale: float | None = None) -> Float32Arra
     PFM, EXR, NPY, NPZ (key `disparity`): pixels, divided by `scale` where given. 16-bit PNG: value / scale (default 256,
     KITTI); 8-bit PNG: `scale` must be given. Raises FileError or DepthError.
     """
-    _check_positive(disparity_scale=scale)
+    check_positive(disparity_scale=scale)
     values = read_stored_numbers(path, "disparity", None, eight_bit=scale is not None)
     if values.dtype.kind == "f":
         values = np.where(np.isfinite(values) | (values < 0), values, 0)
@@ -282,12 +282,13 @@ def _check_not_negative(path: PathLike, values: np.ndarray, what: str) -> None:
 
 def check_depth_options(depth_scale: float | None, depth_range: float | None, far: float | None) -> None:
     """Raise DepthError for an option of `read_depth` that is no number > 0, and for two that contradict each other."""
-    _check_positive(depth_scale=depth_scale, depth_range=depth_range, far=far)
+    check_positive(depth_scale=depth_scale, depth_range=depth_range, far=far)
     if depth_scale is not None and depth_range is not None:
         raise DepthError("`depth_scale` and `depth_range` contradict each other; give one")
 
 
-def _check_positive(**options: float | None) -> None:
+def check_positive(**options: float | None) -> None:
+    """Raise DepthError for an option that is given and no number > 0."""
     for name, value in options.items():
         if value is not None and not (is_finite(value) and value > 0):
             raise DepthError(f"`{name}` is {value!r}; a number > 0 is expected")
