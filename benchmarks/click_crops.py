@@ -42,9 +42,8 @@ SENSOR_SHARES = (0.12, 0.28, 0.2, 0.4)
 SHARES, FARTHEST_M, ONE_PIECE = (0.002, 0.25), 9.0, 0.7
 """Of objects: share of the picture, median depth, least share that hangs together."""
 TEXTURED, TEXTURES, TEXTURE_PX = 0.6, 8, 256
-CUT_OFF, ANYWHERE, CLICKS_IN_PHOTO = 0.3, 0.4, 1
-"""Share of views with objects that the rim cuts, and of clicks anywhere on an object, not amid it; clicks on
-an object of a photo."""
+CUT_OFF, ANYWHERE = 0.3, 0.4
+"""Share of views with objects that the rim cuts, and of clicks anywhere on an object, not amid it."""
 FAR_SCALES, NEAR_SCALES, LEAST_REACH = (0.8, 1.2), (1.15, 2.2), 6
 """Sides of the two squares: over FIRST_WINDOW of the picture, and over twice the object's reach from the click (px)."""
 SMALL, SMALL_SIDES = 0.5, (0.12, 0.6)

@@ -42,7 +42,6 @@ ON_CLICK, ELSEWHERE, LONGER_PX = 0.25, 0.15, (8, 64)
 side. Depth and saliency do not show it, as they do not show small objects on large ones."""
 NEARER = 2.5
 """Clicks on the background are seen from so much nearer at most."""
-BATCH = sum(IN_BATCH)
 RARER, RAREST = 4.0, 6.0
 """An object's pixels weigh as a fourth of the square, up to so many times."""
 HIDDEN, OBJECT_RATE, OBJECT_STEPS, OBJECT_BATCH, ON_BACKGROUND = 16, 1e-3, 3000, 256, 2.0

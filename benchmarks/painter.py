@@ -26,8 +26,9 @@ import torch
 from torch import Tensor
 
 from bench import lpips_map
+from dlama.datasets.text_tables import pictures_below
 from dlama.geometry.rgbd import UInt8Array
-from dlama.training.data.photos import folder_photos, split_photos
+from dlama.training.data.photos import split_photos
 from painter_crops import VIEW_SIDE, Crop, outlines_of, photo_crop, stored_crop, write_views, write_worlds
 from painter_network import Generator, Run
 
@@ -43,7 +44,7 @@ class Crops:
     """What is learnt from, and what is held out, of a folder of worlds and views and a folder of photos."""
 
     def __init__(self, folder: Path, photos: Path) -> None:
-        found = folder_photos(photos)
+        found = pictures_below(photos)
         worlds, views = (sorted((folder / name).glob("*.npz")) for name in ("worlds", "views"))
         self.photos = split_photos(found, "train")
         self.worlds, self.views = worlds[: -MEASURED["worlds"]], views[: -MEASURED["views"]]
@@ -117,7 +118,7 @@ def measure(run: Run, held_out: dict[str, list[Crop]], sheet: Path) -> str:
 
 def make_worlds(asked: argparse.Namespace) -> None:
     """Once, for all runs."""
-    photos = split_photos(folder_photos(asked.photos), "train")
+    photos = split_photos(pictures_below(asked.photos), "train")
     write_worlds(asked.folder / "worlds", WORLDS, photos)
     write_views(asked.folder / "views", VIEWS, photos)
 

@@ -126,7 +126,7 @@ def draw_tasks(photos: Sequence[Path], worlds: WorldSet, rng: np.random.Generato
     """A photo from another place and back, or a world from another place."""
     if rng.random() < OF_PHOTOS:
         return [photo_task(photos[int(rng.integers(len(photos)))], WORLD_SIDE, rng)]
-    views = worlds.views_of_world(FIRST_WORLD + int(rng.integers(MANY)))
+    views = worlds.views((FIRST_WORLD + int(rng.integers(MANY))) * worlds.group_size)
     if not views.pairs:
         return []
     source, target = views.pairs[0]

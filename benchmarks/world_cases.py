@@ -36,7 +36,7 @@ def world_case(number: int, kind: str, sensor: str, worlds: WorldSet | None = No
     worlds = worlds or WorldSet("held_out", 512)
     rng = np.random.default_rng([number, 5])
     while True:
-        views = worlds.views_of_world(number)
+        views = worlds.views(number * worlds.group_size)
         removed = cluttered_object(views, 0) if kind == "removal" else 0
         if removed is not None and views.pairs:
             break

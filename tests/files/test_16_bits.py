@@ -108,12 +108,6 @@ def test_another_view_and_another_picture_have_8_bits(tmp_path: Path) -> None:
         assert (meta["inputs"]["image"]["bits"], meta["image_png_bits"]) == (16, 8)
 
 
-def test_a_picture_of_8_bits_is_not_warned_of(tmp_path: Path) -> None:
-    """pytest makes a warning an error."""
-    small_frame(tmp_path)
-    read_color(tmp_path / "image.png")
-
-
 @pytest.mark.parametrize("compression", [None, "zlib"])
 def test_planes_of_16_bits_are_refused(tmp_path: Path, compression: str | None) -> None:
     """OpenCV mixes their rows: such a plate came out as noise. Oracle for 8 bits, which Pillow reads: what was written."""

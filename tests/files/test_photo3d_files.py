@@ -20,7 +20,7 @@ from dlama.completion.photo3d import Photo3D, photo3d
 from dlama.errors import InputError
 from dlama.files.results import photo3d as module
 from dlama.files.results.photo3d import anaglyph, write_photo3d
-from dlama.files.scenes.splats import FIELDS, SIZE, peak_opacity, quaternions, scene_splats
+from dlama.files.scenes.splats import FIELDS, SIZE, peak_opacity, scene_splats
 from dlama.geometry.layers.head_box import HeadBox
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
@@ -110,21 +110,6 @@ def test_splats_of_soft_borders() -> None:
     assert front.sum() == back.sum() == 48
     assert np.allclose(share[front], peak_opacity(np.array([0.5])), atol=0.05) and np.allclose(share[back], 0.98)
     assert (red[front] > 0.7).all() and (blue[front] < 0.2).all() and (blue[back] > 0.7).all()
-
-
-def test_quaternions_turn_as_the_matrices_do() -> None:
-    """Random rotations, and half turns about each axis."""
-    rng = np.random.default_rng(0)
-    q = rng.normal(size=(50, 4))
-    q = np.concatenate([q / np.linalg.norm(q, axis=1, keepdims=True), np.eye(4)])
-    w, x, y, z = q.T
-    m = np.array([
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]).transpose(2, 0, 1)  # fmt: skip
-    found = quaternions(m)
-    assert np.allclose(np.abs((found * q).sum(1)), 1)
 
 
 def test_stereo_pictures(folder: Path, photo: Photo3D) -> None:

@@ -11,7 +11,7 @@ import pytest
 from safetensors import safe_open
 
 from dlama.errors import FileError, OutputError
-from dlama.nets.safetensors_file import read_safetensors, widen_bfloat16, write_safetensors
+from dlama.nets.safetensors_file import read_safetensors, write_safetensors
 
 TENSORS = {
     "a": np.arange(6, dtype=np.float32).reshape(2, 3),
@@ -42,11 +42,6 @@ def test_the_same_content_gives_the_same_bytes(tmp_path):
     with safe_open(tmp_path / "one", "np") as file:
         assert file.metadata() == about
         np.testing.assert_array_equal(file.get_tensor("weight"), tensors["weight"])
-
-
-def test_bfloat16_is_the_upper_half_of_float32():
-    """Oracle: closed form."""
-    np.testing.assert_array_equal(widen_bfloat16(np.array([0x3F80, 0xC040, 0x0000], np.uint16)), [1.0, -3.0, 0.0])
 
 
 def _file(folder: Path, header: object, data: bytes) -> Path:

@@ -60,7 +60,6 @@ def test_what_a_file_leaves_out_keeps_its_default():
 @pytest.mark.parametrize(
     "make",
     [
-        lambda: LossSettings(adversarial=-1.0),
         lambda: LossSettings(adversarial=-1),
         lambda: LossSettings(perceptual=float("nan")),
         lambda: LossSettings(trunk="resnet50-dilated"),

@@ -386,10 +386,12 @@ def test_what_takes_long_says_so(pages: Pages, frame: Path) -> None:
 
 @pytest.mark.filterwarnings("ignore:the (field of view|scale)")  # of a photo alone, assumed
 def test_the_brush_is_as_wide_in_a_large_picture(pages: Pages, tmp_path: Path) -> None:
-    """Oracle: its share of the picture, as in the example of 512 pixels, within a rounding."""
+    """Oracle: its share of the picture, as in the example of 512 pixels, within a rounding. Of a photo alone depth is estimated,
+    which the page says."""
     page = pages.open()
     page.locator("[data-example=photo]").click()
     page.locator("#marker").wait_for()
+    playwright.expect(page.locator('.under [data-fact="depth"]')).to_contain_text("estimated by")
     small = page.evaluate("[Number(brush.value), Number(brush.max)]")
     photo = cv2.imread(str(dlama.example() / "street.jpg"))
     cv2.imwrite(str(tmp_path / "large.jpg"), cv2.resize(photo, (2048, 2048)))
@@ -600,11 +602,3 @@ def test_it_fits_and_is_named(width: int, scheme: str, pages: Pages, frame: Path
     assert dark == (scheme == "dark")
     page.locator("#theme").click()
     assert (page.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(18, 21, 26)") != dark
-
-
-def test_a_photo_alone(pages: Pages) -> None:
-    """Depth is estimated, which the page says."""
-    page = pages.open()
-    page.locator("[data-example=photo]").click()
-    page.locator("#marker").wait_for()
-    playwright.expect(page.locator('.under [data-fact="depth"]')).to_contain_text("estimated by")

@@ -228,6 +228,15 @@ def files_below(folder: Path, suffixes: Iterable[str]) -> list[Path]:
     return sorted(path for path in folder.rglob("*") if path.suffix.lower() in kinds and path.is_file())
 
 
+def pictures_below(folder: Path, nor: str = "") -> tuple[Path, ...]:
+    """The pictures in a folder and below, by path. FileError where it is none or holds none; its message ends with `nor`."""
+    if not folder.is_dir():
+        raise FileError(f"{folder}: is no folder; a folder of pictures is expected")
+    if found := files_below(folder, SUFFIXES):
+        return tuple(found)
+    raise FileError(f"{folder}: holds no pictures ({', '.join(SUFFIXES)}){nor}")
+
+
 def files_by_stem(folder: Path, suffixes: Iterable[str]) -> dict[str, Path]:
     """The name without its ending -> file, of a folder that may be missing."""
     return {path.stem: path for path in files_in(folder, suffixes)} if folder.is_dir() else {}

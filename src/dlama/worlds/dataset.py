@@ -18,7 +18,7 @@ from dlama.arguments import check_count, check_word, is_finite
 from dlama.completion.options import Unpack
 from dlama.datasets.frames import Case, Dataset, Frame, RemovalTruth, StereoTruth, ViewTruth, true_disparity
 from dlama.datasets.layouts import DatasetOptions, open_dataset, refuse_unused, select_cases
-from dlama.datasets.text_tables import files_below
+from dlama.datasets.text_tables import pictures_below
 from dlama.errors import FileError, InputError, system_errors
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
@@ -29,7 +29,6 @@ YAWS = (10, 20, 30, 40, 50, 60)
 KINDS = ("street", "room")
 PHOTOS = 12
 """How many pictures of a folder one world uses at most."""
-PICTURES = (".jpg", ".jpeg", ".png", ".webp", ".bmp")
 LAYOUT = "worlds"
 """Name of generated data sets, and of their layout."""
 MOST_WORLDS, MOST_PX = 10_000, 8192
@@ -38,6 +37,7 @@ DEFAULT_COUNT = 4
 """How many worlds the bare name generates."""
 
 Textures = str | Path | Sequence[np.ndarray] | None
+_textures_in = lru_cache(maxsize=4)(pictures_below)
 
 
 @system_errors(FileError)
@@ -63,23 +63,12 @@ def _check_world(seed: int, kind: Kind | None) -> None:
 @lru_cache(maxsize=4)
 def _from_seed(seed: int, kind: Kind | None, folder: Path | None) -> World:
     """Four worlds are kept, because the cases of a world are mostly loaded one after another."""
-    return _build_with_photos(seed, kind, _pictures(folder) if folder is not None else ())
+    return _build_with_photos(seed, kind, _textures_in(folder) if folder is not None else ())
 
 
 def _build_with_photos(seed: int, kind: Kind | None, pictures: Sequence[np.ndarray | Path]) -> World:
     chosen = np.random.default_rng((seed, 1)).permutation(len(pictures))[:PHOTOS]
     return build(seed, kind, [pictures[int(n)] for n in chosen])
-
-
-@lru_cache(maxsize=4)
-def _pictures(folder: Path) -> tuple[Path, ...]:
-    """All pictures below a folder, in the order of their names."""
-    if not folder.is_dir():
-        raise FileError(f"{folder}: is no folder; a folder of pictures is expected for textures")
-    found = tuple(files_below(folder, PICTURES))
-    if not found:
-        raise FileError(f"{folder}: holds no pictures ({', '.join(PICTURES)}); textures are taken from them")
-    return found
 
 
 @dataclass(frozen=True)
@@ -145,7 +134,7 @@ def world_settings(count: int, seed: int, size: int, kind: Kind | None, textures
     folder = Path(textures) if isinstance(textures, str) else textures
     pictures = folder if folder is None or isinstance(folder, Path) else tuple(folder)
     if isinstance(pictures, Path):
-        _pictures(pictures)
+        _textures_in(pictures)
     return [WorldSettings(seed + n, kind, pictures, size) for n in range(count)]
 
 

@@ -25,12 +25,15 @@ def test_angles_are_exact_at_both_ends(degrees: float) -> None:
 
 @pytest.mark.parametrize("degrees", [0.0, 33.0, 180.0, 200.0])
 def test_quaternions_there_and_back(degrees: float) -> None:
-    rotation = rotation_from_quaternion(about([0.3, -0.8, 0.52], degrees))
-    np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-15)
-    quaternion = quaternion_from_rotation(rotation)
-    assert quaternion[3] >= 0 and np.linalg.norm(quaternion) == pytest.approx(1)
-    np.testing.assert_allclose(rotation_from_quaternion(quaternion), rotation, atol=1e-12)
-    np.testing.assert_allclose(rotation_from_quaternion(3 * quaternion), rotation, atol=1e-12)
+    """Each alone, and all at once: about the axes, and about random ones."""
+    axes = [*np.eye(3), *np.random.default_rng(0).normal(size=(20, 3))]
+    rotations = np.array([rotation_from_quaternion(about(axis, degrees)) for axis in axes])
+    for rotation, quaternion in zip(rotations, quaternion_from_rotation(rotations)):
+        np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-15)
+        assert quaternion[3] >= 0 and np.linalg.norm(quaternion) == pytest.approx(1)
+        np.testing.assert_allclose(quaternion_from_rotation(rotation), quaternion, atol=1e-15)
+        np.testing.assert_allclose(rotation_from_quaternion(quaternion), rotation, atol=1e-12)
+        np.testing.assert_allclose(rotation_from_quaternion(3 * quaternion), rotation, atol=1e-12)
 
 
 @pytest.mark.parametrize("degrees", [0.0, 1e-7, 20.0, 179.0, -120.0])

@@ -6,7 +6,6 @@ Files are written whole or not at all. A JSON file that cannot be read counts as
 from __future__ import annotations
 
 import csv
-import hashlib
 import json
 import re
 from collections.abc import Mapping, Sequence
@@ -16,6 +15,7 @@ from typing import Any, NamedTuple
 
 from dlama.datasets.frames import Case
 from dlama.evaluation.protocols.methods import Method
+from dlama.evaluation.runner.cache_key import short_hash
 from dlama.writing.atomic_write import new_file, write_file
 
 LONGEST_NAME = 180
@@ -61,9 +61,9 @@ class Stored:
 
 def stem(case: Case, method: Method) -> str:
     """The name, without suffix, of the files of a case and a method; safe on every file system."""
-    extra = f"-{_short_hash(repr(sorted(method.changes.items())))}" if method.changes else ""
+    extra = f"-{short_hash(sorted(method.changes.items()))[:8]}" if method.changes else ""
     name = re.sub(r"[^\w.+,=@-]", "_", f"{case.key}__{method.recipe}-{method.filler}{extra}")
-    return name if len(name) <= LONGEST_NAME else f"{name[: LONGEST_NAME - 9]}-{_short_hash(name)}"
+    return name if len(name) <= LONGEST_NAME else f"{name[: LONGEST_NAME - 9]}-{short_hash(name)[:8]}"
 
 
 def write_stored(path: Path, stored: Stored) -> None:
@@ -121,7 +121,3 @@ def write_rows(path: Path, rows: Sequence[Row]) -> None:
         for row in rows:
             yaw = "" if row.yaw is None else f"{row.yaw:.10g}"
             writer.writerow([*row[:4], yaw, *row[5:10], repr(float(row.value))])
-
-
-def _short_hash(text: str) -> str:
-    return hashlib.sha256(text.encode()).hexdigest()[:8]

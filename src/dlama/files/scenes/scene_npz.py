@@ -26,7 +26,6 @@ from dlama.files.rasters.float_files import read_npy
 from dlama.files.rasters.images import existing_file, printable_name
 from dlama.files.schema import SCHEMA, check_schema
 from dlama.geometry.camera import Camera
-from dlama.geometry.codes import Origin
 from dlama.geometry.frames.stored import CACHE_BYTES, Layer, PixelCache, StoredView
 from dlama.geometry.rgbd import Float32Array, UInt8Array
 from dlama.geometry.scene import Scene
@@ -198,10 +197,6 @@ def _view(prefix: str, arrays: Mapping[str, np.ndarray]) -> View:
     depth, hole, types, origin, confidence = (
         arrays[prefix + name] for name in ("depth", "hole", "hole_type", "origin", "confidence")
     )
-    if (
-        early := hole & (origin == Origin.DEPTH_FILLED.value)
-    ).any():  # as files of the first days mark a known colour in a hole
-        origin = np.where(early, np.uint8(Origin.MEASURED), origin)
     planes = [arrays[prefix + name] for name in ERRORS if prefix + name in arrays]
     errors = np.stack(planes, -1) if len(planes) == len(ERRORS) else None
     return View(camera, color, depth, hole, types, origin, confidence, arrays.get(f"{prefix}frame"), errors)

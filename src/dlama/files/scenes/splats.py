@@ -19,6 +19,7 @@ from dlama.geometry.layers.head_box import HeadBox
 from dlama.geometry.layers.layered_mesh import fill_own_holes, sky_distance
 from dlama.geometry.layers.source_sheets import Sheet, cut_source, depth_of_sphere
 from dlama.geometry.layers.subsampling import subsample
+from dlama.geometry.motion.poses import quaternion_from_rotation
 from dlama.geometry.projection import rays
 from dlama.geometry.rgbd import BoolArray
 from dlama.geometry.scene import Scene, contribution
@@ -128,7 +129,8 @@ def grid_splats(
     harmonic = (color[shown] / 255 - 0.5) / COLOR_OF_DEGREE_0
     world = points @ turn.T + camera.world_from_cam[:3, 3]
     logit = np.log(opacity[shown] / (1 - opacity[shown]))[:, None]
-    return np.concatenate([world, axes[..., 2], harmonic, logit, sizes, quaternions(axes)], 1)
+    wxyz = np.roll(quaternion_from_rotation(axes), 1, axis=1)
+    return np.concatenate([world, axes[..., 2], harmonic, logit, sizes, wxyz], 1)
 
 
 def tangent(points: Float64Array, axis: int, joined: BoolArray, size: np.ndarray) -> Float64Array:
@@ -145,17 +147,3 @@ def unit(vectors: Float64Array) -> tuple[Float64Array, Float64Array]:
     """N x 3 vectors of length 1, and their lengths, N x 1."""
     length = np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-12)
     return vectors / length, length
-
-
-def quaternions(axes: Float64Array) -> Float64Array:
-    """N x 4 (w, x, y, z) of N x 3 x 3 rotations: of the row of 4 q q^T with the largest diagonal (Shepperd, 1978)."""
-    (a, d, e), (f, b, g), (h, i, c) = np.moveaxis(axes, 0, -1)
-    products = np.array([
-        [1 + (a + b + c), i - g, e - h, f - d],
-        [i - g, 1 + a - b - c, f + d, h + e],
-        [e - h, d + f, 1 + b - c - a, i + g],
-        [f - d, e + h, g + i, 1 + c - a - b],
-    ])  # fmt: skip
-    largest = np.argmax([a + b + c, a, b, c], axis=0)
-    found = products[largest, :, np.arange(len(axes))]
-    return np.asarray(found / np.linalg.norm(found, axis=1, keepdims=True))

@@ -28,21 +28,20 @@ def rotation_from_quaternion(quaternion_xyzw: ArrayLike) -> Float64Array:
 
 
 def quaternion_from_rotation(rotation: Float64Array) -> Float64Array:
-    """Unit quaternion x, y, z, w of a 3x3 rotation, w >= 0.
+    """Unit quaternions x, y, z, w (... x 4) of rotations (... x 3 x 3), w >= 0.
 
-    The eigenvector for the largest eigenvalue of a symmetric 4x4 matrix (Bar-Itzhack 2000): good at every angle.
+    Of the row of 4 q q^T with the largest diagonal (Shepperd 1978): good at every angle.
     """
-    r = rotation
-    k = np.array(
-        [
-            [r[0, 0] - r[1, 1] - r[2, 2], 0, 0, 0],
-            [r[1, 0] + r[0, 1], r[1, 1] - r[0, 0] - r[2, 2], 0, 0],
-            [r[2, 0] + r[0, 2], r[2, 1] + r[1, 2], r[2, 2] - r[0, 0] - r[1, 1], 0],
-            [r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1], np.trace(r)],
-        ]
-    )
-    quaternion = np.linalg.eigh(k)[1][:, -1]  # eigh reads the lower triangle
-    return quaternion if quaternion[3] >= 0 else -quaternion
+    (a, d, e), (f, b, g), (h, i, c) = np.moveaxis(rotation, (-2, -1), (0, 1))
+    products = np.array([
+        [1 + a - b - c, f + d, h + e, i - g],
+        [f + d, 1 + b - c - a, i + g, e - h],
+        [h + e, i + g, 1 + c - a - b, f - d],
+        [i - g, e - h, f - d, 1 + a + b + c],
+    ])  # fmt: skip
+    largest = np.argmax([a, b, c, a + b + c], axis=0)
+    found = np.moveaxis(np.take_along_axis(products, largest[None, None], 0)[0], 0, -1)
+    return np.asarray(found / np.copysign(np.linalg.norm(found, axis=-1), found[..., 3])[..., None])
 
 
 def slerp(start: Float64Array, end: Float64Array, share: float) -> Float64Array:

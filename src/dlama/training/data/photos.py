@@ -10,9 +10,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from dlama.datasets.text_tables import files_below
-from dlama.errors import FileError, InputError
-from dlama.files.rasters.images import SUFFIXES, read_stored
+from dlama.errors import InputError
+from dlama.files.rasters.images import read_stored
 from dlama.files.rasters.pictures import srgb_of
 from dlama.geometry.rgbd import UInt8Array
 
@@ -20,16 +19,6 @@ HELD_OUT_ONE_IN = 16
 """One of so many groups of photos, or scenes, is held out."""
 FRAME_NUMBER = re.compile(r"[_-][a-z]?\d{5,}$")
 """Ends the name of a video's frame: neighbouring frames look alike, so all frames of a video are in one split."""
-
-
-def folder_photos(folder: Path) -> tuple[Path, ...]:
-    """All PNG, JPEG, WebP, TIFF and HEIC pictures in a folder and below, by path. FileError where there are none."""
-    if not folder.is_dir():
-        raise FileError(f"{folder}: no such folder; a folder of pictures is expected")
-    paths = files_below(folder, SUFFIXES)
-    if not paths:
-        raise FileError(f"{folder}: holds no picture ({', '.join(SUFFIXES)}) and is no data set of a known layout")
-    return tuple(paths)
 
 
 def read_photo(path: Path) -> UInt8Array:

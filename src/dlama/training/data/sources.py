@@ -14,9 +14,10 @@ import numpy as np
 from dlama.datasets.frames import Case
 from dlama.datasets.frames import Protocol as CaseProtocol
 from dlama.datasets.layouts import LAYOUTS, SeveralLayoutsError, layout_of, open_dataset
+from dlama.datasets.text_tables import pictures_below
 from dlama.errors import FileError, InputError, system_errors
 from dlama.training.data.cases import CASES, split_cases
-from dlama.training.data.photos import folder_photos, split_photos
+from dlama.training.data.photos import split_photos
 from dlama.training.data.samples.dataset import case_pair, case_removal, case_view
 from dlama.training.data.samples.views import PairExample, Samples, ViewExample
 from dlama.training.data.samples.world_views import WorldSet
@@ -126,7 +127,7 @@ def _in_folder(path: Path) -> tuple[Sequence[Path], Sequence[Case]]:
     except (SeveralLayoutsError, FileError):
         raise
     except InputError:  # of no layout
-        return folder_photos(path), ()
+        return pictures_below(path, " and is no data set of a known layout"), ()
     cases = open_dataset(path, layout).cases
     if not cases:
         raise InputError(

@@ -95,10 +95,6 @@ class WorldSet:
         """World and cameras for sample `index`; pairs are of a source and a target."""
         return _world_views(self, index // self.group_size)
 
-    def views_of_world(self, number: int) -> WorldViews:
-        """World `number` and its cameras."""
-        return _world_views(self, number)
-
     def stereo_views(self, index: int) -> WorldViews:
         """World and stereo cameras for sample `index`: cameras 2n and 2n + 1 are left and right, and pairs are of those."""
         return _world_views(self, index // self.group_size, paired=True)
