@@ -29,22 +29,21 @@ def assert_same(a: PointCloud, b: PointCloud) -> None:
         assert np.array_equal(getattr(a, name), getattr(b, name)), name
 
 
-@pytest.mark.parametrize("count", [0, 1, 100])
-def test_ply_there_and_back(tmp_path: Path, count: int) -> None:
-    cloud = cloud_of(np.random.default_rng(0).normal(0, 5, (count, 3)).astype(np.float32))
-    write_ply(tmp_path / "c.ply", cloud)
-    assert_same(read_ply(tmp_path / "c.ply"), cloud)
+POINTS = np.random.default_rng(0).normal(0, 5, (100, 3)).astype(np.float32)
+FAR_AWAY = np.array([[4.2e6, -1.1e6, 12.001], [4.2e6 + 0.001, -1.1e6, 12]])
+"""They keep their millimetres."""
 
 
-def test_far_away_points_keep_their_millimetres(tmp_path: Path) -> None:
-    cloud = cloud_of(np.array([[4.2e6, -1.1e6, 12.001], [4.2e6 + 0.001, -1.1e6, 12]]))
+@pytest.mark.parametrize("points", [*(POINTS[:count] for count in (0, 1, 100)), FAR_AWAY])
+def test_ply_there_and_back(tmp_path: Path, points: np.ndarray) -> None:
+    cloud = cloud_of(points)
     write_ply(tmp_path / "c.ply", cloud)
     assert_same(read_ply(tmp_path / "c.ply"), cloud)
 
 
 def test_ply_as_others_see_it(tmp_path: Path) -> None:
     """Oracles: plyfile's own reading of the header, and trimesh's points and colours."""
-    cloud = cloud_of(np.random.default_rng(0).normal(0, 5, (50, 3)).astype(np.float32))
+    cloud = cloud_of(POINTS[:50])
     write_ply(tmp_path / "c.ply", cloud)
     head = PlyData.read(str(tmp_path / "c.ply"))
     assert not head.text and head.byte_order == "<" and len(head.elements) == 1
@@ -65,7 +64,7 @@ def test_ply_as_others_see_it(tmp_path: Path) -> None:
 
 def test_ply_of_others(tmp_path: Path) -> None:
     """trimesh's file has neither origin nor confidence: measured, 1."""
-    cloud = cloud_of(np.random.default_rng(0).normal(0, 5, (9, 3)).astype(np.float32))
+    cloud = cloud_of(POINTS[:9])
     trimesh.PointCloud(cloud.points, cloud.color).export(tmp_path / "t.ply")
     back = read_ply(tmp_path / "t.ply")
     assert np.allclose(back.points, cloud.points) and np.array_equal(back.color, cloud.color)

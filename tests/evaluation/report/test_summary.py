@@ -30,7 +30,7 @@ from dlama.evaluation.report.summary import (
     Place,
     Summary,
     draws,
-    intervals,
+    interval,
     summarise,
     write_summary,
     yaw_order,
@@ -114,8 +114,8 @@ def test_draws_are_draws_with_replacement() -> None:
     assert times.shape == (RESAMPLES, 7) and (times.sum(axis=1) == 7).all()
     assert times.mean(axis=0) == pytest.approx(np.ones(7), abs=0.15)
     assert (draws(7, 3) == times).all() and (draws(7, 4) != times).any()
-    low, high = intervals(np.array([[2.0, 6.0]]), np.array([[2, 2]]), np.array([[2.0, 0.0], [0.0, 2.0]]))
-    assert (low[0], high[0]) == pytest.approx((1.05, 2.95))
+    ends = interval(np.array([2.0, 6.0]), np.array([2.0, 2.0]), np.array([[2.0, 0.0], [0.0, 2.0]]))
+    assert ends == pytest.approx((1.05, 2.95))
 
 
 def test_infinite_values_have_no_interval() -> None:

@@ -64,21 +64,16 @@ def read_scene_of(
     if not keep_poses:
         begin_stage("compare poses with pictures")
         chosen, decisions = align_poses(chosen)
-    views, errors = read_views(chosen, PixelCache(), clip)
-    if not views:
-        reason = next(iter(errors.values())).marked
-        raise FileError(f"{dataset}: not one of its {len(chosen)} frames can be read; the first: {reason}")
-    for name, error in errors.items():
-        warn(f"frame {name} is left out: {error.marked}")
-    damaged = {name: first_line(error) for name, error in errors.items()}
-    called = [name if name.startswith("frame") else f"frame {name}" for name in views]
+    views, damaged = read_views(dataset, chosen, clip)
+    names = list(views)
+    called = [name if name.startswith("frame") else f"frame {name}" for name in names]
     begin_stage("compare frames")
     gathered = gather_views(list(views.values()), called)
-    gathered = replace(gathered, names=tuple(list(views)[number] for number in gathered.numbers))
+    gathered = replace(gathered, names=tuple(names[number] for number in gathered.numbers))
     not_chosen = [frame.name for frame in every if frame.name not in kept]
     read = [frame for frame in chosen if frame.name in views]
-    decisions |= decide_reading(read, views[read[0].name].camera.hw, options.get("max_depth"))
-    return LoadedScene(list(views), gathered, damaged, not_chosen, decisions)
+    decisions |= decide_reading(read, views[names[0]].camera.hw, options.get("max_depth"))
+    return LoadedScene(names, gathered, damaged, not_chosen, decisions)
 
 
 def _read_whole_scene(
@@ -115,10 +110,11 @@ def align_poses(frames: tuple[Frame, ...]) -> tuple[tuple[Frame, ...], dict[str,
 
 
 def read_views(
-    frames: Sequence[Frame], cache: PixelCache, clip: float | None
-) -> tuple[dict[str, Layer], dict[str, DlamaError]]:
-    """Name -> source view, which is read again when it is needed and no longer in the cache; name -> why it cannot be read."""
-    views, errors = dict[str, Layer](), dict[str, DlamaError]()
+    dataset: PathLike, frames: Sequence[Frame], clip: float | None
+) -> tuple[dict[str, Layer], dict[str, str]]:
+    """Name -> source view, which is read again when it is needed and no longer in memory; name -> why it cannot be read, which is
+    warned of. FileError where none can."""
+    views, errors, cache = dict[str, Layer](), dict[str, DlamaError](), PixelCache()
     for number, frame in enumerate(frames):
         begin_stage(f"read frame {number + 1} of {len(frames)}")
         try:
@@ -126,7 +122,12 @@ def read_views(
             view.find_once(pixel_digest)  # while its pixels are in memory
         except DlamaError as error:
             errors[frame.name] = error
-    return views, errors
+    if not views:
+        reason = next(iter(errors.values())).marked
+        raise FileError(f"{dataset}: not one of its {len(frames)} frames can be read; the first: {reason}")
+    for name, why in errors.items():
+        warn(f"frame {name} is left out: {why.marked}")
+    return views, {name: first_line(why) for name, why in errors.items()}
 
 
 def masks_by_number(

@@ -11,7 +11,7 @@ import numpy as np
 
 from dlama.evaluation.protocols.methods import NO_FILL
 from dlama.evaluation.report.columns import PAPER_SHAPE, Which, better_direction, column_title
-from dlama.evaluation.report.summary import ALL, draws, intervals, yaw_labels, yaw_order
+from dlama.evaluation.report.summary import ALL, draws, interval, yaw_labels, yaw_order
 from dlama.evaluation.report.tables import EMPTY, Cell, Table
 from dlama.evaluation.runner.store import Row
 from dlama.geometry.camera import Float64Array
@@ -90,5 +90,5 @@ def _interval(sums: Float64Array, seed: int) -> str:
     """Ends of the interval of the change in %, by 2 x N sums of scenes (ours, theirs); "" of one scene."""
     if sums.shape[1] < 2:
         return ""
-    low, high = intervals(sums[:1], sums[1:], draws(sums.shape[1], seed))
-    return f"{100 * (low[0] - 1):+.1f} to {100 * (high[0] - 1):+.1f}"
+    low, high = interval(sums[0], sums[1], draws(sums.shape[1], seed))
+    return f"{100 * (low - 1):+.1f} to {100 * (high - 1):+.1f}"

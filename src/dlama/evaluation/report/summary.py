@@ -13,11 +13,11 @@ import re
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dlama.evaluation.report.columns import Which
 from dlama.evaluation.runner.store import Row
@@ -27,8 +27,6 @@ from dlama.writing.atomic_write import write_file
 ALL = "all"
 """The yaw of a mean over every frame."""
 RESAMPLES = 1000
-CHUNK = 256
-"""Groups whose draws are in memory at a time."""
 
 
 class Key(NamedTuple):
@@ -107,49 +105,32 @@ def summarise(rows: Sequence[Row], *, seed: int = 0, about: dict[str, Any] | Non
             values[key][row.scene].append(row.value)
     methods = dict.fromkeys(row.method for row in rows)
     ordered = sorted(methods, key=lambda method: "+" in method.split("/")[0])
-    return Summary(means_of(values, seed), tuple(ordered), about or {})
+    means = {key: mean_of(scenes, seed) for key, scenes in values.items()}
+    return Summary(means, tuple(ordered), about or {})
 
 
-def means_of(values: dict[Key, dict[str, list[float]]], seed: int) -> dict[Key, Mean]:
-    """Key -> scene -> values of its frames, as means with intervals."""
-    means = {key: _plain_mean(scenes) for key, scenes in values.items()}
-    by_count: dict[int, list[Key]] = defaultdict(list)
-    for key, scenes in values.items():
-        if len(scenes) > 1 and math.isfinite(means[key].value):
-            by_count[len(scenes)].append(key)
-    for count, keys in by_count.items():
-        times = draws(count, seed)
-        for start in range(0, len(keys), CHUNK):
-            some = keys[start : start + CHUNK]
-            ends = _intervals_of([list(values[key].values()) for key in some], times)
-            means |= {key: means[key]._replace(low=low, high=high) for key, (low, high) in zip(some, ends)}
-    return means
+def mean_of(scenes: dict[str, list[float]], seed: int) -> Mean:
+    """Of the values of each scene's frames; with an interval where there are two scenes or more, and the mean is finite."""
+    every = [value for one in scenes.values() for value in one]
+    mean = math.fsum(every) / len(every) if all(map(math.isfinite, every)) else sum(every) / len(every)
+    low = high = None
+    if len(scenes) > 1 and math.isfinite(mean):
+        sums, counts = np.array([(math.fsum(one), len(one)) for one in scenes.values()]).T
+        low, high = interval(sums, counts, draws(len(scenes), seed))
+    return Mean(mean, low, high, len(every), len(scenes))
 
 
-def _intervals_of(scenes: Sequence[Sequence[Sequence[float]]], times: Float64Array) -> list[tuple[float, float]]:
-    """Ends of the interval of each mean, by the values of its scenes' frames. times: as of `draws`."""
-    sums = np.array([[math.fsum(values) for values in one] for one in scenes])
-    counts = np.array([[len(values) for values in one] for one in scenes])
-    low, high = intervals(sums, counts, times)
-    return [(float(first), float(last)) for first, last in zip(low, high)]
-
-
+@lru_cache(maxsize=16)
 def draws(scenes: int, seed: int) -> Float64Array:
     """RESAMPLES x scenes: how often each scene was drawn, with replacement."""
     drawn = np.random.default_rng([seed, scenes]).integers(0, scenes, (RESAMPLES, scenes))
     return np.stack([(drawn == scene).sum(axis=1) for scene in range(scenes)], axis=1).astype(np.float64)
 
 
-def intervals(sums: Float64Array, counts: NDArray[Any], times: Float64Array) -> tuple[Float64Array, Float64Array]:
-    """The interval of each of G means.
-
-    Args:
-        sums, counts: G x scenes, the sum and the number of each scene's values, one or more each.
-        times: draws x scenes.
-    """
-    means = (times @ sums.T) / (times @ counts.T.astype(np.float64))
-    low, high = np.percentile(means, (2.5, 97.5), axis=0)
-    return low, high
+def interval(sums: Float64Array, counts: Float64Array, times: Float64Array) -> tuple[float, float]:
+    """Ends of the interval of a mean, by the sum and the number of each scene's values, one or more. times: as of `draws`."""
+    low, high = np.percentile((times @ sums) / (times @ counts), (2.5, 97.5))
+    return float(low), float(high)
 
 
 def yaw_labels(rows: Iterable[Row]) -> dict[tuple[str, str, float | None], list[str]]:
@@ -177,12 +158,6 @@ def write_summary(path: Path, summary: Summary) -> None:
     text = json.dumps(head, indent=2, ensure_ascii=False, allow_nan=False).rstrip("}").rstrip()
     body = ",\n    ".join(lines)
     write_file(path, f'{text},\n  "means": [\n    {body}\n  ]\n}}\n')
-
-
-def _plain_mean(scenes: dict[str, list[float]]) -> Mean:
-    every = [value for one in scenes.values() for value in one]
-    mean = math.fsum(every) / len(every) if all(map(math.isfinite, every)) else sum(every) / len(every)
-    return Mean(mean, None, None, len(every), len(scenes))
 
 
 def is_orbit(yaws: Iterable[float | None]) -> bool:

@@ -138,20 +138,17 @@ def hit_box(shapes: Float64Array, i: Whole, texels: UInt8Array, o: Vector, d: Ve
     """Slabs: where the ray enters (or, from inside, leaves) and through which face (2 axis + 1 for the positive one)."""
     enter, leave, first, last = -np.inf, np.inf, 0, 0
     for axis in range(3):
-        start, step = (o[0], d[0]) if axis == 0 else ((o[1], d[1]) if axis == 1 else (o[2], d[2]))
-        h = shapes[i, HALF + axis]
+        start, step, h = o[axis], d[axis], shapes[i, HALF + axis]
         if step == 0:
             if abs(start) > h:
                 return np.inf, 0
             continue
         one, two = (-h - start) / step, (h - start) / step
-        positive = 0
-        if one > two:
-            one, two, positive = two, one, 1
-        if one > enter:
-            enter, first = one, 2 * axis + positive
-        if two < leave:
-            leave, last = two, 2 * axis + 1 - positive
+        positive = int(one > two)
+        if min(one, two) > enter:
+            enter, first = min(one, two), 2 * axis + positive
+        if max(one, two) < leave:
+            leave, last = max(one, two), 2 * axis + 1 - positive
     if enter > leave or leave <= NEAR:
         return np.inf, 0
     t, face = (enter, first) if enter > NEAR else (leave, last)
@@ -191,9 +188,7 @@ def hit_tube(shapes: Float64Array, i: Whole, texels: UInt8Array, o: Vector, d: V
         for side in range(2):
             t = (-b - root) / a if side == 0 else (-b + root) / a
             x, y, z = along(o, t, d)
-            if t <= NEAR or t >= best or abs(y) > hy or middle + k * y < 0:
-                continue
-            if is_solid(shapes, i, texels, 6, (x, y, z)):
+            if NEAR < t < best and abs(y) <= hy and middle + k * y >= 0 and is_solid(shapes, i, texels, 6, (x, y, z)):
                 best, face = t, 6 if x * d[0] + z * d[2] - k * (middle + k * y) * d[1] < 0 else 9
     return nearer_cap(shapes, i, o, d, best, face)
 

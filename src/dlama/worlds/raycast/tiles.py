@@ -102,14 +102,14 @@ def cast_tiles(
                 if phase == 1 and not is_edge(keys, lights, row, column):
                     continue
                 red, green, blue = 0.0, 0.0, 0.0
-                for k in range(4 if phase == 1 else 1):
-                    x = column + 0.5 + (0.125 * (1 + 2 * (k // 2)) * (1 - 2 * (k % 2)) if phase == 1 else 0.0)
-                    y = row + 0.5 + (0.125 * (3 - 2 * (k // 2)) * (2 * ((k + k // 2) % 2) - 1) if phase == 1 else 0.0)
+                for k in range(1 + 3 * phase):
+                    x = column + 0.5 + phase * 0.125 * (1 + 2 * (k // 2)) * (1 - 2 * (k % 2))
+                    y = row + 0.5 + phase * 0.125 * (3 - 2 * (k // 2)) * (2 * ((k + k // 2) % 2) - 1)
                     light, z, key, state = ray(scene, sight, skip[row, column], gone, camera, (x, y), 1.0 - 0.5 * phase)
                     red, green, blue = red + light[0], green + light[1], blue + light[2]
                     if phase == 0:
                         depth[row, column], keys[row, column], lights[row, column] = z, key, state
-                share = 0.25 if phase == 1 else 1.0
+                share = 1.0 - 0.75 * phase
                 color[row, column, 0] = to_byte(share * red)
                 color[row, column, 1] = to_byte(share * green)
                 color[row, column, 2] = to_byte(share * blue)
