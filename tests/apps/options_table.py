@@ -260,6 +260,7 @@ SEQUENCE = {
     "output": Reach("-o elsewhere", "sequence.output", Path("elsewhere"), ("-o out",)),
     "mask": Reach("--mask 3=a.png", "mask_files.named", ("3=a.png",)),
     "masks": Reach("--masks folder", "mask_files.folder", Path("folder")),
+    "with_shadow": Reach("--mask 0=a.png --with-shadow", "sequence.with_shadow", True),
 }
 VIDEO = {
     "frames": Reach("--frames 0:9:3", "read_scene_of.frames", "0:9:3"),

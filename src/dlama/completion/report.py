@@ -101,8 +101,13 @@ def meta_data(plan: Plan, warped: Sequence[View], record: Record) -> dict[str, A
 
 def describe_remaining_shadow(meta: Mapping[str, Any]) -> str:
     """How many pixels look like the removed object's shadow and stay; "" where few do."""
-    pixels, grown = meta["notes"].get("remaining_shadow_px", 0), meta["dilation"]
+    grown = meta["dilation"]
     removed = grown["mask_pixels"] + grown["mask_known_pixels_given_up"]
+    return describe_shadow(meta["notes"].get("remaining_shadow_px", 0), removed)
+
+
+def describe_shadow(pixels: int, removed: int) -> str:
+    """The same, of pixels of the shadow and of the removed object."""
     few = not removed or pixels < max(1, SHADOW_SHOWN * removed)
     return "" if few else f"{pixels} pixels next to the object look like its shadow and stay"
 

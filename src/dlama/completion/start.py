@@ -188,8 +188,10 @@ def plan_for(
     options: Options,
     mask: BoolArray | Mapping[int, BoolArray] | None = None,
     cameras: Sequence[Camera] = (),
+    with_shadow: bool = False,
 ) -> Start:
-    """How a scene is completed, for which cameras, and the scene that this begins with, without what is masked.
+    """How a scene is completed, for which cameras, and the scene that this begins with: without what is masked and, if asked for,
+    without its shadow.
 
     Raises InputError, MaskError, as `complete`.
     """
@@ -200,7 +202,7 @@ def plan_for(
     choice = choose_filler(given.has_estimated_depth, options.filler, options.model)
     inpainter, decisions, dilation = find_filler(choice.filler, options.model), choice.decision, NO_DILATION
     if mask is not None:
-        removal = remove_object(scene, mask, recipe.dilate)
+        removal = remove_object(scene, mask, recipe.dilate, with_shadow)
         warn_of_mask(mask)
         scene, recipe = removal.scene, replace(recipe, dilate=removal.growth.px)
         decisions = decisions | {"mask_growth": removal.growth._asdict()}

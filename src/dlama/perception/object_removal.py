@@ -54,11 +54,19 @@ SAME = 0.5
 """Share of the points of one masked part that lie under the mask of another frame, from which both show one object."""
 
 
-def remove_object(scene: Scene, mask: BoolArray | Mapping[int, BoolArray], dilate: int | None) -> Removal:
-    """The scene as it was measured without the object under a mask; arguments and errors as of `Scene.without`."""
-    masks = masks_by_place(scene, mask)
-    growth = mask_growth(scene, dilate)
-    return remove_masked(scene, carry_masks(scene.unfilled, masks), growth)
+def remove_object(
+    scene: Scene, mask: BoolArray | Mapping[int, BoolArray], dilate: int | None, with_shadow: bool = False
+) -> Removal:
+    """The scene as it was measured without the object under a mask; arguments and errors as of `Scene.without`. with_shadow: and
+    without the shadow that it casts in each frame."""
+    masks, growth = masks_by_place(scene, mask), mask_growth(scene, dilate)
+    carried = carry_masks(scene.unfilled, masks)
+    if with_shadow:
+        # its network and classifiers are needed where it is asked for
+        from dlama.perception.shadows.find import add_shadows
+
+        carried = add_shadows(scene.unfilled, carried)
+    return remove_masked(scene, carried, growth)
 
 
 def masks_by_place(scene: Scene, mask: BoolArray | Mapping[int, BoolArray]) -> dict[int, BoolArray]:

@@ -76,6 +76,8 @@ class Objects:
     mask: Annotated[tuple[str, ...], option("FRAME=FILE ...", help=MASK)] = ()
     masks: Annotated[Path | None, option("FOLDER")] = None
     """The same: a folder of masks with the names of their frames; those of no object (black) are passed over."""
+    with_shadow: Annotated[bool, option("", "off")] = False
+    """Remove the shadow that the object casts on the surface it stands on, where it is clear, in each frame."""
 
 
 VIEWS = (
@@ -121,7 +123,7 @@ def sequence(
         found = read_masks(files, **how)
         with show_progress("sequence", report) as progress:
             chosen = read_parameters({"views": text, **RESULTS}, given_options(results))
-            options = {"masks": found, **vars(source), **chosen}
+            options = {"masks": found, "with_shadow": objects.with_shadow, **vars(source), **chosen}
             meta = dlama.sequence(dataset, output, progress=progress, **options, **given_options(method))
         result.add(summary_line(meta, output, time.perf_counter() - started), **summary_values(meta, output))
 
@@ -187,6 +189,8 @@ def summary_line(meta: dict[str, Any], output: Path, seconds: float) -> str:
     if meta["min_confidence"]:
         alone += f", {sum(meta['left_open_share'].values()) / max(len(shares), 1):.1%} left open"
     how = f"{mean:.1%} filled{alone}{earlier}, filler {meta['filler']}, {seconds:.1f} s"
+    if meta["remaining_shadow"] and not meta["with_shadow"]:
+        how += f"; {meta['remaining_shadow']}: --with-shadow removes it, too"
     return f"{output}: {format_count(len(shares), 'view')} of {format_count(count, 'frame')}{out}{moved}, {how}"
 
 
@@ -200,6 +204,7 @@ def summary_values(meta: dict[str, Any], output: Path) -> dict[str, Any]:
         "left_out",
         "views_from_earlier_run",
         "masked_frames",
+        "remaining_shadow",
     )
     return {"output": str(output), "frames": meta["frames"]["names"], **{name: meta[name] for name in names}}
 

@@ -14,7 +14,7 @@ from dlama.arguments import check_arguments
 from dlama.completion.completion import above_confidence, scene_above
 from dlama.completion.memory import check_memory
 from dlama.completion.options import OptionKeywords, Options, Unpack, options_of, take_options
-from dlama.completion.report import share, warn_of_scale
+from dlama.completion.report import describe_shadow, share, warn_of_scale
 from dlama.completion.start import Plan, plan_for
 from dlama.completion.steps import CompletedView, complete_frame, complete_view, frames_to_fill
 from dlama.datasets.posed.lenses import CameraOption
@@ -23,7 +23,7 @@ from dlama.datasets.sequences.camera_paths import cameras_for
 from dlama.datasets.sequences.loading import fit_masks, masks_by_number, read_scene_of
 from dlama.datasets.sequences.results import check_results, write_views_video, write_whole
 from dlama.datasets.sequences.state import SequenceState, Step, StepChange
-from dlama.errors import OutputError, system_errors
+from dlama.errors import InputError, OutputError, system_errors
 from dlama.files.results.meta_json import write_json
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import Origin
@@ -33,6 +33,8 @@ from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.writing.atomic_write import PathLike, check_folder_name
 
+SHADOW = ("remaining_shadow_px", "removed_px")
+"""Of a step, for the hint of a shadow that stays."""
 ViewProgress = Callable[[int, int, str, bool], None]
 """Called after each view: how many are done, of how many, which one, and whether an earlier run had done it."""
 
@@ -47,6 +49,8 @@ class StepResults:
     are open, as they were filled with too little confidence."""
     reused: int = 0
     """Steps that an earlier run had done."""
+    shadow: str = ""
+    """What is known of a removed object's shadow that stays, in the first view that shows one."""
 
     def shares(self, names: Iterable[str]) -> dict[str, dict[str, float]]:
         """Of the views with these names, share by share, for meta.json."""
@@ -63,6 +67,7 @@ def sequence(
     *,
     frames: str | None = None,
     masks: Mapping[str, BoolArray] | None = None,
+    with_shadow: bool = False,
     views: str | Mapping[str, Camera] = "frames",
     layout: str | None = None,
     scene: str | None = None,
@@ -91,6 +96,7 @@ def sequence(
         masks: A frame's name, or its place from 0 of those in `frames` -> H x W bool, True = remove: an object that is removed
             from all frames. Those of larger pictures are shrunk, as the frames are, empty ones and those of frames that are not
             chosen passed over.
+        with_shadow: Remove the shadow that the object casts in each frame, too.
         views: "frames": at the frames' own cameras; "orbit", "spiral" or "dolly": a path of 24 cameras from the middle frame; a
             JSON file with a list of cameras; or cameras by name.
         layout, scene, camera, depth_range, depth_scale: Of the data set, as in `dlama evaluate`; `scene` of several.
@@ -128,8 +134,10 @@ def sequence(
     others = dict.fromkeys(set(names) - set(kept), "it contradicts all others")
     others |= dict.fromkeys(not_chosen, f"`frames` is {frames}")
     numbered = fit_masks(masks_by_number(masks or {}, names, damaged, others), given, names)
-    plan, _, start, *_ = plan_for(given, method, numbered or None)
-    steps, settings = steps_for(plan, start, kept, cameras), settings_of(plan, method)
+    if with_shadow and not numbered:
+        raise InputError("`with_shadow` is for a removed object; give its `masks`")
+    plan, _, start, *_ = plan_for(given, method, numbered or None, with_shadow=with_shadow)
+    steps, settings = steps_for(plan, start, kept, cameras), settings_of(plan, method) | {"with_shadow": with_shadow}
     asked = settings | {"views": [(step.name, step.shown) for step in steps]}
     state = SequenceState(target, asked, given, numbered, __version__)
     done = complete_steps(plan, start, steps, state, target, progress, method.min_confidence)
@@ -142,6 +150,7 @@ def sequence(
         "decisions": decisions | {name: dict(decision) for name, decision in plan.decisions.items()},
         "masked_frames": [names[number] for number in sorted(numbered)],
         **done.shares(ordered),
+        "remaining_shadow": done.shadow,
         "views_from_earlier_run": done.reused,
         **write_views(target, done.scene, ordered, names, chosen, method.min_confidence > 0),
         "seconds": round(time.perf_counter() - started, 3),
@@ -234,8 +243,10 @@ def complete_steps(
             shown = above_confidence(found.view, min_confidence)
             if step.shown:
                 write_view(target, step.name, shown, masked)
-            added = state.keep(number, step.camera, StepChange.by(step, shares_of(shown), done.scene, larger))
+            shares = shares_of(shown) | shadow_of(found)
+            added = state.keep(number, step.camera, StepChange.by(step, shares, done.scene, larger))
         done.scene, done.reused = added.to(done.scene, step), done.reused + earlier
+        done.shadow = done.shadow or describe_shadow(*(int(added.shares[name]) for name in SHADOW))
         if step.shown:
             done.views[step.name] = added.shares
         if progress is not None:
@@ -251,6 +262,12 @@ def shares_of(view: View) -> dict[str, float]:
         "depth_filled_share": share(view.origin == Origin.DEPTH_FILLED.value),
         "left_open_share": share(view.hole),
     }
+
+
+def shadow_of(found: CompletedView) -> dict[str, int]:
+    """The pixels that look like the shadow of a removed object, and those of the object."""
+    shadow = sum(one.notes.get("remaining_shadow_px", 0) for one in found.reports)
+    return dict(zip(SHADOW, (shadow, int(found.before.object_hole.sum()))))
 
 
 def complete_step(plan: Plan, scene: Scene, step: Step) -> tuple[CompletedView, Scene]:

@@ -7,11 +7,15 @@ object and shadow enclose.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
+
 import cv2
 import numpy as np
 
+from dlama.errors import warn
 from dlama.geometry.holes import dilate_mask, enclosed_by, regions_touching
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
+from dlama.geometry.scene import Scene
 from dlama.perception.masks.small import SmallPicture
 from dlama.perception.masks.supports import find_planes_of_picture
 from dlama.perception.shadows.cast import SMALLEST_PX
@@ -55,6 +59,20 @@ def find_shadow(rgbd: RGBD, mask: BoolArray) -> BoolArray:
     contact = dilate_mask(shadow, EDGE_PX + 2) & dilate_mask(mask, EDGE_PX + 1)
     shadow = (shadow | contact) & ground.surface & ~mask
     return np.asarray(shadow | enclosed_between(mask, shadow, ground.surface))
+
+
+def add_shadows(scene: Scene, masks: Iterable[BoolArray]) -> Iterator[BoolArray]:
+    """The masks of an object in the layers of a scene (H x W each), of frames with its shadow; warns where none has any."""
+    estimate: dict[str, object] | None = {} if scene.has_estimated_depth else None
+    found = 0
+    for place, mask in enumerate(masks):
+        if place < len(scene.frames) and mask.any():
+            frame = scene.original(place).load()
+            shadow = find_shadow(RGBD(frame.color, frame.known_depth, frame.camera, estimate=estimate), mask)
+            mask, found = mask | shadow, found + int(shadow.any())
+        yield mask
+    if not found:
+        warn("no shadow of the removed object was found in any frame")
 
 
 def grow_under_object(rgbd: RGBD, mask: BoolArray, usable: BoolArray, shadow: BoolArray) -> BoolArray:
