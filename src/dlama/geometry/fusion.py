@@ -24,7 +24,7 @@ from dlama.geometry.projection import inverse_depth, lift, unproject
 from dlama.geometry.rendering import render, render_fills
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, is_valid, replace_pixels
 from dlama.geometry.scene import Scene, contribution
-from dlama.geometry.view import View
+from dlama.geometry.view import PLANES, View
 from dlama.geometry.visibility import Law
 
 OVERLAP = 2
@@ -121,13 +121,13 @@ def close_holes(law: Law, view: View, earlier: View, *, measured: bool = False) 
 def paste_part(view: View, part: View, rows: slice, columns: slice) -> View:
     """The view with a part of it (`View.cropped`) in its place."""
     planes = {}
-    for one in dataclasses.fields(View)[1:]:
-        whole, inside = getattr(view, one.name), getattr(part, one.name)
+    for name in PLANES:
+        whole, inside = getattr(view, name), getattr(part, name)
         if inside is None or (whole is not None and np.array_equal(whole[rows, columns], inside)):
             continue
         shape = (*view.hole.shape, *inside.shape[2:])
-        planes[one.name] = np.zeros(shape, inside.dtype) if whole is None else whole.copy()
-        planes[one.name][rows, columns] = inside
+        planes[name] = np.zeros(shape, inside.dtype) if whole is None else whole.copy()
+        planes[name][rows, columns] = inside
     return view.with_planes(**planes)
 
 

@@ -46,6 +46,8 @@ class RGBD(Figured):
     padding: BoolArray | None = None
     """H x W, True where the picture shows nothing of the scene: it has no depth there. Not given: a white or black frame round
     it where no depth is measured, as registered pictures of a Kinect have (NYU Depth v2: 5 to 11 px); None: there is none."""
+    noise_step: float = 0.0
+    """Inverse depth (1/m) by which neighbouring pixels of one surface may differ by noise alone, as in a matched pair."""
 
     def __post_init__(self) -> None:
         color = check_color(self.color)

@@ -64,6 +64,8 @@ class View(Figured, Facts):
     errors: Float32Array | None = None
     """H x W x 2, expected errors of fills: depth in metres (+inf where filled as far), colour in levels of 8 bit (mean over the
     channels). 0 where measured, and in holes; None: nothing was filled."""
+    noise_step: float = 0.0
+    """As of `RGBD`."""
 
     def __post_init__(self) -> None:
         check(self.camera, Camera, "view.camera")
@@ -96,6 +98,7 @@ class View(Figured, Facts):
             hole_type=freeze(missing * np.uint8(HoleType.SENSOR)),
             origin=freeze(np.where(missing, np.uint8(Origin.MEASURED), np.uint8(known))),
             confidence=freeze((~missing) * np.float32(certainty)),
+            noise_step=rgbd.noise_step,
         )
         return view if rgbd.padding is None else view.without(rgbd.padding, HoleType.OUT_OF_VIEW)
 
@@ -183,9 +186,9 @@ class View(Figured, Facts):
     def cropped(self, rows: slice, columns: slice) -> View:
         """The part of the view in these rows and columns (both ends given), as a smaller camera sees it."""
         camera = self.camera.cropped_to(rows, columns)
-        planes = {one.name: getattr(self, one.name) for one in dataclasses.fields(View)[1:]}
+        planes = {name: getattr(self, name) for name in PLANES}
         parts = {n: None if of is None else freeze(of[rows, columns].copy()) for n, of in planes.items()}
-        return View(camera, **parts)  # type: ignore[arg-type]
+        return dataclasses.replace(self, camera=camera, **parts)  # type: ignore[arg-type]
 
     def reopen(self, where: BoolArray) -> View:
         """The same view with the fills in the pixels of `where` (H x W bool) unknown again, depth 0.
@@ -249,4 +252,9 @@ class View(Figured, Facts):
         names = ("color", "depth", "hole", "hole_type", "origin", "confidence")
         planes: dict[str, Any] = {name: freeze(getattr(self, name)[at]) for name in names}
         height, width = planes["hole"].shape
-        return View(dataclasses.replace(self.camera, width=width, height=height), **planes)
+        camera = dataclasses.replace(self.camera, width=width, height=height)
+        return View(camera, **planes, noise_step=self.noise_step)
+
+
+PLANES = tuple(one.name for one in dataclasses.fields(View) if one.name not in ("camera", "noise_step"))
+"""The fields of a View that hold a value for each pixel."""

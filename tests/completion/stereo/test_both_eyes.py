@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,7 +18,9 @@ from dlama.completion.stereo.stereo import stereo
 from dlama.errors import InputError
 from dlama.geometry.camera import Camera, StereoRig
 from dlama.geometry.codes import LARGEST_CONFIDENCE, HoleType, Origin
+from dlama.geometry.drawing.grid_mesh import find_joints
 from dlama.geometry.holes import iou
+from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
 from dlama.geometry.rendering import render
 from dlama.perception.stereo.agreement import carry_mask, transfer_mask
 from worlds import Box, Plane, World, moved
@@ -252,3 +255,17 @@ def test_pairs_that_are_none_are_noticed() -> None:
     )
     with pytest.raises(InputError, match="identical"):
         stereo(left, left, rig)
+
+
+def test_a_surface_of_a_matched_pair_is_whole(tmp_path: Path) -> None:
+    """Oracle: closed form. Matches of a slanted plane cluster, with steps of a fifth of a pixel between; it is one surface, also
+    in a scene that was saved."""
+    rig = StereoRig(CAMERA, moved(CAMERA, shift=(0.06, 0, 0)))
+    slant = World((Plane((0, 0, 4), (0, -0.7, -0.71)),))
+    matched = np.round(rig.left.fx * rig.baseline_m / slant.trace(CAMERA)[0] / 0.2).astype(np.float32) * np.float32(0.2)
+    left, right = (slant.rgbd(camera).color for camera in (rig.left, rig.right))
+    done = stereo(left, right, rig, disparity=matched, filler="telea")
+    dlama.write(done, tmp_path, only=["scene"])
+    for scene in (done.scene, dlama.read_scene(tmp_path / "scene.npz")):
+        flying, joined = find_joints(scene.frames[0].load())
+        assert not flying.any() and (joined[:-1, :-1] == RIGHT + DOWN).all()

@@ -15,7 +15,7 @@ from dlama.completion.recipes import Recipe
 from dlama.completion.report import Record, expected_errors, meta_data
 from dlama.completion.start import NO_DILATION, Dilation, Plan, scene_of
 from dlama.errors import InputError, ShapeError
-from dlama.geometry.camera import StereoRig
+from dlama.geometry.camera import Camera, StereoRig
 from dlama.geometry.drawing.grid_mesh import find_joints
 from dlama.geometry.holes import check_mask
 from dlama.geometry.projection import depth_from_disparity, disparity_from_depth
@@ -29,6 +29,8 @@ from dlama.perception.stereo.matching import Matcher, disparity_pair
 FAR_PX = 0.5
 """Disparity (with doffs) below which depth is no more than a guess: such pixels are far."""
 
+MATCH_NOISE_PX = 0.25
+"""Disparity by which neighbours of one surface may differ: matches cluster at halves of a pixel, with steps between."""
 OBJECT_REACH = 8
 """px round a pixel in which the removed object's nearest disparity is looked for."""
 
@@ -57,12 +59,17 @@ class MatchedPair:
     @property
     def left(self) -> RGBD:
         """The left picture with the depth of its disparity."""
-        return RGBD(self.colors[0], depth_in_metres(self.disparities[0], self.rig, self.far), self.rig.left)
+        return self._with_depth(0, self.rig.left)
 
     @property
     def right(self) -> RGBD:
         """The right picture with the depth of its disparity."""
-        return RGBD(self.colors[1], depth_in_metres(self.disparities[1], self.rig, self.far), self.rig.right)
+        return self._with_depth(1, self.rig.right)
+
+    def _with_depth(self, place: int, camera: Camera) -> RGBD:
+        depth = depth_in_metres(self.disparities[place], self.rig, self.far)
+        step = MATCH_NOISE_PX / (self.rig.left.fx * self.rig.baseline_m)
+        return RGBD(self.colors[place], depth, camera, noise_step=step)
 
     @property
     def object_depth(self) -> Float32Array | None:

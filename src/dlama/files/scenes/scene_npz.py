@@ -169,6 +169,8 @@ def _arrays(prefix: str, view: View) -> dict[str, np.ndarray]:
         fields["frame"] = view.frame
     if view.errors is not None:
         fields |= {"depth_error": view.depth_error, "color_error": view.color_error}
+    if view.noise_step:
+        fields["noise_step"] = np.array([view.noise_step])
     return {prefix + name: array for name, array in fields.items()}
 
 
@@ -199,7 +201,9 @@ def _view(prefix: str, arrays: Mapping[str, np.ndarray]) -> View:
     )
     planes = [arrays[prefix + name] for name in ERRORS if prefix + name in arrays]
     errors = np.stack(planes, -1) if len(planes) == len(ERRORS) else None
-    return View(camera, color, depth, hole, types, origin, confidence, arrays.get(f"{prefix}frame"), errors)
+    frame, step = arrays.get(f"{prefix}frame"), arrays.get(f"{prefix}noise_step")
+    noise_step = 0.0 if step is None else float(step[0])
+    return View(camera, color, depth, hole, types, origin, confidence, frame, errors, noise_step)
 
 
 def _prefixes(name: str, archive: zipfile.ZipFile) -> list[str]:

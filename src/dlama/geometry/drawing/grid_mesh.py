@@ -52,8 +52,8 @@ def step_by_noise(w: Float32Array, ratio: float) -> float:
 
 def find_joints(view: View) -> Joints:
     """A view's flying pixels, and which neighbours are joined."""
-    _, flying, w = remove_flying_pixels(view)
-    return Joints(flying, join_neighbours(w, view.camera))
+    _, flying, w = remove_flying_pixels(view, view.noise_step)
+    return Joints(flying, join_neighbours(w, view.camera, view.noise_step))
 
 
 def remove_flying_pixels(view: View, step: float = 0.0) -> tuple[Float32Array, BoolArray, Float32Array]:
@@ -88,9 +88,9 @@ def edge_grid(w: Float32Array, camera: Camera, step: float) -> edges.Grid:
 def mesh_grid(view: View, step: float = 0.0) -> tuple[Float32Array, UInt8Array]:
     """Depth without holes and flying pixels (0), and which neighbours are joined into one surface.
 
-    step: as of `remove_flying_pixels`; at 0 the view's joints are found once.
+    step: as of `remove_flying_pixels`; up to the view's `noise_step` its joints are found once.
     """
-    if step > 0:
+    if step > view.noise_step:
         depth, _, w = remove_flying_pixels(view, step)
         return depth, join_neighbours(w, view.camera, step)
     flying, joined = view.find_once(find_joints)

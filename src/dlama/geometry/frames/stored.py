@@ -7,7 +7,6 @@ part alone is held (`BoxedView`).
 
 from __future__ import annotations
 
-import dataclasses
 import hashlib
 import threading
 from collections import OrderedDict
@@ -21,7 +20,7 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType, from_source
 from dlama.geometry.frames.facts import Facts
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, freeze
-from dlama.geometry.view import View
+from dlama.geometry.view import PLANES, View
 
 CACHE_BYTES = 400_000_000
 """Memory for the pixels of a scene's frames: 90 frames of 640x480."""
@@ -121,12 +120,12 @@ class BoxedView(StoredView):
     def load(self, keep: bool = True) -> View:
         """The view of the whole picture; `load_part` gives its pixels without what is round them."""
         part, planes = self.load_part(), dict[str, np.ndarray]()
-        for name, inside in ((one.name, getattr(part, one.name)) for one in dataclasses.fields(View)[1:]):
+        for name, inside in ((name, getattr(part, name)) for name in PLANES):
             if inside is not None:
                 whole = np.ones if name == "hole" else np.zeros
                 planes[name] = whole((*self.camera.hw, *inside.shape[2:]), inside.dtype)
                 planes[name][self.box] = inside
-        return View(self.camera, **{name: freeze(plane) for name, plane in planes.items()})
+        return View(self.camera, **{n: freeze(plane) for n, plane in planes.items()}, noise_step=part.noise_step)
 
     def load_part(self) -> View:
         """The view of the box."""

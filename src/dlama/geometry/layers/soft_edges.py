@@ -62,7 +62,8 @@ def complete_surfaces(view: View, least: float = 0.0) -> tuple[Float32Array, UIn
     least: step in inverse depth (1/m) up to which neighbours are one surface.
     """
     depth, _ = mesh_grid(view, least)
-    return join_depth(np.where(view.hole, 0, fill_with_nearest(depth, depth > 0)), view.camera, least)
+    filled = np.where(view.hole, 0, fill_with_nearest(depth, depth > 0))
+    return join_depth(filled, view.camera, max(least, view.noise_step))
 
 
 def join_depth(depth: Float32Array, camera: Camera, least: float) -> tuple[Float32Array, UInt8Array]:

@@ -57,6 +57,7 @@ def subsample(view: View, step: int) -> View:
         middle(view.confidence),
         None if view.frame is None else middle(view.frame),
         None if view.errors is None else middle(view.errors),
+        view.noise_step,
     )
 
 
