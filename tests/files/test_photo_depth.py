@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 import warnings
 from pathlib import Path
 from typing import Any
@@ -20,11 +21,13 @@ from depth_photos import (
     multi_picture,
     packet,
     picture,
+    segment,
     standard,
     with_segments,
 )
 from dlama.datasets.diagnosis import diagnose
 from dlama.errors import DepthError, DlamaError
+from dlama.files.photos.containers import find_baseline
 from dlama.files.photos.depth import read_photo_depth
 from dlama.files.rasters.pictures import read_color
 from dlama.files.rgbd import read_rgbd
@@ -199,6 +202,18 @@ def test_a_stereo_photo(tmp_path: Path, suffix: str) -> None:
     assert np.median(near) - np.median(far) == pytest.approx(8, abs=0.5)
     rgbd = own_rgbd(tmp_path / f"a.{suffix}", fov=60)
     assert rgbd.depth[120, 210] < rgbd.depth[20, 300]
+
+
+@pytest.mark.parametrize("order", "<>")
+@pytest.mark.parametrize(
+    ("top", "bottom", "metres_apart"), [(77, 1000, 0.077), (65, 1, 65), (0xFFFFFFFF, 0xFFFFFFFF, None), (1, 0, None)]
+)
+def test_the_baseline_of_a_stereo_photo(order: str, top: int, bottom: int, metres_apart: float | None) -> None:
+    """CIPA DC-007, written by hand: the attributes of a picture; all bits of both numbers set mean that it is unknown."""
+    tags = struct.pack(f"{order}HHII", 0xB206, 5, 1, 26) + struct.pack(f"{order}III", 0, top, bottom)
+    head = {"<": b"II*\0", ">": b"MM\0*"}[order] + struct.pack(f"{order}IH", 8, 1)
+    data = with_segments(picture(COLOR), segment(0xE2, b"MPF\0" + head + tags))
+    assert find_baseline(data) == metres_apart
 
 
 def test_photos_without_depth(tmp_path: Path) -> None:

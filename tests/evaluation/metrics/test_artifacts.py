@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from square_world import OUT_OF_VIEW, SIZE, SOURCE, SQUARE_IN_SOURCE, TARGET, constant_filler, frame, rectangle, values
+from square_world import OUT_OF_VIEW, SIZE, SOURCE, SQUARE_IN_SOURCE, TARGET, frame, rectangle, values
 
 from dlama.evaluation.metrics.artifacts import FARTHEST_EDGE, depth_edges, edge_offset, law_broken, leak_share
 from dlama.evaluation.protocols.methods import Method, MethodRun, ProtocolSettings, run_method
@@ -15,7 +15,6 @@ from dlama.geometry.codes import Origin
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import View
 
-__all__ = ["constant_filler"]
 EVERYWHERE = np.ones((SIZE, SIZE), bool)
 
 

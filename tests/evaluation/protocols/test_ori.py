@@ -13,7 +13,6 @@ from square_world import (
     SQUARE_IN_SOURCE,
     WALL,
     WALL_M,
-    constant_filler,
     frame,
     rectangle,
     values,
@@ -28,7 +27,6 @@ from dlama.geometry.holes import dilate_mask
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import View
 
-__all__ = ["constant_filler"]
 PLAIN = ProtocolSettings(lpips=False, mask_changes=(), ring_px=8)
 TRUTH = RemovalTruth(frame(SOURCE, SQUARE_IN_SOURCE), frame(SOURCE, None), SQUARE_IN_SOURCE)
 BAND = dilate_mask(SQUARE_IN_SOURCE, 3) & ~SQUARE_IN_SOURCE

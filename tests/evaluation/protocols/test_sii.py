@@ -14,7 +14,6 @@ from square_world import (
     SQUARE_IN_TARGET,
     TARGET,
     WALL_M,
-    constant_filler,
     values,
 )
 
@@ -25,7 +24,6 @@ from dlama.evaluation.protocols.methods import NO_FILL, Method, ProtocolSettings
 from dlama.geometry.camera import StereoRig
 from dlama.geometry.rgbd import RGBD
 
-__all__ = ["constant_filler"]
 QUICK = ProtocolSettings(lpips=False, matched_stereo=False)
 RIG = StereoRig(SOURCE, TARGET)
 LEFT_PX = np.where(SQUARE_IN_SOURCE, 16, 8).astype(np.float32)

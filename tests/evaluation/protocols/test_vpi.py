@@ -14,7 +14,6 @@ from square_world import (
     SQUARE_IN_TARGET,
     TARGET,
     WALL,
-    constant_filler,
     frame,
     rectangle,
     values,
@@ -28,7 +27,6 @@ from dlama.evaluation.protocols.scores import region_ssim
 from dlama.evaluation.protocols.vpi import target_reference
 from dlama.geometry.rgbd import RGBD
 
-__all__ = ["constant_filler"]
 QUICK = ProtocolSettings(lpips=False)
 TRUTH = ViewTruth(
     frame(SOURCE, SQUARE_IN_SOURCE), frame(TARGET, SQUARE_IN_TARGET), SQUARE_IN_SOURCE, frame(TARGET, None)

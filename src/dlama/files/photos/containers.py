@@ -6,18 +6,22 @@ HEIC a packet is stored in one piece, so it is looked for. Further pictures of a
 
 from __future__ import annotations
 
+import io
 import re
 import struct
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
+from typing import Any
 from xml.etree import ElementTree
+
+from PIL.JpegImagePlugin import JpegImageFile
+from PIL.TiffImagePlugin import IFDRational, ImageFileDirectory_v2
 
 JPEG_BEGINS = b"\xff\xd8\xff"
 STANDARD, EXTENSION = b"http://ns.adobe.com/xap/1.0/\0", b"http://ns.adobe.com/xmp/extension/\0"
 GUID_AND_SIZES = 40
 """Bytes before the text of an extension segment: GUID (32), whole length and place (4 each)."""
-MULTI_PICTURE = b"MPF\0"
 ENTRY = 16
 """Bytes of an MP Entry: attribute, size, offset (4 each), two numbers of dependent pictures (2 each)."""
 STEREO = 0x020002
@@ -77,7 +81,8 @@ def list_container_items(data: bytes) -> list[dict[str, str]]:
 
 def list_further_pictures(data: bytes) -> list[Item]:
     """The pictures after the first of a Multi-Picture JPEG; empty for other files. struct.error: its index is damaged."""
-    base, order, entries = _multi_picture_tag(data, 0xB002)  # MP Entry
+    base, order, tags = _multi_picture(data)
+    entries = tags.get(0xB002, b"")  # MP Entry
     listed = [struct.unpack_from(order + "III", entries, at) for at in range(0, len(entries) - ENTRY + 1, ENTRY)]
     places = [(kind & 0xFFFFFF, base + offset, size) for kind, size, offset in listed if offset]
     return [Item(kind, data[at : at + size]) for kind, at, size in places]
@@ -85,54 +90,32 @@ def list_further_pictures(data: bytes) -> list[Item]:
 
 def find_baseline(data: bytes) -> float | None:
     """Metres between the cameras of a stereo pair, as one of its two pictures says; None where it does not."""
-    _, order, value = _multi_picture_tag(data, 0xB206)
-    top, bottom = struct.unpack(order + "II", value) if len(value) == 8 else (0, 0)
-    return top / bottom if 0 < bottom < 0xFFFFFFFF and 0 < top < 0xFFFFFFFF else None
+    ratio = _multi_picture(data)[2].get(0xB206, IFDRational(0, 0))
+    known = 0 < ratio.denominator < 0xFFFFFFFF and 0 < ratio.numerator < 0xFFFFFFFF
+    return float(ratio) if known else None
 
 
-def _multi_picture_tag(data: bytes, tag: int) -> tuple[int, str, bytes]:
-    """Where the byte order mark of a Multi-Picture index lies, from which offsets count, the order, and the bytes of a tag."""
-    for start, marker, segment in _segments(data):
-        if marker == 0xE2 and segment.startswith(MULTI_PICTURE):
-            base = start + len(MULTI_PICTURE)
-            order = ">" if data[base : base + 2] == b"MM" else "<"
-            return base, order, _tags(data, base, order).get(tag, b"")
-    return 0, "<", b""
-
-
-def _tags(data: bytes, base: int, order: str) -> dict[int, bytes]:
-    """Tag -> bytes of its value, of the IFDs in a row at a TIFF header."""
-    found = dict[int, bytes]()
-    (at,) = struct.unpack_from(order + "I", data, base + 4)
-    sizes = {1: 1, 2: 1, 3: 2, 4: 4, 5: 8, 7: 1, 9: 4, 10: 8}
-    for _ in range(4):
-        (count,) = struct.unpack_from(order + "H", data, base + at)
-        for entry in range(base + at + 2, base + at + 2 + 12 * count, 12):
-            tag, kind, number = struct.unpack_from(order + "HHI", data, entry)
-            size = sizes.get(kind, 1) * number
-            place = entry + 8 if size <= 4 else base + struct.unpack_from(order + "I", data, entry + 8)[0]
-            found.setdefault(tag, data[place : place + size])
-        (at,) = struct.unpack_from(order + "I", data, base + at + 2 + 12 * count)
-        if not at:
-            break
-    return found
-
-
-def _segments(data: bytes) -> Iterator[tuple[int, int, bytes]]:
-    """Where the content begins, marker and content of the segments of a JPEG before its pixels."""
-    at = 2
-    while at + 4 <= len(data) and data[at] == 0xFF and data[at + 1] not in (0xDA, 0xD9):
-        size = int.from_bytes(data[at + 2 : at + 4], "big")
-        yield at + 4, data[at + 1], data[at + 4 : at + 2 + size]
-        at += 2 + size
+def _multi_picture(data: bytes) -> tuple[int, str, dict[int, Any]]:
+    """Where the byte order mark of a JPEG's Multi-Picture index lies, from which offsets count, the order, and its tags."""
+    about, tags = JpegImageFile(io.BytesIO(data)).info, dict[int, Any]()
+    stream = io.BytesIO(about.get("mp", b""))
+    if head := stream.read(8):
+        directory = ImageFileDirectory_v2(head)
+        for _ in range(2):  # of the whole file, and of its first picture
+            stream.seek(directory.next)
+            directory.load(stream)
+            tags = dict(directory) | tags
+            if not directory.next:
+                break
+    return about.get("mpoffset", 0), ">" if head.startswith(b"MM") else "<", tags
 
 
 def _jpeg_packets(data: bytes) -> Iterator[bytes]:
     chunks: dict[bytes, dict[int, bytes]] = {}
-    for _, marker, segment in _segments(data):
-        if marker == 0xE1 and segment.startswith(STANDARD):
+    for _, segment in JpegImageFile(io.BytesIO(data)).applist:
+        if segment.startswith(STANDARD):
             yield segment[len(STANDARD) :]
-        elif marker == 0xE1 and segment.startswith(EXTENSION):
+        elif segment.startswith(EXTENSION):
             head = segment[len(EXTENSION) : len(EXTENSION) + GUID_AND_SIZES]
             place = int.from_bytes(head[36:40], "big")
             chunks.setdefault(head[:32], {})[place] = segment[len(EXTENSION) + GUID_AND_SIZES :]
