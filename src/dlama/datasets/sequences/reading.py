@@ -45,7 +45,7 @@ def decide_range(files: Sequence[FrameFiles], max_depth: float | None) -> Decisi
     if beyond and max_depth is None:
         warn(
             f"{beyond / every:.1%} of the depth readings, in {np.count_nonzero(counts[:, 1])} of {len(files)} frames, lie beyond "
-            f"{limit:g} m, {reason}, and count as missing; `max_depth=METRES` says up to where they count"
+            f"{limit:g} m, {reason}, and count as missing; `max_depth=METRES` (of sequence and video) says up to where they count"
         )
     return {"max_depth": {"name": f"{limit:g} m", "reason": reason, "readings": every, "dropped": beyond}}
 
