@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -297,6 +298,49 @@ def test_a_distortion_is_warned_of(tmp_path: Path) -> None:
         UserWarning, match=r"its distortion \(0.1, 0, .*is not used: the picture is expected to be undistorted"
     ):
         read_camera(saved(tmp_path / "d.yaml", ROS.replace("data: [0.0", "data: [0.1")))
+
+
+def test_a_rectified_picture_of_ros_has_another_camera(tmp_path: Path) -> None:
+    """image_rect's pictures have the projection matrix, which the warning names; they were read with camera_matrix in silence."""
+    projection = (
+        "projection_matrix:\n  rows: 3\n  cols: 4\n  data: [480.0, 0, 310.5, 0, 0, 481.0, 240.5, 0, 0, 0, 1, 0]\n"
+    )
+    with pytest.warns(UserWarning, match=r"give `fx=480` `fy=481` `cx=310.5` `cy=240.5` `pixel_center=0.0`\)"):
+        read_camera(saved(tmp_path / "d.yaml", ROS.replace("data: [0.0", "data: [0.1") + projection))
+
+
+@pytest.mark.parametrize("unit", [1, 1000])
+def test_the_yaml_of_a_pair(tmp_path: Path, unit: int) -> None:
+    """Oracles: camera_info's convention, Tx = -fx B of the right camera; and what cv2.stereoRectify gives, in metres or
+    millimetres, of two cameras 63 mm apart."""
+    numbers = ", ".join(map(str, [500.0, 0, 319.5, -500 * 0.063, 0, 500.0, 239.5, 0, 0, 0, 1, 0]))
+    ros = read_stereo_calib(
+        saved(tmp_path / "right.yaml", f"{ROS}projection_matrix:\n  rows: 3\n  cols: 4\n  data: [{numbers}]\n")
+    )
+    assert (ros.left.wh, ros.left.fx, ros.left.cx, ros.right.cx) == ((640, 480), 500, 320, 320)
+    assert ros.baseline_m == pytest.approx(0.063)
+    K = np.array([[500.0, 0, 319.5], [0, 500, 239.5], [0, 0, 1]])
+    apart = np.array([[-0.063 * unit], [0], [0]])
+    _, _, P1, P2, *_ = cv2.stereoRectify(K, np.zeros(5), K, np.zeros(5), (640, 480), np.eye(3), apart)
+    written = cv2.FileStorage(str(tmp_path / "cv.yml"), cv2.FILE_STORAGE_WRITE)
+    written.write("P1", P1)
+    written.write("P2", P2)
+    written.release()
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        of_opencv = read_stereo_calib(tmp_path / "cv.yml", hw=(480, 640))
+    assert of_opencv.baseline_m == pytest.approx(0.063 * unit)
+    assert of_opencv.left.fx == pytest.approx(P1[0, 0]) and of_opencv.left.cx == pytest.approx(P1[0, 2] + 0.5)
+    assert ["if it is in millimetres, divide" in str(one.message) for one in told] == [True] * (unit == 1000)
+
+
+def test_the_left_camera_has_no_baseline(tmp_path: Path) -> None:
+    left = (
+        f"{ROS}projection_matrix:\n  rows: 3\n  cols: 4\n  data: [500.0, 0, 319.5, 0, 0, 500, 239.5, 0, 0, 0, 1, 0]\n"
+    )
+    for text, words in ((left, "no baseline, as the left camera's"), (ROS, "no projection matrices of 12 numbers")):
+        with pytest.raises(CameraError, match=words):
+            read_stereo_calib(saved(tmp_path / "left.yaml", text))
 
 
 @pytest.mark.parametrize(

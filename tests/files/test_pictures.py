@@ -209,7 +209,8 @@ def test_masks_of_other_kinds(tmp_path: Path) -> None:
         Image.fromarray(grey).convert(mode).save(tmp_path / f"{mode}.png")
     for name in ("1", "16", "RGB", "RGBA", "P"):
         assert np.array_equal(read_mask(tmp_path / f"{name}.png"), wanted), name
-    Image.fromarray(np.dstack([grey] * 4)).save(tmp_path / "clear.png")
+    half = np.where(np.indices(grey.shape)[0] < 3, 255, 0).astype(np.uint8)
+    Image.fromarray(np.dstack([grey] * 3 + [half])).save(tmp_path / "clear.png")
     with pytest.raises(MaskError, match="transparent"):
         read_mask(tmp_path / "clear.png")
     Image.fromarray(COLOR).save(tmp_path / "color.png")
@@ -217,6 +218,52 @@ def test_masks_of_other_kinds(tmp_path: Path) -> None:
         read_mask(tmp_path / "color.png")
     with pytest.raises(MaskError, match="polarity"):
         read_mask(tmp_path / "1.png", mask_polarity="white")  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("what", ["plate", "white", "black"])
+def test_alpha_is_the_mask_where_pixels_are_transparent(tmp_path: Path, what: str) -> None:
+    """Oracle: the matte that was written as alpha, of a cut-out, a white or a black silhouette."""
+    wanted = np.zeros((6, 8), bool)
+    wanted[2:4, 3:6] = True
+    rgb = {"plate": np.arange(144).reshape(6, 8, 3), "white": np.full((6, 8, 3), 255), "black": np.zeros((6, 8, 3))}[
+        what
+    ]
+    Image.fromarray(np.dstack([rgb, wanted * 255]).astype(np.uint8)).save(tmp_path / "cut.png")
+    with pytest.warns(UserWarning, match="its alpha is the mask: what is opaque is removed"):
+        assert np.array_equal(read_mask(tmp_path / "cut.png"), wanted)
+    with pytest.warns(UserWarning, match="alpha"):
+        assert np.array_equal(read_mask(tmp_path / "cut.png", mask_polarity="known"), ~wanted)
+
+
+def test_mattes_in_floats(tmp_path: Path) -> None:
+    """Oracle: the matte as written, by OpenEXR as alpha or grey, by OpenCV as TIFF; a soft edge is refused, or cut at a half."""
+    wanted = np.zeros((6, 8), bool)
+    wanted[2:4, 3:6] = True
+    matte = wanted.astype(np.float32)
+    soft = matte * np.float32(0.6)
+    picture = {name: np.arange(48, dtype=np.float32).reshape(6, 8) + shift for shift, name in enumerate("RGB")}
+    grey = dict.fromkeys("RGB", matte)
+    files = {
+        "alpha": {**picture, "A": matte},
+        "one": {"A": matte},
+        "grey": {**grey, "A": np.ones_like(matte)},
+        "Y": {"Y": matte},
+    }
+    for name, channels in files.items():
+        write_exr(tmp_path / f"{name}.exr", channels)
+        assert np.array_equal(read_mask(tmp_path / f"{name}.exr"), wanted), name
+    cv2.imwrite(str(tmp_path / "float.tif"), matte * 1.05)
+    assert np.array_equal(read_mask(tmp_path / "float.tif"), wanted)
+    write_exr(tmp_path / "soft.exr", {"A": soft})
+    with pytest.raises(MaskError, match="soft_mask"):
+        read_mask(tmp_path / "soft.exr")
+    assert np.array_equal(read_mask(tmp_path / "soft.exr", soft_mask=True), wanted)
+    write_exr(tmp_path / "depth.exr", {"Z": matte * 7})
+    with pytest.raises(MaskError, match="holds 0 to 7; a mask of floats is 0 to 1"):
+        read_mask(tmp_path / "depth.exr")
+    write_exr(tmp_path / "picture.exr", picture)
+    with pytest.raises(FileError, match=r"R and G differ\); matte in one channel"):
+        read_mask(tmp_path / "picture.exr")
 
 
 def test_mask_class_by_name_and_by_color(tmp_path: Path) -> None:

@@ -1,4 +1,5 @@
-"""The YAML of ROS (camera_info: a calibration file or a printed message) or of OpenCV in; the fields of a camera file out."""
+"""The YAML of ROS (camera_info: a calibration file or a printed message) or of OpenCV in; the fields of a camera file, or of a
+pair's, out."""
 
 from __future__ import annotations
 
@@ -16,6 +17,7 @@ from dlama.writing.atomic_write import PathLike
 
 SUFFIXES = (".yaml", ".yml")
 MATRIX, DISTORTION = ("camera_matrix", "K", "k"), ("distortion_coefficients", "D", "d")
+PROJECTION, WIDTH, HEIGHT = ("projection_matrix", "P", "p"), ("image_width", "width"), ("image_height", "height")
 """Names of the fields: of calibration files; of a message that `rostopic echo` or `ros2 topic echo` prints."""
 BLOCK_LIST = re.compile(r"^(\w+):[ ]*\n((?:[ ]*- [^\n]*\n)+)", re.MULTILINE)
 """A list with one number a line, as ROS 2 prints it and OpenCV does not read it."""
@@ -26,26 +28,64 @@ def read_yaml_fields(path: PathLike) -> FileFields:
 
     Raises FileError, CameraError; warns of a distortion, which no camera here has.
     """
-    file = existing_file(path)
     expected = (
         "the YAML of a camera is expected, as ROS (camera_info) and OpenCV write it: camera_matrix, image_width, ..."
     )
+    matrix, distortion, projection, *size = _read_numbers(path, expected, MATRIX, DISTORTION, PROJECTION, WIDTH, HEIGHT)
+    if len(matrix) != 9:
+        raise CameraError(f"{path}: camera_matrix has {len(matrix)} numbers; 9 are expected; {expected}")
+    if any(distortion):
+        of_ros = ""
+        if len(projection) == 12 and (rectified := _rows_of(projection)) != _rows_of(matrix):
+            (fx, _, cx), (_, fy, cy), _ = rectified
+            of_ros = " (image_rect's is projection_matrix: give "
+            of_ros += f"`fx={fx:g}` `fy={fy:g}` `cx={cx:g}` `cy={cy:g}` `pixel_center=0.0`)"
+        warn(
+            f"{path}: its distortion ({', '.join(f'{each:g}' for each in distortion[:5])}) is not used: the picture is expected "
+            f"to be undistorted, and camera_matrix to be its own{of_ros}"
+        )
+    return _with_size(path, {"K": _rows_of(matrix)}, size)
+
+
+def read_yaml_pair(path: PathLike) -> FileFields:
+    """left_K, right_K, baseline_m, pixel_center (0.0) and, where the file has them, width and height of a rectified pair.
+
+    Of ROS the right camera's file, whose projection_matrix has the baseline; of OpenCV P1 and P2. Raises FileError, CameraError.
+    """
+    expected = (
+        "the YAML of a rectified pair is expected: ROS's right camera (projection_matrix), or P1 and P2 of OpenCV"
+    )
+    of_ros, first, second, *size = _read_numbers(path, expected, PROJECTION, ("P1",), ("P2",), WIDTH, HEIGHT)
+    left, right = (of_ros, of_ros) if of_ros else (first, second)
+    if len(left) != 12 or len(right) != 12:
+        raise CameraError(f"{path}: has no projection matrices of 12 numbers; {expected}")
+    baseline = -right[3] / (right[0] or 1.0)
+    if baseline == 0:
+        raise CameraError(f"{path}: its projection matrix has no baseline, as the left camera's; {expected}")
+    values = {"left_K": _rows_of(left), "right_K": _rows_of(right), "baseline_m": baseline}
+    return _with_size(path, values, size)
+
+
+def _read_numbers(path: PathLike, expected: str, *fields: Sequence[str]) -> list[list[float]]:
+    """The numbers of each field, by the first of its names that the file has; none where there is none. FileError."""
+    file = existing_file(path)
     with any_error(FileError, f"{file}: cannot be read; {expected}"):
         text = file.read_bytes()[: 2**20].decode("utf-8-sig")
         body = BLOCK_LIST.sub(_as_flow_list, _first_document(text))
         modes = cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY | cv2.FILE_STORAGE_FORMAT_YAML
         storage = cv2.FileStorage(f"%YAML:1.0\n---\n{body}\n", modes)  # OpenCV's head, which ROS leaves away
-        matrix, distortion = (_first_numbers(storage, names) for names in (MATRIX, DISTORTION))
-        size = {name: _first_numbers(storage, (f"image_{name}", name)) for name in ("width", "height")}
-    if len(matrix) != 9:
-        raise CameraError(f"{file}: camera_matrix has {len(matrix)} numbers; 9 are expected; {expected}")
-    if any(distortion):
-        warn(
-            f"{file}: its distortion ({', '.join(f'{each:g}' for each in distortion[:5])}) is not used: the picture is expected "
-            "to be undistorted, and camera_matrix to be its own"
-        )
-    values: dict[str, Any] = {"K": [matrix[0:3], matrix[3:6], matrix[6:9]], "pixel_center": 0.0}
-    return FileFields(file, values | {name: found[0] for name, found in size.items() if found})
+        return [_first_numbers(storage, names) for names in fields]
+
+
+def _rows_of(matrix: Sequence[float]) -> list[list[float]]:
+    """The 3 x 3 of a matrix of 3 rows."""
+    wide = len(matrix) // 3
+    return [list(matrix[wide * row : wide * row + 3]) for row in range(3)]
+
+
+def _with_size(path: PathLike, values: dict[str, Any], size: Sequence[Sequence[float]]) -> FileFields:
+    found = {name: each[0] for name, each in zip(("width", "height"), size) if each}
+    return FileFields(path, {**values, "pixel_center": 0.0, **found})
 
 
 def _first_document(text: str) -> str:

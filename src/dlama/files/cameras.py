@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from dlama.arguments import check_arguments
 from dlama.errors import CameraError, FileError, format_size, system_errors, warn
-from dlama.files.camera_yaml import SUFFIXES, read_yaml_fields
+from dlama.files.camera_yaml import SUFFIXES, read_yaml_fields, read_yaml_pair
 from dlama.files.fields import (
     FileFields,
     Intrinsics,
@@ -111,10 +111,11 @@ def read_cameras(path: PathLike) -> dict[str, Camera]:
 
 @system_errors(FileError)
 def read_stereo_calib(path: PathLike, *, hw: tuple[int, int] | None = None) -> StereoRig:
-    """A rectified pair from a calib.txt of Middlebury or KITTI or from JSON; the left camera is the world.
+    """A rectified pair from a calib.txt of Middlebury or KITTI, from JSON or YAML; the left camera is the world.
 
     calib.txt: `cam0`, `cam1`, `baseline` in mm, `doffs`, or KITTI's `P2`, `P3`; first pixel's centre at 0.0. JSON: `left_K`,
-    `right_K`, `baseline_m`, `doffs`, `pixel_center` (default 0.5), `width`, `height`. Of the right K and doffs (px, cx of the
+    `right_K`, `baseline_m`, `doffs`, `pixel_center` (default 0.5), `width`, `height`. YAML: the right camera's of ROS
+    (`projection_matrix`), or `P1` and `P2` of OpenCV's stereoRectify. Of the right K and doffs (px, cx of the
     right minus cx of the left) one may be left out; where both are given they must agree within 0.01 px. A file without a size
     takes `hw`. Raises FileError, CameraError; warns of a principal point outside the picture.
     """
@@ -126,11 +127,13 @@ def read_stereo_calib(path: PathLike, *, hw: tuple[int, int] | None = None) -> S
         unit = f"baseline is {1000 * baseline:g} mm, as calib.txt counts; if it is in metres, write {1e6 * baseline:g}"
         doubtful = 0 < baseline < 1e-3
     else:
-        fields = read_json_fields(path)
+        is_yaml = Path(path).suffix.lower() in SUFFIXES
+        fields = read_yaml_pair(path) if is_yaml else read_json_fields(path)
         center = fields.pixel_center(0.5)
         left, right = _left_and_right(fields, "left_K", "right_K")
         baseline = fields.number("baseline_m")
-        unit = f"baseline_m is {baseline:g} m; if it is in millimetres, write {baseline / 1000:g}"
+        mend = "divide the projection matrix's fourth number by 1000" if is_yaml else f"write {baseline / 1000:g}"
+        unit = f"baseline_m is {baseline:g} m; if it is in millimetres, {mend}"
         doubtful = baseline > 20
     rig = make_rig(path, fields.size(hw), (left, right), center, baseline)
     if not _is_calib_txt(path):

@@ -102,13 +102,13 @@ def stereo(
     disparity: Annotated[Path | None, option("FILE", "found")] = None,
     far: Metres = None,
 ) -> None:
-    """Depth from a rectified stereo pair, and with --mask or --click both pictures without an object, so that they agree; or the
-    scene from another viewpoint.
+    """Depth from a rectified stereo pair; with --mask or --click both pictures without an object; with --yaw another viewpoint.
 
     Args:
         left: The left picture.
         right: The right picture, rectified: same size, same rows.
-        calib: calib.txt of Middlebury or KITTI, or JSON with left_K, right_K, baseline_m, doffs, pixel_center.
+        calib: calib.txt of Middlebury or KITTI, JSON with left_K, right_K, baseline_m, doffs, pixel_center, or YAML: that of
+            ROS's right camera, or OpenCV's P1 and P2.
         output: Directory for the results, made if need be: the left view at the top, the right one in right/; with
             --yaw and the like the view from there alone.
         mask: The object in the left picture: black and white, 255 = remove; --click or --box say it in place of that file.

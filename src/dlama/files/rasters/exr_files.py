@@ -23,15 +23,17 @@ HALF_MAX = 65504.0
 """The largest half float; where a writer clamps, this is what infinity becomes."""
 CHANNEL_ORDER = ("z", "depth", "*depth.z", "*.z", "*depth*", "r", "y")
 """Which channel of an EXR is depth: the first of these that is there (without regard to case), else the only one."""
+ORDERS = {"depth": CHANNEL_ORDER, "matte": ("a", "*.a", "r", "y"), "opaque matte": ("r", "y")}
+"""The same of what else is read."""
 LINES_PER_CHUNK = {0: 1, 1: 1, 2: 1, 3: 16, 4: 32, 5: 16, 6: 32, 7: 32, 8: 32, 9: 256}
 """By compression: none, RLE, ZIPS, ZIP, PIZ, PXR24, B44, B44A, DWAA, DWAB."""
 
 
-def read_exr(path: PathLike, channel: str | None = None) -> Float32Array:
+def read_exr(path: PathLike, channel: str | None = None, what: str = "depth") -> Float32Array:
     """One channel of an OpenEXR file as float32 H x W; half infinity (or a half clamped at its largest) is +inf.
 
     The picture is the display window: overscan is cut off, and what was not rendered is 0, of which a warning tells. `channel` is
-    the exact name, PART.NAME where several parts have it; None looks for depth (CHANNEL_ORDER). Raises FileError.
+    the exact name, PART.NAME where several parts have it; None looks for `what` (ORDERS). Raises FileError.
     """
     file = existing_file(path)
     check_exr_is_whole(file)
@@ -43,7 +45,7 @@ def read_exr(path: PathLike, channel: str | None = None) -> Float32Array:
             if len(exr.parts) < len(headers.parts):  # the library leaves out what it cannot decode
                 raise FileError(f"{file}: is damaged")
         planes = _planes(exr.parts)
-        chosen = _depth_channel(file, {name: values for name, (_, values) in planes.items()}, channel)
+        chosen = _channel_of(file, {name: values for name, (_, values) in planes.items()}, channel, what)
         header, values = planes[chosen]
         if values.dtype == object:
             raise FileError(f"{file}: is a deep EXR, with several depths a pixel; flatten it")
@@ -122,22 +124,23 @@ def _warn_of_aspect(file: Path, ratio: float) -> None:
         )
 
 
-def _depth_channel(file: Path, channels: dict[str, np.ndarray], expected: str | None) -> str:
-    """Which channel holds depth; refuses a colour picture."""
+def _channel_of(file: Path, channels: dict[str, np.ndarray], expected: str | None, what: str) -> str:
+    """Which channel holds `what` (ORDERS); refuses a colour picture."""
     known = ", ".join(sorted(channels))
+    mend = "; choose one with `channel`" if what == "depth" else ""
     if expected is not None:
         if expected not in channels:
             raise FileError(f"{file}: has no channel '{expected}'; it has {known}")
         return expected
-    for rule in CHANNEL_ORDER:
+    for rule in ORDERS[what]:
         fits = [name for name in channels if fnmatchcase(name.lower(), rule) and not _is_of_vector(name, channels)]
         if len(fits) > 1:
-            raise FileError(f"{file}: depth may be any of {', '.join(fits)}; choose one with `channel`")
+            raise FileError(f"{file}: {what} may be any of {', '.join(fits)}{mend}")
         if fits:
-            _check_grey(file, channels, fits[0])
+            _check_grey(file, channels, fits[0], what)
             return fits[0]
     if len(channels) != 1:
-        raise FileError(f"{file}: has the channels {known}, none of which is plainly depth; choose one with `channel`")
+        raise FileError(f"{file}: has the channels {known}, none of which is plainly {what}{mend}")
     return next(iter(channels))
 
 
@@ -147,11 +150,11 @@ def _is_of_vector(name: str, channels: Collection[str]) -> bool:
     return bool(axes) and all(name[:-1] + axis in channels for axis in axes)
 
 
-def _check_grey(file: Path, channels: dict[str, np.ndarray], chosen: str) -> None:
-    """R stands for depth only where G and B say the same (EasySynth writes all three)."""
+def _check_grey(file: Path, channels: dict[str, np.ndarray], chosen: str, what: str) -> None:
+    """R stands for depth, or a matte, only where G and B say the same (EasySynth writes all three)."""
     for other in {"R": "GB", "r": "gb"}.get(chosen, ""):
         if other in channels and not np.array_equal(channels[chosen], channels[other], equal_nan=True):
-            raise FileError(f"{file}: is a colour picture (R and {other} differ); depth in one channel is expected")
+            raise FileError(f"{file}: is a colour picture (R and {other} differ); {what} in one channel is expected")
 
 
 def check_exr_is_whole(file: Path) -> None:

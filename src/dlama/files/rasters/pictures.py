@@ -16,7 +16,8 @@ from PIL import Image
 from dlama.arguments import check_arguments
 from dlama.errors import FileError, MaskError, system_errors, warn
 from dlama.files.rasters.color_profiles import rgb_to_srgb
-from dlama.files.rasters.images import StoredPicture, read_stored
+from dlama.files.rasters.exr_files import read_exr
+from dlama.files.rasters.images import SUFFIXES, StoredPicture, read_stored
 from dlama.files.semantic_classes import class_color
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, UInt16Array, percent
 from dlama.writing.atomic_write import PathLike, new_file, write_file
@@ -129,7 +130,8 @@ def read_mask(
     """A mask as bool H x W, True = remove / fill.
 
     Args:
-        path: Black and white PNG, JPEG, WebP or TIFF; values <= 8 and >= 247 count as 0 and 255.
+        path: Black and white PNG, JPEG, WebP or TIFF; values <= 8 and >= 247 count as 0 and 255. In EXR and float TIFF 1 is
+            white. Where pixels are transparent, alpha is the mask, which a warning says; of EXR it is always.
         mask_polarity: "fill": white (255) is removed; "known": white stays.
         soft_mask: Take a grey mask, values above 127 as white; else values between are refused.
         mask_class: The picture is an EasySynth semantic one; take the pixels of this class: "R,G,B", or a name that stands in
@@ -225,20 +227,36 @@ def save_picture(path: PathLike, picture: Image.Image, **options: Any) -> None:
 
 
 def _grey(path: PathLike) -> UInt8Array:
-    """A mask file as uint8 H x W; refuses colour and transparency, whose meaning is not plain."""
-    values = read_stored(path).values
+    """A mask file as uint8 H x W; refuses colour, and transparency next to black and white, whose meaning is not plain."""
+    if Path(path).suffix.lower() == ".exr":
+        values: np.ndarray = read_exr(path, what="matte")
+        if values.min() == values.max() == 1:
+            values = read_exr(path, what="opaque matte")
+    else:
+        values = read_stored(path).values
     if values.dtype == np.uint16:
         values = (values >> 8).astype(np.uint8)
+    if values.dtype.kind == "f":
+        if not -1 <= values.min() <= values.max() <= 2:  # filters overshoot
+            raise MaskError(
+                f"{path}: holds {values.min():.4g} to {values.max():.4g}; a mask of floats is 0 to 1, 1 = remove"
+            )
+        values = np.rint(np.clip(values, 0, 1) * 255).astype(np.uint8)
     if values.dtype != np.uint8:
         raise MaskError(f"{path}: holds {values.dtype} numbers; an 8-bit mask with 255 = remove is expected")
     if values.ndim == 2:
         return values
     if values.shape[2] in (2, 4):
-        if (values[..., -1] != 255).any():
-            raise MaskError(
-                f"{path}: the mask is partly transparent, its meaning is not plain; save it as black and white"
-            )
-        values = values[..., :-1]
+        alpha, values = values[..., -1], values[..., :-1]
+        if (alpha != 255).any():
+            shown = values[alpha > 0]
+            black, white = shown <= HIGHEST_BLACK, shown >= LOWEST_WHITE
+            if black.any() and white.any() and (black | white).all():
+                raise MaskError(
+                    f"{path}: the mask is black, white and transparent, its meaning is not plain; save it as black and white"
+                )
+            warn(f"{path}: its alpha is the mask: what is opaque is removed (`mask_polarity` turns it round)")
+            return np.ascontiguousarray(alpha)
     spread = int((values.max(axis=2).astype(np.int16) - values.min(axis=2)).max())
     if spread > HIGHEST_BLACK:
         raise MaskError(
@@ -255,7 +273,7 @@ def _threshold(path: PathLike, grey: UInt8Array, soft_mask: bool) -> BoolArray:
     if between.size:
         found = np.unique(between)
         shown = ", ".join(map(str, found[:6])) + (f", ... {found[-1]}" if found.size > 6 else "")
-        deep = read_stored(path).values.dtype == np.uint16
+        deep = Path(path).suffix.lower() in SUFFIXES and read_stored(path).values.dtype == np.uint16
         hint = " (it holds 16-bit numbers, as depth does: is it the depth, and the mask not given?)" if deep else ""
         raise MaskError(
             f"{path}: {between.size} of {grey.size} pixels are neither black nor white (values {shown}); "
