@@ -10,13 +10,11 @@ from __future__ import annotations
 import argparse
 import ast
 import collections
-import io
-import subprocess
-import tarfile
 from collections.abc import Iterator
 from pathlib import Path
 
-REPOSITORY = Path(__file__).resolve().parents[1]
+from speed import ROOT, unpacked
+
 FOLDERS = ("src", "tests", "benchmarks", "examples", "docs")
 COMPLEX, MANY_PARAMETERS = 10, 7
 """More than so many branches, more than so many parameters, are counted."""
@@ -35,24 +33,10 @@ FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef)
 Function = ast.FunctionDef | ast.AsyncFunctionDef
 
 
-def files_of_tree() -> dict[str, str]:
-    """Path in the repository -> text, of the working tree's Python files and Markdown pages."""
-    paths = [path for folder in FOLDERS for path in (REPOSITORY / folder).rglob("*") if path.suffix in (".py", ".md")]
-    return {str(path.relative_to(REPOSITORY)): path.read_text() for path in (*paths, *REPOSITORY.glob("*.md"))}
-
-
-def files_of_commit(commit: str) -> dict[str, str]:
-    """The same of a commit."""
-    archive = subprocess.run(["git", "archive", commit], cwd=REPOSITORY, check=True, capture_output=True).stdout
-    files = {}
-    with tarfile.open(fileobj=io.BytesIO(archive)) as tar:
-        for entry in tar:
-            there = entry.name.startswith(FOLDERS) or "/" not in entry.name
-            if there and entry.isfile() and entry.name.endswith((".py", ".md")):
-                stream = tar.extractfile(entry)
-                assert stream is not None
-                files[entry.name] = stream.read().decode()
-    return files
+def files_of_tree(root: Path) -> dict[str, str]:
+    """Path in a tree of this repository -> text, of its Python files and Markdown pages."""
+    paths = [path for folder in FOLDERS for path in (root / folder).rglob("*") if path.suffix in (".py", ".md")]
+    return {str(path.relative_to(root)): path.read_text() for path in (*paths, *root.glob("*.md"))}
 
 
 def room(path: str) -> str:
@@ -135,8 +119,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--against", metavar="COMMIT", help="print the figures of this commit, too, and the difference")
     args = parser.parse_args()
-    now = measure(files_of_tree())
-    before = measure(files_of_commit(args.against)) if args.against else None
+    now, before = measure(files_of_tree(ROOT)), None
+    if args.against:
+        with unpacked(args.against) as old:
+            before = measure(files_of_tree(old))
     for name in now if before is None else before | now:
         figure = now.get(name, 0)
         if before is None:

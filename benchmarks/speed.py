@@ -318,12 +318,12 @@ def in_checkout(source: Path, row: str) -> Figures | None:
 
 @contextmanager
 def unpacked(commit: str) -> Iterator[Path]:
-    """The folder src of a commit of this repository, for as long as it is needed."""
-    packed = subprocess.run(["git", "archive", commit, "src"], check=True, capture_output=True, cwd=ROOT)
+    """The files of a commit of this repository, for as long as they are needed."""
+    packed = subprocess.run(["git", "archive", commit], check=True, capture_output=True, cwd=ROOT)
     with tempfile.TemporaryDirectory() as folder:
         with tarfile.open(fileobj=io.BytesIO(packed.stdout)) as archive:
             archive.extractall(folder, filter="data")
-        yield Path(folder) / "src"
+        yield Path(folder)
 
 
 def draw_chart(path: Path) -> None:
@@ -393,7 +393,7 @@ def main() -> None:
         with unpacked(given.against) as old:
             print(f"{'row':18} {'figure':24} {given.against[:9]:>9} {'here':>9}  ratio   spread")
             for row in given.rows:
-                compare(row, ROOT / "src", old, given.rounds)
+                compare(row, ROOT / "src", old / "src", given.rounds)
 
 
 if __name__ == "__main__":

@@ -106,8 +106,8 @@ def main() -> None:
     now = walk_in(ROOT / "src")
     before: dict[str, int] = {}
     if args.against:
-        with unpacked(args.against) as source:
-            before = measure(walk_in(source))
+        with unpacked(args.against) as old:
+            before = measure(walk_in(old / "src"))
     for name, figure in measure(now).items():
         print(f"{name:20}" + (f"{before[name]:6}" if before else "") + f"{figure:6}")
     if args.path:
