@@ -348,6 +348,10 @@ def test_the_left_camera_has_no_baseline(tmp_path: Path) -> None:
     [
         ([[1.0, 0, 1.0], [0, 1.3, 1.0], [0, 0, 1]], "fx` is 1 px, wider than any lens.*give `fx=640`"),
         ([[4.2, 0, 3.2], [0, 4.2, 2.4], [0, 0, 1]], "fx` is 4.2 px, wider than any lens"),
+        (
+            [[35, 0, 320], [0, 35, 240], [0, 0, 1]],
+            "looks like a lens in millimetres.*`fx=622.22` of a sensor 36 mm wide",
+        ),
         ([[1000, 0, 640], [0, 1000, 480], [0, 0, 1]], "the middle of a picture 2 times as large: give `fx=500`"),
     ],
 )

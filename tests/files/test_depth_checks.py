@@ -137,6 +137,26 @@ def test_no_false_alarms_on_real_depth(data_dir: Path) -> None:
                 assert "depth_scale" in str(error) or "8-bit" in str(error)
 
 
+@pytest.mark.parametrize(("kind", "unit"), [("street", 1), ("street", 100), ("room", 100), ("street", 1000)])
+def test_float_depth_in_another_unit_is_warned_of(tmp_path: Path, kind: str, unit: int) -> None:
+    """Oracle: a world whose depth is known in metres, written in centimetres, as Maya and Unreal do, or millimetres; with the
+    unit there is no word, nor for metres."""
+    frame = world(7, kind=kind).frame(world(7, kind=kind).camera(0, 192))  # type: ignore[arg-type]
+    Image.fromarray(frame.color).save(tmp_path / "plate.png")
+    write_depth_exr(tmp_path / "Z.exr", frame.depth * np.float32(unit))
+    for scale in (None, 1, unit):
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always")
+            try:
+                read_rgbd(tmp_path / "plate.png", tmp_path / "Z.exr", camera=frame.camera, depth_scale=scale)
+            except DepthError as refused:  # the median is beyond 500 m
+                assert unit == 1000 and "looks like millimetres" in str(refused)
+                continue
+        of_unit = [str(one.message) for one in told if "`depth_scale=1` says that they are metres" in str(one.message)]
+        assert len(of_unit) == (scale is None and unit > 1), told
+        assert all("centimetres" in one and "`depth_scale=100`" in one for one in of_unit)
+
+
 @pytest.mark.parametrize("far_plane", [100, 1000, 65504, 99999.9])
 def test_sky_at_a_renderers_far_plane_is_warned_of(tmp_path: Path, far_plane: float) -> None:
     """Oracle: the option that is advised, taken literally, makes exactly the sky far. doctor says the same."""

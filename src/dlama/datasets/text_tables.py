@@ -202,7 +202,7 @@ def check_folder(root: Path) -> None:
         what = "is a video without poses and depth"
         such = ", such as the dense workspace that COLMAP makes of its pictures"
     elif root.exists() and root.suffix.lower() in SUFFIXES:
-        what, such = "is a picture", f"; `dlama photo3d {root} --also loop` makes one picture move"
+        what, such = "is a picture", f"; `dlama photo3d {root} [DEPTH] --only scene -o DIR` makes a scene.npz of one"
     raise FileError(f"{root}: {what}; the folder of a data set is expected{such}")
 
 

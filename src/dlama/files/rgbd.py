@@ -14,7 +14,7 @@ from dlama.errors import DepthError, FileError, InputError, ShapeError, format_s
 from dlama.files.cameras import camera_for
 from dlama.files.photos.depth import PhotoDepth, read_photo_depth
 from dlama.files.rasters.depth import check_depth_options, read_depth, read_inverse_depth
-from dlama.files.rasters.depth_checks import warn_of_far_plane, warn_of_missing_code
+from dlama.files.rasters.depth_checks import warn_of_far_plane, warn_of_missing_code, warn_of_unit
 from dlama.files.rasters.images import picture_hw, read_stored
 from dlama.files.rasters.pictures import read_color
 from dlama.files.rasters.turned_pairs import refuse_turned, same_proportions, warn_of_turn
@@ -106,7 +106,10 @@ def read_rgbd(
     _check_same_view(image, depth, hw, (metres.shape[0], metres.shape[1]))
     metres = fit_depth(image, depth, metres, color, resize_depth)
     used = camera_for(hw, image=image, **lens)[0]
-    return RGBD(freeze(color), freeze(metres / ray_lengths(used) if radial_depth else metres), used)
+    rgbd = RGBD(freeze(color), freeze(metres / ray_lengths(used) if radial_depth else metres), used)
+    if (depth_scale or depth_range) is None:
+        warn_of_unit(depth, rgbd)
+    return rgbd
 
 
 def _refuse(options: Mapping[str, object], why: str) -> None:

@@ -50,7 +50,7 @@ class Lens:
     """width, height, fx, fy, cx, cy, pixel_center and (optional) world_from_cam; or a Middlebury calib.txt, or the YAML of
     ROS or OpenCV."""
     fx: float | None = option("PX")
-    """Horizontal focal length in pixels."""
+    """Horizontal focal length in pixels: that of the lens / width of the sensor (both in mm) x width of the picture."""
     fy: float | None = option("PX", "as --fx")
     """Vertical focal length in pixels."""
     cx: float | None = option("PX", "the middle")

@@ -49,8 +49,10 @@ def video(
     """A video of a camera that moves through a scene; what no picture shows is filled once, so that nothing flickers.
 
     Args:
-        source: A scene.npz that dlama wrote, or the folder of a data set of posed frames.
-        output: The video: .mp4 (extra `video`), or .webp or .gif, which need nothing more.
+        source: A scene.npz that dlama wrote (of a picture `dlama photo3d IMAGE DEPTH --only scene` does), or the folder of a data
+            set of posed frames.
+        output: The video: .mp4 (extra `video`), or .webp or .gif, which need nothing more. `dlama sequence SCENE --views` writes
+            pictures, with their depth.
     """
     from dlama.completion.start import choose_filler
     from dlama.datasets.sequences.camera_paths import path_for

@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from dlama.errors import warn
-from dlama.geometry.rgbd import Float32Array
+from dlama.geometry.rgbd import RGBD, Float32Array
 from dlama.perception.diagnosis.depth_code import looks_inverse
-from dlama.perception.diagnosis.depth_scale import begins_at_camera, fills_16_bits, find_far_plane
+from dlama.perception.diagnosis.depth_scale import begins_at_camera, check_depth_unit, fills_16_bits, find_far_plane
+from dlama.perception.diagnosis.finding import CERTAIN, Observed
 from dlama.perception.sky import OUTDOORS_M
 from dlama.writing.atomic_write import PathLike
 
@@ -50,14 +51,32 @@ def warn_of_normalised(path: PathLike, depth: Float32Array, units: float) -> Non
 def warn_of_millimetres(path: PathLike, depth: Float32Array, median: float) -> None:
     """Warn (UserWarning) of floats read as metres that begin far away and end not much farther, as a close-range scanner's
     millimetres do."""
-    if median < CLOSE_RANGE[0] or np.isposinf(depth).any():
-        return
-    near, far = np.percentile(depth[depth > 0], (2, 98))
-    if far < CLOSE_RANGE[1] * near:
+    if is_close_range(depth, median):
+        near, far = np.percentile(depth[depth > 0], (2, 98))
         warn(
             f"{path}: nearly all of the depth is {near:.3g} to {far:.3g} m: if these are millimetres, give `depth_scale=1000`, "
             "if centimetres `depth_scale=100`; `depth_scale=1` says that they are metres"
         )
+
+
+def is_close_range(depth: Float32Array, median: float) -> bool:
+    """Whether depth (H x W metres) begins far away and ends not much farther."""
+    if median < CLOSE_RANGE[0] or np.isposinf(depth).any():
+        return False
+    near, far = np.percentile(depth[depth > 0], (2, 98))
+    return bool(far < CLOSE_RANGE[1] * near)
+
+
+def warn_of_unit(path: PathLike, rgbd: RGBD) -> None:
+    """Warn (UserWarning) where an EXR or PFM file, read as metres, certainly makes a likely scene in another unit alone, such as
+    the centimetres of Maya and Unreal."""
+    if Path(path).suffix.lower() not in (".exr", ".pfm") or is_close_range(
+        rgbd.depth, float(np.median(rgbd.depth[rgbd.valid]))
+    ):
+        return
+    for found in check_depth_unit(Observed.of(rgbd, ("image", str(path), "mask"), units=1.0)):
+        if found.confidence >= CERTAIN:
+            warn(f"{found.what}: {found.mend}; `depth_scale=1` says that they are metres")
 
 
 def warn_of_far_plane(path: PathLike, depth: Float32Array) -> None:

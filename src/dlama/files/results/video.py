@@ -21,7 +21,10 @@ def check_video(path: PathLike) -> None:
     """Raise before anything is computed: InputError for a name of another kind, MissingExtraError without what writes it."""
     suffix = Path(path).suffix.lower()
     if suffix not in (*VIDEOS, *ANIMATIONS):
-        raise InputError(f"`output` is {path}; a name that ends in {', '.join((*VIDEOS, *ANIMATIONS))} is expected")
+        raise InputError(
+            f"`output` is {path}; a name that ends in {', '.join((*VIDEOS, *ANIMATIONS))} is expected; "
+            "`dlama sequence SCENE --views` writes pictures"
+        )
     if suffix in VIDEOS:
         _av()
 

@@ -18,6 +18,8 @@ SAME_ANGLE = 1.25
 """Largest ratio of the widths of view (tangents) of a camera and of its picture's EXIF data."""
 SHARE = 5.0
 """A focal length up to so many px is meant as a share of the picture's width."""
+MILLIMETRES = 150.0
+"""Degrees from which a focal length is that of a lens in millimetres; cameras of so wide a view have no such pictures."""
 SQUARE = 1.1
 """Ratio of fx and fy beyond which pixels are not square."""
 OTHER_SIZES = (0.25, 1 / 3, 0.5, 2 / 3, 1.5, 2.0, 3.0, 4.0)
@@ -41,6 +43,11 @@ def check_lens(camera: Camera) -> list[Finding]:
     if camera.fx <= SHARE < 0.1 * wide:
         what = f"`fx` is {camera.fx:.3g} px, wider than any lens; it looks like a share of the picture's width"
         return [Finding("focal-length", "fault", 0.95, what, f"give `fx={camera.fx * wide:.5g}`")]
+    if horizontal_fov(camera) > MILLIMETRES:
+        what = f"`fx` is {camera.fx:.3g} px, a view of {horizontal_fov(camera):.3g} degrees; it looks like a lens in millimetres"
+        of_film = f"`fx={camera.fx * wide / 36:.5g}` of a sensor 36 mm wide"
+        mend = f"give `fx` = millimetres / width of the sensor in millimetres x {wide}, {of_film}"
+        return [Finding("focal-length", "fault", 0.95, what, mend)]
     swapped = abs(camera.cx - high / 2) < 0.05 * high and abs(camera.cy - wide / 2) < 0.05 * wide
     if swapped and abs(wide / high - 1) >= 0.15:
         what = f"`cx` is {camera.cx:.5g} and `cy` {camera.cy:.5g} in a {wide}x{high} picture: they look swapped"
