@@ -66,10 +66,6 @@ def _remaining_shadows() -> None:
         _replace(place, "find_remaining_shadow", lambda view, *rest: np.zeros_like(view.hole))
 
 
-def _rims() -> None:
-    _replace("inpainters.layered.filler", "blend_at_rim", lambda color, *rest: color)
-
-
 def _plane_edges() -> None:
     _replace("inpainters.layered.depth.surface_labels", "align_lines_to_edges", lambda lines, *rest: lines)
 
@@ -226,7 +222,6 @@ RULES: dict[str, Callable[[], None]] = {
     "foliage": _foliage,
     "low-frequency": _low_frequency,
     "remaining-shadows": _remaining_shadows,
-    "rims": _rims,
     "plane-edges": _plane_edges,
     "order": _of_coarse("out_of_order", lambda self: np.zeros((len(self.candidates) - 1, *self.hole.shape), np.bool_)),
     "relief": _of_coarse("with_relief", lambda self: self.label),

@@ -5,22 +5,17 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.codes import HoleType, has_code
 from dlama.geometry.kernels.jit import begin_job
 from dlama.geometry.rgbd import UInt8Array
 from dlama.geometry.view import View
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill
 from dlama.inpainters.layered.color.low_frequency import blend_with_low_frequency, smooth_guess
-from dlama.inpainters.layered.color.rims import blend_at_rim
 from dlama.inpainters.layered.color.texture_grid import TextureGrid
 from dlama.inpainters.layered.color.texture_synthesis import synthesize
 from dlama.inpainters.layered.depth.surfaces import Surfaces, continue_lawfully
 from dlama.inpainters.layered.remaining_shadows import find_remaining_shadow
 from dlama.perception.planes import SKY, SMOOTH
-
-NOT_BLENDED = (HoleType.OUT_OF_VIEW, HoleType.OBJECT)
-"""Types of holes that are not blended at the rim: next to a removed object lie remains of it and of its shadow."""
 
 
 def layered(view: View, context: FillContext, seed: int = 0) -> Fill:
@@ -46,10 +41,8 @@ def paint_surfaces(view: View, surfaces: Surfaces, context: FillContext, seed: i
     shadow = np.zeros_like(view.hole)
     if view.object_hole.any():
         shadow = find_remaining_shadow(view, label, context.law)
-    open_ = surfaces.without_leaves(view.color_hole)
-    grid = TextureGrid.of(leafy, open_, w, label, view.camera, spoiled=shadow)
-    color = synthesize(grid, seed=seed, sky=context.sky, detail=detail)
-    return blend_at_rim(color, view.color_hole, open_ & ~has_code(view.hole_type, *NOT_BLENDED), w, label, shadow)
+    grid = TextureGrid.of(leafy, surfaces.without_leaves(view.color_hole), w, label, view.camera, spoiled=shadow)
+    return synthesize(grid, seed=seed, sky=context.sky, detail=detail)
 
 
 def find_leaves(view: View, surfaces: Surfaces) -> NDArray[np.intp]:

@@ -63,8 +63,7 @@ class OffsetSearch:
         self.grid, self.region, self.axes = grid, region, axes
         self.base_shape = bases[0].shape[:2]
         own, color = region.sources, grid.cell_color
-        labels = region.cell_label(grid)
-        self.sources = kernels.Sources(grid.cell_size, grid.cell_inverse_depth, labels, region.label, axes)
+        self.sources = kernels.Sources(grid.cell_size, grid.cell_inverse_depth, grid.cell_label, region.label, axes)
         self.some = np.flatnonzero(own)[:: max(1, int(own.sum()) // MEASURED)]
         self.bands = [self._detail_above(bases[1]), self._detail_above(bases[0])]
         self.bands.append(self.bands[0] - self.bands[1])

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.camera import Camera
-from dlama.geometry.holes import repeat_cells
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.inpainters.layered.kernels.cells import shrink, trusted_sources
 
@@ -100,19 +99,6 @@ class HoleRegion:
     """Flat indices of the hole pixels."""
     sources: BoolArray
     """rows x cols cells, True where a cell is known and belongs to the surface."""
-    apart: BoolArray
-    """rows x cols cells, True where other objects happen to lie on the same plane."""
-
-    def trusted(self, grid: TextureGrid) -> Labels:
-        """H x W: the label of pixels that the region may copy, else UNTRUSTED."""
-        if not self.apart.any():
-            return grid.trusted
-        apart = repeat_cells(self.apart, grid.cell_size, grid.hole.shape)
-        return np.where(apart, np.int8(UNTRUSTED), grid.trusted)
-
-    def cell_label(self, grid: TextureGrid) -> Labels:
-        """rows x cols: the label of cells that the region may copy, else UNTRUSTED."""
-        return np.where(self.apart, np.int8(UNTRUSTED), grid.cell_label)
 
 
 def trusted_labels(hole: BoolArray, inverse_depth: Float32Array, label: Labels) -> Labels:

@@ -28,8 +28,6 @@ SKY_COLOR = (120, 145, 175)
 """Colour of a sky that no picture shows: a pale daylight blue."""
 LEAST_CELLS = 12
 """Planes with fewer known cells are painted as no plane."""
-GAP = 8
-"""Largest gap in cells between parts of one object."""
 BAND = 2048
 """Pixels per task."""
 SCREEN = 0.002
@@ -65,7 +63,7 @@ def paint_region(out: UInt8Array, grid: TextureGrid, region: HoleRegion, rng: np
         return
     bases, unit = base_colors(grid, region), grid.at_unit_depth(region.label)
     copied = CopiedDetail.none(bases[0].shape[:2]) if rng is None else copy_detail(unit, region, bases, rng)
-    sources = Sources(1, unit.inverse_depth, region.trusted(grid), region.label, copied.axes)
+    sources = Sources(1, unit.inverse_depth, grid.trusted, region.label, copied.axes)
     paint = Paint(as_input(grid.color), *bases, grid.base_cell_size, copied.choice, copied.gains, copied.offsets)
     pixels, room = region.pixels, np.zeros((len(region.pixels), 3))
     in_bands(paint_pixels, len(pixels), pixels, sources, paint, room, out, band=BAND)
@@ -80,25 +78,9 @@ def hole_regions(grid: TextureGrid) -> Iterator[HoleRegion]:
         sources, here = grid.cell_label == label, labels == label
         if sources.sum() >= LEAST_CELLS or label == 0:
             rest &= ~here
-            away = beyond_gap(grid, holes[here], sources)
-            yield HoleRegion(label, holes[here], sources & ~away, away)
+            yield HoleRegion(label, holes[here], sources)
     if rest.any():
-        yield HoleRegion(-1, holes[rest], grid.cell_label != UNTRUSTED, np.zeros(grid.cell_label.shape, np.bool_))
-
-
-def beyond_gap(grid: TextureGrid, pixels: NDArray[np.int64], sources: BoolArray) -> BoolArray:
-    """rows x cols, True in cells of `sources` separated from the hole `pixels` (flat) by a gap of more than GAP cells.
-
-    Two objects may lie on one plane by chance, or by noise: a box gives no texture to the bin next to it. None where too few
-    are left.
-    """
-    rows, cols = np.divmod(pixels, grid.hole.shape[1])
-    here = np.zeros(sources.shape, np.bool_)
-    here[rows // grid.cell_size, cols // grid.cell_size] = True
-    near = cv2.dilate((sources | here).astype(np.uint8), np.ones((GAP + 1, GAP + 1), np.uint8))
-    number = cv2.connectedComponents(near, connectivity=8)[1]
-    away = (near > 0) & ~np.isin(number, np.unique(number[here]))
-    return away if (sources & ~away).sum() >= LEAST_CELLS else np.zeros_like(away)
+        yield HoleRegion(-1, holes[rest], grid.cell_label != UNTRUSTED)
 
 
 def base_colors(grid: TextureGrid, region: HoleRegion) -> Bases:
