@@ -15,6 +15,8 @@ from dlama.geometry.drawing.grid_mesh import find_joints
 from dlama.geometry.drawing.picture_edges import MapGrid, align_edges, edge_uncertainty, find_other_surfaces
 from dlama.geometry.frames import gathering
 from dlama.geometry.frames.stored import PixelCache
+from dlama.geometry.fusion import layer_mesh
+from dlama.geometry.layers.decimation import decimate
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
@@ -97,6 +99,14 @@ def test_the_own_view_is_untouched_and_no_fringe_is_seen_from_elsewhere() -> Non
     wall = ~view.hole & (view.depth > 1.5)
     like_table = np.abs(view.color.astype(int) - TABLE).sum(2) < np.abs(view.color.astype(int) - WALL).sum(2)
     assert not (like_table & wall).any() and not (~like_table & ~view.hole & ~wall).any()
+
+
+def test_no_triangle_joins_two_surfaces() -> None:
+    """Oracle: the table is nearer than 1.1 m and the wall at 2 m. Meshes had the file's depth along an aligned edge: bars
+    reached from the one to the other."""
+    for mesh in (decimate(View.from_rgbd(frame(torn()))).mesh, layer_mesh(View.from_rgbd(frame(torn())))):
+        depth = mesh.vertices[:, 2][mesh.triangles]
+        assert len(depth) and not ((depth.min(1) < 1.5) & (depth.max(1) > 1.5)).any()
 
 
 def test_things_thinner_than_the_reach_stay() -> None:

@@ -69,7 +69,7 @@ def decimate(
         depth = np.where(surface[box], depth, np.float32(0))
     halves = cell_halves(depth, joined)
     halved = halving_tree(depth, flat_cells(joined, view.origin[box]), share, noise)
-    del depth, joined  # of a large picture they are as large as all that follows
+    del joined  # of a large picture it is as large as all that follows
     corners = np.concatenate(triangles(halved, halves, surface[box].shape))
     covered = covered_pixels(halves, surface[box].shape)
     del halves, halved
@@ -81,13 +81,14 @@ def decimate(
     del corners, covered, used
     first = len(rows) + 4 * np.arange(len(lone_rows), dtype=np.int32)[:, None]
     squares = np.concatenate([first + corner for corner in np.array([[0, 1, 2], [1, 3, 2]], np.int32)])
-    rows = np.append(rows, np.repeat(lone_rows, 4)) + box[0].start
-    columns = np.append(columns, np.repeat(lone_columns, 4)) + box[1].start
+    rows, columns = np.append(rows, np.repeat(lone_rows, 4)), np.append(columns, np.repeat(lone_columns, 4))
+    placed = depth[rows, columns]  # where edges were aligned with the picture's, it is not the view's
+    rows, columns = rows + box[0].start, columns + box[1].start
     pixels = np.stack([columns, rows], 1) + 0.5
     places = pixels.copy()
     places[len(places) - len(squares) * 2 :] += np.tile(SQUARE, (len(lone_rows), 1))
     planes = (freeze(plane[rows, columns]) for plane in (view.color, view.origin, view.confidence))
-    vertices = unproject(view.camera, places[:, 0], places[:, 1], view.depth[rows, columns])
+    vertices = unproject(view.camera, places[:, 0], places[:, 1], placed)
     mesh = Mesh(freeze(vertices), freeze(np.concatenate([numbers, squares])), *planes)
     return DecimatedMesh(mesh, pixels, surface)
 
