@@ -3,6 +3,7 @@
     python benchmarks/carried_masks.py ../shared --split tune
     python benchmarks/carried_masks.py ../shared --split validate -o carried.json
     python benchmarks/carried_masks.py ../shared --cut       # worlds alone: the masked frame's border cuts the object in half
+    python benchmarks/carried_masks.py ../shared --hidden    # worlds alone: what other objects hide of it in the masked frame
 
 Procedural worlds (`world`), the same with objects on islands, plinths and tables (`stand`), and streets, as sensors see them.
 The true mask is given in one frame; printed is the mean IoU in four others, 12 to 50 degrees (streets: 10 to 40) aside, with its
@@ -30,8 +31,11 @@ from clicks import FIRST, HELD_OUT, SHARES, STREETS, interval
 from dlama.datasets.frames import RemovalTruth
 from dlama.datasets.layouts import open_dataset
 from dlama.errors import InputError
+from dlama.geometry.frames.agreement import AGREES
 from dlama.geometry.holes import iou
+from dlama.geometry.projection import project_to_pixels, world_points
 from dlama.geometry.rgbd import RGBD, BoolArray
+from dlama.geometry.view import View
 from dlama.perception.object_removal import carry_masks
 from world_cases import as_seen
 
@@ -40,6 +44,9 @@ YAWS, SIZE, FOV_DEG, MOST_YAW = (0, -25, 25, 12, -50), 384, 75.0, 30
 STREET_FRAMES = "with-0000", "with-0001", "with-0002", "with-0004", "with-0007"
 """Yaw 0, 10, -10, -20 and 40."""
 WORLDS, MOST_OBJECTS, FARTHEST_M, SEEN = 8, 4, 8.0, 100
+HIDDEN_WORLDS, HIDDEN = 24, 0.15
+"""Worlds in which partly hidden objects are looked for; least share of an object's pixels in another frame that the masked frame
+hides."""
 SENSORS = "exact", "kinect", "matcher"
 STAND_SEEDS = 500
 """Between the seeds of worlds and of those with stands."""
@@ -55,9 +62,10 @@ class Frames(NamedTuple):
     """Of each object its mask in every frame, and what stands on it, which does not count (H x W each)."""
 
 
-def world_frames(split: str, cut: bool) -> Iterator[Frames]:
-    """Worlds as each sensor sees them. cut: each object apart, cut by the border of the frame in which it is masked."""
-    for number in range(FIRST[split], FIRST[split] + WORLDS):
+def world_frames(split: str, cut: bool, hidden: bool) -> Iterator[Frames]:
+    """Worlds as each sensor sees them. cut: each object apart, cut by the border of the frame in which it is masked; hidden:
+    those that are hidden in part there, in the frames that show the hidden part."""
+    for number in range(FIRST[split], FIRST[split] + (HIDDEN_WORLDS if hidden else WORLDS)):
         for kind in ("world", "stand"):
             made = ClickWorld(HELD_OUT + number + STAND_SEEDS * (kind == "stand"), stands=kind == "stand")
             rng = np.random.default_rng([number, 21])
@@ -66,6 +74,10 @@ def world_frames(split: str, cut: bool) -> Iterator[Frames]:
             depth = scenes[0].frame.depth
             seen = [n for n in objects_in_sight(scenes[0], *SHARES) if np.median(depth[scenes[0].mask(n)]) < FARTHEST_M]
             views = [(scenes, seen[:MOST_OBJECTS])]
+            if hidden:
+                shares = {n: [hidden_share(scenes[0], each, n) for each in scenes] for n in seen}
+                showing = {n: [0, *(k for k, share in enumerate(of) if share > HIDDEN)] for n, of in shares.items()}
+                views = [([scenes[k] for k in at], [n]) for n, at in showing.items() if len(at) > 1][:MOST_OBJECTS]
             if cut:
                 views = [([turn_away(made, scenes[0], n), *scenes[1:]], [n]) for n in seen[:MOST_OBJECTS]]
             for (shown, objects), sensor in product(views, SENSORS):
@@ -74,6 +86,14 @@ def world_frames(split: str, cut: bool) -> Iterator[Frames]:
                 ]
                 masks = [[(one.mask(n), one.on_it(n)) for one in shown] for n in objects]
                 yield Frames(f"{kind} {sensor}", str(number), frames, masks)
+
+
+def hidden_share(first: ClickScene, other: ClickScene, n: int) -> float:
+    """Share of the pixels of an object in another frame, in view of the first one, that something else hides there."""
+    points = world_points(View.from_rgbd(other.frame))[other.mask(n)]
+    row, column, z, inside = project_to_pixels(points, first.frame.camera)
+    hides = (first.frame.depth[row, column] < (1 - AGREES) * z) & ~first.mask(n)[row, column]
+    return float(hides[inside].mean()) if inside.any() else 0.0
 
 
 def turn_away(made: ClickWorld, scene: ClickScene, n: int) -> ClickScene:
@@ -124,12 +144,13 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("shared", type=Path)
     parser.add_argument("--split", choices=tuple(FIRST), default="tune")
     parser.add_argument("--cut", action="store_true", help="objects that the border of the masked frame cuts")
+    parser.add_argument("--hidden", action="store_true", help="objects that others hide in part in the masked frame")
     parser.add_argument("-o", "--output", type=Path, help="scores of each mask as JSON")
     args = parser.parse_args(argv)
     scores: dict[str, dict[str, list[tuple[float, float, float]]]] = {}
     seconds: dict[str, float] = {}
-    streets = street_frames(args.split, args.shared) if args.shared.is_dir() and not args.cut else ()
-    for scene in chain(world_frames(args.split, args.cut), streets):
+    streets = street_frames(args.split, args.shared) if args.shared.is_dir() and not (args.cut or args.hidden) else ()
+    for scene in chain(world_frames(args.split, args.cut, args.hidden), streets):
         started = time.process_time()
         scores.setdefault(scene.domain, {}).setdefault(scene.name, []).extend(scores_of(scene))
         seconds[scene.domain] = seconds.get(scene.domain, 0) + time.process_time() - started

@@ -73,6 +73,21 @@ def test_two_objects_masked_in_different_frames_are_both_carried() -> None:
         assert (mask & ~both).sum() < 0.1 * both.sum()
 
 
+def test_a_part_that_the_masked_frame_does_not_show_is_carried() -> None:
+    """A box a fifth of which another one hides in the masked frame: from aside all of it is found, and none of what hid it
+    (oracle: the closed form of both)."""
+    made = World(
+        (Plane((0, 0, 4), (0, 0, -1)), Box((-0.4, -0.3, 2.8), (0.4, 0.3, 3)), Box((0.15, -0.6, 1.9), (0.8, 0.6, 2)))
+    )
+    camera = Camera.from_fov(160, 120, 60)
+    cameras = [camera, moved(camera, (0, 0, 0), (-0.7, 0, 0))]
+    shapes = [made.trace(each)[1] for each in cameras]
+    box = [shape == 1 for shape in shapes]
+    found = list(carry_masks(dlama.scene([made.rgbd(each) for each in cameras]), {0: box[0]}))[1]
+    assert (found & box[1]).sum() > 0.95 * box[1].sum()
+    assert (found & (shapes[1] == 2)).sum() < 0.05 * (shapes[1] == 2).sum()
+
+
 def test_a_mask_that_the_border_cuts_continues_beyond_it() -> None:
     """A bar along a wall, of which the masked frame shows a part: in a frame that shows all of it the carried mask covers it, and
     not the wall (oracle: the closed form of the bar)."""
@@ -113,6 +128,17 @@ def test_a_post_stands_in_front_and_the_ground_does_not() -> None:
     candidates[8:42, 24:37] = True
     np.testing.assert_array_equal(find_foreground(View.from_rgbd(rgbd), candidates), post)
     assert not find_foreground(View.from_rgbd(rgbd), np.zeros_like(post)).any()
+
+
+def test_what_hides_a_part_is_no_background() -> None:
+    """Closed form: the same next to a wall at 0.5 m, which hides what is left of the post: the post alone is in front."""
+    rgbd, post = plane_with_a_post()
+    depth = rgbd.depth.copy()
+    depth[:, :29] = 0.5
+    candidates = np.zeros_like(post)
+    candidates[8:42, 29:37] = True
+    found = find_foreground(View.from_rgbd(RGBD(rgbd.color, depth, rgbd.camera)), candidates)
+    np.testing.assert_array_equal(found, post)
 
 
 def test_growth_stops_at_another_depth() -> None:

@@ -2,8 +2,8 @@
 
 The masked frames locate the object's points and, equally, the points next to it that are not its own. In every other frame an
 object's pixel shows such a point. Connected pixels of similar depth in front of the background (`foreground`) are added, if
-they lie within the object's box and no masked frame shows them outside its mask; so are pixels without depth where the object
-would be seen. A network that sees the picture decides at the rims (`masks.carried`).
+they lie within the object's box and no masked frame shows them outside its mask, but all under it or hidden; so are pixels
+without depth where the object would be seen. A network that sees the picture decides at the rims (`masks.carried`).
 """
 
 from __future__ import annotations
@@ -284,7 +284,8 @@ def compare_with_mask(points: np.ndarray, masked: View, mask: BoolArray) -> tupl
     """Points (H x W x 3) compared with a masked frame, H x W each: shown outside its mask, on a line of sight of its mask (grown
     by RIM_PX), in its view. Beyond the picture a mask that its border cuts continues as it is there."""
     at, z, inside, shown = find_in_frame(points, masked)
-    within = np.where(inside, dilate_mask(mask, RIM_PX)[at], mask[at] & (z > 0))
+    hidden = masked.valid[at] & (masked.depth[at] < (1 - AGREES) * z)
+    within = np.where(inside, dilate_mask(mask, RIM_PX)[at] | hidden, mask[at] & (z > 0))
     return shown & ~mask[at], within, inside
 
 

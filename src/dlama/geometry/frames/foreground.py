@@ -5,7 +5,8 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from dlama.geometry.holes import box_around, dilate_mask
+from dlama.geometry.frames.agreement import AGREES
+from dlama.geometry.holes import box_around, dilate_mask, nearest_known
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import View
@@ -21,7 +22,8 @@ NEXT_PX, NEXT = 2, 0.05
 def find_foreground(frame: View, candidates: BoolArray) -> BoolArray:
     """The candidates (H x W) nearer than the background, which is interpolated from the other pixels around them.
 
-    Planes are linear in inverse depth, so the background is harmonic in it.
+    Planes are linear in inverse depth, so the background is harmonic in it. What is in front of the nearest candidate
+    is no background.
     """
     out = np.zeros_like(candidates)
     if not candidates.any():
@@ -29,6 +31,8 @@ def find_foreground(frame: View, candidates: BoolArray) -> BoolArray:
     part = box_around(candidates, 12)  # the surroundings define the background
     inverse = inverse_depth(frame.known_depth)[part]
     known = (frame.valid | frame.far)[part] & ~dilate_mask(candidates[part], 1)
+    _, nearest = nearest_known(candidates[part])
+    known &= inverse <= (1 + AGREES) * inverse.ravel()[nearest]
     out[part] = candidates[part] & (inverse > (1 + IN_FRONT) * interpolate_harmonic(inverse, known))
     return out
 
