@@ -148,10 +148,22 @@ def test_known_depths_give_inverse_depth_its_metres(inverse: tuple[Path, Path]) 
     np.testing.assert_allclose(rgbd.depth, truth, rtol=2e-5)
 
 
+def test_inverse_depth_of_a_renderer_is_measured(tmp_path: Path) -> None:
+    """Closed form: Nuke's 1 / z, 0 where nothing is; with its units a metre it is depth, and no estimate. NaN is missing."""
+    depth = (2 + np.arange(48).reshape(6, 8) / 7).astype(np.float32)
+    inverse = 1 / (100 * depth)
+    inverse[0, :2] = 0, np.nan
+    write_color(tmp_path / "c.png", COLOR)
+    write_exr(tmp_path / "nuke.exr", {"depth.Z": inverse})
+    rgbd = read_rgbd(tmp_path / "c.png", tmp_path / "nuke.exr", fov=60, inverse_depth=True, depth_scale=100)
+    assert rgbd.estimate is None and rgbd.far[0, 0] and rgbd.missing[0, 1]
+    np.testing.assert_allclose(rgbd.depth.ravel()[2:], depth.ravel()[2:], rtol=1e-6)
+
+
 def test_what_contradicts_inverse_depth(inverse: tuple[Path, Path]) -> None:
     """Oracle: what the options mean; a map that shows something else has other proportions."""
     image, file = inverse
-    for name, value in {"depth_scale": 2.0, "depth_range": 9.0, "resize_depth": "nearest", "depth_model": "x"}.items():
+    for name, value in {"depth_range": 9.0, "resize_depth": "nearest", "depth_model": "x"}.items():
         with pytest.raises(InputError, match=f"{name} and inverse_depth contradict each other"):
             read_rgbd(image, file, fov=60, inverse_depth=True, **{name: value})  # type: ignore[arg-type]
     with pytest.raises(InputError, match="inverse_depth is given without a depth file"):

@@ -69,7 +69,7 @@ def read_rgbd(
             tracers); `far` counts along the ray, too.
         depth_model, metres_at, camera_height, sharpen: As in `estimate_depth`, of a picture without depth.
         inverse_depth: The depth file is what a network gave (`read_inverse_depth`): it is used as estimated depth is, with
-            metres_at, camera_height and sharpen. Its size may be another.
+            metres_at, camera_height and sharpen. Its size may be another. With depth_scale it holds 1 / depth, measured (Nuke).
 
     Raises:
         InputError: options of a depth file without one, or of estimated depth with one.
@@ -90,7 +90,7 @@ def read_rgbd(
         _refuse(given, "is given without a depth file; it says how one is read")
         own = _find_photo_depth(image) if depth_model is None else None
         return _estimate_rgbd(image, lens, own, depth_model, far, options)
-    if inverse_depth:
+    if inverse_depth and depth_scale is None:
         given = of_file | {"channel": None, "depth_model": depth_model}
         _refuse(given, "and `inverse_depth` contradict each other; give one of them")
         return _estimate_rgbd(image, lens, _read_network_depth(image, depth, channel), None, far, options)
@@ -99,7 +99,8 @@ def read_rgbd(
     _refuse({**given, "depth_model": depth_model}, why)
     color = read_color(image)
     hw = color.shape[:2]
-    metres = read_depth(depth, depth_scale=depth_scale, depth_range=depth_range, channel=channel, far=far)
+    how: dict[str, Any] = {"depth_scale": depth_scale, "depth_range": depth_range, "channel": channel}
+    metres = read_depth(depth, **how, far=far, inverse=inverse_depth)
     if far is None:
         warn_of_far_plane(depth, metres)
         warn_of_missing_code(depth, metres)

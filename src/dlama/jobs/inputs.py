@@ -170,11 +170,12 @@ class JobInputs:
         lens, options = select(p, LENS), self.depth_reading | select(p, ESTIMATING)
         self.inputs |= {"image": image} | ({"camera": camera_file} if camera_file else {})
         self.inputs |= {"depth": depth} if depth else {}
-        if depth is None or options.get("inverse_depth"):
+        if depth is None or (options.get("inverse_depth") and not options.get("depth_scale")):
             with self.reading(image, stage="read_and_estimate_depth"):
                 rgbd = read_rgbd(image, depth, **lens, **options)
             self.intrinsics_from = (rgbd.estimate or {})["field_of_view"]["from"]
             return rgbd
+        self.depth_reading |= select(options, ("inverse_depth",))
         with self.reading(image, depth):
             camera, self.intrinsics_from = camera_for(picture_hw(image), image=image, **lens)
             return read_rgbd(image, depth, camera=camera, **options)

@@ -100,7 +100,7 @@ class Estimating:
     """Leave the blurred edges of estimated depth as they are, instead of moving them to the picture's."""
     inverse_depth: bool = option("", "off", False, label="Inverse depth of a network")
     """The depth file is what a network such as Depth Anything or MiDaS gave: inverse depth, larger is nearer, in no unit. It is
-    used as estimated depth is."""
+    used as estimated depth is. With --depth-scale it is 1 / depth, as Nuke renders it."""
 
 
 @dataclass(frozen=True)

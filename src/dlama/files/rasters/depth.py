@@ -16,6 +16,7 @@ from dlama.files.rasters.float_files import read_array, read_pfm, write_pfm
 from dlama.files.rasters.images import SUFFIXES, existing_file, read_stored
 from dlama.files.rasters.pcd_files import read_pcd
 from dlama.files.rasters.pictures import DEPTH_PNG, ROWS_AT_ONCE, write_png
+from dlama.geometry.projection import depth_from_inverse
 from dlama.geometry.rgbd import PLAUSIBLE_M, Float32Array, mark_far
 from dlama.perception.resampling import smooth_quantised
 from dlama.writing.atomic_write import PathLike
@@ -44,17 +45,21 @@ def read_depth(
     depth_range: float | None = None,
     channel: str | None = None,
     far: float | None = None,
+    inverse: bool = False,
 ) -> Float32Array:
     """A depth file as float32 H x W: metres, 0 = missing, +inf = far.
 
     16-bit PNG or TIFF and integer arrays: metres = value / depth_scale (default 1000; TUM 5000, KITTI 256), 65535 = far.
     EXR, PFM, float TIFF, NPY, NPZ (key `depth`), organised PCD: metres, unless `depth_scale` divides them or `depth_range`
     (EasySynth) multiplies values normalised to 0..1, where 1 is far. NaN is missing; infinity, and depth >= `far` metres, is far.
+    inverse: values are 1 / depth, as Nuke renders it, 0 = far.
     Raises FileError, or DepthError: 8-bit, colour, negative, nothing valid, a median outside 0.05..500 m (not of floats at 1).
     """
     check_depth_options(depth_scale, depth_range, far)
     values = read_stored_numbers(path, "depth", channel)
     _check_not_negative(path, values, "depth")
+    if inverse:
+        values = np.where(np.isnan(values), np.float32(0), depth_from_inverse(values.astype(np.float32)))
     if is_float := values.dtype.kind == "f":
         scale = depth_scale or 1.0
         depth = _metres_from_floats(path, values, depth_scale, depth_range)

@@ -35,7 +35,8 @@ def warn_of_inverse(path: PathLike, depth: Float32Array) -> None:
     else:
         warn(
             f"{path}: looks like inverse depth or disparity (planes of the scene are flat so, and bent as depth): metric depth "
-            "is expected, such as depth = scale / value; `inverse_depth` takes what a network gave, in no unit"
+            "is expected, such as depth = scale / value; `inverse_depth` takes what a network gave, in no unit, and with "
+            "`depth_scale=1` 1 / metres, as Nuke renders it"
         )
 
 
