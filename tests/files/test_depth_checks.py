@@ -157,6 +157,20 @@ def test_float_depth_in_another_unit_is_warned_of(tmp_path: Path, kind: str, uni
         assert all("centimetres" in one and "`depth_scale=100`" in one for one in of_unit)
 
 
+def test_a_lens_in_millimetres_is_no_unit_of_depth(tmp_path: Path) -> None:
+    """Depth in metres with the focal length of a lens: the lens is warned of, its depth is not."""
+    room = world(9, kind="room")
+    frame = room.frame(Camera.from_fov(320, 180, 80, room.camera().world_from_cam))
+    Image.fromarray(frame.color).save(tmp_path / "plate.png")
+    write_depth_exr(tmp_path / "Z.exr", frame.depth)
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        read_rgbd(tmp_path / "plate.png", tmp_path / "Z.exr", fx=6)
+    words = [str(one.message) for one in told]
+    assert any("looks like a lens in millimetres" in one for one in words), words
+    assert not any("`depth_scale=1` says" in one for one in words), words
+
+
 @pytest.mark.parametrize("far_plane", [100, 1000, 65504, 99999.9])
 def test_sky_at_a_renderers_far_plane_is_warned_of(tmp_path: Path, far_plane: float) -> None:
     """Oracle: the option that is advised, taken literally, makes exactly the sky far. doctor says the same."""

@@ -11,6 +11,7 @@ from dlama.geometry.rgbd import RGBD, Float32Array
 from dlama.perception.diagnosis.depth_code import looks_inverse
 from dlama.perception.diagnosis.depth_scale import begins_at_camera, check_depth_unit, fills_16_bits, find_far_plane
 from dlama.perception.diagnosis.finding import CERTAIN, Observed
+from dlama.perception.diagnosis.lens import check_lens
 from dlama.perception.sky import OUTDOORS_M
 from dlama.writing.atomic_write import PathLike
 
@@ -70,9 +71,11 @@ def is_close_range(depth: Float32Array, median: float) -> bool:
 
 def warn_of_unit(path: PathLike, rgbd: RGBD) -> None:
     """Warn (UserWarning) where an EXR or PFM file, read as metres, certainly makes a likely scene in another unit alone, such as
-    the centimetres of Maya and Unreal."""
-    if Path(path).suffix.lower() not in (".exr", ".pfm") or is_close_range(
-        rgbd.depth, float(np.median(rgbd.depth[rgbd.valid]))
+    the centimetres of Maya and Unreal. Not where the lens is unlikely: the height of the ground depends on it."""
+    if (
+        check_lens(rgbd.camera)
+        or Path(path).suffix.lower() not in (".exr", ".pfm")
+        or is_close_range(rgbd.depth, float(np.median(rgbd.depth[rgbd.valid])))
     ):
         return
     for found in check_depth_unit(Observed.of(rgbd, ("image", str(path), "mask"), units=1.0)):
