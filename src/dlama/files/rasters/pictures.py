@@ -228,6 +228,24 @@ def save_picture(path: PathLike, picture: Image.Image, **options: Any) -> None:
 
 def _grey(path: PathLike) -> UInt8Array:
     """A mask file as uint8 H x W; refuses colour, and transparency next to black and white, whose meaning is not plain."""
+    values = _eight_bits(path)
+    if values.ndim == 2:
+        return values
+    if values.shape[2] in (2, 4):
+        alpha, values = values[..., -1], values[..., :-1]
+        if (alpha != 255).any():
+            return _check_alpha(path, alpha, values)
+    spread = int((values.max(axis=2).astype(np.int16) - values.min(axis=2)).max())
+    if spread > HIGHEST_BLACK:
+        raise MaskError(
+            f"{path}: is a colour picture, a black and white mask is expected; for a semantic picture name the class: "
+            "`mask_class=NAME` or `mask_class=R,G,B`"
+        )
+    return values[..., 0]
+
+
+def _eight_bits(path: PathLike) -> UInt8Array:
+    """The values of a mask file, H x W or H x W x C: of 16 bits the upper eight, of floats 0..1 as 0..255."""
     if Path(path).suffix.lower() == ".exr":
         values: np.ndarray = read_exr(path, what="matte")
         if values.min() == values.max() == 1:
@@ -244,26 +262,19 @@ def _grey(path: PathLike) -> UInt8Array:
         values = np.rint(np.clip(values, 0, 1) * 255).astype(np.uint8)
     if values.dtype != np.uint8:
         raise MaskError(f"{path}: holds {values.dtype} numbers; an 8-bit mask with 255 = remove is expected")
-    if values.ndim == 2:
-        return values
-    if values.shape[2] in (2, 4):
-        alpha, values = values[..., -1], values[..., :-1]
-        if (alpha != 255).any():
-            shown = values[alpha > 0]
-            black, white = shown <= HIGHEST_BLACK, shown >= LOWEST_WHITE
-            if black.any() and white.any() and (black | white).all():
-                raise MaskError(
-                    f"{path}: the mask is black, white and transparent, its meaning is not plain; save it as black and white"
-                )
-            warn(f"{path}: its alpha is the mask: what is opaque is removed (`mask_polarity` turns it round)")
-            return np.ascontiguousarray(alpha)
-    spread = int((values.max(axis=2).astype(np.int16) - values.min(axis=2)).max())
-    if spread > HIGHEST_BLACK:
+    return values
+
+
+def _check_alpha(path: PathLike, alpha: UInt8Array, values: UInt8Array) -> UInt8Array:
+    """The alpha of a cut-out (H x W) as its mask; MaskError where what it shows (values) is a black and white mask itself."""
+    shown = values[alpha > 0]
+    black, white = shown <= HIGHEST_BLACK, shown >= LOWEST_WHITE
+    if black.any() and white.any() and (black | white).all():
         raise MaskError(
-            f"{path}: is a colour picture, a black and white mask is expected; for a semantic picture name the class: "
-            "`mask_class=NAME` or `mask_class=R,G,B`"
+            f"{path}: the mask is black, white and transparent, its meaning is not plain; save it as black and white"
         )
-    return values[..., 0]
+    warn(f"{path}: its alpha is the mask: what is opaque is removed (`mask_polarity` turns it round)")
+    return np.ascontiguousarray(alpha)
 
 
 def _threshold(path: PathLike, grey: UInt8Array, soft_mask: bool) -> BoolArray:

@@ -15,7 +15,7 @@ from dlama.inpainters.layered.color.texture_grid import TextureGrid
 from dlama.inpainters.layered.color.texture_synthesis import synthesize
 from dlama.inpainters.layered.depth.surfaces import Surfaces, continue_lawfully
 from dlama.inpainters.layered.remaining_shadows import find_remaining_shadow
-from dlama.perception.planes import SKY, SMOOTH
+from dlama.perception.planes import SKY
 
 
 def layered(view: View, context: FillContext, seed: int = 0) -> Fill:
@@ -34,8 +34,6 @@ def paint_surfaces(view: View, surfaces: Surfaces, context: FillContext, seed: i
     if not view.color_hole.any():
         return view.color
     w, label = surfaces.inverse_depth, surfaces.label.copy()
-    if surfaces.off_surface is not None:
-        label[surfaces.off_surface] = SMOOTH
     label[view.hole & (w == 0)] = SKY
     leafy = paint_leaves(view.color, view, find_leaves(view, surfaces))
     shadow = np.zeros_like(view.hole)

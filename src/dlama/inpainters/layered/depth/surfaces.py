@@ -33,8 +33,6 @@ from dlama.perception.missing_depth.along_colors import fill_along_colors, find_
 from dlama.perception.missing_depth.beyond_range import move_beyond_range
 from dlama.perception.planes import SMOOTH, KnownSurfaces, plane_values, plane_values_at
 
-OFF_SURFACE = 0.05
-"""Relative difference of inverse depth from which a pixel is not on its surface any more."""
 PIECE = 1 << 16
 """Hole pixels that are worked on at a time."""
 
@@ -51,9 +49,6 @@ class Surfaces:
     """K x 3, w = a u + b v + c in pixels of the view."""
     leaves: NDArray[np.intp] = field(default_factory=lambda: np.zeros((2, 0), np.intp))
     """2 x N, as of `copy_leaves`: where foliage extends."""
-    off_surface: BoolArray | None = None
-    """H x W, True in hole pixels whose inverse depth the visibility law moved off that of their label by more than
-    OFF_SURFACE; None: the law was not asked yet."""
 
     def without_leaves(self, where: BoolArray) -> BoolArray:
         """`where` (H x W) without the pixels that foliage extends into."""
@@ -65,12 +60,9 @@ class Surfaces:
 def continue_lawfully(view: View, context: FillContext, seed: int) -> tuple[Surfaces, Float32Array, int]:
     """The surfaces continued into the holes, their depth projected onto the visibility law, and how many pixels that moved."""
     surfaces, hole = continue_surfaces(view, context, seed), view.hole
-    w, off_surface = surfaces.inverse_depth, np.zeros(hole.shape, np.bool_)
-    depth, moved = context.law.project(view.camera, depth_from_inverse(w), hole)
-    lawful = inverse_depth(depth[hole])
-    off_surface[hole] = np.abs(lawful - w[hole]) > OFF_SURFACE * lawful
-    w[hole] = lawful
-    return dataclasses.replace(surfaces, off_surface=off_surface), depth, int(moved.sum())
+    depth, moved = context.law.project(view.camera, depth_from_inverse(surfaces.inverse_depth), hole)
+    surfaces.inverse_depth[hole] = inverse_depth(depth[hole])
+    return surfaces, depth, int(moved.sum())
 
 
 def continue_surfaces(view: View, context: FillContext, seed: int = 0) -> Surfaces:
