@@ -25,6 +25,7 @@ from dlama.geometry.layers.head_box import HeadBox
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
+from dlama.progress import show_progress
 
 
 @pytest.fixture(scope="module")
@@ -135,10 +136,13 @@ def test_borders_are_smooth() -> None:
 
 
 def test_the_loop_ends_where_it_begins(photo: Photo3D, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """As many pictures as are said, of the picture's size."""
+    """As many pictures as are said, of the picture's size, each of them a stage, drawn once for both files."""
     pytest.importorskip("av")
     monkeypatch.setattr(module, "LOOP_PICTURES", 6)
-    write_photo3d(photo, tmp_path / "out", only=("loop",))
+    stages = list[str]()
+    with show_progress(stages.append):
+        write_photo3d(photo, tmp_path / "out", only=("loop",))
+    assert [name for name in stages if "draw" in name] == [f"draw picture {n} of 6 of the loop" for n in range(1, 7)]
     video = cv2.VideoCapture(str(tmp_path / "out" / "loop.mp4"))
     assert int(video.get(cv2.CAP_PROP_FRAME_COUNT)) == 6 and int(video.get(cv2.CAP_PROP_FRAME_WIDTH)) == 64
     with Image.open(tmp_path / "out" / "loop.webp") as picture:

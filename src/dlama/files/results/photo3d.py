@@ -144,9 +144,13 @@ def file_writers(photo: Photo3D, about: dict[str, Any]) -> dict[str, Writer]:
     @cache
     def loop() -> list[UInt8Array]:
         """A turn round the source camera on an ellipse within the box, which ends where it begins."""
-        bare, turns = drop_errors(scene), (2 * math.pi * number / LOOP_PICTURES for number in range(LOOP_PICTURES))
-        cameras = (box.at(0.7 * math.sin(turn), 0.35 * math.cos(turn), 0) for turn in turns)
-        return [draw_smooth(bare, resize_to(camera, LOOP_WIDTH)) for camera in cameras]
+        bare, pictures = drop_errors(scene), list[UInt8Array]()
+        for number in range(LOOP_PICTURES):
+            begin_stage(f"draw picture {number + 1} of {LOOP_PICTURES} of the loop")
+            turn = 2 * math.pi * number / LOOP_PICTURES
+            camera = box.at(0.7 * math.sin(turn), 0.35 * math.cos(turn), 0)
+            pictures.append(draw_smooth(bare, resize_to(camera, LOOP_WIDTH)))
+        return pictures
 
     return {
         "photo3d.html": lambda path: path.write_text(photo3d_page(box, parts()), "utf-8"),
