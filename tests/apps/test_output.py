@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import re
 import shutil
 import time
 import warnings
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -15,6 +17,7 @@ from running import FAST, pixels, refused, run
 
 from dlama.apps.cli import main
 from dlama.apps.options import Report
+from dlama.apps.terminal import bars
 from dlama.apps.terminal import output as terminal
 from dlama.apps.verbs.measuring import evaluating
 from dlama.files.results.completion import RESULTS
@@ -29,6 +32,22 @@ def test_quiet_prints_nothing(frame: Path, capsys: pytest.CaptureFixture[str]) -
     out = run(frame, *words, "--quiet")
     assert capsys.readouterr() == ("", "")
     assert (out / "meta.json").is_file()
+
+
+def test_a_bar_of_stages_is_full_at_the_end_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By hand: five stages of about three; at the total the bar's clock would stop."""
+    shown = list[int]()
+
+    @contextlib.contextmanager
+    def open_bar(*_: object) -> Iterator[Callable[..., None]]:
+        yield lambda completed, description: shown.append(completed)
+
+    monkeypatch.setattr(bars, "open_bar", open_bar)
+    monkeypatch.setattr(terminal.sys.stderr, "isatty", lambda: True)
+    with terminal.stages_bar("view", 3, Report()):
+        for number in range(5):
+            begin_stage(f"fill {number}")
+    assert shown == [1, 2, 2, 2, 2]
 
 
 def test_the_same_warning_is_printed_once(capsys: pytest.CaptureFixture[str]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import itertools
 import json
 import logging
 import sys
@@ -158,11 +159,14 @@ def stages_bar(title: str, total: int, report: Report) -> Iterator[None]:
         return
     from dlama.apps.terminal import bars
 
-    with (
-        bars.open_bar(title, bars.STAGES, total) as update,
-        show_progress(lambda stage: update(advance=1, description=printable(f"{title}: {stage}"))),
-    ):
-        yield
+    begun = itertools.count(1)
+    with bars.open_bar(title, bars.STAGES, total) as update:
+
+        def show_stage(stage: str) -> None:  # short of the total, at which the bar's clock would stop
+            update(completed=min(next(begun), total - 1), description=printable(f"{title}: {stage}"))
+
+        with show_progress(show_stage):
+            yield
 
 
 @contextmanager
