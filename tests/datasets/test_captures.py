@@ -235,6 +235,11 @@ def test_packed_depth_of_scannetpp(tmp_path: Path, packing: str) -> None:
     (root / "iphone" / "depth").rmdir()
     for path in (root / "iphone" / "rgb").iterdir():
         Image.open(path).resize((1024, 768)).save(path)
+    poses = root / "iphone" / "pose_intrinsic_imu.json"
+    K = LENS.resized(1024, 768).K.tolist()
+    poses.write_text(
+        json.dumps({name: {**fields, "intrinsic": K} for name, fields in json.loads(poses.read_text()).items()})
+    )
     from dlama.datasets.posed.posed_frames import PosedFrame
 
     for number, frame in enumerate(open_frames(root)):

@@ -107,7 +107,8 @@ def test_no_such_folder(tmp_path: Path) -> None:
         open_dataset(tmp_path / "nix")
     (tmp_path / "street.jpg").touch()
     with pytest.raises(
-        FileError, match=r"street\.jpg: is a picture; the folder .* `dlama photo3d .*street\.jpg --also loop` makes"
+        FileError,
+        match=r"street\.jpg: is a picture; the folder .* `dlama photo3d .*street\.jpg \[DEPTH\] --only scene .* makes",
     ):
         open_dataset(tmp_path / "street.jpg")
     (tmp_path / "walk.MOV").touch()

@@ -195,6 +195,8 @@ def tables() -> list[Reader]:
     """Text: cameras, poses, listings, settings, contracts."""
     info = b"image_width: 12\nimage_height: 9\ncamera_matrix:\n  rows: 3\n  cols: 3\n  data: [10.0, 0, 6, 0, 10, 4, 0, 0, 1]\n"
     info += b"distortion_coefficients:\n  rows: 1\n  cols: 2\n  data: [0.5, 0]\n"
+    matrix = b"projection_matrix:\n  rows: 3\n  cols: 4\n  data: [10, 0, 6, -1.2, 0, 10, 4, 0, 0, 0, 1, 0]\n"
+    right = b"image_width: 12\nimage_height: 9\n" + matrix
     calib = b"cam0=[10 0 6; 0 10 4; 0 0 1]\ncam1=[10 0 6; 0 10 4; 0 0 1]\ndoffs=0\nbaseline=120\nwidth=12\nheight=9\n"
     K = [[10, 0, 6], [0, 10, 4], [0, 0, 1]]
     pair = {"left_K": K, "right_K": K, "baseline_m": 0.1, "doffs": 0, "pixel_center": 0.5, "width": 12, "height": 9}
@@ -224,6 +226,7 @@ def tables() -> list[Reader]:
         Reader("info.yaml", info, read_camera),
         Reader("calib.txt", calib, lambda path: (read_camera(path), read_stereo_calib(path))),
         Reader("pair.json", json.dumps(pair).encode(), read_stereo_calib),
+        Reader("right.yaml", right, read_stereo_calib),
         Reader("rig.json", json.dumps(rig).encode(), read_rig),
         Reader("unreal.csv", unreal, read_poses),
         Reader("metric.csv", metric, read_poses),
