@@ -37,8 +37,8 @@ if TYPE_CHECKING:  # what type checkers and editors read; a test holds it equal 
     from dlama.errors import ShapeError as ShapeError
     from dlama.files.cameras import read_camera as read_camera
     from dlama.files.cameras import read_stereo_calib as read_stereo_calib
+    from dlama.files.rasters.masks import read_mask as read_mask
     from dlama.files.rasters.pictures import read_color as read_color
-    from dlama.files.rasters.pictures import read_mask as read_mask
     from dlama.files.results.completion import write as write
     from dlama.files.results.estimated_depth import write_depth as write_depth
     from dlama.files.results.photo3d import write_photo3d as write_photo3d
@@ -104,7 +104,8 @@ NAMES = {
         "ShapeError",
     ),
     "files.cameras": ("read_camera", "read_stereo_calib"),
-    "files.rasters.pictures": ("read_color", "read_mask"),
+    "files.rasters.masks": ("read_mask",),
+    "files.rasters.pictures": ("read_color",),
     "files.results.completion": ("write",),
     "files.results.estimated_depth": ("write_depth",),
     "files.results.photo3d": ("write_photo3d",),

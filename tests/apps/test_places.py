@@ -22,7 +22,7 @@ from dlama.apps.terminal.flags import flags_of
 WORK = (
     "dlama.files.rgbd.read_rgbd",
     "dlama.files.rasters.pictures.read_color",
-    "dlama.files.rasters.pictures.read_mask",
+    "dlama.files.rasters.masks.read_mask",
     "dlama.jobs.inputs.read_rgbd",
     "dlama.jobs.inputs.read_color",
     "dlama.jobs.inputs.read_mask",

@@ -20,7 +20,8 @@ from dlama.datasets.sequences.camera_paths import VIEWS_OF_PATH
 from dlama.datasets.sequences.loading import masks_by_number, open_frames, slice_frames
 from dlama.errors import FileError, InputError
 from dlama.files.cameras import camera_as_json
-from dlama.files.rasters.pictures import write_color, write_mask
+from dlama.files.rasters.masks import write_mask
+from dlama.files.rasters.pictures import write_color
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import Origin
 from dlama.geometry.holes import dilate_mask

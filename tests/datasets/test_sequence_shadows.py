@@ -13,7 +13,7 @@ from dlama.apps.cli import main
 from dlama.datasets.posed.nerfstudio import write_transforms, write_view
 from dlama.datasets.sequences.loading import open_frames
 from dlama.errors import InputError
-from dlama.files.rasters.pictures import write_mask
+from dlama.files.rasters.masks import write_mask
 from dlama.geometry.camera import Camera
 from dlama.geometry.holes import erode_mask
 from dlama.geometry.projection import world_points

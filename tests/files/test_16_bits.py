@@ -21,7 +21,8 @@ from dlama.completion.verbs import remove, view
 from dlama.errors import FileError
 from dlama.files.rasters.depth import read_depth
 from dlama.files.rasters.images import has_16_bits
-from dlama.files.rasters.pictures import read_color, read_color_of_camera, read_mask
+from dlama.files.rasters.masks import read_mask
+from dlama.files.rasters.pictures import read_color, read_color_of_camera
 from dlama.files.results.completion import write
 from dlama.files.rgbd import read_rgbd
 from dlama.geometry.camera import StereoRig

@@ -17,7 +17,8 @@ from dlama.errors import FileError
 from dlama.files.rasters.depth import read_depth
 from dlama.files.rasters.float_files import read_array, read_pfm
 from dlama.files.rasters.images import picture_hw
-from dlama.files.rasters.pictures import read_color, read_mask
+from dlama.files.rasters.masks import read_mask
+from dlama.files.rasters.pictures import read_color
 from dlama.files.scenes.clouds import read_ply
 from dlama.files.scenes.scene_npz import read_npz
 

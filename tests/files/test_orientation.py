@@ -19,7 +19,8 @@ from PIL import Image, ImageOps
 import dlama
 from dlama.errors import CameraError, FileError, ShapeError
 from dlama.files.rasters.images import orientation_of, picture_hw, read_stored
-from dlama.files.rasters.pictures import read_color, read_color_of_camera, read_mask
+from dlama.files.rasters.masks import read_mask
+from dlama.files.rasters.pictures import read_color, read_color_of_camera
 from dlama.files.rgbd import read_rgbd
 from dlama.jobs.inputs import JobInputs
 

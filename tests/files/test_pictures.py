@@ -16,15 +16,8 @@ from dlama.errors import FileError, MaskError
 from dlama.files.rasters.depth import write_depth_png
 from dlama.files.rasters.exr_files import write_exr
 from dlama.files.rasters.images import picture_hw, read_stored
-from dlama.files.rasters.pictures import (
-    read_color,
-    read_mask,
-    srgb_of,
-    write_codes,
-    write_color,
-    write_grey,
-    write_mask,
-)
+from dlama.files.rasters.masks import read_mask, write_mask
+from dlama.files.rasters.pictures import read_color, srgb_of, write_codes, write_color, write_grey
 
 COLOR = np.random.default_rng(0).integers(0, 256, (14, 19, 3)).astype(np.uint8)
 SMOOTH = np.clip(np.add.outer(np.arange(90), np.arange(130))[..., None] + [0, 20, 36], 0, 255).astype(np.uint8)

@@ -42,7 +42,8 @@ from dlama.files.rasters.depth import (
 )
 from dlama.files.rasters.float_files import read_colmap_depth
 from dlama.files.rasters.images import picture_hw
-from dlama.files.rasters.pictures import read_color, read_mask, read_region
+from dlama.files.rasters.masks import read_mask, read_region
+from dlama.files.rasters.pictures import read_color
 from dlama.files.rasters.video_frames import read_raw_frame, read_video_frame
 from dlama.files.results.video import write_video
 from dlama.files.scenes.clouds import read_ply, write_ply

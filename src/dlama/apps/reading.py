@@ -17,7 +17,8 @@ from dlama.apps.terminal.output import SHOWN, WITH_FLAGS, Result
 from dlama.completion.report import describe_remaining_shadow
 from dlama.errors import InputError, OutputError
 from dlama.files.rasters.images import ADDRESS, SUFFIXES
-from dlama.files.rasters.pictures import write_color, write_mask
+from dlama.files.rasters.masks import write_mask
+from dlama.files.rasters.pictures import write_color
 from dlama.files.results.completion import file_names
 from dlama.files.results.estimated_depth import FILES as FILES_OF_DEPTH
 from dlama.files.results.preview import tint

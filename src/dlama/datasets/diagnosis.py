@@ -22,8 +22,9 @@ from dlama.files.cameras import camera_for, read_stereo_calib
 from dlama.files.photos.depth import read_photo_depth
 from dlama.files.rasters.depth import MILLIMETRES
 from dlama.files.rasters.images import SUFFIXES, orientation_of, read_stored
+from dlama.files.rasters.masks import read_mask
 from dlama.files.rasters.orientation import apply_orientation
-from dlama.files.rasters.pictures import read_color, read_mask
+from dlama.files.rasters.pictures import read_color
 from dlama.files.rasters.turned_pairs import check_mask_fits, doubtful_turn, orientation_difference
 from dlama.files.rgbd import read_rgbd
 from dlama.geometry.camera import Camera

@@ -20,7 +20,7 @@ from dlama.datasets.posed.posed_frames import FrameFiles, files_of, load_rgbd, p
 from dlama.datasets.text_tables import check_size, holds, scene_folders
 from dlama.errors import FileError
 from dlama.files.fields import read_json_fields
-from dlama.files.rasters.pictures import read_mask, read_region
+from dlama.files.rasters.masks import read_mask, read_region
 
 NEEDED = (
     "camera.json",

@@ -15,7 +15,8 @@ from dlama.errors import InputError
 from dlama.files.cameras import camera_for, read_stereo_calib
 from dlama.files.rasters.depth import read_disparity
 from dlama.files.rasters.images import picture_hw
-from dlama.files.rasters.pictures import read_color, read_mask
+from dlama.files.rasters.masks import read_mask
+from dlama.files.rasters.pictures import read_color
 from dlama.files.rasters.turned_pairs import check_mask_fits
 from dlama.files.results.completion import file_names, write
 from dlama.files.rgbd import read_rgbd

@@ -145,7 +145,7 @@ def mask_files(named: Sequence[str], folder: Path | None) -> dict[str, Path]:
 
 def read_masks(files: Mapping[str, Path], **how: Any) -> dict[str, BoolArray]:
     """Frame -> mask, without those in which nothing is marked. FileError, MaskError, also where nothing is marked in any."""
-    from dlama.files.rasters.pictures import EmptyMaskError
+    from dlama.files.rasters.masks import EmptyMaskError
 
     found, empty = dict[str, "BoolArray"](), None
     for frame, path in files.items():

@@ -34,7 +34,8 @@ from dlama.errors import CameraError, FileError
 from dlama.files.fields import FileFields, Intrinsics, read_json_fields
 from dlama.files.rasters.depth import write_depth_png
 from dlama.files.rasters.images import SUFFIXES, picture_hw
-from dlama.files.rasters.pictures import read_region, save_picture, write_codes, write_color, write_mask
+from dlama.files.rasters.masks import read_region, write_mask
+from dlama.files.rasters.pictures import save_picture, write_codes, write_color
 from dlama.files.results.meta_json import write_json
 from dlama.geometry.camera import Camera
 from dlama.geometry.figures.false_color import ORIGIN_PALETTE

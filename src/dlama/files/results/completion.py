@@ -13,7 +13,7 @@ from typing import Any
 from dlama.arguments import check_arguments
 from dlama.completion.completion import Completion, StereoCompletion
 from dlama.errors import InputError, OutputError, system_errors, warn
-from dlama.files.rasters import depth, pictures
+from dlama.files.rasters import depth, masks, pictures
 from dlama.files.results.deep_color import deep_color, find_plate
 from dlama.files.results.meta_json import describe_completion, hash_inputs, write_meta
 from dlama.files.results.preview import write_preview
@@ -194,7 +194,7 @@ def chosen_writers(
         of_view = view_writers(view, find_plate(completion, view, place, plates))
         writers |= {f"{place}{name}": writer for name, writer in of_view.items()}
     writers["preview.png"] = lambda path: write_preview(path, completion)
-    writers["mask.png"] = lambda path: pictures.write_mask(path, mask)
+    writers["mask.png"] = lambda path: masks.write_mask(path, mask)
     chosen = {file for name in names for file in RESULTS[name]}
     return {file: writer for file, writer in writers.items() if file.rpartition("/")[2] in chosen}
 
@@ -208,7 +208,7 @@ def view_writers(view: View, plate: PathLike | None) -> dict[str, Writer]:
             path,  # what was filled is as round as estimated depth is, and never nearer than it was
             round_depth(view.depth, up=True) if Origin.ESTIMATED in view.origins else view.depth,
         ),
-        "hole.png": lambda path: pictures.write_mask(path, view.hole_type > 0),
+        "hole.png": lambda path: masks.write_mask(path, view.hole_type > 0),
         "hole_type.png": lambda path: pictures.write_codes(path, view.hole_type, HOLE_PALETTE),
         "origin.png": lambda path: pictures.write_codes(path, view.origin, ORIGIN_PALETTE),
         "confidence.png": lambda path: pictures.write_grey(path, view.confidence),

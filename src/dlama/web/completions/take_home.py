@@ -13,7 +13,7 @@ from typing import Any
 import dlama
 from dlama.completion.options import options_in
 from dlama.files.rasters.images import has_16_bits
-from dlama.files.rasters.pictures import write_mask
+from dlama.files.rasters.masks import write_mask
 from dlama.files.results.completion import RESULTS, file_names
 from dlama.files.scenes.photo3d_page import photo3d_page
 from dlama.jobs.options import Pointing
