@@ -82,8 +82,8 @@ def read_rgbd(
     check_depth_options(depth_scale, depth_range, far)
     lens: dict[str, Any] = {"camera": camera, "fx": fx, "fy": fy, "cx": cx, "cy": cy, "fov": fov}
     lens["pixel_center"] = pixel_center
-    of_file: dict[str, Any] = {"depth_scale": depth_scale, "depth_range": depth_range}
-    of_file |= {"channel": channel, "resize_depth": resize_depth, "radial_depth": radial_depth or None}
+    values: dict[str, Any] = {"depth_scale": depth_scale, "depth_range": depth_range, "channel": channel}
+    of_file = {**values, "resize_depth": resize_depth, "radial_depth": radial_depth or None}
     options: dict[str, Any] = {"metres_at": metres_at, "camera_height": camera_height, "sharpen": sharpen}
     if depth is None:
         given = of_file | {"inverse_depth": inverse_depth or None}
@@ -99,8 +99,7 @@ def read_rgbd(
     _refuse({**given, "depth_model": depth_model}, why)
     color = read_color(image)
     hw = color.shape[:2]
-    how: dict[str, Any] = {"depth_scale": depth_scale, "depth_range": depth_range, "channel": channel}
-    metres = read_depth(depth, **how, far=far, inverse=inverse_depth)
+    metres = read_depth(depth, **values, far=far, inverse=inverse_depth)
     if far is None:
         warn_of_far_plane(depth, metres)
         warn_of_missing_code(depth, metres)

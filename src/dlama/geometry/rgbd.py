@@ -31,8 +31,7 @@ class RGBD(Figured):
 
     Every depth pixel is in one of three states: *valid* (finite, > 0), *far* (+inf: sky, or beyond the stated limit)
     or *missing* (0; NaN is taken as 0). Depth in whole numbers, whose unit nothing says, is refused. PIL pictures and tensors
-    of torch are taken as arrays, here as everywhere.
-    Raises ShapeError or DepthError.
+    of torch are taken as arrays, here as everywhere. Raises ShapeError or DepthError.
     """
 
     color: UInt8Array

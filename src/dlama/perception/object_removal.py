@@ -281,8 +281,8 @@ def find_in_depth(frame: View, frames: Mapping[int, Layer], masked: MaskedObject
 
 
 def compare_with_mask(points: np.ndarray, masked: View, mask: BoolArray) -> tuple[BoolArray, BoolArray, BoolArray]:
-    """Points (H x W x 3) compared with a masked frame, H x W each: shown outside its mask, on a line of sight of its mask (grown
-    by RIM_PX), in its view. Beyond the picture a mask that its border cuts continues as it is there."""
+    """Points (H x W x 3) compared with a masked frame, H x W each: shown outside its mask; on a line of sight of its mask (grown
+    by RIM_PX), or hidden there by what is in front; in its view. Beyond the picture a mask that its border cuts continues."""
     at, z, inside, shown = find_in_frame(points, masked)
     hidden = masked.valid[at] & (masked.depth[at] < (1 - AGREES) * z)
     within = np.where(inside, dilate_mask(mask, RIM_PX)[at] | hidden, mask[at] & (z > 0))

@@ -60,12 +60,9 @@ def read_depth(
     _check_not_negative(path, values, "depth")
     if inverse:
         values = np.where(np.isnan(values), np.float32(0), depth_from_inverse(values.astype(np.float32)))
-    if is_float := values.dtype.kind == "f":
-        scale = depth_scale or 1.0
-        depth = _metres_from_floats(path, values, depth_scale, depth_range)
-    else:
-        scale = depth_scale or MILLIMETRES
-        depth = _metres_from_codes(path, values, depth_scale, depth_range)
+    is_float = values.dtype.kind == "f"
+    scale = depth_scale or (1.0 if is_float else MILLIMETRES)
+    depth = (_metres_from_floats if is_float else _metres_from_codes)(path, values, depth_scale, depth_range)
     depth[np.isnan(depth)] = 0
     median = _check_plausible(path, depth, scale, depth_range, stated=is_float and depth_scale == 1)
     depth[depth > FAR_METRES] = np.inf

@@ -11,6 +11,7 @@ import hashlib
 import threading
 from collections import OrderedDict
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from functools import cached_property, partial
 from typing import Any
 
@@ -125,7 +126,7 @@ class BoxedView(StoredView):
                 whole = np.ones if name == "hole" else np.zeros
                 planes[name] = whole((*self.camera.hw, *inside.shape[2:]), inside.dtype)
                 planes[name][self.box] = inside
-        return View(self.camera, **{n: freeze(plane) for n, plane in planes.items()}, noise_step=part.noise_step)
+        return replace(part, camera=self.camera, **{name: freeze(plane) for name, plane in planes.items()})
 
     def load_part(self) -> View:
         """The view of the box."""
