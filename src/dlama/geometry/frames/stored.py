@@ -120,13 +120,13 @@ class BoxedView(StoredView):
 
     def load(self, keep: bool = True) -> View:
         """The view of the whole picture; `load_part` gives its pixels without what is round them."""
-        part, planes = self.load_part(), dict[str, np.ndarray]()
+        part, planes = self.load_part(), dict[str, Any]()
         for name, inside in ((name, getattr(part, name)) for name in PLANES):
             if inside is not None:
-                whole = np.ones if name == "hole" else np.zeros
-                planes[name] = whole((*self.camera.hw, *inside.shape[2:]), inside.dtype)
-                planes[name][self.box] = inside
-        return replace(part, camera=self.camera, **{name: freeze(plane) for name, plane in planes.items()})
+                whole = (np.ones if name == "hole" else np.zeros)((*self.camera.hw, *inside.shape[2:]), inside.dtype)
+                whole[self.box] = inside
+                planes[name] = freeze(whole)
+        return replace(part, camera=self.camera, **planes)
 
     def load_part(self) -> View:
         """The view of the box."""
