@@ -9,8 +9,9 @@ import pytest
 
 import correction_crops
 from dlama import RGBD, Camera
+from dlama.models.network_file import NetworkFile
 from dlama.perception.masks.click_network import PLANES, SIDE
-from dlama.perception.masks.corrections import network
+from dlama.perception.masks.corrections import NETWORK
 
 pytest.importorskip("torch")
 pytest.importorskip("onnx")
@@ -87,5 +88,5 @@ def test_a_few_steps_of_training_write_a_network(tmp_path: Path) -> None:
     state = train(batches, planes, correction_network.loss_of, 1, 0.0, start)
     file = export_shadow(state, tmp_path / "same.onnx", correction_network.ABOUT)
     crop, _ = batches.crop(0, 0)
-    found = [each.run({"planes": crop[None]}) for each in (network(), type(network())(file))]
+    found = [each.run({"planes": crop[None]}) for each in (NetworkFile(NETWORK), NetworkFile(file))]
     np.testing.assert_allclose(found[0], found[1], atol=0.05 * float(np.abs(found[0]).max()))

@@ -23,6 +23,7 @@ from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, sampled_pixels
 from dlama.geometry.view import View
+from dlama.models.network_file import ASSETS
 from dlama.models.perceptron import Perceptron, read_arrays
 
 DEPTH_WITHIN = 0.05
@@ -40,7 +41,7 @@ REACH = 3.0
 """Features are clipped at so many standard deviations of the training data."""
 PIECE = 1 << 10
 """Pixels of one batch: so few that a matrix product takes one thread, since waiting threads took more time than the product."""
-WEIGHTS = Path(__file__).parents[1] / "assets" / "confidence" / "confidence.npz"
+WEIGHTS = ASSETS / "confidence" / "confidence.npz"
 
 
 class ConfidenceNetwork(Perceptron):

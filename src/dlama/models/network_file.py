@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import functools
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar, cast
 from weakref import WeakSet
 
 import numpy as np
@@ -32,7 +33,11 @@ PROVIDERS = {
 """ONNX Runtime's, in the order of preference; what comes after cpu only where it is asked for."""
 PROVIDER_VARIABLE = "DLAMA_PROVIDER"
 """Environment variable that names the provider where the code does not."""
-
+ASSETS = Path(__file__).parents[1] / "assets"
+"""Folder of the networks that ship in the package."""
+KEPT = 4
+"""Network files, those opened last, that `open_kept` keeps."""
+N = TypeVar("N", bound="NetworkFile")
 
 LARGE = 3_000_000
 """Pixels of a picture that is filled from which on networks give back the memory that they keep between runs."""
@@ -178,6 +183,26 @@ def file_stamp(path: Path) -> tuple[int, int]:
     if stat.st_size == 0:
         raise FileError(f"{path}: is empty (0 bytes)")
     return stat.st_mtime_ns, stat.st_size
+
+
+@functools.cache
+def shipped_network(path: Path, memory_pattern: bool = True) -> NetworkFile:
+    """A network that ships in the package, opened once a process."""
+    return NetworkFile(path, memory_pattern=memory_pattern)
+
+
+def open_kept(kind: type[N], path: Path, **settings: int) -> N:
+    """The network of a file, as `kind` with these fields: one of those opened last, or anew where the file, the provider or the
+    number of cores has changed."""
+    opened: N = _open_kept(cast("Any", kind), path, file_stamp(path), default_provider(), cores(), **settings)
+    return opened
+
+
+@functools.lru_cache(maxsize=KEPT)
+def _open_kept(
+    kind: type[Any], path: Path, stamp: tuple[int, int], provider: str | None, threads: int, **settings: int
+) -> Any:
+    return kind(path, provider, threads, **settings)
 
 
 _OPEN: WeakSet[NetworkFile] = WeakSet()

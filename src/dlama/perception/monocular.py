@@ -7,7 +7,6 @@ estimate's meta data.
 from __future__ import annotations
 
 import dataclasses
-import functools
 import math
 import warnings
 from collections.abc import Callable, Sequence
@@ -24,7 +23,7 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.projection import inverse_depth, round_depth
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, check_color, is_valid
 from dlama.models.cache import locate, user_path
-from dlama.models.network_file import NetworkFile, cores, default_provider, file_stamp
+from dlama.models.network_file import ASSETS, NetworkFile, open_kept
 from dlama.models.records import CATALOGUE
 from dlama.perception.depth_networks import IMAGENET, DepthContract, DepthPrediction, predict
 from dlama.perception.depth_scale import check_known, estimate_scale
@@ -32,7 +31,7 @@ from dlama.perception.point_maps import fit_points, horizontal_fov
 from dlama.perception.sharpening import sharpen_depth
 
 DEFAULT = "tcmonodepth"
-SHIPPED = Path(__file__).parents[1] / "assets" / "tcmonodepth" / "tcmonodepth-small.onnx"
+SHIPPED = ASSETS / "tcmonodepth" / "tcmonodepth-small.onnx"
 """The network of DEFAULT; those of other names are pulled first."""
 ASSUMED_FOV = 60.0
 """Degrees across the longer side, where neither the user nor the picture's EXIF data nor the network says."""
@@ -160,7 +159,7 @@ def find_estimator(depth_model: str | Path | Estimator) -> tuple[str, Estimator]
 
 def _contract_of_file(path: Path) -> DepthContract:
     """The contract that a file carries, or that of the catalogue's network with its bytes. InputError: neither."""
-    network = open_network(path)
+    network = open_kept(NetworkFile, path)
     known = {CATALOGUE[name].sha256: contract for name, contract in ESTIMATORS.items() if name in CATALOGUE}
     contract = DepthContract.of_file(network) or known.get(network.sha256)
     if contract is None:
@@ -172,18 +171,8 @@ def _contract_of_file(path: Path) -> DepthContract:
 
 
 def _file_estimator(path: Path, contract: DepthContract) -> Estimator:
-    network = open_network(user_path(path))
+    network = open_kept(NetworkFile, user_path(path))
     return lambda color: predict(network, contract, color)
-
-
-def open_network(path: Path) -> NetworkFile:
-    """The network of a file; the last one stays open."""
-    return _open_network(path, file_stamp(path), default_provider(), cores())
-
-
-@functools.lru_cache(maxsize=1)
-def _open_network(path: Path, stamp: tuple[int, int], provider: str | None, threads: int) -> NetworkFile:
-    return NetworkFile(path, provider, threads)
 
 
 def resolve_camera(

@@ -16,7 +16,7 @@ from dlama.geometry.visibility import Law
 from dlama.inpainters import find_filler
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import inpaint
-from dlama.inpainters.networks.engine import Engine, OpenEngines, open_engine
+from dlama.inpainters.networks.engine import Engine, open_engine
 from dlama.inpainters.networks.migan import (
     fill_depth,
     fill_picture,
@@ -138,23 +138,6 @@ def test_one_engine_stays_open(tmp_path: Path) -> None:
     again = open_engine(model)
     constant(model, 3, 0.1, 0.1, 0.1, network="longer than before")
     assert open_engine(model) is not again
-
-
-def test_engines_that_stay_open_are_few_and_small() -> None:
-    """Four at most, of 100 bytes together at most, and always the last one."""
-    made: list[str] = []
-    engines = OpenEngines(most=4, most_bytes=100)
-
-    def get(name: str, size: int) -> None:
-        engines.get((name,), size, lambda: made.append(name))  # type: ignore[arg-type, return-value]
-
-    for name in "abcdaeb":  # e is one too many: b, used longest ago, goes
-        get(name, 1)
-    assert "".join(made) == "abcdeb"
-    made.clear()
-    for name, size in (("x", 60), ("y", 30), ("x", 60), ("z", 50), ("x", 60), ("big", 500), ("big", 500)):
-        get(name, size)
-    assert made == ["x", "y", "z", "x", "big"]
 
 
 def test_cracks_are_thin() -> None:

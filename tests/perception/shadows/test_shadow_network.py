@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from dlama.models.network_file import shipped_network
 from dlama.perception.shadows.crop import SIDE
 from dlama.perception.shadows.network import (
     LOG_SHARE,
     NETWORK,
     darkness_by_hue,
-    network,
     network_planes,
     network_probability,
 )
@@ -24,7 +24,7 @@ FLAT[3, 30:60, 50:70], FLAT[4, 30:60, 50:70] = 1, 0
 def test_the_file_that_ships_fits_the_planes() -> None:
     """Contract: it takes the planes that are made, at sides that crops have, and gives one probability a pixel of the surface."""
     assert NETWORK.stat().st_size < 500_000 and SIDE % MULTIPLE == 0
-    assert next(iter(network().inputs.values()))[1][1] == len(network_planes(ShadowPlanes(FLAT)))
+    assert next(iter(shipped_network(NETWORK).inputs.values()))[1][1] == len(network_planes(ShadowPlanes(FLAT)))
     said = network_probability(ShadowPlanes(FLAT))
     assert said.shape == FLAT.shape[1:] and (said >= 0).all() and (said <= 1).all()
     assert not said[FLAT[4] < 0.5].any()

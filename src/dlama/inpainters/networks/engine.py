@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -16,7 +13,7 @@ from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.inpainters.networks.contract import Contract, from_metadata
 from dlama.inpainters.networks.tiling import Layout, fill_crops
 from dlama.models.cache import user_path
-from dlama.models.network_file import NetworkFile, cores, default_provider, file_stamp
+from dlama.models.network_file import NetworkFile, open_kept
 
 BUDGET = 640 * 640
 """Pixels of the largest crop that goes through a network at once: it bounds the memory."""
@@ -69,31 +66,6 @@ class Engine(NetworkFile):
         return about.unit_output(out)
 
 
-class OpenEngines:
-    """The engines used last, kept open: at most so many, and at most so many bytes of files; the last one always."""
-
-    def __init__(self, most: int = 4, most_bytes: float = 1e9) -> None:
-        self.most, self.most_bytes = most, most_bytes
-        self._kept: dict[tuple[Any, ...], tuple[Engine, int]] = {}
-        self._lock = threading.Lock()
-
-    def get(self, key: tuple[Any, ...], file_bytes: int, made: Callable[[], Engine]) -> Engine:
-        """The engine of that key; made where none is kept, or of a file that changed (the key says so)."""
-        with self._lock:
-            engine = self._kept.pop(key)[0] if key in self._kept else made()
-            self._kept[key] = engine, file_bytes  # the last in the order is the last that was used
-            while len(self._kept) > 1 and (len(self._kept) > self.most or self._bytes() > self.most_bytes):
-                del self._kept[next(iter(self._kept))]
-            return engine
-
-    def _bytes(self) -> int:
-        return sum(size for _, size in self._kept.values())
-
-
-OPEN = OpenEngines()
-"""Of this process."""
-
-
 def open_engine(model: str | Path | Engine, *, budget: int = BUDGET, memory_pattern: bool = True) -> Engine:
     """The engine of a file, parameters as Engine's; the last few are kept open, so that methods in turn open each once.
 
@@ -102,8 +74,4 @@ def open_engine(model: str | Path | Engine, *, budget: int = BUDGET, memory_patt
     """
     if isinstance(model, Engine):
         return model
-    path = user_path(model)
-    provider, threads = default_provider(), cores()
-    stamp = file_stamp(path)
-    key = path, stamp, provider, threads, budget, memory_pattern
-    return OPEN.get(key, stamp[1], lambda: Engine(path, provider, threads, memory_pattern, budget))
+    return open_kept(Engine, user_path(model), budget=budget, memory_pattern=memory_pattern)

@@ -7,9 +7,7 @@ objects of procedural worlds, in exact, measured, matched and estimated depth (`
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Sequence
-from pathlib import Path
 from typing import NamedTuple
 
 import cv2
@@ -18,11 +16,11 @@ import numpy as np
 from dlama.geometry.holes import region_at
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import RGBD, Float32Array, is_valid
-from dlama.models.network_file import NetworkFile
+from dlama.models.network_file import ASSETS, NetworkFile, shipped_network
 from dlama.perception.masks.prompt import Pixel, square_about
 from dlama.perception.masks.salient import WindowSaliency, window_around, window_side
 
-FOLDER = Path(__file__).parents[2] / "assets" / "click"
+FOLDER = ASSETS / "click"
 SIDE = 128
 """Height and width of the network's planes."""
 PLANES = ("red", "green", "blue", "distance", "known", "inside", "right", "down", "click", "estimated")
@@ -48,10 +46,9 @@ ROUNDS, SAME_WINDOW = 2, 1.25
 """Squares after the first, and the ratio of two from which another one is worth its time."""
 
 
-@functools.cache
 def network(estimated: bool) -> NetworkFile:
     """The network that ships for estimated depth, or for measured depth; opened once a process."""
-    return NetworkFile(FOLDER / ("estimated.onnx" if estimated else "click.onnx"))
+    return shipped_network(FOLDER / ("estimated.onnx" if estimated else "click.onnx"))
 
 
 def click_planes(rgbd: RGBD, pixel: Pixel, radius: int, salient: Sequence[Float32Array]) -> Float32Array:

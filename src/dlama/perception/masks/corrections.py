@@ -7,7 +7,6 @@ on boxes, in which it finds the object (`benchmarks/correction_network.py`).
 
 from __future__ import annotations
 
-import functools
 import math
 from collections.abc import Mapping, Sequence
 
@@ -25,7 +24,7 @@ from dlama.geometry.holes import (
     sides_of,
 )
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
-from dlama.models.network_file import NetworkFile
+from dlama.models.network_file import shipped_network
 from dlama.perception.masks.borders import decide_by_color
 from dlama.perception.masks.click_network import (
     CLICK_PX,
@@ -50,12 +49,7 @@ NEAR = 1 / 16
 """Radius of what changes where the network finds no region, over the picture's longer side."""
 SNAP = 2
 """Radius about a click in cells of the network in which the region that changes is searched."""
-
-
-@functools.cache
-def network() -> NetworkFile:
-    """The network, opened once a process."""
-    return NetworkFile(FOLDER / "correction.onnx")
+NETWORK = FOLDER / "correction.onnx"
 
 
 def correct_mask(rgbd: RGBD, mask: BoolArray, prompt: Prompt, alone: Mapping[Pixel, BoolArray]) -> BoolArray:
@@ -130,7 +124,7 @@ def find_region(rgbd: RGBD, mask: BoolArray, pixel: Pixel, prompt: Prompt, radiu
 
 def corrected_probability(rgbd: RGBD, mask: BoolArray, pixel: Pixel, prompt: Prompt, radius: int) -> Float32Array:
     """H x W probability of each pixel of the square of 2 radius + 1 px about (row, column) belonging to the object."""
-    found, _ = probability_in_window(correction_planes(rgbd, mask, pixel, prompt, radius), network())
+    found, _ = probability_in_window(correction_planes(rgbd, mask, pixel, prompt, radius), shipped_network(NETWORK))
     return place_square(found, pixel, radius, rgbd.depth.shape)
 
 
@@ -148,7 +142,7 @@ def probability_in_box(rgbd: RGBD, prompt: Prompt) -> tuple[Float32Array, int]:
     radius = int(BOX_MARGIN * max(sides_of((rows, columns))) / 2) + 2
     planes = correction_planes(rgbd, prompt.inside, pixel, prompt, radius)
     planes[PLANES.index("click")] = 0
-    found, _ = probability_in_window(planes, network())
+    found, _ = probability_in_window(planes, shipped_network(NETWORK))
     return place_square(found, pixel, radius, prompt.hw), -(-(2 * radius + 1) // SIDE)
 
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from dlama.geometry.holes import dilate_mask, erode_square, iou, regions_touching
 from dlama.geometry.rgbd import BoolArray, Float32Array
-from dlama.models.network_file import NetworkFile
+from dlama.models.network_file import ASSETS, NetworkFile
 from dlama.models.perceptron import Perceptron, read_arrays
 from dlama.perception.shadows.cast import SMALLEST_PX
 from dlama.perception.shadows.features import (
@@ -29,7 +29,7 @@ from dlama.perception.shadows.features import (
 from dlama.perception.shadows.network import network_probability
 from dlama.perception.shadows.planes import ShadowPlanes
 
-MODEL = Path(__file__).parents[2] / "assets" / "shadow" / "shadow.npz"
+MODEL = ASSETS / "shadow" / "shadow.npz"
 CLIP = 5.0
 """Standard deviations that features are clipped to."""
 TRIED = 2

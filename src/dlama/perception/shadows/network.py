@@ -6,27 +6,18 @@ Further inputs are the frequency of each pixel's colour on the surface, and of t
 
 from __future__ import annotations
 
-import functools
-from pathlib import Path
-
 import cv2
 import numpy as np
 
 from dlama.geometry.rgbd import Float32Array
-from dlama.models.network_file import NetworkFile
+from dlama.models.network_file import ASSETS, NetworkFile, shipped_network
 from dlama.perception.shadows.planes import LOG_RANGE, ShadowPlanes
 
-NETWORK = Path(__file__).parents[2] / "assets" / "shadow" / "shadow.onnx"
+NETWORK = ASSETS / "shadow" / "shadow.onnx"
 LOG_SHARE = 4.0
 """Logarithm of a frequency that is 1 in a plane."""
 HUES, HUE_RANGE, HUE_BLUR_PX = 32, 1.0, 1.0
 """Bins of the logarithms of red and blue over green, how far from 0 they reach, and the blur of colours before."""
-
-
-@functools.cache
-def network() -> NetworkFile:
-    """The network that ships, opened once a process."""
-    return NetworkFile(NETWORK)
 
 
 def network_planes(planes: ShadowPlanes) -> Float32Array:
@@ -60,5 +51,5 @@ def darkness_by_hue(planes: ShadowPlanes) -> Float32Array:
 
 def network_probability(planes: ShadowPlanes, file: NetworkFile | None = None) -> Float32Array:
     """h x w probability of each pixel of the surface; file: another network."""
-    logits = (file or network()).run({"planes": network_planes(planes)[None]})[0]
+    logits = (file or shipped_network(NETWORK)).run({"planes": network_planes(planes)[None]})[0]
     return np.asarray(np.where(planes.surface, 1 / (1 + np.exp(-logits)), 0), np.float32)
