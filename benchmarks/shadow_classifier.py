@@ -27,8 +27,7 @@ from dlama.geometry.holes import regions_touching
 from dlama.models.network_file import NetworkFile
 from dlama.perception.shadows.classifier import CLIP, PARTS, SHADOW, Classifier, LikelyShadows, find_likely_shadows
 from dlama.perception.shadows.features import candidate_features, cast_interiors, pixel_features
-from dlama.perception.shadows.network import NETWORK
-from dlama.perception.shadows.planes import ShadowPlanes
+from dlama.perception.shadows.planes import NETWORK, ShadowPlanes
 from shadow_crops import Crop, ShadowCrops, write_shadow_crops
 
 TRAIN_SEED, PAVED_SEED, HELD_OUT_SEED = 50_000, 55_000, 90_000

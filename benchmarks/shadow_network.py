@@ -20,8 +20,7 @@ from torch import Tensor
 from torch.nn.functional import binary_cross_entropy_with_logits
 
 from dlama.perception.shadows.crop import SIDE
-from dlama.perception.shadows.network import network_planes
-from dlama.perception.shadows.planes import FIRST_CAST, MULTIPLE, PLANES, ShadowPlanes
+from dlama.perception.shadows.planes import FIRST_CAST, MULTIPLE, PLANES, ShadowPlanes, network_planes
 from shadow_crops import Crop, ShadowCrops
 from shadow_export import export_shadow
 from shadow_net import ShadowNet

@@ -3,7 +3,7 @@
 The masked frames locate the object's points and, equally, the points next to it that are not its own. In every other frame an
 object's pixel shows such a point. Connected pixels of similar depth in front of the background (`foreground`) are added, if
 they lie within the object's box and no masked frame shows them outside its mask, but all under it or hidden; so are pixels
-without depth where the object would be seen. A network that sees the picture decides at the rims (`masks.carried`).
+without depth where the object would be seen. A network that sees the picture decides at the rims (`masks.corrections`).
 """
 
 from __future__ import annotations
@@ -229,7 +229,7 @@ def bounding_box(masked: Scene) -> tuple[np.ndarray, np.ndarray] | None:
 def _carry_to(frame: View, frames: Mapping[int, Layer], masked: MaskedObject) -> BoolArray:
     """The pixels of an unmasked frame that show the object; frames: the masked ones, by index."""
     # needed for scenes of many frames alone
-    from dlama.perception.masks.carried import correct_carried
+    from dlama.perception.masks.corrections import correct_carried
 
     box = find_box_in_view(masked.corners, frame.camera)
     if box is None:

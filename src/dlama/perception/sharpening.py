@@ -11,11 +11,12 @@ import math
 import cv2
 import numpy as np
 
-from dlama.geometry.holes import dilate_square
+from dlama.geometry.holes import dilate_square, smaller_size
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.perception.kernels.edge_median import MOST, joint_median, take_most_alike
+from dlama.perception.resampling import nearest_pixels, shrink_color
 
 LARGEST = 1024
 """Longer side of the picture, in pixels, in which edges are moved. In a larger one each pixel then takes, of the values found
@@ -81,17 +82,12 @@ def _median(
 
 def _sharpen_small(values: Float32Array, color: UInt8Array, inverse: bool) -> Float32Array:
     """`sharpen_depth` in a picture of LARGEST px, brought to the size of the given one."""
-    (height, width), by = values.shape, max(values.shape) / LARGEST
-    hw = max(1, round(height / by)), max(1, round(width / by))
-    rows, columns = (
-        np.minimum((np.arange(n) + 0.5) * whole / n, whole - 1).astype(int) for n, whole in zip(hw, values.shape)
-    )
-    small = np.ascontiguousarray(values[np.ix_(rows, columns)])
-    small_color = np.asarray(cv2.resize(color, hw[::-1], interpolation=cv2.INTER_AREA), np.uint8)
+    hw = smaller_size(values.shape, LARGEST)[::-1]
+    small, small_color = nearest_pixels(values, hw), shrink_color(color, hw)
     found = sharpen_depth(small, small_color, inverse)
     changed = dilate_square(found != small, 3)
     out = values.copy()
-    in_bands(take_most_alike, height, color, small_color, found, changed, out)
+    in_bands(take_most_alike, len(out), color, small_color, found, changed, out)
     return out
 
 

@@ -1,7 +1,8 @@
-"""A picture with its measured depth in; the pixels that show plain sky out.
+"""A picture with its measured or matched depth in; the pixels that show plain sky, and disparity without its matches, out.
 
 Sensors and matchers give the sky no depth, or any. Outdoors, a large plain part at the upper edge of the picture, bluish or much
-brighter than the rest, is sky.
+brighter than the rest, is sky. What has no texture along the rows matches anything: sky takes the disparity of a roof, a lined
+door that of the sky. Such matches are dropped; their depth is missing then, and filled like that of other missing pixels.
 """
 
 from __future__ import annotations
@@ -27,6 +28,9 @@ FREE = 0.75
 """Least share of a plain part that may be sky: a ceiling continues where it was measured."""
 LARGEST, ALONG_TOP, SMALLEST = 0.02, 0.1, 0.001
 """Of the largest part of a sky, its least share of the picture and of the upper edge; least share of further parts."""
+BLUR_PX, AROUND_PX, TEXTURED = 2.0, 9, 1.0
+"""Sigma of the blur that removes noise, width of the surroundings, and their mean gradient along rows, in grey levels per pixel,
+from which a match at infinity counts."""
 
 
 def find_plain_sky(color: UInt8Array, free: BoolArray, depth: Float32Array) -> BoolArray:
@@ -78,3 +82,21 @@ def steps_to_neighbours(grey: Float32Array) -> Float32Array:
     for side, step in ((out[:, 1:], across), (out[:, :-1], across), (out[1:], down), (out[:-1], down)):
         np.maximum(side, step, out=side)
     return out
+
+
+def drop_plain_infinity(color: UInt8Array, disparity: Float32Array, depth: Float32Array) -> Float32Array:
+    """H x W px, 0 where what was matched is plain sky, or is at infinity without texture.
+
+    color: H x W x 3; disparity: H x W px, 0 = unknown; depth: H x W metres, that of the disparity; inf = at infinity.
+    """
+    doubtful, far = find_plain_sky(color, np.ones(depth.shape, np.bool_), depth), np.isposinf(depth)
+    if far.any():
+        doubtful |= far & ~has_texture(color)
+    return np.where(doubtful, np.float32(0), disparity)
+
+
+def has_texture(color: UInt8Array) -> BoolArray:
+    """H x W, True where colours (H x W x 3) change along the rows."""
+    grey = cv2.cvtColor(color, cv2.COLOR_RGB2GRAY).astype(np.float32)
+    steps = np.abs(cv2.Sobel(cv2.GaussianBlur(grey, (0, 0), BLUR_PX), cv2.CV_32F, 1, 0, scale=1 / 8))
+    return np.asarray(cv2.blur(steps, (AROUND_PX, AROUND_PX)) >= TEXTURED)

@@ -57,7 +57,7 @@ def test_a_pattern_goes_on_whatever_the_guess() -> None:
     """Truth: a wall whose pattern repeats; of a grey guess of it hardly a pixel is left wrong."""
     wall = brick_wall()
     blind = np.where(HOLE[..., None], np.uint8(0), wall)
-    done = complete_picture(blind, HOLE, guess_of(wall)).color
+    done = complete_picture(blind, HOLE, guess_of(wall))[0]
     np.testing.assert_array_equal(done[~HOLE], wall[~HOLE])
     wrong = np.abs(done.astype(int) - wall).max(-1)[HOLE]
     assert (wrong <= 12).mean() > 0.9
@@ -72,7 +72,7 @@ def test_the_structure_of_a_networks_guess_stays(monkeypatch: pytest.MonkeyPatch
     off = {}
     for pull in (0, search.PULL):
         monkeypatch.setattr(search, "PULL", pull)
-        done = complete_picture(picture, HOLE, guess).color.astype(np.float32)
+        done = complete_picture(picture, HOLE, guess)[0].astype(np.float32)
         off[pull] = np.abs(cv2.blur(done - guess, (9, 9)))[HOLE].mean()
         assert 6 < (done - cv2.blur(done, (5, 5)))[HOLE].std() < 18
     assert off[search.PULL] < 0.7 * off[0]
@@ -82,9 +82,9 @@ def test_nothing_is_painted_that_the_picture_does_not_show() -> None:
     """Law: a guess full of red in a picture of blue above green leaves no red, and ground stays below."""
     picture = np.where((ROWS < 50)[..., None], np.uint8([40, 60, 200]), np.uint8([40, 160, 60])).astype(np.uint8)
     red = np.broadcast_to(np.uint8([250, 20, 20]), picture.shape)
-    done = complete_picture(
-        picture, HOLE, np.where((np.abs(ROWS - 50) < 8)[..., None], red, picture).astype(np.uint8)
-    ).color
+    done = complete_picture(picture, HOLE, np.where((np.abs(ROWS - 50) < 8)[..., None], red, picture).astype(np.uint8))[
+        0
+    ]
     assert done[HOLE][:, 0].max() <= 41
     blue = done[..., 2] > done[..., 1]
     assert blue[HOLE & (ROWS < 42)].all() and not blue[HOLE & (ROWS > 58)].any()
@@ -96,9 +96,9 @@ def test_the_same_bits_with_any_number_of_threads(monkeypatch: pytest.MonkeyPatc
     results = []
     for threads in (1, 3):
         monkeypatch.setattr(jit, "_most_threads", [threads])
-        results.append(complete_picture(noise, HOLE, guess_of(noise), seed=5).color)
+        results.append(complete_picture(noise, HOLE, guess_of(noise), seed=5)[0])
     np.testing.assert_array_equal(*results)
-    assert (complete_picture(noise, HOLE, guess_of(noise), seed=6).color != results[0]).any()
+    assert (complete_picture(noise, HOLE, guess_of(noise), seed=6)[0] != results[0]).any()
 
 
 @pytest.mark.parametrize("own", [0, 1])
@@ -108,7 +108,7 @@ def test_of_two_surfaces_the_own_one_is_copied(own: int) -> None:
     levels = np.array([120, 130], np.uint8)
     picture = np.repeat(levels[np.where(left, 0, 1)][..., None], 3, 2)
     label = np.where(HOLE, own, np.where(left, 0, 1))
-    done = complete_picture(picture, HOLE, np.full_like(picture, 125), label=label, effort=QUICK).color
+    done = complete_picture(picture, HOLE, np.full_like(picture, 125), label=label, effort=QUICK)[0]
     deep = (np.abs(ROWS - 50) < 10) & (np.abs(COLUMNS - 60) < 13)
     assert np.abs(done[deep].astype(int) - levels[own]).mean() < 2
 
@@ -118,9 +118,7 @@ def test_without_a_known_patch_the_guess_stays(hole: np.ndarray) -> None:
     """Law: where no patch is whole, there is nothing to paint with."""
     picture = np.random.default_rng(0).integers(0, 256, (40, 40, 3), np.uint8)
     guess = np.full_like(picture, 90)
-    np.testing.assert_array_equal(
-        complete_picture(picture, hole, guess).color, np.where(hole[..., None], guess, picture)
-    )
+    np.testing.assert_array_equal(complete_picture(picture, hole, guess)[0], np.where(hole[..., None], guess, picture))
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (5, 90), (33, 47)])
@@ -129,7 +127,7 @@ def test_any_size(shape: tuple[int, int]) -> None:
     picture = np.random.default_rng(0).integers(0, 256, (*shape, 3), np.uint8)
     hole = np.zeros(shape, np.bool_)
     hole[: shape[0] // 2 + 1, : shape[1] // 3 + 1] = True
-    done = complete_picture(picture, hole, np.full_like(picture, 128)).color
+    done = complete_picture(picture, hole, np.full_like(picture, 128))[0]
     np.testing.assert_array_equal(done[~hole], picture[~hole])
     assert done.shape == picture.shape and done.dtype == np.uint8
 

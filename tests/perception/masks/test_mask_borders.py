@@ -1,4 +1,8 @@
-"""Where a mask ends, against closed forms: colours in a band."""
+"""Where a mask ends, against closed forms: colours in a band; masks that colours cut out, and masks in depth that is only
+roughly right, against the true pixels of a closed-form world: a red box on a grey ground.
+
+Depth is blurred and bent as networks do it, or uneven as matching leaves it.
+"""
 
 from __future__ import annotations
 
@@ -6,13 +10,16 @@ import cv2
 import numpy as np
 import pytest
 
-from dlama import find_mask
-from dlama.geometry.camera import Camera
+from dlama import RGBD, Camera, MaskError, find_mask
 from dlama.geometry.holes import iou
-from dlama.geometry.rgbd import RGBD
 from dlama.perception.masks import borders
-from dlama.perception.masks.borders import MOST_PX, decide_by_color, run_grabcut
+from dlama.perception.masks.borders import MOST_PX, cut_out_box, decide_by_color, run_grabcut
+from dlama.perception.masks.prompt import Prompt
 from worlds import Box, Plane, World, innermost_pixel
+
+CAMERA = Camera.from_fov(160, 120, 70)
+WORLD = World((Plane((0, 1, 0), (0, -1, 0)), Plane((0, 0, 6), (0, 0, -1)), Box((-0.6, 0.0, 2.6), (0.2, 1.0, 3.2))))
+CLICK = (70, 70)
 
 
 def test_a_carpet_is_no_part_of_what_stands_on_it() -> None:
@@ -61,3 +68,108 @@ def test_an_object_that_a_smaller_picture_loses_stays(monkeypatch: pytest.Monkey
     state[1:60:10, 1:50:10] = cv2.GC_FGD
     found = run_grabcut(np.zeros((120, 120, 3), np.uint8), state, 2)
     np.testing.assert_array_equal(found, state == cv2.GC_FGD)
+
+
+def scene() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Colours, true depth, and where the box is."""
+    shown = WORLD.trace(CAMERA)[1]
+    rng = np.random.default_rng(0)
+    color = np.array([(120, 120, 118), (150, 160, 170), (190, 40, 30)])[shown] + rng.integers(
+        -12, 13, (*shown.shape, 3)
+    )
+    return np.clip(color, 0, 255).astype(np.uint8), WORLD.rgbd(CAMERA).depth, shown == 2
+
+
+def bent(depth: np.ndarray) -> np.ndarray:
+    """Inverse depth blurred over 5 px and off by up to 6 %, slowly over the picture."""
+    v, u = np.mgrid[: depth.shape[0], : depth.shape[1]]
+    w = cv2.GaussianBlur(1 / depth, (0, 0), 5) * (1 + 0.06 * np.sin(u / 25) * np.cos(v / 20))
+    return (1 / w).astype(np.float32)
+
+
+def uneven(depth: np.ndarray) -> np.ndarray:
+    """Inverse depth with noise of 4 % of its median."""
+    w = 1 / depth
+    return (1 / (w + np.random.default_rng(1).normal(0, 0.04 * np.median(w), w.shape))).astype(np.float32)
+
+
+def test_a_click_finds_the_box_in_estimated_depth() -> None:
+    """The box as the picture shows it; what it was found in is said."""
+    color, depth, box = scene()
+    found = find_mask(RGBD(color, bent(depth), CAMERA, {"estimator": "none"}), clicks=[CLICK])
+    assert iou(found.mask, box) > 0.93
+    assert "found in estimated depth" in found.notes[0]
+
+
+def test_a_click_finds_the_box_in_noisy_depth() -> None:
+    color, depth, box = scene()
+    assert iou(find_mask(RGBD(color, uneven(depth), CAMERA), clicks=[CLICK]).mask, box) > 0.93
+
+
+def test_colours_of_a_large_picture_are_cut_in_a_smaller_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Law: no picture that GrabCut sees has more than MOST_PX pixels, the rounding of its sides aside; the box is found all the
+    same, but for its rim."""
+    sizes, cut = list[int](), cv2.grabCut
+    monkeypatch.setattr(borders, "MOST_PX", 4000)
+    monkeypatch.setattr(cv2, "grabCut", lambda color, *rest: sizes.append(color[..., 0].size) or cut(color, *rest))
+    color, _, box = scene()
+    found = cut_out_box(color, Prompt(box.shape, (CLICK,), box=(30.0, 30.0, 80.0, 80.0)))
+    assert sizes and max(sizes) < 1.05 * 4000
+    assert iou(found, box) > 0.85
+
+
+@pytest.mark.slow
+def test_a_box_and_corrections_are_heeded() -> None:
+    """The drawn box bounds the mask; a pixel next to the object is none of it, a further click is."""
+    color, depth, box = scene()
+    rgbd = RGBD(color, bent(depth), CAMERA, {"estimator": "none"})
+    rows, columns = np.nonzero(box)
+    drawn = (columns.min() - 3, rows.min() - 3, np.ptp(columns) + 7, np.ptp(rows) + 7)
+    assert iou(find_mask(rgbd, box=drawn).mask, box) > 0.93
+    mask = find_mask(rgbd, clicks=[CLICK, (20, 110)], not_clicks=[(106, 75)]).mask
+    assert mask[110, 20] and not mask[75, 106] and iou(mask & box, box) > 0.8
+
+
+def test_sky_alone_is_refused() -> None:
+    sky = np.full(CAMERA.hw, np.inf, np.float32)
+    with pytest.raises(MaskError, match="missing or far everywhere"):
+        find_mask(RGBD(scene()[0], sky, CAMERA, {"estimator": "none"}), clicks=[CLICK])
+
+
+@pytest.mark.slow
+def test_a_click_on_nothing_is_refused() -> None:
+    """On plain ground there is no object, nor in the sky; one line says so."""
+    color, depth, _ = scene()
+    with pytest.raises(MaskError, match="clicks holds 20,115, where nothing stands apart"):
+        find_mask(RGBD(color, bent(depth), CAMERA, {"estimator": "none"}), clicks=[(20, 115)])
+    sky = bent(depth)
+    sky[:30] = np.inf
+    with pytest.raises(MaskError, match="clicks holds 20,5, which lies on the sky"):
+        find_mask(RGBD(color, sky, CAMERA, {"estimator": "none"}), clicks=[(20, 5)])
+
+
+def test_a_click_on_the_background_is_refused_in_rough_depth() -> None:
+    """The wall fills the upper rim and more than half of the picture: no object. (A box may say that it is meant.)"""
+    color, depth, _ = scene()
+    with pytest.raises(MaskError, match="clicks holds 20,10, where nothing stands apart"):
+        find_mask(RGBD(color, bent(depth), CAMERA, {"estimator": "none"}), clicks=[(20, 10)])
+
+
+@pytest.mark.parametrize("height", [2, 3, 6])
+def test_a_strip_of_a_few_rows_is_one_line_or_a_mask(height: int) -> None:
+    """Law: a picture of a few rows is no error of the program; a mask holds the click."""
+    depth = np.random.default_rng(0).uniform(1, 9, (height, 100)).astype(np.float32)
+    rgbd = RGBD(np.zeros((height, 100, 3), np.uint8), depth, Camera.from_fov(100, height, 60), {"estimator": "noise"})
+    try:
+        assert find_mask(rgbd, clicks=[(50, 1)]).mask[1, 50]
+    except MaskError as error:
+        assert "clicks holds 50,1" in str(error)
+
+
+@pytest.mark.slow
+def test_the_ground_itself_is_refused_in_rough_depth() -> None:
+    """A plain floor that runs along the lower rim is no object."""
+    color, depth, _ = scene()
+    smooth = cv2.GaussianBlur(color, (0, 0), 3)
+    with pytest.raises(MaskError, match="clicks holds 130,116, where nothing stands apart"):
+        find_mask(RGBD(smooth, bent(depth), CAMERA, {"estimator": "none"}), clicks=[(130, 116)])

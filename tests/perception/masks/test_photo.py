@@ -10,8 +10,8 @@ from dlama import RGBD, Camera, MaskError, MaskSession, find_mask
 from dlama.geometry.holes import iou
 from dlama.geometry.rgbd import BoolArray, UInt8Array
 from dlama.perception.masks import photo, salient
+from dlama.perception.masks.borders import cut_out_box
 from dlama.perception.masks.click_network import first_window, salient_about
-from dlama.perception.masks.color_cut import cut_out_box
 from dlama.perception.masks.photo import name_masks, rim_share
 from dlama.perception.masks.prompt import Prompt
 from dlama.perception.masks.salient import window_around

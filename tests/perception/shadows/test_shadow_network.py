@@ -7,14 +7,16 @@ import pytest
 
 from dlama.models.network_file import shipped_network
 from dlama.perception.shadows.crop import SIDE
-from dlama.perception.shadows.network import (
+from dlama.perception.shadows.planes import (
     LOG_SHARE,
+    MULTIPLE,
     NETWORK,
+    PLANES,
+    ShadowPlanes,
     darkness_by_hue,
     network_planes,
     network_probability,
 )
-from dlama.perception.shadows.planes import MULTIPLE, PLANES, ShadowPlanes
 
 FLAT = np.zeros((len(PLANES), 96, 128), np.float32)
 FLAT[4:6] = 1  # surface all over the picture

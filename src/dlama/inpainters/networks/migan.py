@@ -9,10 +9,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import cv2
 import numpy as np
 
 from dlama.errors import FileError
+from dlama.geometry.holes import morphological_open, square
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import View
@@ -73,6 +73,4 @@ def fill_depth(view: View, diffused: Float32Array, network: Engine) -> Float32Ar
 
 def find_cracks(hole: BoolArray) -> BoolArray:
     """H x W, True in hole pixels that are on no CRACK_SIDE x CRACK_SIDE square of hole (beyond the border counts as hole)."""
-    square = np.ones((CRACK_SIDE, CRACK_SIDE), np.uint8)
-    inner = cv2.erode(hole.astype(np.uint8), square, borderValue=1)
-    return hole & (cv2.dilate(inner, square, borderValue=0) == 0)
+    return hole & ~morphological_open(hole, square(CRACK_SIDE))

@@ -10,7 +10,6 @@ keep their scale. Frequently used ones are penalised, so that no small piece is 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,19 +49,6 @@ THOROUGH, QUICK = Effort(6, 400_000, 2, 4_000_000, True), Effort(4, 100_000, 1, 
 removals -1 and -1 %)."""
 
 
-class Completed(NamedTuple):
-    """A completed picture, and how."""
-
-    color: UInt8Array
-    """H x W x 3."""
-    search: Search | None
-    """On the picture's own level; None: no patch is known."""
-
-    def spread_of_votes(self) -> Float32Array | None:
-        """As of Search; None: no patch is known."""
-        return None if self.search is None else self.search.spread_of_votes(self.color)
-
-
 def complete_picture(
     picture: UInt8Array,
     hole: BoolArray,
@@ -71,8 +57,9 @@ def complete_picture(
     *,
     label: NDArray[np.integer] | None = None,
     effort: Effort = THOROUGH,
-) -> Completed:
-    """The picture with its hole painted from known patches; known pixels as they are.
+) -> tuple[UInt8Array, Search | None]:
+    """H x W x 3, the picture with its hole painted from known patches; known pixels as they are. And the search on its own level;
+    None: no patch is known.
 
     picture, guess: H x W x 3 uint8 RGB, the guess a network's, whose structure stays; hole: H x W; label: H x W, the surface of
     each pixel, hole or not: patches of another one cost more. Where no patch of 7 x 7 px is known the guess comes back. The same
@@ -82,7 +69,7 @@ def complete_picture(
     copied = not is_matched(hole, 0, effort) and count_rounds(int(dilate_by_patch(hole).sum()), effort) == 1
     levels = build_pyramid(picture, hole, guess, surface, copied) if hole.any() else []
     if not levels or not levels[0].sources.any():
-        return Completed(replace_pixels(picture, hole, guess), None)
+        return replace_pixels(picture, hole, guess), None
     rng = np.random.default_rng(seed)
     coarser: Search | None = None
     while levels:
@@ -100,7 +87,7 @@ def complete_picture(
         coarser = search
     out = picture.copy()
     out[hole] = np.clip(np.round(search.vote_sharply(picture)), 0, 255)
-    return Completed(out, search)
+    return out, search
 
 
 def is_matched(hole: BoolArray, number: int, effort: Effort) -> bool:

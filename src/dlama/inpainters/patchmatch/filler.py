@@ -18,9 +18,8 @@ from dlama.geometry.view import View
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill, Paint, Painter
 from dlama.inpainters.networks.migan import migan_filler
-from dlama.inpainters.opencv import telea
+from dlama.inpainters.opencv import spread_small, telea
 from dlama.inpainters.patchmatch.completion import complete_picture
-from dlama.inpainters.spreading import spread_small
 from dlama.models.network_file import make_room
 
 GUESS_SIDE = 768
@@ -132,7 +131,7 @@ def patchmatch_filler(model: str | Path) -> Painter:
         if not hole.any():
             return picture
         guess = guess_coarsely(network.paint, picture, hole, seed)
-        painted = complete_picture(picture, hole, guess, seed).color
+        painted = complete_picture(picture, hole, guess, seed)[0]
         return blend_with_guess(painted, guess, hole, guess_share=GUESS_SHARE)
 
     def notes() -> dict[str, Any]:

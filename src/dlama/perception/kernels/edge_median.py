@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from dlama.geometry.kernels.jit import Real, Whole, kernel, piece
+from dlama.geometry.kernels.jit import Real, Whole, inlined, kernel, piece
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
-from dlama.perception.kernels.colors import color_difference
 
 MOST = 256
 """Most voters of one pixel: a window of 15 x 15."""
@@ -129,3 +128,13 @@ def take_most_alike(
                 off = color_difference(color, row, column, small_color, near_y, near_x)
                 if off < least:
                     least, out[row, column] = off, small[near_y, near_x]
+
+
+@inlined
+def color_difference(color: UInt8Array, row: Whole, column: Whole, other: UInt8Array, y: Whole, x: Whole) -> int:
+    """Squared difference of a pixel's colour from that of (y, x) in another picture, in levels, summed over the channels."""
+    unlike: Whole = 0
+    for channel in range(3):
+        apart = np.int64(color[row, column, channel]) - np.int64(other[y, x, channel])
+        unlike += apart * apart
+    return int(unlike)

@@ -7,7 +7,7 @@ import numpy as np
 from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
 from dlama.geometry.kernels.jit import Flag, Real, Whole, kernel, piece
 from dlama.geometry.rgbd import Float32Array, UInt8Array
-from dlama.perception.kernels.colors import color_difference
+from dlama.perception.kernels.edge_median import color_difference
 
 
 @piece

@@ -1,10 +1,11 @@
-"""A mask found in depth and the picture in; the mask with its border on the picture's edges out."""
+"""A mask, or a box, and the picture in; the mask with its border on the picture's edges, or what is cut out along them, out."""
 
 from __future__ import annotations
 
 import cv2
 import numpy as np
 
+from dlama.errors import MaskError
 from dlama.geometry.holes import (
     box_around,
     dilate_mask,
@@ -16,6 +17,7 @@ from dlama.geometry.holes import (
     sides_of,
 )
 from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
+from dlama.perception.masks.prompt import Prompt
 from dlama.perception.masks.supports import Planes
 
 BAND_PX = 3
@@ -28,6 +30,10 @@ MOST_PX, LEAST_SCALE = 200_000, 1 / 6
 which a click's disc (7 px) keeps a pixel."""
 LEAST_SAMPLES = 20
 """Least pixels of an object and of what is not from which their colours are learnt."""
+SURROUNDINGS = 0.6
+"""Margin beyond the box, over its longer side, in which background colours are learnt."""
+ROUNDS = 5
+"""Of GrabCut in a box."""
 
 
 def at_same_depth(found: Planes, target: BoolArray, gap: float) -> BoolArray:
@@ -86,3 +92,15 @@ def run_grabcut(color: UInt8Array, state: UInt8Array, rounds: int) -> BoolArray:
 def is_object(state: UInt8Array) -> BoolArray:
     """H x W, True where GrabCut's code is of the object."""
     return (state == cv2.GC_FGD) | (state == cv2.GC_PR_FGD)
+
+
+def cut_out_box(color: UInt8Array, prompt: Prompt) -> BoolArray:
+    """H x W, True on the object in a box. MaskError where there is none."""
+    tight = prompt.box_slices
+    box = larger_box(tight, int(SURROUNDINGS * (max(sides_of(tight)) - 1)) + 10, prompt.hw)
+    state = np.where(prompt.inside[box], cv2.GC_PR_FGD, cv2.GC_BGD).astype(np.uint8)
+    out = np.zeros(prompt.hw, np.bool_)
+    out[box] = run_grabcut(np.ascontiguousarray(color[box]), state, ROUNDS)
+    if not out.any():
+        raise MaskError("box holds nothing that stands apart in colour; a box round an object is expected")
+    return out

@@ -2,7 +2,8 @@
 
 A small U-Net sees a square about each such click, with the mask and all clicks, and says which pixels belong to the object. What
 changes is the region about the click: the rest of the mask stays. It learnt on wrong masks of objects of worlds and photos, and
-on boxes, in which it finds the object (`benchmarks/correction_network.py`).
+on boxes, in which it finds the object (`benchmarks/correction_network.py`). A mask that was carried into the picture from others
+is corrected by a click amid it: pieces without depth are missing, rims are off where depth edges are.
 """
 
 from __future__ import annotations
@@ -13,17 +14,20 @@ from collections.abc import Mapping, Sequence
 import cv2
 import numpy as np
 
+from dlama.geometry.drawing.picture_edges import CLEARLY, edge_uncertainty
 from dlama.geometry.holes import (
     box_around,
     dilate_mask,
     disc,
     erode_mask,
+    innermost_pixel,
     morphological_open,
     nearest_known,
     region_at,
     sides_of,
 )
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
+from dlama.geometry.view import View
 from dlama.models.network_file import shipped_network
 from dlama.perception.masks.borders import decide_by_color
 from dlama.perception.masks.click_network import (
@@ -50,6 +54,11 @@ NEAR = 1 / 16
 SNAP = 2
 """Radius about a click in cells of the network in which the region that changes is searched."""
 NETWORK = FOLDER / "correction.onnx"
+KEPT, ADDED = 0.1, 0.5
+"""Least probability of a carried pixel, and of another one, that belongs to the object."""
+BAND_PX = 2
+"""Half the width in px of the band along the border that colours decide where depth edges are off the picture's; parts as thin as
+that stay as they are."""
 
 
 def correct_mask(rgbd: RGBD, mask: BoolArray, prompt: Prompt, alone: Mapping[Pixel, BoolArray]) -> BoolArray:
@@ -152,3 +161,23 @@ def mark_clicks(hw: tuple[int, ...], clicks: list[Pixel], radius: int) -> BoolAr
     for row, column in clicks:
         cv2.circle(out, (column, row), px, 1, -1)
     return out > 0
+
+
+def correct_carried(view: View, mask: BoolArray, confirmed: BoolArray, barred: BoolArray) -> BoolArray:
+    """The mask (H x W) as the picture shows it.
+
+    confirmed: H x W, pixels of the mask that show what is amid a mask of another picture; barred: pixels that other pictures show
+    outside their masks. A mask need not be of what the network knows as an object: its shadow may be part of it.
+    """
+    if not mask.any():
+        return mask
+    rgbd = RGBD(view.color, view.known_depth, view.camera)
+    row, column = pixel = innermost_pixel(mask)
+    prompt = Prompt(mask.shape, clicks=((column, row),))
+    probability = corrected_probability(rgbd, mask, pixel, prompt, radius_to_see(mask, pixel))
+    found = confirmed | np.where(mask, probability > KEPT, (probability > ADDED) & ~barred)
+    if view.find_once(edge_uncertainty) < CLEARLY:
+        return found
+    thin = found & ~dilate_mask(morphological_open(found, disc(BAND_PX)), 1)
+    band = dilate_mask(found, BAND_PX) & ~erode_mask(found, BAND_PX) & ~dilate_mask(thin, BAND_PX)
+    return decide_by_color(rgbd, found, band) if band.any() else found

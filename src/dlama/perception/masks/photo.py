@@ -1,7 +1,7 @@
 """A picture with estimated depth and a click or a box in; masks of the object out. A salient-object network leads.
 
 The network of `salient` runs in two windows round a click, and in the whole picture where those find nothing or cut the object
-off. Round a box it runs in three windows, and its region is taken where it fills the box; elsewhere colours decide (`color_cut`).
+off. Round a box it runs in three windows, and its region is taken where it fills the box; elsewhere colours decide (`borders`).
 """
 
 from __future__ import annotations
@@ -16,9 +16,8 @@ from dlama.errors import MaskError
 from dlama.geometry.holes import box_around, dilate_mask, disc, erode_mask, morphological_open, region_at, sides_of
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.rgbd import RGBD, BoolArray
-from dlama.perception.masks.borders import decide_by_color
+from dlama.perception.masks.borders import cut_out_box, decide_by_color
 from dlama.perception.masks.click_network import first_window
-from dlama.perception.masks.color_cut import cut_out_box
 from dlama.perception.masks.prompt import NothingThereError, Pixel, Prompt, square_about
 from dlama.perception.masks.rgbd import check_surfaces
 from dlama.perception.masks.salient import SIDE, Window, WindowSaliency, window_around, window_side

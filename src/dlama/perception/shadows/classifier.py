@@ -17,7 +17,6 @@ from dlama.geometry.holes import dilate_mask, erode_square, iou, regions_touchin
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.models.network_file import ASSETS, NetworkFile
 from dlama.models.perceptron import Perceptron, read_arrays
-from dlama.perception.shadows.cast import SMALLEST_PX
 from dlama.perception.shadows.features import (
     FEWEST_PX,
     candidate_features,
@@ -26,8 +25,8 @@ from dlama.perception.shadows.features import (
     surroundings,
     tone_steps,
 )
-from dlama.perception.shadows.network import network_probability
-from dlama.perception.shadows.planes import ShadowPlanes
+from dlama.perception.shadows.planes import ShadowPlanes, network_probability
+from dlama.perception.shadows.search import SMALLEST_PX
 
 MODEL = ASSETS / "shadow" / "shadow.npz"
 CLIP = 5.0

@@ -54,7 +54,7 @@ def candidate_features(planes: ShadowPlanes, shapes: list[BoolArray]) -> Float32
     region."""
     where, caster, dark = planes.surface, planes.caster, planes.plane("darkness")
     apart = distance_to(caster)
-    common, raised = (to_plane(each, where) for each in (planes.shares.own, np.max(planes.shares.raised, 0)))
+    common, raised = planes.shares.own, np.max(planes.shares.raised, 0)
     probability = [*(float(plane.max()) for plane in planes.casts), 0.0, 0.0, 0.0]
     rows = []
     for number, inside in enumerate(shapes):
@@ -75,7 +75,7 @@ def candidate_features(planes: ShadowPlanes, shapes: list[BoolArray]) -> Float32
                 min((deep - around) / max(spread, LEAST_DEEP), 4.0), spread,
                 min(float(np.abs(ratio - ratio[1]).max()) / max(float(abs(ratio[1])), 0.05), 3.0),
                 float((dark[rest] > middle).mean()) if rest.sum() > 50 else 0.5,
-                float(common[inside].mean() - common[ring].mean()), float((raised - common)[inside].mean()),
+                float(common[inside[where]].mean() - common[ring[where]].mean()), float((raised - common)[inside[where]].mean()),
                 float(np.log(inside.sum() / max(float(caster.sum()), 1.0))), float(np.log(inside.sum())),
                 min(float(apart[inside].min()), 40.0) / 10, float(where.mean()), float(planes.plane("ambient")[inside].mean()),
             ]
@@ -113,12 +113,6 @@ def surroundings(region: BoolArray, where: BoolArray, width: float) -> tuple[Boo
 def overlap(one: BoolArray, other: BoolArray) -> float:
     """Intersection over the smaller."""
     return float((one & other).sum()) / max(float(min(one.sum(), other.sum())), 1.0)
-
-
-def to_plane(values: np.ndarray, where: BoolArray) -> Float32Array:
-    out = np.zeros(where.shape, np.float32)
-    out[where] = values
-    return out
 
 
 def pixel_features(planes: ShadowPlanes, shape: BoolArray, probability: float) -> tuple[Float32Array, BoolArray]:

@@ -18,11 +18,11 @@ from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
 from dlama.geometry.scene import Scene
 from dlama.perception.masks.small import SmallPicture
 from dlama.perception.masks.supports import find_planes_of_picture
-from dlama.perception.shadows.cast import SMALLEST_PX
 from dlama.perception.shadows.classifier import SHADOW, shadow_probability
 from dlama.perception.shadows.ground import EDGE_PX, Ground, find_ground
 from dlama.perception.shadows.lit_surface import around, log_luma, measure_darkness, sky_lost
 from dlama.perception.shadows.planes import shadow_planes
+from dlama.perception.shadows.search import SMALLEST_PX
 
 DARKER = 0.1
 """Least darkness of an ambient shadow (natural logarithm): a tenth."""

@@ -32,6 +32,10 @@ class Ground:
     surface: BoolArray
     """H x W, True where it is seen."""
 
+    def heights(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Metres over the surface of points (... x 3, camera axes)."""
+        return np.asarray((1 - points @ self.normal) / float(np.linalg.norm(self.normal)))
+
 
 @dataclass(frozen=True, eq=False)
 class StandingObject:
@@ -102,5 +106,4 @@ def object_points(rgbd: RGBD, mask: BoolArray, ground: Ground) -> tuple[NDArray[
         base = rays(rgbd.camera)[rows[-1], int(np.median(columns[rows > rows[-1] - 3]))]
         depth = np.full_like(depth, 1 / max(float(base @ ground.normal), 1e-6))
     points = directions * depth[:, None]
-    rise = (1 - points @ ground.normal) / np.linalg.norm(ground.normal)
-    return points, np.maximum(rise, 0)
+    return points, np.maximum(ground.heights(points), 0)

@@ -1,8 +1,8 @@
-"""A picture, an object's mask and its supporting surface in; the input planes of the shadow network, for a crop, out.
+"""A picture, an object's mask and its supporting surface in; planes of a crop, and its shadow by a small U-Net that ships, out.
 
 They are log colour against the lit surface, masks of object and surface, height and position over the surface in object
 heights, darkness, ambient occlusion and the darkness that it explains, and the shapes cast by the likeliest light and by the
-common light of all objects.
+common light of all objects; and, for the network, how frequent colours are. `benchmarks/shadow_network.py` trains it.
 """
 
 from __future__ import annotations
@@ -11,17 +11,19 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.holes import dilate_mask
 from dlama.geometry.projection import rays
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
-from dlama.perception.shadows.cast import find_cast_shapes
+from dlama.models.network_file import ASSETS, NetworkFile, shipped_network
 from dlama.perception.shadows.crop import Crop, crop_around
 from dlama.perception.shadows.ground import EDGE_PX, Ground, measure_object, object_points
 from dlama.perception.shadows.lit_surface import measure_darkness
 from dlama.perception.shadows.occlusion import ambient_occlusion
+from dlama.perception.shadows.search import find_cast_shapes
 
 MULTIPLE = 32
 """The sides of the planes are multiples of this many pixels; the crop's longer side has `crop.SIDE`."""
@@ -37,6 +39,11 @@ COLORS, DARKEST, BRIGHTEST = 24, -2.5, 1.5
 """Bins of log colour a channel, and what they cover."""
 LIGHTER = 0.12, 0.25, 0.45, 0.8
 """Steps in log level to the lit partner of a pixel's colour."""
+NETWORK = ASSETS / "shadow" / "shadow.onnx"
+LOG_SHARE = 4.0
+"""Logarithm of a frequency that is 1 in a plane."""
+HUES, HUE_RANGE, HUE_BLUR_PX = 32, 1.0, 1.0
+"""Bins of the logarithms of red and blue over green, how far from 0 they reach, and the blur of colours before."""
 
 
 class ColorShares(NamedTuple):
@@ -138,7 +145,7 @@ def places(
     direction, depth = rays(rgbd.camera)[at], np.where(rgbd.valid, rgbd.depth, 0)[at]
     length = float(np.linalg.norm(ground.normal))
     up = -ground.normal / length
-    over = np.where(depth > 0, (1 - (direction * depth[..., None]) @ ground.normal) / length, 4 * tall)
+    over = np.where(depth > 0, ground.heights(direction * depth[..., None]), 4 * tall)
     right = np.array([1.0, 0, 0]) - up[0] * up
     right /= max(float(np.linalg.norm(right)), 1e-9)
     away = np.cross(right, up)
@@ -149,3 +156,38 @@ def places(
     return np.stack(
         [np.clip(over / tall, -0.5, 2) / 2, np.tanh(hit @ right / tall / FAR), np.tanh(hit @ away / tall / FAR)]
     )
+
+
+def network_planes(planes: ShadowPlanes) -> Float32Array:
+    """The planes with three more: frequency of each colour on the surface, gain in frequency if it were lit, and darkness
+    relative to its hue (`darkness_by_hue`)."""
+    where = planes.surface
+    share, raised = planes.shares
+    added = np.zeros((3, *where.shape), np.float32)
+    if where.any():
+        added[0, where], added[1, where] = share / LOG_SHARE, (np.max(raised, 0) - share) / LOG_SHARE
+        added[2] = darkness_by_hue(planes)
+    return np.concatenate([planes.values, added])
+
+
+def darkness_by_hue(planes: ShadowPlanes) -> Float32Array:
+    """h x w mean log level of all surface pixels with similar ratios of red, green and blue, over the pixel's own. A shadow is
+    equally far below its own material on a rug and on the floor next to it. 0 off the surface."""
+    where = planes.surface
+    color = np.stack([cv2.GaussianBlur(plane, (0, 0), HUE_BLUR_PX) for plane in planes.color])[:, where] * LOG_RANGE
+    ratios = np.clip((np.stack([color[0] - color[1], color[2] - color[1]]) / HUE_RANGE + 1) / 2, 0, 0.9999)
+    place, level = (ratios * HUES).astype(int), color.mean(0)
+    flat = place[0] * HUES + place[1]
+    count, total = (
+        cv2.GaussianBlur(np.bincount(flat, each, HUES**2).astype(np.float32).reshape(HUES, HUES), (0, 0), 1.0)
+        for each in (None, level)
+    )
+    out = np.zeros(where.shape, np.float32)
+    out[where] = (total / np.maximum(count, 1e-3)).ravel()[flat] - level
+    return out
+
+
+def network_probability(planes: ShadowPlanes, file: NetworkFile | None = None) -> Float32Array:
+    """h x w probability of each pixel of the surface; file: another network."""
+    logits = (file or shipped_network(NETWORK)).run({"planes": network_planes(planes)[None]})[0]
+    return np.asarray(np.where(planes.surface, 1 / (1 + np.exp(-logits)), 0), np.float32)

@@ -1,23 +1,23 @@
-"""An object's points over its supporting plane, and the picture, in; the direction of light that explains a shadow best out.
+"""An object's points over its supporting plane, and the picture, in; the shapes it casts under the likeliest lights, with their
+probabilities, out.
 
-For each direction the object's shape is projected on the plane. Across a shadow's border log luma rises outwards by the same
-step everywhere, on any pattern. So the flux of its gradient through the border (by Gauss, the sum of the divergence inside) is
-compared with the flux expected by chance for a border of that length.
+For each direction of light the object's shape is projected on the plane. Across a shadow's border log luma rises outwards by the
+same step everywhere, on any pattern. So the flux of its gradient through the border (by Gauss, the sum of the divergence inside)
+is compared with the flux expected by chance for a border of that length.
 """
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.holes import erode_square
+from dlama.geometry.holes import erode_square, morphological_close, square
 from dlama.geometry.kernels.jit import in_bands
+from dlama.geometry.projection import project_to_pixels, rays
 from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
 from dlama.perception.kernels.shadows import DIRECTIONS_A_TASK, cast_shapes
-from dlama.perception.shadows.ground import StandingObject, light_offsets
+from dlama.perception.shadows.ground import Ground, StandingObject, light_offsets, measure_object
 from dlama.perception.shadows.lit_surface import log_luma
 
 SLOPES = np.array((0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.72, 0.86, 1.0, 1.2, 1.45, 1.75, 2.1, 2.6, 3.2))
@@ -41,20 +41,22 @@ SHORTEST_PX = 20
 """Least border length in the normalisation: short borders are no evidence."""
 FEWEST_PX = 8
 """Least pixels of the cast shape on the visible surface; a smaller one has no strength."""
+SMALLEST_PX = 25
+"""Fewer points of an object, or pixels of a shadow, are ignored."""
+OWN_LIGHT = 0.6
+"""Probability of the shape that the best light of the object casts; one fitted to seven features of the shape found no more
+shadows."""
+TALLEST, LOWEST = 4.0, 0.04
+"""Heights over the surface, in object heights, outside which points do not count for the common light."""
+COMMON_POINTS = 4000
+"""Most points, of all objects on the surface, in the search of their common light."""
+STRONG = 20.0
+"""Strength of a shape under the common light that counts as certain."""
 
 
-@dataclass(frozen=True, eq=False)
-class CastShape:
-    """The best direction of light and its score."""
-
-    over: NDArray[np.float64]
-    """Metres over the surface for each metre of height, in camera axes."""
-    strength: float
-    """Flux over its standard deviation by chance; less for a low sun."""
-
-
-def best_direction(caster: StandingObject, rgbd: RGBD, seen: BoolArray) -> CastShape | None:
-    """The direction whose cast shape is strongest; None where no shape falls on the visible surface.
+def best_direction(caster: StandingObject, rgbd: RGBD, seen: BoolArray) -> tuple[NDArray[np.float64], float] | None:
+    """The direction whose cast shape is strongest, metres over the surface for each metre of height, in camera axes; and its
+    strength, flux over its standard deviation by chance, less for a low sun. None where no shape falls on the visible surface.
 
     seen: H x W, True where the surface is seen.
     """
@@ -69,7 +71,7 @@ def best_direction(caster: StandingObject, rgbd: RGBD, seen: BoolArray) -> CastS
     if fine[best] <= 0:
         return None
     over = search.over(near[0][best : best + 1], near[1][best : best + 1])[0]
-    return CastShape(over, float(fine[best]))
+    return over, float(fine[best])
 
 
 class Search:
@@ -117,3 +119,44 @@ def divergence_of(color: UInt8Array, seen: BoolArray) -> tuple[NDArray[np.float6
         squares.append(step[inner] ** 2)
     spread = float(np.sqrt(np.concatenate(squares).mean())) if inner.any() else 0.0
     return out, max(spread, 1e-3)
+
+
+def find_cast_shapes(
+    rgbd: RGBD, ground: Ground, usable: BoolArray, caster: StandingObject, tall: float
+) -> list[tuple[float, BoolArray] | None]:
+    """Probability and H x W shape of: the best light of the object, and the common light of all objects. usable: H x W, True
+    where the surface is seen; tall: metres."""
+    if len(caster.base) < SMALLEST_PX:
+        return [None, None]
+    found = best_direction(caster, rgbd, usable)
+    own = None if found is None else (OWN_LIGHT, cast_shape(caster, found[0], rgbd, usable))
+    return [own, find_common_light(rgbd, ground, usable, caster, tall)]
+
+
+def find_common_light(
+    rgbd: RGBD, ground: Ground, usable: BoolArray, caster: StandingObject, tall: float
+) -> tuple[float, BoolArray] | None:
+    """The shape cast by the light that explains the shadows of all objects on the surface."""
+    there = rgbd.valid & ~ground.surface
+    every = rays(rgbd.camera)[there] * rgbd.depth[there][:, None]
+    height = ground.heights(every)
+    keep = np.flatnonzero((height > LOWEST * tall) & (height < TALLEST * tall))
+    keep = keep[:: max(1, len(keep) // COMMON_POINTS)]
+    if len(keep) < SMALLEST_PX:
+        return None
+    others = measure_object(every[keep], height[keep], ground)
+    found = best_direction(others, rgbd, usable)
+    if found is None:
+        return None
+    over, strength = found
+    return float(np.tanh(strength / STRONG)), cast_shape(caster, over, rgbd, usable)
+
+
+def cast_shape(caster: StandingObject, over: NDArray[np.float64], rgbd: RGBD, usable: BoolArray) -> BoolArray:
+    """H x W shape cast on `usable` by a light (metres over the surface for each metre of height), gaps closed."""
+    shape = np.zeros(usable.shape, np.bool_)
+    points = caster.base + caster.rise[:, None] * over
+    row, column, z, inside = project_to_pixels(points, rgbd.camera.at(np.eye(4)))
+    inside &= z > 1e-3
+    shape[row[inside], column[inside]] = True
+    return np.asarray(usable & morphological_close(shape, square(9)))

@@ -14,13 +14,13 @@ from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import inpaint
-from dlama.inpainters.layered.depth.coarse_cells import CoarseCells
 from dlama.inpainters.layered.depth.out_of_view import (
     CONTINUED_COST,
     CROWN_COST,
     ENDING_COST,
     MOST_HIDDEN,
     PAST,
+    CoarseCells,
     PlaneLines,
     above_horizon,
     continue_between,

@@ -6,8 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.camera import Camera
-from dlama.inpainters.layered.depth.coarse_cells import CoarseCells
-from dlama.inpainters.layered.depth.out_of_view import PlaneLines
+from dlama.inpainters.layered.depth.out_of_view import CoarseCells, PlaneLines
 from dlama.inpainters.layered.depth.plane_edges import align_lines_to_edges, straight_across
 
 CAMERA = Camera.from_fov(200, 120, 60)

@@ -16,11 +16,11 @@ from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.layered.depth.cut_objects import CutObjects
-from dlama.inpainters.layered.depth.distances import mean_chords
 from dlama.inpainters.layered.depth.surface_labels import (
     IN_FRONT,
     LEAST_INVERSE_DEPTH,
     CoarseView,
+    mean_chords,
 )
 from dlama.inpainters.layered.depth.surfaces import sample_grid
 from dlama.inpainters.layered.kernels import surfaces as surface_kernels

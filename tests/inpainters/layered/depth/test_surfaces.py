@@ -13,8 +13,15 @@ from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.layered.depth.cut_objects import CutObjects
-from dlama.inpainters.layered.depth.distances import angle_to_far
-from dlama.inpainters.layered.depth.surface_labels import GRID, POTTS, REACH, RIM, CoarseView, with_larger_pixels
+from dlama.inpainters.layered.depth.surface_labels import (
+    GRID,
+    POTTS,
+    REACH,
+    RIM,
+    CoarseView,
+    angle_to_far,
+    with_larger_pixels,
+)
 from dlama.inpainters.layered.depth.surfaces import cells_with_holes, continue_surfaces
 from dlama.inpainters.layered.kernels import surfaces as kernels
 from dlama.perception.planes import SKY

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from dlama.geometry.codes import HoleType
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import View
-from dlama.inpainters.spreading import spread_small
+from dlama.inpainters.opencv import spread_small
 from dlama.perception.planes import SKY
 
 LARGEST_SHARE = 0.7

@@ -132,8 +132,3 @@ def is_one_of(label: Labels, numbers: NDArray[np.int64]) -> BoolArray:
     for number in numbers.tolist():
         out |= label == number
     return out
-
-
-def labels_in(label: Labels) -> NDArray[np.int64]:
-    """The labels (>= UNTRUSTED) that occur, in order."""
-    return np.flatnonzero(np.bincount(label.ravel() - UNTRUSTED)) + UNTRUSTED

@@ -3,7 +3,7 @@ background, out.
 
 Every hole pixel is a smooth *base*, interpolated along its own surface. On planes *detail* is added, copied from the same plane
 by a 3D translation within it, so that bricks and planks follow perspective. The weight of the detail is the autocorrelation of
-the known texture under that translation, its least-squares gain (see `patch_offsets`).
+the known texture under that translation, its least-squares gain (see `offset_search`).
 """
 
 from __future__ import annotations
@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 
 from dlama.geometry.kernels.jit import as_input, in_bands
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
-from dlama.inpainters.layered.color.offset_search import Bases, CopiedDetail
-from dlama.inpainters.layered.color.patch_offsets import copy_detail
-from dlama.inpainters.layered.color.texture_grid import UNTRUSTED, HoleRegion, TextureGrid, labels_in
+from dlama.inpainters.layered.color.offset_search import Bases, CopiedDetail, copy_detail
+from dlama.inpainters.layered.color.texture_grid import UNTRUSTED, HoleRegion, TextureGrid
 from dlama.inpainters.layered.kernels import base_color as base_kernels
 from dlama.inpainters.layered.kernels.patch_offsets import Paint, Sources, paint_pixels
 
@@ -74,7 +73,7 @@ def hole_regions(grid: TextureGrid) -> Iterator[HoleRegion]:
     holes = np.flatnonzero(grid.hole)
     labels = grid.label.ravel()[holes]
     rest = np.ones(len(holes), np.bool_)
-    for label in labels_in(labels[labels >= 0]).tolist():
+    for label in np.unique(labels[labels >= 0]).tolist():
         sources, here = grid.cell_label == label, labels == label
         if sources.sum() >= LEAST_CELLS or label == 0:
             rest &= ~here

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from dlama.geometry.camera import Camera
 from dlama.geometry.holes import dilate_mask, morphological_close, morphological_open, square
 from dlama.geometry.rgbd import BoolArray, Float32Array
-from dlama.inpainters.layered.depth.coarse_cells import CoarseCells
 from dlama.inpainters.layered.depth.out_of_view import (
     CUT_CELLS,
     LEVEL,
+    CoarseCells,
     PlaneLines,
     estimate_up,
     matrix_of_cells,

@@ -22,12 +22,10 @@ from dlama.geometry.projection import depth_from_inverse, inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import View
 from dlama.inpainters.context import FillContext
-from dlama.inpainters.layered.depth.coarse_cells import cells_near
 from dlama.inpainters.layered.depth.cut_objects import find_cut_objects
-from dlama.inpainters.layered.depth.distances import enlarge
 from dlama.inpainters.layered.depth.foliage import copy_leaves
-from dlama.inpainters.layered.depth.out_of_view import FOLLOWED
-from dlama.inpainters.layered.depth.surface_labels import GRID, CoarseView, with_larger_pixels
+from dlama.inpainters.layered.depth.out_of_view import FOLLOWED, cells_near
+from dlama.inpainters.layered.depth.surface_labels import GRID, CoarseView, enlarge, with_larger_pixels
 from dlama.inpainters.layered.kernels import surfaces as surface_kernels
 from dlama.perception.missing_depth.along_colors import fill_along_colors, find_known_surfaces
 from dlama.perception.missing_depth.beyond_range import move_beyond_range
