@@ -3,7 +3,7 @@
 The unpickler knows four objects: ordered tables, the two tensor rebuilders, torch.Size and the storage types. Every other
 global of any name becomes an inert placeholder that swallows its arguments. What a pickle may cost is bounded: its
 bytes, the kinds of keys of its tables (hashing tuples in tuples takes exponential time, and overflows the stack), the items it
-copies, the globals it names.
+copies.
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ LARGEST_PICKLE = 4_000_000
 """Bytes; a checkpoint of LaMa has 0.3 MB."""
 MOST_ITEMS = 500_000
 """Items that tables and placeholders may take over from others."""
-MOST_GLOBALS = 10_000
 MOST_SIDES = 64
 """Dimensions of a tensor, as in NumPy."""
 LARGEST_INT = 2**60
@@ -45,16 +44,12 @@ class StoredTensor:
     strides: tuple[int, ...]
     """Steps, in elements."""
 
-    def __setstate__(self, state: Any) -> None:
-        """A pickle must not change what was checked."""
-        raise pickle.UnpicklingError("a tensor with a state of its own")
-
 
 def read_pickle(data: bytes) -> Any:
     """The tree that a pickle describes.
 
-    Raises any error that Python raises on a broken pickle; UnpicklingError: more bytes, items or globals than are read, or a key
-    that is no text, number, or short tuple of these.
+    Raises any error that Python raises on a broken pickle; UnpicklingError: more bytes or items than are read, or a key that is no
+    text, number, or short tuple of these.
     """
     if len(data) > LARGEST_PICKLE:
         raise pickle.UnpicklingError(f"{len(data)} bytes; at most {LARGEST_PICKLE} are read")
@@ -74,12 +69,6 @@ class Inert:
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         """Nothing."""
 
-    def __setstate__(self, state: Any) -> None:
-        """Keep a table; its size has been counted (`_InertUnpickler.build`)."""
-        if isinstance(state, tuple) and len(state) == 2 and isinstance(state[0], dict):
-            state = state[0]
-        self.state.update(state if isinstance(state, dict) else {})
-
     def __setitem__(self, key: Any, value: Any) -> None:
         self.state[key] = value
 
@@ -92,48 +81,29 @@ class Inert:
     extend = add = append
 
 
-class _Table(dict[Any, Any]):
-    """An ordered table whose extra state (`_metadata` of a state dict) is dropped."""
-
-    def __setstate__(self, state: Any) -> None:
-        """Nothing."""
-
-
+@dataclass(frozen=True)
 class _StorageType:
     """A storage class, as a word."""
 
-    __slots__ = ("name",)
-
-    def __init__(self, name: str) -> None:
-        self.name = name
-
-    def __setstate__(self, state: Any) -> None:
-        """Nothing."""
+    name: str
 
 
-class _Rebuild:
-    """torch._utils._rebuild_tensor_v2 and _rebuild_parameter: they describe a tensor, they do not make one."""
+def _rebuild_tensor(place: Any, offset: Any, shape: Any, strides: Any, *others: Any) -> StoredTensor:
+    """torch._utils._rebuild_tensor_v2: describes a tensor, makes none."""
+    key, kind = place
+    if not isinstance(key, str) or kind not in STORAGES or len(shape) > MOST_SIDES:
+        raise pickle.UnpicklingError("a tensor without a storage of a known type, or of too many sides")
+    numbers = (offset, *shape, *strides)
+    if len(shape) != len(strides) or any(type(number) is not int or not 0 <= number < 2**63 for number in numbers):
+        raise pickle.UnpicklingError("a tensor whose shape, strides or offset are no counts")
+    return StoredTensor(key, kind, offset, tuple(shape), tuple(strides))
 
-    __slots__ = ("parameter",)
 
-    def __init__(self, parameter: bool) -> None:
-        self.parameter = parameter
-
-    def __setstate__(self, state: Any) -> None:
-        """Nothing: a pickle must not be able to change the rebuilder."""
-
-    def __call__(self, *args: Any) -> StoredTensor:
-        if self.parameter:
-            if not isinstance(args[0], StoredTensor):
-                raise pickle.UnpicklingError("a parameter that wraps no tensor")
-            return args[0]
-        (key, kind), offset, shape, strides = args[:4]
-        if not isinstance(key, str) or kind not in STORAGES or len(shape) > MOST_SIDES:
-            raise pickle.UnpicklingError("a tensor without a storage of a known type, or of too many sides")
-        numbers = (offset, *shape, *strides)
-        if len(shape) != len(strides) or any(type(number) is not int or not 0 <= number < 2**63 for number in numbers):
-            raise pickle.UnpicklingError("a tensor whose shape, strides or offset are no counts")
-        return StoredTensor(key, kind, offset, tuple(shape), tuple(strides))
+def _rebuild_parameter(tensor: Any, *others: Any) -> StoredTensor:
+    """torch._utils._rebuild_parameter: the tensor that it wraps."""
+    if not isinstance(tensor, StoredTensor):
+        raise pickle.UnpicklingError("a parameter that wraps no tensor")
+    return tensor
 
 
 class _InertUnpickler(pickle._Unpickler):
@@ -144,7 +114,6 @@ class _InertUnpickler(pickle._Unpickler):
 
     def __init__(self, data: bytes) -> None:
         super().__init__(io.BytesIO(data), encoding="utf-8")
-        self.unresolved: dict[str, type[Inert]] = {}
         self.items = 0
 
     def count(self, items: int) -> None:
@@ -154,20 +123,15 @@ class _InertUnpickler(pickle._Unpickler):
             raise pickle.UnpicklingError(f"more than {MOST_ITEMS} items")
 
     def find_class(self, module: str, name: str) -> Any:
-        if (module, name) in (("torch._utils", "_rebuild_tensor_v2"), ("torch._utils", "_rebuild_parameter")):
-            return _Rebuild(parameter=name.endswith("parameter"))
         if module in ("torch", "torch.storage") and name in STORAGES:
             return _StorageType(name)
-        if (module, name) == ("collections", "OrderedDict"):
-            return self.table
-        if (module, name) == ("torch", "Size"):
-            return _size
-        called = f"{module}.{name}"
-        if called not in self.unresolved:
-            if len(self.unresolved) >= MOST_GLOBALS:
-                raise pickle.UnpicklingError(f"more than {MOST_GLOBALS} globals")
-            self.unresolved[called] = type("Inert", (Inert,), {})
-        return self.unresolved[called]
+        known = {
+            ("torch._utils", "_rebuild_tensor_v2"): _rebuild_tensor,
+            ("torch._utils", "_rebuild_parameter"): _rebuild_parameter,
+            ("collections", "OrderedDict"): self.table,
+            ("torch", "Size"): _size,
+        }
+        return known.get((module, name), Inert)
 
     def persistent_load(self, pid: Any) -> tuple[str, str]:
         if not (isinstance(pid, tuple) and len(pid) >= 3 and pid[0] == "storage" and isinstance(pid[1], _StorageType)):
@@ -176,20 +140,23 @@ class _InertUnpickler(pickle._Unpickler):
             raise pickle.UnpicklingError("a storage whose name is none")
         return pid[2], pid[1].name
 
-    def table(self, pairs: Iterable[Any] = ()) -> _Table:
+    def table(self, pairs: Iterable[Any] = ()) -> dict[Any, Any]:
         """OrderedDict, of pairs or empty."""
-        made = _Table()
+        made: dict[Any, Any] = {}
         for key, value in pairs:
             self.count(1)
             made[_check_key(key)] = value
         return made
 
     def build(self) -> None:
-        """BUILD: a state, whose items are counted since a placeholder copies them."""
-        state = self.stack[-1]  # type: ignore[attr-defined]
-        for part in state if isinstance(state, tuple) and len(state) == 2 else (state,):
-            self.count(len(part) if isinstance(part, dict) else 0)
-        pickle._Unpickler.load_build(self)  # type: ignore[attr-defined]
+        """BUILD: a placeholder copies a table, whose items are counted; the state of anything else is dropped."""
+        state, built = self.stack.pop(), self.stack[-1]  # type: ignore[attr-defined]
+        if isinstance(built, StoredTensor):
+            raise pickle.UnpicklingError("a tensor with a state of its own")
+        table = state[0] if isinstance(state, tuple) and len(state) == 2 else state
+        if isinstance(built, Inert) and isinstance(table, dict):
+            self.count(len(table))
+            built.state.update(table)
 
     def set_item(self) -> None:
         """SETITEM: key, value."""
