@@ -28,14 +28,7 @@ class PointCloud:
     """N, in 0..1."""
 
     def __post_init__(self) -> None:
-        count = row_count(self.points)
-        fields: dict[str, tuple[tuple[int, ...], type]] = {
-            "points": ((count, 3), np.float64),
-            "color": ((count, 3), np.uint8),
-            "origin": ((count,), np.uint8),
-            "confidence": ((count,), np.float32),
-        }
-        vars(self).update(check_fields(vars(self), "cloud", fields))
+        vars(self).update(check_fields(vars(self), "cloud", _fields_of("points", row_count(self.points))))
 
     def __len__(self) -> int:
         return len(self.points)
@@ -46,6 +39,16 @@ class PointCloud:
 
     def _repr_html_(self) -> str:
         return point_viewer(repr(self), self.points, self.color, self.origin, self.confidence)
+
+
+def _fields_of(places: str, count: int) -> dict[str, tuple[tuple[int, ...], type]]:
+    """Shapes and types of the arrays of N points or vertices, whose `places` have that name."""
+    return {
+        places: ((count, 3), np.float64),
+        "color": ((count, 3), np.uint8),
+        "origin": ((count,), np.uint8),
+        "confidence": ((count,), np.float32),
+    }
 
 
 def describe_extent(points: Float64Array) -> str:
@@ -79,13 +82,7 @@ class Mesh:
 
     def __post_init__(self) -> None:
         count, faces = row_count(self.vertices), row_count(self.triangles)
-        fields: dict[str, tuple[tuple[int, ...], type]] = {
-            "vertices": ((count, 3), np.float64),
-            "triangles": ((faces, 3), np.int32),
-            "color": ((count, 3), np.uint8),
-            "origin": ((count,), np.uint8),
-            "confidence": ((count,), np.float32),
-        }
+        fields = {**_fields_of("vertices", count), "triangles": ((faces, 3), np.int32)}
         vars(self).update(check_fields(vars(self), "mesh", fields))
         if faces and not 0 <= int(self.triangles.min()) <= int(self.triangles.max()) < count:
             raise ShapeError(f"mesh.triangles name vertices outside 0..{count - 1}")

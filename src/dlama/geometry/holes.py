@@ -175,8 +175,11 @@ def nearest_along_colors(
 
 
 def box_around(mask: BoolArray, margin: int) -> Box:
-    """Rows and columns of the box round a mask (H x W, not empty), so many pixels larger on each side, within the picture."""
+    """Rows and columns of the box round a mask (H x W), so many pixels larger on each side, within the picture; of an empty mask
+    an empty one."""
     rows, columns = (np.flatnonzero(mask.any(axis)) for axis in (1, 0))
+    if not len(rows):
+        return slice(0, 0), slice(0, 0)
     box = slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1)
     return larger_box(box, margin, mask.shape)
 

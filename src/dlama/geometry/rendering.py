@@ -19,7 +19,7 @@ from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.cloud import PointCloud
 from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.drawing.canvas import Canvas
-from dlama.geometry.drawing.gaps import can_close_gaps, close_gaps
+from dlama.geometry.drawing.gaps import close_gaps
 from dlama.geometry.drawing.grid_mesh import close_grid, find_joints
 from dlama.geometry.drawing.layers import (
     ALL,
@@ -42,7 +42,7 @@ from dlama.geometry.holes import Box, box_around, dilate_mask, fill_with_nearest
 from dlama.geometry.kernels.drawing import hole_types as hole_kernels
 from dlama.geometry.kernels.drawing.rasterize import NEAR
 from dlama.geometry.kernels.jit import in_bands, threads
-from dlama.geometry.projection import project
+from dlama.geometry.projection import project_to_pixels
 from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array, freeze
 from dlama.geometry.scene import Scene, contribution
 from dlama.geometry.view import View
@@ -101,7 +101,7 @@ def render(
     if not scene.fills and (own := share_own_view(scene, camera, types)) is not None:
         return own
     drawn = draw_scene(scene, camera, mode, fine)
-    if close and mode == "surface" and can_close_gaps(scene):
+    if close and mode == "surface" and scene.fills and not any(fill.has_open_holes for fill in scene.fills):
         close_gaps(drawn.canvas)
     return drawn.view(camera, hole_types(drawn, scene.removals) if types else None)
 
@@ -150,21 +150,16 @@ def draw_scene(
     elif len(scene.frames) > 1:
         drawn = merge_frames(scene, camera, mode, fine, errors)
     else:
-        drawn = draw_frame(prepare(scene.frames[0], camera), errors)
+        grid = prepare(scene.frames[0], camera)
+        drawn = Drawn(draw(grid, Canvas.empty(camera, errors)), [grid])
+        if grid.own_camera:  # where no fill may cover its sky
+            draw_far(grid, drawn.canvas)
     grids = [prepare(part.layer, part.camera) for part in parts]
     put_fills(drawn, grids, [part.box for part in parts], gains, count)
     for grid in drawn.grids if drawn.frame is None else ():
         draw_far(grid, drawn.canvas)
     draw_far_of_fills(drawn.canvas, grids, gains)
     return drawn._replace(grids=[*drawn.grids, *grids])
-
-
-def draw_frame(grid: Grid, errors: bool) -> Drawn:
-    """One frame, drawn; its sky, too, at its own camera, where no fill may cover it."""
-    canvas = draw(grid, Canvas.empty(grid.camera, errors))
-    if grid.own_camera:
-        draw_far(grid, canvas)
-    return Drawn(canvas, [grid])
 
 
 def visible_fills(scene: Scene, camera: Camera, mode: Mode) -> tuple[Layer, ...]:
@@ -281,11 +276,10 @@ def render_cloud(cloud: PointCloud, camera: Camera, mode: Mode) -> View:
     if mode != "points":
         raise InputError("a bare point cloud has no pixel grid to triangulate; mode 'points' is expected")
     canvas = Canvas.empty(camera)
-    pixels, z = project(cloud.points, camera)
-    inside = (z > NEAR) & (pixels >= 0).all(1) & (pixels[:, 0] < camera.width) & (pixels[:, 1] < camera.height)
-    chosen = np.flatnonzero(inside)
+    row, column, z, inside = project_to_pixels(cloud.points, camera)
+    chosen = np.flatnonzero(inside & (z > NEAR))
     chosen = chosen[np.argsort(-z[chosen], kind="stable")]  # far to near: the last writer is the nearest
-    column, row = pixels[chosen].astype(np.int64).T
+    row, column = row[chosen], column[chosen]
     canvas.color[row, column] = cloud.color[chosen]
     canvas.depth[row, column] = z[chosen]
     origin = cloud.origin[chosen]

@@ -186,9 +186,12 @@ class View(Figured, Facts):
     def cropped(self, rows: slice, columns: slice) -> View:
         """The part of the view in these rows and columns (both ends given), as a smaller camera sees it."""
         camera = self.camera.cropped_to(rows, columns)
+        return dataclasses.replace(self, camera=camera, **self.planes_at((rows, columns)))
+
+    def planes_at(self, where: Any) -> dict[str, Any]:
+        """Its planes by name in some rows and columns (slices, or as numpy takes them), new and unshared."""
         planes = {name: getattr(self, name) for name in PLANES}
-        parts = {n: None if of is None else freeze(of[rows, columns].copy()) for n, of in planes.items()}
-        return dataclasses.replace(self, camera=camera, **parts)  # type: ignore[arg-type]
+        return {name: None if of is None else freeze(of[where].copy()) for name, of in planes.items()}
 
     def reopen(self, where: BoolArray) -> View:
         """The same view with the fills in the pixels of `where` (H x W bool) unknown again, depth 0.
@@ -248,12 +251,9 @@ class View(Figured, Facts):
         """Every `step`-th pixel (`sampled_pixels`) as a view, whose camera differs by its size alone; itself, at 1."""
         if step == 1:
             return self
-        at = sampled_pixels(self.hole.shape, step)
-        names = ("color", "depth", "hole", "hole_type", "origin", "confidence")
-        planes: dict[str, Any] = {name: freeze(getattr(self, name)[at]) for name in names}
-        height, width = planes["hole"].shape
-        camera = dataclasses.replace(self.camera, width=width, height=height)
-        return View(camera, **planes, noise_step=self.noise_step)
+        rows, columns = sampled_pixels(self.hole.shape, step)
+        camera = dataclasses.replace(self.camera, width=columns.size, height=rows.size)
+        return dataclasses.replace(self, camera=camera, **self.planes_at((rows, columns)))
 
 
 PLANES = tuple(one.name for one in dataclasses.fields(View) if one.name not in ("camera", "noise_step"))

@@ -48,8 +48,8 @@ class StoredTensor:
 def read_pickle(data: bytes) -> Any:
     """The tree that a pickle describes.
 
-    Raises any error that Python raises on a broken pickle; UnpicklingError: more bytes or items than are read, or a key that is no
-    text, number, or short tuple of these.
+    Raises any error that Python raises on a broken pickle; UnpicklingError: more bytes or items than are read, or a key that is
+    no text, number, or short tuple of these.
     """
     if len(data) > LARGEST_PICKLE:
         raise pickle.UnpicklingError(f"{len(data)} bytes; at most {LARGEST_PICKLE} are read")

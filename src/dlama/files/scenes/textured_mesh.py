@@ -15,8 +15,8 @@ import numpy as np
 from dlama.files.scenes.glb import SHORT_VERTICES, Glb
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.cloud import Mesh, join_meshes
-from dlama.geometry.holes import fill_with_nearest, sides_of
-from dlama.geometry.layers.decimation import bounding_box, decimate
+from dlama.geometry.holes import box_around, fill_with_nearest, sides_of
+from dlama.geometry.layers.decimation import decimate
 from dlama.geometry.layers.layered_mesh import MeshPart
 from dlama.geometry.rgbd import BoolArray, UInt8Array
 from dlama.geometry.scene import Scene
@@ -110,7 +110,7 @@ def pack_textures(parts: Sequence[MeshPart]) -> tuple[UInt8Array, list[Float64Ar
     picture to that one's (px). Pixels that are not seen take the nearest one's colour: nothing bleeds in at edges.
     """
     boxes = [
-        np.s_[0 : len(one.picture), 0 : one.picture.shape[1]] if one.shown is None else bounding_box(one.shown)
+        np.s_[0 : len(one.picture), 0 : one.picture.shape[1]] if one.shown is None else box_around(one.shown, 0)
         for one in parts
     ]
     sizes = [sides_of(box) for box in boxes]

@@ -15,7 +15,6 @@ from dlama.geometry.codes import Origin
 from dlama.geometry.drawing.canvas import Canvas
 from dlama.geometry.projection import depth_from_inverse, inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array
-from dlama.geometry.scene import Scene
 
 WIDEST = 2
 """Largest width of a seam, px along a row or a column."""
@@ -54,11 +53,6 @@ class Ends(NamedTuple):
     def select(self, which: NDArray[np.intp] | BoolArray) -> Ends:
         """Some of them."""
         return Ends(self.before[which], self.after[which], self.length[which], self.share[which])
-
-
-def can_close_gaps(scene: Scene) -> bool:
-    """True if a scene was filled, and no filled pixel was opened again for low confidence."""
-    return bool(scene.fills) and not any(fill.has_open_holes for fill in scene.fills)
 
 
 def close_gaps(canvas: Canvas) -> None:

@@ -137,7 +137,10 @@ def draw(grid: Grid, canvas: Canvas, count: NDArray[np.int32] = ALL) -> Canvas:
     count: of the pixels that count (`count_wanted`); all others may come out as anything.
     """
     if grid.own_camera:
-        copy_onto(canvas, grid.layer)
+        view = grid.layer
+        canvas.copy_where(view, view.valid)
+        paste(view.color, view.depth_hole, canvas.color)  # of a sensor hole the colour, but no depth
+        paste(view.origin, view.depth_hole, canvas.origin)
     elif grid.mode == "points":
         draw_as_points(grid, canvas)
     else:
@@ -201,13 +204,6 @@ def rasterize_surface(
     in_bands(raster.draw_surface, hw[0], vertices, joined, count, box_room(hw[0]), drawn)
     draw_rim(vertices, joined, rim, depth, target.fx / source.fx, drawn.w.copy(), drawn)
     return drawn
-
-
-def copy_onto(canvas: Canvas, view: View) -> None:
-    """The layer seen from its own camera: every finite pixel as it is; a sensor hole its colour, but no depth."""
-    canvas.copy_where(view, view.valid)
-    paste(view.color, view.depth_hole, canvas.color)
-    paste(view.origin, view.depth_hole, canvas.origin)
 
 
 def draw_far(grid: Grid, canvas: Canvas) -> None:

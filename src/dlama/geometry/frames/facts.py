@@ -2,17 +2,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeVar
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from dlama.geometry.codes import DEPTH_FROM_OTHERS, HoleType, Origin
-from dlama.geometry.frames.kept import Kept
+
+OneLayer = TypeVar("OneLayer", bound="Facts")
+Found = TypeVar("Found")
+
+_found: WeakKeyDictionary[Facts, dict[Callable[..., Any], Any]] = WeakKeyDictionary()
+"""Layer -> function -> what it found; not fields of the layers, which are sent to other processes."""
 
 
-class Facts(Kept):
+class Facts:
     """What a scene asks of its layers, without their pixels once it is found."""
+
+    def find_once(self: OneLayer, find: Callable[[OneLayer], Found]) -> Found:
+        """What `find` gives for it, found at the first call and kept for as long as it is alive."""
+        known = _found.setdefault(self, {})
+        if find not in known:
+            known[find] = find(self)
+        found: Found = known[find]
+        return found
 
     def load(self) -> Any:
         """The View with its pixels in memory; hold it while working with it."""

@@ -140,16 +140,13 @@ def _drop_duplicates(views: Sequence[Layer], called: Sequence[str]) -> list[int]
     kept: list[int] = []
     for place, view in enumerate(views):
         near = np.abs(poses[kept] - poses[place]).max((1, 2), initial=0) <= SAME_POSE
-        twin = next((kept[row] for row in np.flatnonzero(near) if _is_same(views[kept[row]], view)), None)
+        alike = (kept[row] for row in np.flatnonzero(near) if views[kept[row]].camera.same_view_as(view.camera))
+        twin = next((one for one in alike if np.array_equal(views[one].load().color, view.load().color)), None)
         if twin is None:
             kept.append(place)
         else:
             warnings.warn(f"{called[place]} is {called[twin]} once more; it is left out", UserWarning, stacklevel=4)
     return kept
-
-
-def _is_same(one: Layer, other: Layer) -> bool:
-    return one.camera.same_view_as(other.camera) and np.array_equal(one.load().color, other.load().color)
 
 
 def _drop_outliers(kept: list[int], found: dict[tuple[int, int], Overlap], called: Sequence[str]) -> list[int]:
@@ -163,8 +160,10 @@ def _drop_outliers(kept: list[int], found: dict[tuple[int, int], Overlap], calle
     every, noted = kept, list[str]()
     while len(kept) > 2:
         shares = _share_agreeing(kept, found)
-        worst = _find_outlier(shares)
-        if worst is None:
+        if np.isnan(shares).all():
+            break
+        worst = int(np.nanargmin(shares))
+        if shares[worst] >= OUTLIER * np.nanmedian(shares):
             break
         noted.append(
             f"{called[kept[worst]]} contradicts the others: {shares[worst]:.0%} of its points that they can see lie on their "
@@ -187,14 +186,6 @@ def _drop_outliers(kept: list[int], found: dict[tuple[int, int], Overlap], calle
     for each in noted:
         warnings.warn(each, UserWarning, stacklevel=4)
     return kept
-
-
-def _find_outlier(shares: Float64Array) -> int | None:
-    """Row of the frame that agrees least with the others, by `_share_agreeing`, where that is far less than most do."""
-    if np.isnan(shares).all():
-        return None
-    worst = int(np.nanargmin(shares))
-    return worst if shares[worst] < OUTLIER * np.nanmedian(shares) else None
 
 
 def _share_agreeing(kept: Sequence[int], found: dict[tuple[int, int], Overlap]) -> Float64Array:

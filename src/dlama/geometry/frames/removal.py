@@ -12,7 +12,7 @@ import numpy as np
 from dlama.errors import InputError, MaskError
 from dlama.geometry.codes import HoleType
 from dlama.geometry.frames.choosing import sample_view
-from dlama.geometry.frames.stored import BoxedView, Layer, StoredView, coarse_depth
+from dlama.geometry.frames.stored import BoxedView, StoredView, coarse_depth
 from dlama.geometry.holes import box_around, dilate_mask
 from dlama.geometry.rgbd import BoolArray
 from dlama.geometry.scene import Scene
@@ -71,7 +71,9 @@ def remove_masked(scene: Scene, masks: Iterable[BoolArray], growth: Growth) -> R
         if larger.any():
             part = part_under_mask(view, one, larger)
             removed.append(part if count == 1 else crop_layer(part, larger))
-            layer = open_hole(layer, larger, HoleType.OBJECT if place < count else HoleType.NONE)
+            layer = layer.without(larger, HoleType.OBJECT if place < count else HoleType.NONE)
+            if isinstance(layer, StoredView):  # what choosing frames asks of it, while the frame is in memory
+                layer.find_once(sample_view), layer.find_once(coarse_depth)
         layers.append(layer)
     without = dataclasses.replace(
         scene.unfilled,
@@ -80,14 +82,6 @@ def remove_masked(scene: Scene, masks: Iterable[BoolArray], growth: Growth) -> R
         fills=tuple(layers[count:]),
     )
     return Removal(without, growth, before, given_up)
-
-
-def open_hole(layer: Layer, where: BoolArray, hole_type: HoleType) -> Layer:
-    """As `View.without`; of a stored layer what choosing frames asks of it is found at once, while the frame is in memory."""
-    opened = layer.without(where, hole_type)
-    if isinstance(opened, StoredView):
-        opened.find_once(sample_view), opened.find_once(coarse_depth)
-    return opened
 
 
 def part_under_mask(view: View, mask: BoolArray, larger: BoolArray) -> View:

@@ -68,8 +68,7 @@ class PixelCache:
 
 def count_bytes(view: View) -> int:
     """Bytes of a view's planes."""
-    planes = (view.color, view.depth, view.hole, view.hole_type, view.origin, view.confidence, view.frame, view.errors)
-    return sum(plane.nbytes for plane in planes if plane is not None)
+    return sum(plane.nbytes for plane in (getattr(view, name) for name in PLANES) if plane is not None)
 
 
 class StoredView(Facts):

@@ -59,7 +59,7 @@ def decimate(
     """
     depth, joined = grid or mesh_grid(view)
     surface = is_valid(depth)
-    box = bounding_box(surface)
+    box = box_around(surface, 0)
     noise = 0.0
     if share is None:
         share = ESTIMATED_SHARE if Origin.ESTIMATED in view.origins else DEPTH_SHARE
@@ -99,11 +99,6 @@ def noise_tolerance(view: View, share: float) -> float:
     noise, middle = measured_noise(view)
     tolerance = DEVIATIONS * noise
     return tolerance if tolerance > middle * max(share, kernels.DEPTH_METRES * middle) else 0.0
-
-
-def bounding_box(where: BoolArray) -> tuple[slice, slice]:
-    """The smallest box of rows and columns round the True pixels; an empty one where there are none."""
-    return box_around(where, 0) if where.any() else (slice(0, 0), slice(0, 0))
 
 
 def flat_cells(joined: UInt8Array, origin: UInt8Array) -> BoolArray:

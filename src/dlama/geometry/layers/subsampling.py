@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
 
 import cv2
 import numpy as np
@@ -41,24 +40,11 @@ def subsample(view: View, step: int) -> View:
         return view
     rows, columns = (side // step * step for side in view.camera.hw)
 
-    def middle(plane: np.ndarray) -> Any:
-        return freeze(np.ascontiguousarray(plane[step // 2 : rows : step, step // 2 : columns : step]))
-
-    depth, hole, origin = (middle(plane) for plane in (view.depth, view.hole, view.origin))
+    middle = slice(step // 2, rows, step), slice(step // 2, columns, step)
     color = mean_colors(view.color[:rows, :columns], ~view.color_hole[:rows, :columns], step)
-    color[middle(view.color_hole)] = 0
-    return View(
-        subsample_camera(view.camera, step, (rows // step, columns // step)),
-        freeze(color),
-        depth,
-        hole,
-        middle(view.hole_type),
-        origin,
-        middle(view.confidence),
-        None if view.frame is None else middle(view.frame),
-        None if view.errors is None else middle(view.errors),
-        view.noise_step,
-    )
+    color[view.color_hole[middle]] = 0
+    planes = view.planes_at(middle) | {"color": freeze(color)}
+    return dataclasses.replace(view, camera=subsample_camera(view.camera, step, color.shape[:2]), **planes)
 
 
 def subsample_camera(camera: Camera, step: int, hw: tuple[int, int]) -> Camera:
