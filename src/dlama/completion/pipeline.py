@@ -13,20 +13,11 @@ from pathlib import Path
 from dlama.arguments import check_arguments
 from dlama.completion.completion import Completion
 from dlama.completion.options import OptionKeywords, Options, Unpack, options_of, take_options
-from dlama.completion.report import (
-    Clock,
-    Record,
-    expected_errors,
-    is_moved,
-    meta_data,
-    warn_of_scale,
-    warn_of_unknown,
-)
+from dlama.completion.report import Clock, Record, expected_errors, meta_data, warn_of_scale, warn_of_unknown
 from dlama.completion.start import choose_filler, plan_for
 from dlama.completion.steps import complete_views
 from dlama.errors import InputError
 from dlama.geometry.camera import Camera
-from dlama.geometry.drawing.grid_mesh import find_joints
 from dlama.geometry.frames.gathering import FrameSource
 from dlama.geometry.fusion import fuse
 from dlama.geometry.rendering import render
@@ -81,10 +72,8 @@ def complete(
     views, warped = tuple(one.view for one in completed), tuple(one.before for one in completed)
     if mask is None:
         warn_of_unknown(source.camera, source.depth, warped)
-    first = scene.frames[0].load()
-    flying = first.find_once(find_joints).flying_pixels if is_moved(first.camera, warped) else 0
-    record = Record(fills, clock.seconds, start.mask, [one.grown for one in completed], flying)
-    meta = {**start.about, **meta_data(start.plan, warped, record), **expected_errors(views)}
+    record = Record(fills, clock.seconds, start.mask, [one.grown for one in completed])
+    meta = {**start.about, **meta_data(start.plan, scene.frames[0].load(), warped, record), **expected_errors(views)}
     return Completion(views, warped, scene, source, meta).with_min_confidence(chosen.min_confidence)
 
 

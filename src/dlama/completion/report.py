@@ -13,9 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from dlama.completion.start import NO_DILATION, Dilation, Plan
+from dlama.completion.start import Plan
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType, from_filler
+from dlama.geometry.drawing.grid_mesh import find_joints
+from dlama.geometry.frames.removal import NO_DILATION, Dilation
 from dlama.geometry.projection import px_from_px
 from dlama.geometry.rgbd import PLAUSIBLE_M, RGBD, Float32Array, UInt8Array, is_valid
 from dlama.geometry.view import View
@@ -56,8 +58,6 @@ class Record:
     """How the object mask grew."""
     holes: Sequence[Dilation] = ()
     """How the hole of each view grew."""
-    flying_pixels: int = 0
-    """Of the first frame, as it is drawn from elsewhere; 0 where it is not."""
 
     @property
     def notes(self) -> dict[str, Any]:
@@ -72,8 +72,10 @@ class Record:
         return sum(getattr(one, name) for one in self.fills)
 
 
-def meta_data(plan: Plan, warped: Sequence[View], record: Record) -> dict[str, Any]:
-    """The meta data of a completion, JSON-ready (fields: docs/reference/formats.md). warped: the views before filling."""
+def meta_data(plan: Plan, frame: View, warped: Sequence[View], record: Record) -> dict[str, Any]:
+    """The meta data of a completion, JSON-ready (fields: docs/reference/formats.md). frame: the first; warped: the views before
+    filling."""
+    drawn = any(not view.camera.same_view_as(frame.camera) for view in warped)  # from elsewhere, without flying pixels
     return {
         "recipe": dataclasses.asdict(plan.recipe),
         "filler": plan.filler,
@@ -89,7 +91,7 @@ def meta_data(plan: Plan, warped: Sequence[View], record: Record) -> dict[str, A
             "hole_pixels_before": [hole.pixels for hole in record.holes],
             "hole_known_pixels_given_up": [hole.known_pixels_given_up for hole in record.holes],
         },
-        "flying_pixels_rejected": record.flying_pixels,
+        "flying_pixels_rejected": frame.find_once(find_joints).flying_pixels if drawn else 0,
         "filled_pixels": record.total("hole_pixels"),
         "law_moves": record.total("law_moves"),
         "law_violations": record.total("law_violations"),
@@ -116,11 +118,6 @@ def hole_shares(hole_type: UInt8Array) -> dict[str, float]:
     """Share of the picture (0..1) by hole type (H x W HoleType codes), holes filled or not."""
     counts = np.bincount(hole_type[hole_type > 0], minlength=len(HoleType))
     return {kind.name.lower(): float(counts[kind]) / hole_type.size for kind in HoleType if kind}
-
-
-def is_moved(camera: Camera, warped: Sequence[View]) -> bool:
-    """Whether a view is of another camera than this one."""
-    return any(not view.camera.same_view_as(camera) for view in warped)
 
 
 def expected_errors(views: Sequence[View]) -> dict[str, Any]:

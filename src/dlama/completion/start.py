@@ -22,6 +22,7 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType
 from dlama.geometry.frames import gathering
 from dlama.geometry.frames.gathering import FrameSource
+from dlama.geometry.frames.removal import NO_DILATION, Dilation
 from dlama.geometry.frames.stored import Layer
 from dlama.geometry.holes import looks_inverted
 from dlama.geometry.rgbd import RGBD, BoolArray
@@ -35,18 +36,6 @@ from dlama.inpainters.grey_depth import with_grey_depth
 from dlama.inpainters.layered.depth_first import paint_over_depth
 from dlama.perception.monocular import DEFAULT
 from dlama.perception.object_removal import remove_object
-
-
-class Dilation(NamedTuple):
-    """What growing masks or a hole cost."""
-
-    pixels: int
-    """Of the masks or the hole, before they grew."""
-    known_pixels_given_up: int
-    """Known pixels that they grew over."""
-
-
-NO_DILATION = Dilation(0, 0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,8 +194,7 @@ def plan_for(
         removal = remove_object(scene, mask, recipe.dilate, with_shadow)
         warn_of_mask(mask)
         scene, recipe = removal.scene, replace(recipe, dilate=removal.growth.px)
-        decisions = decisions | {"mask_growth": removal.growth._asdict()}
-        dilation = Dilation(removal.pixels, removal.known_pixels_given_up)
+        decisions, dilation = decisions | {"mask_growth": removal.growth._asdict()}, removal.mask
     measured = scene.unfilled
     decisions = decisions | describe_padding(measured.frames)
     filler = filler_of_recipe(inpainter, recipe)

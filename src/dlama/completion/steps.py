@@ -14,9 +14,10 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 from dlama.completion.second_estimate import estimate_again
-from dlama.completion.start import NO_DILATION, Dilation, Plan
+from dlama.completion.start import Plan
 from dlama.geometry.camera import Camera
 from dlama.geometry.frames.choosing import choose_frames, count_unseen
+from dlama.geometry.frames.removal import NO_DILATION, Dilation
 from dlama.geometry.fusion import close_by_earlier_fill, fuse
 from dlama.geometry.rendering import dilate_holes, render_measured
 from dlama.geometry.scene import Scene, replace_frame

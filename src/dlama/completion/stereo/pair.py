@@ -13,10 +13,10 @@ import numpy as np
 from dlama.completion.completion import StereoCompletion
 from dlama.completion.recipes import Recipe
 from dlama.completion.report import Record, expected_errors, meta_data
-from dlama.completion.start import NO_DILATION, Dilation, Plan, scene_of
+from dlama.completion.start import Plan, scene_of
 from dlama.errors import InputError, ShapeError
 from dlama.geometry.camera import Camera, StereoRig
-from dlama.geometry.drawing.grid_mesh import find_joints
+from dlama.geometry.frames.removal import NO_DILATION, Dilation
 from dlama.geometry.holes import check_mask
 from dlama.geometry.projection import depth_from_disparity, disparity_from_depth
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, check_color
@@ -112,8 +112,7 @@ class CompletedPair:
         left, right = (disparity_from_depth(view.depth, rig) for view in self.views)
         agreement = consistency(self.views[0].color, self.views[1].color, left, right)
         source = View.from_rgbd(self.source)
-        record = dataclasses.replace(self.record, flying_pixels=source.find_once(find_joints).flying_pixels)
-        meta = meta_data(self.plan, self.before, record) | expected_errors(self.views)
+        meta = meta_data(self.plan, source, self.before, self.record) | expected_errors(self.views)
         meta["stereo"] = {**lens, **self.about, "consistency": dataclasses.asdict(agreement)}
         return StereoCompletion(self.views, self.before, self.scene, source, meta, left, right, agreement)
 
@@ -124,7 +123,7 @@ def without_object(pair: MatchedPair, recipe: Recipe) -> tuple[Scene, Dilation]:
     if pair.masks is None:
         return scene, NO_DILATION
     removal = remove_object(scene, pair.masks[0], recipe.dilate)
-    return removal.scene, Dilation(removal.pixels, removal.known_pixels_given_up)
+    return removal.scene, removal.mask
 
 
 def with_object_depth(scene: Scene, depth: Float32Array | None) -> Scene:

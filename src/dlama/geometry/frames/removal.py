@@ -33,16 +33,26 @@ class Growth(NamedTuple):
     """For meta.json."""
 
 
+class Dilation(NamedTuple):
+    """What growing masks or a hole cost."""
+
+    pixels: int
+    """Of the masks or the hole, before they grew."""
+    known_pixels_given_up: int
+    """Known pixels that they grew over."""
+
+
+NO_DILATION = Dilation(0, 0)
+
+
 class Removal(NamedTuple):
     """Result of a removal."""
 
     scene: Scene
     """Without the object, and without fills made while it was visible."""
     growth: Growth
-    pixels: int
-    """Of the masks, of all frames together, before they grew."""
-    known_pixels_given_up: int
-    """Pixels that they grew over."""
+    mask: Dilation
+    """Of the masks of all frames together."""
 
 
 def mask_growth(scene: Scene, dilate: int | None = None) -> Growth:
@@ -81,7 +91,7 @@ def remove_masked(scene: Scene, masks: Iterable[BoolArray], growth: Growth) -> R
         removals=(*scene.removals, *removed),
         fills=tuple(layers[count:]),
     )
-    return Removal(without, growth, before, given_up)
+    return Removal(without, growth, Dilation(before, given_up))
 
 
 def part_under_mask(view: View, mask: BoolArray, larger: BoolArray) -> View:
