@@ -194,6 +194,14 @@ def format_size(hw: Sequence[int]) -> str:
     return "x".join(map(str, hw[1::-1]))
 
 
+def check_same_size(
+    what: str, hw: Sequence[int], of: str, other_hw: Sequence[int], kind: type[InputError] = ShapeError
+) -> None:
+    """Raise an error of that kind unless `what` has the (height, width), or the shape of a picture, that `of` has."""
+    if tuple(hw[:2]) != tuple(other_hw[:2]):
+        raise kind(f"{what} is {format_size(hw)} and {of} {format_size(other_hw)}; both must have the same size")
+
+
 def format_count(count: int, noun: str) -> str:
     """A count with its noun, for people: `1 layer`, `2 layers`; `noun` takes an s."""
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"

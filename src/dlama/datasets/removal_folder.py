@@ -17,8 +17,8 @@ import numpy as np
 from dlama.datasets.frames import Case, Dataset, RemovalTruth
 from dlama.datasets.posed.lenses import json_lens, units_per_metre
 from dlama.datasets.posed.posed_frames import FrameFiles, files_of, load_rgbd, posed_frame
-from dlama.datasets.text_tables import check_size, holds, scene_folders
-from dlama.errors import FileError
+from dlama.datasets.text_tables import holds, scene_folders
+from dlama.errors import FileError, check_same_size
 from dlama.files.fields import read_json_fields
 from dlama.files.rasters.masks import read_mask, read_region
 
@@ -80,7 +80,7 @@ def load_removal(
     region, cast = (None if path is None else read_region(path) for path in (compare, shadow))
     for path, found in ((mask, removed), (compare, region), (shadow, cast)):
         if path is not None and found is not None:
-            check_size(path, found.shape, frame.camera.hw)
+            check_same_size(f"{path}:", found.shape, "the picture", frame.camera.hw)
     if cast is not None:
         cast = cast & ~removed  # never part of the mask
     return RemovalTruth(frame, truth, removed, region, cast, exposure_varies)

@@ -14,8 +14,8 @@ from functools import partial
 from pathlib import Path
 
 from dlama.datasets.frames import Case, Dataset, StereoTruth
-from dlama.datasets.text_tables import check_size, scene_folders
-from dlama.errors import FileError
+from dlama.datasets.text_tables import scene_folders
+from dlama.errors import FileError, check_same_size
 from dlama.files.cameras import make_rig, read_stereo_calib
 from dlama.files.fields import FileFields, read_json_fields
 from dlama.files.rasters.depth import read_disparity
@@ -73,7 +73,7 @@ def load_stereo(
     """Read a pair and its truth; raises FileError, DepthError, CameraError, ShapeError."""
     pair = read_color_of_camera(left), read_color_of_camera(right)
     hw = pair[0].shape[0], pair[0].shape[1]
-    check_size(right, pair[1].shape, hw, "the left picture")
+    check_same_size(f"{right}:", pair[1].shape, "the left picture", hw)
     if calib.suffix == ".txt":
         rig, scale, metric = read_stereo_calib(calib, hw=hw), None, True
     else:
@@ -87,7 +87,7 @@ def load_stereo(
 
 def _disparity(path: Path, scale: float | None, hw: tuple[int, int]) -> Float32Array:
     disparity = read_disparity(path, scale=scale)
-    check_size(path, disparity.shape, hw, "the left picture")
+    check_same_size(f"{path}:", disparity.shape, "the left picture", hw)
     return disparity
 
 

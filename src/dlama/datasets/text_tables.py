@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dlama.errors import CameraError, FileError, InputError, ShapeError, format_size, system_errors
+from dlama.errors import CameraError, FileError, InputError, system_errors
 from dlama.files.rasters.images import SUFFIXES, existing_file
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.motion.poses import QUATERNION_TOLERANCE, check_pose, make_pose, rotation_from_quaternion
@@ -240,12 +240,6 @@ def pictures_below(folder: Path, nor: str = "") -> tuple[Path, ...]:
 def files_by_stem(folder: Path, suffixes: Iterable[str]) -> dict[str, Path]:
     """The name without its ending -> file, of a folder that may be missing."""
     return {path.stem: path for path in files_in(folder, suffixes)} if folder.is_dir() else {}
-
-
-def check_size(path: Path | str, found: tuple[int, ...], hw: tuple[int, ...], of: str = "the picture") -> None:
-    """ShapeError where what a file holds has not the size (height and width) of what it belongs to."""
-    if found[:2] != hw:
-        raise ShapeError(f"{path}: is {format_size(found)} and {of} {format_size(hw)}; both must have the same size")
 
 
 def natural_order(name: str) -> list[tuple[int, int, str]]:

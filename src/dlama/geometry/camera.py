@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dlama.arguments import check, format_value, is_finite
-from dlama.errors import CameraError
+from dlama.errors import CameraError, check_same_size
 from dlama.geometry.motion.poses import FARTHEST_M as FARTHEST_M
 from dlama.geometry.motion.poses import Float64Array as Float64Array
 from dlama.geometry.motion.poses import as_matrix, check_pose, invert_pose
@@ -225,10 +225,7 @@ class StereoRig:
         left, right = self.left, self.right
         check(left, Camera, "left")
         check(right, Camera, "right")
-        if left.hw != right.hw:
-            raise CameraError(
-                f"the left camera is {left.width}x{left.height}, the right {right.width}x{right.height}; one size is expected"
-            )
+        check_same_size("the left camera", left.hw, "the right", right.hw, CameraError)
         for name in ("fx", "fy", "cy"):
             mine, theirs = getattr(left, name), getattr(right, name)
             if abs(mine - theirs) > 0.01:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dlama.arguments import as_array
-from dlama.errors import InputError, MaskError, format_size
+from dlama.errors import InputError, MaskError, check_same_size
 from dlama.geometry.kernels.along_colors import DepthCost, nearest_by_color
 from dlama.geometry.rgbd import BoolArray, Float32Array
 
@@ -248,14 +248,6 @@ def looks_inverted(mask: BoolArray) -> bool:
     return bool(mask.mean() > 0.5 and border.mean() > 0.6)
 
 
-def check_mask_size(mask: BoolArray, hw: tuple[int, int], of: str = "") -> None:
-    """Raise MaskError unless a mask has that height and width. of: of which frame it is, for the message."""
-    if mask.shape != hw:
-        raise MaskError(
-            f"`mask`{of} is {format_size(mask.shape)} and the picture {format_size(hw)}; both must have the same size"
-        )
-
-
 def check_mask(mask: ArrayLike, hw: tuple[int, int]) -> BoolArray:
     """The mask as an array. MaskError unless it is a bool picture of that size that removes something and leaves something."""
     mask = as_array(mask, "mask", "a bool array H x W")
@@ -264,7 +256,7 @@ def check_mask(mask: ArrayLike, hw: tuple[int, int]) -> BoolArray:
         raise MaskError(
             f"`mask` is {mask.dtype} with shape {mask.shape}; bool H x W is expected, True = remove{advice}"
         )
-    check_mask_size(mask, hw)
+    check_same_size("`mask`", mask.shape, "the picture", hw, MaskError)
     if not mask.any():
         raise MaskError("`mask` is empty: it marks nothing to remove (is its polarity 'known'?)")
     if mask.all():

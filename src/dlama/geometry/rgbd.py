@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dlama.arguments import as_array, check
-from dlama.errors import DepthError, ShapeError
+from dlama.errors import DepthError, ShapeError, check_same_size
 from dlama.geometry.camera import Camera
 from dlama.geometry.figures.false_color import depth_picture
 from dlama.geometry.figures.html import Figured, Panel
@@ -52,11 +52,7 @@ class RGBD(Figured):
         color = check_color(self.color)
         depth = check_depth(self.depth, color.shape[:2])
         check(self.camera, Camera, "camera")
-        if self.camera.hw != depth.shape:
-            raise ShapeError(
-                f"the camera is {self.camera.width}x{self.camera.height} and the picture "
-                f"{depth.shape[1]}x{depth.shape[0]}; both must have the same size"
-            )
+        check_same_size("the camera", self.camera.hw, "the picture", depth.shape)
         padding = _find_padding(color, depth) if self.padding is None else as_array(self.padding, "padding", "a mask")
         if padding is not None:
             if padding.dtype != np.bool_ or padding.shape != depth.shape:
@@ -110,10 +106,7 @@ def check_depth(depth: ArrayLike, hw: tuple[int, ...]) -> Float32Array:
     array = as_array(depth, "depth", "an array of metres")
     if array.ndim != 2:
         raise ShapeError(f"depth has shape {array.shape}; H x W is expected")
-    if array.shape != hw:
-        raise ShapeError(
-            f"depth is {array.shape[1]}x{array.shape[0]} and the picture {hw[1]}x{hw[0]}; both must have the same size"
-        )
+    check_same_size("depth", array.shape, "the picture", hw)
     if array.dtype.kind in "iu":
         raise DepthError(
             f"depth is {array.dtype}, and nothing says in which unit; metres as floating-point numbers are expected: "

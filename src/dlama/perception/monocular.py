@@ -18,7 +18,7 @@ import cv2
 import numpy as np
 
 from dlama.arguments import check, check_arguments
-from dlama.errors import DepthError, FileError, InputError, ShapeError, system_errors
+from dlama.errors import DepthError, FileError, InputError, check_same_size, system_errors
 from dlama.geometry.camera import Camera
 from dlama.geometry.projection import inverse_depth, round_depth
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, check_color, is_valid
@@ -180,10 +180,8 @@ def resolve_camera(
 ) -> tuple[Camera, dict[str, Any], float]:
     """The camera of the picture, its source for meta.json, and the shift of z that its points take."""
     height, width = color.shape[:2]
-    if camera is not None and camera.hw != (height, width):
-        raise ShapeError(
-            f"the camera is {camera.width}x{camera.height} and the picture {width}x{height}; both must have the same size"
-        )
+    if camera is not None:
+        check_same_size("the camera", camera.hw, "the picture", color.shape)
     shift = 0.0
     source = "given"
     if prediction.gives == "points":

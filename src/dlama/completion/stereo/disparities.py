@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from dlama.completion.stereo.pair import MatchedPair, default_far, depth_in_metres
-from dlama.errors import InputError, ShapeError
+from dlama.errors import InputError, ShapeError, check_same_size
 from dlama.geometry.camera import StereoRig
 from dlama.geometry.rgbd import Float32Array, UInt8Array, mark_far
 from dlama.perception.monocular import LEAST_CONTRAST, contrast
@@ -94,10 +94,7 @@ def matches_of_disparity(disparity: Float32Array, hw: tuple[int, int]) -> tuple[
             f"`disparity` is {given.dtype}; pixels as floating-point numbers are expected: disparity / 16 of OpenCV's matchers, "
             "disparity.astype(np.float32) of pixels"
         )
-    if given.shape != hw:
-        raise ShapeError(
-            f"`disparity` is {given.shape[1]}x{given.shape[0]} and the pictures {hw[1]}x{hw[0]}; both must have the same size"
-        )
+    check_same_size("`disparity`", given.shape, "the pictures", hw)
     left = np.where(np.isfinite(given), given, 0).astype(np.float32)
     if not left.any():
         raise InputError("disparity has no known pixel")

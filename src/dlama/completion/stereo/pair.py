@@ -14,7 +14,7 @@ from dlama.completion.completion import StereoCompletion
 from dlama.completion.recipes import Recipe
 from dlama.completion.report import Record, expected_errors, meta_data
 from dlama.completion.start import Plan, scene_of
-from dlama.errors import InputError, ShapeError
+from dlama.errors import InputError, check_same_size
 from dlama.geometry.camera import Camera, StereoRig
 from dlama.geometry.frames.removal import NO_DILATION, Dilation
 from dlama.geometry.holes import check_mask
@@ -148,11 +148,7 @@ def check_pair_inputs(
         raise InputError(f"`far` is {far!r} m; more than 0 is expected")
     pictures = check_color(left, "left"), check_color(right, "right")
     for name, picture in zip(("left", "right"), pictures):
-        if picture.shape[:2] != rig.left.hw:
-            raise ShapeError(
-                f"the {name} picture is {picture.shape[1]}x{picture.shape[0]} and the calibration "
-                f"{rig.left.width}x{rig.left.height}; both must have the same size"
-            )
+        check_same_size(f"the {name} picture", picture.shape, "the calibration", rig.left.hw)
     return pictures
 
 

@@ -15,8 +15,7 @@ import numpy as np
 
 from dlama.datasets.frames import Frame
 from dlama.datasets.posed.lenses import Lens
-from dlama.datasets.text_tables import check_size
-from dlama.errors import CameraError, FileError, InputError, ShapeError, format_size
+from dlama.errors import CameraError, FileError, InputError, ShapeError, check_same_size, format_size
 from dlama.files.rasters.depth import check_positive, read_depth
 from dlama.files.rasters.float_files import read_colmap_depth
 from dlama.files.rasters.images import picture_hw
@@ -170,7 +169,7 @@ def _padding(files: FrameFiles, hw: tuple[int, ...], small: tuple[int, ...]) -> 
     if files.shown is None:
         return None
     shown = files.shown()
-    check_size(files.names[0], hw, shown.shape, "its mask")
+    check_same_size(f"{files.names[0]}:", hw, "its mask", shown.shape)
     return np.asarray(cv2.resize(shown.astype(np.float32), (small[1], small[0]), interpolation=cv2.INTER_AREA) < 1)
 
 

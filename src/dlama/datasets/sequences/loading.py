@@ -19,13 +19,22 @@ from dlama.datasets.layouts import layout_of, list_dataset
 from dlama.datasets.posed.lenses import CameraOption
 from dlama.datasets.sequences.reading import decide_reading
 from dlama.datasets.text_tables import check_scenes
-from dlama.errors import DlamaError, FileError, InputError, first_line, format_count, system_errors, warn
+from dlama.errors import (
+    DlamaError,
+    FileError,
+    InputError,
+    MaskError,
+    check_same_size,
+    first_line,
+    format_count,
+    system_errors,
+    warn,
+)
 from dlama.files.rasters.turned_pairs import same_proportions
 from dlama.files.scenes.scene_npz import read_scene
 from dlama.geometry.frames.alignment import NO_FEATURES, Features, detect_features, estimate_poses, with_pose
 from dlama.geometry.frames.gathering import gather_views, open_view
 from dlama.geometry.frames.stored import Layer, PixelCache, pixel_digest
-from dlama.geometry.holes import check_mask_size
 from dlama.geometry.rgbd import BoolArray
 from dlama.geometry.scene import Scene, name_of_number
 from dlama.progress import begin_stage
@@ -190,7 +199,7 @@ def fit_masks(masks: Mapping[int, BoolArray], scene: Scene, names: Sequence[str]
     for number, mask in masks.items():
         hw = scene.frames[scene.place_of(number)].camera.hw
         found[number] = shrink_mask(mask, hw)
-        check_mask_size(found[number], hw, f" of frame {names[number]}")
+        check_same_size(f"`mask` of frame {names[number]}", found[number].shape, "the picture", hw, MaskError)
     return found
 
 

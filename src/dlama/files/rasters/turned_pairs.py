@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from dlama.errors import MaskError, ShapeError, format_size, warn
+from dlama.errors import MaskError, ShapeError, check_same_size, format_size, warn
 from dlama.files.rasters.images import orientation_of, picture_hw
 from dlama.geometry.rgbd import BoolArray
 from dlama.writing.atomic_write import PathLike
@@ -59,5 +59,4 @@ def check_mask_fits(mask: BoolArray, path: PathLike, picture: PathLike) -> None:
     hw, own = picture_hw(picture), (mask.shape[0], mask.shape[1])
     refuse_turned(picture, path, hw, own)
     warn_of_turn(picture, path)
-    if own != hw:
-        raise MaskError(f"{path} is {format_size(own)} and {picture} {format_size(hw)}; both must have the same size")
+    check_same_size(str(path), own, str(picture), hw, MaskError)

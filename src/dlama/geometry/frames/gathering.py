@@ -13,7 +13,7 @@ from functools import partial
 import numpy as np
 
 from dlama.arguments import check_arguments
-from dlama.errors import InputError, InputTypeError, ShapeError
+from dlama.errors import InputError, InputTypeError, check_same_size
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.codes import HoleType, Origin, from_filler
 from dlama.geometry.frames.agreement import (
@@ -105,7 +105,8 @@ def _source_view(frame: Callable[[], RGBD]) -> View:
 
 def gather_views(views: Sequence[Layer], called: Sequence[str]) -> Scene:
     """The scene of the frames' source views; `called`: their names. As `scene`."""
-    _check_sizes(views, called)
+    for view, name in zip(views, called):
+        check_same_size(name, view.camera.hw, called[0], views[0].camera.hw)
     kept = _drop_duplicates(views, called)
     if len(kept) == 1:
         return Scene((views[kept[0]],), numbers=(kept[0],))
@@ -122,16 +123,6 @@ def gather_views(views: Sequence[Layer], called: Sequence[str]) -> Scene:
         gains=() if same else tuple((float(r), float(g), float(b)) for r, g, b in gains),
         noise=fit_noise(list(left.values())),
     )
-
-
-def _check_sizes(views: Sequence[Layer], called: Sequence[str]) -> None:
-    first = views[0].camera
-    for view, name in zip(views, called):
-        if view.camera.hw != first.hw:
-            raise ShapeError(
-                f"{name} is {view.camera.width}x{view.camera.height} and {called[0]} {first.width}x{first.height}; frames of "
-                "one size are expected"
-            )
 
 
 def _drop_duplicates(views: Sequence[Layer], called: Sequence[str]) -> list[int]:
