@@ -47,7 +47,7 @@ from dlama.errors import CameraError, DlamaError, InputError, MaskError
         ),
         (
             "view a.png b.png --yaw 1 --dilate-holes 99999 -o out",
-            "--dilate-holes is 99999 px; a whole number from 0 to",
+            "--dilate-holes is 99999; a whole number from 0 to",
         ),
         ("view a.png --yaw 1 --metres-at 3,4=2 3,4=3 -o out", "--metres-at 3,4: is 2 m and 3 m; one depth of a pixel"),
         ("view a.png b.png --yaw 1 --clip 1e-9 -o out", "--clip is 1e-09 m; 0.01 or more is expected"),

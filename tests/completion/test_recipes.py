@@ -43,13 +43,13 @@ def test_changes_replace_and_none_does_not() -> None:
     ("changes", "message"),
     [
         ({"mode": "voxels"}, "mode is 'voxels'; one of surface, points is expected"),
-        ({"dilate": -1}, "dilate is -1 px; a whole number from 0"),
-        ({"dilate": 1.5}, "dilate is 1.5 px; a whole number from 0 to 1024 is expected"),
-        ({"dilate_holes": -2}, "dilate_holes is -2 px; a whole number from 0"),
+        ({"dilate": -1}, "dilate is -1; a whole number from 0"),
+        ({"dilate": 1.5}, "dilate is 1.5; a whole number from 0 to 1024 is expected"),
+        ({"dilate_holes": -2}, "dilate_holes is -2; a whole number from 0"),
         ({"clip": 0.0}, "clip is 0.0 m; 0.01 or more"),
         ({"clip": float("nan")}, "clip is nan m; 0.01 or more"),
         ({"clip": "3"}, "clip is '3' m; 0.01 or more"),
-        ({"dilate": "3"}, "dilate is '3' px; a whole number from 0"),
+        ({"dilate": "3"}, "dilate is '3'; a whole number from 0"),
         ({"eight_bit_depth": True}, "8-bit depth needs clip"),
         ({"eight_bit_depth": True, "clip": 10.0}, "8-bit depth is the filler's; depth_by 'filler'"),
         ({"depth_by": "luck"}, "depth_by is 'luck'; one of surfaces, filler is expected"),
@@ -63,8 +63,8 @@ def test_contradictions_are_refused(changes: dict, message: str) -> None:
 
 def test_seeds_are_bounded_wherever_they_are_given() -> None:
     """As NumPy's generators and numba's take them; an evaluation's method refuses them before any case is run."""
-    assert check_seed(0) == 0 and check_seed(2**32 - 1) == 2**32 - 1
-    assert check_seed(np.int64(7)) == 7  # type: ignore[arg-type]
+    for seed in (0, 2**32 - 1, np.int64(7)):
+        check_seed(seed)  # type: ignore[arg-type]
     for seed in (-1, 2**32, 1.5):
         for make in (check_seed, lambda seed: Method("dlama", "telea", seed=seed)):
             with pytest.raises(InputError, match=f"seed is {seed}"):

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
-from numbers import Integral
 from typing import Any, Literal, get_args
 
-from dlama.arguments import check, check_word, is_finite
+from dlama.arguments import check, check_count, check_word, is_finite
 from dlama.errors import InputError
 from dlama.geometry.rendering import MODES, Mode
 
@@ -54,8 +53,8 @@ class Recipe:
         check_word(self.mode, "mode", MODES)
         for name in ("eight_bit_depth", "law", "footprint", "source_first"):
             check(getattr(self, name), bool, name)
-        _check_pixels(0 if self.dilate is None else self.dilate, "dilate")
-        _check_pixels(self.dilate_holes, "dilate_holes")
+        for name in ("dilate", "dilate_holes"):
+            check_count(getattr(self, name), name, 0, WIDEST_PX)
         if self.clip is not None and not (is_finite(self.clip) and self.clip >= NEAREST_CLIP_M):
             raise InputError(f"`clip` is {self.clip!r} m; {NEAREST_CLIP_M} or more is expected")
         check_word(self.depth_by, "depth_by", get_args(DepthBy))
@@ -64,13 +63,6 @@ class Recipe:
         if self.eight_bit_depth and self.depth_by != "filler":
             raise InputError("8-bit depth is the filler's; `depth_by` 'filler' is expected with it")
 
-
-def _check_pixels(radius: int, name: str) -> None:
-    if not isinstance(radius, Integral) or not 0 <= radius <= WIDEST_PX:
-        raise InputError(f"`{name}` is {radius!r} px; a whole number from 0 to {WIDEST_PX} is expected")
-
-
-SEEDS = 2**32
 
 RECIPES: dict[str, Recipe] = {
     "dlama": Recipe("dlama"),
@@ -87,11 +79,9 @@ RECIPES: dict[str, Recipe] = {
 }
 
 
-def check_seed(seed: int) -> int:
-    """The seed, if it is 0 to 2**32 - 1, as NumPy's generators take it; else InputError."""
-    if not isinstance(seed, Integral) or not 0 <= seed < SEEDS:
-        raise InputError(f"`seed` is {seed!r}; a whole number from 0 to {SEEDS - 1} is expected")
-    return seed
+def check_seed(seed: int) -> None:
+    """InputError unless the seed is 0 to 2**32 - 1, as NumPy's generators take it."""
+    check_count(seed, "seed", 0, 2**32 - 1)
 
 
 def check_confidence(min_confidence: float) -> float:

@@ -213,9 +213,7 @@ def _readings(files: FrameFiles) -> tuple[Float32Array, BoolArray, BoolArray]:
         known &= ~far
     if files.confidence is not None:
         confidence = files.confidence()
-        if confidence.shape != depth.shape:
-            sizes = f"is {format_size(depth.shape)} and its confidence {format_size(confidence.shape)}"
-            raise ShapeError(f"{files.names[1]}: {sizes}; one size is expected")
+        check_same_size(f"{files.names[1]}:", depth.shape, "its confidence", confidence.shape)
         known &= confidence >= files.least_confidence
     return depth, known, (depth > files.range_m) & ~far
 

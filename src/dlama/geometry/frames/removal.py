@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterable
-from numbers import Integral
 from typing import NamedTuple
 
 import numpy as np
 
-from dlama.errors import InputError, MaskError
+from dlama.arguments import check_count
+from dlama.errors import MaskError
 from dlama.geometry.codes import HoleType
 from dlama.geometry.frames.choosing import sample_view
 from dlama.geometry.frames.stored import BoxedView, StoredView, coarse_depth
@@ -57,9 +57,8 @@ class Removal(NamedTuple):
 
 def mask_growth(scene: Scene, dilate: int | None = None) -> Growth:
     """`dilate` px where given; else GROWTH_PX, scaled for pictures wider than GROWTH_WIDTH."""
+    check_count(dilate, "dilate", 0)
     if dilate is not None:
-        if not isinstance(dilate, Integral) or dilate < 0:
-            raise InputError(f"`dilate` is {dilate!r} px; a whole number, 0 or more, is expected")
         return Growth(int(dilate), "as given")
     widest = max(max(frame.camera.wh) for frame in scene.frames)
     return Growth(round(GROWTH_PX * max(1.0, widest / GROWTH_WIDTH)), f"by the picture's longer side, {widest} px")
