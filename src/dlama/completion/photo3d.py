@@ -31,7 +31,7 @@ from dlama.geometry.layers.soft_edges import separate_colors
 from dlama.geometry.layers.subsampling import step_for, subsample_camera, subsample_scene
 from dlama.geometry.projection import px_from_px
 from dlama.geometry.rendering import render
-from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
+from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.inpainters import AUTO
@@ -205,10 +205,13 @@ class Unknown:
             view = layer.load()
             view = view.cropped(*box_around(~view.hole, 2))
             depth, joined = mesh_grid(view)
+            borders = rim(joined, depth)
             for hole, camera in zip(self.holes, self.small):
                 if hole.any():
                     box = box_around(hole, 0)
-                    hole[box] &= ~find_covered(view, depth, joined, camera.cropped_to(*box))
+                    part = camera.cropped_to(*box)
+                    shown = rasterize_surface(depth, joined, borders, view.camera, part).w > 0
+                    hole[box] &= ~(shown | find_far(view, part))
         side = square(max(2, -(-CLOSED // self.step)))
         self.holes = [morphological_open(hole, side) for hole in self.holes]
 
@@ -221,12 +224,6 @@ def find_far(layer: View, camera: Camera) -> BoolArray:
     matrix = np.linalg.inv(half) @ px_from_px(layer.camera, camera)[0] @ half
     flags = cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP
     return cv2.warpPerspective(layer.far.view(np.uint8), matrix, camera.wh, flags=flags) > 0
-
-
-def find_covered(view: View, depth: Float32Array, joined: UInt8Array, camera: Camera) -> BoolArray:
-    """H x W: where a camera's picture shows the layer, of which `depth` and `joined` are the mesh (`mesh_grid`)."""
-    covered = rasterize_surface(depth, joined, rim(joined, depth), view.camera, camera).w > 0
-    return covered | find_far(view, camera)
 
 
 def add_edge_layers(scene: Scene, box: HeadBox) -> Scene:

@@ -60,18 +60,15 @@ def frames_to_fill(plan: Plan, scene: Scene, cameras: Sequence[Camera]) -> list[
 def order_by_unseen(plan: Plan, places: Sequence[int]) -> list[int]:
     """The frames in these places, those first that see most of what no frame shows behind removed objects: counted in pixels of
     the COUNTED that have most of it in their samples, and most of the objects."""
-    frames = plan.measured.frames
+    measured, frames = plan.measured, plan.measured.frames
     cells = {place: count_unseen(frames, place) for place in places}
     first = sorted(places, key=lambda place: (*(-count for count in cells[place]), place))[:COUNTED]
-    pixels = {place: count_unseen_pixels(plan, frames[place].camera) for place in first}
-    others = sorted(set(places) - set(first), key=lambda place: (-cells[place].unseen, place))
+    pixels = {}
+    for place in first:
+        shown = render_measured(measured, measured, frames[place].camera, plan.recipe.mode, plan.recipe.footprint)
+        pixels[place] = int(shown.object_hole.sum())
+    others = sorted(set(places) - set(first), key=lambda place: (-cells[place][0], place))
     return [*sorted(first, key=lambda place: (-pixels[place], place)), *others]
-
-
-def count_unseen_pixels(plan: Plan, camera: Camera) -> int:
-    """Pixels of a camera's view in which nothing that was measured is behind a removed object."""
-    shown = render_measured(plan.measured, plan.measured, camera, plan.recipe.mode, plan.recipe.footprint)
-    return int(shown.object_hole.sum())
 
 
 def complete_frame(

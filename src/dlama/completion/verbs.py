@@ -16,7 +16,6 @@ from dlama.geometry.motion.trajectories import PIVOT_M, median_pivot, orbit
 from dlama.geometry.motion.trajectories import dolly as dollied
 from dlama.geometry.rgbd import RGBD, BoolArray, is_valid
 from dlama.geometry.scene import Scene
-from dlama.geometry.view import View
 from dlama.progress import Progress
 
 
@@ -39,12 +38,9 @@ def target_camera(
             raise InputError("a target camera and an orbit or dolly were both given; one of them is expected")
         return camera
     source = rgbd.middle_frame.load() if isinstance(rgbd, Scene) else rgbd
-    return dollied(orbit(source.camera, yaw, pitch, pivot_of(source) if pivot == "auto" else pivot), dolly)
-
-
-def pivot_of(picture: RGBD | View) -> float:
-    """Metres to the pivot "auto": the median depth; PIVOT_M where nothing is near, as sky looks the same about every pivot."""
-    return median_pivot(picture.depth) if is_valid(picture.depth).any() else PIVOT_M
+    if pivot == "auto":  # the median depth; where nothing is near any will do, as sky looks the same about all
+        pivot = median_pivot(source.depth) if is_valid(source.depth).any() else PIVOT_M
+    return dollied(orbit(source.camera, yaw, pitch, pivot), dolly)
 
 
 @take_options

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from numbers import Real
 
@@ -187,8 +188,9 @@ class Camera:
         focal, centre = (self.fx * across, self.fy * down), (self.cx * across, self.cy * down)
         return Camera(width, height, *focal, *centre, self.world_from_cam)
 
-    def with_larger_pixels(self, step: float, width: int, height: int) -> Camera:
-        """The camera with pixels exactly `step` times as large, width x height of them; its border may differ."""
+    def with_larger_pixels(self, step: float, whole: Callable[[float], int] = round) -> Camera:
+        """The camera with pixels exactly `step` times as large, a whole number of them, so its border may differ."""
+        width, height = (max(1, whole(size / step)) for size in self.wh)
         smaller = {name: getattr(self, name) / step for name in ("fx", "fy", "cx", "cy")}
         return dataclasses.replace(self, width=width, height=height, **smaller)
 

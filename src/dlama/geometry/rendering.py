@@ -140,7 +140,8 @@ def draw_scene(
     fine, errors = fine and mode == "surface", any(layer.has_errors for layer in scene.layers)
     keep = mode == "surface" and len(scene.layers) >= SEVERAL
     fills = visible_fills(scene, camera, mode)
-    gains, parts = gains_of(scene, fills, camera), [find_part(fill, camera) for fill in fills]
+    here, parts = scene.gain_of(camera), [find_part(fill, camera) for fill in fills]
+    gains = [scene.gain_of(fill.camera) / here for fill in fills]
 
     def prepare(layer: Layer, target: Camera) -> Grid:
         return Grid.of(layer, target, mode, fine, surface_of(layer) if keep else None)
@@ -168,19 +169,11 @@ def visible_fills(scene: Scene, camera: Camera, mode: Mode) -> tuple[Layer, ...]
     return fills if len(scene.frames) == 1 else tuple(layer for layer in fills if may_show(layer, camera))
 
 
-def gains_of(scene: Scene, fills: Sequence[Layer], camera: Camera) -> list[Float64Array]:
-    """Gains of fills to the brightness of a camera's view: its frame's, or the scene's."""
-    if len(scene.frames) == 1:
-        return [np.ones(3)] * len(fills)
-    here = scene.gain_of(camera)
-    return [scene.gain_of(fill.camera) / here for fill in fills]
-
-
 def put_fills(
     drawn: Drawn, fills: list[Grid], boxes: Sequence[Box], gains: Sequence[Float64Array], count: NDArray[np.int32]
 ) -> None:
     """Draw the surfaces of fills, in their order, over what is drawn. boxes: of the canvas, for whose part of the camera each is
-    prepared; gains: of each, `gains_of`; count: as of `draw`."""
+    prepared; gains: of each, to the brightness of the view (its frame's, or the scene's); count: as of `draw`."""
     canvas, step = drawn.canvas, min(threads(), MOST_AT_ONCE)
     at_home = drawn.frame is None and any(grid.own_camera for grid in drawn.grids)
     for begin in range(0, len(fills), step):
@@ -194,7 +187,7 @@ def put_fills(
 
 
 def draw_far_of_fills(canvas: Canvas, fills: Sequence[Grid], gains: Sequence[Float64Array]) -> None:
-    """Draw what of fills is infinitely far where nothing is drawn. gains: of each, `gains_of`."""
+    """Draw what of fills is infinitely far where nothing is drawn. gains: as of `put_fills`."""
     for grid, gain in zip(fills, gains):
         empty = None if (gain == 1).all() else canvas.depth == 0
         draw_far(grid, canvas)

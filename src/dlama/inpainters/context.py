@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 
 import cv2
@@ -11,7 +12,7 @@ from dlama.arguments import check_arguments
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import from_source
 from dlama.geometry.frames.choosing import MOST_FRAMES, choose_frames
-from dlama.geometry.frames.stored import coarse_camera, coarse_depth
+from dlama.geometry.frames.stored import BLOCK, coarse_depth
 from dlama.geometry.rgbd import Float32Array
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
@@ -54,7 +55,10 @@ class FillContext:
         removed = [one for one in whole.removals if any(one.camera.same_view_as(each.camera) for each in frames)]
         drawn = Scene(tuple(frames), tuple(removed), noise=whole.noise)
         coarse = [
-            (coarse_camera(each.camera), subtract_noise(each.find_once(coarse_depth), whole.noise))
+            (
+                each.camera.with_larger_pixels(BLOCK, math.ceil),
+                subtract_noise(each.find_once(coarse_depth), whole.noise),
+            )
             for each in (whole.frames[place] for place in places[MOST_FRAMES:])
         ]
         return FillContext(Law((*Law.of(drawn).measured, *coarse)), sky_of(drawn))

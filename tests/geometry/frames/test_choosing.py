@@ -24,7 +24,7 @@ def test_the_frame_that_sees_most_of_what_no_frame_shows() -> None:
         frames = [WALL.rgbd(camera) for camera in cameras]
         masks = {place: frame.depth < 3 for place, frame in enumerate(frames)}
         scene = dlama.scene(frames).without(masks)
-        counts.append([count_unseen(scene.frames, place).unseen for place in range(len(frames))])
+        counts.append([count_unseen(scene.frames, place)[0] for place in range(len(frames))])
     cells = 24 * 32 * (WALL.rgbd(LENS).depth < 3).mean()
     assert 0.8 * cells < counts[0][0] < 1.6 * cells and abs(counts[0][0] - counts[0][1]) < 0.3 * cells
     assert max(counts[1]) < 0.1 * cells

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import gc
+import math
 import pickle
 import weakref
 from collections.abc import Callable
@@ -26,7 +27,6 @@ from dlama.geometry.frames.stored import (
     BoxedView,
     PixelCache,
     StoredView,
-    coarse_camera,
     coarse_depth,
     count_bytes,
 )
@@ -133,7 +133,7 @@ def test_the_law_of_very_many_frames_is_made_for_each_camera(monkeypatch: pytest
 def test_coarse_depth_is_the_nearest_of_each_block() -> None:
     """Oracle: a loop; and a block's ray goes through the block's middle."""
     view = View.from_rgbd(Reader()(CAMERAS[3]))
-    coarse, camera = coarse_depth(view), coarse_camera(LENS)
+    coarse, camera = coarse_depth(view), LENS.with_larger_pixels(BLOCK, math.ceil)
     assert coarse.shape == camera.hw == (5, 6)
     for row, column in ((0, 0), (2, 4), (1, 2)):
         block = view.depth[row * BLOCK : (row + 1) * BLOCK, column * BLOCK : (column + 1) * BLOCK]

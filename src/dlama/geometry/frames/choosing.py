@@ -160,20 +160,11 @@ def find_visible(frames: Sequence[Layer], camera: Camera) -> tuple[list[int], Fl
     return visible, quality * (nearest * OCCLUDED <= nearest.min(0, initial=np.inf))
 
 
-class Unseen(NamedTuple):
-    """Of a frame, cells of its picture."""
-
-    unseen: int
-    """In which a removed object was and no frame shows anything."""
-    removed: int
-    """In which a removed object was."""
-
-
-def count_unseen(frames: Sequence[Layer], place: int) -> Unseen:
-    """How much of what no frame shows behind removed objects a frame sees, by the frames' samples."""
+def count_unseen(frames: Sequence[Layer], place: int) -> tuple[int, int]:
+    """Cells of a frame's picture in which a removed object was and no frame shows anything; and in which a removed object was."""
     removed = frames[place].find_once(sample_view).removed
     _, cells = find_visible(frames, frames[place].camera)
-    return Unseen(int((cells[:, removed].max(0, initial=0) == 0).sum()), len(removed))
+    return int((cells[:, removed].max(0, initial=0) == 0).sum()), len(removed)
 
 
 def _take_greedily(cells: Float64Array, first: Sequence[int], most: int, least: float = 0.0) -> list[int]:

@@ -193,8 +193,3 @@ def pixel_digest(layer: Layer) -> bytes:
     for plane in (view.color, view.depth, view.hole):
         digest.update(plane.tobytes())
     return digest.digest()
-
-
-def coarse_camera(camera: Camera) -> Camera:
-    """The camera whose pixels are those blocks."""
-    return camera.with_larger_pixels(BLOCK, *(-(-size // BLOCK) for size in camera.wh))

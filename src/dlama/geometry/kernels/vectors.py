@@ -104,11 +104,6 @@ def compare_one_by_one(values: Float32Array, first: int, second: int) -> np.floa
     return np.float32(sums[0] + sums[1])
 
 
-def lanes_of(first: int, count: int) -> Any:
-    """The numbers of so many lanes, as a shuffle takes them."""
-    return ir.Constant(ir.VectorType(PICKED, count), list(range(first, first + count)))
-
-
 def compare_runs(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
     """The instructions of `squared_difference`."""
     values, *places = arguments
@@ -124,7 +119,10 @@ def compare_runs(context: Any, builder: Any, signature: Any, arguments: Any) -> 
             square = builder.shuffle_vector(square, nothing, ir.Constant(ir.VectorType(PICKED, WIDE), picked))
         total = builder.fadd(total, square)
     for half in (4, 2):
-        lower, upper = (builder.shuffle_vector(total, total, lanes_of(first, half)) for first in (0, half))
+        lanes = ([*range(half)], [*range(half, 2 * half)])
+        lower, upper = (
+            builder.shuffle_vector(total, total, ir.Constant(ir.VectorType(PICKED, half), one)) for one in lanes
+        )
         total = builder.fadd(lower, upper)
     return builder.fadd(*(builder.extract_element(total, PICKED(number)) for number in range(2)))
 

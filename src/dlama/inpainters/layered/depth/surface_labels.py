@@ -187,7 +187,7 @@ class CoarseView(CoarseCells):
                     within = distance_to(larger) if larger.any() else np.float32(1e3)
                     np.copyto(out[number], within, where=self.hole_in_view)
         if context.sky is not None:
-            coarser = with_larger_pixels(self.camera, 4)  # smooth: a quarter of the cells is enough
+            coarser = self.camera.with_larger_pixels(4)  # smooth: a quarter of the cells is enough
             angle = angle_to_far(coarser, context.law)
             out[1] = np.minimum(out[1], self.camera.fx * enlarge(angle, self.camera.wh))
             open_air = self.unseen & above_horizon(self)
@@ -205,11 +205,6 @@ class CoarseView(CoarseCells):
             near = loose & (np.abs(value - self.inverse_depth) < RELIEF * self.inverse_depth) & (count > most)
             out[near], most[near] = number, count[near]
         return out
-
-
-def with_larger_pixels(camera: Camera, step: float) -> Camera:
-    """The camera with pixels exactly `step` times as large; its picture has a whole number of them, so its border differs."""
-    return camera.with_larger_pixels(step, *(max(1, round(size / step)) for size in camera.wh))
 
 
 def mean_chords(there: BoolArray) -> tuple[float, float]:

@@ -25,7 +25,7 @@ from dlama.inpainters.context import FillContext
 from dlama.inpainters.layered.depth.cut_objects import find_cut_objects
 from dlama.inpainters.layered.depth.foliage import copy_leaves
 from dlama.inpainters.layered.depth.out_of_view import FOLLOWED, cells_near
-from dlama.inpainters.layered.depth.surface_labels import GRID, CoarseView, enlarge, with_larger_pixels
+from dlama.inpainters.layered.depth.surface_labels import GRID, CoarseView, enlarge
 from dlama.inpainters.layered.kernels import surfaces as surface_kernels
 from dlama.perception.missing_depth.along_colors import fill_along_colors, find_known_surfaces
 from dlama.perception.missing_depth.beyond_range import move_beyond_range
@@ -89,7 +89,7 @@ def with_depth(view: View, depth: Float32Array, where: BoolArray) -> View:
 
 def sample_grid(view: View, surfaces: KnownSurfaces, step: float, solid: bool = False) -> CoarseView:
     """The grid of a view, of cells `step` pixels wide. Planes of noisy depth are not followed; solid: see `CoarseView`."""
-    camera = with_larger_pixels(view.camera, step)
+    camera = view.camera.with_larger_pixels(step)
     rows, columns = (
         np.minimum(((np.arange(n) + 0.5) * step).astype(np.int64), size - 1)
         for n, size in zip(camera.hw, view.hole.shape)
