@@ -105,7 +105,7 @@ def photo3d(
     check_memory([one.camera for one in start.frames])
     source = start.middle_frame.load()
     warn_of_scale(source.depth)
-    step = step_for(Scene((source,)), HIDDEN_PIXELS)
+    step = step_for(int((~source.hole).sum()), HIDDEN_PIXELS)
     clock = Clock()
     with clock("prepare"):
         options = Options(filler=filler, model=model, seed=seed)
@@ -181,7 +181,7 @@ class Unknown:
     def of(cls, scene: Scene, box: HeadBox) -> Unknown:
         """Of a scene, in whose frames everything has a depth."""
         frames = tuple(scene.frames[place] for place in choose_frames(scene.frames, box.camera))
-        unknown = cls(box, step_for(Scene((scene.middle_frame,)), LOOK_PIXELS))
+        unknown = cls(box, step_for(int((~scene.middle_frame.load().hole).sum()), LOOK_PIXELS))
         unknown.look((*frames, *scene.fills))
         return unknown
 

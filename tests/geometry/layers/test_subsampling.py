@@ -43,5 +43,5 @@ def test_colors_are_means_of_what_is_known() -> None:
 def test_the_step_follows_the_size() -> None:
     """31 x 44 = 1364 pixels: 400 of them need step 2, all of them none."""
     scene = Scene((frame(),))
-    assert (step_for(scene, 2000), step_for(scene, 400)) == (1, 2)
+    assert (step_for(31 * 44, 2000), step_for(31 * 44, 400)) == (1, 2)
     assert subsample_scene(scene, 1) is scene and subsample_scene(scene, 2).frames[0].camera.wh == (22, 15)

@@ -6,8 +6,6 @@ source are splats of less opacity. Axes are OpenCV's, as in COLMAP scenes that s
 
 from __future__ import annotations
 
-import math
-
 import cv2
 import numpy as np
 from plyfile import PlyData, PlyElement
@@ -18,7 +16,7 @@ from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
 from dlama.geometry.layers.head_box import HeadBox
 from dlama.geometry.layers.layered_mesh import fill_own_holes, sky_distance
 from dlama.geometry.layers.source_sheets import Sheet, cut_source, depth_of_sphere
-from dlama.geometry.layers.subsampling import subsample
+from dlama.geometry.layers.subsampling import step_for, subsample
 from dlama.geometry.motion.poses import quaternion_from_rotation
 from dlama.geometry.projection import rays
 from dlama.geometry.rgbd import BoolArray
@@ -58,21 +56,16 @@ def scene_splats(scene: Scene, box: HeadBox) -> np.ndarray:
     other layers to what is left."""
     source, others = fill_own_holes(scene, box.camera)
     sky = sky_distance(scene, box)
-    step = subsampling_step(int((source.valid | source.far).sum()), SOURCE_SHARE * MOST_SPLATS)
+    step = step_for(int((source.valid | source.far).sum()), SOURCE_SHARE * MOST_SPLATS)
     parts = [sheet_splats(sheet) for sheet in cut_source(source, box, step, sky)]
     layers = [layer.load() for layer in others]
     counts = [int((contribution(one) | one.far).sum()) * (box.camera.fx / one.camera.fx) ** 2 for one in layers]
-    step = max(step, subsampling_step(sum(counts), MOST_SPLATS - sum(map(len, parts))))
+    step = max(step, step_for(sum(counts), MOST_SPLATS - sum(map(len, parts))))
     for one in layers:
         own = max(1, round(step * one.camera.fx / box.camera.fx))
         if min(one.camera.hw) >= 2 * own:
             parts.append(layer_splats(subsample(one, own), (box.camera, sky)))
     return np.concatenate(parts)
-
-
-def subsampling_step(count: float, most: float) -> int:
-    """By how many pixels each way is subsampled, so that of `count` about `most` are left."""
-    return max(1, math.ceil(math.sqrt(count / max(most, 1.0))))
 
 
 def sheet_splats(sheet: Sheet) -> np.ndarray:

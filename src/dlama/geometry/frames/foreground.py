@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from dlama.geometry.frames.agreement import AGREES
-from dlama.geometry.holes import box_around, dilate_mask, nearest_known
+from dlama.geometry.holes import box_around, dilate_mask, nearest_known, shrink_known
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import View
@@ -54,9 +54,8 @@ def fill_from_coarse(values: Float32Array, known: BoolArray) -> Float32Array:
         return np.where(known, values, np.float32(mean))
     height, width = values.shape
     size = (width + 1) // 2, (height + 1) // 2
-    total = cv2.resize(np.where(known, values, np.float32(0)), size, interpolation=cv2.INTER_AREA)
-    share = cv2.resize(known.astype(np.float32), size, interpolation=cv2.INTER_AREA)
-    coarse = fill_from_coarse(np.divide(total, share, out=np.zeros_like(total), where=share > 0), share > 0)
+    means, share = shrink_known(values, known, size)
+    coarse = fill_from_coarse(means[..., 0], share > 0)
     return np.where(known, values, cv2.resize(coarse, (width, height), interpolation=cv2.INTER_LINEAR))
 
 

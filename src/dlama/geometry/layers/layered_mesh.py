@@ -60,7 +60,7 @@ def mesh_layers(scene: Scene, box: HeadBox, most_triangles: int) -> list[MeshPar
     distance = sky_distance(scene, box)
     source, others = fill_own_holes(scene, box.camera)
     home = np.where(source.far, depth_of_sphere(box.camera, box.camera, distance), source.depth)
-    step = step_for(Scene((source,)), GRID_PIXELS)
+    step = step_for(int((~source.hole).sum()), GRID_PIXELS)
     parallax = source.camera.fx / step * math.tan(math.radians(box.angle))
     shares = [min(max(px / max(parallax, 1e-9), LEAST_SHARE), LARGEST_SHARE) for px in TOLERANCES]
 

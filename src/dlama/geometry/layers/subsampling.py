@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 
 import cv2
 import numpy as np
 
 from dlama.geometry.camera import Camera
+from dlama.geometry.holes import shrink_known
 from dlama.geometry.rgbd import UInt8Array, freeze
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 
 
-def step_for(scene: Scene, most: int) -> int:
-    """By how much the layers of a scene are subsampled so that they have about `most` pixels together at most, without holes."""
-    pixels, step = sum(int((~layer.load().hole).sum()) for layer in scene.layers), 1
-    while pixels / step**2 > most:
-        step += 1
-    return step
+def step_for(count: float, most: float) -> int:
+    """The step of subsampling that leaves about `most` of `count` pixels, or fewer."""
+    return max(1, math.ceil(math.sqrt(count / max(most, 1.0))))
 
 
 def subsample_scene(scene: Scene, step: int) -> Scene:
@@ -66,6 +65,4 @@ def mean_colors(color: UInt8Array, known: np.ndarray, step: int) -> UInt8Array:
     size = color.shape[1] // step, color.shape[0] // step
     if known.all():
         return np.asarray(cv2.resize(color, size, interpolation=cv2.INTER_AREA), np.uint8)
-    weight = cv2.resize(known.astype(np.float32), size, interpolation=cv2.INTER_AREA)
-    mean = cv2.resize(color.astype(np.float32) * known[..., None], size, interpolation=cv2.INTER_AREA)
-    return np.rint(mean / np.maximum(weight, np.float32(1e-6))[..., None]).astype(np.uint8)
+    return np.rint(shrink_known(color, known, size)[0]).astype(np.uint8)

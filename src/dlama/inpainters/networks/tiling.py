@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from dlama.geometry.holes import repeat_cells, smaller_size
+from dlama.geometry.holes import repeat_cells, shrink_known, smaller_size
 from dlama.geometry.rgbd import BoolArray, Float32Array
 
 Network = Callable[[Float32Array, BoolArray], Float32Array]
@@ -77,11 +77,8 @@ def call_resized(planes: Float32Array, hole: BoolArray, network: Network, layout
     """One call for a crop larger than `side`: shrunk by averaging known pixels, the longer side to `side`, and enlarged again."""
     height, width = hole.shape
     size = smaller_size(hole.shape, side)
-    known = np.where(hole, np.float32(0), np.float32(1))
-    share = cv2.resize(known, size, interpolation=cv2.INTER_AREA)
-    flat = np.ascontiguousarray((planes * known).reshape(-1, height, width))
-    small = np.stack([cv2.resize(plane, size, interpolation=cv2.INTER_AREA) for plane in flat])
-    small = (small / np.maximum(share, np.float32(1e-6))).reshape(*planes.shape[:2], *share.shape).astype(np.float32)
+    means, share = shrink_known(np.moveaxis(planes.reshape(-1, height, width), 0, 2), ~hole, size)
+    small = np.moveaxis(means, 2, 0).reshape(*planes.shape[:2], *share.shape)
     filled = call_padded(small, share < 0.5, network, layout).reshape(-1, *share.shape)
     large = [
         cv2.resize(plane, (width, height), interpolation=cv2.INTER_CUBIC) for plane in np.ascontiguousarray(filled)

@@ -20,7 +20,6 @@ from dlama.inpainters.layered.depth.surface_labels import (
     RIM,
     CoarseView,
     angle_to_far,
-    with_larger_pixels,
 )
 from dlama.inpainters.layered.depth.surfaces import cells_with_holes, continue_surfaces
 from dlama.inpainters.layered.kernels import surfaces as kernels
@@ -180,10 +179,10 @@ def test_coarse_cells_that_touch_the_hole() -> None:
 def test_shrunk_camera_looks_the_same_way() -> None:
     """Closed form: a pixel (u, v) is (u, v) / step there, on the same ray."""
     camera = Camera(64, 48, 60, 55, 30, 25)
-    small = with_larger_pixels(camera, 4.0)
+    small = camera.with_larger_pixels(4.0)
     assert small.hw == (12, 16)
     np.testing.assert_allclose(small.K @ np.linalg.inv(camera.K) @ (20, 36, 1), (5, 9, 1))
-    assert with_larger_pixels(Camera(1, 500, 60, 60, 0.5, 250), 500 / 256).wh == (1, 256)
+    assert Camera(1, 500, 60, 60, 0.5, 250).with_larger_pixels(500 / 256).wh == (1, 256)
 
 
 def test_angle_to_the_nearest_sky_that_was_seen() -> None:
