@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 
 from dlama.arguments import check_number, format_value, is_finite
-from dlama.errors import InputError, ShapeError
+from dlama.errors import InputError, ShapeError, check_same_size
 from dlama.geometry.kernels.jit import begin_job
 from dlama.geometry.projection import SMALLEST_DISPARITY
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
@@ -154,11 +154,7 @@ def check_pictures(left: UInt8Array, right: UInt8Array) -> None:
     for name, picture in (("left", left), ("right", right)):
         if picture.dtype != np.uint8 or picture.ndim != 3 or picture.shape[2] != 3:
             raise ShapeError(f"{name} picture is {picture.dtype} {picture.shape}; uint8 H x W x 3 is expected")
-    if left.shape != right.shape:
-        raise ShapeError(
-            f"left picture is {left.shape[1]}x{left.shape[0]} and the right {right.shape[1]}x{right.shape[0]}; "
-            "a rectified pair has one size"
-        )
+    check_same_size("left picture", left.shape, "the right", right.shape)
 
 
 def _estimate_maximum(left: UInt8Array, right: UInt8Array, min_disparity: float) -> float:
