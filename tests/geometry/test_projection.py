@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dlama.errors import DepthError, ShapeError
 from dlama.geometry.camera import Camera, StereoRig
 from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.projection import (
@@ -112,12 +111,6 @@ def test_points_beside_or_behind_the_camera_have_no_pixel() -> None:
     np.testing.assert_array_equal(z, [1, 0, 0, -2])
 
 
-def test_project_refuses_what_are_no_points() -> None:
-    """Oracle: the message names the shape that came."""
-    with pytest.raises(ShapeError, match=r"\(3,\)"):
-        project(np.zeros(3), Camera.from_fov(2, 2, 90))
-
-
 def rig_of(fx: float = 994.978, baseline_m: float = 0.193001, doffs: float = 0.0) -> StereoRig:
     """A pair at the origin, whose left cx is 0."""
     pose = np.eye(4)
@@ -173,12 +166,6 @@ def test_a_valid_depth_on_zero_disparity_is_not_lost() -> None:
     disparity = disparity_from_depth(np.array([5.0]), rig)
     assert 0 < disparity[0] <= SMALLEST_DISPARITY
     np.testing.assert_allclose(depth_from_disparity(disparity, rig), 5, rtol=1e-6)
-
-
-def test_negative_depth_is_refused() -> None:
-    """Oracle: the message names what came."""
-    with pytest.raises(DepthError, match=r"negative .*-2"):
-        disparity_from_depth(np.full((1, 1), -2.0), rig_of())
 
 
 def test_inverse_depth_and_back() -> None:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dlama.arguments import as_array
-from dlama.errors import InputError, MaskError, check_same_size
+from dlama.errors import MaskError, check_same_size
 from dlama.geometry.kernels.along_colors import DepthCost, nearest_by_color
 from dlama.geometry.rgbd import BoolArray, Float32Array
 
@@ -22,8 +22,6 @@ ROUNDS = 2
 
 def disc(radius: int) -> np.ndarray:
     """Kernel of dilation and erosion: all pixels within `radius` of the centre, (2 radius + 1) square, uint8."""
-    if radius < 0:
-        raise InputError(f"dilation is {radius} px; 0 or more is expected")
     reach = np.arange(-radius, radius + 1)
     return (reach[:, None] ** 2 + reach**2 <= (radius + 0.5) ** 2).astype(np.uint8)
 

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dlama.arguments import check_arguments
-from dlama.errors import DepthError, ShapeError
 from dlama.geometry.camera import Camera, Float64Array, StereoRig
 from dlama.geometry.cloud import PointCloud
 from dlama.geometry.motion.poses import transform_points
@@ -49,11 +48,9 @@ def disparity_from_depth(depth: ArrayLike, rig: StereoRig) -> Float32Array:
 
     Missing depth (0 or NaN) gives 0. Far depth (+inf) gives -doffs; with doffs = 0 that is 0, so far and missing cannot
     be distinguished in such a disparity map. A valid depth that falls exactly on d = 0 is written as 1e-6 px, or it would
-    be lost. Raises DepthError on negative depth.
+    be lost.
     """
     metres = np.asarray(depth, np.float32).astype(np.float64)
-    if (metres < 0).any():
-        raise DepthError(f"depth holds negative values (smallest {np.nanmin(metres):.6g}); metres >= 0 are expected")
     known = metres > 0
     disparity = np.zeros(metres.shape, np.float32)
     with np.errstate(over="ignore"):
@@ -162,11 +159,7 @@ def project(points: Float64Array, camera: Camera) -> tuple[Float64Array, Float64
 
     A point on a pixel's centre has coordinates ending in .5; floor gives its pixel. Coordinates may lie outside the
     picture. A point at z <= 0 is not in front of the camera: its coordinates are NaN, its z is returned as it is.
-    Raises ShapeError when `points` is not N x 3.
     """
-    points = np.asarray(points, np.float64)
-    if points.ndim != 2 or points.shape[1] != 3:
-        raise ShapeError(f"points have shape {points.shape}; N x 3 is expected")
     pose = camera.world_from_cam
     # R^T (p - t), not R^T p - R^T t: far from the world's origin the difference keeps its digits.
     in_camera = (points - pose[:3, 3]) @ pose[:3, :3]

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dlama.errors import InputError
 from dlama.files.cameras import read_cameras
 from dlama.geometry.camera import Camera
-from dlama.geometry.motion.trajectories import PATHS, interpolate_cameras, median_pivot, named_path
+from dlama.geometry.motion.trajectories import PATHS, interpolate_cameras, median_pivot
 from dlama.geometry.scene import Scene
 
 VIEWS_OF_PATH = 24
@@ -62,4 +62,4 @@ def path_for(path: str, scene: Scene, seconds: float, fps: float, width: int | N
 
 def _named_path(name: str, scene: Scene, count: int) -> list[Camera]:
     middle = scene.middle_frame.load()
-    return named_path(name, middle.camera, count, median_pivot(middle.known_depth))
+    return PATHS[name](middle.camera, count, median_pivot(middle.known_depth))

@@ -20,8 +20,7 @@ from dlama.arguments import check_arguments
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.frames.gathering import read_frame
 from dlama.geometry.frames.pose_system import Matches, adjust_poses, measure_offset
-from dlama.geometry.motion.poses import transform_points
-from dlama.geometry.projection import unproject
+from dlama.geometry.projection import project, unproject
 from dlama.geometry.rgbd import RGBD, Float32Array
 
 Source = TypeVar("Source", RGBD, Callable[[], RGBD])
@@ -224,13 +223,7 @@ def squared_distances(points: Float64Array, others: Float64Array) -> Float32Arra
 
 def project_features(one: Features, other: Features) -> Float64Array:
     """N x 2 predicted pixels of one's features in the other frame; NaN without depth, or far out of view."""
-    camera, to = one.camera, other.camera
-    local = unproject(camera.at(np.eye(4)), one.pixels[:, 0], one.pixels[:, 1], one.depth)
-    step = to.cam_from_world @ camera.world_from_cam
-    x, y, z = transform_points(step, local).T
-    seen = (one.depth > 0) & (z > 0.05)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        at = np.stack([to.fx * x / z + to.cx, to.fy * y / z + to.cy], 1)
-    reach = REACH * to.width
-    seen &= (at > -reach).all(1) & (at < np.array(to.wh) + reach).all(1)
+    to, reach = other.camera, REACH * other.camera.width
+    at, z = project(unproject(one.camera, one.pixels[:, 0], one.pixels[:, 1], one.depth), to)
+    seen = (one.depth > 0) & (z > 0.05) & (at > -reach).all(1) & (at < np.array(to.wh) + reach).all(1)
     return np.where(seen[:, None], at, np.nan)

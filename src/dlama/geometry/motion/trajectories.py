@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dlama.arguments import check_arguments, check_word, is_finite
+from dlama.arguments import check_arguments, is_finite
 from dlama.errors import DepthError, InputError
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.motion.poses import FARTHEST_M, make_pose, slerp
@@ -90,15 +90,7 @@ def dolly_path(camera: Camera, count: int, pivot: float = PIVOT_M, share: float 
 
 
 PATHS = {"orbit": orbit_path, "spiral": spiral_path, "dolly": dolly_path}
-"""Camera paths by name: (camera, count, pivot) -> cameras."""
-
-
-def named_path(name: str, camera: Camera, count: int, pivot: float = PIVOT_M) -> list[Camera]:
-    """The cameras of a path of PATHS that begins at `camera`. Raises InputError: an unknown name, or fewer than one camera."""
-    check_word(name, "path", PATHS)
-    if count < 1:
-        raise InputError(f"a path of {count} cameras was asked for; one or more are expected")
-    return PATHS[name](camera, count, pivot)
+"""Camera paths by name: (camera, count, pivot) -> cameras, the first of which is that camera."""
 
 
 def interpolate_cameras(cameras: Sequence[Camera], count: int) -> list[Camera]:
