@@ -276,6 +276,9 @@ TRAIN = {
     "resume": Reach("--resume", "train.resume", True),
     "start": Reach("--start a.ckpt", "train.settings", attribute("network.start", "a.ckpt")),
     "trunk": Reach("--trunk t.pth", "train.settings", attribute("loss.trunk_weights", "t.pth")),
+    "mixture": Reach(
+        "--mixture world=1 removal=2", "train.settings", attribute("data.mixture", {"world": 1.0, "removal": 2.0})
+    ),
     "steps": Reach("--steps 3", "train.settings", attribute("loop.steps", 3)),
     "batch": Reach("--batch 7", "train.settings", attribute("loop.batch", 7)),
     "precision": Reach("--precision bf16", "train.settings", attribute("loop.precision", "bf16")),

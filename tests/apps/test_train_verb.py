@@ -24,3 +24,29 @@ def test_a_new_run_takes_nothing_from_the_directory(tmp_path: Path) -> None:
     write_settings(tmp_path, choose_settings("tiny", Path("a.ckpt"), None))
     assert choose_settings("tiny", None, None).network.start is None
     assert choose_settings("tiny", None, None, tmp_path / "none").network.start is None
+
+
+def test_a_resumed_preset_keeps_what_the_command_line_said(tmp_path: Path) -> None:
+    """--steps, --batch and --mixture hold for a run, not for one command; what is said again wins, another preset is refused."""
+    begun = choose_settings("tiny", None, None, mixture=("world=1", "removal=3"), steps=7, batch=2)
+    assert begun.data.mixture == {"world": 1.0, "removal": 3.0}
+    write_settings(tmp_path, begun)
+    assert choose_settings("tiny", None, None, tmp_path) == begun
+    assert choose_settings("tiny", None, None, tmp_path, steps=9).loop.steps == 9
+    with pytest.raises(InputError, match="the run to resume has"):
+        prepare(tmp_path, choose_settings("mini-rgbd", None, None, tmp_path), resume=True)
+
+
+@pytest.mark.parametrize(
+    ("word", "says"),
+    [
+        ("frame", "'frame'; KIND=SHARE"),
+        ("frame=x", "'frame=x'"),
+        ("=1", "data.mixture"),
+        ("cube=1", "'cube'"),
+        ("world=0", "0"),
+    ],
+)
+def test_mixtures_that_are_none(word: str, says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        choose_settings("tiny", None, None, mixture=(word,))

@@ -29,7 +29,7 @@ CALLS = {
     },
     "world": "dlama.worlds.dataset.world(0, textures=Path('{}'))",
     "settings_of": "dlama.training.presets.settings_of('{}.json')",
-    "find_training_data": "dlama.training.data.sources.find_training_data([Path('{}')])",
+    "find_training_data": "dlama.training.data.sources.find_training_data(Path('{}'))",
     "source_of": "dlama.apps.model_files.source_of('{}.pt')",
     "new_file": "dlama.writing.atomic_write.new_file('{}.txt').__enter__()",
     "new_directory": "dlama.writing.atomic_write.new_directory('{}').__enter__()",

@@ -81,7 +81,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "train": (
         "dlama train presets",
         "dlama train tiny -o run",
-        "dlama train small-rgbd --data photos/ rooms/ --max-minutes 40 -o run",
+        "dlama train small-rgbd --data photos/ rooms/ --mixture world=0.5 frame=0.5 --max-minutes 40 -o run",
         "dlama train small-rgbd --resume -o run",
         "dlama train my-settings.json --start big-lama.ckpt --data photos/ rooms/ -o run",
     ),

@@ -49,7 +49,7 @@ def test_a_folder_whose_name_says_may_be(tmp_path: Path) -> None:
     (tmp_path / "it may be photos").mkdir()
     for name in "ab":
         Image.fromarray(ramp(1)).save(tmp_path / "it may be photos" / f"{name}.png")
-    assert len(find_training_data([tmp_path / "it may be photos"]).photos) == 2
+    assert len(find_training_data(tmp_path / "it may be photos").photos) == 2
 
 
 def test_what_cannot_be_learned_from(tmp_path: Path) -> None:

@@ -108,7 +108,9 @@ def test_what_source_for_refuses(photos: Path, posed: Path, tmp_path: Path) -> N
     (tmp_path / "empty").mkdir()
     for chosen, data, words in (
         (settings("rgbd", frame=1), [photos], "needs a posed data set"),
-        (settings("rgbd", world=1), [posed], "no use for"),
+        (settings("rgbd", world=1), [posed], "no use for .*posed.*; a mixture with frame is expected"),
+        (settings("rgbd", world=1), [photos, posed], "no use for .*posed"),  # what is named is used, each folder
+        (settings("rgbd", frame=1), [posed, photos], "no use for .*photos.*world or removal or stereo is expected"),
         (settings("rgbd", world=1), [tmp_path / "empty"], "holds no picture"),
         (settings("rgbd", world=1), [tmp_path / "gone"], "no such folder"),
     ):

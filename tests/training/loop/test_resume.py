@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -115,6 +116,24 @@ def test_a_finished_run_is_exported_again(tmp_path):
     before = (run / "toy.onnx").read_bytes()
     (run / "toy.onnx").unlink()
     assert train(toy(steps=2), run, resume=True).network.read_bytes() == before
+
+
+def test_a_run_goes_on_with_the_data_that_it_began_with(tmp_path, monkeypatch):
+    """Resumed without `data`, from elsewhere, a run reads the folders of its beginning, named relative to where that was."""
+    folder, run, asked = tmp_path / "photos", tmp_path / "run", []
+    folder.mkdir()
+    (tmp_path / "else").mkdir()
+
+    def source(settings, data, split):
+        asked.append(list(data))
+        return world_source(settings.network, settings.data.size, split)
+
+    monkeypatch.setattr("dlama.training.loop.train.source_for", source)
+    monkeypatch.chdir(tmp_path)
+    train(toy(steps=1), run, data=[Path("photos")])
+    monkeypatch.chdir(tmp_path / "else")
+    train(toy(steps=2), run, resume=True)
+    assert asked == [[Path("photos")]] * 2 + [[folder]] * 2
 
 
 def test_what_cannot_be_resumed(tmp_path):

@@ -64,7 +64,7 @@ class Mixture:
 
 @dataclass(frozen=True)
 class TrainingData:
-    """Photos and dataset cases that were found in folders; their pictures are not read yet."""
+    """Photos and dataset cases that were found in a folder or several; their pictures are not read yet."""
 
     photos: tuple[Path, ...] = ()
     cases: tuple[Case, ...] = ()
@@ -84,9 +84,9 @@ def source_for(settings: TrainSettings, data: Sequence[Path], split: Split) -> S
         FileError: a file of `data` cannot be read.
     """
     kinds = set(settings.data.mixture)
-    found = find_training_data(data)
+    found = {path: find_training_data(path) for path in map(Path, data)}
+    _check_use(kinds, found)
     used = select_useful(found, kinds)
-    _check_use(kinds, data, found, used)
     used = TrainingData(
         split_photos(used.photos, split) if used.photos else (), split_cases(used.cases, split) if used.cases else ()
     )
@@ -109,49 +109,50 @@ def usage_summary(found: TrainingData, settings: TrainSettings) -> str:
 
 
 @system_errors(FileError)
-def find_training_data(data: Sequence[Path]) -> TrainingData:
-    """The photos and cases of folders of pictures and datasets. InputError, FileError."""
-    photos: list[Path] = []
-    cases: list[Case] = []
-    for path in map(Path, data):
-        more_photos, more_cases = _in_folder(path)
-        photos += more_photos
-        cases += more_cases
-    return TrainingData(tuple(photos), tuple(cases))
-
-
-def _in_folder(path: Path) -> tuple[Sequence[Path], Sequence[Case]]:
-    """The cases of a dataset of a known layout, or else the pictures of the folder."""
+def find_training_data(path: Path) -> TrainingData:
+    """The cases of a dataset of a known layout, or else the pictures of the folder. InputError, FileError."""
     try:
         layout = layout_of(path, None)
     except (SeveralLayoutsError, FileError):
         raise
     except InputError:  # of no layout
-        return pictures_below(path, " and is no data set of a known layout"), ()
+        return TrainingData(tuple(pictures_below(path, " and is no data set of a known layout")))
     cases = open_dataset(path, layout).cases
     if not cases:
         raise InputError(
             f"{path}: has no two frames of one scene with depth and poses ({LAYOUTS[layout].looked_for}), no frame with and "
             "without an object and no stereo pair; for its pictures alone, name the folder that holds nothing else"
         )
-    return (), cases
+    return TrainingData(cases=tuple(cases))
 
 
-def select_useful(found: TrainingData, kinds: set[str]) -> TrainingData:
-    """The photos and cases that samples of these kinds are made of."""
-    photos = found.photos if any(SAMPLES[kind].worlds for kind in kinds) else ()
-    protocols = {SAMPLES[kind].cases for kind in kinds}
-    return TrainingData(photos, tuple(case for case in found.cases if case.protocol in protocols))
+def select_useful(found: Mapping[Path, TrainingData], kinds: set[str]) -> TrainingData:
+    """The photos and cases that samples of these kinds are made of. InputError where a folder has none."""
+    protocols, has_worlds = {SAMPLES[kind].cases for kind in kinds}, any(SAMPLES[kind].worlds for kind in kinds)
+    photos: list[Path] = []
+    cases: list[Case] = []
+    for path, own in found.items():
+        useful = own.photos if has_worlds else (), [case for case in own.cases if case.protocol in protocols]
+        if not any(useful):
+            raise InputError(f"data.mixture is {', '.join(sorted(kinds))}, which has no use for {_describe(path, own)}")
+        photos += useful[0]
+        cases += useful[1]
+    return TrainingData(tuple(photos), tuple(cases))
 
 
-def _check_use(kinds: set[str], data: Sequence[Path], found: TrainingData, used: TrainingData) -> None:
-    """Refuse kinds without their files, and files without a kind."""
-    named = ", ".join(map(str, data)) or "no file"
+def _describe(path: Path, found: TrainingData) -> str:
+    """A folder, what it has, and the kinds of samples that are made of it."""
+    has = [words for protocol, words in CASES.items() if found.of(protocol)] or ["photos"]
+    kinds = [name for name, kind in SAMPLES.items() if (found.of(kind.cases) if found.cases else kind.worlds)]
+    return f"`data` {path} ({', '.join(has)}); a mixture with {' or '.join(kinds)} is expected"
+
+
+def _check_use(kinds: set[str], found: Mapping[Path, TrainingData]) -> None:
+    """Refuse kinds without their files."""
     for kind in sorted(kinds):
-        if not SAMPLES[kind].worlds and not found.of(SAMPLES[kind].cases):
+        if not SAMPLES[kind].worlds and not any(one.of(SAMPLES[kind].cases) for one in found.values()):
+            named = ", ".join(map(str, found)) or "no file"
             raise InputError(f"data.mixture has {kind!r}, which needs a posed data set, but `data` names {named}")
-    if data and not (used.photos or used.cases):
-        raise InputError(f"data.mixture is {', '.join(sorted(kinds))}, which has no use for `data`: {named}")
 
 
 Example = Callable[..., ViewExample | PairExample]

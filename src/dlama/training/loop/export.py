@@ -37,15 +37,17 @@ def model_card(
         scores: of the moving average on the held-out samples, see `validation.hole_metrics`.
         reference: the same metrics of OpenCV's Telea.
     """
-    name, depth = settings.name, f"; depth is {DEPTH_PLANE}" if settings.network.kind.has_depth else ""
+    kind = settings.network.kind
+    filler = "pair" if kind.views == 2 else "joint" if kind.has_depth else "lama"
+    name, depth = settings.name, f"; depth is {DEPTH_PLANE}" if kind.has_depth else ""
     lines = [
         f"# {name}",
         "",
-        f"Fills {settings.network.kind.description}. {settings.network.parameters / 1e6:.2f} M parameters.",
+        f"Fills {kind.description}. {settings.network.parameters / 1e6:.2f} M parameters.",
         "",
         "| file | what |",
         "|---|---|",
-        f"| {name}.onnx | the network with its contract, for `--model {name}.onnx` |",
+        f"| {name}.onnx | the network with its contract, for `--filler {filler} --model {name}.onnx` |",
         f"| {name}.safetensors | the same weights under LaMa's published names |",
         "",
         f"Licence of the weights: {settings.licence}.",

@@ -1,4 +1,4 @@
-"""A run directory: settings.json, metrics.csv, log.txt, sheets/, last.ckpt, and at the end the network.
+"""A run directory: settings.json, data.json, metrics.csv, log.txt, sheets/, last.ckpt, and at the end the network.
 
 Rows and lines in -> files out. Only the first process of a run writes.
 """
@@ -6,6 +6,7 @@ Rows and lines in -> files out. Only the first process of a run writes.
 from __future__ import annotations
 
 import csv
+import json
 import logging
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
@@ -14,13 +15,16 @@ from pathlib import Path
 from typing import Any
 
 from dlama.errors import FileError, InputError, OutputError, system_errors
-from dlama.training.presets import read_settings, settings_of, to_json
+from dlama.files.fields import json_text, json_value
+from dlama.training.presets import PRESETS, read_settings, settings_of, to_json
 from dlama.training.settings import TrainSettings
 from dlama.writing.atomic_write import new_file, write_file, writing
 from dlama.writing.drafts import lock
 
 LOG = logging.getLogger("dlama")
 SETTINGS, METRICS, LOG_FILE, SHEETS, LAST = "settings.json", "metrics.csv", "log.txt", "sheets", "last.ckpt"
+DATA = "data.json"
+"""A list of the folders that samples are made of."""
 MAY_CHANGE = {
     "loop": {"steps", "log_every", "validate_every", "sheet_every", "checkpoint_every", "accelerator"},
     "data": {"workers"},
@@ -29,15 +33,23 @@ MAY_CHANGE = {
 
 
 def choose_settings(
-    name: str, start: Path | None, trunk: Path | None, run: Path | None = None, **loop: Any
+    name: str,
+    start: Path | None,
+    trunk: Path | None,
+    run: Path | None = None,
+    mixture: Sequence[str] = (),
+    **loop: Any,
 ) -> TrainSettings:
     """A file's or a preset's settings with what the command line says put in; InputError.
 
-    run: directory of a run to resume, which began with the weights that neither the command line nor the settings name.
+    mixture: words KIND=SHARE. run: directory of a run to resume: one that began with the same preset keeps all that the
+    command line said then, one of a settings file the weights that neither the command line nor the file names.
     """
     found = settings_of(name)
     if run is not None and (run / SETTINGS).is_file():
         begun = settings_of(run / SETTINGS)
+        if name in PRESETS and begun.name == found.name:
+            found = begun
         if found.network.start is None:
             found = replace(found, network=replace(found.network, start=begun.network.start))
         if found.loss.trunk_weights is None and begun.loss.trunk_weights is not None:
@@ -47,8 +59,22 @@ def choose_settings(
         found = replace(found, network=replace(found.network, start=str(start)))
     if trunk is not None:
         found = replace(found, loss=replace(found.loss, trunk="auto", trunk_weights=str(trunk)))
+    if mixture:
+        found = replace(found, data=replace(found.data, mixture=_shares(mixture)))
     changes = {key: value for key, value in loop.items() if value is not None}
     return replace(found, loop=replace(found.loop, **changes))
+
+
+def _shares(words: Sequence[str]) -> dict[str, float]:
+    """Kind of sample -> its share, of words KIND=SHARE. InputError."""
+    found: dict[str, float] = {}
+    for word in words:
+        kind, _, share = word.partition("=")
+        try:
+            found[kind] = float(share)
+        except ValueError:
+            raise InputError(f"`mixture` has {word!r}; KIND=SHARE is expected, as {kind or 'frame'}=0.5") from None
+    return found
 
 
 def prepare(run: Path, settings: TrainSettings, resume: bool) -> None:
@@ -96,6 +122,22 @@ def lock_run(run: Path) -> Iterator[None]:
 def write_settings(run: Path, settings: TrainSettings) -> None:
     """Write settings.json, by which a directory is known to hold a run. OutputError."""
     write_file(run / SETTINGS, to_json(settings))
+
+
+def write_data(run: Path, data: Sequence[Path]) -> None:
+    """Write the folders that samples are made of, for `read_data`. OutputError."""
+    write_file(run / DATA, json.dumps([str(path.absolute()) for path in data], indent=2, ensure_ascii=False) + "\n")
+
+
+def read_data(run: Path) -> list[Path]:
+    """The folders that a run began with. FileError; of a run of an earlier version, which has no such file, none."""
+    path = run / DATA
+    if not path.is_file():
+        return []
+    found = json_value(str(path), json_text(path))
+    if not isinstance(found, list) or not all(isinstance(one, str) for one in found):
+        raise FileError(f"{path}: is {found!r}; a list of folders is expected")
+    return [Path(one) for one in found]
 
 
 @contextmanager

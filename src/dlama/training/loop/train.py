@@ -27,7 +27,16 @@ from dlama.training.loop.callbacks import ALL_STEPS, TIME_IS_UP, RunCallback
 from dlama.training.loop.checkpointing import read_checkpoint, restore
 from dlama.training.loop.export import export, model_card
 from dlama.training.loop.module import TrainingModule
-from dlama.training.loop.run_files import LAST, holds_run, lock_run, log_to_file, prepare, write_settings
+from dlama.training.loop.run_files import (
+    LAST,
+    holds_run,
+    lock_run,
+    log_to_file,
+    prepare,
+    read_data,
+    write_data,
+    write_settings,
+)
 from dlama.training.loop.validation import hole_metrics, scores_of, telea
 from dlama.training.settings import TrainSettings
 from dlama.writing.atomic_write import write_file
@@ -73,7 +82,8 @@ def train(
     Args:
         settings: of a new run; of a resumed one they must be the same, see `run_files.MAY_CHANGE`.
         run: directory; made where it is missing, must not hold a run unless `resume`.
-        data: folders of pictures or datasets that samples are made of; none: procedural worlds.
+        data: folders of pictures or datasets that samples are made of; none: procedural worlds, or those that the run to resume
+            began with.
         max_minutes: stop after so long, with a checkpoint and an export; default: no limit.
         resume: continue from `last.ckpt`; the numbers are those of a run that was never stopped.
     Raises:
@@ -91,10 +101,12 @@ def train(
         if first:
             stack.enter_context(lock_run(run))
             stack.enter_context(log_to_file(run))
+        if resume and not data:
+            data = read_data(run)
         source = source_for(settings, data, "train")
         check_sample(NumberedSamples(source, settings.loop.seed)[0], settings.network, settings.data.size)
         validation = held_out_batch(source_for(settings, data, "held_out"), settings) if first else None
-        return _train(settings, run, source, validation, deadline, resume, ", ".join(map(str, data)) or "procedural")
+        return _train(settings, run, source, validation, deadline, resume, data)
 
 
 def _train(
@@ -104,17 +116,17 @@ def _train(
     validation: Batch | None,
     deadline: float,
     resume: bool,
-    made_of: str,
+    data: Sequence[Path],
 ) -> TrainingResult:
     """As `train`, in a directory that is there; `deadline` on the clock of `time.monotonic`.
 
-    validation: the held-out samples; None in all processes but the first. made_of: what the samples are made of, in words.
+    validation: the held-out samples; None in all processes but the first. data: folders that the samples are made of.
     """
     module, processes = TrainingModule(settings), settings.loop.devices * settings.loop.nodes
     if validation is not None:
-        write_settings(
-            run, settings
-        )  # only now: what was refused above leaves no settings, by which a run would be known
+        # only now: what was refused above leaves no settings, by which a run would be known
+        write_data(run, data)
+        write_settings(run, settings)
     checkpoint = _checkpoint(run) if resume else {}
     if checkpoint:
         restore(module, checkpoint, processes)
@@ -122,7 +134,7 @@ def _train(
     callback = RunCallback(settings, run, deadline, validation, checkpoint.get("random_states"), before)
     _fit(module, callback, source, settings)
     whole = validation is not None and callback.stop.reason in (ALL_STEPS, TIME_IS_UP)
-    network = _finish(module, callback, settings, made_of) if whole else None
+    network = _finish(module, callback, settings, data) if whole else None
     return TrainingResult(run, module.step, callback.stop.reason, network, first=validation is not None)
 
 
@@ -194,7 +206,7 @@ def _fit(module: TrainingModule, callback: RunCallback, source: SampleSource, se
         trainer.fit(module, batch_loader(source, settings, numbers))
 
 
-def _finish(module: TrainingModule, callback: RunCallback, settings: TrainSettings, data: str) -> Path:
+def _finish(module: TrainingModule, callback: RunCallback, settings: TrainSettings, data: Sequence[Path]) -> Path:
     """Export the network, and write its model card; the ONNX file."""
     network = export(module.average, callback.run, settings.name, settings.licence)[1]  # type: ignore[arg-type]
     assert callback.held_out is not None
@@ -207,7 +219,7 @@ def _finish(module: TrainingModule, callback: RunCallback, settings: TrainSettin
     training = (
         f"{module.step} steps, {module.samples} samples of {size} x {size} pixels, "
         f"{callback.stopwatch.seconds / 60:.1f} minutes on {on}; ended: {callback.stop.reason}",
-        f"Samples: {data}; mixture {dict(settings.data.mixture)}",
+        f"Samples: {', '.join(map(str, data)) or 'procedural'}; mixture {dict(settings.data.mixture)}",
         f"{trunk[0].upper()}{trunk[1:]}",
         f"Started from {settings.network.start or 'random weights'}; exported is the moving average of the weights",
         f"Went back to an earlier state {module.restored} times because a gradient was no number",

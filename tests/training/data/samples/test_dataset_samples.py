@@ -202,11 +202,11 @@ def test_pairs_without_a_thing_get_one_hole_on_one_surface() -> None:
 
 def test_stereo_folders_and_removal_folders_are_read(data_dir: Path) -> None:
     """Real ones, in both layouts that are no EasySynth: check_sample agrees."""
-    pairs = find_training_data([data_dir / "data" / "stereo"]).cases
+    pairs = find_training_data(data_dir / "data" / "stereo").cases
     assert len(pairs) == 2 and {case.protocol for case in pairs} == {"sii"}
     rng, net = np.random.default_rng(0), NetworkSettings("stereo")
     check_sample(pair_sample(case_pair(pairs, 64, 0, rng), net), net, 64)
-    removals = find_training_data([data_dir / "data" / "bin_removal"]).cases
+    removals = find_training_data(data_dir / "data" / "bin_removal").cases
     net = NetworkSettings("rgbd")
     check_sample(view_sample(case_removal(removals, 64, 0, rng), net), net, 64)
 
@@ -246,7 +246,7 @@ def test_a_run_says_what_it_learns_from(folder: Path, tmp_path: Path) -> None:
 
 def test_a_scene_is_held_out_of_all_kinds_at_once(folder: Path) -> None:
     """No scene is on both sides, whichever kinds its cases are of, and each kind is on both."""
-    found = find_training_data([folder])
+    found = find_training_data(folder)
     cases = {split: split_cases(found.cases, split) for split in ("train", "held_out")}
     scenes = {split: {scene_of(case) for case in own} for split, own in cases.items()}
     assert not scenes["train"] & scenes["held_out"] and len(found.cases) == sum(map(len, cases.values()))
@@ -259,7 +259,7 @@ def test_a_scene_is_held_out_of_all_kinds_at_once(folder: Path) -> None:
 
 def test_one_scene_is_split_by_frames(folder: Path) -> None:
     """A frame that is held out as a removal is trained on as nothing else."""
-    cases = find_training_data([folder / "w000"]).cases
+    cases = find_training_data(folder / "w000").cases
     cases = tuple(case for case in cases if case.protocol != "sii")
     train, held = split_cases(cases, "train"), split_cases(cases, "held_out")
     frames = [{frame for case in own for frame in frames_of(case)} for own in (train, held)]

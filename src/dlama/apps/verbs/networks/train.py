@@ -36,6 +36,8 @@ class Replaced:
     """A LaMa checkpoint to start from; planes it lacks are added."""
     trunk: Weights = None
     """Weights of the perceptual trunk, the dilated ResNet-50 of ADE20K (.safetensors, .pth)."""
+    mixture: Annotated[tuple[str, ...], option("KIND=SHARE ...", "the settings'")] = ()
+    """Kinds of samples and their shares: world, frame (posed pairs of --data), removal, stereo."""
     steps: Number = None
     """Batches until the end."""
     batch: Number = None
@@ -64,7 +66,7 @@ def train(
         data: Folders of pictures or data sets (posed pairs, frames with and without an object, stereo pairs) that
             samples are made of.
         max_minutes: Stop after so long, with a checkpoint and the network as it is then.
-        resume: Continue the run in this directory, exactly as if it had never stopped.
+        resume: Continue the run in this directory, exactly as if it had never stopped, with its own data and options.
     """
     from dlama.training.loop.run_files import choose_settings
     from dlama.training.presets import preset_lines
