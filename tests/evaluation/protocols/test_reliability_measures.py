@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -74,6 +76,18 @@ def test_the_baseline_says_nothing(scored: tuple[MethodRun, ViewTruth, dict[str,
     run, truth, _ = scored
     reference = vpi.target_reference(truth, SETTINGS)
     assert reliability_measures(MethodRun(Method("dlama", "none"), run.completion, 0.0), reference) == []
+
+
+def test_a_view_without_expected_errors_is_not_scored_by_them(
+    scored: tuple[MethodRun, ViewTruth, dict[str, float]],
+) -> None:
+    """The published recipe of pairs expects nothing: no error of 0 is reported, and all else is as with them."""
+    run, truth, found = scored
+    views = tuple(dataclasses.replace(view, errors=None) for view in run.completion.views)
+    silent = dataclasses.replace(run, completion=dataclasses.replace(run.completion, views=views))
+    measures = reliability_measures(silent, vpi.target_reference(truth, SETTINGS))
+    missing = {"expected_depth", "expected_color", "ause_color", "ause_color_distance", "ause_color_random"}
+    assert {one.metric: one.value for one in measures} == {k: v for k, v in found.items() if k not in missing}
 
 
 def summary_of(measures: dict[str, float]) -> Summary:

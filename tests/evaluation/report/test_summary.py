@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 
 from dlama.evaluation.report.columns import (
+    METRICS,
+    MODALITIES,
     PAPER_COLOR,
     PAPER_DEPTH,
     PAPER_MASK_RATIO,
@@ -21,6 +23,7 @@ from dlama.evaluation.report.columns import (
     format_value,
     paper_value,
 )
+from dlama.evaluation.report.headlines import headlines
 from dlama.evaluation.report.paired_comparison import paired_comparison
 from dlama.evaluation.report.sections import Section, sections
 from dlama.evaluation.report.summary import (
@@ -215,6 +218,36 @@ def test_a_paired_comparison_by_hand() -> None:
     beaten = paired_comparison(swapped, "vpi", "toy", [("whole", "rgb", "mse")])
     assert beaten and beaten.rows[0][2].text == "+66.7 % (0/2)" and not beaten.rows[0][2].best
     assert paired_comparison([one for one in rows if one.recipe == "dlama"], "vpi", "toy", PAPER_SHAPE) is None
+
+
+def test_a_comparison_of_psnr_is_in_decibels() -> None:
+    """Closed form: 1 and 3 dB more in two scenes, of 20 and 30 dB: 2 dB more; 10 % of a logarithm would say nothing."""
+    values = {"dlama": {"a": 21.0, "b": 33.0}, "paper": {"a": 20.0, "b": 30.0}}
+    rows = [
+        row(scene, 10, value, method=f"{recipe}/telea")._replace(metric="psnr")
+        for recipe, own in values.items()
+        for scene, value in own.items()
+    ]
+    table = paired_comparison(rows, "vpi", "toy", [("whole", "rgb", "psnr")])
+    assert table is not None
+    cell = table.rows[0][2]
+    assert (cell.text, cell.best, cell.interval) == ("+2.00 dB (2/2)", True, "+1.00 to +3.00")
+
+
+def test_no_two_measures_have_one_title() -> None:
+    """Whatever is measured of one region in several modalities can be told apart; names of code are in no title."""
+    metrics = {*METRICS, "law_broken", "law_violations", "coverage", "delta1.05", "fscore_0.05", "bad-1"}
+    pairs = {(modality, metric) for modality in MODALITIES for metric in metrics} - {("depth_m", "mask_ratio")}
+    titles = [column_title("whole", *pair) for pair in pairs]
+    assert len(set(titles)) == len(titles) and not any("_" in title for title in titles)
+
+
+def test_headlines_have_the_main_numbers() -> None:
+    """By hand: a line a method; the mask where something was removed, variants left out."""
+    rows = [row("a", 10, 5.25), row("b", 10, 7.25), row("a", 10, 9.0)._replace(recipe="dlama+object,dilate=3")]
+    assert headlines(summarise(rows)) == ["vpi on toy, dlama/telea, whole (2 frames): colour MSE 6.25"]
+    removed = [one._replace(protocol="ori", region=region) for one in rows for region in ("whole", "mask")]
+    assert headlines(summarise(removed)) == ["ori on toy, dlama/telea, mask (2 frames): colour MSE 6.25"]
 
 
 def test_intervals_of_a_comparison_are_drawn_with_the_seed() -> None:

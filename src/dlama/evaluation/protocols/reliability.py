@@ -30,7 +30,7 @@ def reliability_measures(run: MethodRun, reference: Reference, number: int = -1)
     right, predicted: share that is right, and mean confidence; color_within: levels that count as right; ece; ause_depth,
     ause_color (ordered by expected error), each also by distance from the rim and at random; expected and actual errors of depth
     (m, at most the depth itself) and colour (levels); bin_K_share, bin_K_predicted, bin_K_right: the reliability curve, as shares
-    of all filled pixels.
+    of all filled pixels. What rests on expected errors is left out of a view that has none.
     """
     if not run.method.fills or reference.depth is None:
         return []
@@ -55,14 +55,18 @@ def reliability_measures(run: MethodRun, reference: Reference, number: int = -1)
     }
     for name, order in {"": predicted, **others}.items():
         found[f"ause_depth{name}"] = sparsification_area(order, relative)
+    judged = view.errors is not None
     if painted.any():
+        found["actual_color"] = float(levels[painted].mean())
+    if painted.any() and judged:
         expected = view.color_error[where]
         for name, order in {"": -expected, **others}.items():
             found[f"ause_color{name}"] = sparsification_area(order[painted], levels[painted])
-        found |= {"expected_color": float(expected[painted].mean()), "actual_color": float(levels[painted].mean())}
+        found["expected_color"] = float(expected[painted].mean())
     some = np.isfinite(z)
     if some.any():
-        found["expected_depth"] = float(view.depth_error[where][some].mean())
+        if judged:
+            found["expected_depth"] = float(view.depth_error[where][some].mean())
         found["actual_depth"] = float(np.minimum(off[some], z[some]).mean())
     region = REGION + reference.suffix
     return [Measure(region, MODALITY, metric, value) for metric, value in (found | bins.measures).items()]

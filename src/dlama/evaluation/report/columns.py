@@ -57,6 +57,17 @@ METRICS = {
     "epe": "EPE, px",
     "mask_ratio": "mask ratio, %",
     "share": "share of the picture, %",
+    "leaks": "leaks, % of the seen pixels",
+    "edge_offset": "edges off colour edges, px",
+    "edge_offset_truth": "edges off colour edges in the truth, px",
+    "law_violations": "law violations, px",
+    "law_broken": "law broken, % of the filled pixels",
+    "channel_spread": "spread of channels, levels",
+    "changed_pixels": "changed, px",
+    "mse_source": "MSE against the source",
+    "photometric": "left to right, levels",
+    "photometric_at_truth": "left to right by the true disparity, levels",
+    "photometric_truth": "left to right of the truth, levels",
 }
 METRES = ("mae", "rmse", "accuracy", "completeness")
 """Metrics in metres where the modality is depth_m or cloud."""
@@ -119,8 +130,10 @@ def better_direction(metric: str) -> int:
 def column_title(region: str, modality: str, metric: str) -> str:
     """`colour SSIM`, `depth MAE, m`."""
     name = METRICS.get(metric, metric.replace("delta", "δ<").replace("fscore_", "F-score at "))
-    if metric == MASK_RATIO[2]:
+    if (modality, metric) == MASK_RATIO[1:]:
         return name
+    if metric == MASK_RATIO[2]:
+        return f"{modality} {name}"
     unit = ", m" if modality in ("depth_m", "cloud") and metric in METRES else ""
     return f"{MODALITIES.get(modality, modality)} {name}{unit}"
 

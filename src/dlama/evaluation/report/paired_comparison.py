@@ -18,8 +18,8 @@ from dlama.geometry.camera import Float64Array
 
 OURS, THEIRS = "dlama", "paper"
 NOTE = (
-    f"Change of the mean from {THEIRS} to {OURS} with the same filler on the same cases, with its 95 % interval over scenes, "
-    "and on how many of the cases it is better. Bold: better on average."
+    f"Change of the mean from {THEIRS} to {OURS} (PSNR in dB) with the same filler on the same cases, with its 95 % interval "
+    "over scenes, and on how many of the cases it is better. Bold: better on average."
 )
 Pairs = dict[str, list[tuple[float, float]]]
 """Scene -> (ours, theirs) of each case."""
@@ -71,7 +71,7 @@ def _in_order(places: Collection[tuple[str, str]]) -> list[tuple[str, str]]:
 
 
 def _cell(pairs: Pairs | None, metric: str, seed: int) -> Cell:
-    """The change of the mean in %. Both recipes get the same resamples of scenes, so their common spread cancels."""
+    """The change of the mean in %, of PSNR in dB. Both recipes get the same resamples of scenes: their common spread cancels."""
     side = better_direction(metric)
     if not pairs or side == 0:
         return EMPTY
@@ -79,16 +79,20 @@ def _cell(pairs: Pairs | None, metric: str, seed: int) -> Cell:
     sums = np.array([[math.fsum(numbers) for numbers in zip(*scene)] for scene in pairs.values()]).T
     if (ours == theirs).all():
         return Cell("the same", 0.0)
+    better = f"({(side * (ours - theirs) > 0).sum()}/{len(ours)})"
+    if metric == "psnr":  # a logarithm: its differences count, not its ratios
+        counts = np.array([len(scene) for scene in pairs.values()], np.float64)
+        gain = float((ours - theirs).mean())
+        ends = _interval(sums[0] - sums[1], counts, seed)
+        return Cell(f"{gain:+.2f} dB {better}", gain, gain > 0, " to ".join(f"{end:+.2f}" for end in ends))
     if not (sums[1] > 0).all():
         return EMPTY
     change = 100 * (float(sums[0].sum() / sums[1].sum()) - 1)
-    text = f"{change:+.1f} % ({(side * (ours - theirs) > 0).sum()}/{len(ours)})"
-    return Cell(text, change, best=side * change > 0, interval=_interval(sums, seed))
+    ends = _interval(sums[0], sums[1], seed)
+    text = " to ".join(f"{100 * (end - 1):+.1f}" for end in ends)
+    return Cell(f"{change:+.1f} % {better}", change, best=side * change > 0, interval=text)
 
 
-def _interval(sums: Float64Array, seed: int) -> str:
-    """Ends of the interval of the change in %, by 2 x N sums of scenes (ours, theirs); "" of one scene."""
-    if sums.shape[1] < 2:
-        return ""
-    low, high = interval(sums[0], sums[1], draws(sums.shape[1], seed))
-    return f"{100 * (low - 1):+.1f} to {100 * (high - 1):+.1f}"
+def _interval(sums: Float64Array, by: Float64Array, seed: int) -> tuple[float, ...]:
+    """Ends of the interval of the ratio of both, which have a number of each scene; none of one scene."""
+    return interval(sums, by, draws(len(sums), seed)) if len(sums) > 1 else ()

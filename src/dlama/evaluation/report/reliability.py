@@ -15,7 +15,7 @@ RELIABILITY_TEXT = (
     "ECE: expected calibration error, ten bins over all frames. AUSE: area between the sparsification curve and an oracle's, in "
     "mean errors (0: the least confident pixels are the most wrong), of depth by confidence, of colour by its expected error; "
     "compared with the distance from the rim of the hole and a random order. Expected errors next to the actual ones, of depth "
-    "at most the depth itself."
+    "at most the depth itself, and not cut."
 )
 COLUMNS = {
     "right": "right",

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
+from dlama.evaluation.metrics.pictures import SETTINGS
 from dlama.evaluation.protocols.reliability import MODALITY as CONFIDENCE
 from dlama.evaluation.report.columns import (
     HIDDEN,
@@ -73,15 +74,21 @@ def sections(summary: Summary, rows: Sequence[Row], timings: Sequence[Row], seed
     return found
 
 
+_DEPTH_TEXT = (
+    f"Depth MAE and RMSE: both depths cut at {SETTINGS.depth_clip_m:g} m, where sky counts, too. AbsRel and δ: true depth below "
+    "infinity, not cut."
+)
 _WHOLE_TEXT = (
-    "Whole pictures, as in the paper: colour 0..255, depth clipped at 10 m and shown as 0..255. Mean over frames; the "
-    "interval is a 95 % bootstrap over scenes (none where there is one scene)."
+    f"Whole pictures, as in the paper: colour 0..255, depth clipped at {SETTINGS.depth_clip_m:g} m and shown as 0..255. Mean "
+    f"over frames; the interval is a 95 % bootstrap over scenes (none where there is one scene). {_DEPTH_TEXT}"
 )
 _HIDDEN_TEXT = (
     "Only pixels that the source camera could not see, by the true depth: the same pixels for every method, "
-    "so a recipe gains nothing by leaving less to fill."
+    f"so a recipe gains nothing by leaving less to fill. {_DEPTH_TEXT}"
 )
-_REGION_TEXT = "Means over frames; the interval is a 95 % bootstrap over scenes (none where there is one scene)."
+_REGION_TEXT = (
+    f"Means over frames; the interval is a 95 % bootstrap over scenes (none where there is one scene). {_DEPTH_TEXT}"
+)
 
 
 class _Part:

@@ -19,6 +19,7 @@ from dlama.datasets.frames import Case, Dataset
 from dlama.errors import InputError, format_count
 from dlama.evaluation.protocols import PROTOCOLS
 from dlama.evaluation.protocols.methods import Method, ProtocolSettings
+from dlama.evaluation.report.headlines import headlines
 from dlama.evaluation.report.reliability import reliability_lines
 from dlama.evaluation.report.summary import is_orbit, own_labels, yaw_order
 from dlama.evaluation.report.write import failure_line, write_report
@@ -125,7 +126,7 @@ def measure_methods(dataset: str, output: Path, cases: Cases, methods: Methods, 
             done = run(found.cases, chosen, PROTOCOLS, settings, output, jobs=jobs, progress=progress)
         command = command_line(dataset, output, cases, methods)
         summary = write_report(output, found, done, settings, seed=methods.seed, command=command)
-        for line in reliability_lines(summary):
+        for line in (*headlines(summary), *reliability_lines(summary)):
             result.add(line)
         result.add(summary_line(done, output), **summary_values(done, output))
     if done.failures:
