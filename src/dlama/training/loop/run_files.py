@@ -40,10 +40,10 @@ def choose_settings(
     mixture: Sequence[str] = (),
     **loop: Any,
 ) -> TrainSettings:
-    """A file's or a preset's settings with what the command line says put in; InputError.
+    """A file's or a preset's settings with what the command line gives put in; InputError.
 
-    mixture: words KIND=SHARE. run: directory of a run to resume: one that began with the same preset keeps all that the
-    command line said then, one of a settings file the weights that neither the command line nor the file names.
+    mixture: words KIND=SHARE. run: directory of a run to resume: one that began with the same preset keeps what the
+    command line gave then, one of a settings file the weights that neither the command line nor the file names.
     """
     found = settings_of(name)
     if run is not None and (run / SETTINGS).is_file():
