@@ -22,7 +22,7 @@ NAMES = {
     "JobResult", "batch",
     "Camera", "Completion", "DepthEstimate", "DepthPrediction", "Fill", "FillContext", "FillReport", "Finding",
     "HeadBox", "HoleType", "Inpainter", "Law",
-    "MaskSession", "Mesh", "ObjectMask", "Options", "Origin", "Photo3D", "PointCloud", "RGBD", "Recipe", "Scene",
+    "MaskSession", "Mesh", "ObjectMask", "Options", "Origin", "Painter", "Photo3D", "PointCloud", "RGBD", "Recipe", "Scene",
     "StereoCompletion",
     "StereoConsistency", "StereoRig", "StoredView", "View",
     "CameraError", "DepthError", "DlamaError", "FileError", "InputError", "InputTypeError", "MaskError", "MissingExtraError",

@@ -66,6 +66,7 @@ if TYPE_CHECKING:  # what type checkers and editors read; a test holds it equal 
     from dlama.inpainters.filling import Fill as Fill
     from dlama.inpainters.filling import FillReport as FillReport
     from dlama.inpainters.filling import Inpainter as Inpainter
+    from dlama.inpainters.filling import Painter as Painter
     from dlama.inpainters.filling import inpaint as inpaint
     from dlama.jobs.batch import batch as batch
     from dlama.jobs.results.result import JobResult as JobResult
@@ -127,7 +128,7 @@ NAMES = {
     "geometry.view": ("View",),
     "geometry.visibility": ("Law",),
     "inpainters.context": ("FillContext",),
-    "inpainters.filling": ("Fill", "FillReport", "Inpainter", "inpaint"),
+    "inpainters.filling": ("Fill", "FillReport", "Inpainter", "Painter", "inpaint"),
     "jobs.batch": ("batch",),
     "jobs.results.result": ("JobResult",),
     "perception.depth_networks": ("DepthPrediction",),

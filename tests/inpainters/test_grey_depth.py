@@ -74,7 +74,7 @@ def test_a_painter_gets_both_pictures_apart_and_its_channels_are_averaged() -> N
 
     hole = block()
     view = slope(hole)
-    fill = with_grey_depth(Painter(unused, paint, lambda: {"model": "m"}), 10.0)(view, NOTHING, 0)
+    fill = with_grey_depth(Painter(paint, unused, lambda: {"model": "m"}), 10.0)(view, NOTHING, 0)
     np.testing.assert_allclose(fill.depth[hole], 60 * 10 / 255, rtol=1e-6)
     assert (fill.color[hole] == (30, 60, 90)).all()
     assert fill.notes["model"] == "m" and fill.notes["depth_channel_spread"] == 60

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dlama.arguments import as_array, check, check_arguments, check_count
-from dlama.errors import DepthError, ShapeError
+from dlama.errors import DepthError, InputError, ShapeError
 from dlama.geometry.codes import Origin
 from dlama.geometry.fusion import paste_part
 from dlama.geometry.holes import box_around, larger_box, sides_of
@@ -57,17 +57,38 @@ Paint = Callable[[UInt8Array, BoolArray, int], UInt8Array]
 
 @dataclass(frozen=True)
 class Painter:
-    """An Inpainter that can also fill any 8-bit picture: diffusion, and networks that fill colour."""
+    """A filler made of a function that fills pictures: diffusion, and networks that fill colour.
 
-    fill: Inpainter
-    """Fills a view: colour and depth."""
+    Depth is that of the surfaces that continue behind the hole, and colours out of view are blended with a low-frequency
+    estimate. By the recipe `paper` depth is painted, too, and colours stay as painted.
+    """
+
     paint: Paint
-    """Fills a picture."""
+    """(uint8 H x W x 3 picture, bool H x W hole, seed) -> uint8 H x W x 3 picture. What lies in the hole is of no meaning."""
+    fill: Inpainter | None = None
+    """Fills a view by itself, colour and depth, where `depth_by` is 'filler'; None: that is refused."""
     notes: Callable[[], dict[str, Any]] = field(default=dict)
     """What ran, for meta.json."""
 
     def __call__(self, view: View, context: FillContext, seed: int) -> Fill:
+        if self.fill is None:
+            raise InputError("a Painter without `fill` fills no depth; `depth_by` 'surfaces' is expected")
         return self.fill(view, context, seed)
+
+    def __repr__(self) -> str:
+        return f"Painter({self.__name__})"
+
+    @property
+    def __name__(self) -> str:
+        """Its function's name, for meta.json."""
+        return getattr(self.paint, "__name__", type(self.paint).__name__)
+
+    def fill_picture(self, picture: UInt8Array, hole: BoolArray, seed: int) -> UInt8Array:
+        """What `paint` makes of a picture. ShapeError where it is no uint8 picture of that size."""
+        painted = _check_plane(self.paint(picture, hole, seed), "picture", picture.shape)
+        if painted.dtype != np.uint8:
+            raise ShapeError(f"the filler's picture is {painted.dtype}; uint8 is expected")
+        return painted
 
 
 @dataclass(frozen=True)

@@ -25,8 +25,10 @@ def with_grey_depth(inpainter: Inpainter, clip: float) -> Inpainter:
             own = inpainter(view, context, seed)
             notes = own.notes | {"depth_as": "the filler's own, rounded to 8 bits"}
             return Fill(own.color, metres_from_grey(grey_from_metres(own.depth, clip), clip), own.law_moves, notes)
-        filled = inpainter.paint(np.repeat(grey_from_metres(view.known_depth, clip)[..., None], 3, 2), view.hole, seed)
-        color = inpainter.paint(view.color, view.color_hole, seed) if view.color_hole.any() else view.color
+        filled = inpainter.fill_picture(
+            np.repeat(grey_from_metres(view.known_depth, clip)[..., None], 3, 2), view.hole, seed
+        )
+        color = inpainter.fill_picture(view.color, view.color_hole, seed) if view.color_hole.any() else view.color
         notes = {"depth_as": "8-bit picture", "depth_channel_spread": channel_spread(filled, view.hole)}
         grey = np.round(filled.mean(2)).astype(np.uint8)
         return Fill(color, metres_from_grey(grey, clip), notes=inpainter.notes() | notes)

@@ -62,7 +62,7 @@ def depth_of_levels(levels: np.ndarray, scale: float) -> Float32Array:
     return out
 
 
-telea = Painter(diffuse, paint)
+telea = Painter(paint, diffuse)
 
 
 def spread_small(colors: np.ndarray, known: BoolArray, where: BoolArray | None = None) -> Float32Array:

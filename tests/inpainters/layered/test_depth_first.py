@@ -7,6 +7,8 @@ import dataclasses
 import numpy as np
 import pytest
 
+import dlama
+from dlama.errors import InputError, ShapeError
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.holes import dilate_mask
@@ -62,7 +64,7 @@ def recording(shown: list[np.ndarray]) -> Painter:
     def unused(view: View, context: FillContext, seed: int) -> Fill:
         raise AssertionError("its own way with a view is not asked")
 
-    return Painter(unused, paint, lambda: {"model": "m"})
+    return Painter(paint, unused, lambda: {"model": "m"})
 
 
 def test_depth_is_the_continued_surfaces_and_colour_the_painters() -> None:
@@ -84,6 +86,26 @@ def test_depth_is_the_continued_surfaces_and_colour_the_painters() -> None:
     assert (fill.color[view.hole] == 99).all() and fill.notes["model"] == "m" and "surfaces" in fill.notes["depth_as"]
     assert shown[0][view.hole].all() and shown[0][~view.hole & (view.depth < 2)].any()
     assert not shown[0][~view.hole & (view.depth > 2)].any()
+
+
+def test_a_function_that_fills_pictures_is_a_filler() -> None:
+    """Twin: the depth is that of `layered`, bit for bit; the published recipe paints it, too; what is no picture is refused."""
+    rgbd = RGBD(step().color, np.where(np.arange(80) < 36, 1, 3) + np.zeros((40, 1), np.float32), step().camera)
+
+    def mean_color(picture: np.ndarray, hole: np.ndarray, seed: int) -> np.ndarray:
+        return np.where(hole[..., None], np.uint8(99), picture)
+
+    done = dlama.view(rgbd, yaw=10, filler=dlama.Painter(mean_color))
+    np.testing.assert_array_equal(done.view.depth, dlama.view(rgbd, yaw=10, filler="layered").view.depth)
+    assert done.meta["filler"] == "mean_color" and np.median(done.view.color[done.view.filled]) == 99
+    grey = dlama.view(rgbd, yaw=10, filler=dlama.Painter(mean_color), recipe="paper")
+    assert grey.view.filled.any() and np.allclose(grey.view.depth[grey.view.filled], 99 * 10 / 255)
+    with pytest.raises(InputError, match="depth_by 'surfaces' is expected"):
+        dlama.view(rgbd, yaw=10, filler=dlama.Painter(mean_color), depth_by="filler")
+    with pytest.raises(ShapeError, match="float32; uint8 is expected"):
+        dlama.view(rgbd, yaw=10, filler=dlama.Painter(lambda picture, hole, seed: picture.astype(np.float32)))
+    with pytest.raises(ShapeError, match="has shape"):
+        dlama.view(rgbd, yaw=10, filler=dlama.Painter(lambda picture, hole, seed: picture[:1]))
 
 
 def test_occluders_beside_a_disocclusion_are_known_by_their_depth() -> None:

@@ -65,7 +65,7 @@ def paint_over_depth(inpainter: Inpainter) -> Inpainter:
         leaves = find_leaves(view, surfaces)
         del surfaces  # of a large picture a network needs their memory
         guess = begin_job(smooth_guess, view)
-        color = inpainter.paint(view.color, hidden, seed)
+        color = inpainter.fill_picture(view.color, hidden, seed)
         w = inverse_depth(np.where(view.hole, depth, view.depth))
         color = blend_with_low_frequency(view, color, view.color_hole, w, guess=guess)
         return Fill(paint_leaves(color, view, leaves), depth, moved, notes)

@@ -37,7 +37,7 @@ def lama_filler(model: str | Path | Engine) -> Inpainter:
     def paint(picture: UInt8Array, hole: BoolArray, seed: int) -> UInt8Array:
         return color_from_planes(checked().fill(color_planes(picture)[None], hole)[0])
 
-    return Painter(lama, paint, lambda: network.notes)
+    return Painter(paint, lama, lambda: network.notes)
 
 
 def fill_color_and_depth(view: View, network: Engine) -> Fill:

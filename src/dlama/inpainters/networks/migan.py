@@ -49,7 +49,7 @@ def migan_filler(model: str | Path | Engine) -> Painter:
         require_migan()
         return fill_picture(picture, telea.paint(picture, hole, seed), hole, network)
 
-    return Painter(migan, paint, lambda: network.notes)
+    return Painter(paint, migan, lambda: network.notes)
 
 
 def fill_picture(known: UInt8Array, diffused: UInt8Array, hole: BoolArray, network: Engine) -> UInt8Array:

@@ -49,7 +49,7 @@ class PairFiller:
             own = color_from_planes(filled[:3] if left else filled[3:])
             return np.where(hole[..., None], own, picture)
 
-        return Painter(self, paint, lambda: self.network.notes | {"masks": MASKS_NOTE[self.network.contract.masks]})
+        return Painter(paint, self, lambda: self.network.notes | {"masks": MASKS_NOTE[self.network.contract.masks]})
 
 
 def fill_pair(network: Engine, planes: Float32Array, holes: BoolArray) -> Float32Array:

@@ -137,4 +137,4 @@ def patchmatch_filler(model: str | Path) -> Painter:
     def notes() -> dict[str, Any]:
         return {"guess": network.notes()}
 
-    return Painter(fill, paint, notes)
+    return Painter(paint, fill, notes)
