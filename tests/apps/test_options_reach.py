@@ -147,6 +147,7 @@ def _spy_on_the_rest(spy: Callable[..., None]) -> None:
     spy("dlama.apps.verbs.measuring.evaluating.open_dataset_or_worlds", Dataset("toy", "made-up", None, (), CASES))
     spy("dlama.apps.verbs.measuring.evaluating.run", SimpleNamespace(stored=(), reused=0, stale=0, failures=()))
     spy("dlama.apps.verbs.measuring.evaluating.write_report")
+    spy("dlama.apps.verbs.measuring.evaluating.headlines", [])
     spy("dlama.apps.verbs.measuring.evaluating.reliability_lines", [])
     spy("dlama.worlds.writer.write_worlds", [])
     spy("dlama.diagnose", ())
