@@ -44,7 +44,9 @@ from dlama.evaluation.metrics.pictures import mse_map
 from dlama.evaluation.protocols import ori, vpi
 from dlama.evaluation.protocols.methods import Method, ProtocolSettings, run_method
 from dlama.evaluation.protocols.reliability import reliability_measures
+from dlama.evaluation.protocols.scores import Reference
 from dlama.geometry.rgbd import BoolArray, UInt8Array
+from dlama.geometry.view import View
 from rules import RULES, without
 from standing_objects import standing_case
 from world_cases import MEASURE, SENSORS, as_seen, world_case
@@ -84,7 +86,8 @@ MARGIN = 48
 """Pixels round what is measured that LPIPS sees."""
 SHOWN = (
     "mask lpips", "mask mse", "mask mae", "unseen lpips", "unseen mse", "unseen mae",
-    "disoccluded lpips", "disoccluded mse", "out-of-view lpips", "out-of-view mse", "ece", "seconds",
+    "disoccluded lpips", "disoccluded mse", "out-of-view lpips", "out-of-view mse", "seen lpips", "seen mse", "seen mae",
+    "ece", "seconds",
 )  # fmt: skip
 
 RULE_MEASURES = (
@@ -163,20 +166,27 @@ def measure(truth: Truth, method: Method) -> dict[str, float]:
             unknown = reference.regions["unseen"]
             names = {name: reference.regions[name] for name in ("unseen", "disoccluded", "out-of-view")}
         run_ = run_method(method, truth.source, camera, mask)
-        view, unknown = run_.view(), reference.within(unknown)
-        mine = np.where(unknown[..., None], reference.match_exposure(view.color), reference.color)
-        squared = mse_map(reference.color, mine)
-        distance = lpips_map(reference.color, mine, unknown)
-        found = {"seconds": run_.seconds}
-        for name, region in names.items():
-            chosen = region & unknown
-            if chosen.sum() < SETTINGS.smallest_region:
-                continue
-            found |= {f"{name} mse": float(squared[chosen].mean()), f"{name} lpips": float(distance[chosen].mean())}
-            known = chosen & (reference.depth > 0)
-            if known.sum() >= SETTINGS.smallest_region:
-                found[f"{name} mae"] = depth_errors(view.depth, reference.depth, known)["mae"]
+        view, everywhere = run_.view(), np.ones(unknown.shape, np.bool_)
+        found = {"seconds": run_.seconds} | measure_regions(view, reference, reference.within(unknown), names)
+        if isinstance(truth, ViewTruth):
+            found |= measure_regions(view, reference, reference.within(everywhere) & ~unknown, {"seen": everywhere})
         found |= {one.metric: one.value for one in reliability_measures(run_, reference)}
+    return found
+
+
+def measure_regions(view: View, reference: Reference, part: BoolArray, names: dict[str, BoolArray]) -> dict[str, float]:
+    """Colour and depth error in each region within a part (H x W) of a view, which is true elsewhere."""
+    mine = np.where(part[..., None], reference.match_exposure(view.color), reference.color)
+    squared, distance = mse_map(reference.color, mine), lpips_map(reference.color, mine, part)
+    found = {}
+    for name, region in names.items():
+        chosen = region & part
+        if chosen.sum() < SETTINGS.smallest_region:
+            continue
+        found |= {f"{name} mse": float(squared[chosen].mean()), f"{name} lpips": float(distance[chosen].mean())}
+        known = chosen & (reference.depth > 0)
+        if known.sum() >= SETTINGS.smallest_region:
+            found[f"{name} mae"] = depth_errors(view.depth, reference.depth, known)["mae"]
     return found
 
 

@@ -15,7 +15,7 @@ from dlama.geometry.holes import fill_with_nearest
 from dlama.geometry.projection import depth_from_inverse, inverse_depth
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.perception.resampling import upsample_depth
-from dlama.training.data.augment import add_depth_holes
+from dlama.training.data.augment import add_depth_holes, add_flying_pixels
 
 EDGE = 0.06
 """Relative step of inverse depth between neighbours that is an edge."""
@@ -27,6 +27,8 @@ SHADOW, FATTENING, MISALIGNED = (2, 9), (1, 4), 2.0
 """Pixels: depth missing next to an edge, foreground dilated, largest shift of depth against colour."""
 OUT_OF_REACH = 0.35
 """Probability that what is far (the last twentieth to fifth of the depths, and the sky) has no depth."""
+FLIGHT_NOISE, FLIGHT_GRAIN = (0.002, 0.02), (0.3, 1.0)
+"""Standard deviation of the noise of a time-of-flight camera, as a share of the distance, and its sigma in pixels."""
 RINGS, POINTS, LOST = (3.0, 7.0), (1.0, 3.0), 0.1
 """Pixels, in a picture 640 wide, between the rings of a LIDAR and between points of one; share of points that do not return."""
 MAP_PX, BLURRED_PX, UNEVEN = 256, (0.5, 1.0), 0.004
@@ -74,6 +76,14 @@ def phone(rgbd: RGBD, rng: np.random.Generator) -> RGBD:
     noise = cv2.GaussianBlur(rng.standard_normal(small.shape, np.float32), (0, 0), 3)
     small = np.asarray(small * (1 + noise * np.float32(UNEVEN / noise.std())), np.float32)
     return dataclasses.replace(rgbd, depth=upsample_depth(small, rgbd.color))
+
+
+def time_of_flight(rgbd: RGBD, rng: np.random.Generator) -> RGBD:
+    """Noise that is a share of the distance, mixed pixels at edges, holes, no depth of what is far."""
+    share = np.float32(_draw_log_uniform(rng, FLIGHT_NOISE))
+    noise = cv2.GaussianBlur(rng.standard_normal(rgbd.depth.shape, np.float32), (0, 0), rng.uniform(*FLIGHT_GRAIN))
+    depth = add_flying_pixels(np.where(rgbd.far, 0, rgbd.depth), rng)
+    return _replace_depth(rgbd, add_depth_holes(depth * (1 + share / noise.std() * noise), rng))
 
 
 def scanning_lidar(rgbd: RGBD, rng: np.random.Generator) -> RGBD:

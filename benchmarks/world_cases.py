@@ -12,13 +12,19 @@ from dlama.geometry.holes import dilate_mask
 from dlama.geometry.rgbd import RGBD
 from dlama.perception.monocular import estimate_depth
 from dlama.training.data.samples.world_views import WorldSet, WorldViews
-from sensors import add_photo_noise, phone, scanning_lidar, stereo_matcher, structured_light
+from sensors import add_photo_noise, phone, scanning_lidar, stereo_matcher, structured_light, time_of_flight
 
 SHARES, FARTHEST_M = (0.005, 0.12), 6.0
 """Of the picture, that the removed object of a world covers, and its largest distance (median depth): no houses."""
 SENSORS = ("exact", "kinect", "matcher", "estimated")
-"""Of the suite's worlds, in turn; `as_seen` also knows a phone and a lidar."""
-MEASURE = {"kinect": structured_light, "matcher": stereo_matcher, "phone": phone, "lidar": scanning_lidar}
+"""Of the suite's worlds, in turn; `as_seen` also knows a phone, a lidar and a time-of-flight camera (tof)."""
+MEASURE = {
+    "kinect": structured_light,
+    "matcher": stereo_matcher,
+    "phone": phone,
+    "lidar": scanning_lidar,
+    "tof": time_of_flight,
+}
 
 
 def world_case(number: int, kind: str, sensor: str, worlds: WorldSet | None = None, pair: int = 0) -> Truth:

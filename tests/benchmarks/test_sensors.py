@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from dlama.geometry.camera import Camera
-from sensors import add_photo_noise, stereo_matcher, structured_light
+from sensors import add_photo_noise, stereo_matcher, structured_light, time_of_flight
 from worlds import Box, Plane, Sphere, World
 
 WORLD = World((Plane((0, 1, 0), (0, 1, 0)), Box((-9, -0.5, 6), (9, 1, 7)), Sphere((0, 0.3, 3), 0.4)))
 
 
-@pytest.mark.parametrize("sensor", [structured_light, stereo_matcher])
+@pytest.mark.parametrize("sensor", [structured_light, stereo_matcher, time_of_flight])
 def test_sensors_measure_what_is_there(sensor):
     """Law: colours stay, most depths are within a tenth of the truth, something is missing or changed; the same bits again."""
     frame = WORLD.rgbd(Camera.from_fov(96, 72, 70))

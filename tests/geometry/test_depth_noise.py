@@ -20,10 +20,11 @@ CAMERA = Camera.from_fov(320, 240, 60)
 ROOM = World((Plane((0, 1.2, 0), (0, -1, 0)), Plane((0, 0, 6), (0.3, 0, -1)), Box((-0.6, -0.4, 2), (0.2, 0.5, 2.6))))
 
 
-def noisy(seed: int, *, inverse: float = 0.0, metres: float = 0.0) -> View:
-    """A room with steps, with noise of those standard deviations in inverse depth (1/m) and in depth."""
+def noisy(seed: int, *, inverse: float = 0.0, metres: float = 0.0, share: float = 0.0) -> View:
+    """A room with steps, with noise of those standard deviations in inverse depth (1/m), in depth, and as a share of it."""
     rng, frame = np.random.default_rng(seed), ROOM.rgbd(CAMERA)
     depth = 1 / (1 / frame.depth.astype(float) + rng.normal(0, inverse, frame.depth.shape))
+    depth *= 1 + rng.normal(0, share, depth.shape)
     return View.from_rgbd(
         dataclasses.replace(frame, depth=(depth + rng.normal(0, metres, depth.shape)).astype(np.float32))
     )
@@ -33,22 +34,30 @@ def noisy(seed: int, *, inverse: float = 0.0, metres: float = 0.0) -> View:
 @pytest.mark.parametrize("seed", first_quick(range(4)))
 def test_noise_that_was_added_is_found(seed: int, inverse: float) -> None:
     """Within 15 %, at steps between surfaces, too."""
-    assert measured_noise(noisy(seed, inverse=inverse))[0] == pytest.approx(inverse, rel=0.15)
+    found = measured_noise(noisy(seed, inverse=inverse))
+    assert found.constant == pytest.approx(inverse, rel=0.15) and found.share == 0
+
+
+@pytest.mark.parametrize("share", [0.002, 0.02])
+@pytest.mark.parametrize("seed", first_quick(range(4)))
+def test_noise_that_is_a_share_of_the_distance_is_found(seed: int, share: float) -> None:
+    """Within 15 %, and known from noise that is the same everywhere in inverse depth."""
+    assert measured_noise(noisy(seed, share=share)).share == pytest.approx(share, rel=0.15)
 
 
 def test_exact_depth_has_none() -> None:
     """Planes are straight in inverse depth, to what float32 holds; its median is found."""
     view = noisy(0)
-    noise, middle = measured_noise(view)
-    assert noise < 1e-7
-    assert middle == pytest.approx(float(np.median(1 / view.depth)), rel=0.1)
+    noise = measured_noise(view)
+    assert noise.constant < 1e-7 and noise.share < 1e-6
+    assert noise.middle == pytest.approx(float(np.median(1 / view.depth)), rel=0.1)
 
 
 def test_noise_of_metres_counts_as_it_is_far_away() -> None:
     """Oracle: an error of depth z by 4 mm is one of 4 mm / z^2 in inverse depth, at most as in the farther half."""
     view = noisy(0, metres=0.004)
     nearest_of_far = float(np.median(view.depth))
-    assert measured_noise(view)[0] < 1.15 * 0.004 / nearest_of_far**2
+    assert measured_noise(view).constant < 1.15 * 0.004 / nearest_of_far**2
 
 
 def test_only_what_is_measured_counts() -> None:
@@ -58,10 +67,10 @@ def test_only_what_is_measured_counts() -> None:
     depth = np.where(filled, ROOM.rgbd(CAMERA).depth, view.depth)
     origin = np.where(filled, np.uint8(Origin.DEPTH_FILLED), view.origin)
     mixed = dataclasses.replace(view, depth=depth, origin=origin)
-    assert measured_noise(mixed)[0] == pytest.approx(2e-3, rel=0.15)
+    assert measured_noise(mixed).constant == pytest.approx(2e-3, rel=0.15)
     keep = np.zeros(view.hole.shape, bool)
     keep[:20, :20] = True
-    assert measured_noise(view.without(~keep, HoleType.SENSOR)) == (0.0, 0.0)
+    assert measured_noise(view.without(~keep, HoleType.SENSOR)) == (0.0, 0.0, 0.0)
 
 
 def test_noise_of_a_larger_picture_is_as_smooth() -> None:
@@ -70,7 +79,7 @@ def test_noise_of_a_larger_picture_is_as_smooth() -> None:
     large = cv2.resize(view.depth, None, fx=8, fy=8, interpolation=cv2.INTER_CUBIC)
     color = np.zeros((*large.shape, 3), np.uint8)
     enlarged = View.from_rgbd(RGBD(color, large, Camera.from_fov(*large.shape[::-1], 60)))
-    assert measured_noise(enlarged)[0] == pytest.approx(2e-3, rel=0.3)  # between pixels, noise is interpolated
+    assert measured_noise(enlarged).constant == pytest.approx(2e-3, rel=0.3)  # between pixels, noise is interpolated
 
 
 def test_second_differences_are_those_of_a_parabola() -> None:

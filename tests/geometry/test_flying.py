@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -10,6 +12,7 @@ from hypothesis import strategies as st
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType
 from dlama.geometry.drawing.grid_mesh import find_joints
+from dlama.geometry.holes import dilate_square
 from dlama.geometry.rendering import MODES, Mode, render
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import View
@@ -126,3 +129,22 @@ def test_noise_of_matching_tears_no_far_wall() -> None:
     assert not find_joints(View.from_rgbd(frame)).flying.any()
     beside = render(matched(World((Box((-0.5, -0.6, 5), (0.5, 0.6, 5.5)), wall)), 0.15), target, "surface")
     assert (beside.hole_type[inside] == HoleType.DISOCCLUDED).sum() > 200
+
+
+@pytest.mark.parametrize("share", [0.005, 0.015])
+def test_noise_of_a_time_of_flight_camera_tears_no_surface(share: float) -> None:
+    """Law: ground and a box near and far, off by that share of the distance, seen from aside have no more holes in them than
+    steps of noise are larger than 4 standard deviations (0.5 %); the box is cut out of the ground still."""
+    camera = Camera.from_fov(160, 120, 60)
+    frame = World(
+        (Plane((0, 1, 0), (0, -1, 0)), Box((-0.6, -0.3, 1.2), (0.2, 1, 1.6)), Plane((0, 0, 4), (0, 0, -1)))
+    ).rgbd(camera)
+    noise = share * np.random.default_rng(6).standard_normal(camera.hw)
+    target = moved(camera, shift=(0.15, 0, 0))
+    exact, seen = (
+        render(dataclasses.replace(frame, depth=depth.astype(np.float32)), target, "surface")
+        for depth in (frame.depth, frame.depth * (1 + noise))
+    )
+    whole = ~dilate_square(exact.hole, 5)
+    assert seen.hole[whole].mean() < 0.005
+    assert (seen.hole & exact.hole).sum() > 0.8 * exact.hole.sum()

@@ -9,6 +9,7 @@ import pytest
 
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType, Origin
+from dlama.geometry.depth_noise import Noise
 from dlama.geometry.drawing import grid_mesh
 from dlama.geometry.drawing.grid_mesh import close_grid, find_joints, mesh_grid
 from dlama.geometry.drawing.picture_edges import edge_ratio
@@ -78,9 +79,9 @@ def mesh_of(frame: RGBD, least: float = 0.0) -> tuple[np.ndarray, np.ndarray, np
 @pytest.mark.parametrize("seed", SEEDS)
 def test_joints_and_flying_pixels(seed: int, least: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """Twin: every joint and every flying pixel of the grid, whatever noise there is."""
-    monkeypatch.setattr(grid_mesh, "step_by_noise", lambda *_: least)
+    monkeypatch.setattr(grid_mesh, "noise_of_lines", lambda *_: Noise(0.0, 0.0, 0.0))
     frame, _, _ = pair(seed)
-    view = View.from_rgbd(frame)
+    view = dataclasses.replace(View.from_rgbd(frame), noise_step=least)
     w = inverse_depth(frame.depth)
     np.testing.assert_array_equal(find_joints(view).flying, edges.flying(w, edge_ratio(frame.camera), least))
     depth, joined = mesh_grid(view)

@@ -1,13 +1,14 @@
 """Depth in; the standard deviation of the noise in its inverse, which it shows itself, out.
 
 Most of a picture is planar, and planes are linear in inverse depth: what their second differences are not 0 by is noise. That of
-stereo matching and of structured light is about as large at all distances there.
+stereo matching and of structured light is about as large at all distances there, that of a time-of-flight camera a share of it.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,16 +32,37 @@ def second_differences(w: Float32Array, known: BoolArray, reach: int) -> tuple[F
     return np.abs(w[:, here] - (w[:, before] + w[:, after]) / 2)[three], three
 
 
-def differences_of_lines(
-    lines: Iterable[tuple[Float32Array, BoolArray]], reach: int
-) -> tuple[Float32Array, Float32Array]:
-    """The `second_differences` of several pictures of inverse depth and of where it is known; and the inverse depth of each."""
+class Noise(NamedTuple):
+    """Noise of inverse depth; all 0 where too little is known to say."""
+
+    constant: float
+    """Its standard deviation (1/m), as if it were the same at all distances."""
+    share: float
+    """The same as a share of the inverse depth, where it rather is the same share at all distances; else 0."""
+    middle: float
+    """Median inverse depth (1/m)."""
+
+
+def noise_of_lines(lines: Iterable[tuple[Float32Array, BoolArray]], reach: int) -> Noise:
+    """By the `second_differences` of several pictures of inverse depth, where it is known.
+
+    Of the nearer and the farther half the one with less noise counts: sensors whose noise is as large in metres at all distances
+    have less in inverse depth where it is far. Which kind of noise it is, the halves say: they differ less in it.
+    """
     bends, levels = [], []
     for w, known in lines:
         found, three = second_differences(w, known, reach)
         bends.append(found)
         levels.append(w[:, reach:-reach][three])
-    return np.concatenate(bends), np.concatenate(levels)
+    bend, level = np.concatenate(bends), np.concatenate(levels)
+    if bend.size < ENOUGH:
+        return Noise(0.0, 0.0, 0.0)
+    middle = np.median(level)
+    halves = [half for half in (level >= middle, level < middle) if half.any()]
+    constant = [deviation(bend[half]) for half in halves]
+    share = [deviation(bend[half] / level[half]) for half in halves]
+    is_share = max(share) * min(constant) < max(constant) * min(share)
+    return Noise(min(constant), min(share) if is_share else 0.0, float(middle))
 
 
 def deviation(bends: Float32Array) -> float:
@@ -48,21 +70,12 @@ def deviation(bends: Float32Array) -> float:
     return float(np.median(bends)) / (0.6745 * math.sqrt(1.5))
 
 
-def measured_noise(view: View) -> tuple[float, float]:
-    """Standard deviation (1/m) of the noise of a layer's measured inverse depth, and its median; 0, 0 where little is measured.
-
-    Of the nearer and the farther half the one with less noise counts: sensors whose noise is as large in metres at all distances
-    have less in inverse depth where it is far.
-    """
+def measured_noise(view: View) -> Noise:
+    """Of what is measured of a layer."""
     reach = max(REACH, max(view.camera.hw) // REACH_WIDTH)
     lines = []
     for depth, origin in ((view.depth, view.origin), (view.depth.T, view.origin.T)):
         some = slice(None, None, max(1, len(depth) // LINES))
         measured = is_valid(depth[some]) & (origin[some] == Origin.MEASURED.value)
         lines.append((inverse_depth(depth[some]), measured))
-    bend, level = differences_of_lines(lines, reach)
-    if bend.size < ENOUGH:
-        return 0.0, 0.0
-    middle = np.median(level)
-    halves = (bend[level >= middle], bend[level < middle])
-    return min(deviation(half) for half in halves if half.size), float(middle)
+    return noise_of_lines(lines, reach)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType, Origin
-from dlama.geometry.depth_noise import ENOUGH, LINES, REACH, deviation, differences_of_lines
+from dlama.geometry.depth_noise import LINES, REACH, noise_of_lines
 from dlama.geometry.drawing.picture_edges import align_edges, behind_edges, edge_ratio
 from dlama.geometry.frames.stored import Layer
 from dlama.geometry.holes import fill_with_nearest
@@ -34,20 +35,6 @@ class Joints(NamedTuple):
     def flying_pixels(self) -> int:
         """How many pixels fly."""
         return int(self.flying.sum())
-
-
-def step_by_noise(w: Float32Array, ratio: float) -> float:
-    """Step in inverse depth (1/m) between neighbouring pixels caused by noise alone; 0 where `ratio` covers it at the median.
-
-    w: with a margin, see `depth_edges`. Matched depth is off by a fraction of a pixel of disparity everywhere: far walls must
-    not be torn by it. Measured as the median second difference (0 on straight lines) of some rows and columns.
-    """
-    some = [lines[edges.PAD : -edges.PAD : max(1, len(lines) // LINES), edges.PAD : -edges.PAD] for lines in (w, w.T)]
-    bend, level = differences_of_lines(((one, one > 0) for one in some), REACH)
-    if bend.size < ENOUGH:
-        return 0.0
-    noise = deviation(bend)
-    return NOISE_STEPS * noise if NOISY * noise > ratio * float(np.median(level)) else 0.0
 
 
 def find_joints(view: View) -> Joints:
@@ -80,9 +67,13 @@ def join_neighbours(w: Float32Array, camera: Camera, step: float = 0.0) -> UInt8
 
 
 def edge_grid(w: Float32Array, camera: Camera, step: float) -> edges.Grid:
-    """What kernels tell edges by. w, step: as of `remove_flying_pixels`."""
+    """What kernels tell edges by, with the steps that noise alone makes. w, step: as of `remove_flying_pixels`."""
     ratio = edge_ratio(camera)
-    return edges.Grid(w, ratio, max(step, step_by_noise(w, ratio)))
+    some = [lines[edges.PAD : -edges.PAD : max(1, len(lines) // LINES), edges.PAD : -edges.PAD] for lines in (w, w.T)]
+    noise = noise_of_lines(((one, one > 0) for one in some), REACH)
+    if NOISY * noise.constant > ratio * noise.middle:  # else `ratio` covers it, at the median
+        step = max(step, NOISE_STEPS * noise.constant)
+    return edges.Grid(w, math.hypot(ratio, NOISE_STEPS * noise.share), step)
 
 
 def mesh_grid(view: View, step: float = 0.0) -> tuple[Float32Array, UInt8Array]:
