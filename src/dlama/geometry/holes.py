@@ -219,10 +219,19 @@ def box_mean(values: Float32Array, weight: Float32Array, side: int, least: float
     return np.asarray(total / np.maximum(share, least), np.float32)
 
 
+def gaussian_mean(values: np.ndarray, where: BoolArray, sigma: float, least: float = 1e-6) -> Float32Array:
+    """H x W (x C): mean of the values in pixels of `where` (H x W), by a Gaussian; about 0 where less than `least` counts."""
+    weight = where.astype(np.float32)
+    values = values * (weight if values.ndim == 2 else weight[..., None])
+    total, share = (cv2.GaussianBlur(each, (0, 0), sigma) for each in (values, weight))
+    share = np.maximum(share, np.float32(least))
+    return np.asarray(np.divide(total, share if values.ndim == 2 else share[..., None], out=total), np.float32)
+
+
 def smaller_size(hw: tuple[int, ...], side: float) -> tuple[int, int]:
-    """Width and height of a picture of that height and width (first two of `hw`) whose longer side becomes `side` pixels."""
+    """Width and height of a picture of that height and width (first two of `hw`), the longer side `side` pixels at most."""
     height, width = hw[:2]
-    by = side / max(height, width)
+    by = min(1.0, side / max(height, width))
     return max(1, round(width * by)), max(1, round(height * by))
 
 
@@ -231,10 +240,14 @@ def repeat_cells(values: np.ndarray, times: int, hw: tuple[int, ...]) -> np.ndar
     return values.repeat(times, 0).repeat(times, 1)[: hw[0], : hw[1]]
 
 
+def shrink_mask(mask: BoolArray, wh: tuple[int, int]) -> Float32Array:
+    """h x w: the share of a mask (H x W) in each pixel of a smaller size (width, height)."""
+    return np.asarray(cv2.resize(mask.astype(np.float32), wh, interpolation=cv2.INTER_AREA), np.float32)
+
+
 def shrink_known(values: np.ndarray, known: BoolArray, wh: tuple[int, int]) -> tuple[Float32Array, Float32Array]:
     """(h x w x C means of the known values, h x w share that is known) of H x W x C values in a smaller size (width, height)."""
-    weight = known.astype(np.float32)
-    share = np.asarray(cv2.resize(weight, wh, interpolation=cv2.INTER_AREA), np.float32)
+    weight, share = known.astype(np.float32), shrink_mask(known, wh)
     planes = np.moveaxis(values.reshape(*known.shape, -1), 2, 0)  # one at a time: weighted they are floats
     sums = np.stack([cv2.resize(plane * weight, wh, interpolation=cv2.INTER_AREA) for plane in planes], 2)
     return np.asarray(sums / np.maximum(share, np.float32(1e-6))[..., None], np.float32), share

@@ -25,6 +25,7 @@ from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, sampled_pix
 from dlama.geometry.view import View
 from dlama.models.network_file import ASSETS
 from dlama.models.perceptron import Perceptron, read_arrays
+from dlama.perception.resampling import interpolate
 
 DEPTH_WITHIN = 0.05
 """Largest relative error of a right depth."""
@@ -171,7 +172,7 @@ def features_of_known(view: View) -> KnownFeatures:
     rows[12] = np.log1p(local_contrast(grey, ~hole, FINE * diagonal)[1].ravel()[rim])
     rows[20] = np.log1p(np.abs(grey.ravel()[rim] - mean))
     rows[24] = estimate_noise(grey, ~hole)
-    rows[22] = blur((~hole).astype(np.float32), BROAD * diagonal)[hole]
+    rows[22] = interpolate(blur_coarsely((~hole).astype(np.float32), BROAD * diagonal), hole.shape)[hole]
     rows[16] = np.log(hole.mean())
     rows[26] = (view.hole_type == HoleType.SENSOR.value).mean()
     rows[27] = (view.origin == Origin.ESTIMATED.value).any()
@@ -222,11 +223,6 @@ def channel_mean(color: UInt8Array) -> Float32Array:
     return np.asarray(cv2.transform(color.astype(np.float32), np.full((1, 3), 1 / 3, np.float32)), np.float32)
 
 
-def blur(values: Float32Array, sigma: float) -> Float32Array:
-    """H x W under a Gaussian of `sigma` pixels; computed at a coarser size where it is broad."""
-    return enlarge(blur_coarsely(values, sigma), values.shape)
-
-
 def blur_coarsely(values: Float32Array, sigma: float) -> Float32Array:
     """H x W under a Gaussian of `sigma` pixels; in a smaller size where it is broad."""
     by = max(1, int(sigma // 2))
@@ -236,11 +232,6 @@ def blur_coarsely(values: Float32Array, sigma: float) -> Float32Array:
     return np.asarray(cv2.GaussianBlur(values, (0, 0), max(sigma / by, 0.5)), np.float32)
 
 
-def enlarge(values: Float32Array, hw: tuple[int, ...]) -> Float32Array:
-    """A plane of `blur_coarsely` at the picture's height and width."""
-    return values if values.shape == hw else np.asarray(cv2.resize(values, (hw[1], hw[0])), np.float32)
-
-
 def local_contrast(values: Float32Array, known: BoolArray, sigma: float) -> tuple[Float32Array, Float32Array]:
     """(mean, standard deviation), H x W, of the known values round each pixel under a Gaussian of `sigma` pixels."""
     weight = known.astype(np.float32)
@@ -248,4 +239,4 @@ def local_contrast(values: Float32Array, known: BoolArray, sigma: float) -> tupl
     share = np.maximum(share, 1e-6)
     mean = np.asarray(first / share, np.float32)
     deviation = np.asarray(np.sqrt(np.maximum(second / share - mean**2, 0)), np.float32)
-    return enlarge(mean, values.shape), enlarge(deviation, values.shape)
+    return interpolate(mean, values.shape), interpolate(deviation, values.shape)

@@ -9,9 +9,9 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, fields
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from typing import ClassVar, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
@@ -24,15 +24,16 @@ CONTRACT_KEY = "dlama.contract"
 C = TypeVar("C", bound="ColorContract")
 
 
+@dataclass(frozen=True, kw_only=True)
 class ColorContract:
-    """What the contracts of networks that take colours share; each is a dataclass that has these fields."""
+    """What the contracts of networks that take colours share."""
 
     network: ClassVar[str]
     """The kind of network, such as "monocular depth"."""
-    scale: float
+    scale: float = 1 / 255
     """A colour c of 0..255 is shown as (c * scale - mean) / std."""
-    mean: tuple[float, float, float]
-    std: tuple[float, float, float]
+    mean: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    std: tuple[float, float, float] = (1.0, 1.0, 1.0)
 
     def check_colors(self) -> None:
         """InputError for contradictions."""
@@ -46,7 +47,7 @@ class ColorContract:
 
     def metadata(self) -> dict[str, str]:
         """The ONNX metadata that says all this."""
-        return {CONTRACT_KEY: json.dumps({"network": self.network, **asdict(self)})}  # type: ignore[call-overload]
+        return {CONTRACT_KEY: json.dumps({"network": self.network, **asdict(self)})}
 
     @classmethod
     def of_file(cls: type[C], file: NetworkFile) -> C | None:
@@ -67,12 +68,15 @@ class ColorContract:
                 raise FileError(
                     f"{file}: is a network {words.get('network')!r} by its contract; {expected} is expected"
                 )
-            known = {one.name for one in fields(cls)}  # type: ignore[arg-type]
+            known = {one.name for one in fields(cls)}
             strange = sorted(set(words) - known - {"network", "version"})
             if strict and strange:
                 raise FileError(f"{file}: its contract has {', '.join(strange)}; known are {', '.join(sorted(known))}")
             listed = {name: words[name] for name in words if name in known}
-            return cls(**{name: tuple(one) if isinstance(one, list) else one for name, one in listed.items()})
+            values: dict[str, Any] = {
+                name: tuple(one) if isinstance(one, list) else one for name, one in listed.items()
+            }
+            return cls(**values)
 
 
 @contextmanager

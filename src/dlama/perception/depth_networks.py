@@ -34,9 +34,6 @@ class DepthContract(ColorContract):
     """depth: planar z; inverse depth: larger is nearer; points: x, y, z in the camera, z known up to a shift."""
     metric: bool = False
     """Whether that is in metres; else it is known up to a factor, relative inverse depth up to a factor and a shift."""
-    scale: float = 1 / 255
-    mean: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    std: tuple[float, float, float] = (1.0, 1.0, 1.0)
     layout: Literal["CHW", "HWC"] = "CHW"
     """Order of the input's axes after the batch; colours are RGB."""
     size: tuple[int, int] | None = None

@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -234,26 +233,17 @@ def _carry_to(frame: View, frames: Mapping[int, Layer], masked: MaskedObject) ->
     box = find_box_in_view(masked.corners, frame.camera)
     if box is None:
         return np.zeros_like(frame.hole)
-    within = find_in_depth(frame.cropped(*box), frames, masked)
-    found = [np.zeros_like(frame.hole) for _ in within]
-    for whole, part in zip(found, within):
-        whole[box] = part
+    found = np.zeros((3, *frame.hole.shape), np.bool_)
+    found[(slice(None), *box)] = find_in_depth(frame.cropped(*box), frames, masked)
     return correct_carried(frame, *found)
 
 
-class Carried(NamedTuple):
-    """What depth says of an object in another frame."""
+def find_in_depth(frame: View, frames: Mapping[int, Layer], masked: MaskedObject) -> tuple[BoolArray, ...]:
+    """What depth says of an object in a part of an unmasked frame that holds its box, H x W each: the pixels that show it, or may
+    where depth is missing; those that show what a masked frame shows amid its mask; those that one shows outside its mask.
 
-    mask: BoolArray
-    """H x W, the pixels that show it, or may where depth is missing."""
-    confirmed: BoolArray
-    """H x W, those that show what a masked frame shows amid its mask."""
-    barred: BoolArray
-    """H x W, the pixels that a masked frame shows outside its mask."""
-
-
-def find_in_depth(frame: View, frames: Mapping[int, Layer], masked: MaskedObject) -> Carried:
-    """What depth says of an object in a part of an unmasked frame that holds its box; frames: the masked ones, by index."""
+    frames: the masked ones, by index.
+    """
     points = world_points(frame)
     candidates = frame.valid & ((points >= masked.box[0]) & (points <= masked.box[1])).all(-1)
     seen = render(masked.shown, frame.camera, types=False)
@@ -271,13 +261,13 @@ def find_in_depth(frame: View, frames: Mapping[int, Layer], masked: MaskedObject
     seeds = seen.valid & frame.valid & agrees & ~barred
     unmeasured = frame.hole & render(masked.whole, frame.camera, types=False).valid if frame.has_holes else frame.hole
     if not seeds.any():
-        return Carried(unmeasured, seeds, barred)
+        return unmeasured, seeds, barred
     size = max(int(seeds.sum()), *(int(mask.sum()) for mask in masked.masks.values()))
     candidates &= dilate_mask(seeds, max(2 * RIM_PX, round(REACH * float(np.sqrt(size)))))
     seeds &= candidates
     found = grow_region(seeds, find_foreground(frame, candidates) | seeds, frame.depth)
     gaps = morphological_close(found, square(3)) & (candidates | frame.hole)
-    return Carried(found | gaps | (dilate_mask(found, EDGE_PX) & candidates) | unmeasured, seeds, barred)
+    return found | gaps | (dilate_mask(found, EDGE_PX) & candidates) | unmeasured, seeds, barred
 
 
 def compare_with_mask(points: np.ndarray, masked: View, mask: BoolArray) -> tuple[BoolArray, BoolArray, BoolArray]:

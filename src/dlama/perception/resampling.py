@@ -40,6 +40,12 @@ def nearest_pixels(values: np.ndarray, hw: tuple[int, ...]) -> np.ndarray:
     return np.ascontiguousarray(values[rows[:, None], columns])
 
 
+def interpolate(values: np.ndarray, hw: tuple[int, ...]) -> Float32Array:
+    """H x W: a map at another height and width, bilinear between its pixels; itself at its own."""
+    values = np.ascontiguousarray(values, np.float32)
+    return values if values.shape == tuple(hw[:2]) else np.asarray(cv2.resize(values, (hw[1], hw[0])), np.float32)
+
+
 def shrink_color(color: UInt8Array, hw: tuple[int, ...]) -> UInt8Array:
     """H x W x 3 at the size hw, by area means."""
     if color.shape[:2] == tuple(hw):

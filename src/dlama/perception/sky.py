@@ -10,6 +10,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from dlama.geometry.holes import shrink_mask, smaller_size
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, is_valid
 from dlama.perception.resampling import shrink_color
 
@@ -44,12 +45,10 @@ def find_plain_sky(color: UInt8Array, free: BoolArray, depth: Float32Array) -> B
     measured = depth[is_valid(depth)][::SAMPLED]
     if not measured.size or np.quantile(measured, 0.99) < OUTDOORS_M:
         return nothing
-    height, width = free.shape
-    step = max(1.0, max(height, width) / GRID)
-    hw = max(1, round(height / step)), max(1, round(width / step))
+    hw = smaller_size(free.shape, GRID)[::-1]
     small = shrink_color(color, hw).astype(np.float32)
     grey = small @ LUMA
-    cells = cv2.resize(free.astype(np.uint8) * 255, hw[::-1], interpolation=cv2.INTER_AREA) > 127
+    cells = shrink_mask(free, hw[::-1]) >= 0.5
     plain = (steps_to_neighbours(grey) < STEP).astype(np.uint8)
     _, part = cv2.connectedComponents(plain, connectivity=4)
     sky, large = np.zeros(hw, np.bool_), False
@@ -63,7 +62,7 @@ def find_plain_sky(color: UInt8Array, free: BoolArray, depth: Float32Array) -> B
         large |= area >= LARGEST and this[0].mean() >= ALONG_TOP
     if not large:
         return nothing
-    return free & (cv2.resize(sky.view(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST) > 0)
+    return free & (cv2.resize(sky.view(np.uint8), free.shape[::-1], interpolation=cv2.INTER_NEAREST) > 0)
 
 
 def looks_like_sky(color: Float32Array, grey: Float32Array, part: BoolArray) -> bool:

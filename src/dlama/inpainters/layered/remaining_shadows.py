@@ -10,7 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.codes import HoleType, Origin
-from dlama.geometry.holes import dilate_square, distance_to, erode_mask, morphological_open, nearest_known, square
+from dlama.geometry.holes import (
+    dilate_square,
+    distance_to,
+    erode_mask,
+    morphological_open,
+    nearest_known,
+    shrink_mask,
+    smaller_size,
+    square,
+)
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
@@ -45,24 +54,22 @@ def find_remaining_shadow(view: View, label: NDArray[np.int8], law: Law) -> Bool
     own = view.object_hole
     if not own.any() or view.hole.all() or (view.origin == Origin.ESTIMATED.value).any():
         return np.zeros_like(own)
-    height, width = own.shape
-    step = max(1.0, max(height, width) / GRID)
-    wh = max(1, round(width / step)), max(1, round(height / step))
-    distance = distance_to(shrink_mask(own, wh))
+    wh = smaller_size(own.shape, GRID)
+    distance = distance_to(shrink_mask(own, wh) > 0.25)  # cells of which more than a quarter is in it
     reach = REACH * np.sqrt((distance == 0).sum()) + 2
     luma = log_luma(view.color)
     out = np.zeros(wh[::-1], np.bool_)
     ring = (distance > 0) & (distance <= 3)
     for number in np.unique(cv2.resize(label.astype(np.int16), wh, interpolation=cv2.INTER_NEAREST)[ring]).tolist():
         on = (label == number) & ~view.hole
-        share = cv2.resize(on.astype(np.float32), wh, interpolation=cv2.INTER_AREA)
+        share = shrink_mask(on, wh)
         surface = (share > 0.5) & (distance > 0)
         if number < 1 or not (surface & ring).any():
             continue
         level = cv2.resize(luma * on, wh, interpolation=cv2.INTER_AREA) / np.maximum(share, 1e-3)
         out |= find_shadow_on(surface, np.asarray(level, np.float32), distance, reach)
     out = dilate_square(out, 3)
-    full = cv2.resize(out.astype(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST) > 0
+    full = cv2.resize(out.astype(np.uint8), own.shape[::-1], interpolation=cv2.INTER_NEAREST) > 0
     removed = depth_of_removed(view, law) if full.any() else None
     if removed is not None:
         full &= (
@@ -83,11 +90,6 @@ def depth_of_removed(view: View, law: Law) -> Float32Array | None:
         return None
     inner = next(inner for px in INNER_PX if (inner := erode_mask(removed > 0, px)).any())
     return np.asarray(removed.ravel()[nearest_known(inner)[1]])
-
-
-def shrink_mask(mask: BoolArray, wh: tuple[int, int]) -> BoolArray:
-    """The mask in a smaller size (width, height): cells of which more than a quarter is in it."""
-    return np.asarray(cv2.resize(mask.astype(np.float32), wh, interpolation=cv2.INTER_AREA) > 0.25)
 
 
 def find_shadow_on(surface: BoolArray, level: Float32Array, distance: Float32Array, reach: float) -> BoolArray:

@@ -110,7 +110,7 @@ def shrink(picture: UInt8Array, wh: tuple[int, int]) -> Float32Array:
 
 
 def blur_within(values: Float32Array, where: BoolArray) -> Float32Array:
-    """H x W: values averaged over BLEND_PX among those of `where` (H x W); they are 0 elsewhere."""
+    """H x W: sums of the values under a Gaussian of BLEND_PX, over those of `where` (H x W)."""
     sums, weight = (cv2.GaussianBlur(one, (0, 0), BLEND_PX) for one in (values, where.astype(np.float32)))
     return np.asarray(sums / np.maximum(weight, np.float32(1e-3)), np.float32)
 

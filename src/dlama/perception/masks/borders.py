@@ -53,11 +53,13 @@ def snap_to_picture_edges(rgbd: RGBD, target: BoolArray, reach: int, unknown: Bo
     if reach:
         thin = target & ~dilate_mask(morphological_open(target, disc(reach)), 1)
         band |= dilate_mask(target, reach) & ~inner & ~thin
-    return decide_by_color(rgbd, target, band) if band.any() and (target & ~band).any() else target
+    return decide_by_color(rgbd, target, band)
 
 
 def decide_by_color(rgbd: RGBD, target: BoolArray, band: BoolArray) -> BoolArray:
     """The mask with the pixels of `band` decided by GrabCut; all others stay. Colours are learnt in the surroundings only."""
+    if not band.any():
+        return target
     tight = box_around(target | band, 0)
     box = larger_box(tight, 12 + (max(sides_of(tight)) - 1) // 4, target.shape)
     prior, open_ = target[box], band[box]

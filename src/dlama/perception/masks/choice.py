@@ -88,7 +88,7 @@ class Masker:
             with contextlib.suppress(MaskError):
                 found += [mask & prompt.inside for mask in self.find(one).values()]
             rated = network.rate(found)
-            if rated and rated[0][0] >= WELL * network.iou(network.own):
+            if rated and rated[0][0] >= WELL * network.own_iou:
                 break
         if not (found or network.own.any()):
             raise MaskError("box holds nothing that stands apart; a box round an object is expected, or clicks on it")
@@ -99,7 +99,7 @@ class Masker:
     ) -> dict[str, BoolArray]:
         """The first of the rated masks as `object` where it agrees with the network, else the network's own; and the others."""
         masks = [mask for _, mask in rated]
-        if rated and rated[0][0] >= self.agrees * network.iou(network.own):
+        if rated and rated[0][0] >= self.agrees * network.own_iou:
             return name_masks(masks[0], masks[1:])
         return name_masks(network.fit(self.rgbd, prompt), masks)
 
@@ -171,13 +171,14 @@ class NetworkMask:
         probability = np.where(prompt.inside, probability, np.float32(0))
         return cls(probability, probability > 0.5, 1 + px, 1.0)
 
-    def iou(self, mask: BoolArray) -> float:
-        """Expected intersection over union of a mask and the object."""
-        return expected_iou(self.probability, mask)
+    @property
+    def own_iou(self) -> float:
+        """Expected intersection over union of its mask and the object."""
+        return expected_iou(self.probability, self.own)
 
     def rate(self, masks: Iterable[BoolArray]) -> list[tuple[float, BoolArray]]:
-        """Masks with their `iou`, the best first."""
-        return sorted(((self.iou(mask), mask) for mask in masks), key=lambda each: -each[0])
+        """Masks with their expected intersection over union, the best first."""
+        return sorted(((expected_iou(self.probability, mask), mask) for mask in masks), key=lambda each: -each[0])
 
     def fit(self, rgbd: RGBD, prompt: Prompt) -> BoolArray:
         """Its mask, along the picture's colours, with the prompt's first click."""

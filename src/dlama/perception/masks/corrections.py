@@ -93,8 +93,7 @@ def correct_at_click(rgbd: RGBD, mask: BoolArray, pixel: Pixel, prompt: Prompt) 
     band = wrong & dilate_mask(region, cell) & ~erode_mask(region, cell)
     for click in (*prompt.on, *prompt.away):
         band[square_about(click, 1)] = False
-    corrected = mask ^ region
-    return decide_by_color(rgbd, corrected, band) if corrected.any() and band.any() else corrected
+    return decide_by_color(rgbd, mask ^ region, band)
 
 
 def find_near(wrong: BoolArray, pixel: Pixel, others: Sequence[Pixel]) -> BoolArray:
@@ -180,4 +179,4 @@ def correct_carried(view: View, mask: BoolArray, confirmed: BoolArray, barred: B
         return found
     thin = found & ~dilate_mask(morphological_open(found, disc(BAND_PX)), 1)
     band = dilate_mask(found, BAND_PX) & ~erode_mask(found, BAND_PX) & ~dilate_mask(thin, BAND_PX)
-    return decide_by_color(rgbd, found, band) if band.any() else found
+    return decide_by_color(rgbd, found, band)

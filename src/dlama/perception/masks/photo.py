@@ -183,7 +183,7 @@ def refine_border(rgbd: RGBD, mask: BoolArray, window_hw: tuple[int, ...]) -> Bo
     part, band = mask[box], np.zeros_like(mask)
     core = morphological_open(part, disc(2 * reach))
     band[box] = dilate_mask(core, reach) & ~erode_mask(core, reach) & ~(part & ~dilate_mask(core, 1))
-    return decide_by_color(rgbd, mask, band) if band.any() and (mask & ~band).any() else mask
+    return decide_by_color(rgbd, mask, band)
 
 
 def name_masks(mask: BoolArray, others: list[BoolArray], different: float = DIFFERENT) -> dict[str, BoolArray]:

@@ -17,6 +17,7 @@ from dlama.models.network_file import ASSETS, shipped_network
 from dlama.perception.depth_networks import IMAGENET
 from dlama.perception.masks.prompt import Pixel, Prompt
 from dlama.perception.monocular import LEAST_CONTRAST, contrast
+from dlama.perception.resampling import interpolate
 
 MODEL = ASSETS / "u2netp" / "u2netp.onnx"
 SIDE = 320
@@ -37,7 +38,7 @@ def salient_masker(
 
 def saliency(color: UInt8Array) -> Float32Array:
     """H x W saliency in 0..1 of a picture (H x W x 3, RGB). MaskError: no salient object."""
-    return resized(small_saliency(color), color.shape)
+    return interpolate(small_saliency(color), color.shape)
 
 
 def small_saliency(color: UInt8Array) -> Float32Array:
@@ -56,11 +57,6 @@ def small_saliency(color: UInt8Array) -> Float32Array:
     if high - low < FLAT:
         raise MaskError("no salient object was found in the picture; click on an object, or give a box round it")
     return np.asarray((out - low) / (high - low), np.float32)
-
-
-def resized(level: Float32Array, hw: tuple[int, ...]) -> Float32Array:
-    """A map at another height and width."""
-    return np.asarray(cv2.resize(level, (hw[1], hw[0]), interpolation=cv2.INTER_LINEAR), np.float32)
 
 
 def window_side(hw: tuple[int, ...], share: float) -> int:
@@ -92,7 +88,7 @@ class WindowSaliency:
             except MaskError:
                 self.known[key] = None
         small = self.known[key]
-        return None if small is None else resized(small, part.shape)
+        return None if small is None else interpolate(small, part.shape)
 
 
 def salient_candidates(level: Float32Array, prompt: Prompt) -> tuple[dict[str, BoolArray], tuple[str, ...]]:

@@ -46,9 +46,6 @@ class PairContract(ColorContract):
     """Whether zeros follow to the right and below, up to side x side."""
     layout: Literal["BCHW", "HWC"] = "BCHW"
     """Order of the input's axes; colours are RGB."""
-    scale: float = 1 / 255
-    mean: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    std: tuple[float, float, float] = (1.0, 1.0, 1.0)
 
     def __post_init__(self) -> None:
         if self.layout not in ("BCHW", "HWC"):

@@ -14,6 +14,8 @@ from dlama.geometry.holes import box_mean, dilate_mask, distance_to, erode_squar
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.perception.shadows.planes import FAR, LOG_RANGE, ShadowPlanes
 
+Place = tuple[Float32Array | np.float32, Float32Array | np.float32]
+"""Column and row."""
 WINDOWS = 9, 19, 41
 """Pixels of the crop over which darkness is averaged."""
 STEPS = 8
@@ -54,7 +56,7 @@ def candidate_features(planes: ShadowPlanes, shapes: list[BoolArray]) -> Float32
     region."""
     where, caster, dark = planes.surface, planes.caster, planes.plane("darkness")
     apart = distance_to(caster)
-    common, raised = planes.shares.own, np.max(planes.shares.raised, 0)
+    common, raised = planes.shares[0], np.max(planes.shares[1], 0)
     probability = [*(float(plane.max()) for plane in planes.casts), 0.0, 0.0, 0.0]
     rows = []
     for number, inside in enumerate(shapes):
@@ -151,30 +153,26 @@ def pixel_features(planes: ShadowPlanes, shape: BoolArray, probability: float) -
     return np.stack(columns, 1).astype(np.float32), where
 
 
-def nearest_object_pixel(caster: BoolArray) -> tuple[Float32Array, tuple[Float32Array, Float32Array]]:
-    """Distance to the object, and column and row of its nearest pixel, each h x w."""
+def nearest_object_pixel(caster: BoolArray) -> tuple[Float32Array, Place]:
+    """Distance to the object (h x w), and column and row of its nearest pixel (h x w each)."""
     if not caster.any():
-        far = np.full(caster.shape, 64, np.float32)
-        return far, (np.zeros_like(far), np.zeros_like(far))
+        return np.full(caster.shape, 64, np.float32), (np.float32(0), np.float32(0))
     apart, nearest = nearest_known(caster)
     rows, columns = np.divmod(nearest, caster.shape[1])
     return apart, (columns.astype(np.float32), rows.astype(np.float32))
 
 
-def ground_contact(caster: BoolArray) -> tuple[Float32Array, Float32Array]:
-    """Column and row of the middle of the ground contact, as planes."""
+def ground_contact(caster: BoolArray) -> Place:
+    """Column and row of the middle of the ground contact."""
     rows, columns = np.nonzero(caster)
     if not len(rows):
-        return np.zeros(caster.shape, np.float32), np.zeros(caster.shape, np.float32)
+        return np.float32(0), np.float32(0)
     low = rows >= rows.max() - 0.1 * np.ptp(rows)
-    return (
-        np.full(caster.shape, np.median(columns[low]), np.float32),
-        np.full(caster.shape, np.median(rows[low]), np.float32),
-    )
+    return np.float32(np.median(columns[low])), np.float32(np.median(rows[low]))
 
 
-def mean_towards(values: Float32Array, there: Float32Array, target: tuple[Float32Array, Float32Array]) -> Float32Array:
-    """h x w mean of `values` over the visible surface on the way from each pixel to its target."""
+def mean_towards(values: Float32Array, there: Float32Array, target: Place) -> Float32Array:
+    """h x w mean of `values` over the visible surface on the way from each pixel to its target, or all pixels to one."""
     rows, columns = (each.astype(np.float32) for each in np.mgrid[: values.shape[0], : values.shape[1]])
     total, count = np.zeros_like(values), np.full(values.shape, 1e-3, np.float32)
     for share in (np.arange(STEPS) + 0.5) / STEPS:

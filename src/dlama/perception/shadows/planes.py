@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -46,15 +45,6 @@ HUES, HUE_RANGE, HUE_BLUR_PX = 32, 1.0, 1.0
 """Bins of the logarithms of red and blue over green, how far from 0 they reach, and the blur of colours before."""
 
 
-class ColorShares(NamedTuple):
-    """How frequent colours are on the surface."""
-
-    own: np.ndarray
-    """N logarithms, of the colour of each pixel of the surface."""
-    raised: list[np.ndarray]
-    """The same of colours lighter by each of LIGHTER."""
-
-
 @dataclass(frozen=True, eq=False)
 class ShadowPlanes:
     """What is known of each pixel of a crop."""
@@ -87,8 +77,8 @@ class ShadowPlanes:
         return self.values[FIRST_CAST:]
 
     @cached_property
-    def shares(self) -> ColorShares:
-        """Frequencies of colours on the surface."""
+    def shares(self) -> tuple[np.ndarray, list[np.ndarray]]:
+        """Frequencies on the surface, N logarithms each: of the colour of each pixel of it, and of colours lighter by LIGHTER."""
         color = self.color[:, self.surface].T * LOG_RANGE
         place = bin_of(color)
         flat = (place[:, 0] * COLORS + place[:, 1]) * COLORS + place[:, 2]
@@ -97,7 +87,7 @@ class ShadowPlanes:
             counts += (np.roll(counts, 1, axis) + np.roll(counts, -1, axis) - 2 * counts) / 4
         share = np.log(counts / max(len(color), 1) + 1e-4)
         raised = [share[tuple(bin_of(color + more).T)] for more in LIGHTER]
-        return ColorShares(share[tuple(place.T)], raised)
+        return share[tuple(place.T)], raised
 
 
 def bin_of(color: Float32Array) -> NDArray[np.intp]:

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.holes import erode_square, morphological_close, square
+from dlama.geometry.holes import erode_square, gaussian_mean, morphological_close, square
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.projection import project_to_pixels, rays
 from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
@@ -60,55 +60,41 @@ def best_direction(caster: StandingObject, rgbd: RGBD, seen: BoolArray) -> tuple
 
     seen: H x W, True where the surface is seen.
     """
-    search = Search(caster, rgbd, seen)
+    step = max(1, round(max(seen.shape) / SIDE_PX))
+    height, width = seen.shape[0] // step, seen.shape[1] // step
+    whole = seen[: height * step, : width * step].reshape(height, step, width, step)
+    seen = np.ascontiguousarray(whole.all((1, 3)))
+    small = cv2.resize(rgbd.color[: height * step, : width * step], (width, height), interpolation=cv2.INTER_AREA)
+    divergence, spread = divergence_of(np.asarray(small, np.uint8), seen)
+    points = np.ascontiguousarray(caster.base), np.ascontiguousarray(caster.rise)
+    lens = np.array([rgbd.camera.fx, rgbd.camera.fy, rgbd.camera.cx, rgbd.camera.cy]) / step
+
+    def offsets(slopes: NDArray[np.float64], turns: NDArray[np.float64]) -> NDArray[np.float64]:
+        return light_offsets(caster.up, slopes, -2 * np.pi * turns / TURNS)
+
+    def strengths(slopes: NDArray[np.float64], turns: NDArray[np.float64]) -> NDArray[np.float64]:
+        out = np.zeros((len(slopes), 3))
+        stamps = np.zeros((-(-len(slopes) // DIRECTIONS_A_TASK), *seen.shape), np.int32)
+        args = *points, offsets(slopes, turns), lens, divergence, seen, stamps, out
+        in_bands(cast_shapes, len(slopes), *args, band=DIRECTIONS_A_TASK)
+        flux, pixels, border = out.T
+        strength = flux / (spread * np.sqrt(np.maximum(border, SHORTEST_PX))) / (1 + (slopes / LONG) ** 2)
+        return np.asarray(np.where(pixels < FEWEST_PX, 0, strength))
+
     slopes, turns = (each.ravel() for each in np.meshgrid(SLOPES, np.arange(TURNS) * 1.0, indexing="ij"))
-    coarse = search.strengths(slopes, turns)
-    top = np.argsort(-coarse, kind="stable")[:REFINED]
+    top = np.argsort(-strengths(slopes, turns), kind="stable")[:REFINED]
     factors, shifts = (each.ravel() for each in np.meshgrid(FINE_SLOPES, FINE_TURNS, indexing="ij"))
     near = np.outer(slopes[top], factors).ravel(), np.add.outer(turns[top], shifts).ravel()
-    fine = search.strengths(*near)
+    fine = strengths(*near)
     best = int(fine.argmax())
     if fine[best] <= 0:
         return None
-    over = search.over(near[0][best : best + 1], near[1][best : best + 1])[0]
-    return over, float(fine[best])
-
-
-class Search:
-    """What all directions share: the reduced picture's divergence, the object's points and the surface's axes."""
-
-    def __init__(self, caster: StandingObject, rgbd: RGBD, seen: BoolArray) -> None:
-        camera = rgbd.camera
-        step = max(1, round(max(seen.shape) / SIDE_PX))
-        height, width = seen.shape[0] // step, seen.shape[1] // step
-        whole = seen[: height * step, : width * step].reshape(height, step, width, step)
-        self.seen = np.ascontiguousarray(whole.all((1, 3)))
-        small = cv2.resize(rgbd.color[: height * step, : width * step], (width, height), interpolation=cv2.INTER_AREA)
-        self.divergence, self.spread = divergence_of(np.asarray(small, np.uint8), self.seen)
-        self.base, self.rise = np.ascontiguousarray(caster.base), np.ascontiguousarray(caster.rise)
-        self.lens = np.array([camera.fx, camera.fy, camera.cx, camera.cy]) / step
-        self.up = caster.up
-
-    def over(self, slopes: NDArray[np.float64], turns: NDArray[np.float64]) -> NDArray[np.float64]:
-        """K x 3: metres over the surface for each metre of height, in camera axes."""
-        return light_offsets(self.up, slopes, -2 * np.pi * turns / TURNS)
-
-    def strengths(self, slopes: NDArray[np.float64], turns: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Strengths of the shapes cast by K directions."""
-        out = np.zeros((len(slopes), 3))
-        stamps = np.zeros((-(-len(slopes) // DIRECTIONS_A_TASK), *self.seen.shape), np.int32)
-        args = self.base, self.rise, self.over(slopes, turns), self.lens, self.divergence, self.seen, stamps, out
-        in_bands(cast_shapes, len(slopes), *args, band=DIRECTIONS_A_TASK)
-        flux, pixels, border = out.T
-        strength = flux / (self.spread * np.sqrt(np.maximum(border, SHORTEST_PX))) / (1 + (slopes / LONG) ** 2)
-        return np.asarray(np.where(pixels < FEWEST_PX, 0, strength))
+    return offsets(near[0][best : best + 1], near[1][best : best + 1])[0], float(fine[best])
 
 
 def divergence_of(color: UInt8Array, seen: BoolArray) -> tuple[NDArray[np.float64], float]:
     """H x W divergence of the clipped gradient of log luma between pixels that are seen, and the gradient's RMS."""
-    weight = seen.astype(np.float32)
-    total, share = (cv2.GaussianBlur(each, (0, 0), BLUR_PX) for each in (log_luma(color) * weight, weight))
-    smooth = total / np.maximum(share, 1e-3)
+    smooth = gaussian_mean(log_luma(color), seen, BLUR_PX, 1e-3)
     inner = erode_square(seen, 3)
     out, squares = np.zeros(seen.shape), []
     for axis in (0, 1):

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from dlama.errors import MaskError, ShapeError
-from dlama.geometry.holes import dilate_mask, fill_with_nearest
+from dlama.geometry.holes import dilate_mask, fill_with_nearest, morphological_close
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.perception.masks.borders import decide_by_color
 from dlama.perception.stereo.matching import TOLERANCE_PX, check_pictures, nearest_columns
@@ -81,9 +81,9 @@ def transfer_mask(mask_left: BoolArray, left_disparity: Float32Array) -> BoolArr
         raise MaskError(
             f"`mask` is {mask_left.shape} and the left disparity {left_disparity.shape}; both must be the same"
         )
-    carried = np.zeros(mask_left.shape, np.uint8)
+    carried = np.zeros(mask_left.shape, np.bool_)
     if not mask_left.any():
-        return carried.astype(bool)
+        return carried
     disparity = _nan_where_unknown(left_disparity)
     known = mask_left & np.isfinite(disparity)
     if not known.any():
@@ -93,9 +93,9 @@ def transfer_mask(mask_left: BoolArray, left_disparity: Float32Array) -> BoolArr
     shift = fill_with_nearest(disparity, known)
     columns, inside = nearest_columns(shift, 1)
     moved = mask_left & inside
-    carried[np.nonzero(moved)[0], columns[moved]] = 1
+    carried[np.nonzero(moved)[0], columns[moved]] = True
     # A slant stretches the mask along its rows, so that is where gaps open: 5 columns by 3 rows.
-    return np.asarray(cv2.morphologyEx(carried, cv2.MORPH_CLOSE, np.ones((3, 5), np.uint8)), bool)
+    return morphological_close(carried, np.ones((3, 5), np.uint8))
 
 
 def carry_mask(mask_left: BoolArray, disparities: tuple[Float32Array, Float32Array], right: RGBD) -> BoolArray:
@@ -113,4 +113,4 @@ def carry_mask(mask_left: BoolArray, disparities: tuple[Float32Array, Float32Arr
         return carried
     reach = max(0, math.ceil(disparities[0][mask_left].max()))
     alone = dilate_mask(carried, reach) & ~carried & ~matched
-    return decide_by_color(right, carried, alone) if alone.any() else carried
+    return decide_by_color(right, carried, alone)

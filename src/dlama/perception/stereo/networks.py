@@ -28,8 +28,6 @@ class StereoContract(ColorContract):
     network = "stereo matching"
     scale: float = 1.0
     """RAFT-Stereo takes colours as they are."""
-    mean: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    std: tuple[float, float, float] = (1.0, 1.0, 1.0)
     multiple: int = 32
     """Pictures are continued at their right and lower borders to a multiple of this height and width."""
     size: tuple[int, int] | None = None

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.codes import HoleType
+from dlama.geometry.holes import gaussian_mean
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import View
 from dlama.inpainters.opencv import spread_small
@@ -70,7 +71,7 @@ def blend_with_low_frequency(
     step, kept = (smooth_guess(view) if guess is None else guess()), hole[unseen_colors(view)]
     step = step if kept.all() else step[kept]
     if label is None:
-        step -= blur_among(color, out_of_view)
+        step -= gaussian_mean(color, out_of_view, DETAIL_PX)[out_of_view]
     else:
         step -= painted
         blur_per_label(step, places, label)
@@ -78,13 +79,6 @@ def blend_with_low_frequency(
     blend = np.add(painted, step, out=step)
     out.reshape(-1, 3)[places] = np.clip(np.rint(blend, out=blend), 0, 255, out=blend)
     return out
-
-
-def blur_among(color: UInt8Array, where: BoolArray) -> Float32Array:
-    """N x 3: the colours of the N pixels of `where` (H x W), blurred among themselves over DETAIL_PX."""
-    there = where.astype(np.float32)
-    sums, weight = (cv2.GaussianBlur(a, (0, 0), DETAIL_PX) for a in (color * there[..., None], there))
-    return np.asarray(sums[where] / weight[where, None], np.float32)
 
 
 def blur_per_label(values: Float32Array, places: NDArray[np.intp], label: NDArray[np.int8]) -> None:

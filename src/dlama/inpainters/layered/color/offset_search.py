@@ -12,8 +12,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from dlama.geometry.holes import box_mean
 from dlama.geometry.rgbd import Float32Array
-from dlama.inpainters.layered.color.texture_grid import HoleRegion, TextureGrid
+from dlama.inpainters.layered.color.texture_grid import HoleRegion, TextureGrid, order_from_rim
 from dlama.inpainters.layered.kernels import patch_offsets as kernels
 
 Array = NDArray[np.float64]
@@ -108,7 +109,7 @@ class OffsetSearch:
     def _hole_cells(self) -> tuple[NDArray[np.int64], Array]:
         """Flat indices of the hole's cells, and N x 3: u, v, inverse depth of their hole pixels' centre of mass."""
         y, x = np.divmod(self.region.pixels, self.grid.hole.shape[1])
-        flat = (y // self.grid.base_cell_size) * self.base_shape[1] + x // self.grid.base_cell_size
+        flat = self.grid.base_cells(self.region)
         count = np.bincount(flat)
         cells = np.flatnonzero(count)
         w = self.grid.inverse_depth.ravel()[self.region.pixels]
@@ -208,8 +209,7 @@ class OffsetSearch:
         cost = np.where(scale.T >= 0, (1 - whole) + 0.25 * scale.T + 0.3 * odd, 1e6).astype(np.float32)
         index = np.full(self.base_shape, -1, np.int32)
         index.ravel()[self.cells] = np.arange(len(self.cells))
-        distance = self._distance_to_rim(index)
-        order = self.cells[np.argsort(distance, kind="stable")]
+        order = order_from_rim(index >= 0)
         chosen = np.full(len(cost), -1, np.int32)
         choices = kernels.Choices(np.ascontiguousarray(cost), copied, chosen)
         kernels.assign_cells(index, choices, order, SEAM_COST, 5)
@@ -222,20 +222,13 @@ class OffsetSearch:
         gains[self.cells, 2] = np.clip((color[chosen] - 0.85) / 0.08, 0, 1)
         return CopiedDetail(self.axes, offsets, choice, gains.reshape(*self.base_shape, 3))
 
-    def _distance_to_rim(self, index: NDArray[np.int32]) -> Float32Array:
-        """Distance of every hole cell from the region's rim, in cells."""
-        distance = cv2.distanceTransform((index >= 0).astype(np.uint8), cv2.DIST_L2, 3)
-        return np.ascontiguousarray(distance.ravel()[self.cells], np.float32)
-
     def _grain(self, offsets: Array, chosen: NDArray[np.int32]) -> Float32Array:
         """Weights 0..1 of the uncorrelated fine detail that each hole cell copies.
 
         They leave GRAIN levels, and less of unusual detail: a handle or a picture on a wall is copied where the texture
         repeats, never as grain.
         """
-        own = self.region.sources
-        seen = np.maximum(cv2.blur(own.astype(np.float32), (3, 3)), 1e-6)
-        square = np.asarray(cv2.blur(channel_squares(self.bands[1]) / 3, (3, 3)) / seen, np.float32)
+        square = box_mean(channel_squares(self.bands[1]) / np.float32(3), self.region.sources.astype(np.float32), 3)
         usual = float(np.median(square.ravel()[self.some]))
         x, y = self._sources_of(self.centres, offsets[chosen] @ self.axes)
         copied = cv2.remap(square, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE).ravel()

@@ -88,6 +88,12 @@ class TextureGrid:
         """Pixels along a side of a cell of the coarser grid of base colours."""
         return 2 * self.cell_size
 
+    def base_cells(self, region: HoleRegion) -> NDArray[np.int64]:
+        """N: flat index of the cell of that grid in which each of the region's N pixels lies."""
+        rows, cols = np.divmod(region.pixels, self.hole.shape[1])
+        width = -(-self.hole.shape[1] // self.base_cell_size)
+        return np.asarray((rows // self.base_cell_size) * width + cols // self.base_cell_size)
+
 
 @dataclass(frozen=True)
 class HoleRegion:
@@ -99,6 +105,13 @@ class HoleRegion:
     """Flat indices of the hole pixels."""
     sources: BoolArray
     """rows x cols cells, True where a cell is known and belongs to the surface."""
+
+
+def order_from_rim(inside: BoolArray) -> NDArray[np.int64]:
+    """Flat indices of the cells inside (rows x cols), in order of their distance from the outside."""
+    cells = np.flatnonzero(inside)
+    distance = cv2.distanceTransform(inside.view(np.uint8), cv2.DIST_L2, 3)
+    return cells[np.argsort(distance.ravel()[cells], kind="stable")]
 
 
 def trusted_labels(hole: BoolArray, inverse_depth: Float32Array, label: Labels) -> Labels:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from dlama.geometry.kernels.jit import as_input, in_bands
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.inpainters.layered.color.offset_search import Bases, CopiedDetail, copy_detail
-from dlama.inpainters.layered.color.texture_grid import UNTRUSTED, HoleRegion, TextureGrid
+from dlama.inpainters.layered.color.texture_grid import UNTRUSTED, HoleRegion, TextureGrid, order_from_rim
 from dlama.inpainters.layered.kernels import base_color as base_kernels
 from dlama.inpainters.layered.kernels.patch_offsets import Paint, Sources, paint_pixels
 
@@ -98,24 +98,15 @@ def depth_base(grid: TextureGrid, region: HoleRegion) -> Float32Array:
     colors, far = base_kernels.farthest(grid.cell_color, grid.cell_inverse_depth, grid.cell_label)
     known = base_kernels.even_out(colors, far, 2)
     base = known.copy()
-    rows, cols = np.divmod(region.pixels, grid.hole.shape[1])
-    flat = (rows // grid.base_cell_size) * far.shape[1] + cols // grid.base_cell_size
     depth = np.full(far.size, np.inf, np.float32)
-    np.minimum.at(depth, flat, grid.inverse_depth.ravel()[region.pixels])
+    np.minimum.at(depth, grid.base_cells(region), grid.inverse_depth.ravel()[region.pixels])
     inside = np.isfinite(depth).reshape(far.shape)
     depth = np.where(inside, depth.reshape(far.shape), far)
-    cells = _order_from_rim(inside)
+    cells = order_from_rim(inside)
     mean, any_behind = _mean_behind(known, depth.ravel()[cells], far)
     base.reshape(-1, 3)[cells] = np.where(any_behind[:, None], mean, GREY)
     base_kernels.spread(base, depth, (far >= 0) & ~inside, cells, mean, DEPTH_SCREEN * any_behind, 80)
     return base_kernels.skirt(base, depth, inside)
-
-
-def _order_from_rim(inside: BoolArray) -> NDArray[np.int64]:
-    """Flat indices of the cells inside, in order of their distance from the outside."""
-    cells = np.flatnonzero(inside)
-    distance = cv2.distanceTransform(inside.astype(np.uint8), cv2.DIST_L2, 3)
-    return cells[np.argsort(distance.ravel()[cells], kind="stable")]
 
 
 def _mean_behind(base: Float32Array, depth: Float32Array, far: Float32Array) -> tuple[NDArray[np.float64], BoolArray]:
@@ -134,8 +125,7 @@ def surface_bases(grid: TextureGrid, region: HoleRegion) -> Bases:
     """
     weight = region.sources.astype(np.float32)
     sums, weights = base_kernels.pull(grid.cell_color * weight[..., None], weight)
-    rows, cols = np.divmod(region.pixels, grid.hole.shape[1])
-    cells = np.unique((rows // grid.base_cell_size) * weights.shape[1] + cols // grid.base_cell_size)
+    cells = np.unique(grid.base_cells(region))
     known = weights > 0
     usable = known.copy()
     usable.ravel()[cells] = True

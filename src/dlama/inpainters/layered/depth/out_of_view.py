@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.camera import Camera
-from dlama.geometry.holes import dilate_mask, repeat_cells
+from dlama.geometry.holes import dilate_mask, morphological_close, repeat_cells
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.projection import rays
 from dlama.geometry.rgbd import BoolArray, Float32Array
@@ -184,12 +184,9 @@ def has_ended(first: Float32Array, length: Float32Array, floating: bool = False)
     if floating:
         return past
     above = np.cumsum(first > 0, axis=0) == 0
-    kernel = np.ones((FLOATING // STRIDE | 1, 1), np.uint8)
-    both = cv2.copyMakeBorder(
-        (past | above).astype(np.uint8), len(kernel), len(kernel), 0, 0, cv2.BORDER_CONSTANT, value=0
-    )
-    closed = cv2.morphologyEx(both, cv2.MORPH_CLOSE, kernel)[len(kernel) : -len(kernel)] > 0
-    return np.asarray(past | (closed & (length > 0)))
+    reach = FLOATING // STRIDE | 1
+    closed = morphological_close(np.pad(past | above, ((reach, reach), (0, 0))), np.ones((reach, 1), np.uint8))
+    return np.asarray(past | (closed[reach:-reach] & (length > 0)))
 
 
 def enlarge_strided(values: Float32Array, hw: tuple[int, ...]) -> Float32Array:

@@ -33,6 +33,7 @@ from dlama.inpainters.layered.depth.out_of_view import (
 from dlama.inpainters.layered.depth.plane_edges import align_lines_to_edges
 from dlama.inpainters.layered.kernels import surfaces as surface_kernels
 from dlama.perception.planes import SKY, SMOOTH
+from dlama.perception.resampling import interpolate
 
 GRID = 256
 """Longer side of the coarse grid."""
@@ -189,7 +190,7 @@ class CoarseView(CoarseCells):
         if context.sky is not None:
             coarser = self.camera.with_larger_pixels(4)  # smooth: a quarter of the cells is enough
             angle = angle_to_far(coarser, context.law)
-            out[1] = np.minimum(out[1], self.camera.fx * enlarge(angle, self.camera.wh))
+            out[1] = np.minimum(out[1], self.camera.fx * interpolate(angle, self.camera.hw))
             open_air = self.unseen & above_horizon(self)
             out[1] = np.where(open_air, np.minimum(out[1], out.min(0) + REACH * GRID), out[1])
         return out
@@ -233,10 +234,3 @@ def angle_to_far(camera: Camera, law: Law) -> Float32Array:
         for block in range(0, len(far), 32):
             np.maximum(nearest, (directions @ far[block : block + 32].T).max(2), out=nearest)
     return np.arccos(np.clip(nearest, -1, 1)).astype(np.float32)
-
-
-def enlarge(values: Float32Array, wh: tuple[int, int]) -> Float32Array:
-    """A coarse picture bilinearly enlarged to the view."""
-    return np.asarray(
-        cv2.resize(np.ascontiguousarray(values, np.float32), wh, interpolation=cv2.INTER_LINEAR), np.float32
-    )

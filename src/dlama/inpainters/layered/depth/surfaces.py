@@ -11,12 +11,11 @@ import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.codes import HoleType
-from dlama.geometry.holes import fill_with_nearest
+from dlama.geometry.holes import fill_with_nearest, shrink_mask
 from dlama.geometry.kernels.jit import begin_job
 from dlama.geometry.projection import depth_from_inverse, inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array
@@ -25,11 +24,12 @@ from dlama.inpainters.context import FillContext
 from dlama.inpainters.layered.depth.cut_objects import find_cut_objects
 from dlama.inpainters.layered.depth.foliage import copy_leaves
 from dlama.inpainters.layered.depth.out_of_view import FOLLOWED, cells_near
-from dlama.inpainters.layered.depth.surface_labels import GRID, CoarseView, enlarge
+from dlama.inpainters.layered.depth.surface_labels import GRID, CoarseView
 from dlama.inpainters.layered.kernels import surfaces as surface_kernels
 from dlama.perception.missing_depth.along_colors import fill_along_colors, find_known_surfaces
 from dlama.perception.missing_depth.beyond_range import move_beyond_range
 from dlama.perception.planes import SMOOTH, KnownSurfaces, plane_values, plane_values_at
+from dlama.perception.resampling import interpolate
 
 PIECE = 1 << 16
 """Hole pixels that are worked on at a time."""
@@ -95,15 +95,16 @@ def sample_grid(view: View, surfaces: KnownSurfaces, step: float, solid: bool = 
         for n, size in zip(camera.hw, view.hole.shape)
     )
     pick = np.ix_(rows, columns)
-    hole, w, label = cells_with_holes(view.hole, camera.wh), surfaces.inverse_depth[pick], surfaces.label[pick]
-    in_view = hole & cells_with_holes(view.hole & (view.hole_type != HoleType.OUT_OF_VIEW.value), camera.wh)
+    # a cell that a hole touches is one: a hole one pixel wide must not be missed
+    hole, w, label = shrink_mask(view.hole, camera.wh) > 0, surfaces.inverse_depth[pick], surfaces.label[pick]
+    in_view = hole & (shrink_mask(view.hole & (view.hole_type != HoleType.OUT_OF_VIEW.value), camera.wh) > 0)
     cut = begin_job(find_cut_objects, w, label, hole, cells_near(hole & ~in_view))
     smooth = surface_kernels.far_side(w, hole)
     candidates = np.concatenate(
         [smooth[None], np.zeros_like(smooth)[None], plane_values(surfaces.planes, camera.hw, step)]
     )
     followed_from = np.inf if surfaces.noise else FOLLOWED
-    removed = cells_with_holes(view.object_hole, camera.wh) & hole
+    removed = (shrink_mask(view.object_hole, camera.wh) > 0) & hole
     return CoarseView(camera, hole, in_view, w, label, candidates, cut(), followed_from, solid, removed)
 
 
@@ -117,18 +118,18 @@ def upsample_labels(
     """Label costs (h x w x L) interpolated to every hole pixel; each takes the label of least cost and its inverse depth.
     Foliage covers it where it extends. known: its planes of pixels are taken over; leaves_of: gives `copy_leaves`.
     """
-    places, wh = np.flatnonzero(view.hole), view.camera.wh
+    places, hw = np.flatnonzero(view.hole), view.hole.shape
     spread = fill_with_nearest(costs, coarse.hole)
     no_plane = coarse.candidates[0]
-    filled = enlarge(fill_with_nearest(no_plane, coarse.hole & (no_plane > 0)), wh).take(places)
+    filled = interpolate(fill_with_nearest(no_plane, coarse.hole & (no_plane > 0)), hw).take(places)
     best, labels = np.full(len(places), np.inf, np.float32), np.full(len(places), SMOOTH, np.int8)
     for number in range(costs.shape[2]):
-        cost = enlarge(spread[..., number], wh).take(places)
+        cost = interpolate(spread[..., number], hw).take(places)
         np.copyto(labels, np.int8(number - 1), where=cost < best)
         np.minimum(best, cost, out=best)
     for first in range(0, len(places), PIECE):
         some = slice(first, first + PIECE)
-        on_plane = plane_values_at(known.planes, labels[some], *np.divmod(places[some], wh[0]))
+        on_plane = plane_values_at(known.planes, labels[some], *np.divmod(places[some], hw[1]))
         on_plane = np.where(labels[some] > 0, np.maximum(0, on_plane), 0)
         filled[some] = np.where(labels[some] == SMOOTH, filled[some], on_plane)
     out, label = known.inverse_depth.ravel(), known.label.ravel()
@@ -138,8 +139,3 @@ def upsample_labels(
     pixels, leaves = pixels[nearer], leaves[nearer]
     out[pixels], label[pixels] = out[leaves], SMOOTH
     return Surfaces(known.inverse_depth, known.label, known.planes, np.stack([pixels, leaves]))
-
-
-def cells_with_holes(hole: BoolArray, wh: tuple[int, int]) -> BoolArray:
-    """Coarse cells that hold a hole pixel, so that a hole one pixel wide is not missed."""
-    return cv2.resize(hole.astype(np.float32), wh, interpolation=cv2.INTER_AREA) > 0
