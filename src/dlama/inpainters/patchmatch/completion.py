@@ -57,9 +57,9 @@ def complete_picture(
     *,
     label: NDArray[np.integer] | None = None,
     effort: Effort = THOROUGH,
-) -> tuple[UInt8Array, Search | None]:
-    """H x W x 3, the picture with its hole painted from known patches; known pixels as they are. And the search on its own level;
-    None: no patch is known.
+) -> tuple[UInt8Array, Float32Array]:
+    """H x W x 3, the picture with its hole painted from known patches; known pixels as they are. And M, by how many levels the
+    patches over each of the hole's pixels differ there (standard deviation); 0 where none is known.
 
     picture, guess: H x W x 3 uint8 RGB, the guess a network's, whose structure stays; hole: H x W; label: H x W, the surface of
     each pixel, hole or not: patches of another one cost more. Where no patch of 7 x 7 px is known the guess comes back. The same
@@ -69,7 +69,7 @@ def complete_picture(
     copied = not is_matched(hole, 0, effort) and count_rounds(int(dilate_by_patch(hole).sum()), effort) == 1
     levels = build_pyramid(picture, hole, guess, surface, copied) if hole.any() else []
     if not levels or not levels[0].sources.any():
-        return replace_pixels(picture, hole, guess), None
+        return replace_pixels(picture, hole, guess), np.zeros(int(hole.sum()), np.float32)
     rng = np.random.default_rng(seed)
     coarser: Search | None = None
     while levels:
@@ -85,9 +85,9 @@ def complete_picture(
         if levels:
             search.keep_matches()
         coarser = search
-    out = picture.copy()
-    out[hole] = np.clip(np.round(search.vote_sharply(picture)), 0, 255)
-    return out, search
+    out, (colors, spread) = picture.copy(), search.vote_sharply(picture)
+    out[hole] = np.clip(np.round(colors), 0, 255)
+    return out, spread
 
 
 def is_matched(hole: BoolArray, number: int, effort: Effort) -> bool:

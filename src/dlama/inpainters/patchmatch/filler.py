@@ -63,7 +63,7 @@ def blend_with_guess(
 
     painted, guess: H x W x 3; hole: H x W; unknown: H x W, the pixels that a network has guessed. Given those, the one of the two
     that is nearer to colours spread from the known pixels weighs more: a network may invent an object. spread: H x W, of
-    `Search.spread_of_votes`: where patches agree they weigh more. guess_share: the weight of the guess, everywhere the same.
+    `complete_picture`: where patches agree they weigh more. guess_share: the weight of the guess, everywhere the same.
     Detail finer than GUESS_SIDE pixels stays that of the painted picture.
     """
     box = box_around(hole, 3 * BLEND_PX)

@@ -98,10 +98,10 @@ def copy_patches(
     label = None if removed.any() else surfaces.label
     if unseen.any():
         start[unseen] = (color[unseen].astype(np.uint16) + guess[unseen]) // 2
-    out, search = complete_picture(color, copied | near, start, seed, label=label, effort=QUICK)
-    spread = search.spread_of_votes(out) if search is not None and removed.any() else None
-    del search  # takes as much memory as all that follows
+    out, levels = complete_picture(color, copied | near, start, seed, label=label, effort=QUICK)
     if removed.any():
+        spread = np.zeros(removed.shape, np.float32)
+        spread[copied | near] = levels
         out = blend_with_guess(out, start, removed, view.color_hole | near, spread=spread)
     if (copied & ~removed).any():
         out = blend_with_guess(out, start, copied & ~removed)

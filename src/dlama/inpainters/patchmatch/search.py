@@ -99,21 +99,13 @@ class Search:
         self._pull_to_guess()
         self._weigh()
 
-    def vote_sharply(self, picture: UInt8Array) -> Float32Array:
-        """M x 3 colours of the hole by a sharp vote of the patches of the picture (H x W x 3) itself."""
-        out, votes = np.empty((len(self.pixels), 3), np.float32), self._votes(SHARP, NARROW, np.ones_like(self.cost))
-        in_bands(vote_kernels.copy_rows, len(self.pixels), as_input(picture), votes, out, band=BAND)
-        return out
-
-    def spread_of_votes(self, picture: UInt8Array) -> Float32Array:
-        """H x W: by how many levels the patches of the picture (H x W x 3) over a hole pixel differ there (standard deviation), 0
-        elsewhere."""
-        out = np.empty(len(self.pixels), np.float32)
-        rows = as_input(picture), self.pixels, self.number, self.found, out
-        in_bands(vote_kernels.spread_rows, len(self.pixels), *rows, band=BAND)
-        spread = np.zeros(self.sources.shape, np.float32)
-        spread[self.pixels[:, 0], self.pixels[:, 1]] = out
-        return spread
+    def vote_sharply(self, picture: UInt8Array) -> tuple[Float32Array, Float32Array]:
+        """M x 3 colours of the hole by a sharp vote of the patches of the picture (H x W x 3) itself; M levels by which the
+        patches over a pixel differ there (standard deviation)."""
+        out, spread = np.empty((len(self.pixels), 3), np.float32), np.empty(len(self.pixels), np.float32)
+        votes = self._votes(SHARP, NARROW, np.ones_like(self.cost))
+        in_bands(vote_kernels.copy_rows, len(out), as_input(picture), votes, out, spread, band=BAND)
+        return out, spread
 
     def keep_matches(self) -> None:
         """Give up all that the next level does not start from."""

@@ -53,14 +53,18 @@ def vote_rows(first: Whole, last: Whole, values: Float32Array, votes: Votes, out
 
 
 @kernel
-def copy_rows(first: Whole, last: Whole, picture: UInt8Array, votes: Votes, out: Float32Array) -> None:
-    """As `vote_rows`, of the colours alone, from the picture itself (H x W x 3). out: M x 3."""
+def copy_rows(
+    first: Whole, last: Whole, picture: UInt8Array, votes: Votes, out: Float32Array, spread: Float32Array
+) -> None:
+    """As `vote_rows`, of the colours alone, from the picture itself (H x W x 3). out: M x 3; spread: M levels, the standard
+    deviation of the colours that the patches over a pixel give it, all alike, mean over the channels."""
     pixels, number, found, weights, near = votes
     height, width, _ = picture.shape
     for p in range(first, last):
         row, column = int(pixels[p, 0]), int(pixels[p, 1])
         top, bottom, left, right = steps_inside(row, column, height, width)
         total = a = b = c = np.float32(0)
+        count = squares = reds = greens = blues = 0.0
         for j in range(top, bottom + 1):
             for i in range(left, right + 1):
                 t = int(number[row + j, column + i])
@@ -68,42 +72,16 @@ def copy_rows(first: Whole, last: Whole, picture: UInt8Array, votes: Votes, out:
                     weight = weights[t] * near[j + HALF, i + HALF]
                     total += weight
                     source_row, source_column = int(found[t, 0]) - j, int(found[t, 1]) - i
-                    a += weight * np.float32(picture[source_row, source_column, 0])
-                    b += weight * np.float32(picture[source_row, source_column, 1])
-                    c += weight * np.float32(picture[source_row, source_column, 2])
+                    red = np.float64(picture[source_row, source_column, 0])
+                    green = np.float64(picture[source_row, source_column, 1])
+                    blue = np.float64(picture[source_row, source_column, 2])
+                    a += weight * np.float32(red)
+                    b += weight * np.float32(green)
+                    c += weight * np.float32(blue)
+                    count += 1
+                    reds, greens, blues = reds + red, greens + green, blues + blue
+                    squares += red * red + green * green + blue * blue
         for k, channel in enumerate((a, b, c)):
             out[p, k] = channel / total
-
-
-@kernel
-def spread_rows(
-    first: Whole,
-    last: Whole,
-    picture: UInt8Array,
-    pixels: Places,
-    number: NDArray[np.int32],
-    found: Places,
-    out: Float32Array,
-) -> None:
-    """Standard deviation of the colours that the patches over hole pixels [first, last) give them, mean over the channels; as of
-    `vote_rows`, all patches alike. out: M levels."""
-    height, width, _ = picture.shape
-    for p in range(first, last):
-        row, column = int(pixels[p, 0]), int(pixels[p, 1])
-        top, bottom, left, right = steps_inside(row, column, height, width)
-        count = squares = a = b = c = 0.0
-        for j in range(top, bottom + 1):
-            for i in range(left, right + 1):
-                t = int(number[row + j, column + i])
-                if t >= 0:
-                    source_row, source_column = int(found[t, 0]) - j, int(found[t, 1]) - i
-                    red, green, blue = (
-                        np.float64(picture[source_row, source_column, 0]),
-                        np.float64(picture[source_row, source_column, 1]),
-                        np.float64(picture[source_row, source_column, 2]),
-                    )
-                    count += 1
-                    a, b, c = a + red, b + green, c + blue
-                    squares += red * red + green * green + blue * blue
-        variance = squares / count - (a * a + b * b + c * c) / (count * count)
-        out[p] = np.sqrt(max(variance, 0.0) / 3)
+        variance = squares / count - (reds * reds + greens * greens + blues * blues) / (count * count)
+        spread[p] = np.sqrt(max(variance, 0.0) / 3)
