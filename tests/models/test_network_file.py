@@ -105,7 +105,7 @@ class Sizes(ColorContract):
 
     network = "sizes"
     side: int = 1
-    mean: tuple[float, float] = (0.0, 0.0)
+    pair: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
         if self.side < 1:
@@ -132,5 +132,5 @@ def test_unknown_fields_are_refused_where_the_text_may_be_written_by_hand() -> N
     """Elsewhere they are a later version's, and passed over."""
     text = '{"network": "sizes", "sides": 2}'
     assert Sizes.read(text, Path("n.onnx")) == Sizes()
-    with pytest.raises(FileError, match=r"n\.onnx: its contract has sides; known are mean, side"):
+    with pytest.raises(FileError, match=r"n\.onnx: its contract has sides; known are mean, pair, scale, side, std"):
         Sizes.read(text, Path("n.onnx"), strict=True)

@@ -25,9 +25,14 @@ from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, check
 from dlama.models.cache import locate, user_path
 from dlama.models.network_file import ASSETS, NetworkFile, open_kept
 from dlama.models.records import CATALOGUE
-from dlama.perception.depth_networks import IMAGENET, DepthContract, DepthPrediction, predict
+from dlama.perception.depth_networks import (
+    IMAGENET,
+    DepthContract,
+    DepthPrediction,
+    fit_points,
+    predict,
+)
 from dlama.perception.depth_scale import check_known, estimate_scale
-from dlama.perception.point_maps import fit_points, horizontal_fov
 from dlama.perception.sharpening import sharpen_depth
 
 DEFAULT = "tcmonodepth"
@@ -185,7 +190,7 @@ def resolve_camera(
     shift = 0.0
     source = "given"
     if prediction.gives == "points":
-        known = None if camera is None else horizontal_fov(camera)
+        known = None if camera is None else camera.fx / camera.width
         shift, found = fit_points(prediction.values, prediction.far, known)
         if camera is None:
             camera, source = Camera.from_fov(width, height, found), "the network"
@@ -197,7 +202,7 @@ def resolve_camera(
             UserWarning,
             stacklevel=3,
         )
-    return camera, {"degrees": round(horizontal_fov(camera), 3), "from": source}, shift
+    return camera, {"degrees": round(camera.fov_deg, 3), "from": source}, shift
 
 
 def resize_prediction(

@@ -49,7 +49,8 @@ def find_plain_sky(color: UInt8Array, free: BoolArray, depth: Float32Array) -> B
     small = shrink_color(color, hw).astype(np.float32)
     grey = small @ LUMA
     cells = shrink_mask(free, hw[::-1]) >= 0.5
-    plain = (steps_to_neighbours(grey) < STEP).astype(np.uint8)
+    cross = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
+    plain = (np.maximum(cv2.dilate(grey, cross) - grey, grey - cv2.erode(grey, cross)) < STEP).astype(np.uint8)
     _, part = cv2.connectedComponents(plain, connectivity=4)
     sky, large = np.zeros(hw, np.bool_), False
     for number in np.unique(part[0][plain[0] > 0]):
@@ -72,15 +73,6 @@ def looks_like_sky(color: Float32Array, grey: Float32Array, part: BoolArray) -> 
     """
     red, _, blue = np.median(color, 0)
     return bool(blue - red > BLUE or (np.median(grey[part]) - np.median(grey[~part]) > BRIGHT and red - blue < WARM))
-
-
-def steps_to_neighbours(grey: Float32Array) -> Float32Array:
-    """h x w, the largest difference of a grey level (h x w) from one of its four neighbours'."""
-    across, down = np.abs(np.diff(grey, axis=1)), np.abs(np.diff(grey, axis=0))
-    out = np.zeros_like(grey)
-    for side, step in ((out[:, 1:], across), (out[:, :-1], across), (out[1:], down), (out[:-1], down)):
-        np.maximum(side, step, out=side)
-    return out
 
 
 def drop_plain_infinity(color: UInt8Array, disparity: Float32Array, depth: Float32Array) -> Float32Array:

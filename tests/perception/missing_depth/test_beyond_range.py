@@ -8,7 +8,7 @@ import dlama
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
 from dlama.perception.missing_depth.along_colors import DepthByColor
-from dlama.perception.missing_depth.beyond_range import move_beyond_range
+from dlama.perception.missing_depth.between_readings import move_beyond_range
 from dlama.perception.planes import SMOOTH
 from worlds import Box, Plane, World
 

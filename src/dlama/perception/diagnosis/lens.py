@@ -6,7 +6,6 @@ import math
 
 from dlama.geometry.camera import Camera
 from dlama.perception.diagnosis.finding import Finding
-from dlama.perception.point_maps import horizontal_fov
 
 RADIANS = (0.05, math.pi)
 """A field of view between these is meant in radians, not in degrees."""
@@ -43,8 +42,10 @@ def check_lens(camera: Camera) -> list[Finding]:
     if camera.fx <= SHARE < 0.1 * wide:
         what = f"`fx` is {camera.fx:.3g} px, wider than any lens; it looks like a share of the picture's width"
         return [Finding("focal-length", "fault", 0.95, what, f"give `fx={camera.fx * wide:.5g}`")]
-    if horizontal_fov(camera) > MILLIMETRES:
-        what = f"`fx` is {camera.fx:.3g} px, a view of {horizontal_fov(camera):.3g} degrees; it looks like a lens in millimetres"
+    if camera.fov_deg > MILLIMETRES:
+        what = (
+            f"`fx` is {camera.fx:.3g} px, a view of {camera.fov_deg:.3g} degrees; it looks like a lens in millimetres"
+        )
         of_film = f"`fx={camera.fx * wide / 36:.5g}` of a sensor 36 mm wide"
         mend = f"give `fx` = millimetres / width of the sensor in millimetres x {wide}, {of_film}"
         return [Finding("focal-length", "fault", 0.95, what, mend)]
@@ -59,13 +60,13 @@ def check_exif(camera: Camera, exif: Camera) -> list[Finding]:
     """Reports a camera that sees much more or less than the EXIF data of its picture say."""
     if 1 / SAME_ANGLE < exif.fx / camera.fx < SAME_ANGLE:
         return []
-    seen, recorded = horizontal_fov(camera), horizontal_fov(exif)
+    seen, recorded = camera.fov_deg, exif.fov_deg
     what = f"the camera sees {seen:.3g} degrees, the picture's EXIF data say {recorded:.3g}"
     return [Finding("field-of-view", "fault", 0.75, what, "leave `fov` away, or keep it if the picture is a crop")]
 
 
 def _check_width(camera: Camera) -> list[Finding]:
-    wide = horizontal_fov(camera)
+    wide = camera.fov_deg
     if looks_like_radians(wide):
         what = f"the camera sees {wide:.3g} degrees, as narrow as a telescope; that looks like radians"
         return [Finding("fov-radians", "fault", 0.97, what, f"give `fov={math.degrees(wide):.4g}`")]

@@ -18,6 +18,7 @@ from dlama.geometry.codes import HoleType
 from dlama.geometry.holes import gaussian_mean
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import View
+from dlama.inpainters.layered.kernels.cells import sample
 from dlama.inpainters.opencv import spread_small
 from dlama.perception.planes import SKY
 
@@ -86,7 +87,7 @@ def blur_per_label(values: Float32Array, places: NDArray[np.intp], label: NDArra
     step = max(1.0, max(label.shape) / GRID)
     height, width = (int(np.ceil(size / step)) for size in label.shape)
     rows, columns = np.divmod(places, label.shape[1])
-    x, y = ((columns + 0.5) / step - 0.5).astype(np.float32), ((rows + 0.5) / step - 0.5).astype(np.float32)
+    x, y = (((each + 0.5) / step).astype(np.float32) for each in (columns, rows))
     cell = (rows / step).astype(np.int32) * width + (columns / step).astype(np.int32)
     del rows, columns
     number = label.ravel()[places]
@@ -100,19 +101,7 @@ def blur_per_label(values: Float32Array, places: NDArray[np.intp], label: NDArra
         mean = wide[..., 1:] / np.maximum(wide[..., :1], np.float32(1e-6))
         for first in range(0, len(own), PIECE):
             some = own[first : first + PIECE]
-            values[some] = sample_bilinear(np.asarray(mean, np.float32), x[some][:, None], y[some][:, None])
-
-
-def sample_bilinear(picture: Float32Array, x: Float32Array, y: Float32Array) -> Float32Array:
-    """N x 3: a small picture read bilinearly at N x 1 columns and rows (first cell: 0)."""
-    height, width = picture.shape[:2]
-    x, y = np.clip(x, 0, width - 1), np.clip(y, 0, height - 1)
-    left, upper = np.minimum(np.floor(x), max(width - 2, 0)), np.minimum(np.floor(y), max(height - 2, 0))
-    across, along, flat = x - left, y - upper, picture.reshape(-1, 3)
-    first = (upper * width + left).astype(np.int64)[:, 0]
-    right, lower = min(width - 1, 1), width * min(height - 1, 1)
-    top, low = (flat.take(row, 0) * (1 - across) + flat.take(row + right, 0) * across for row in (first, first + lower))
-    return np.asarray(top * (1 - along) + low * along, np.float32)
+            values[some] = sample(np.asarray(mean, np.float32), x[some], y[some])
 
 
 def unseen_colors(view: View) -> BoolArray:

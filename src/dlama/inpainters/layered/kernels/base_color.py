@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.camera import Float64Array
-from dlama.geometry.kernels.jit import Real, Whole, in_bands, kernel
+from dlama.geometry.holes import square
+from dlama.geometry.kernels.jit import Real, Whole, kernel
 from dlama.geometry.rgbd import BoolArray, Float32Array
-from dlama.inpainters.layered.kernels.cells import bilinear_neighbours, blend
 
 
 def pull(sums: Float32Array, weights: Float32Array) -> tuple[Float32Array, Float32Array]:
@@ -26,36 +26,12 @@ def pull(sums: Float32Array, weights: Float32Array) -> tuple[Float32Array, Float
     return up, upw
 
 
-@kernel
-def push_rows(
-    first: Whole,
-    last: Whole,
-    sums: Float32Array,
-    weights: Float32Array,
-    coarser: Float32Array,
-    out: Float32Array,
-) -> None:
-    """Rows of `push`."""
-    for y in range(first, last):
-        along = bilinear_neighbours((y + 0.5) / 2, coarser.shape[0])
-        for x in range(weights.shape[1]):
-            share = np.float64(weights[y, x])
-            own = share if share < 1 else 1.0
-            across = bilinear_neighbours((x + 0.5) / 2, coarser.shape[1])
-            for k in range(3):
-                value = 0.0
-                if own < 1:
-                    value = (1 - own) * blend(coarser, across, along, k)
-                if own > 0:
-                    value += own * sums[y, x, k] / weights[y, x]
-                out[y, x, k] = value
-
-
 def push(sums: Float32Array, weights: Float32Array, coarser: Float32Array) -> Float32Array:
     """Cells with little weight take the coarser grid's value (bilinear), the others their own mean."""
-    out = np.empty((*weights.shape, 3), np.float32)
-    in_bands(push_rows, len(weights), sums, weights, coarser, out, band=64)
-    return out
+    rows, cols = weights.shape
+    larger = cv2.resize(coarser, (2 * coarser.shape[1], 2 * coarser.shape[0]))[:rows, :cols]
+    own = np.minimum(weights, 1)[..., None]
+    return np.asarray((1 - own) * larger + own * sums / np.maximum(weights, np.float32(1e-9))[..., None], np.float32)
 
 
 @kernel
@@ -165,14 +141,11 @@ def skirt(base: Float32Array, depth: Float32Array, inside: BoolArray) -> Float32
 
     depth: inverse depth, < 0 where unknown. Without this, bilinear sampling at the rim would mix the occluder in.
     """
-    rows, cols = depth.shape
-    colors, near = np.pad(np.where(inside[..., None], base, np.float32(0)), ((1, 1), (1, 1), (0, 0))), np.pad(inside, 1)
-    inner = np.pad(np.where(inside, depth, np.float32(np.inf)), 1, constant_values=np.inf)
-    count, least, total = np.zeros((rows, cols)), np.full((rows, cols), np.inf), np.zeros((rows, cols, 3))
-    for window in (np.s_[j : j + rows, i : i + cols] for j in range(3) for i in range(3)):
-        count += near[window]
-        total += colors[window]
-        least = np.minimum(least, inner[window])
+    count, total = (
+        cv2.boxFilter(each, cv2.CV_64F, (3, 3), normalize=False, borderType=cv2.BORDER_CONSTANT)
+        for each in (inside.view(np.uint8), np.where(inside[..., None], base, np.float32(0)))
+    )
+    least = cv2.erode(np.where(inside, depth, np.float32(np.inf)), square(3)).astype(np.float64)
     adjacent = ~inside & (count > 0) & ((depth < 0) | (depth > 1.1 * least))
     out = base.copy()
     out[adjacent] = total[adjacent] / count[adjacent, None]
