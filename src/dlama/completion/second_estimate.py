@@ -13,7 +13,6 @@ import math
 import warnings
 from typing import Any, NamedTuple
 
-import cv2
 import numpy as np
 
 from dlama.completion.start import Plan
@@ -28,6 +27,7 @@ from dlama.geometry.view import View
 from dlama.inpainters.filling import FillReport
 from dlama.models.network_file import make_room
 from dlama.perception.monocular import estimate_depth
+from dlama.perception.resampling import interpolate, shrink_color
 from dlama.progress import begin_stage
 
 SIDE, REACH_PX, RING_PX = 512, 24, 80
@@ -113,17 +113,14 @@ def with_depth(one: View, depth: Float32Array, where: BoolArray, box: tuple[slic
 def estimate_inverse_depth(color: UInt8Array) -> Float32Array:
     """H x W inverse depth of a picture (H x W x 3) by the network that ships, of a scale and shift of its own; 0 where that is
     far, everywhere if it sees nothing else."""
-    height, width = color.shape[:2]
-    if max(height, width) > LARGEST:
-        small = cv2.resize(color, smaller_size(color.shape, LARGEST), interpolation=cv2.INTER_AREA)
-        color = np.asarray(small, np.uint8)
+    small = shrink_color(color, smaller_size(color.shape, LARGEST)[::-1])
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of scale and field of view, which count for nothing here
-            found = inverse_depth(estimate_depth(color).depth)
+            found = inverse_depth(estimate_depth(small).depth)
     except DepthError:
-        found = np.zeros(color.shape[:2], np.float32)
-    return np.asarray(cv2.resize(found, (width, height), interpolation=cv2.INTER_LINEAR), np.float32)
+        found = np.zeros(small.shape[:2], np.float32)
+    return interpolate(found, color.shape)
 
 
 def fit_round_object(frame: View, removed: BoolArray, again: Float32Array) -> Fit:

@@ -74,7 +74,9 @@ def complete_picture(
     coarser: Search | None = None
     while levels:
         level = levels.pop()
-        search = Search(level, rng, penalty_weights(max(hole.shape) / 2 ** len(levels)))
+        side = max(hole.shape) / 2 ** len(levels)
+        penalties = DISTANCE_DOWN / side**2, DISTANCE_ACROSS / side**2, REUSE_PENALTY, OTHER_SURFACE
+        search = Search(level, rng, np.array(penalties, np.float32))
         matched = is_matched(level.hole, len(levels), effort)
         if coarser is None:
             search.compare_all(rng, effort.pairs)
@@ -108,8 +110,3 @@ def improve(search: Search, effort: Effort, matched: bool, finest: bool) -> None
             search.match(turn, effort.matchings)
         if not finest or turn < rounds - 1:  # the last vote is of the picture itself
             search.vote()
-
-
-def penalty_weights(side: float) -> Float32Array:
-    """Penalties of distance, use and another surface, for `kernels.penalty`; side: the level's longer side in pixels."""
-    return np.array([DISTANCE_DOWN / side**2, DISTANCE_ACROSS / side**2, REUSE_PENALTY, OTHER_SURFACE], np.float32)

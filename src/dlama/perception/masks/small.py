@@ -8,10 +8,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
-from dlama.geometry.holes import dilate_square, erode_mask
+from dlama.geometry.holes import dilate_square, erode_mask, shrink_mask
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.perception.masks.prompt import Prompt
@@ -64,8 +63,7 @@ class SmallPicture:
 
     def shrink(self, mask: BoolArray) -> BoolArray:
         """A mask of the large picture at the small one's size."""
-        wh = self.rgbd.camera.wh
-        return np.asarray(cv2.resize(mask.astype(np.uint8) * np.uint8(255), wh, interpolation=cv2.INTER_AREA) > 127)
+        return shrink_mask(mask, self.rgbd.camera.wh) >= 0.5
 
     def enlarge_found(self, mask: BoolArray, prompt: Prompt) -> BoolArray:
         """A mask found in the small picture at the large one's size: within the box, with all clicks right."""

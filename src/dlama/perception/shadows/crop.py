@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from dlama.geometry.holes import box_around, sides_of
 from dlama.geometry.rgbd import BoolArray, Float32Array
 
 SIDE = 320
@@ -53,10 +54,10 @@ class Crop:
 
 def crop_around(mask: BoolArray) -> Crop:
     """The crop in which an object's shadow is searched."""
-    rows, columns = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
+    rows, columns = tight = box_around(mask, 0)
     height, width = mask.shape
-    diagonal = float(np.hypot(np.ptp(rows) + 1, np.ptp(columns) + 1)) + 8
-    top, bottom = max(0, int(rows[0] - ABOVE * diagonal)), min(height, int(rows[-1] + BELOW * diagonal) + 1)
-    left, right = max(0, int(columns[0] - ASIDE * diagonal)), min(width, int(columns[-1] + ASIDE * diagonal) + 1)
+    diagonal = float(np.hypot(*sides_of(tight))) + 8
+    top, bottom = max(0, int(rows.start - ABOVE * diagonal)), min(height, int(rows.stop + BELOW * diagonal))
+    left, right = max(0, int(columns.start - ASIDE * diagonal)), min(width, int(columns.stop + ASIDE * diagonal))
     scale = min(LARGEST_SCALE, SIDE / max(bottom - top, right - left))
     return Crop(slice(top, bottom), slice(left, right), scale)

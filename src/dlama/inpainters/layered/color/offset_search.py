@@ -202,7 +202,9 @@ class OffsetSearch:
         """One offset per hole cell: good correlation, little change of scale, typical texture, cheap seams."""
         whole, fine, middle, color = (np.maximum(self.score(offsets, band), 0) for band in range(4))
         scale = kernels.change_of_scale(offsets, self.centres, self.sources)
-        copied = self._copy_color(offsets)
+        x, y = self._sources_of(self.centres[:, None], offsets @ self.axes)
+        detail = cv2.remap(self.bands[0], x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        copied: Float32Array = np.ascontiguousarray(detail, np.float32)  # cells x offsets x 3
         squares = channel_squares(self.bands[0])
         typical = float(np.sqrt(squares[squares > 0].mean())) + 1e-3
         odd = np.clip(np.linalg.norm(copied, axis=-1) / typical - 1.5, 0, 3) * (1 - whole)
@@ -241,12 +243,6 @@ class OffsetSearch:
         z = 1 + w * move[:, 2]
         z = np.where(z > 1e-3, z, 1) * self.grid.cell_size
         return ((u + w * move[:, 0]) / z - 0.5).astype(np.float32), ((v + w * move[:, 1]) / z - 0.5).astype(np.float32)
-
-    def _copy_color(self, offsets: Array) -> Float32Array:
-        """Cells x offsets x 3: the detail that each offset would copy to each hole cell."""
-        x, y = self._sources_of(self.centres[:, None], offsets @ self.axes)
-        picture = cv2.remap(self.bands[0], x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        return np.ascontiguousarray(picture, np.float32)
 
 
 def channel_squares(band: Float32Array) -> Float32Array:

@@ -60,7 +60,8 @@ def paint_region(out: UInt8Array, grid: TextureGrid, region: HoleRegion, rng: np
     """Paint one region into `out` (H x W x 3). rng: None leaves the base colours alone."""
     if not region.sources.any():
         return
-    bases, unit = base_colors(grid, region), grid.at_unit_depth(region.label)
+    bases = surface_bases(grid, region) if region.label >= 0 else (depth_base(grid, region),) * 2
+    unit = grid.at_unit_depth(region.label)
     copied = CopiedDetail.none(bases[0].shape[:2]) if rng is None else copy_detail(unit, region, bases, rng)
     sources = Sources(1, unit.inverse_depth, grid.trusted, region.label, copied.axes)
     paint = Paint(as_input(grid.color), *bases, grid.base_cell_size, copied.choice, copied.gains, copied.offsets)
@@ -80,14 +81,6 @@ def hole_regions(grid: TextureGrid) -> Iterator[HoleRegion]:
             yield HoleRegion(label, holes[here], sources)
     if rest.any():
         yield HoleRegion(-1, holes[rest], grid.cell_label != UNTRUSTED)
-
-
-def base_colors(grid: TextureGrid, region: HoleRegion) -> Bases:
-    """The smooth colour fields of one region, on the base grid."""
-    if region.label >= 0:
-        return surface_bases(grid, region)
-    base = depth_base(grid, region)
-    return base, base
 
 
 def depth_base(grid: TextureGrid, region: HoleRegion) -> Float32Array:
