@@ -25,6 +25,7 @@ from dlama.geometry.drawing.layers import (
     ALL,
     Drawn,
     Grid,
+    Surface,
     box_room,
     count_wanted,
     crop_count,
@@ -144,7 +145,7 @@ def draw_scene(
     gains = [scene.gain_of(fill.camera) / here for fill in fills]
 
     def prepare(layer: Layer, target: Camera) -> Grid:
-        return Grid.of(layer, target, mode, fine, surface_of(layer) if keep else None)
+        return Grid(surface_of(layer) if keep else Surface(layer.load()), target, mode, fine)
 
     if not frames:
         drawn = Drawn(Canvas.empty(camera, errors), [])

@@ -198,10 +198,10 @@ class View(Figured, Facts):
 
         Measured colours stay; `hole_type` keeps the reason of the hole.
         """
-        guessed = where & (self.origin != Origin.DEPTH_FILLED.value)
+        guessed = where & ~has_code(self.origin, *DEPTH_FROM_OTHERS)
         origin = select(self.origin, ~guessed)
         return self.with_planes(
-            color=select(self.color, ~guessed),
+            color=select(self.color, ~guessed) if guessed.any() else self.color,
             hole=self.hole | where,
             origin=np.where(where & ~guessed, np.uint8(Origin.MEASURED), origin),
             **self._kept(~where),
@@ -211,14 +211,7 @@ class View(Figured, Facts):
         """A frame with its sensor holes open; itself, where no depth was filled."""
         if not self.has_filled_depth:
             return self
-        filled = has_code(self.origin, *DEPTH_FROM_OTHERS) & ~self.hole
-        return self.with_planes(
-            depth=select(self.depth, ~filled),
-            hole=self.hole | filled,
-            origin=np.where(filled, np.uint8(Origin.MEASURED), self.origin),
-            confidence=select(self.confidence, ~filled),
-            errors=None,
-        )
+        return self.reopen(has_code(self.origin, *DEPTH_FROM_OTHERS) & ~self.hole).with_planes(errors=None)
 
     def with_pixels(self, other: View, where: BoolArray) -> View:
         """The same view with another one's pixels, of the same camera, in `where` (H x W bool); `hole_type` stays its own."""

@@ -15,7 +15,6 @@ from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.drawing.canvas import Canvas
 from dlama.geometry.drawing.grid_mesh import mesh_grid
-from dlama.geometry.frames.stored import Layer
 from dlama.geometry.kernels.drawing import rasterize as raster
 from dlama.geometry.kernels.drawing import shading
 from dlama.geometry.kernels.drawing.chunks import CHUNK, Vertices
@@ -66,20 +65,21 @@ class Surface:
 class Grid:
     """A layer prepared for drawing into one camera."""
 
-    layer: View
     surface: Surface
     camera: Camera
     mode: Mode
-    way: PixelMap
-    """From layer pixels to target pixels."""
     fine: bool
     """Colours by cubic B-spline; False: bilinear."""
 
-    @classmethod
-    def of(cls, layer: Layer, camera: Camera, mode: Mode, fine: bool, surface: Surface | None = None) -> Grid:
-        """The layer, prepared for `camera`. surface: the layer's, where it is kept."""
-        surface = surface or Surface(layer.load())
-        return cls(surface.layer, surface, camera, mode, px_from_px(camera, layer.camera), fine)
+    @property
+    def layer(self) -> View:
+        """The layer."""
+        return self.surface.layer
+
+    @property
+    def way(self) -> PixelMap:
+        """From layer pixels to target pixels."""
+        return px_from_px(self.camera, self.layer.camera)
 
     @cached_property
     def own_camera(self) -> bool:

@@ -242,19 +242,13 @@ def edge_misalignment(color: UInt8Array, depth: Float32Array, measured: BoolArra
     if measured.sum() < LEAST_EDGES:
         return 0
     grid = MapGrid.of(depth)
-    off = map_edge_misalignment(*(grid.picture(color), *(grid.sample_map(one) for one in (depth, measured, far))))
-    return off if not grid.enlarged else round(off * grid.largest) * (off >= CLEARLY)
-
-
-def map_edge_misalignment(color: UInt8Array, depth: Float32Array, measured: BoolArray, far: BoolArray) -> int:
-    """As `edge_misalignment`, of a depth map at its own size."""
-    if measured.sum() < LEAST_EDGES:
-        return 0
+    color, (depth, measured, far) = grid.picture(color), map(grid.sample_map, (depth, measured, far))
     w = fill_with_nearest(inverse_depth(np.where(measured, depth, np.float32(0))), measured | far)
-    off = np.concatenate([edge_offsets(w, color), edge_offsets(w.T, color.transpose(1, 0, 2))])
-    if len(off) < LEAST_EDGES or np.median(off) == 0:
+    offsets = np.concatenate([edge_offsets(w, color), edge_offsets(w.T, color.transpose(1, 0, 2))])
+    if len(offsets) < LEAST_EDGES or np.median(offsets) == 0:
         return 0
-    return int(np.quantile(off, REACHED))
+    off = int(np.quantile(offsets, REACHED))
+    return off if not grid.enlarged else round(off * grid.largest) * (off >= CLEARLY)
 
 
 def edge_offsets(w: Float32Array, color: UInt8Array) -> NDArray[np.int64]:

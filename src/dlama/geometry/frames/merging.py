@@ -48,7 +48,7 @@ def merge_frames(scene: Scene, camera: Camera, mode: Mode, fine: bool, errors: b
     """
     places = choose_frames(scene.frames, camera)
     frames = [scene.frames[place].load() for place in places]
-    grids = [Grid.of(frame, camera, mode, fine, surface_of(frame)) for frame in frames]
+    grids = [Grid(surface_of(frame), camera, mode, fine) for frame in frames]
     gains = np.array([scene.gains[place] for place in places])
     own = grids[0].layer if grids[0].own_camera else None
     best, count = np.zeros(camera.hw, np.uint16), ALL
