@@ -6,7 +6,6 @@ Convolutions"; its tensor names are kept so that published weights load strictly
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TypeAlias
@@ -118,11 +117,6 @@ class DiscriminatorSettings:
 def generator_shapes(settings: GeneratorSettings) -> dict[str, tuple[int, ...]]:
     """Every published parameter and buffer name of that generator with its shape."""
     return dict(_generator_entries(settings))
-
-
-def count_parameters(shapes: dict[str, tuple[int, ...]]) -> int:
-    """Number of trained parameters of tensors by name; running statistics of batch norms are not trained."""
-    return sum(math.prod(shape) for name, shape in shapes.items() if name.endswith(("weight", "bias")))
 
 
 def settings_from_state(shapes: Shapes, activation: str = "sigmoid") -> GeneratorSettings:

@@ -12,12 +12,7 @@ from typing import Any, Literal
 
 from dlama.arguments import check_word
 from dlama.errors import InputError
-from dlama.nets.architecture import (
-    DiscriminatorSettings,
-    GeneratorSettings,
-    count_parameters,
-    generator_shapes,
-)
+from dlama.nets.architecture import DiscriminatorSettings, GeneratorSettings, generator_shapes
 from dlama.training.kinds import PLANES, SAMPLES, Planes, PlanesKind
 
 TRUNKS = ("auto", "resnet50-dilated", "random", "lpips")
@@ -69,8 +64,9 @@ class NetworkSettings:
 
     @property
     def parameters(self) -> int:
-        """How many trained numbers the network that is exported has."""
-        return count_parameters(generator_shapes(self.generator))
+        """How many trained numbers the network that is exported has; running statistics of batch norms are not trained."""
+        shapes = generator_shapes(self.generator).items()
+        return sum(math.prod(shape) for name, shape in shapes if name.endswith(("weight", "bias")))
 
 
 @dataclass(frozen=True)

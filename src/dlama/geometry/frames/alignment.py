@@ -20,6 +20,7 @@ from dlama.arguments import check_arguments
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.frames.gathering import read_frame
 from dlama.geometry.frames.pose_system import Matches, adjust_poses, measure_offset
+from dlama.geometry.holes import smaller_size, square
 from dlama.geometry.projection import project, unproject
 from dlama.geometry.rgbd import RGBD, Float32Array
 
@@ -152,20 +153,17 @@ def read_with_pose(read: Callable[[], RGBD], pose: Float64Array) -> RGBD:
 
 def detect_features(frame: RGBD) -> Features:
     """The strongest features of a frame, with its depth there."""
-    shrunk = min(1.0, WIDEST / max(frame.camera.wh))
-    width, height = (max(1, round(shrunk * side)) for side in frame.camera.wh)
-    camera = frame.camera.resized(width, height) if shrunk < 1 else frame.camera
-    grey = cv2.cvtColor(frame.color, cv2.COLOR_RGB2GRAY)
-    if shrunk < 1:
-        grey = cv2.resize(grey, (width, height), interpolation=cv2.INTER_AREA)
+    camera, grey = frame.camera, cv2.cvtColor(frame.color, cv2.COLOR_RGB2GRAY)
+    if max(camera.wh) > WIDEST:
+        camera = camera.resized(*smaller_size(camera.hw, WIDEST))
+        grey = cv2.resize(grey, camera.wh, interpolation=cv2.INTER_AREA)
     points, descriptors = cv2.SIFT.create(FEATURES, contrastThreshold=0.02).detectAndCompute(grey, None)
     if descriptors is None:
         return Features(camera, np.zeros((0, 2)), np.zeros((0, 128), np.float32), np.zeros(0))
     pixels = np.array([point.pt for point in points], np.float64) + 0.5
     shares = descriptors / np.maximum(descriptors.sum(1, keepdims=True), 1e-6)
     depth = np.where(frame.valid, frame.depth, np.float32(0))
-    square = np.ones((5, 5), np.uint8)
-    nearest, farthest = cv2.erode(depth, square), cv2.dilate(depth, square)
+    nearest, farthest = cv2.erode(depth, square(5)), cv2.dilate(depth, square(5))
     x, y = np.clip(pixels * frame.camera.wh / camera.wh, 0, np.array(frame.camera.wh) - 1).astype(np.intp).T
     smooth = (nearest[y, x] > 0) & (farthest[y, x] < ONE_SURFACE * nearest[y, x])
     surface = np.where(smooth, depth[y, x], 0).astype(np.float64)
