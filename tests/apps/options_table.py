@@ -254,6 +254,7 @@ EVALUATE = {
     "seed": Reach("--seed 9", "run.methods", each("seed", [9])),
     "variants": Reach("--no-variants", "run.settings", attribute("matched_stereo", False)),
     "jobs": Reach("--jobs 2", "run.jobs", 2),
+    "pictures": Reach("--pictures", "run.pictures", True),
 }
 SEQUENCE = {
     "dataset": instead("other", "sequence.dataset", Path("other"), "room"),

@@ -10,15 +10,19 @@ import os
 from pathlib import Path
 
 import made_up
+import numpy as np
 import pytest
 from made_up import METHODS, made_up_dataset
 
 from dlama.datasets.frames import Dataset
 from dlama.errors import InputError, OutputError
+from dlama.evaluation.protocols import vpi
 from dlama.evaluation.protocols.methods import Method, ProtocolSettings
 from dlama.evaluation.runner import cache_key
 from dlama.evaluation.runner.run import Results, run
 from dlama.evaluation.runner.store import Row, read_stored, stem, write_rows
+from dlama.files.rasters.depth import read_depth
+from dlama.files.rasters.pictures import read_color
 
 SETTINGS = ProtocolSettings()
 
@@ -188,6 +192,25 @@ def test_a_panel_that_a_power_cut_emptied_is_made_again(tmp_path: Path, log: Pat
     panel.write_bytes(damaged)
     assert evaluated(dataset, tmp_path, method).reused == 1
     assert panel.read_bytes() == whole
+
+
+def test_pictures_are_kept_where_they_are_asked_for(tmp_path: Path) -> None:
+    """Closed form: from the source's own camera the completed picture is the source, in every bit of colour and depth; one
+    that is missing is made again."""
+    cases, methods = made_up_dataset(scenes=1).cases[:1], [Method("dlama", "telea")]
+    settings = ProtocolSettings(object_dilations=(), lpips=False)
+
+    def again(pictures: bool) -> int:
+        return run(cases, methods, {"vpi": vpi.score}, settings, tmp_path, pictures=pictures).reused
+
+    assert again(False) == 0 and not (tmp_path / "pictures").exists()
+    assert again(True) == 0
+    source, place = made_up.truth(0).source, tmp_path / "pictures" / stem(cases[0], methods[0])
+    np.testing.assert_array_equal(read_color(place.with_name(f"{place.name}.png")), source.color)
+    np.testing.assert_array_equal(read_depth(place.with_name(f"{place.name}.exr")), source.depth)
+    assert again(True) == again(False) == 1
+    place.with_name(f"{place.name}.png").unlink()
+    assert again(False) == 1 and again(True) == 0 and place.with_name(f"{place.name}.png").is_file()
 
 
 def test_an_interrupted_run_keeps_what_is_done(tmp_path: Path, log: Path) -> None:

@@ -50,7 +50,7 @@ def score(truth: Truth, method: Method, settings: ProtocolSettings) -> list[Scor
     assert isinstance(truth, RemovalTruth)
     run, measures = run_with(truth.mask, truth, method, settings)
     shown = picture_panel(run, reference_of(truth, settings), truth.source, truth.without)
-    scored = [Scored(measures, panel=shown, meta=run.completion.meta)]
+    scored = [Scored(measures, panel=shown, meta=run.completion.meta, view=run.view())]
     for change in filter(None, settings.mask_changes):
         mask = grow_or_shrink(truth.mask, change)
         if mask.any() and not mask.all():

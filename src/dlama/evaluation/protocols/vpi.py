@@ -49,7 +49,8 @@ def score_view(truth: ViewTruth, method: Method, settings: ProtocolSettings, dil
         *artifact_measures(run, run.view(), reference, "unseen", reference.regions["unseen"], target, truth.source),
     ]
     panel = None if removed else picture_panel(run, reference, truth.source, target)
-    return Scored(tuple(measures), f"object,dilate={dilate}" if removed else "", panel, run.completion.meta)
+    variant, view = (f"object,dilate={dilate}", None) if removed else ("", run.view())
+    return Scored(tuple(measures), variant, panel, run.completion.meta, view)
 
 
 def target_frame(truth: ViewTruth, without_object: bool) -> RGBD:

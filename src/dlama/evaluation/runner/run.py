@@ -19,13 +19,13 @@ from dlama.evaluation.protocols.methods import Method, ProtocolSettings
 from dlama.evaluation.protocols.strips import is_whole_jpeg
 from dlama.evaluation.runner.cache_key import cache_key, case_hash, method_hash
 from dlama.evaluation.runner.store import Stored, read_stored, stem
-from dlama.evaluation.runner.worker import Outcome, ProtocolFunction, Task, work, work_all
+from dlama.evaluation.runner.worker import PICTURES, Outcome, ProtocolFunction, Task, picture_of, work, work_all
 from dlama.workers.memory import check_processes
 from dlama.workers.pool import run_all
 from dlama.writing.atomic_write import write_file, writing
 from dlama.writing.drafts import remove_abandoned
 
-FOLDERS = ("cases", "panels")
+FOLDERS = ("cases", "panels", PICTURES)
 """Below the folder of results."""
 DIED = "a process died twice while it ran this case (out of memory?); fewer --jobs may help"
 
@@ -72,6 +72,7 @@ def run(
     folder: Path,
     *,
     jobs: int = 1,
+    pictures: bool = False,
     progress: Progress | None = None,
 ) -> Results:
     """Run every method on every case, and keep what `folder` already holds under the same cache key.
@@ -81,15 +82,16 @@ def run(
         settings: handed to the protocol, and part of the cache key. Picklable.
         folder: made if need be; cases/, panels/, errors/ and errors.json lie there afterwards.
         jobs: processes; each computes on one core where there are several.
+        pictures: keep each completed picture and its depth in pictures/; what was stored without is done again.
     Raises:
         InputError: two cases of the same name, nothing to run, jobs below 1 or more than the computer can hold.
         OutputError: the folder cannot be written.
     """
     _check(cases, methods, jobs)
     with writing(folder):
-        for name in FOLDERS:
+        for name in FOLDERS if pictures else FOLDERS[:2]:
             (folder / name).mkdir(parents=True, exist_ok=True)
-    tasks, reused, stale = _plan(cases, methods, protocols, settings, folder)
+    tasks, reused, stale = _plan(cases, methods, protocols, settings, folder, pictures)
     report = progress or (lambda *_: None)
     total, done = len(cases) * len(methods), reused
     report(None, done, total)
@@ -138,6 +140,7 @@ def _plan(
     protocols: Mapping[Protocol, ProtocolFunction],
     settings: ProtocolSettings,
     folder: Path,
+    pictures: bool,
 ) -> tuple[list[Task], int, int]:
     """What has still to be run, how many results are kept, and how many are there under another cache key."""
     method_hashes = {method.label: method_hash(method) for method in methods}
@@ -148,13 +151,14 @@ def _plan(
         for method in methods:
             key = cache_key(hashed, method_hashes[method.label], settings, protocols[case.protocol])
             found = read_stored(folder / "cases" / f"{stem(case, method)}.json")
-            if found is not None and found.cache_key == key and _has_panels(folder, found):
+            shown = not pictures or picture_of(folder, stem(case, method)).is_file()
+            if found is not None and found.cache_key == key and _has_panels(folder, found) and shown:
                 reused += 1
             else:
                 todo.append((method, key))
                 stale += found is not None and found.cache_key != key
         if todo:
-            tasks.append(Task(case, tuple(todo), protocols[case.protocol], settings, folder))
+            tasks.append(Task(case, tuple(todo), protocols[case.protocol], settings, folder, pictures))
     return tasks, reused, stale
 
 

@@ -14,11 +14,14 @@ from dlama.datasets.frames import Case, Truth
 from dlama.evaluation.protocols.methods import Measure, Method, ProtocolSettings, Scored
 from dlama.evaluation.protocols.strips import jpeg
 from dlama.evaluation.runner.store import Row, Stored, stem, write_stored
+from dlama.files.rasters.depth import write_depth_exr
+from dlama.files.rasters.pictures import write_color
 from dlama.workers.memory import peak_mib, reset_peak
 from dlama.writing.atomic_write import write_file
 
 ProtocolFunction = Callable[[Any, Method, ProtocolSettings], Sequence[Scored]]
 """(truth, method, settings) -> its runs; a module's function, so that it travels to another process."""
+PICTURES = "pictures"
 TIMED = ("time", "memory")
 """Modalities that differ from run to run."""
 
@@ -33,6 +36,8 @@ class Task:
     protocol: ProtocolFunction
     settings: ProtocolSettings
     folder: Path
+    pictures: bool = False
+    """Whether completed pictures are kept in folder/PICTURES."""
 
 
 @dataclass(frozen=True)
@@ -80,10 +85,18 @@ def _run_one(task: Task, truth: Truth, method: Method, key: str) -> None:
         if one.panel is not None:
             panels[recipe] = f"{name}--{number}.jpg"
             write_file(task.folder / "panels" / panels[recipe], jpeg(one.panel))
+        if task.pictures and one.view is not None:
+            write_depth_exr(task.folder / PICTURES / f"{name}.exr", one.view.depth)
+            write_color(picture_of(task.folder, name), one.view.color)
     timings = (Row(*head, method.recipe, method.filler, *each) for each in _timings(scored, seconds, peak))
     warned = dict.fromkeys(str(one.message) for one in caught)
     stored = Stored(key, tuple(rows), tuple(timings), panels, tuple(warned))
     write_stored(task.folder / "cases" / f"{name}.json", stored)
+
+
+def picture_of(folder: Path, name: str) -> Path:
+    """The completed picture of a case and a method, by their stem; its depth is written next to it before."""
+    return folder / PICTURES / f"{name}.png"
 
 
 def _timings(scored: Sequence[Scored], seconds: float, peak: float | None) -> Iterator[Measure]:

@@ -118,12 +118,16 @@ def protocol_settings(methods: Methods) -> ProtocolSettings:
     return ProtocolSettings(object_dilations=(), mask_changes=(), matched_stereo=False)
 
 
-def measure_methods(dataset: str, output: Path, cases: Cases, methods: Methods, report: Report, jobs: int) -> None:
+def measure_methods(
+    dataset: str, output: Path, cases: Cases, methods: Methods, report: Report, jobs: int, pictures: bool
+) -> None:
     """Every method on every case, and the report. InputError, OutputError; SystemExit where some could not be run."""
     with report_result("evaluate", report) as result:
         chosen, settings, found = all_methods(methods), protocol_settings(methods), open_cases(dataset, cases)
         with show_progress(found.name, report) as progress:
-            done = run(found.cases, chosen, PROTOCOLS, settings, output, jobs=jobs, progress=progress)
+            done = run(
+                found.cases, chosen, PROTOCOLS, settings, output, jobs=jobs, pictures=pictures, progress=progress
+            )
         command = command_line(dataset, output, cases, methods)
         summary = write_report(output, found, done, settings, seed=methods.seed, command=command)
         for line in (*headlines(summary), *reliability_lines(summary)):
