@@ -246,6 +246,9 @@ def test_headlines_have_the_main_numbers() -> None:
     """By hand: a line a method; the mask where something was removed, variants left out."""
     rows = [row("a", 10, 5.25), row("b", 10, 7.25), row("a", 10, 9.0)._replace(recipe="dlama+object,dilate=3")]
     assert headlines(summarise(rows)) == ["vpi on toy, dlama/telea, whole (2 frames): colour MSE 6.25"]
+    more = [row("a", 10, 2.5, "psnr"), row("a", 10, 0.5, "mae", modality="depth_m")]
+    assert headlines(summarise(more))[0].endswith("(1 frame): colour PSNR 2.50 dB, depth MAE 0.5000 m")
+    assert headlines(summarise([one._replace(filler="none") for one in more]))[0].endswith("colour PSNR 2.50 dB")
     removed = [one._replace(protocol="ori", region=region) for one in rows for region in ("whole", "mask")]
     assert headlines(summarise(removed)) == ["ori on toy, dlama/telea, mask (2 frames): colour MSE 6.25"]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dlama.errors import format_count
+from dlama.evaluation.protocols.methods import NO_FILL
 from dlama.evaluation.report.columns import column_title, format_value, list_columns
 from dlama.evaluation.report.summary import ALL, Place, Summary
 from dlama.evaluation.report.tables import variant_of
@@ -22,9 +23,14 @@ def headlines(summary: Summary) -> list[str]:
 
 
 def _line(place: Place, region: str, method: str) -> str:
-    """`vpi on street, dlama/telea, whole (3 frames): colour SSIM 0.8104, ...`."""
-    means = {which: place.mean(ALL, method, which) for which in list_columns((region,), MAIN)}
-    found = [f"{column_title(*which)} {format_value(one.value, which[2])}" for which, one in means.items() if one]
-    frames = max((one.frames for one in means.values() if one), default=0)
+    """`vpi on street, dlama/telea, whole (3 frames): colour SSIM 0.8104, ...`; no depth of the baseline that fills nothing: where
+    it has any, it was measured."""
+    chosen = list_columns((region,), {"rgb": MAIN["rgb"]} if method.endswith(f"/{NO_FILL}") else MAIN)
+    means = {which: one for which in chosen if (one := place.mean(ALL, method, which))}
+    found = []
+    for which, one in means.items():
+        title, _, unit = column_title(*which).partition(", ")
+        found.append(f"{title} {format_value(one.value, which[2])} {unit}".rstrip())
+    frames = max((one.frames for one in means.values()), default=0)
     head = f"{place.protocol} on {place.dataset}, {method}, {region} ({format_count(frames, 'frame')})"
-    return f"{head}: {'; '.join(found) or 'nothing was measured'}"
+    return f"{head}: {', '.join(found) or 'nothing was measured'}"
