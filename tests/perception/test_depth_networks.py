@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ from onnx import TensorProto, helper
 
 from dlama.errors import FileError, InputError
 from dlama.geometry.camera import Camera
+from dlama.models.contracts import CONTRACT_KEY
 from dlama.models.network_file import NetworkFile
 from dlama.perception.depth_networks import DepthContract, predict
 from dlama.perception.monocular import ESTIMATORS, estimate_depth, find_estimator
@@ -147,6 +149,16 @@ def test_a_file_tells_its_contract(tmp_path: Path) -> None:
     file = NetworkFile(weighted_sum(tmp_path / "c.onnx", about=contract.metadata()))
     assert DepthContract.of_file(file) == contract
     assert DepthContract.of_file(NetworkFile(weighted_sum(tmp_path / "n.onnx"))) is None
+
+
+def test_the_contract_of_the_docs_is_one(tmp_path: Path) -> None:
+    """The page's JSON, read without passing over a field; a file that carries it runs (oracle: the network's closed form)."""
+    page = (Path(__file__).parents[2] / "docs" / "models.md").read_text("utf-8")
+    (text,) = (block for block in re.findall(r"```json\n(.*?)```", page, re.DOTALL) if "monocular depth" in block)
+    contract = DepthContract.read(text, Path("models.md"), strict=True)
+    assert (contract.gives, contract.metric, contract.side, contract.multiple) == ("inverse depth", False, 518, 14)
+    file = weighted_sum(tmp_path / "mine.onnx", about={CONTRACT_KEY: text})
+    assert find_estimator(str(file))[1](COLOR).gives == "inverse depth"
 
 
 def test_files_with_another_contract_get_one_line(tmp_path: Path) -> None:

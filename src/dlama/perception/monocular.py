@@ -170,7 +170,7 @@ def _contract_of_file(path: Path) -> DepthContract:
     if contract is None:
         raise InputError(
             f"{path}: carries no contract and is none of the catalogue's files; say whose contract it keeps: "
-            f"`depth_model=NAME={path.name}`, NAME of {', '.join(ESTIMATORS)}"
+            f"`depth_model=NAME={path.name}`, NAME of {', '.join(ESTIMATORS)}; or give it its own (docs/models.md)"
         )
     return contract
 
