@@ -16,7 +16,7 @@ from dlama.completion.pipeline import complete
 from dlama.completion.verbs import remove
 from dlama.errors import InputError, OutputError
 from dlama.files.rasters.depth import read_depth
-from dlama.files.results.completion import BY_DEFAULT, RESULTS, file_names, write
+from dlama.files.results.completion import BY_DEFAULT, RESULTS, check_results, file_names, write
 from dlama.files.results.preview import source_panel
 from dlama.files.scenes import textured_mesh
 from dlama.files.scenes.scene_npz import read_npz
@@ -222,3 +222,10 @@ def test_the_source_panel_marks_what_is_removed(removal: Completion) -> None:
 def remove_nothing(removal: Completion) -> Completion:
     """The same completion of a scene without removals."""
     return dataclasses.replace(removal, scene=dataclasses.replace(removal.scene, removals=()))
+
+
+def test_names_are_taken_as_the_command_line_has_them() -> None:
+    """Oracle: the list of the same names; `dlama.batch(only="image,depth")` had it, `dlama.write` refused it."""
+    assert check_results("image,depth", "scene") == check_results(["image", "depth"], ["scene"])
+    with pytest.raises(InputError, match="only is 'colour'"):
+        check_results("image,colour")

@@ -156,9 +156,12 @@ def check_results(only: Sequence[str] | None, also: Sequence[str] = ()) -> tuple
 def choose_names(
     only: Sequence[str] | None, also: Sequence[str], known: Sequence[str], default: Sequence[str]
 ) -> tuple[str, ...]:
-    """The names of `only` (None: the default) and of `also`, each once; a string is one name. InputError: unknown ones."""
+    """The names of `only` (None: the default) and of `also`, each once; a string is NAME,NAME, as on the command line.
+
+    InputError: unknown ones.
+    """
     chosen, more = (
-        () if names is None else (names,) if isinstance(names, str) else tuple(names) for names in (only, also)
+        () if names is None else tuple(names.split(",") if isinstance(names, str) else names) for names in (only, also)
     )
     for option, names in (("only", chosen), ("also", more)):
         unknown = [repr(name) for name in names if name not in known]
