@@ -13,6 +13,8 @@ from dlama.files.rasters.depth import read_depth
 from dlama.files.scenes.scene_npz import _arrays, depth_differences, depth_of_differences, read_npz, write_npz
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType
+from dlama.geometry.frames.removal import crop_layer
+from dlama.geometry.frames.stored import BoxedView, PixelCache
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 
@@ -50,6 +52,25 @@ def test_there_and_back(tmp_path: Path, hw: tuple[int, int]) -> None:
     assert len(back_scene.frames) == len(back_scene.fills) == len(back_scene.removals) == 1
     for mine, theirs in zip((*back_scene.layers, *back_scene.removals), (*scene.layers, *scene.removals)):
         assert_same(mine, theirs)
+
+
+@pytest.mark.parametrize("cache", [None, PixelCache()])
+def test_a_boxed_layer_comes_back_in_its_box(tmp_path: Path, cache: PixelCache | None) -> None:
+    """Law: what is drawn of a layer is its box, whose noise says where surfaces are cut: a scene read back is drawn alike."""
+    where = np.zeros((5, 7), bool)
+    where[2:4, 3] = True
+    layers = [crop_layer(view_of(seed).without(~where, HoleType.NONE), where) for seed in (2, 3)]
+    write_npz(tmp_path / "scene.npz", view_of(0), Scene((view_of(1),), layers[:1], layers[1:]))
+    back = read_npz(tmp_path / "scene.npz", cache)[1]
+    for mine, theirs in zip((*back.removals, *back.fills), layers):
+        assert isinstance(mine, BoxedView) and mine.box == theirs.box == (slice(1, 5), slice(2, 5))
+        assert_same(mine.load_part(), theirs.load_part())
+        assert_same(mine.load(), theirs.load())
+    with np.load(tmp_path / "scene.npz") as arrays:
+        damaged = {**arrays, "object0_box": np.array([(1, 9), (2, 5)])}
+    np.savez(tmp_path / "damaged.npz", **damaged)
+    with pytest.raises(FileError, match=r"damaged\.npz"):
+        read_npz(tmp_path / "damaged.npz")
 
 
 @pytest.mark.parametrize("hw", [(5, 7), (1, 1), (1, 9), (40, 30)])

@@ -26,7 +26,7 @@ from dlama.files.rasters.float_files import read_npy
 from dlama.files.rasters.images import existing_file, printable_name
 from dlama.files.schema import SCHEMA, check_schema
 from dlama.geometry.camera import Camera
-from dlama.geometry.frames.stored import CACHE_BYTES, Layer, PixelCache, StoredView
+from dlama.geometry.frames.stored import CACHE_BYTES, BoxedView, Layer, PixelCache, StoredView
 from dlama.geometry.rgbd import Float32Array, UInt8Array
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
@@ -63,6 +63,8 @@ def _all_arrays(view: View, scene: Scene) -> Iterator[tuple[str, np.ndarray]]:
     for name, layers in (("layer", scene.layers), ("object", scene.removals)):
         for number, layer in enumerate(layers):
             yield from _differences(_arrays(f"{name}{number}_", layer.load())).items()
+            if isinstance(layer, BoxedView):
+                yield f"{name}{number}_box", np.array([(side.start, side.stop) for side in layer.box])
     yield from {name: np.array(getattr(scene, name)) for name in FRAMES}.items()
     yield "schema", np.array(SCHEMA)
 
@@ -131,15 +133,26 @@ def _check_claims(archive: zipfile.ZipFile, file: Path) -> int:
 
 
 def _layer(archive: zipfile.ZipFile, prefix: str, file: Path, cache: PixelCache | None) -> Layer:
-    view = _view(prefix, _arrays_of(archive, prefix))
-    return view if cache is None else StoredView(view.camera, partial(read_layer, file, prefix), cache, view)
+    camera, view = _camera_and_view(prefix, _arrays_of(archive, prefix))
+    layer = view if cache is None else StoredView(view.camera, partial(read_layer, file, prefix), cache, view)
+    return layer if camera is None else BoxedView(camera, layer)
 
 
 @system_errors(FileError)
 def read_layer(file: Path, prefix: str) -> View:
-    """One layer of a scene.npz, whose arrays have names that begin like that: layer0_, object0_. Raises FileError."""
+    """One layer of a scene.npz, whose arrays have names that begin like that: layer0_, object0_; of a boxed one its part. Raises
+    FileError."""
     with zipfile.ZipFile(file) as archive:
-        return _view(prefix, _arrays_of(archive, prefix))
+        return _camera_and_view(prefix, _arrays_of(archive, prefix))[1]
+
+
+def _camera_and_view(prefix: str, arrays: Mapping[str, np.ndarray]) -> tuple[Camera | None, View]:
+    """A layer; of a boxed one the camera of the whole picture, and the part that is in its box."""
+    view, box = _view(prefix, arrays), arrays.get(f"{prefix}box")
+    if box is None:
+        return None, view
+    rows, columns = (slice(int(first), int(last)) for first, last in box)
+    return view.camera, view.cropped(rows, columns)
 
 
 def _arrays_of(archive: zipfile.ZipFile, prefix: str) -> dict[str, np.ndarray]:
