@@ -63,6 +63,28 @@ def test_nothing_filled_covers_what_was_measured_at_home(home: float) -> None:
         np.testing.assert_allclose(measured.depth[6:10, 9:15], 1, rtol=1e-5)
 
 
+@pytest.mark.parametrize(("origin", "frames"), [(Origin.FILLED, 1), (Origin.FILLED, 2), (Origin.DEPTH_FILLED, 2)])
+def test_in_sensor_holes_fills_give_depth_and_colors_stay(origin: Origin, frames: int) -> None:
+    """Law: in its own camera a frame's colours stay bit for bit, in sensor holes too, as in a frame added to a completed scene;
+    there the nearest of two fills, whose errors of colour do not apply, gives the depth."""
+    home, beside = wall(4, RED), moved(CAMERA, shift=(0.01, 0, 0))
+    depth = home.depth.copy()
+    depth[4:12, 6:18] = 0
+    holed = View.from_rgbd(RGBD(home.color, depth, CAMERA))
+    fills = [wall(metres, GREEN, beside, origin) for metres in (3, 2)]
+    errors = np.full((*CAMERA.hw, 2), 9, np.float32)
+    scene = Scene(
+        (holed, wall(4, RED, beside))[:frames], fills=tuple(fill.with_planes(errors=errors) for fill in fills)
+    )
+    view = render(scene, CAMERA)
+    np.testing.assert_array_equal(view.color, home.color)
+    np.testing.assert_array_equal(view.depth[holed.valid], 4)
+    found = view.depth[6:10, 9:15]
+    np.testing.assert_allclose(found, 2, rtol=1e-5)
+    assert (view.origin[6:10, 9:15] == Origin.DEPTH_FILLED).all()
+    assert (view.depth_error[6:10, 9:15] == 9).all() and (view.color_error == 0).all()
+
+
 def test_a_lone_pixel_is_drawn_as_large_as_it_is_and_32_pixels_at_most() -> None:
     """Closed form: a pixel of 10 m seen from 1 m is 10 x 10 pixels; from 0.2 m it would be 50 x 50, and is 32 x 32."""
     camera = Camera(100, 80, 60, 60, 50.5, 40.5)

@@ -153,8 +153,9 @@ def draw_scene(
         drawn = merge_frames(scene, camera, mode, fine, errors)
     else:
         grid = prepare(scene.frames[0], camera)
-        drawn = Drawn(draw(grid, Canvas.empty(camera, errors)), [grid])
-        if grid.own_camera:  # where no fill may cover its sky
+        own = grid.layer if grid.own_camera else None
+        drawn = Drawn(draw(grid, Canvas.empty(camera, errors)), [grid], own=own)
+        if own is not None:  # where no fill may cover its sky
             draw_far(grid, drawn.canvas)
     grids = [prepare(part.layer, part.camera) for part in parts]
     put_fills(drawn, grids, [part.box for part in parts], gains, count)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dlama.geometry.camera import Camera, Float64Array
-from dlama.geometry.codes import Origin, from_source
+from dlama.geometry.codes import DEPTH_FROM_OTHERS, LARGEST_CONFIDENCE, Origin, from_source, has_code
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, brighten, paste
 from dlama.geometry.view import View
 
@@ -73,6 +73,16 @@ class Canvas:
         paste(other.confidence, where, self.confidence)
         if self.errors is not None and other.errors is not None:
             paste(other.errors, where, self.errors)
+
+    def keep_colors(self, own: View) -> None:
+        """The colours of a frame in its own camera, where fills were drawn into its sensor holes: their depth alone stays."""
+        colored = own.depth_hole | (has_code(own.origin, *DEPTH_FROM_OTHERS) & ~own.hole)
+        colored &= has_code(self.origin, Origin.REPROJECTED, Origin.FILLED, Origin.DEPTH_FILLED)
+        paste(own.color, colored, self.color)
+        self.origin[colored] = Origin.DEPTH_FILLED
+        np.minimum(self.confidence, np.float32(LARGEST_CONFIDENCE), out=self.confidence, where=colored)
+        if self.errors is not None:
+            self.errors[colored, 1] = 0
 
     def brighten_where(self, where: BoolArray, gain: Float64Array) -> None:
         """Multiply the colours of pixels (H x W) by a gain."""

@@ -108,10 +108,14 @@ class Drawn(NamedTuple):
     """Of its layers."""
     frame: UInt16Array | None = None
     """H x W, 1 + the number of the frame that a pixel comes from, of a scene of many; 0 = none."""
+    own: View | None = None
+    """The frame whose camera it is."""
 
     def view(self, camera: Camera, hole_type: UInt8Array | None = None) -> View:
         """As a view, whose holes have these types (H x W); None: all are OUT_OF_VIEW."""
         canvas, frame = self.canvas, self.frame
+        if self.own is not None:
+            canvas.keep_colors(self.own)
         color, depth, origin, confidence = (freeze(plane) for plane in canvas.buffers())
         frame = None if frame is None else freeze(frame * np.uint16(origin != Origin.FILLED.value))
         errors = None if canvas.errors is None else freeze(canvas.errors)

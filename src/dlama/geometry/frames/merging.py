@@ -63,7 +63,7 @@ def merge_frames(scene: Scene, camera: Camera, mode: Mode, fine: bool, errors: b
     if own is not None:
         _open_gaps(canvas, best, own, frames[1:])
         _keep_own(canvas, best, own)
-    return Drawn(canvas, grids, number[best])
+    return Drawn(canvas, grids, number[best], own)
 
 
 def _merge_drawn(
