@@ -35,6 +35,17 @@ def test_the_wall_goes_on_under_the_box() -> None:
     assert (layer.color[added] == (200, 0, 0)).all() and (np.abs(layer.depth[added] - 4 / 0.98) < 1e-3).all()
 
 
+def test_what_goes_on_has_its_own_color_where_three_surfaces_meet() -> None:
+    """Definition: depth and colour are of one pixel. Green at 2 m below red at 4 m, right of which is blue at 8 m."""
+    color, depth = np.full((48, 64, 3), (200, 0, 0), np.uint8), np.full((48, 64), 4, np.float32)
+    color[:, 32:], depth[:, 32:] = (0, 0, 200), 8
+    color[24:], depth[24:] = (0, 200, 0), 2
+    layer, added = continue_under_edges(View.from_rgbd(RGBD(color, depth, CAMERA)), 1)
+    of_red = np.abs(layer.depth - 4 / 0.98) < 1e-3
+    assert added[24, 31] and added[23, 31]
+    assert (layer.color[added & of_red] == (200, 0, 0)).all() and (layer.color[added & ~of_red] == (0, 0, 200)).all()
+
+
 def test_it_closes_what_a_small_turn_opens() -> None:
     """A turn that opens 1 px next to the box leaves nothing open there; at home every pixel stays."""
     frame = box_before_a_wall()

@@ -64,15 +64,15 @@ def shift_plane(plane: np.ndarray, step: tuple[int, int], outside: float) -> np.
 def find_seeds(w: Float32Array, joined: np.ndarray, source: NDArray[np.intp]) -> tuple[Float32Array, NDArray[np.intp]]:
     """H x W: inverse depth (1/m) of what continues under the pixels on the near side of a depth edge, elsewhere +inf; and which
     pixel (flat index) it continues. source: of each pixel of `w` the one that it was read from."""
-    behind = np.full(w.shape, np.inf, np.float32)
+    behind, continued = np.full(w.shape, np.inf, np.float32), source
     for (down, right), bit in (((0, 1), RIGHT), ((1, 0), DOWN)):
         apart = (joined & bit) == 0
         for step, cut in (((down, right), apart), ((-down, -right), shift_plane(apart, (-down, -right), False))):
             other = shift_plane(w, step, np.inf)
             better = cut & (other < w * BEHIND) & (other < behind)
             behind = np.where(better, other, behind)
-            source = np.where(better, shift_plane(source, step, 0), source)
-    return behind, source
+            continued = np.where(better, shift_plane(source, step, 0), continued)
+    return behind, continued
 
 
 def spread(behind: Float32Array, source: NDArray[np.intp], w: Float32Array) -> tuple[Float32Array, NDArray[np.intp]]:
