@@ -68,7 +68,7 @@ def test_target_from_which_nothing_is_visible(frame: Path, capsys: pytest.Captur
     (frame / "behind.json").write_text(json.dumps({**target, "world_from_cam": np.diag([-1.0, 1, -1, 1]).tolist()}))
     out = run(frame, "view", "image.png", "depth.png", "--fov", 60, "--to", "behind.json", *FAST)
     assert json.loads((out / "meta.json").read_text())["nothing_visible"] is True
-    assert "nothing of the scene is visible" in capsys.readouterr().out
+    assert "nothing of the scene is visible" in capsys.readouterr().err
 
 
 def test_depth_beyond_16_bit_is_counted(frame: Path) -> None:

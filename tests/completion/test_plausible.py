@@ -42,7 +42,8 @@ def test_an_inverted_mask() -> None:
 def test_a_depth_scale_that_leaves_most_unknown(factor: float, yaw: float) -> None:
     """TUM's 5000 taken for 1000 the wrong way round, and ten times too near."""
     with pytest.warns(
-        UserWarning, match=r"% of the view is unknown.*median depth of 0\.\d+ m.*depth_scale.*move the camera less"
+        UserWarning,
+        match=r"% of the view is unknown.*median depth of 0\.\d+ m.*depth_scale.*move the camera less; `world_from_cam`",
     ):
         view(scaled(factor), yaw=yaw, pivot=2.5, filler="telea")
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -114,12 +115,15 @@ def test_a_target_that_sees_nothing_says_so(recipe: str) -> None:
     """Law: no crash; the view stays a hole, the meta says nothing_visible, the cloud is what was measured."""
     away = moved(CAMERA, (0, 180, 0), (0, 0, -1))
     frame = street(sensor_holes=False)
-    done = view(frame, away, recipe=recipe, filler="telea")
+    with pytest.warns(UserWarning, match=r"visible from the camera, .*`world_from_cam` .* x right, y down") as seen:
+        done = view(frame, away, recipe=recipe, filler="telea")
+    assert [Path(one.filename).name for one in seen] == [Path(__file__).name]  # not a line within dlama
     assert done.meta["nothing_visible"] is True and done.meta["filled_pixels"] == 0
     assert done.view.hole.all() and (done.view.hole_type == HoleType.OUT_OF_VIEW).all()
     assert len(done.scene.layers) == 1 and len(done.completed) == done.source.valid.sum()
     json.dumps(done.meta, allow_nan=False)
-    both = complete(frame, [away, orbit(CAMERA, 10)], recipe=recipe, filler="telea")
+    with pytest.warns(UserWarning, match="nothing of the scene is visible from the camera 1 of 2"):
+        both = complete(frame, [away, orbit(CAMERA, 10)], recipe=recipe, filler="telea")
     assert both.views[0].hole.all() and not both.views[1].hole.any()
 
 

@@ -92,8 +92,9 @@ def test_what_stays_of_an_earlier_result_is_named(removal: Completion, tmp_path:
     (tmp_path / "depth.png").touch()
     write(removal, tmp_path, only=["image"])
     (tmp_path / "mine.txt").touch()
-    with pytest.warns(UserWarning, match=r": of an earlier result there is still depth\.png$"):
+    with pytest.warns(UserWarning, match=r": of an earlier result there is still depth\.png$") as seen:
         write(removal, tmp_path, only=["image"])
+    assert [one.filename for one in seen] == [__file__]  # not a line of the decorators of `write`
     write(removal, tmp_path, only=["image", "depth"])
 
 

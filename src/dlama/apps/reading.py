@@ -144,8 +144,6 @@ def describe_unknown(meta: dict[str, Any]) -> str:
     """The share that was unknown, and why: means over the views. Pixels that lacked only depth have a share of their own; they
     are of type `sensor`."""
     unknown, depth_only = (statistics.fmean(meta[name]) for name in ("hole_share", "depth_only_share"))
-    if meta["nothing_visible"]:
-        return f"{unknown:.1%} was unknown; nothing of the scene is visible from there, so nothing could be filled"
     views = meta["hole_share_by_type"]
     kinds = {name: statistics.fmean(view[name] for view in views) for name in views[0]}
     kinds["sensor"] -= depth_only

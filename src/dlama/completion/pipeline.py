@@ -13,7 +13,15 @@ from pathlib import Path
 from dlama.arguments import check_arguments
 from dlama.completion.completion import Completion
 from dlama.completion.options import OptionKeywords, Options, Unpack, options_of, take_options
-from dlama.completion.report import Clock, Record, expected_errors, meta_data, warn_of_scale, warn_of_unknown
+from dlama.completion.report import (
+    Clock,
+    Record,
+    expected_errors,
+    meta_data,
+    warn_of_nothing,
+    warn_of_scale,
+    warn_of_unknown,
+)
 from dlama.completion.start import choose_filler, plan_for
 from dlama.completion.steps import complete_views
 from dlama.errors import InputError
@@ -70,6 +78,7 @@ def complete(
     completed, fills, scene = complete_views(start.plan, start.scene, cameras, clock)
     make_room(source.camera.width * source.camera.height)
     views, warped = tuple(one.view for one in completed), tuple(one.before for one in completed)
+    warn_of_nothing(source.depth, views)
     if mask is None:
         warn_of_unknown(source.camera, source.depth, warped)
     record = Record(fills, clock.seconds, start.mask, [one.grown for one in completed])

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import dataclasses
 import time
-import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -14,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from dlama.completion.start import Plan
+from dlama.errors import warn
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType, from_filler
 from dlama.geometry.drawing.grid_mesh import find_joints
@@ -28,6 +28,7 @@ MOST_UNKNOWN = 0.5
 """Share of a view: where more is unknown, depth and the camera's move do not fit together."""
 BEYOND_TURN = 0.1
 """Share of a view that may be unknown beyond what the camera's turn alone shows anew (measured: right depth stays 0.05 below)."""
+AXES = "`world_from_cam` is expected to be camera to world, with x right, y down, z forward"
 EVERY = 4
 """Rows and columns between the pixels of which a median is taken."""
 SHADOW_SHOWN = 0.02
@@ -141,15 +142,15 @@ def warn_of_scale(depth: Float32Array) -> None:
     """Depth (H x W) that can hardly be metres, or that is missing everywhere."""
     median = median_depth(depth)
     if not (depth > 0).any():
-        _warn(
+        warn(
             "no pixel has a depth (0 and NaN are missing): nothing is known from elsewhere, and filled depth is a guess"
         )
     elif median > PLAUSIBLE_M[1]:
-        _warn(
+        warn(
             f"the median depth is {median:.4g} m: metres are expected; divide millimetres by 1000 (`depth_scale=1000` of a file)"
         )
     elif 0 < median < PLAUSIBLE_M[0]:
-        _warn(
+        warn(
             f"the median depth is {median:.4g} m: metres are expected; check the clip, the known depth of an estimate, or the "
             "baseline of a stereo pair"
         )
@@ -158,10 +159,18 @@ def warn_of_scale(depth: Float32Array) -> None:
 def warn_of_disparity(rgbd: RGBD) -> None:
     """A pair of which all is as far as the sky."""
     if rgbd.far.any() and not rgbd.valid.any():
-        _warn(
+        warn(
             "all of the pair is far: its disparities are next to nothing; check their unit (`disparity_scale` of a file), the "
             "order of the pictures and the calibration"
         )
+
+
+def warn_of_nothing(depth: Float32Array, views: Sequence[View]) -> None:
+    """Completed views that show nothing, although the depth (H x W) is none that `warn_of_scale` names."""
+    empty = [str(number) for number, view in enumerate(views, 1) if view.hole.all()]
+    if empty and median_depth(depth) >= PLAUSIBLE_M[0]:
+        which = f" {', '.join(empty)} of {len(views)}" if len(views) > 1 else ""
+        warn(f"nothing of the scene is visible from the camera{which}, so nothing could be filled; {AXES}")
 
 
 def warn_of_unknown(camera: Camera, depth: Float32Array, warped: Sequence[View]) -> None:
@@ -173,12 +182,13 @@ def warn_of_unknown(camera: Camera, depth: Float32Array, warped: Sequence[View])
         for share, view in zip(shares, warped)
         if MOST_UNKNOWN < share < 1 and share > share_out_of_view(camera, view.camera) + BEYOND_TURN
     ]
-    if not odd:  # of nothing at all meta.json speaks
+    if not odd:  # of nothing at all `warn_of_nothing` speaks
         return
     median = median_depth(depth)
-    _warn(
+    warn(
         f"{100 * max(odd):.0f} % of the view is unknown, with a median depth of {median:.3g} m: if the scene is not that "
-        "near or far, its scale is wrong (see `depth_scale`: TUM 5000, KITTI 256, millimetres 1000); else move the camera less"
+        "near or far, its scale is wrong (see `depth_scale`: TUM 5000, KITTI 256, millimetres 1000); else move the camera less; "
+        f"{AXES}"
     )
 
 
@@ -197,7 +207,3 @@ def median_depth(depth: Float32Array) -> float:
     some = depth[::EVERY, ::EVERY]
     valid = some[is_valid(some)]
     return float(np.median(valid)) if valid.size else 0.0
-
-
-def _warn(message: str) -> None:
-    warnings.warn(message, UserWarning, stacklevel=4)

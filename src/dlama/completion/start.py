@@ -5,7 +5,6 @@ What is chosen for a scene is chosen here, once, with its reason: the filler tha
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -17,7 +16,7 @@ import numpy as np
 from dlama.completion.memory import check_memory
 from dlama.completion.options import Options
 from dlama.completion.recipes import Recipe
-from dlama.errors import InputError
+from dlama.errors import InputError, warn
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType
 from dlama.geometry.frames import gathering
@@ -164,11 +163,9 @@ def warn_of_mask(mask: BoolArray | Mapping[int, BoolArray]) -> None:
     """Warn of a mask, or one of several frames, that removes most of the picture."""
     for one in map(np.asarray, mask.values() if isinstance(mask, Mapping) else (mask,)):
         if looks_inverted(one):
-            warnings.warn(
+            warn(
                 f"the mask removes {100 * float(one.mean()):.0f} % of the picture: if it marks what stays, it is inverted "
-                "(`mask_polarity` turns it round)",
-                UserWarning,
-                stacklevel=4,
+                "(`mask_polarity` turns it round)"
             )
 
 

@@ -29,6 +29,9 @@ PLAUSIBLE_M = (0.05, 500.0)
 class RGBD(Figured):
     """A colour picture with metric depth.
 
+    Both are of one camera, pixel by pixel, without distortion. Of a sensor with a camera for each, depth is registered to the
+    colours first (`rs.align` of RealSense, `depth_image_to_color_camera` of Azure Kinect).
+
     Every depth pixel is in one of three states: *valid* (finite, > 0), *far* (+inf: sky, or beyond the stated limit)
     or *missing* (0; NaN is taken as 0). Depth in whole numbers, whose unit nothing says, is refused. PIL pictures and tensors
     of torch are taken as arrays, here as everywhere. Raises ShapeError or DepthError.

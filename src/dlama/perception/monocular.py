@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,7 +17,7 @@ import cv2
 import numpy as np
 
 from dlama.arguments import check, check_arguments
-from dlama.errors import DepthError, FileError, InputError, check_same_size, system_errors
+from dlama.errors import DepthError, FileError, InputError, check_same_size, system_errors, warn
 from dlama.geometry.camera import Camera
 from dlama.geometry.projection import inverse_depth, round_depth
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, check_color, is_valid
@@ -116,11 +115,9 @@ def estimate_depth(
     if not is_valid(depth).any():
         raise DepthError(f"the network {name} sees nothing but sky in this picture; give depth")
     if scale.rule == "assumed":
-        warnings.warn(
+        warn(
             f"the scale of the estimated depth is assumed (median {scale.about['assumed_median_m']:g} m): give `metres_at`, "
-            "`camera_height` or a metric `depth_model`",
-            UserWarning,
-            stacklevel=2,
+            "`camera_height` or a metric `depth_model`"
         )
     meta = {
         "estimator": name,
@@ -197,11 +194,7 @@ def resolve_camera(
     if camera is None:
         longer = 0.5 * max(width, height) / math.tan(math.radians(ASSUMED_FOV) / 2)
         camera, source = Camera(width, height, longer, longer, width / 2, height / 2), "assumed"
-        warnings.warn(
-            f"the field of view is assumed ({ASSUMED_FOV:g} degrees across the longer side): give `fov` or `camera`",
-            UserWarning,
-            stacklevel=3,
-        )
+        warn(f"the field of view is assumed ({ASSUMED_FOV:g} degrees across the longer side): give `fov` or `camera`")
     return camera, {"degrees": round(camera.fov_deg, 3), "from": source}, shift
 
 

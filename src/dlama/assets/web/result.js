@@ -20,7 +20,7 @@ export async function showResult(answer) {
   $("sides").hidden = !answer.pair;
   document.querySelector('input[name="kind"][value="image"]').checked = true;
   document.querySelector('input[name="side"][value="left"]').checked = true;
-  warnings("result-warnings", answer.nothing_visible ? ["nothing of the scene is visible from there, so nothing could be filled", ...answer.warnings] : answer.warnings);
+  warnings("result-warnings", answer.warnings);
   offer(answer.how.files, "single");
   $("single").value = "image.png";
   $("command").textContent = answer.how.command;

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import warnings
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from dlama.completion.stereo.pair import MatchedPair, default_far, depth_in_metres
-from dlama.errors import InputError, ShapeError, check_same_size
+from dlama.errors import InputError, ShapeError, check_same_size, warn
 from dlama.geometry.camera import StereoRig
 from dlama.geometry.rgbd import Float32Array, UInt8Array, mark_far
 from dlama.perception.monocular import LEAST_CONTRAST, contrast
@@ -55,7 +54,7 @@ def match_pair(
     if disparity is None:
         doubt = doubt or find_many_unmatched(left, depth_in_metres(found[0], rig, np.inf))
     if doubt is not None:
-        warnings.warn(doubt, UserWarning, stacklevel=3)
+        warn(doubt)
         notes = {**notes, "doubt": doubt}
     if far is None:
         far = default_far(rig)

@@ -6,14 +6,13 @@ One more frame for a scene in; the scene with it out, also where it was filled o
 from __future__ import annotations
 
 import dataclasses
-import warnings
 from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
 
 from dlama.arguments import check_arguments
-from dlama.errors import InputError, InputTypeError, check_same_size
+from dlama.errors import InputError, InputTypeError, check_same_size, warn
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.codes import HoleType, Origin, from_filler
 from dlama.geometry.frames.agreement import (
@@ -136,7 +135,7 @@ def _drop_duplicates(views: Sequence[Layer], called: Sequence[str]) -> list[int]
         if twin is None:
             kept.append(place)
         else:
-            warnings.warn(f"{called[place]} is {called[twin]} once more; it is left out", UserWarning, stacklevel=4)
+            warn(f"{called[place]} is {called[twin]} once more; it is left out")
     return kept
 
 
@@ -175,7 +174,7 @@ def _drop_outliers(kept: list[int], found: dict[tuple[int, int], Overlap], calle
             "are the poses camera-to-world, with OpenCV's axes and in metres? `dlama doctor` names the usual mistakes"
         ]
     for each in noted:
-        warnings.warn(each, UserWarning, stacklevel=4)
+        warn(each)
     return kept
 
 

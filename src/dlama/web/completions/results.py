@@ -119,7 +119,6 @@ def describe_result(result: Result) -> dict[str, Any]:
         "moved": not view.camera.same_view_as(result.source.rgbd.camera),
         "removed": result.mask is not None,
         "hole_share": done.meta["hole_share"],
-        "nothing_visible": done.meta["nothing_visible"],
         "seconds": done.meta["seconds"],
         "filler": done.meta["filler"],
         "warnings": [*(use_page_words(hide_paths(text, names)) for text in result.warnings), *hints(result)],
