@@ -184,7 +184,7 @@ def any_error(kind: type[DlamaError], message: str) -> Iterator[None]:
 def warn(message: str) -> None:
     """A doubt about what was given, as a UserWarning; it is of the line outside dlama from where it came."""
     level, frame = 1, sys._getframe()
-    while frame.f_back is not None and frame.f_globals["__name__"].startswith(("dlama.", "contextlib")):
+    while frame.f_back is not None and str(frame.f_globals.get("__name__")).startswith(("dlama.", "contextlib")):
         level, frame = level + 1, frame.f_back
     warnings.warn(message, UserWarning, stacklevel=level)
 
