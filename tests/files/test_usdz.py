@@ -46,10 +46,7 @@ def test_what_is_read_back_is_what_was_written(tmp_path: Path) -> None:
         np.testing.assert_allclose(points, one.mesh.vertices * USD_FROM_OPENCV, atol=1e-6)
         uv = np.array(UsdGeom.PrimvarsAPI(mesh).GetPrimvar("st").Get())
         np.testing.assert_allclose(uv, [[0, 1], [1, 1], [1, 0], [0, 0]], atol=1e-6)
-        assert (
-            np.array(mesh.GetFaceVertexIndicesAttr().Get()).reshape(-1, 3).tolist()
-            == one.mesh.triangles[:, ::-1].tolist()
-        )
+        assert np.array(mesh.GetFaceVertexIndicesAttr().Get()).reshape(-1, 3).tolist() == one.mesh.triangles.tolist()
     registry = UsdValidation.ValidationRegistry()
     found = UsdValidation.ValidationContext(registry.GetOrLoadAllValidators()).Validate(stage)
     assert [error.GetMessage() for error in found] == []

@@ -100,7 +100,7 @@ def joined_quad(joints: tuple[bool, bool, bool, bool], monkeypatch: pytest.Monke
 
 
 def covered(corners: list[tuple[int, int, int]], vertices: np.ndarray) -> np.ndarray:
-    """Which of 400 places in the quad lie in one of the triangles (inside, clockwise on the screen)."""
+    """Which of 400 places in the quad lie in one of the triangles (inside, counter-clockwise on the screen)."""
     u, v = np.meshgrid((np.arange(20) + 0.41) / 20, (np.arange(20) + 0.53) / 20)
     out = np.zeros(u.shape, bool)
     for triangle in corners:
@@ -109,7 +109,7 @@ def covered(corners: list[tuple[int, int, int]], vertices: np.ndarray) -> np.nda
             (p[(k + 1) % 3, 0] - p[k, 0]) * (v - p[k, 1]) - (p[(k + 1) % 3, 1] - p[k, 1]) * (u - p[k, 0])
             for k in range(3)
         ]
-        out |= (np.array(sides) > 0).all(0)
+        out |= (np.array(sides) < 0).all(0)
     return out
 
 
@@ -120,14 +120,14 @@ def covered(corners: list[tuple[int, int, int]], vertices: np.ndarray) -> np.nda
 )
 def test_a_quad_is_cut_as_rendering_cuts_it(joints: tuple[bool, ...], monkeypatch: pytest.MonkeyPatch) -> None:
     """Literal rule of rendering: two triangles where all four sides are joined, else the triangle of each corner whose two
-    sides are; compared by the area covered, all clockwise on the screen."""
+    sides are; compared by the area covered, all counter-clockwise on the screen."""
     top, left, side, bottom = joints
     square = np.array([(0, 0), (1, 0), (0, 1), (1, 1)], float)
     wanted = [
-        (top and left, (0, 1, 2)),
-        (side and bottom, (1, 3, 2)),
-        (top and side, (0, 1, 3)),
-        (left and bottom, (0, 3, 2)),
+        (top and left, (0, 2, 1)),
+        (side and bottom, (1, 2, 3)),
+        (top and side, (0, 3, 1)),
+        (left and bottom, (0, 2, 3)),
     ]
     mesh = joined_quad((top, left, side, bottom), monkeypatch)
     assert len(mesh.vertices) == 4
@@ -136,7 +136,7 @@ def test_a_quad_is_cut_as_rendering_cuts_it(joints: tuple[bool, ...], monkeypatc
 
 
 def test_the_mesh_of_a_wall() -> None:
-    """Closed form: two triangles a quad, clockwise as seen, every vertex on the wall, colours and origins the pixels'."""
+    """Closed form: two triangles a quad, normals to the camera, every vertex on the wall, colours and origins the pixels'."""
     frame = frame_of(WALL)
     mesh = scene_mesh(Scene((View.from_rgbd(frame),)))
     assert len(mesh.triangles) == 2 * 35 * 47
@@ -145,7 +145,10 @@ def test_the_mesh_of_a_wall() -> None:
     assert (mesh.origin == Origin.MEASURED).all() and (mesh.confidence == 1).all()
     x, y, _ = pixels_of(CAMERA, mesh.vertices[mesh.triangles])
     area = (x[:, 1] - x[:, 0]) * (y[:, 2] - y[:, 0]) - (x[:, 2] - x[:, 0]) * (y[:, 1] - y[:, 0])
-    np.testing.assert_allclose(area, 1, atol=1e-6)
+    np.testing.assert_allclose(area, -1, atol=1e-6)
+    corners = np.moveaxis(mesh.vertices[mesh.triangles], 1, 0)
+    normals = np.cross(corners[1] - corners[0], corners[2] - corners[0])
+    assert ((normals * (CAMERA.world_from_cam[:3, 3] - corners[0])).sum(1) > 0).all()
 
 
 def test_the_mesh_is_cut_between_ball_and_wall_and_has_no_sky() -> None:

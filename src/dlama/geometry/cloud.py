@@ -72,7 +72,7 @@ class Mesh:
     vertices: Float64Array
     """N x 3, world coordinates in metres, OpenCV axes."""
     triangles: NDArray[np.int32]
-    """M x 3, vertex numbers; clockwise in the picture they were seen in (y down)."""
+    """M x 3, vertex numbers; counter-clockwise as seen: normals by the right-hand rule point to the camera."""
     color: UInt8Array
     """N x 3, RGB, sRGB-encoded."""
     origin: UInt8Array

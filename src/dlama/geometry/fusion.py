@@ -147,7 +147,7 @@ def scene_mesh(scene: Scene) -> Mesh:
 
 
 HALVES = ("abc", "bdc", "abd", "adc")
-"""The triangles that a square of the grid can be cut into; corners: a b above, c d below."""
+"""The triangles that a square of the grid can be cut into, clockwise; corners: a b above, c d below."""
 
 
 def cell_halves(depth: Float32Array, joined: UInt8Array) -> tuple[BoolArray, ...]:
@@ -179,7 +179,10 @@ def layer_mesh(view: View) -> Mesh:
     number = np.cumsum(chosen).reshape(chosen.shape) - 1
     corner = {"a": number[:-1, :-1], "b": number[:-1, 1:], "c": number[1:, :-1], "d": number[1:, 1:]}
     triangles = np.concatenate(
-        [np.stack([corner[name][half] for name in names], 1) for names, half in zip(HALVES, cell_halves(depth, joined))]
+        [
+            np.stack([corner[name][half] for name in names[::-1]], 1)
+            for names, half in zip(HALVES, cell_halves(depth, joined))
+        ]
     ).astype(np.int32)
     rows, columns = np.nonzero(chosen)
     return Mesh(

@@ -56,9 +56,9 @@ def in_picture(mesh: Mesh, camera: Camera) -> np.ndarray:
 
 
 def areas(mesh: Mesh, camera: Camera) -> np.ndarray:
-    """M, px^2, positive where corners run clockwise."""
+    """M, px^2, positive where corners run counter-clockwise."""
     one, two, three = in_picture(mesh, camera).transpose(1, 2, 0)
-    return ((two - one)[0] * (three - one)[1] - (two - one)[1] * (three - one)[0]) / 2
+    return ((two - one)[1] * (three - one)[0] - (two - one)[0] * (three - one)[1]) / 2
 
 
 def inside_of(corners: np.ndarray, hw: tuple[int, int]) -> np.ndarray:
@@ -68,7 +68,7 @@ def inside_of(corners: np.ndarray, hw: tuple[int, int]) -> np.ndarray:
     inside = np.ones(len(x), bool)
     for one, two in itertools.pairwise((*corners, corners[0])):
         along = two - one
-        inside &= along[0] * (y + 0.5 - one[1]) - along[1] * (x + 0.5 - one[0]) >= -1e-4
+        inside &= along[1] * (x + 0.5 - one[0]) - along[0] * (y + 0.5 - one[1]) >= -1e-4
     return np.stack([y, x], 1)[inside]
 
 

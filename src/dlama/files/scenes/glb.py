@@ -72,8 +72,7 @@ class Glb:
         }
         primitive = {"attributes": attributes, "material": len(parts["materials"]) - 1, "mode": POINTS}
         if len(mesh.triangles):
-            # ours run clockwise as seen, glTF's fronts counter-clockwise
-            corners = mesh.triangles[:, ::-1].reshape(-1).astype("<u2" if len(vertices) <= SHORT_VERTICES else "<u4")
+            corners = mesh.triangles.reshape(-1).astype("<u2" if len(vertices) <= SHORT_VERTICES else "<u4")
             primitive |= {"mode": TRIANGLES, "indices": self._add_array(corners, "SCALAR", ELEMENT_ARRAY_BUFFER)}
         attributes["TEXCOORD_0"] = self._add_array(uv.astype("<f4"), "VEC2")
         parts["meshes"][0]["primitives"].append(primitive)

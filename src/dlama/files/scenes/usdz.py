@@ -86,7 +86,7 @@ def add_mesh(stage: Any, name: str, part: MeshPart, middle: Float64Array, file: 
     shape.CreatePointsAttr(types.Vec3fArray.FromNumpy(np.ascontiguousarray(points)))
     shape.CreateExtentAttr(types.Vec3fArray.FromNumpy(np.stack([points.min(0), points.max(0)])))
     shape.CreateFaceVertexCountsAttr(types.IntArray.FromNumpy(np.full(len(mesh.triangles), 3, np.int32)))
-    corners = np.ascontiguousarray(mesh.triangles[:, ::-1].reshape(-1), np.int32)  # counter-clockwise in front
+    corners = np.ascontiguousarray(mesh.triangles.reshape(-1), np.int32)
     shape.CreateFaceVertexIndicesAttr(types.IntArray.FromNumpy(corners))
     shape.CreateSubdivisionSchemeAttr(geometry.Tokens.none)
     shape.CreateDoubleSidedAttr(True)

@@ -89,7 +89,7 @@ def decimate(
     places[len(places) - len(squares) * 2 :] += np.tile(SQUARE, (len(lone_rows), 1))
     planes = (freeze(plane[rows, columns]) for plane in (view.color, view.origin, view.confidence))
     vertices = unproject(view.camera, places[:, 0], places[:, 1], placed)
-    mesh = Mesh(freeze(vertices), freeze(np.concatenate([numbers, squares])), *planes)
+    mesh = Mesh(freeze(vertices), freeze(np.concatenate([numbers[:, ::-1], squares[:, ::-1]])), *planes)
     return DecimatedMesh(mesh, pixels, surface)
 
 
