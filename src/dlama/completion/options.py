@@ -90,7 +90,10 @@ def docstrings_of_fields(module: str) -> dict[str, list[str]]:
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
-    """How a scene is completed. InputError names every option that cannot be, and those that contradict each other."""
+    """How a scene is completed; `dlama view --help` has a line on each.
+
+    InputError names every option that cannot be, and those that contradict each other.
+    """
 
     filler: str | Inpainter = option("NAME", AUTO, AUTO, kind=str, label="Filler")
     """What fills the holes. layered: texture of the surfaces that continue there; patchmatch: a network and patches of the

@@ -16,7 +16,9 @@ from dlama.geometry.rgbd import Float32Array, UInt8Array, check_fields, freeze, 
 
 @dataclass(frozen=True, eq=False)
 class PointCloud:
-    """N points, in no order. Raises ShapeError when the fields do not have the same length, or dtypes are off."""
+    """N points of the world, in metres and in no order; `lift` of a View has them in the order of its valid pixels.
+
+    Raises ShapeError when the fields do not have the same length, or dtypes are off."""
 
     points: Float64Array
     """N x 3, world coordinates in metres (float64, so that geo-referenced scenes keep their millimetres)."""
@@ -67,7 +69,9 @@ def concatenate(clouds: Sequence[PointCloud]) -> PointCloud:
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """N vertices and M triangles. Raises ShapeError when lengths, dtypes or vertex numbers do not fit."""
+    """N vertices in the world, in metres, and M triangles, whose normals point to where they were seen from.
+
+    Raises ShapeError when lengths, dtypes or vertex numbers do not fit."""
 
     vertices: Float64Array
     """N x 3, world coordinates in metres, OpenCV axes."""
