@@ -213,14 +213,14 @@ def test_masks_of_other_kinds(tmp_path: Path) -> None:
         read_mask(tmp_path / "1.png", mask_polarity="white")  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("what", ["plate", "white", "black"])
+@pytest.mark.parametrize("what", ["plate", "white", "black", "red"])
 def test_alpha_is_the_mask_where_pixels_are_transparent(tmp_path: Path, what: str) -> None:
-    """Oracle: the matte that was written as alpha, of a cut-out, a white or a black silhouette."""
+    """Oracle: the matte that was written as alpha, of a cut-out, a white, a black or a red silhouette."""
     wanted = np.zeros((6, 8), bool)
     wanted[2:4, 3:6] = True
-    rgb = {"plate": np.arange(144).reshape(6, 8, 3), "white": np.full((6, 8, 3), 255), "black": np.zeros((6, 8, 3))}[
-        what
-    ]
+    red = np.full((6, 8, 3), (255, 0, 0))
+    white = np.full((6, 8, 3), 255)
+    rgb = {"plate": np.arange(144).reshape(6, 8, 3), "white": white, "black": white * 0, "red": red}[what]
     Image.fromarray(np.dstack([rgb, wanted * 255]).astype(np.uint8)).save(tmp_path / "cut.png")
     with pytest.warns(UserWarning, match="its alpha is the mask: what is opaque is removed"):
         assert np.array_equal(read_mask(tmp_path / "cut.png"), wanted)

@@ -125,7 +125,7 @@ def _eight_bits(path: PathLike) -> UInt8Array:
 def _check_alpha(path: PathLike, alpha: UInt8Array, values: UInt8Array) -> UInt8Array:
     """The alpha of a cut-out (H x W) as its mask; MaskError where what it shows (values) is a black and white mask itself."""
     shown = values[alpha > 0]
-    black, white = shown <= HIGHEST_BLACK, shown >= LOWEST_WHITE
+    black, white = (shown <= HIGHEST_BLACK).all(1), (shown >= LOWEST_WHITE).all(1)
     if black.any() and white.any() and (black | white).all():
         raise MaskError(
             f"{path}: the mask is black, white and transparent, its meaning is not plain; save it as black and white"
