@@ -546,6 +546,25 @@ def test_loading_again_in_the_middle_loses_nothing(pages: Pages, frame: Path) ->
     playwright.expect(page.locator('output[for="yaw"]')).to_have_text("12°")
 
 
+def test_loading_again_while_it_completes_shows_so_at_once(pages: Pages, frame: Path) -> None:
+    """Oracle: what is shown while the answer with the picture is held back."""
+    page, held = pages.open(), []
+    hand_in(page, frame)
+    page.route("**/api/run", lambda route: route.fulfill(json={"state": "running", "stage": "render", "share": 0.5}))
+    with page.expect_response("**/api/complete"):
+        page.locator("#complete").click()
+    page.route("**/api/source", lambda route: held.append(route))
+    page.reload()
+    waiting(page, held)
+    playwright.expect(page.locator("#cancel")).to_be_visible()
+    playwright.expect(page.locator("#complete")).to_be_disabled()
+    playwright.expect(page.get_by_text("looking …")).to_be_visible()
+    held.pop().continue_()
+    playwright.expect(page.get_by_text("looking …")).to_be_hidden()
+    page.unroute("**/api/run")
+    page.locator("#pane-result").wait_for()
+
+
 def test_a_copy_of_a_tab_is_another_visit(pages: Pages, frame: Path) -> None:
     """Browsers copy what a tab has stored (oracle: the numbers that both send); closing the copy leaves the first as it was."""
     page, sent = pages.open(), []

@@ -317,14 +317,15 @@ async function start(message = "") {
     if (!begun.state) return;
     showUploads(begun.state.files);
     if (begun.form) restore(begun.form);
-    if (begun.state.source) {
+    setRunning(Boolean(begun.state.run)); // a picture of 12 megapixels takes seconds to come
+    if (begun.state.source) await shownWhile(async () => {
       await showSource(begun.state);
       marker.setMarks(begun.state.marks ?? []);
       showMarkButtons();
       if (begun.state.masked) marker.setMask(await server.bitmap("mask"));
-    }
+    }, "picture");
     if (begun.state.result) await showResult(begun.state.result);
-    if (begun.state.run) { setRunning(true); await follow().finally(() => setRunning(false)); }
+    if (begun.state.run) await follow().finally(() => setRunning(false));
   } catch (error) { failed(error); }
 }
 
