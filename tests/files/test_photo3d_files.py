@@ -20,8 +20,11 @@ from dlama.completion.photo3d import Photo3D, photo3d
 from dlama.errors import InputError
 from dlama.files.results import photo3d as module
 from dlama.files.results.photo3d import anaglyph, write_photo3d
+from dlama.files.scenes.photo3d_page import glb_within
 from dlama.files.scenes.splats import FIELDS, SIZE, peak_opacity, scene_splats
+from dlama.files.scenes.textured_mesh import pack_parts, shrink_picture, textured_glb
 from dlama.geometry.layers.head_box import HeadBox
+from dlama.geometry.layers.layered_mesh import mesh_layers
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
@@ -60,6 +63,24 @@ def test_the_page_holds_everything(folder: Path) -> None:
     glb = re.search(r'id="glb">([^<]*)<', page)
     assert glb is not None and base64.b64decode(glb[1])[:4] == b"glTF"
     assert len(page) <= 8e6
+
+
+def test_soft_borders_that_are_most_of_the_file_are_shrunk(photo: Photo3D) -> None:
+    """Oracle: the file with the border at half the size and JPEG of quality 60, not at the least quality; a border of one colour
+    keeps it, and vertices their places in it."""
+    opaque, soft = pack_parts(mesh_layers(photo.scene, photo.box, module.MOST_TRIANGLES))
+    noise = np.random.default_rng(0).integers(0, 256, (600, 800), np.uint8)
+    fitted = soft.pixels * (800 / soft.picture.shape[1], 600 / soft.picture.shape[0])
+    noisy = soft._replace(picture=np.dstack([noise] * 4), pixels=fitted)
+    expected = b"".join(textured_glb([opaque, shrink_picture(noisy, 2)], 60))
+    assert glb_within([opaque, noisy], len(expected)) == expected
+    red = noisy._replace(
+        picture=np.dstack([np.full_like(noise, 255), noise * 0, noise * 0, (noise > 128) * np.uint8(255)])
+    )
+    smaller = shrink_picture(red, 4)
+    assert smaller.picture.shape == (150, 200, 4) and np.allclose(smaller.pixels * 4, red.pixels)
+    assert (smaller.picture[smaller.picture[..., 3] > 0][:, :3] == (255, 0, 0)).all()
+    assert abs(float(smaller.picture[..., 3].mean()) - float(red.picture[..., 3].mean())) < 1
 
 
 def test_splats_lie_where_the_points_do(folder: Path, photo: Photo3D) -> None:

@@ -9,14 +9,15 @@ import re
 from pathlib import Path
 from typing import Any
 
-from dlama.files.scenes.textured_mesh import pack_parts, textured_glb
+from dlama.files.scenes.textured_mesh import pack_parts, shrink_picture, textured_glb
 from dlama.geometry.layers.head_box import HeadBox
 from dlama.geometry.layers.layered_mesh import MeshPart
 
 ASSETS = Path(__file__).parents[2] / "assets" / "web"
 MODULE_LINES = re.compile(r"^import .*\n|^export (?=class|function|async|const)", re.M)
-QUALITIES = (90, 85, 80, 70, 60, 45, 30)
-"""Of the texture's JPEG; the first is taken with which the file is small enough."""
+QUALITIES, LEAST_QUALITIES, STEPS = (90, 85, 80, 70, 60), (45, 30), (1, 2, 4)
+"""Of the texture's JPEG, and by how much pictures with alpha, which are PNGs, are shrunk; the first that makes the file small
+enough is taken."""
 LARGEST_GLB, LARGEST_PAGE = 10_000_000, 8_000_000
 """Bytes: what viewers of augmented reality take; what is still sent around."""
 
@@ -24,10 +25,12 @@ LARGEST_GLB, LARGEST_PAGE = 10_000_000, 8_000_000
 def glb_within(parts: list[MeshPart], most: int) -> bytes:
     """The GLB file of a 3-D photo, of the best quality with which it has no more than so many bytes (or of the least)."""
     packed = pack_parts(parts)
-    for quality in QUALITIES:
-        found = b"".join(textured_glb(packed, quality))
-        if len(found) <= most:
-            break
+    for step in STEPS:
+        smaller = [shrink_picture(part, step) if part.soft else part for part in packed]
+        for quality in QUALITIES if step < STEPS[-1] else QUALITIES + LEAST_QUALITIES:
+            found = b"".join(textured_glb(smaller, quality))
+            if len(found) <= most:
+                return found
     return found
 
 

@@ -10,6 +10,7 @@ import dataclasses
 import math
 from collections.abc import Iterator, Sequence
 
+import cv2
 import numpy as np
 
 from dlama.files.scenes.glb import SHORT_VERTICES, Glb
@@ -91,6 +92,20 @@ def pack_parts(parts: Sequence[MeshPart]) -> list[MeshPart]:
     texture, places = pack_textures(opaque)
     pixels = np.concatenate([part.pixels + place for part, place in zip(opaque, places)])
     return [MeshPart(join_meshes([part.mesh for part in opaque]), pixels, texture, None), *soft]
+
+
+def shrink_picture(part: MeshPart, step: int) -> MeshPart:
+    """A part whose picture has alpha with that picture a step-th as wide and high; colours count by their alpha."""
+    if step == 1:
+        return part
+    rows, columns = (max(side // step, 1) for side in part.picture.shape[:2])
+    alpha = part.picture[..., 3:] / np.float32(255)
+    weighted = np.concatenate([part.picture[..., :3] * alpha, alpha], 2)
+    small = cv2.resize(weighted, (columns, rows), interpolation=cv2.INTER_AREA)
+    color = small[..., :3] / np.maximum(small[..., 3:], np.float32(1e-6))
+    picture = np.rint(np.concatenate([color, small[..., 3:] * 255], 2)).astype(np.uint8)
+    share = np.array([columns / part.picture.shape[1], rows / part.picture.shape[0]])
+    return part._replace(pixels=part.pixels * share, picture=picture)
 
 
 def bring_near(parts: Sequence[MeshPart], camera: Camera, metres: float) -> list[MeshPart]:
