@@ -152,17 +152,22 @@ def draw_scene(
     elif len(scene.frames) > 1:
         drawn = merge_frames(scene, camera, mode, fine, errors)
     else:
-        grid = prepare(scene.frames[0], camera)
-        own = grid.layer if grid.own_camera else None
-        drawn = Drawn(draw(grid, Canvas.empty(camera, errors)), [grid], own=own)
-        if own is not None:  # where no fill may cover its sky
-            draw_far(grid, drawn.canvas)
+        drawn = draw_frame(prepare(scene.frames[0], camera), errors)
     grids = [prepare(part.layer, part.camera) for part in parts]
     put_fills(drawn, grids, [part.box for part in parts], gains, count)
     for grid in drawn.grids if drawn.frame is None else ():
         draw_far(grid, drawn.canvas)
     draw_far_of_fills(drawn.canvas, grids, gains)
     return drawn._replace(grids=[*drawn.grids, *grids])
+
+
+def draw_frame(grid: Grid, errors: bool) -> Drawn:
+    """One frame, drawn; its sky, too, at its own camera, where no fill may cover it."""
+    canvas = draw(grid, Canvas.empty(grid.camera, errors))
+    if not grid.own_camera:
+        return Drawn(canvas, [grid])
+    draw_far(grid, canvas)
+    return Drawn(canvas, [grid], own=grid.layer)
 
 
 def visible_fills(scene: Scene, camera: Camera, mode: Mode) -> tuple[Layer, ...]:
