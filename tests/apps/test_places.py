@@ -140,7 +140,7 @@ WRONG = {
     "--filler magic": "--filler is 'magic'; one of auto, layered, layered-patches, telea, ",
     "--filler lama": "--model is missing: filler 'lama'",
     "--recipe soup": "--recipe is 'soup'; one of dlama, paper",
-    "--dilate -1": "--dilate is -1 px",
+    "--dilate -1": "--dilate is -1",
     "--clip 0": "--clip is 0.0 m",
     "--seed -1": "--seed is -1",
     "--min-confidence 2": "--min-confidence is 2.0; a probability",

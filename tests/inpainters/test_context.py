@@ -8,12 +8,15 @@ import numpy as np
 
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType
+from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.inpainters import find_filler
+from dlama.inpainters.confidence import depth_noise, features_of_known
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import inpaint
+from worlds import Plane, World, moved
 
 
 def test_the_sky_that_was_measured_is_known() -> None:
@@ -40,3 +43,15 @@ def test_the_context_of_a_part_keeps_sky_and_edges() -> None:
     part = whole.cropped(view, slice(1, 2), slice(0, 2))
     np.testing.assert_array_equal(part.law.measured[0][1], depth[1:2, :2])
     assert part.sky is whole.sky and part.law.misplaced_edges
+
+
+def test_the_noise_of_depth_that_is_drawn_without_it_is_known() -> None:
+    """Closed form: exact depth has none; of noisy depth, confidence knows as much of a view drawn from aside as of the frame."""
+    camera = Camera.from_fov(160, 120, 60)
+    frame = World((Plane((0, 1, 0), (0, -1, 0)), Plane((0, 0, 4), (0.3, 0, -1)))).rgbd(camera)
+    assert FillContext.of(Scene((View.from_rgbd(frame),))).noise == 0
+    noise = np.float32(0.01) * np.random.default_rng(2).standard_normal(camera.hw, np.float32)
+    source = View.from_rgbd(replace(frame, depth=frame.depth * (1 + noise)))
+    context, aside = FillContext.of(Scene((source,))), render(source, moved(camera, shift=(0.2, 0, 0)))
+    assert context.noise == depth_noise(source) > depth_noise(aside)
+    assert (features_of_known(aside, context.noise).rows[25] == np.float32(context.noise)).all()

@@ -316,6 +316,6 @@ def test_options_that_cannot_be_are_one_failed_row_without_work(tmp_path: Path) 
     base = {"id": "a", "verb": "view", "image": "image.png", "depth": "depth.png", "yaw": 5}
     (row,) = run(tmp_path, [{**base, "seed": -1, "dilate": -2, "min_confidence": 3}])
     assert row.status == "failed" and row.seconds_by_stage == {}
-    assert all(word in row.error for word in ("seed is -1", "dilate is -2 px", "min_confidence is 3.0"))
+    assert all(word in row.error for word in ("seed is -1", "dilate is -2", "min_confidence is 3.0"))
     with pytest.raises(InputError, match="a name that can be a folder"):
         list(batch([{**base, "id": "a\udcff"}], tmp_path / "out", **FAST))

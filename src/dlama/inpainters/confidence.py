@@ -133,12 +133,13 @@ class KnownFeatures(NamedTuple):
     """N, mean grey level round the rim."""
 
 
-def features_of_known(view: View) -> KnownFeatures:
+def features_of_known(view: View, noise: float = 0.0) -> KnownFeatures:
     """The features of a view that its known pixels give, one at a time, to save memory.
 
     No feature depends on the picture's size in pixels or on the scene's scale. Of a large view some pixels are judged.
+    noise: of the depth as it was measured (`depth_noise`), for the view may be drawn without it.
     """
-    step = -(-max(view.hole.shape) // JUDGED)
+    step = judged_step(view)
     if not view.hole[sampled_pixels(view.hole.shape, step)].any():
         step = 1
     view = view.subsample(step)
@@ -154,8 +155,7 @@ def features_of_known(view: View) -> KnownFeatures:
     kinds = view.hole_type[hole]
     for row, kind in enumerate(TYPES, start=2):
         rows[row] = kinds == int(kind)
-    w = inverse_depth(np.where(hole, np.float32(0), view.depth))
-    typical = float(np.median(w[w > 0])) if (w > 0).any() else 1.0
+    w, typical = known_inverse_depth(view)
     rows[10] = w.ravel()[rim] == 0
     log_w = log_inverse(w, typical)
     del w
@@ -164,7 +164,7 @@ def features_of_known(view: View) -> KnownFeatures:
     rows[13] = np.log1p(10 * relief)
     rows[21] = np.abs(there - level)
     rows[23] = np.log1p(100 * local_contrast(log_w, view.valid, FINE * diagonal)[1].ravel()[rim])
-    rows[25] = estimate_noise(log_w, view.valid, 1000)
+    rows[25] = max(noise, estimate_noise(log_w, view.valid, 1000))
     del log_w
     grey = channel_mean(view.color)
     mean, contrast = (of.ravel()[rim] for of in local_contrast(grey, ~hole, BROAD * diagonal))
@@ -204,6 +204,23 @@ def feature_rows(
     rows[18] = local_contrast(grey, np.ones_like(hole), FINE * diagonal)[1][hole] / 25
     rows[19] = np.log1p(np.abs(painted - channel_mean(view.color.reshape(-1, 1, 3)[rim])[:, 0]))
     return rows
+
+
+def depth_noise(view: View) -> float:
+    """The feature that says how noisy a view's depth is, by itself."""
+    view = view.subsample(judged_step(view))
+    return estimate_noise(log_inverse(*known_inverse_depth(view)), view.valid, 1000)
+
+
+def judged_step(view: View) -> int:
+    """Every so many pixels of a view are judged."""
+    return -(-max(view.hole.shape) // JUDGED)
+
+
+def known_inverse_depth(view: View) -> tuple[Float32Array, float]:
+    """H x W inverse depth (1/m) of a view, 0 in holes, and its median where it is not 0."""
+    w = inverse_depth(np.where(view.hole, np.float32(0), view.depth))
+    return w, float(np.median(w[w > 0])) if (w > 0).any() else 1.0
 
 
 def log_inverse(w: Float32Array, typical: float) -> Float32Array:

@@ -169,7 +169,7 @@ def box_with_context(hole: BoolArray) -> tuple[slice, slice]:
 
 def _fill_whole(view: View, inpainter: Inpainter, context: FillContext, seed: int) -> tuple[View, FillReport]:
     """`inpaint` with the filler seeing the whole view."""
-    hole, known = view.hole, begin_job(features_of_known, view)
+    hole, known = view.hole, begin_job(features_of_known, view, context.noise)
     fill = check_fill(inpainter(view, context, seed), hole)
     depth, moved = context.law.project(view.camera, fill.depth, hole)
     color_hole = view.color_hole

@@ -9,18 +9,25 @@ import numpy as np
 
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType, Origin
-from dlama.geometry.depth_noise import LINES, REACH, noise_of_lines
+from dlama.geometry.depth_noise import LINES, REACH, Noise, measured_noise, noise_of_lines
 from dlama.geometry.drawing.picture_edges import align_edges, behind_edges, edge_ratio
 from dlama.geometry.frames.stored import Layer
 from dlama.geometry.holes import fill_with_nearest
 from dlama.geometry.kernels import depth_edges as edges
 from dlama.geometry.kernels.drawing import hole_types as hole_kernels
 from dlama.geometry.kernels.jit import as_input, in_bands
+from dlama.geometry.kernels.smoothing import average_pairs
+from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, paste
 from dlama.geometry.view import View
 
 NOISE_STEPS, NOISY = 4.0, 2.5
 """Standard deviations of noise within one surface; and from which surfaces tear."""
+
+
+AVERAGED_PX, PAIR_NOISE, LEAST_NOISE = 3, 4.0, 0.001
+"""Distance in px up to which noise is averaged; standard deviations of it by which a pair of pixels differs from the one between;
+and noise that is too little to average, as a share of the median inverse depth: the tolerance of the law of visibility."""
 
 
 class Joints(NamedTuple):
@@ -88,6 +95,27 @@ def mesh_grid(view: View, step: float = 0.0) -> tuple[Float32Array, UInt8Array]:
     depth = np.zeros(flying.shape, np.float32)
     paste(view.find_once(align_edges).depth, ~(flying | view.hole), depth)
     return depth, joined
+
+
+def noise_to_average(view: View) -> Noise:
+    """The measured noise of a layer's depth; none where there is hardly any."""
+    noise = measured_noise(view)
+    return noise if noise.constant > LEAST_NOISE * noise.middle else Noise(0.0, 0.0, noise.middle)
+
+
+def smooth_noise(view: View, depth: Float32Array) -> Float32Array:
+    """Depth of a layer's mesh (H x W metres) whose measured noise is averaged within surfaces; the same where there is none.
+
+    It is drawn where other cameras see the layer: noise of depth moves colours aside there.
+    """
+    noise = view.find_once(noise_to_average)
+    if not noise.constant:
+        return depth
+    share = PAIR_NOISE * noise.share
+    constant = 0.0 if share else PAIR_NOISE * noise.constant
+    w, out = inverse_depth(depth), np.empty_like(depth)
+    in_bands(average_pairs, len(w), as_input(w), constant, share, AVERAGED_PX, out)
+    return inverse_depth(out)
 
 
 def close_grid(view: View, removals: tuple[Layer, ...]) -> tuple[Float32Array, UInt8Array]:

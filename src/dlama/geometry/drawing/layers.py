@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.drawing.canvas import Canvas
-from dlama.geometry.drawing.grid_mesh import mesh_grid
+from dlama.geometry.drawing.grid_mesh import mesh_grid, smooth_noise
 from dlama.geometry.kernels.drawing import rasterize as raster
 from dlama.geometry.kernels.drawing import shading
 from dlama.geometry.kernels.drawing.chunks import CHUNK, Vertices
@@ -43,6 +43,11 @@ class Surface:
     def mesh(self) -> tuple[Float32Array, UInt8Array]:
         """Its depth, and which neighbours are joined (`mesh_grid`)."""
         return mesh_grid(self.layer)
+
+    @cached_property
+    def drawn_depth(self) -> Float32Array:
+        """The mesh's depth without noise (`smooth_noise`), as other cameras see it."""
+        return smooth_noise(self.layer, self.mesh[0])
 
     @cached_property
     def knots(self) -> Float32Array:
@@ -186,7 +191,7 @@ def draw_as_points(grid: Grid, canvas: Canvas) -> None:
 def draw_as_surface(grid: Grid, canvas: Canvas, count: NDArray[np.int32]) -> None:
     """The layer's mesh, and footprints at its rim."""
     layer, rows = grid.layer, grid.camera.height
-    depth, joined = grid.surface.mesh
+    depth, joined = grid.surface.drawn_depth, grid.surface.mesh[1]
     drawn = rasterize_surface(depth, joined, grid.surface.rim, layer.camera, grid.camera, count)
     smooth = grid.surface.smooth if grid.fine else np.zeros_like(joined)
     colors = MeshColors(joined, smooth, layer.color, grid.knots)
