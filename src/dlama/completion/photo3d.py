@@ -126,8 +126,8 @@ def photo3d(
         small = add_edge_layers(small, grid_box)
     scene = add_fills(start, small, small.fills[given:], step)
     reports, warped = [report for one in steps for report in one.reports], [one.before for one in steps]
-    record = Record(reports, clock.seconds, holes=[one.grown for one in steps])
-    meta = describe_depth(rgbd) | meta_data(plan, source, warped, record)
+    record = Record(reports, clock.seconds, holes=[one.grown for one in steps], frame=source)
+    meta = describe_depth(rgbd) | meta_data(plan, warped, record)
     return Photo3D(
         scene, box, meta | {"photo3d": describe_box(box, [one.view.camera for one in seen], step, open_share)}
     )

@@ -81,8 +81,9 @@ def complete(
     warn_of_nothing(source.depth, views)
     if mask is None:
         warn_of_unknown(source.camera, source.depth, warped)
-    record = Record(fills, clock.seconds, start.mask, [one.grown for one in completed])
-    meta = {**start.about, **meta_data(start.plan, scene.frames[0].load(), warped, record), **expected_errors(views)}
+    grown, first = [one.grown for one in completed], scene.frames[0].load()
+    meta = meta_data(start.plan, warped, Record(fills, clock.seconds, start.mask, grown, first))
+    meta = {**start.about, **meta, **expected_errors(views)}
     return Completion(views, warped, scene, source, meta).with_min_confidence(chosen.min_confidence)
 
 

@@ -59,6 +59,8 @@ class Record:
     """How the object mask grew."""
     holes: Sequence[Dilation] = ()
     """How the hole of each view grew."""
+    frame: View | None = None
+    """The first one."""
 
     @property
     def notes(self) -> dict[str, Any]:
@@ -72,11 +74,15 @@ class Record:
         """Of all fills: the pixels in that field of `FillReport`."""
         return sum(getattr(one, name) for one in self.fills)
 
+    def flying_pixels(self, warped: Sequence[View]) -> int:
+        """Of the first frame, which is drawn without them where a view is of another camera; else 0."""
+        if self.frame is None or all(view.camera.same_view_as(self.frame.camera) for view in warped):
+            return 0
+        return self.frame.find_once(find_joints).flying_pixels
 
-def meta_data(plan: Plan, frame: View, warped: Sequence[View], record: Record) -> dict[str, Any]:
-    """The meta data of a completion, JSON-ready (fields: docs/reference/formats.md). frame: the first; warped: the views before
-    filling."""
-    drawn = any(not view.camera.same_view_as(frame.camera) for view in warped)  # from elsewhere, without flying pixels
+
+def meta_data(plan: Plan, warped: Sequence[View], record: Record) -> dict[str, Any]:
+    """The meta data of a completion, JSON-ready (fields: docs/reference/formats.md). warped: the views before filling."""
     return {
         "recipe": dataclasses.asdict(plan.recipe),
         "filler": plan.filler,
@@ -92,7 +98,7 @@ def meta_data(plan: Plan, frame: View, warped: Sequence[View], record: Record) -
             "hole_pixels_before": [hole.pixels for hole in record.holes],
             "hole_known_pixels_given_up": [hole.known_pixels_given_up for hole in record.holes],
         },
-        "flying_pixels_rejected": frame.find_once(find_joints).flying_pixels if drawn else 0,
+        "flying_pixels_rejected": record.flying_pixels(warped),
         "filled_pixels": record.total("hole_pixels"),
         "law_moves": record.total("law_moves"),
         "law_violations": record.total("law_violations"),

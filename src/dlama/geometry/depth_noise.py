@@ -22,6 +22,8 @@ REACH, REACH_WIDTH = 4, 160
 side, for noise is as smooth as they are."""
 LINES, ENOUGH = 32, 1000
 """Rows and columns used; fewer differences do not distinguish noise from edges."""
+LEAST_NOISE = 0.001
+"""Noise that is too little to average, as a share of the median inverse depth: the tolerance of the law of visibility."""
 
 
 def second_differences(w: Float32Array, known: BoolArray, reach: int) -> tuple[Float32Array, BoolArray]:
@@ -79,3 +81,9 @@ def measured_noise(view: View) -> Noise:
         measured = is_valid(depth[some]) & (origin[some] == Origin.MEASURED.value)
         lines.append((inverse_depth(depth[some]), measured))
     return noise_of_lines(lines, reach)
+
+
+def noise_to_average(view: View) -> Noise:
+    """The measured noise of a layer's depth; none where there is hardly any."""
+    noise = measured_noise(view)
+    return noise if noise.constant > LEAST_NOISE * noise.middle else Noise(0.0, 0.0, noise.middle)

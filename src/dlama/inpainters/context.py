@@ -11,7 +11,7 @@ import numpy as np
 from dlama.arguments import check_arguments
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import from_source
-from dlama.geometry.drawing.grid_mesh import noise_to_average
+from dlama.geometry.depth_noise import noise_to_average
 from dlama.geometry.frames.choosing import MOST_FRAMES, choose_frames
 from dlama.geometry.frames.stored import BLOCK, coarse_depth
 from dlama.geometry.rgbd import Float32Array
@@ -45,7 +45,8 @@ class FillContext:
         check_arguments(cls.of, locals())
         if len(scene.frames) > 1 and sum(4 * one.camera.width * one.camera.height for one in scene.frames) > HELD_BYTES:
             return cls(Law(()), scene=scene)
-        return cls(Law.of(scene), sky_of(scene), noise_of(scene))
+        sky, noise = sky_of(scene), noise_of(scene)
+        return cls(Law.of(scene), sky, noise)
 
     def near(self, camera: Camera) -> FillContext:
         """The context for a camera: itself; of very many frames, that of the frames drawn for it, and of some more their coarse

@@ -112,7 +112,8 @@ class CompletedPair:
         left, right = (disparity_from_depth(view.depth, rig) for view in self.views)
         agreement = consistency(self.views[0].color, self.views[1].color, left, right)
         source = View.from_rgbd(self.source)
-        meta = meta_data(self.plan, source, self.before, self.record) | expected_errors(self.views)
+        record = dataclasses.replace(self.record, frame=source)
+        meta = meta_data(self.plan, self.before, record) | expected_errors(self.views)
         meta["stereo"] = {**lens, **self.about, "consistency": dataclasses.asdict(agreement)}
         return StereoCompletion(self.views, self.before, self.scene, source, meta, left, right, agreement)
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType, Origin
-from dlama.geometry.depth_noise import LINES, REACH, Noise, measured_noise, noise_of_lines
+from dlama.geometry.depth_noise import LINES, REACH, noise_of_lines, noise_to_average
 from dlama.geometry.drawing.picture_edges import align_edges, behind_edges, edge_ratio
 from dlama.geometry.frames.stored import Layer
 from dlama.geometry.holes import fill_with_nearest
@@ -25,9 +25,8 @@ NOISE_STEPS, NOISY = 4.0, 2.5
 """Standard deviations of noise within one surface; and from which surfaces tear."""
 
 
-AVERAGED_PX, PAIR_NOISE, LEAST_NOISE = 3, 4.0, 0.001
-"""Distance in px up to which noise is averaged; standard deviations of it by which a pair of pixels differs from the one between;
-and noise that is too little to average, as a share of the median inverse depth: the tolerance of the law of visibility."""
+AVERAGED_PX, PAIR_NOISE = 3, 4.0
+"""Distance in px up to which noise is averaged; standard deviations of it by which a pair differs from the pixel between."""
 
 
 class Joints(NamedTuple):
@@ -95,12 +94,6 @@ def mesh_grid(view: View, step: float = 0.0) -> tuple[Float32Array, UInt8Array]:
     depth = np.zeros(flying.shape, np.float32)
     paste(view.find_once(align_edges).depth, ~(flying | view.hole), depth)
     return depth, joined
-
-
-def noise_to_average(view: View) -> Noise:
-    """The measured noise of a layer's depth; none where there is hardly any."""
-    noise = measured_noise(view)
-    return noise if noise.constant > LEAST_NOISE * noise.middle else Noise(0.0, 0.0, noise.middle)
 
 
 def smooth_noise(view: View, depth: Float32Array) -> Float32Array:
