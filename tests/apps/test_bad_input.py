@@ -207,7 +207,7 @@ def test_output_that_cannot_be_written(frame: Path, capsys: pytest.CaptureFixtur
 def test_a_dilation_of_holes_over_the_whole_picture(frame: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Nothing is known any more: it says so and ends at once."""
     run(frame, "view", *PICTURE, "--fov", 60, "--yaw", 5, *FAST, "--dilate-holes", 1000)
-    assert "nothing" in capsys.readouterr().out
+    assert "--dilate-holes leaves nothing of the view" in capsys.readouterr().err
 
 
 def test_a_target_that_memory_cannot_hold(frame: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -78,10 +78,10 @@ def complete(
     completed, fills, scene = complete_views(start.plan, start.scene, cameras, clock)
     make_room(source.camera.width * source.camera.height)
     views, warped = tuple(one.view for one in completed), tuple(one.before for one in completed)
-    warn_of_nothing(source.depth, views)
+    grown, first = [one.grown for one in completed], scene.frames[0].load()
+    warn_of_nothing(source.depth, views, grown)
     if mask is None:
         warn_of_unknown(source.camera, source.depth, warped)
-    grown, first = [one.grown for one in completed], scene.frames[0].load()
     meta = meta_data(start.plan, warped, Record(fills, clock.seconds, start.mask, grown, first))
     meta = {**start.about, **meta, **expected_errors(views)}
     return Completion(views, warped, scene, source, meta).with_min_confidence(chosen.min_confidence)

@@ -171,11 +171,16 @@ def warn_of_disparity(rgbd: RGBD) -> None:
         )
 
 
-def warn_of_nothing(depth: Float32Array, views: Sequence[View]) -> None:
-    """Completed views that show nothing, although the depth (H x W) is none that `warn_of_scale` names."""
-    empty = [str(number) for number, view in enumerate(views, 1) if view.hole.all()]
-    if empty and median_depth(depth) >= PLAUSIBLE_M[0]:
-        which = f" {', '.join(empty)} of {len(views)}" if len(views) > 1 else ""
+def warn_of_nothing(depth: Float32Array, views: Sequence[View], holes: Sequence[Dilation]) -> None:
+    """Completed views that show nothing, although the depth (H x W) is none that `warn_of_scale` names. holes: how each one's
+    hole grew."""
+    empty = [number for number, view in enumerate(views) if view.hole.all()]
+    if not empty or median_depth(depth) < PLAUSIBLE_M[0]:
+        return
+    which = f" {', '.join(str(number + 1) for number in empty)} of {len(views)}" if len(views) > 1 else ""
+    if any(holes[number].known_pixels_given_up for number in empty):
+        warn(f"`dilate_holes` leaves nothing of the view{which}, so nothing could be filled; fewer pixels are expected")
+    else:
         warn(f"nothing of the scene is visible from the camera{which}, so nothing could be filled; {AXES}")
 
 
