@@ -86,8 +86,9 @@ def read_rgbd(
     of_file = {**values, "resize_depth": resize_depth, "radial_depth": radial_depth or None}
     options: dict[str, Any] = {"metres_at": metres_at, "camera_height": camera_height, "sharpen": sharpen}
     if depth is None:
-        given = of_file | {"inverse_depth": inverse_depth or None}
-        _refuse(given, "is given without a depth file; it says how one is read")
+        _refuse(
+            of_file | {"inverse_depth": inverse_depth or None}, "is given without a depth file; it says how one is read"
+        )
         own = _find_photo_depth(image) if depth_model is None else None
         return _estimate_rgbd(image, lens, own, depth_model, far, options)
     if inverse_depth and depth_scale is None:

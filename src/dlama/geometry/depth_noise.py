@@ -85,5 +85,5 @@ def measured_noise(view: View) -> Noise:
 
 def noise_to_average(view: View) -> Noise:
     """The measured noise of a layer's depth; none where there is hardly any."""
-    noise = measured_noise(view)
+    noise = view.find_once(measured_noise)
     return noise if noise.constant > LEAST_NOISE * noise.middle else Noise(0.0, 0.0, noise.middle)

@@ -56,6 +56,11 @@ class LoadedScene(NamedTuple):
     decisions: dict[str, dict[str, Any]]
     """For meta.json: whose poses count, and why; of a scene.npz nothing is decided."""
 
+    @property
+    def kept(self) -> list[str]:
+        """Names of the scene's frames, in their order."""
+        return [self.names[number] for number in self.scene.numbers]
+
 
 def read_scene_of(
     dataset: PathLike, frames: str | None = None, *, clip: float | None = None, keep_poses: bool = False, **options: Any
@@ -192,11 +197,14 @@ def _number_of(name: str, names: Sequence[str], damaged: Mapping[str, str]) -> i
     )
 
 
-def fit_masks(masks: Mapping[int, BoolArray], scene: Scene, names: Sequence[str]) -> dict[int, BoolArray]:
-    """Masks by number of a frame, those of larger pictures in the size to which these were shrunk for the frame. MaskError, which
-    names the frame: another size."""
+def masks_of_frames(masks: Mapping[str, BoolArray], loaded: LoadedScene, frames: str | None) -> dict[int, BoolArray]:
+    """Number of a frame -> mask, as `masks_by_number`, of the frames that `frames` chose; those of larger pictures in the size to
+    which these were shrunk. MaskError, which names the frame: another size."""
+    names, scene = loaded.names, loaded.scene
+    others = dict.fromkeys(set(names) - set(loaded.kept), "it contradicts all others")
+    others |= dict.fromkeys(loaded.not_chosen, f"`frames` is {frames}")
     found = {}
-    for number, mask in masks.items():
+    for number, mask in masks_by_number(masks, names, loaded.damaged, others).items():
         hw = scene.frames[scene.place_of(number)].camera.hw
         found[number] = shrink_mask(mask, hw)
         check_same_size(f"`mask` of frame {names[number]}", found[number].shape, "the picture", hw, MaskError)

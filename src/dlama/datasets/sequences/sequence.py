@@ -20,7 +20,7 @@ from dlama.completion.steps import CompletedView, complete_frame, complete_view,
 from dlama.datasets.posed.lenses import CameraOption
 from dlama.datasets.posed.nerfstudio import FOLDERS, MASKS, write_transforms, write_view
 from dlama.datasets.sequences.camera_paths import cameras_for
-from dlama.datasets.sequences.loading import fit_masks, masks_by_number, read_scene_of
+from dlama.datasets.sequences.loading import masks_of_frames, read_scene_of
 from dlama.datasets.sequences.results import check_results, write_views_video, write_whole
 from dlama.datasets.sequences.state import SequenceState, Step, StepChange
 from dlama.errors import InputError, OutputError, system_errors
@@ -117,23 +117,13 @@ def sequence(
     check_arguments(sequence, locals())
     started, target, chosen = time.perf_counter(), check_folder_name(output), check_results(only, also)
     method = options_of(options)
-    reading = {"layout": layout, "scene": scene, "camera": camera}
-    of_depth = {"depth_range": depth_range, "depth_scale": depth_scale, "max_depth": max_depth}
-    names, given, damaged, not_chosen, decisions = read_scene_of(
-        dataset,
-        frames,
-        clip=method.settings.clip,
-        keep_poses=keep_poses,
-        resize_depth=resize_depth,
-        **reading,
-        **of_depth,
-    )
-    kept = [names[number] for number in given.numbers]
+    reading: dict[str, Any] = {"layout": layout, "scene": scene, "camera": camera, "resize_depth": resize_depth}
+    reading |= {"depth_range": depth_range, "depth_scale": depth_scale, "max_depth": max_depth}
+    loaded = read_scene_of(dataset, frames, clip=method.settings.clip, keep_poses=keep_poses, **reading)
+    names, kept, given = loaded.names, loaded.kept, loaded.scene
     cameras = cameras_for(views, given)
     check_first_frame(given)
-    others = dict.fromkeys(set(names) - set(kept), "it contradicts all others")
-    others |= dict.fromkeys(not_chosen, f"`frames` is {frames}")
-    numbered = fit_masks(masks_by_number(masks or {}, names, damaged, others), given, names)
+    numbered = masks_of_frames(masks or {}, loaded, frames)
     if with_shadow and not numbered:
         raise InputError("`with_shadow` is for a removed object; give its `masks`")
     plan, _, start, *_ = plan_for(given, method, numbered or None, with_shadow=with_shadow)
@@ -145,9 +135,9 @@ def sequence(
     meta = {
         "dlama": __version__,
         "dataset": str(dataset),
-        **about_frames(names, kept, given, damaged),
+        **about_frames(names, kept, given, loaded.damaged),
         **settings,
-        "decisions": decisions | {name: dict(decision) for name, decision in plan.decisions.items()},
+        "decisions": loaded.decisions | {name: dict(decision) for name, decision in plan.decisions.items()},
         "masked_frames": [names[number] for number in sorted(numbered)],
         **done.shares(ordered),
         "remaining_shadow": done.shadow,

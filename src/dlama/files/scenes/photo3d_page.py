@@ -25,7 +25,7 @@ LARGEST_GLB, LARGEST_PAGE = 10_000_000, 8_000_000
 def glb_within(parts: list[MeshPart], most: int) -> bytes:
     """The GLB file of a 3-D photo, of the best quality with which it has no more than so many bytes (or of the least)."""
     packed = pack_parts(parts)
-    for step in STEPS:
+    for step in STEPS if any(part.soft for part in packed) else STEPS[-1:]:
         smaller = [shrink_picture(part, step) if part.soft else part for part in packed]
         for quality in QUALITIES if step < STEPS[-1] else QUALITIES + LEAST_QUALITIES:
             found = b"".join(textured_glb(smaller, quality))

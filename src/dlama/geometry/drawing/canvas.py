@@ -77,6 +77,8 @@ class Canvas:
     def keep_colors(self, own: View) -> None:
         """The colours of a frame in its own camera, where fills were drawn into its sensor holes: their depth alone stays."""
         colored = own.depth_hole | (has_code(own.origin, *DEPTH_FROM_OTHERS) & ~own.hole)
+        if not colored.any():
+            return
         colored &= has_code(self.origin, Origin.REPROJECTED, Origin.FILLED, Origin.DEPTH_FILLED)
         paste(own.color, colored, self.color)
         self.origin[colored] = Origin.DEPTH_FILLED

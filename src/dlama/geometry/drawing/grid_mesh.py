@@ -23,8 +23,6 @@ from dlama.geometry.view import View
 
 NOISE_STEPS, NOISY = 4.0, 2.5
 """Standard deviations of noise within one surface; and from which surfaces tear."""
-
-
 AVERAGED_PX, PAIR_NOISE = 3, 4.0
 """Distance in px up to which noise is averaged; standard deviations of it by which a pair differs from the pixel between."""
 

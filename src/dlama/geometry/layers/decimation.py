@@ -96,7 +96,7 @@ def decimate(
 def noise_tolerance(view: View, share: float) -> float:
     """Inverse depth (1/m) by which triangles may miss noisy depth, for smaller ones would show its noise; 0 where that is less
     than a `share` of the depth or DEPTH_METRES at the median distance: depth counts as exact."""
-    noise = measured_noise(view)
+    noise = view.find_once(measured_noise)
     tolerance = DEVIATIONS * noise.constant
     return tolerance if tolerance > noise.middle * max(share, kernels.DEPTH_METRES * noise.middle) else 0.0
 
