@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import io
+import os
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -38,6 +41,21 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
     path = saved(tmp_path / "two.npz", {**one.arrays("one."), **made(2).arrays("two.")})
     found = Perceptron.of(read_arrays(path), path, layers=2, outputs=2, prefix="one.")
     np.testing.assert_allclose(found.outputs(features, 3.0), one.outputs(features, 3.0), rtol=1e-4, atol=1e-5)
+
+
+SUMS = """
+import hashlib, numpy as np
+from dlama.inpainters.confidence import FEATURES, confidence_network
+rows = np.random.default_rng(0).normal(size=(5000, FEATURES)).astype(np.float32)
+print(hashlib.sha256(confidence_network().outputs(rows, 3.0)).hexdigest())
+"""
+
+
+def test_outputs_are_the_same_bits_for_any_number_of_threads() -> None:
+    """Law: processes whose BLAS has one thread, or two, agree. A worker of a batch has one, a single command all cores."""
+    commands = [os.environ | {"OPENBLAS_NUM_THREADS": count, "MKL_NUM_THREADS": count} for count in "12"]
+    found = [subprocess.run([sys.executable, "-c", SUMS], env=env, capture_output=True, check=True) for env in commands]
+    assert found[0].stdout == found[1].stdout
 
 
 @pytest.mark.parametrize(("shipped", "read", "field"), SHIPPED, ids=["confidence", "shadow"])

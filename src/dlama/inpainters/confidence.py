@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 
 from dlama.geometry.codes import LARGEST_CONFIDENCE, HoleType, Origin
 from dlama.geometry.holes import erode_square, fill_with_nearest, nearest_known
-from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, sampled_pixels
 from dlama.geometry.view import View
@@ -40,8 +39,6 @@ JUDGED = 320
 """Longer side, in pixels, of a picture every pixel of which is judged; of a larger one so many at most."""
 REACH = 3.0
 """Features are clipped at so many standard deviations of the training data."""
-PIECE = 1 << 10
-"""Pixels of one batch: so few that a matrix product takes one thread, since waiting threads took more time than the product."""
 WEIGHTS = ASSETS / "confidence" / "confidence.npz"
 
 
@@ -83,7 +80,7 @@ def judge_fill(
     errors = np.zeros((*view.hole.shape, 2), np.float32) if view.errors is None else view.errors.copy()
     if view.hole.any():
         known = known or features_of_known(view)
-        found = np.hstack(run_in_batches(confidence_network(), feature_rows(view, color, depth, known)))
+        found = np.hstack(confidence_network()(feature_rows(view, color, depth, known).T))
         both, depth_alone, *expected = enlarge_to_hole(found, known, view.hole)
         painted = view.color_hole[view.hole]
         confidence[view.hole] = np.where(painted, both, np.maximum(both, depth_alone))
@@ -102,19 +99,6 @@ def enlarge_to_hole(found: Float32Array, known: KnownFeatures, hole: BoolArray) 
     wh, (height, width) = (step * judged.shape[1], step * judged.shape[0]), hole.shape
     planes = (np.ascontiguousarray(small[..., k]) for k in range(small.shape[2]))
     return [np.asarray(cv2.resize(one, wh)[:height, :width][hole], np.float32) for one in planes]
-
-
-def run_in_batches(network: ConfidenceNetwork, rows: Float32Array) -> tuple[Float32Array, Float32Array]:
-    """The network's outputs for FEATURES x N `rows`, in batches that stay in the processor's cache."""
-    probabilities, expected = np.empty((2, rows.shape[1], 2), np.float32)
-
-    def run(first: int, last: int) -> None:
-        for start in range(first, last, PIECE):
-            piece = slice(start, min(start + PIECE, last))
-            probabilities[piece], expected[piece] = network(np.ascontiguousarray(rows[:, piece].T))
-
-    in_bands(run, rows.shape[1], band=PIECE)
-    return probabilities, expected
 
 
 class KnownFeatures(NamedTuple):
