@@ -194,6 +194,28 @@ def test_a_disparity_in_whole_numbers_is_refused() -> None:
     sixteenths = np.round(16 * matches(SCENE)[0]).astype(np.int16)
     with pytest.raises(InputError, match=r"disparity is int16; pixels as floating-point .*disparity / 16 of OpenCV"):
         stereo(*pictures(), RIG, disparity=sixteenths)  # type: ignore[arg-type]
+    with pytest.raises(
+        InputError, match=r"matcher returned is int16; pixels as floating-point .*disparity / 16 of OpenCV"
+    ):
+        stereo(*pictures(), RIG, matcher=lambda *_: (sixteenths, sixteenths))
+
+
+def test_a_matcher_is_held_to_what_is_expected_of_a_disparity() -> None:
+    """Law: anything but two H x W arrays of numbers is an InputError (it was a TypeError, or rows taken as disparities), and what
+    is not finite is unknown, as in `disparity`."""
+    at_left, at_right = matches(SCENE)
+    for found, message in (
+        (None, "returned a NoneType; two"),
+        (at_left, "returned a ndarray of 120; two"),
+        ((at_left, at_right, at_left), "returned a tuple of 3; two"),
+        ((at_left[::2], at_right), "is 160x60 and the pictures 160x120"),
+        ((None, at_right), "is of type NoneType"),
+    ):
+        with pytest.raises(InputError, match=f"matcher {message}|what matcher returned {message}"):
+            stereo(*pictures(), RIG, matcher=lambda *_, found=found: found)
+    holes = np.where(at_left == 0, np.float32(np.nan), at_left)
+    done = stereo(*pictures(), RIG, matcher=lambda *_: (holes.astype(np.float64), at_right), filler="telea")
+    np.testing.assert_array_equal(done.source.depth == 0, at_left == 0)
 
 
 def test_disparities_next_to_nothing_are_warned_of() -> None:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Sized
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from dlama.arguments import as_array
 from dlama.completion.stereo.pair import MatchedPair, default_far, depth_in_metres
 from dlama.errors import InputError, ShapeError, check_same_size, warn
 from dlama.geometry.camera import StereoRig
@@ -68,7 +71,9 @@ def matcher_for(
 ) -> tuple[Matcher, dict[str, Any]]:
     """The matcher, and its notes."""
     if callable(matcher):
-        return matcher, {"matcher": getattr(matcher, "__name__", type(matcher).__name__)}
+        return functools.partial(run_matcher, matcher), {
+            "matcher": getattr(matcher, "__name__", type(matcher).__name__)
+        }
     if matcher is not None:
         network = NetworkMatcher.open(matcher)
         return network, {"matcher": network.notes}
@@ -83,18 +88,33 @@ def matcher_for(
     return match, {"matcher": "semi-global matching", "max_disparity": max_disparity}
 
 
+def run_matcher(matcher: Matcher, left: UInt8Array, right: UInt8Array) -> tuple[Float32Array, Float32Array]:
+    """What a user's matcher finds in two pictures (H x W x 3), as `check_disparity` gives it. InputError: no two disparities."""
+    found = matcher(left, right)
+    if not isinstance(found, (tuple, list, np.ndarray)) or len(found) != 2:
+        came = f"a {type(found).__name__}" + (f" of {len(found)}" if isinstance(found, Sized) else "")
+        raise InputError(f"`matcher` returned {came}; two disparities are expected, the left and the right one")
+    at_left, at_right = (check_disparity(one, left.shape[:2], "what `matcher` returned") for one in found)
+    return at_left, at_right
+
+
 def matches_of_disparity(disparity: Float32Array, hw: tuple[int, int]) -> tuple[Float32Array, Float32Array]:
     """A left disparity (H x W px; 0, NaN, inf = unknown) and what it says of the right view. Raises ShapeError, InputError."""
-    given = np.asarray(disparity)
-    if given.ndim != 2 or given.dtype.kind not in "fiu":
-        raise ShapeError(f"`disparity` is {given.dtype} {given.shape}; px as numbers, H x W, are expected")
-    if given.dtype.kind != "f":
-        raise InputError(
-            f"`disparity` is {given.dtype}; pixels as floating-point numbers are expected: disparity / 16 of OpenCV's matchers, "
-            "disparity.astype(np.float32) of pixels"
-        )
-    check_same_size("`disparity`", given.shape, "the pictures", hw)
-    left = np.where(np.isfinite(given), given, 0).astype(np.float32)
+    left = check_disparity(disparity, hw, "`disparity`")
     if not left.any():
         raise InputError("disparity has no known pixel")
     return left, transfer_disparity(left)
+
+
+def check_disparity(disparity: Float32Array, hw: tuple[int, ...], name: str) -> Float32Array:
+    """H x W px, 0 where it is not finite. ShapeError or InputError, which call it `name`."""
+    given = as_array(disparity, name)
+    if given.ndim != 2 or given.dtype.kind not in "fiu":
+        raise ShapeError(f"{name} is {given.dtype} {given.shape}; px as numbers, H x W, are expected")
+    if given.dtype.kind != "f":
+        raise InputError(
+            f"{name} is {given.dtype}; pixels as floating-point numbers are expected: disparity / 16 of OpenCV's matchers, "
+            "disparity.astype(np.float32) of pixels"
+        )
+    check_same_size(name, given.shape, "the pictures", hw)
+    return np.where(np.isfinite(given), given, 0).astype(np.float32)

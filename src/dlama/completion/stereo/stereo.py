@@ -99,7 +99,7 @@ def stereo(
             left one, without a mask only. Default: given; synthesised by a recipe that fills the new view first (paper).
         disparity: H x W px of the left view, 0 = unknown; default: found.
         matcher: what finds it: an ONNX network with a contract (`dlama.perception.stereo.networks`), or a function
-            (left, right) -> both disparities; default: semi-global matching.
+            (left, right) -> both disparities, as `disparity`; default: semi-global matching.
         max_disparity: px, the largest disparity looked for; default: found.
         far: metres; what is measured at or beyond it is far (sky); default: what half a pixel of disparity cannot distinguish
             from infinity.
