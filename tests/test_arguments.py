@@ -223,10 +223,57 @@ def test_a_filler_whose_depth_is_none_is_told_so(wrong: float) -> None:
         dlama.view(RGBD, yaw=10, filler=filler)
 
 
+def test_depth_that_float32_cannot_hold_is_far() -> None:
+    """Closed form: 1e300 m is beyond every far limit; numpy warned of a cast (tests make errors of warnings)."""
+    done = dlama.view(RGBD, yaw=10, filler=lambda view, *_: dlama.Fill(view.color, np.full(view.depth.shape, 1e300)))  # type: ignore[arg-type]
+    assert (done.view.depth[done.view.filled] == np.inf).all()
+
+
+def test_notes_that_no_file_can_hold_are_refused_by_name(tmp_path: Path) -> None:
+    """Law: the message shows the value and says whose it may be; json's own named neither."""
+    notes = {"model": object()}
+    done = dlama.view(
+        RGBD, yaw=10, filler=lambda view, *_: dlama.Fill(view.color, np.ones_like(view.depth), notes=notes)
+    )
+    with pytest.raises(InputTypeError, match=r"meta data hold <object .*, of type object; .* notes of a filler"):
+        dlama.write(done, tmp_path / "out", only=["image"])
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_painter_paints_by_a_function() -> None:
+    """Message: refused where it is made; before, where it was called, once all depth was filled."""
+    with pytest.raises(InputTypeError, match="paint is of type int; a function is expected"):
+        dlama.Painter(3)  # type: ignore[arg-type]
+
+
+FAULTS_OF_PREDICTIONS = [
+    ({"values": DEPTH.tolist()}, InputTypeError, "the estimated depth is of type list; an array is expected"),
+    ({"values": DEPTH[:0]}, DepthError, r"has shape \(0, 32\); h x w is expected"),
+    ({"values": DEPTH * 1j}, DepthError, "values that are not numbers"),
+    (
+        {"far": DEPTH > 1e9, "values": DEPTH[::2]},
+        ShapeError,
+        r"prediction.far is bool \(24, 32\); bool \(12, 32\) is expected",
+    ),
+    ({"far": np.full(DEPTH.shape, 0.1)}, ShapeError, "prediction.far is float64"),  # every pixel was sky
+    ({"notes": [1]}, InputTypeError, "prediction.notes is of type list; a dict is expected"),
+]
+
+
+@pytest.mark.parametrize(("change", "kind", "message"), FAULTS_OF_PREDICTIONS)
+def test_a_fault_of_an_estimator_is_named(change: dict[str, Any], kind: type[InputError], message: str) -> None:
+    """Message: each field of a DepthPrediction; before, numpy's, OpenCV's or an attribute's error came from inside."""
+    with pytest.raises(kind, match=message):
+        dlama.estimate_depth(
+            COLOR, CAMERA, depth_model=lambda _: dlama.DepthPrediction(**{"values": DEPTH, "metric": True} | change)
+        )
+
+
 FAULTS_OF_FILLS = [
     ({"notes": None}, InputTypeError, "the filler's notes is None; a dict is expected"),
     ({"law_moves": "a"}, InputTypeError, "law_moves is 'a'; 0 or more is expected"),
     ({"depth": np.full(DEPTH.shape, "deep")}, DepthError, "no number in"),
+    ({"depth": np.full(DEPTH.shape, 1e-300)}, DepthError, "the filler's depth is 0"),  # as float32, which views hold
     ({"errors": np.full((*DEPTH.shape, 2), np.nan)}, ShapeError, "the filler's errors are NaN or negative"),
     ({"depth": np.ma.masked_less(DEPTH, 100)}, InputTypeError, "the filler's depth is a masked array"),
 ]

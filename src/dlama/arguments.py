@@ -123,6 +123,11 @@ def as_array(value: object, name: str, expected: str = "an array") -> np.ndarray
     raise InputTypeError(f"{marked_name(name)} is of type {type(value).__name__}{reason}; {expected} is expected")
 
 
+def function_name(function: object) -> str:
+    """The name of a function for meta.json and messages; of any other object that is called, its type's."""
+    return getattr(function, "__name__", type(function).__name__)
+
+
 def check_number(value: object, name: str, what: str = "a number") -> None:
     """Raise InputTypeError, which calls the value `name`, unless it is a number (or None); `what`: what is expected, in words."""
     if value is not None and not isinstance(value, Real):

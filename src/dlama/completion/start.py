@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from dlama.arguments import function_name
 from dlama.completion.memory import check_memory
 from dlama.completion.options import Options
 from dlama.completion.recipes import Recipe
@@ -117,8 +118,7 @@ def choose_filler(estimated: bool, filler: str | Inpainter, model: str | Path | 
     InputError: a model for `auto`.
     """
     if filler != AUTO:
-        named = filler if isinstance(filler, str) else getattr(filler, "__name__", type(filler).__name__)
-        return FillerChoice(filler, named, "as given")
+        return FillerChoice(filler, filler if isinstance(filler, str) else function_name(filler), "as given")
     if model is not None:
         raise InputError(
             f"`model` is {model} and filler 'auto', which chooses by the depth; name the filler that runs the model"

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dlama.arguments import as_array, check, check_arguments, check_count
+from dlama.arguments import as_array, check, check_arguments, check_count, function_name
 from dlama.errors import DepthError, InputError, ShapeError
 from dlama.geometry.codes import Origin
 from dlama.geometry.fusion import paste_part
@@ -50,7 +50,8 @@ WORTH_CROPPING = 0.6
 """Largest share of the view for which only that part is filled."""
 
 Inpainter = Callable[[View, FillContext, int], Fill]
-"""A filler: (view with holes, its context, seed) -> Fill. Deterministic for one seed."""
+"""A filler: (view with holes, its context, seed) -> Fill. Deterministic for one seed. Views are read-only, the source's own holes
+come first; of a large one the filler sees the part round its holes (`inpaint`)."""
 Paint = Callable[[UInt8Array, BoolArray, int], UInt8Array]
 """(H x W x 3 picture, H x W hole, seed) -> H x W x 3 picture with the hole filled. Deterministic for one seed."""
 
@@ -70,6 +71,9 @@ class Painter:
     notes: Callable[[], dict[str, Any]] = field(default=dict)
     """What ran, for meta.json."""
 
+    def __post_init__(self) -> None:
+        check(self.paint, Paint, "paint")
+
     def __call__(self, view: View, context: FillContext, seed: int) -> Fill:
         if self.fill is None:
             raise InputError("a Painter without `fill` fills no depth; `depth_by` 'surfaces' is expected")
@@ -81,7 +85,7 @@ class Painter:
     @property
     def __name__(self) -> str:
         """Its function's name, for meta.json."""
-        return getattr(self.paint, "__name__", type(self.paint).__name__)
+        return function_name(self.paint)
 
     def fill_picture(self, picture: UInt8Array, hole: BoolArray, seed: int) -> UInt8Array:
         """What `paint` makes of a picture. ShapeError where it is no uint8 picture of that size."""
@@ -114,9 +118,10 @@ def check_fill(fill: Fill, hole: BoolArray) -> Fill:
     color = _check_plane(fill.color, "color", (*hw, 3))
     if color.dtype != np.uint8:
         raise ShapeError(f"the filler's color is {color.dtype}; uint8 is expected")
-    depth = _check_plane(fill.depth, "depth", hw)
-    filled = depth[hole] > 0 if depth.dtype.kind in "iuf" else np.zeros(int(hole.sum()), np.bool_)
-    if wrong := int((~filled).sum()):
+    given = _check_plane(fill.depth, "depth", hw)
+    with np.errstate(over="ignore"):  # far is what float32 cannot hold
+        depth = given.astype(np.float32, copy=False) if given.dtype.kind in "iuf" else np.zeros(hw, np.float32)
+    if wrong := int((~(depth[hole] > 0)).sum()):
         raise DepthError(
             f"the filler's depth is 0, NaN, negative or no number in {wrong} pixels of the hole; metres, or infinity for sky, "
             "are expected"

@@ -13,8 +13,9 @@ from typing import Any, Literal
 import cv2
 import numpy as np
 
+from dlama.arguments import as_array, check
 from dlama.errors import DepthError, FileError, InputError
-from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, check_fields
 from dlama.models.contracts import ColorContract
 from dlama.models.network_file import NetworkFile
 
@@ -94,12 +95,16 @@ class DepthPrediction:
     def __post_init__(self) -> None:
         if self.gives not in KINDS:
             raise InputError(f"prediction gives {self.gives!r}; one of {', '.join(KINDS)} is expected")
-        expected = 3 if self.gives == "points" else 2
-        if self.values.ndim != expected or (expected == 3 and self.values.shape[2] != 3):
-            shape = "h x w x 3" if expected == 3 else "h x w"
-            raise DepthError(f"the estimated {self.gives} has shape {self.values.shape}; {shape} is expected")
-        if np.isnan(self.values).any():
+        values = as_array(self.values, f"the estimated {self.gives}")
+        shape, dimensions = ("h x w x 3", 3) if self.gives == "points" else ("h x w", 2)
+        if values.ndim != dimensions or values.shape[2:] not in ((), (3,)) or not values.size:
+            raise DepthError(f"the estimated {self.gives} has shape {values.shape}; {shape} is expected")
+        if values.dtype.kind not in "iuf" or np.isnan(values).any():
             raise DepthError(f"the estimated {self.gives} holds values that are not numbers")
+        if self.far is not None:
+            check_fields(vars(self), "prediction", {"far": (values.shape[:2], np.bool_)})
+        check(self.notes, dict[str, Any], "prediction.notes")
+        object.__setattr__(self, "values", values)
 
 
 def outputs_of_contract(

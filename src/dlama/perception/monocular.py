@@ -16,7 +16,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from dlama.arguments import check, check_arguments
+from dlama.arguments import check, check_arguments, function_name
 from dlama.errors import DepthError, FileError, InputError, check_same_size, system_errors, warn
 from dlama.geometry.camera import Camera
 from dlama.geometry.projection import inverse_depth, round_depth
@@ -144,7 +144,7 @@ def contrast(color: UInt8Array) -> float:
 def find_estimator(depth_model: str | Path | Estimator) -> tuple[str, Estimator]:
     """The name and the function of an estimator; parameters and errors as `estimate_depth`."""
     if not isinstance(depth_model, (str, Path)):
-        return getattr(depth_model, "__name__", type(depth_model).__name__), depth_model
+        return function_name(depth_model), depth_model
     text = str(depth_model)
     before, equals, after = text.partition("=")
     if equals and before in ESTIMATORS:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from dlama.arguments import as_array
+from dlama.arguments import as_array, function_name
 from dlama.completion.stereo.pair import MatchedPair, default_far, depth_in_metres
 from dlama.errors import InputError, ShapeError, check_same_size, warn
 from dlama.geometry.camera import StereoRig
@@ -71,9 +71,7 @@ def matcher_for(
 ) -> tuple[Matcher, dict[str, Any]]:
     """The matcher, and its notes."""
     if callable(matcher):
-        return functools.partial(run_matcher, matcher), {
-            "matcher": getattr(matcher, "__name__", type(matcher).__name__)
-        }
+        return functools.partial(run_matcher, matcher), {"matcher": function_name(matcher)}
     if matcher is not None:
         network = NetworkMatcher.open(matcher)
         return network, {"matcher": network.notes}

@@ -15,6 +15,7 @@ import numpy as np
 
 from dlama import __version__
 from dlama.completion.completion import Completion
+from dlama.errors import InputTypeError
 from dlama.files.cameras import camera_as_json
 from dlama.files.rasters.images import has_16_bits
 from dlama.files.schema import SCHEMA
@@ -87,9 +88,17 @@ def hash_inputs(
 
 def as_json(meta: Mapping[str, Any]) -> str:
     """Indented JSON with rows of numbers on one line each."""
-    text = json.dumps(to_json_types(dict(meta)), indent=2, allow_nan=False)
+    text = json.dumps(to_json_types(dict(meta)), indent=2, allow_nan=False, default=refuse_value)
     rows = re.compile(r"\[\n\s+([^\[\]{}]*?)\n\s+\]")
     return rows.sub(lambda row: "[" + re.sub(r"\s*\n\s*", " ", row[1]) + "]", text) + "\n"
+
+
+def refuse_value(value: object) -> None:
+    """Raise InputTypeError for a value that JSON does not have."""
+    raise InputTypeError(
+        f"meta data hold {value!r}, of type {type(value).__name__}; numbers, strings, lists and dicts are expected, in the notes "
+        "of a filler or an estimator, too"
+    )
 
 
 def to_json_types(value: Any) -> Any:
