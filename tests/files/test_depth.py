@@ -20,11 +20,13 @@ from dlama.files.rasters.depth import (
     depth_from_mm,
     mm_from_depth,
     read_depth,
+    read_disparity,
     read_pfm,
     write_depth_exr,
     write_depth_png,
     write_pfm,
 )
+from dlama.geometry.rgbd import check_depth
 
 METRES = np.random.default_rng(3).uniform(0.4, 60, (21, 17)).astype(np.float32)
 METRES[0, :3] = (0, np.inf, 1.5)
@@ -164,6 +166,16 @@ def test_float_tiff(tmp_path: Path) -> None:
     assert np.allclose(read_depth(tiff(tmp_path / "mm.tif", METRES * 1000), depth_scale=1000), METRES)
 
 
+@pytest.mark.parametrize("scale", [None, 1000.0])
+def test_what_is_too_close_is_missing(tmp_path: Path, scale: float | None) -> None:
+    """Oracle: REP 118 and the ZED SDK: -infinity is too close, +infinity too far, NaN not known."""
+    np.save(tmp_path / "zed.npy", np.array([[2, -np.inf, np.nan, np.inf]], np.float32) * (scale or 1))
+    assert read_depth(tmp_path / "zed.npy", depth_scale=scale).tolist() == [[2, 0, 0, np.inf]]
+    assert check_depth(np.array([[2, -np.inf, np.nan, np.inf]]), (1, 4)).tolist() == [[2, 0, 0, np.inf]]
+    np.save(tmp_path / "disparity.npy", np.array([[2, -np.inf, np.nan, np.inf]], np.float32))
+    assert read_disparity(tmp_path / "disparity.npy").tolist() == [[2, 0, 0, 0]]
+
+
 @pytest.mark.parametrize(
     ("values", "words"),
     [
@@ -175,7 +187,7 @@ def test_float_tiff(tmp_path: Path) -> None:
             r"every depth lies beyond 1e\+06 m with depth_scale=1 \(the nearest at 5e\+09 m\); is it the number",
         ),
         (np.array([[1, -2, -0.5]], np.float32), r"2 of 3 depth values are negative \(smallest -2\)"),
-        (np.array([[1, -np.inf, np.nan]], np.float32), r"1 of 3 depth values are negative \(smallest -inf\)"),
+        (np.full((3, 4), -np.inf, np.float32), r"no pixel has a depth \(12 of 12 missing, 0 far"),
         (np.array([[5, -2]], np.int16), "negative"),
         (
             np.full((3, 4), 1520, np.float32),

@@ -105,7 +105,7 @@ def check_color(color: ArrayLike, name: str = "colour") -> UInt8Array:
 
 
 def check_depth(depth: ArrayLike, hw: tuple[int, ...]) -> Float32Array:
-    """Metres (H x W, as `hw`) in float32, 0 where they are nan. ShapeError; DepthError unless they are floats from 0 on."""
+    """Metres (H x W, as `hw`) in float32, 0 where they are nan or -inf. ShapeError; DepthError unless floats from 0 on."""
     array = as_array(depth, "depth", "an array of metres")
     if array.ndim != 2:
         raise ShapeError(f"depth has shape {array.shape}; H x W is expected")
@@ -119,8 +119,8 @@ def check_depth(depth: ArrayLike, hw: tuple[int, ...]) -> Float32Array:
         raise DepthError(f"depth is {array.dtype}; metres as numbers are expected")
     metres = np.asarray(array, np.float32)
     least = metres.min()
-    if np.isnan(least):
-        metres = freeze(np.where(np.isnan(metres), np.float32(0), metres))
+    if not least > -np.inf:
+        metres = freeze(np.where(metres > -np.inf, metres, np.float32(0)))
         least = metres.min()
     if least < 0:
         raise DepthError(f"depth holds negative values (smallest {least:.6g}); metres >= 0 are expected")

@@ -51,19 +51,19 @@ def read_depth(
 
     16-bit PNG or TIFF and integer arrays: metres = value / depth_scale (default 1000; TUM 5000, KITTI 256), 65535 = far.
     EXR, PFM, float TIFF, NPY, NPZ (key `depth`), organised PCD: metres, unless `depth_scale` divides them or `depth_range`
-    (EasySynth) multiplies values normalised to 0..1, where 1 is far. NaN is missing; infinity, and depth >= `far` metres, is far.
-    inverse: values are 1 / depth, as Nuke renders it, 0 = far.
+    (EasySynth) multiplies values normalised to 0..1, where 1 is far. NaN and -infinity (too close: REP 118, ZED) are missing;
+    infinity, and depth >= `far` metres, is far. inverse: values are 1 / depth, as Nuke renders it, 0 = far.
     Raises FileError, or DepthError: 8-bit, colour, negative, nothing valid, a median outside 0.05..500 m (not of floats at 1).
     """
     check_depth_options(depth_scale, depth_range, far)
     values = read_stored_numbers(path, "depth", channel)
     _check_not_negative(path, values, "depth")
     if inverse:
-        values = np.where(np.isnan(values), np.float32(0), depth_from_inverse(values.astype(np.float32)))
+        values = np.where(values >= 0, depth_from_inverse(values.astype(np.float32)), np.float32(0))
     is_float = values.dtype.kind == "f"
     scale = depth_scale or (1.0 if is_float else MILLIMETRES)
     depth = (_metres_from_floats if is_float else _metres_from_codes)(path, values, depth_scale, depth_range)
-    depth[np.isnan(depth)] = 0
+    depth[~(depth >= 0)] = 0
     median = _check_plausible(path, depth, scale, depth_range, stated=is_float and depth_scale == 1)
     depth[depth > FAR_METRES] = np.inf
     if depth_range is None:
@@ -98,7 +98,7 @@ def read_inverse_depth(path: PathLike, *, channel: str | None = None) -> Float32
 
 @system_errors(FileError)
 def read_disparity(path: PathLike, *, scale: float | None = None) -> Float32Array:
-    """A disparity file as float32 H x W: pixels, 0 = missing (0, NaN or infinity in the file).
+    """A disparity file as float32 H x W: pixels, 0 = missing (0 or not finite in the file).
 
     PFM, EXR, NPY, NPZ (key `disparity`): pixels, divided by `scale` where given. 16-bit PNG: value / scale (default 256,
     KITTI); 8-bit PNG: `scale` must be given. Raises FileError or DepthError.
@@ -106,7 +106,7 @@ def read_disparity(path: PathLike, *, scale: float | None = None) -> Float32Arra
     check_positive(disparity_scale=scale)
     values = read_stored_numbers(path, "disparity", None, eight_bit=scale is not None)
     if values.dtype.kind == "f":
-        values = np.where(np.isfinite(values) | (values < 0), values, 0)
+        values = np.where(np.isfinite(values), values, 0)
     elif scale is None:
         scale = 256.0  # KITTI
     _check_not_negative(path, values, "disparity")
@@ -269,7 +269,7 @@ def _scale_advice(median: float, scale: float, depth_range: float | None) -> str
 
 
 def _check_not_negative(path: PathLike, values: np.ndarray, what: str) -> None:
-    negative = values < 0
+    negative = np.isfinite(values) & (values < 0)
     if negative.any():
         advice = ""
         if not (values > 0).any():
