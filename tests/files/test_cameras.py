@@ -158,12 +158,17 @@ def test_what_is_no_calib_txt(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("raw", [False, True])
 def test_calibrations_of_kitti(tmp_path: Path, raw: bool) -> None:
-    """Oracle: the baseline of its colour cameras as its paper has it, 0.54 m (0.532 by calibration), and the first pixel at 0."""
+    """Oracle: the baseline of its colour cameras as its paper has it, 0.54 m (0.532 by calibration), the first pixel at 0, and the
+    size that pictures of its raw data have (S_rect)."""
     text = f"calib_time: 09-Jan-2012 13:57:47\n{KITTI.replace('P', 'P_rect_0')}" if raw else KITTI
     rig = read_stereo_calib(saved(tmp_path / "calib.txt", text), hw=(376, 1241))
     assert rig.baseline_m == pytest.approx(0.5323, abs=1e-4) and rig.doffs == 0
     assert (rig.left.fx, rig.left.cx, rig.left.cy) == (718.856, pytest.approx(607.6928), pytest.approx(185.7157))
     assert read_camera(tmp_path / "calib.txt", hw=(376, 1241)).cx == rig.left.cx
+    of_raw = f"S_rect_02: 1.241000e+03 3.760000e+02\n{text}"
+    assert read_stereo_calib(saved(tmp_path / "raw.txt", of_raw)).left.wh == (1241, 376)
+    with pytest.raises(CameraError, match=r"the camera is 1241x376 and the picture 620x188"):
+        read_stereo_calib(tmp_path / "raw.txt", hw=(188, 620))
     for wrong in (KITTI.replace("-3.372877e+02", "x"), KITTI.replace("P3", "P5")):
         with pytest.raises(FileError, match=r"no calib.txt of Middlebury or KITTI"):
             read_stereo_calib(saved(tmp_path / "calib.txt", wrong), hw=(376, 1241))

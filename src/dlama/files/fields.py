@@ -205,14 +205,16 @@ def read_calib_txt(path: PathLike) -> FileFields:
 
 
 def _kitti_fields(text: str) -> dict[str, Any]:
-    """cam0, cam1 (px) and baseline (mm) of KITTI's colour cameras: P2 and P3, or P_rect_02 and P_rect_03, 3 x 4 each; {}: there
-    are none. ValueError: other numbers."""
+    """cam0, cam1 (px) and baseline (mm) of KITTI's colour cameras: P2 and P3, or P_rect_02 and P_rect_03, 3 x 4 each, which are
+    for pictures of S_rect_02 (width, height); {}: there are none. ValueError: other numbers."""
     found = re.findall(r"^P(?:_rect_0)?([23]):(.*)", text, re.MULTILINE)
     if [name for name, _ in found] != ["2", "3"]:
         return {}
     left, right = (np.array(numbers.split(), np.float64).reshape(3, 4) for _, numbers in found)
     baseline = 1000 * float((left[0, 3] - right[0, 3]) / max(left[0, 0], 1e-9))
-    return {"cam0": left[:, :3].tolist(), "cam1": right[:, :3].tolist(), "baseline": baseline}
+    size = re.search(r"^S_rect_02:(.*)", text, re.MULTILINE)
+    sides = dict(zip(("width", "height"), map(float, size[1].split()))) if size else {}
+    return {"cam0": left[:, :3].tolist(), "cam1": right[:, :3].tolist(), "baseline": baseline, **sides}
 
 
 def _calib_value(text: str) -> float | list[list[float]]:
