@@ -147,6 +147,17 @@ P3: 7.18856e+02 0 6.071928e+02 -3.372877e+02 0 7.18856e+02 1.852157e+02 2.369057
 """Of its odometry sequence 00, as published, with fewer digits."""
 
 
+def test_a_camera_of_open3d(tmp_path: Path) -> None:
+    """Oracle: Open3D's PinholeCameraIntrinsic of its default PrimeSense camera, written by its recorder: K column by column, the
+    first pixel at 0, and fields of the recording."""
+    text = """{"color_mode": "MJPG_1080P", "width": 640, "height": 480,
+        "intrinsic_matrix": [525.0, 0.0, 0.0, 0.0, 526.0, 0.0, 319.5, 239.5, 1.0]}"""
+    camera = read_camera(saved(tmp_path / "camera_intrinsic.json", text), hw=(480, 640))
+    assert (camera.fx, camera.fy, camera.cx, camera.cy) == (525, 526, 320, 240)
+    with pytest.raises(CameraError, match="the camera is 640x480 and the picture 320x240"):
+        read_camera(tmp_path / "camera_intrinsic.json", hw=(240, 320))
+
+
 def test_what_is_no_calib_txt(tmp_path: Path) -> None:
     """A camera of COLMAP: the line that is none, and what else is a camera file."""
     path = saved(tmp_path / "cameras.txt", "# Camera list\n1 PINHOLE 640 480 526 526 320 240\n")
@@ -158,8 +169,8 @@ def test_what_is_no_calib_txt(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("raw", [False, True])
 def test_calibrations_of_kitti(tmp_path: Path, raw: bool) -> None:
-    """Oracle: the baseline of its colour cameras as its paper has it, 0.54 m (0.532 by calibration), the first pixel at 0, and the
-    size that pictures of its raw data have (S_rect)."""
+    """Oracle: the baseline of its colour cameras as its paper has it, 0.54 m (0.532 by calibration), the first pixel at 0; the
+    size of its raw pictures (S_rect)."""
     text = f"calib_time: 09-Jan-2012 13:57:47\n{KITTI.replace('P', 'P_rect_0')}" if raw else KITTI
     rig = read_stereo_calib(saved(tmp_path / "calib.txt", text), hw=(376, 1241))
     assert rig.baseline_m == pytest.approx(0.5323, abs=1e-4) and rig.doffs == 0

@@ -17,7 +17,7 @@ from dlama.files.camera_yaml import SUFFIXES, read_yaml_fields, read_yaml_pair
 from dlama.files.fields import (
     FileFields,
     Intrinsics,
-    json_fields,
+    camera_fields,
     json_text,
     json_value,
     read_calib_txt,
@@ -46,7 +46,7 @@ DOFFS_TOLERANCE = 0.01
 
 @system_errors(FileError)
 def read_camera(path: PathLike, *, hw: tuple[int, int] | None = None) -> Camera:
-    """A camera from our JSON, the left one of a calib.txt of Middlebury or KITTI, or the YAML of ROS or OpenCV.
+    """A camera from our JSON or Open3D's, the left one of a calib.txt of Middlebury or KITTI, or the YAML of ROS or OpenCV.
 
     JSON: `width, height` and `fx, fy, cx, cy` in pixels, or `K` (3x3) in the place of these four; optional `pixel_center` (where
     the file puts the first pixel's centre: 0.5, the default, or 0.0) and `world_from_cam` (4x4). `hw` is the size the picture
@@ -76,7 +76,7 @@ def _fields_of_one(path: PathLike) -> FileFields:
             f"{path}: holds a list of {len(listed)} cameras, one camera is expected; `dlama sequence SCENE --views {path}` and "
             f"`dlama video SCENE --path {path}` take a list (SCENE: the folder of a data set, or a scene.npz)"
         )
-    return json_fields(path, text)
+    return camera_fields(path, text)
 
 
 def _camera_of(fields: FileFields, hw: tuple[int, int] | None) -> Camera:

@@ -165,6 +165,16 @@ def json_fields(path: PathLike, text: str) -> FileFields:
     return FileFields(path, values)
 
 
+def camera_fields(path: PathLike, text: str) -> FileFields:
+    """The fields of a camera's JSON as text; of Open3D's, which has K column by column, as ours. FileError, CameraError."""
+    fields = json_fields(path, text)
+    if "intrinsic_matrix" not in fields:
+        return fields
+    K = np.reshape(fields.numbers("intrinsic_matrix", 9), (3, 3)).T.tolist()
+    size = {name: fields.values[name] for name in ("width", "height") if name in fields}
+    return FileFields(path, {"K": K, "pixel_center": 0.0, **size})
+
+
 def json_value(path: PathLike, text: str) -> Any:
     """What a JSON text holds; raises FileError that names `path`, line and column."""
     try:

@@ -11,7 +11,7 @@ from dlama.datasets.text_tables import read_matrix, read_rows
 from dlama.errors import CameraError, FileError
 from dlama.files.camera_yaml import SUFFIXES, read_yaml_fields
 from dlama.files.cameras import make_camera, read_camera
-from dlama.files.fields import FileFields, Intrinsics, read_json_fields
+from dlama.files.fields import FileFields, Intrinsics
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.writing.atomic_write import PathLike
 
@@ -77,10 +77,6 @@ def read_lens(path: Path) -> Lens:
     if path.suffix.lower() in SUFFIXES:
         fields = read_yaml_fields(path)
         return Lens(str(path), fields.intrinsics("K"), 0.0, fields.size(None) if "width" in fields else None)
-    fields = read_json_fields(path)
-    if "intrinsic_matrix" in fields:  # K column by column
-        K = fields.numbers("intrinsic_matrix", 9)
-        return Lens.of_matrix(str(path), [K[row::3] for row in range(3)], 0.0, fields.size(None))
     return _of_camera(read_camera(path), str(path))
 
 
