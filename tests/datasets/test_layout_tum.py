@@ -57,7 +57,9 @@ def test_the_nearest_of_several_is_taken_and_leftovers_are_counted(
 def test_intrinsics_come_from_the_option_or_the_folder_or_not_at_all(tmp_path: Path) -> None:
     root = write_tum(tmp_path / "data/seq")
     (root / "camera.json").rename(tmp_path / "mine.json")
-    with pytest.raises(CameraError, match=r"seq: has no camera\.json, and TUM's intrinsics.*517\.3.*camera=FILE"):
+    with pytest.raises(
+        CameraError, match=r"no camera\.json or calibration\.txt, and TUM's intrinsics.*517\.3.*camera=FILE"
+    ):
         open_dataset(root)
     for camera in (tmp_path / "mine.json", str(tmp_path / "mine.json"), LENS):
         assert np.allclose(open_dataset(root, camera=camera).frames[0].load().camera.K, LENS.K)
@@ -66,6 +68,10 @@ def test_intrinsics_come_from_the_option_or_the_folder_or_not_at_all(tmp_path: P
     for text in (size + matrix, matrix):  # ROS puts the first pixel's centre at 0
         (tmp_path / "mine.yaml").write_text(text, "utf-8")
         assert np.allclose(open_dataset(root, camera=tmp_path / "mine.yaml").frames[0].load().camera.K, LENS.K)
+    of_eth3d = root / "calibration.txt"  # BAD SLAM reads it so: fx fy cx cy, the first pixel's centre at 0
+    of_eth3d.write_text(f"{LENS.fx} {LENS.fy} {LENS.cx - 0.5} {LENS.cy - 0.5}\n")
+    assert np.allclose(open_dataset(root).frames[0].load().camera.K, LENS.K)
+    of_eth3d.unlink()
     (tmp_path / "mine.json").rename(tmp_path / "data/camera.json")
     assert open_dataset(tmp_path / "data").frames[0].scene == "seq"
 

@@ -67,12 +67,16 @@ def lens_for(folder: Path, root: Path, camera: CameraOption, names: Sequence[str
 
 def read_lens(path: Path) -> Lens:
     """Our camera JSON (its pose is not used), the YAML of ROS or OpenCV, Open3D's camera_intrinsic.json, or a text file with a
-    3x3 K, or a 4x4 one with nothing in the last row and column (ScanNet).
+    3x3 K, a 4x4 one with nothing in the last row and column (ScanNet), or fx fy cx cy (ETH3D's SLAM sequences).
 
     The first pixel of all but the first has its centre at 0.0. Raises FileError, CameraError.
     """
     if path.suffix.lower() == ".txt":
-        size = 4 if len(read_rows(path)) == 4 else 3
+        rows = read_rows(path)
+        if len(rows) == 1:
+            fx, fy, cx, cy = rows[0].numbers("fx fy cx cy", 4)
+            return Lens(str(path), (fx, fy, cx, cy), 0.0)
+        size = 4 if len(rows) == 4 else 3
         return Lens.of_matrix(str(path), read_matrix(path, (size, size))[:3, :3].tolist(), 0.0)
     if path.suffix.lower() in SUFFIXES:
         fields = read_yaml_fields(path)

@@ -2,8 +2,8 @@
 
 Lines `time file` and `time tx ty tz qx qy qz qw` (camera to world, OpenCV axes, metres); # begins a remark. To each colour
 picture belong the depth picture and the pose nearest in time, at most 0.02 s away. Depth: 16-bit PNG, 5000 units a metre.
-The intrinsics are in no file of the set: give `camera`, or put a camera.json into the folder.
-Format: cvg.cit.tum.de/data/datasets/rgbd-dataset/file_formats.
+The intrinsics are in no file of the set: give `camera`, or put a camera.json into the folder. ETH3D's SLAM sequences have them in
+calibration.txt. Formats: cvg.cit.tum.de/data/datasets/rgbd-dataset/file_formats, eth3d.net/slam_documentation.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ ADVICE = (
 
 def list_frames(folder: Path, root: Path, camera: CameraOption) -> Listed:
     """The frames of one sequence. Raises FileError, CameraError."""
-    lens = lens_for(folder, root, camera, ("camera.json",), ADVICE)
+    lens = lens_for(folder, root, camera, ("camera.json", "calibration.txt"), ADVICE)
     (times, rows), *others = (_listing(folder / name, count) for name, count in zip(LISTINGS, (2, 2, 8)))
     for time, row in zip(times.tolist(), rows):
         color = folder / row.words[1]
