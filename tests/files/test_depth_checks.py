@@ -171,6 +171,27 @@ def test_a_lens_in_millimetres_is_no_unit_of_depth(tmp_path: Path) -> None:
     assert not any("`depth_scale=1` says" in one for one in words), words
 
 
+@pytest.mark.parametrize("beyond", [False, True])
+def test_rotated_bits_are_warned_of(tmp_path: Path, beyond: bool) -> None:
+    """Oracle: SUN3D's own reader: millimetres are bitor(bitshift(d, -3), bitshift(d, 13)). Of the mends advised, the first is
+    right where nothing is beyond 8.19 m, the second everywhere."""
+    street = STREET.rgbd(Camera.from_fov(256, 192, 80))
+    Image.fromarray(street.color).save(tmp_path / "image.png")
+    millimetres = np.rint(1000 * street.depth * (1 if beyond else 0.5)).astype(np.uint16)
+    millimetres[:, :9] = 0
+    stored = (millimetres << 3) | (millimetres >> 13)
+    Image.fromarray(stored).save(tmp_path / "sun.png")
+    with pytest.warns(
+        UserWarning, match=r"sun\.png: .*SUN RGB-D.*: give `depth_scale=8000`.*\(d >> 3\) \| \(d << 13\)"
+    ):
+        read_depth(tmp_path / "sun.png")
+    found = diagnose(tmp_path / "image.png", tmp_path / "sun.png", fov=80)
+    assert [one.check for one in found if one.severity == "fault"] == ["rotated-depth"]
+    scaled = read_depth(tmp_path / "sun.png", depth_scale=8000)
+    assert beyond or np.array_equal(scaled, (millimetres / 1000).astype(np.float32))
+    assert np.array_equal((stored >> 3) | (stored << 13), millimetres)
+
+
 @pytest.mark.parametrize("far_plane", [100, 1000, 65504, 99999.9])
 def test_sky_at_a_renderers_far_plane_is_warned_of(tmp_path: Path, far_plane: float) -> None:
     """Oracle: the option that is advised, taken literally, makes exactly the sky far. doctor says the same."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from dlama.arguments import is_finite
 from dlama.errors import DepthError, FileError, system_errors, warn
-from dlama.files.rasters.depth_checks import warn_of_inverse, warn_of_millimetres, warn_of_normalised
+from dlama.files.rasters.depth_checks import warn_of_codes, warn_of_inverse, warn_of_millimetres
 from dlama.files.rasters.exr_files import read_exr, write_exr
 from dlama.files.rasters.float_files import read_array, read_pfm, write_pfm
 from dlama.files.rasters.images import SUFFIXES, existing_file, read_stored
@@ -221,12 +221,12 @@ def _metres_from_floats(
 def _metres_from_codes(
     path: PathLike, codes: np.ndarray, depth_scale: float | None, depth_range: float | None
 ) -> Float32Array:
-    """Of whole numbers. Warns of normalised depth."""
+    """Of whole numbers. Warns of normalised depth, and of rotated bits."""
     if depth_range is not None:
         raise DepthError(f"{path}: holds whole numbers; `depth_range` is for depth normalised to 0..1 (EXR)")
     depth = depth_from_mm(codes, depth_scale or MILLIMETRES)
     if depth_scale is None and codes.dtype == np.uint16:
-        warn_of_normalised(path, depth, MILLIMETRES)
+        warn_of_codes(path, depth, MILLIMETRES)
     return depth
 
 

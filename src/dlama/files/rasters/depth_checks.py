@@ -9,7 +9,15 @@ import numpy as np
 from dlama.errors import warn
 from dlama.geometry.rgbd import RGBD, Float32Array
 from dlama.perception.diagnosis.depth_code import looks_inverse
-from dlama.perception.diagnosis.depth_scale import begins_at_camera, check_depth_unit, fills_16_bits, find_far_plane
+from dlama.perception.diagnosis.depth_scale import (
+    ROTATED_BITS,
+    UNROTATE,
+    begins_at_camera,
+    check_depth_unit,
+    fills_16_bits,
+    find_far_plane,
+    has_rotated_bits,
+)
 from dlama.perception.diagnosis.finding import CERTAIN, Observed
 from dlama.perception.diagnosis.lens import check_lens
 from dlama.perception.sky import OUTDOORS_M
@@ -41,8 +49,11 @@ def warn_of_inverse(path: PathLike, depth: Float32Array) -> None:
         )
 
 
-def warn_of_normalised(path: PathLike, depth: Float32Array, units: float) -> None:
-    """Warn (UserWarning) where depth (H x W metres; a metre is `units` of the file's 16-bit numbers) was normalised."""
+def warn_of_codes(path: PathLike, depth: Float32Array, units: float) -> None:
+    """Warn (UserWarning) where depth (H x W metres; a metre is `units` of the file's 16-bit numbers) was normalised, or bits of
+    its numbers were rotated."""
+    if has_rotated_bits(depth, units):
+        warn(f"{path}: {ROTATED_BITS}: {UNROTATE}")
     if fills_16_bits(depth, units) and begins_at_camera(depth):
         warn(
             f"{path}: values span 0..65535 exactly, as normalised depth does, so they are no millimetres: give `depth_scale`, or "

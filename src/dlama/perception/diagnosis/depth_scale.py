@@ -40,6 +40,11 @@ FULL = 65535
 RARE, LOWEST, HIGHEST = 0.004, 0.008, 0.8
 """Of depth that was stretched to 0..FULL: largest share of pixels at the maximum (more are a code, far, or a clip), largest least
 value and least largest value below it, over FULL."""
+ROTATED, FEWEST = 0.95, 64
+"""Of millimetres whose bits were rotated to the left by three: least share of 16-bit numbers whose lowest three bits are 0, or 1,
+beyond 8.19 m (of others it is 1/4), and how many different numbers there are at least."""
+ROTATED_BITS = "its numbers are multiples of 8, as SUN RGB-D and SUN3D store millimetres (bits rotated by three)"
+UNROTATE = "give `depth_scale=8000`, or, where something is beyond 8.19 m, save (d >> 3) | (d << 13) of 16 bits"
 TOUCHING = 0.1
 """Metres; hardly a camera measures what is nearer, so even a likely scene that begins there was stretched."""
 TOP = 0.99
@@ -124,6 +129,23 @@ def fills_16_bits(depth: np.ndarray, units: float) -> bool:
         return False
     share = depth[known] * units / FULL
     return bool(share.min() <= LOWEST and HIGHEST <= share.max() <= 1)
+
+
+def check_rotated_bits(seen: Observed) -> list[Finding]:
+    """Reports millimetres whose bits were rotated, as SUN RGB-D and SUN3D store them."""
+    found = Finding("rotated-depth", "fault", 0.95, f"{seen.names[1]}: {ROTATED_BITS}", UNROTATE)
+    return [found] if has_rotated_bits(seen.depth, seen.units) else []
+
+
+def has_rotated_bits(depth: np.ndarray, units: float | None) -> bool:
+    """Whether the file's 16-bit numbers, read as millimetres (`units` is 1000), are those rotated by three bits."""
+    known = depth[is_valid(depth)]
+    if units != 1000 or not known.size:
+        return False
+    codes = np.rint(known[:: max(1, known.size // 2**16)] * 1000).astype(np.int64)
+    numbers = np.unique(codes // 8)
+    # multiples of 8, but not all of 16
+    return bool((codes % 8 < 2).mean() >= ROTATED and len(numbers) >= FEWEST and 0.25 < (numbers % 2).mean() < 0.75)
 
 
 def begins_at_camera(depth: np.ndarray) -> bool:

@@ -8,7 +8,12 @@ from dlama.geometry.drawing.picture_edges import MapGrid
 from dlama.geometry.holes import looks_inverted
 from dlama.geometry.rgbd import RGBD, describe_depth_range, percent
 from dlama.perception.diagnosis.depth_code import check_depth_code
-from dlama.perception.diagnosis.depth_scale import check_depth_unit, check_far_plane, check_value_range
+from dlama.perception.diagnosis.depth_scale import (
+    check_depth_unit,
+    check_far_plane,
+    check_rotated_bits,
+    check_value_range,
+)
 from dlama.perception.diagnosis.finding import Finding, Observed, certainty
 from dlama.perception.diagnosis.lens import check_lens
 from dlama.perception.diagnosis.registration import check_mask_registration, check_registration
@@ -37,7 +42,7 @@ def run_checks(seen: Observed) -> list[Finding]:
     if normalised:
         code = [each for each in code if each.check in EXACT_CODES]
         normalised = [] if code else normalised
-    unit = [] if lens or code or normalised else check_depth_unit(seen)
+    unit = check_rotated_bits(seen) or ([] if lens or code or normalised else check_depth_unit(seen))
     masks = check_mask_coverage(seen) + ([] if registration else check_mask_registration(seen))
     return [*lens, *registration, *code, *normalised, *unit, *check_far_plane(seen), *masks]
 
