@@ -69,6 +69,19 @@ def test_several_or_none(tmp_path: Path) -> None:
         open_dataset(tmp_path / "none")
     for name, layout in LAYOUTS.items():
         assert f"{name}: {layout.looked_for}" in str(caught.value)
+    assert "are read by a transforms.json" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("place", "names"),
+    [("sequences/00", ("image_2", "image_3")), ("2011_09_26/2011_09_26_drive_0001_sync", ("image_02", "image_03"))],
+)
+def test_pairs_of_kitti_are_named(tmp_path: Path, place: str, names: tuple[str, str]) -> None:
+    """Oracle: the folders that KITTI's odometry and its raw data have."""
+    for name in names:
+        (tmp_path / place / name).mkdir(parents=True)
+    with pytest.raises(InputError, match=rf"`dlama stereo {names[0]}/PICTURE {names[1]}/PICTURE --calib FILE`"):
+        detect(tmp_path)
 
 
 def test_a_result_is_named_as_one(tmp_path: Path) -> None:

@@ -122,6 +122,8 @@ LAYOUTS: dict[str, Layout] = {
     ),
 }
 """Every layout by the name that `layout` takes."""
+KITTI = ("image_2", "image_3"), ("image_02", "image_03")
+"""The colour cameras of its benchmarks and odometry, and of its raw data; it has no dense depth."""
 RECORDINGS = tuple(suffix for layout in LAYOUTS.values() for suffix in layout.files)
 """Endings of all files that are data sets by themselves."""
 
@@ -208,8 +210,15 @@ def _unknown_layout(root: Path) -> InputError:
         return InputError(
             f"{root}: holds {there} as layout {name} does, but not all it needs: {LAYOUTS[name].looked_for}"
         )
+    pair = next((names for names in KITTI for level in ("", "*/", "*/*/") if any(root.glob(level + names[0]))), None)
+    if pair is not None:
+        pictures = " ".join(f"{name}/PICTURE" for name in pair)
+        return InputError(f"{root}: holds KITTI's pairs: give each to `dlama stereo {pictures} --calib FILE`")
     looked_for = "; ".join(f"{name}: {each.looked_for}" for name, each in LAYOUTS.items())
-    return InputError(f"{root}: is no data set of a known layout, nor are the folders below. Looked for {looked_for}")
+    return InputError(
+        f"{root}: is no data set of a known layout, nor are the folders below. Frames of any other are read by a "
+        f"{nerfstudio.NAME} that names picture, depth and pose of each, as nerfstudio has it. Looked for {looked_for}"
+    )
 
 
 def is_capture_file(path: Path) -> bool:
