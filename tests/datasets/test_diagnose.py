@@ -114,3 +114,12 @@ def test_what_the_reader_refuses_is_the_finding(tmp_path: Path) -> None:
     assert checks(dlama.diagnose(image, depth, fov=75, resize_depth="nearest")) == ["understood"]
     assert "`fov`" in dlama.diagnose(*write(tmp_path))[0].what
     assert checks(dlama.diagnose(image)) == ["photo-depth", "understood"]
+
+
+def test_inverse_depth_of_a_network_is_named_and_taken(tmp_path: Path) -> None:
+    """Law: the option that a finding names mends it (oracle: the scene's depth, inverted and normalised to 16 bits)."""
+    inverse = 1 / scene()[1]
+    files = write(tmp_path, np.round(inverse / inverse.max() * 65535).astype(np.uint16))
+    (found, _) = dlama.diagnose(*files, fov=75)
+    assert found.check == "inverse-depth" and "`inverse_depth`, where a network gave it" in found.mend
+    assert checks(dlama.diagnose(*files, fov=75, inverse_depth=True)) == ["understood"]

@@ -12,6 +12,7 @@ import pytest
 import dlama
 from dlama.completion.completion import Completion
 from dlama.completion.pipeline import complete
+from dlama.completion.report import expected_errors
 from dlama.errors import ShapeError
 from dlama.evaluation.metrics.reliability import calibration
 from dlama.evaluation.protocols.reliability import depth_deviation
@@ -65,6 +66,14 @@ def test_every_filler_has_them_where_it_filled(filler: str) -> None:
     said = done.meta["expected_error"]
     assert said["depth_m"] == [pytest.approx(view.depth_error[finite].mean(), rel=1e-3)]
     assert said["color_levels"] == [pytest.approx(view.color_error[view.filled].mean(), rel=1e-3)]
+
+
+def test_a_completion_without_them_says_none() -> None:
+    """Law: nothing is said to be expected, not an error of 0 (the views of a pair by the paper's recipe carry none)."""
+    done, _ = filled(HELD_OUT[0], "telea")
+    assert expected_errors([dataclasses.replace(done.view, errors=None)]) == {
+        "expected_error": {"depth_m": [None], "color_levels": [None]}
+    }
 
 
 @pytest.mark.slow

@@ -31,7 +31,7 @@ class Recipe:
     """How clouds are rendered: a cut triangle mesh, or nearest pixels."""
     dilate: int | None = None
     """Radius in px by which an object mask grows before its pixels leave the cloud (disc kernel); None: 3, in proportion
-    more in pictures wider than 1024 px."""
+    more where the longer side exceeds 1024 px."""
     dilate_holes: int = 0
     """Radius in px by which the holes of the new view grow (disc kernel)."""
     clip: float | None = None

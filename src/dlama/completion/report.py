@@ -129,10 +129,11 @@ def hole_shares(hole_type: UInt8Array) -> dict[str, float]:
 
 def expected_errors(views: Sequence[View]) -> dict[str, Any]:
     """`expected_error` of meta.json: means over what was filled in each view, of depth in metres (where that is finite) and of
-    colour in levels; None where nothing was."""
+    colour in levels; None where nothing was, or nothing expects an error."""
     depths, colors = [], []
     for view in views:
-        painted, filled = view.filled, from_filler(view.origin) & ~view.hole
+        known = view.errors is not None
+        painted, filled = view.filled & known, from_filler(view.origin) & ~view.hole & known
         metres = view.depth_error[filled & np.isfinite(view.depth_error)]
         depths.append(round(float(metres.mean(dtype=np.float64)), 5) if metres.size else None)
         colors.append(round(float(view.color_error[painted].mean(dtype=np.float64)), 3) if painted.any() else None)

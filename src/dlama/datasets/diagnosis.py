@@ -38,7 +38,7 @@ from dlama.perception.diagnosis.stereo_pair import check_pair
 from dlama.writing.atomic_write import PathLike
 
 LENS = ("camera", "fx", "fy", "cx", "cy", "fov", "pixel_center")
-READING = ("depth_scale", "depth_range", "channel", "far", "resize_depth", "radial_depth")
+READING = ("depth_scale", "depth_range", "channel", "far", "resize_depth", "radial_depth", "inverse_depth")
 MASKING = ("mask_polarity", "soft_mask", "mask_class")
 """Options of `diagnose`, as `read_rgbd` and `read_mask` take them."""
 CLEAR_TAG = "clear the tag (exiftool -Orientation= FILE)"
@@ -67,6 +67,7 @@ def diagnose(
     far: float | None = None,
     resize_depth: Literal["guided", "nearest"] | None = None,
     radial_depth: bool = False,
+    inverse_depth: bool = False,
     mask_polarity: Literal["fill", "known"] = "fill",
     soft_mask: bool = False,
     mask_class: str | None = None,
@@ -80,8 +81,8 @@ def diagnose(
         calib: The calibration of a stereo pair.
         layout: How the data set lies on disk, as in `dlama evaluate`; default: recognised. With it go `camera`,
             `depth_range` and `depth_scale`.
-        camera, fx, fy, cx, cy, fov, pixel_center, depth_scale, depth_range, channel, far, resize_depth, radial_depth: As in
-            `read_rgbd`.
+        camera, fx, fy, cx, cy, fov, pixel_center, depth_scale, depth_range, channel, far, resize_depth, radial_depth,
+            inverse_depth: As in `read_rgbd`.
         mask_polarity, soft_mask, mask_class: As in `read_mask`.
 
     Returns:

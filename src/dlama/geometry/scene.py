@@ -120,7 +120,7 @@ class Scene:
         Args:
             mask: H x W bool, True = remove, of a scene of one frame; or number of a frame -> its mask, for one frame or several.
                 The other frames' masks follow from the object's shape.
-            dilate: px by which the mask grows; None: 3, in proportion more in pictures wider than 1024 px.
+            dilate: px by which the mask grows; None: 3, in proportion more where the longer side exceeds 1024 px.
         Raises:
             MaskError: an empty or full mask, or one of another size; InputError: a frame that is not in the scene.
         """

@@ -176,7 +176,6 @@ class JobInputs:
                 rgbd = read_rgbd(image, depth, **lens, **options)
             self.intrinsics_from = (rgbd.estimate or {})["field_of_view"]["from"]
             return rgbd
-        self.depth_reading |= select(options, ("inverse_depth",))
         with self.reading(image, depth):
             camera, self.intrinsics_from = camera_for(picture_hw(image), image=image, **lens)
             return read_rgbd(image, depth, camera=camera, **options)

@@ -83,6 +83,9 @@ class Reading:
     radial_depth: bool = option("", "off", False, label="Depth along the ray")
     """The depth file holds distances along the ray of each pixel, not along the optical axis (Hypersim, ray tracers, AirSim's
     DepthPerspective)."""
+    inverse_depth: bool = option("", "off", False, label="Inverse depth of a network")
+    """The depth file is what a network such as Depth Anything or MiDaS gave: inverse depth, larger is nearer, in no unit. It is
+    used as estimated depth is. With --depth-scale it is 1 / depth, as Nuke renders it."""
 
 
 @dataclass(frozen=True)
@@ -98,9 +101,6 @@ class Estimating:
     """The camera's height above the ground that the picture shows, instead of known depths."""
     sharpen: bool = option("", "on", True)
     """Leave the blurred edges of estimated depth as they are, instead of moving them to the picture's."""
-    inverse_depth: bool = option("", "off", False, label="Inverse depth of a network")
-    """The depth file is what a network such as Depth Anything or MiDaS gave: inverse depth, larger is nearer, in no unit. It is
-    used as estimated depth is. With --depth-scale it is 1 / depth, as Nuke renders it."""
 
 
 @dataclass(frozen=True)
