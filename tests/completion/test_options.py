@@ -37,7 +37,7 @@ def test_help_shows_what_the_docstrings_of_the_fields_say() -> None:
     """Oracle: the source text of two fields."""
     texts = {name: one.text for name, one in options_in(Options).items()}
     assert texts["seed"].startswith("Fillers draw their random numbers from this")
-    assert texts["dilate_holes"] == "Grow the holes of the new view by this many pixels (both recipes: 0)."
+    assert texts["dilate_holes"] == "Grow the holes of the new view by this many pixels."
     assert get_type_hints(Method, include_extras=True)["seed"].__metadata__[0].help == texts["seed"]
 
 

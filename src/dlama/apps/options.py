@@ -26,7 +26,7 @@ def option(metavar: str, default: str | None = "none", **others: Any) -> Any:
     others: of `tyro.conf.arg`: aliases, name; help, in place of a docstring of two lines, whose line break tyro would show.
     """
     hint = "(required)" if default is None else f"(default: {default})"
-    return arg(metavar=metavar, help_behavior_hint=hint, **others)
+    return arg(metavar=metavar or None, help_behavior_hint=hint, **others)
 
 
 DEPTH_ONLY = (".exr", ".pfm", ".npy", ".npz", ".pcd")

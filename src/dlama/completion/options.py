@@ -103,16 +103,19 @@ class Options:
     model: str | Path | None = option("FILE|NAME", kind=str | None)
     """Network of a filler that runs one: an ONNX or LaMa file, or a name of `dlama models list`."""
     recipe: str | Recipe = option("|".join(RECIPE_NAMES), "dlama", "dlama", kind=str, label="Recipe")
-    """dlama: surfaces, metric depth; paper: as published (points, 10 m clip, 8-bit depth, 3 px dilation)."""
-    mode: Mode | None = option("surface|points", "the recipe's", kind=Literal["surface", "points"] | None)
+    """dlama: surfaces, metric depth; paper: the published steps (points, 10 m clip, 8-bit depth, 3 px dilation)."""
+    mode: Mode | None = option("surface|points", "surface; paper: points", kind=Literal["surface", "points"] | None)
     """Draw the pixel grid as a surface cut at depth edges, or project each pixel to the nearest one."""
-    dilate: int | None = option("PX", "the recipe's", kind=int | None, label="Grow the hole")
-    """Grow the mask by this many pixels before the object is removed (both recipes: 3; dlama: 6 in a depth camera's picture)."""
-    dilate_holes: int | None = option("PX", "the recipe's", kind=int | None)
-    """Grow the holes of the new view by this many pixels (both recipes: 0)."""
-    clip: float | None = option("METRES", "the recipe's", kind=float | None)
-    """Put everything at or beyond this depth, sky too, at this depth (paper: 10)."""
-    depth_by: DepthBy | None = option("surfaces|filler", "the recipe's", kind=Literal["surfaces", "filler"] | None)
+    dilate: int | None = option("PX", "3", kind=int | None, label="Grow the hole")
+    """Grow the mask by this many pixels before the object is removed. In proportion more by default where the longer side exceeds
+    1024 pixels (paper: always 3)."""
+    dilate_holes: int | None = option("PX", "0", kind=int | None)
+    """Grow the holes of the new view by this many pixels."""
+    clip: float | None = option("METRES", "none; paper: 10", kind=float | None)
+    """Put everything at or beyond this depth, sky too, at this depth."""
+    depth_by: DepthBy | None = option(
+        "surfaces|filler", "surfaces; paper: filler", kind=Literal["surfaces", "filler"] | None
+    )
     """Depth with telea, lama, migan, patchmatch: surfaces continued behind the hole, or the filler's own."""
     seed: int = option("N", "0", 0, kind=int, label="Seed")
     """Fillers draw their random numbers from this; the same seed gives the same pixels."""

@@ -99,7 +99,7 @@ class Estimating:
     """Known depths: the pixel x to the right, y down, and its metres along the optical axis; several fit better."""
     camera_height: float | None = option("METRES", label="Camera above the ground")
     """The camera's height above the ground that the picture shows, instead of known depths."""
-    sharpen: bool = option("", "on", True)
+    sharpen: bool = option("", "they are moved", True)
     """Leave the blurred edges of estimated depth as they are, instead of moving them to the picture's."""
 
 

@@ -59,7 +59,7 @@ class Source:
     max_depth: Annotated[float | None, option("METRES", "5 of a phone's LIDAR")] = None
     """Depth beyond this is missing."""
     resize_depth: ResizeDepth = None
-    keep_poses: Annotated[bool, option("", "poses agree with the pictures")] = False
+    keep_poses: Annotated[bool, option("", "they are corrected")] = False
     """Keep poses that are off by a pixel or more; else picture features correct them first, as hand-held ones need it."""
 
 

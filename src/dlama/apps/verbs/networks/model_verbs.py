@@ -134,7 +134,7 @@ class Convert(Report):
 class Verify(Report):
     """Compare files with their published hashes, or with what they were when they were first used."""
 
-    name: Positional[Annotated[str | None, option("NAME", "every file that is here")]] = None
+    name: Positional[Annotated[str | None, option("[NAME]", "every file that is here")]] = None
     """Which model."""
 
     def run(self) -> None:
