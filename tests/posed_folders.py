@@ -13,8 +13,6 @@ from PIL import Image
 from dlama.completion.verbs import view
 from dlama.datasets.frames import Dataset, ViewTruth
 from dlama.datasets.posed.posed_frames import PosedFrame
-from dlama.datasets.sequences.loading import open_frames
-from dlama.errors import DlamaError
 from dlama.files.cameras import write_camera
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
@@ -167,12 +165,3 @@ def check_pair(pair: object) -> None:
 
 def without_pose(camera: Camera) -> Camera:
     return dataclasses.replace(camera, world_from_cam=np.eye(4))
-
-
-def read_or_refuse(path: Path) -> None:
-    """All frames of a recording are read, or an error of the package names it in one line."""
-    try:
-        for frame in open_frames(path):
-            frame.load()
-    except DlamaError as error:
-        assert str(path) in str(error) and "\n" not in str(error)

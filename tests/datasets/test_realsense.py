@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from damaged import damaged_copies
 from dlama import read_color, read_scene
 from dlama.apps.cli import main
 from dlama.datasets.captures.realsense import split_image
@@ -24,7 +23,7 @@ from dlama.errors import FileError
 from dlama.geometry.camera import Camera
 from dlama.geometry.motion.poses import invert_pose
 from dlama.geometry.rgbd import RGBD
-from posed_folders import LENS, WORLD, cameras, check_registered, read_or_refuse
+from posed_folders import LENS, WORLD, cameras, check_registered
 from rosbag_writer import Writer
 from worlds import pose_of
 
@@ -185,9 +184,3 @@ def test_images_are_split_where_they_end() -> None:
     assert split_image(body) == (body, None)
     assert split_image(body + struct.pack("<f", 0.5)) == (body, 0.5)
     assert split_image(body + b"xyz") == (body, None)
-
-
-def test_damaged_recordings_are_one_line(tmp_path: Path) -> None:
-    """Cut at any place, and wrong bytes anywhere: frames, or errors of the package that name the file."""
-    for path in damaged_copies(write_recording(tmp_path / "a.bag"), 24):
-        read_or_refuse(path)

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from damaged import damaged_copies
 from dlama.datasets.captures.ros_messages import Transforms
 from dlama.datasets.captures.rosbag import Bag
 from dlama.datasets.diagnosis import diagnose
@@ -22,7 +21,7 @@ from dlama.datasets.sequences.sequence import sequence
 from dlama.errors import CameraError, FileError, MissingExtraError
 from dlama.geometry.camera import Camera
 from dlama.geometry.motion.poses import invert_pose, rotation_deg
-from posed_folders import LENS, WORLD, cameras, check_frames, check_registered, read_or_refuse, truth
+from posed_folders import LENS, WORLD, cameras, check_frames, check_registered, truth
 from rosbag_writer import Writer
 from worlds import pose_of
 
@@ -286,9 +285,3 @@ def test_without_the_package_it_says_which(tmp_path: Path, monkeypatch: pytest.M
     monkeypatch.setitem(sys.modules, "rosbags.highlevel", None)
     with pytest.raises(MissingExtraError, match=r"a bag of ROS needs .*pip install 'dlama\[ros\]'"):
         open_frames(tmp_path / "a.bag")
-
-
-def test_damaged_bags_are_one_line(tmp_path: Path) -> None:
-    """Cut at any place, and wrong bytes anywhere: frames, or errors of the package that name the file."""
-    for path in damaged_copies(write_bag(tmp_path / "a.bag", "ros1", packing="packed"), 30):
-        read_or_refuse(path)

@@ -35,7 +35,7 @@ def frame(camera: Camera) -> RGBD:
 def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Three frames, completed at one camera."""
     path = tmp_path_factory.mktemp("scene") / "room.npz"
-    done = dlama.complete([frame(camera) for camera in CAMERAS], [CAMERAS[1]])
+    done = dlama.complete([frame(camera) for camera in CAMERAS], [CAMERAS[1]], filler="telea")
     write_npz(path, done.view, done.scene)
     return path
 
@@ -77,7 +77,7 @@ def test_what_says_nothing_to_a_scene_is_refused(file: Path, tmp_path: Path) -> 
     with pytest.raises(FileError, match="no such folder"):
         open_dataset(tmp_path / "none.npz")
     mask = WORLD.trace(CAMERAS[0])[1] == 1
-    done = dlama.complete([frame(camera) for camera in CAMERAS], [CAMERAS[0]], mask={0: mask})
+    done = dlama.complete([frame(camera) for camera in CAMERAS], [CAMERAS[0]], mask={0: mask}, filler="telea")
     write_npz(tmp_path / "gone.npz", done.view, done.scene)
     with pytest.raises(InputError, match="is a scene without what was removed from it"):
         open_dataset(tmp_path / "gone.npz")
@@ -88,9 +88,8 @@ def test_doctor_and_view_take_one(file: Path) -> None:
     assert dlama.diagnose(file)[-1].what.startswith("room.npz: ")
     scene = dlama.read_scene(file)
     target = dlama.orbit(scene.layers[1].camera, 4.0, 0.0, 2.5)
-    np.testing.assert_array_equal(
-        dlama.view(scene, yaw=4, pivot=2.5).view.color, dlama.complete(scene, [target]).view.color
-    )
+    views = dlama.view(scene, yaw=4, pivot=2.5, filler="telea"), dlama.complete(scene, [target], filler="telea")
+    np.testing.assert_array_equal(views[0].view.color, views[1].view.color)
 
 
 def test_layers_of_a_file_are_read_when_they_are_needed(file: Path) -> None:

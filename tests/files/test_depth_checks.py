@@ -119,7 +119,8 @@ def test_millimetres_of_a_close_range_scanner_are_warned_of(tmp_path: Path) -> N
 
 def test_generated_worlds() -> None:
     """No false alarm, and most inverses are found."""
-    depths = [world(seed).frame(world(seed).camera(size=160)).depth for seed in range(6)]
+    worlds = [world(seed) for seed in range(6)]
+    depths = [made.frame(made.camera(size=96)).depth for made in worlds]
     assert not any(map(looks_inverse, depths))
     assert sum(looks_inverse(inverse_codes(each).astype(np.float32)) for each in depths) >= 4
 
@@ -128,7 +129,7 @@ def test_no_false_alarms_on_real_depth(data_dir: Path) -> None:
     """A Kinect's and a renderer's."""
     files = sorted((data_dir / "data").rglob("*depth*.png"))
     assert len(files) > 10
-    for path in files:
+    for path in files[::4]:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
             try:
@@ -137,11 +138,12 @@ def test_no_false_alarms_on_real_depth(data_dir: Path) -> None:
                 assert "depth_scale" in str(error) or "8-bit" in str(error)
 
 
-@pytest.mark.parametrize(("kind", "unit"), [("street", 1), ("street", 100), ("room", 100), ("street", 1000)])
+@pytest.mark.parametrize(("kind", "unit"), [("room", 1), ("street", 100), ("street", 1000)])
 def test_float_depth_in_another_unit_is_warned_of(tmp_path: Path, kind: str, unit: int) -> None:
     """Oracle: a world whose depth is known in metres, written in centimetres, as Maya and Unreal do, or millimetres; with the
     unit there is no word, nor for metres."""
-    frame = world(7, kind=kind).frame(world(7, kind=kind).camera(0, 192))  # type: ignore[arg-type]
+    made = world(7, kind=kind)  # type: ignore[arg-type]
+    frame = made.frame(made.camera(0, 192))
     Image.fromarray(frame.color).save(tmp_path / "plate.png")
     write_depth_exr(tmp_path / "Z.exr", frame.depth * np.float32(unit))
     for scale in (None, 1, unit):
@@ -192,7 +194,7 @@ def test_rotated_bits_are_warned_of(tmp_path: Path, beyond: bool) -> None:
     assert np.array_equal((stored >> 3) | (stored << 13), millimetres)
 
 
-@pytest.mark.parametrize("far_plane", [100, 1000, 65504, 99999.9])
+@pytest.mark.parametrize("far_plane", [100, 65504, 99999.9])
 def test_sky_at_a_renderers_far_plane_is_warned_of(tmp_path: Path, far_plane: float) -> None:
     """Oracle: the option that is advised, taken literally, makes exactly the sky far. doctor says the same."""
     small_frame(tmp_path)

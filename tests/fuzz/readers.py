@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import io
 import json
 import os
@@ -14,6 +13,7 @@ import zlib
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,7 @@ import numpy as np
 import tifffile
 from PIL import Image
 
+from depth_photos import apple_xmp, dynamic_depth, gdepth, heic_with_depth, multi_picture, standard, with_segments
 from dlama.datasets.easysynth.text_files import METRIC_HEADER, UNREAL_HEADER, read_poses, read_rig
 from dlama.datasets.layouts import open_dataset
 from dlama.datasets.posed.trajectory_log import read_log
@@ -61,6 +62,7 @@ from dlama.models.records import CATALOGUE
 from dlama.nets.safetensors_file import read_safetensors, write_safetensors
 from dlama.nets.torch_file import TorchFile
 from dlama.training.presets import PRESETS, from_json, to_json
+from rosbag_writer import Writer
 
 RNG = np.random.default_rng(0)
 COLOR = RNG.integers(0, 256, (9, 12, 3), dtype=np.uint8)
@@ -84,6 +86,8 @@ class Reader:
     """The file with that part in it."""
     refused: str = ""
     """What the valid file itself is refused with: its contents are read, and are no use."""
+    reserves: bool = False
+    """A library of others reads it, and reserves (without taking it) whatever memory the file claims."""
 
 
 def made(write: Callable[[Path], Any], suffix: str) -> bytes:
@@ -169,6 +173,12 @@ def frames_of(folder: Path) -> None:
     """A data set, and its first frame."""
     found = open_dataset(folder)
     for frame in found.frames[:1]:
+        frame.load()
+
+
+def every_frame(path: Path) -> None:
+    """All frames of a recording."""
+    for frame in open_frames(path):
         frame.load()
 
 
@@ -264,9 +274,10 @@ def arrays() -> list[Reader]:
         Reader("palette.png", picture("PNG", mask), read_color, summed),
         Reader("deep.png", deep, read_color, summed),
         Reader("color.jpg", picture("JPEG", COLOR), read_color),
-        Reader("gdepth.jpg", photo_with_depth(), read_photo_depth),
+        *photos_with_depth(),
         Reader("frames.mp4", made(lambda path: write_video(path, [COLOR[:8]] * 3), ".mp4"), second_video_frame),
-        Reader("scan.r3d", recording(), lambda path: open_frames(path)[0].load()),
+        Reader("scan.r3d", recording(), every_frame, reserves=True),
+        *bags(),
         Reader("color.tif", picture("TIFF", COLOR), read_color),
         Reader("packed.tif", picture("TIFF", COLOR, compression="tiff_lzw"), read_color),
         Reader("depth.png", picture("PNG", codes), read_depth, summed),
@@ -307,14 +318,51 @@ def recording() -> bytes:
     return stream.getvalue()
 
 
-def photo_with_depth() -> bytes:
-    """A JPEG with GDepth in its XMP."""
-    data, photo = base64.b64encode(picture("PNG", COLOR[..., 0])).decode(), picture("JPEG", COLOR)
-    fields = f'GDepth:Format="RangeLinear" GDepth:Near="1" GDepth:Far="9" GDepth:Data="{data}"'
-    spaces = 'xmlns:x="adobe:ns:meta/" xmlns:GDepth="http://ns.google.com/photos/1.0/depthmap/"'
-    xmp = f"<x:xmpmeta {spaces}><a {fields}/></x:xmpmeta>"
-    content = b"http://ns.adobe.com/xap/1.0/\0" + xmp.encode()
-    return photo[:2] + b"\xff\xe1" + struct.pack(">H", len(content) + 2) + content + photo[2:]
+def photos_with_depth() -> list[Reader]:
+    """The containers in which phones keep depth, and a HEIC picture."""
+    codes = np.tile(np.linspace(0, 255, 12).astype(np.uint8), (9, 1))
+    apple = apple_xmp(0.5, 4, CAMERA.K, CAMERA.wh)
+    depth = with_segments(picture("JPEG", codes), standard(apple))
+    found = {
+        "gdepth.jpg": gdepth(COLOR, codes, 0.4, 6, "RangeLinear", False),
+        "extended.jpg": gdepth(COLOR, codes, 0.4, 6, "RangeLinear", True),
+        "dynamic.jpg": dynamic_depth(COLOR, codes.astype(np.uint16) * 257, 0.4, 6),
+        "apple.jpg": multi_picture(picture("JPEG", COLOR), [(0, depth)]),
+    }
+    if find_spec("pillow_heif"):
+        small = np.kron(COLOR, np.ones((6, 6, 1), np.uint8)), np.kron(codes, np.ones((6, 6), np.uint8))
+        found["apple.heic"] = made(lambda path: heic_with_depth(path, *small, apple), ".heic")
+    return [Reader(name, data, lambda path: (read_photo_depth(path), read_color(path))) for name, data in found.items()]
+
+
+def bags() -> list[Reader]:
+    """A bag of ROS with a packed picture and its depth, and one that a RealSense camera recorded."""
+
+    def of_ros(path: Path) -> None:
+        with Writer(path, "ros1") as writer:
+            writer.info("/c/camera_info", "c", CAMERA)
+            writer.packed("/c/image_raw/compressed", "c", 1, picture("PNG", COLOR), "rgb8; png compressed ")
+            writer.image("/c/depth", "c", 1, DEPTH, "32FC1")
+
+    def of_realsense(path: Path) -> None:
+        depth, color = "/device_0/sensor_0/Depth_0", "/device_0/sensor_1/Color_0"
+        with Writer(path, "ros1") as writer:
+            kind = "diagnostic_msgs/msg/KeyValue"
+            writer.put("/device_0/sensor_0/property", kind, 1, writer.make(kind, key="Depth Units", value="0.001"))
+            for stream, values, encoding in (
+                (depth, (DEPTH * 1000).astype(np.uint16), "mono16"),
+                (color, COLOR, "rgb8"),
+            ):
+                writer.info(f"{stream}/info/camera_info", "", CAMERA)
+                writer.put(f"{stream}/tf/0", "geometry_msgs/msg/Transform", 1, writer.move(np.eye(4)))
+                writer.image(f"{stream}/image/data", "0", 1, values, encoding)
+
+    if not find_spec("rosbags"):
+        return []
+    return [
+        Reader(f"{write.__name__}.bag", made(write, ".bag"), every_frame, reserves=True)
+        for write in (of_ros, of_realsense)
+    ]
 
 
 def networks() -> list[Reader]:
