@@ -41,21 +41,6 @@ def test_pose_there_and_back(pose: np.ndarray) -> None:
 
 
 @settings(max_examples=60, deadline=None)
-@given(cameras, st.floats(0.1, 100))
-def test_pixel_to_point_and_back(camera: Camera, depth: float) -> None:
-    """There and back: K and cam_from_world take a pixel's world point back to the pixel's centre, at its depth."""
-    points = points_of(camera, np.full(camera.hw, depth))
-    local = points @ camera.cam_from_world[:3, :3].T + camera.cam_from_world[:3, 3]
-    pixels = local @ camera.K.T
-    np.testing.assert_allclose(pixels[..., 2], depth, rtol=1e-9, atol=1e-9)
-    columns, rows = np.meshgrid(np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5)
-    # a micrometre of rounding at a kilometre's distance from the world's origin is f / depth * 1e-12 pixels and more
-    atol = 1e-10 * max(camera.fx, camera.fy) / depth + 1e-8
-    np.testing.assert_allclose(pixels[..., 0] / pixels[..., 2], columns, rtol=0, atol=atol)
-    np.testing.assert_allclose(pixels[..., 1] / pixels[..., 2], rows, rtol=0, atol=atol)
-
-
-@settings(max_examples=60, deadline=None)
 @given(cameras, cameras, st.floats(0.1, 100))
 def test_px_from_px_is_the_way_through_the_world(source: Camera, target: Camera, depth: float) -> None:
     """Twin: z * matrix @ (u, v, 1) + offset equals lifting to the world and projecting, written out step by step."""
@@ -89,26 +74,42 @@ def test_ninety_degrees_is_half_the_width() -> None:
 
 
 GOOD: dict[str, Any] = {"width": 8, "height": 6, "fx": 5.0, "fy": 5.0, "cx": 4.0, "cy": 3.0}
-BAD = [
-    ({"width": 0}, "0x6"),
-    ({"height": -1}, "8x-1"),
-    ({"fx": 0.0}, "fx is 0.0"),
-    ({"fy": -2.0}, "fy is -2.0"),
-    ({"fx": np.nan}, "fx is nan"),
-    ({"cy": np.inf}, "cy is inf"),
-    ({"world_from_cam": np.eye(3)}, r"\(3, 3\)"),
-    ({"world_from_cam": np.full((4, 4), np.nan)}, "NaN"),
-    ({"world_from_cam": np.diag([1, 1, -1, 1])}, "mirroring"),
-    ({"world_from_cam": np.diag([2, 2, 2, 1])}, "orthonormal"),
-    ({"world_from_cam": np.ones((4, 4))}, "0 0 0 1"),
+K = {"width": 8, "height": 6, "pixel_center": 0.5}
+REFUSED: list[tuple[Callable[..., object], dict[str, Any], str]] = [
+    (Camera, {**GOOD, "width": 0}, "0x6"),
+    (Camera, {**GOOD, "height": -1}, "8x-1"),
+    (Camera, {**GOOD, "fx": 0.0}, "fx is 0.0"),
+    (Camera, {**GOOD, "fy": -2.0}, "fy is -2.0"),
+    (Camera, {**GOOD, "fx": np.nan}, "fx is nan"),
+    (Camera, {**GOOD, "cy": np.inf}, "cy is inf"),
+    (Camera, {**GOOD, "world_from_cam": np.eye(3)}, r"\(3, 3\)"),
+    (Camera, {**GOOD, "world_from_cam": np.full((4, 4), np.nan)}, "NaN"),
+    (Camera, {**GOOD, "world_from_cam": np.diag([1, 1, -1, 1])}, "mirroring"),
+    (Camera, {**GOOD, "world_from_cam": np.diag([2, 2, 2, 1])}, "orthonormal"),
+    (Camera, {**GOOD, "world_from_cam": np.ones((4, 4))}, "0 0 0 1"),
+    (Camera(**GOOD).cropped, {"x": 0, "y": 0, "width": 0, "height": 5}, "camera size is"),
+    (Camera(**GOOD).resized, {"width": 3, "height": -1}, "camera size is"),
+    (Camera.from_K, {**K, "K": np.eye(4)}, r"K has shape \(4, 4\)"),
+    (Camera.from_K, {**K, "K": [[5, 0.1, 4], [0, 5, 3], [0, 0, 1]]}, "no skew"),
+    (Camera.from_K, {**K, "K": [[5, 0, 4], [0, 5, 3], [0, 0, 2]]}, "no skew"),
+    (Camera.from_K, {**K, "K": [[-5, 0, 4], [0, 5, 3], [0, 0, 1]]}, "fx is -5"),
+    (Camera.from_K, {**K, "K": [[5, 0, np.nan], [0, 5, 3], [0, 0, 1]]}, "cx is nan"),
+    (Camera.from_K, {**K, "K": np.eye(3), "pixel_center": 1.0}, "pixel_center is 1; 0.5 or 0.0"),
+    (Camera.from_fov, {"width": "64", "height": 48, "fov_deg": 60}, "camera width is '64'"),
+    (Camera.from_fov, {"width": 64, "height": None, "fov_deg": 60}, "camera height is None"),
+    (Camera.from_fov, {"width": 64, "height": 48, "fov_deg": "60"}, "fov is '60' degrees"),
+    *(
+        (Camera.from_fov, {"width": 64, "height": 48, "fov_deg": fov}, f"fov is {fov} degrees")
+        for fov in (0, 180, -5, np.nan, 1e-9)
+    ),
 ]
 
 
-@pytest.mark.parametrize(("change", "said"), BAD)
-def test_what_no_camera_has_is_refused(change: dict[str, Any], said: str) -> None:
-    """Oracle: a CameraError that names the field and what came."""
-    with pytest.raises(CameraError, match=said):
-        Camera(**{**GOOD, **change})
+@pytest.mark.parametrize(("make", "given", "message"), REFUSED)
+def test_what_no_camera_has_is_refused(make: Callable[..., object], given: dict[str, Any], message: str) -> None:
+    """Message: a CameraError that names the field and what came; no bare TypeError."""
+    with pytest.raises(CameraError, match=message):
+        make(**given)
 
 
 def test_a_rounded_rotation_becomes_an_exact_one() -> None:
@@ -119,16 +120,14 @@ def test_a_rounded_rotation_becomes_an_exact_one() -> None:
     np.testing.assert_allclose(taken, exact, rtol=0, atol=2e-4)
 
 
-def test_a_camera_is_frozen_and_keeps_its_own_pose() -> None:
-    """Law: neither its fields nor its pose can change, also not through the array it was made from."""
+def test_a_camera_keeps_its_own_pose() -> None:
+    """Law: its pose cannot change, also not through the array it was made from."""
     pose = np.eye(4)
     camera = Camera(**GOOD, world_from_cam=pose)
     pose[0, 3] = 7
     assert camera.world_from_cam[0, 3] == 0
     with pytest.raises(ValueError, match="read-only"):
         camera.world_from_cam[0, 3] = 1
-    with pytest.raises(dataclasses.FrozenInstanceError):
-        camera.fx = 3.0  # type: ignore[misc]
 
 
 def test_same_view_means_same_lens_and_same_pose() -> None:
@@ -176,13 +175,6 @@ def test_project_then_scale_is_scale_then_project(
     np.testing.assert_allclose(back.K, camera.K, rtol=1e-12, atol=1e-9)
 
 
-@pytest.mark.parametrize("make", [lambda c: c.cropped(0, 0, 0, 5), lambda c: c.resized(3, -1)])
-def test_an_empty_part_and_an_empty_size_are_refused(make: Any) -> None:
-    """Oracle: a CameraError that names the size."""
-    with pytest.raises(CameraError, match="camera size is"):
-        make(Camera(**GOOD))
-
-
 def test_from_K_converts_the_pixel_centre() -> None:
     """Closed form: cx = 319.5 of 640 pixels that are counted from 0.0 is the middle, 320; K comes back from the camera."""
     K = [[500, 0, 319.5], [0, 510, 239.5], [0, 0, 1]]
@@ -191,23 +183,6 @@ def test_from_K_converts_the_pixel_centre() -> None:
     np.testing.assert_array_equal(Camera.from_K(K, 640, 480).K, K)
     posed = Camera.from_K(K, 640, 480, world_from_cam=pose_of((0, 0, 0), (1, 2, 3)))
     np.testing.assert_array_equal(posed.world_from_cam[:3, 3], (1, 2, 3))
-
-
-@pytest.mark.parametrize(
-    ("K", "center", "said"),
-    [
-        (np.eye(4), 0.5, r"K has shape \(4, 4\)"),
-        ([[5, 0.1, 4], [0, 5, 3], [0, 0, 1]], 0.5, "no skew"),
-        ([[5, 0, 4], [0, 5, 3], [0, 0, 2]], 0.5, "no skew"),
-        ([[-5, 0, 4], [0, 5, 3], [0, 0, 1]], 0.5, "fx is -5"),
-        ([[5, 0, np.nan], [0, 5, 3], [0, 0, 1]], 0.5, "cx is nan"),
-        ([[5, 0, 4], [0, 5, 3], [0, 0, 1]], 1.0, "pixel_center is 1; 0.5 or 0.0"),
-    ],
-)
-def test_what_is_no_K_is_refused(K: Any, center: float, said: str) -> None:
-    """Oracle: a CameraError that names what came."""
-    with pytest.raises(CameraError, match=said):
-        Camera.from_K(K, 8, 6, pixel_center=center)
 
 
 @pytest.mark.parametrize("kind", [float, np.uint8, np.int16, np.float32])
@@ -225,21 +200,6 @@ def test_cameras_say_what_they_are_in_one_line() -> None:
     right = left.at(pose_of((0, 0, 0), (0.125, 0, 0)))
     assert repr(right) == "Camera(640x480, 90 degrees wide, at (0.125, 0, 0) m)"
     assert repr(StereoRig(left, right)) == "StereoRig(640x480, 90 degrees wide, baseline 0.125 m)"
-
-
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
-        (("64", 48, 60), "camera width is '64'"),
-        ((64, None, 60), "camera height is None"),
-        ((64, 48, "60"), "fov is '60' degrees"),
-        *(((64, 48, fov), f"fov is {fov} degrees") for fov in (0, 180, -5, np.nan, 1e-9)),
-    ],
-)
-def test_numbers_that_no_lens_has_are_refused(given: tuple[Any, ...], message: str) -> None:
-    """Message: names the field and what came; no bare TypeError."""
-    with pytest.raises(CameraError, match=message):
-        Camera.from_fov(*given)
 
 
 def test_a_pose_as_far_as_may_be_stays_possible_through_rounding() -> None:

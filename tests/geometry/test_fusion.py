@@ -43,12 +43,6 @@ def half_filled() -> tuple[Scene, View]:
     return scene, inpaint(scene.layers[0], find_filler("layered"), FillContext(Law(())))[0]
 
 
-def test_a_view_with_nothing_filled_changes_nothing() -> None:
-    """Law: the scene itself comes back."""
-    scene = Scene((View.from_rgbd(frame_of(WALL)),))
-    assert fuse(scene, scene.layers[0]) is scene
-
-
 def test_the_new_layer_is_what_was_filled_and_a_rim() -> None:
     """Closed form: the right half FILLED, OVERLAP columns of known neighbours REPROJECTED, the rest a hole; old layers stay."""
     scene, filled = half_filled()

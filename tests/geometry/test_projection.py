@@ -93,15 +93,6 @@ def test_provenance_of_points() -> None:
     assert cloud.color.tolist() == [[0, 1, 2], [6, 7, 8]]
 
 
-def test_nothing_valid_lifts_to_an_empty_cloud() -> None:
-    """Law: far and missing pixels have no point."""
-    depth = np.array([[0, np.inf]], np.float32)
-    rgbd = RGBD(np.zeros((1, 2, 3), np.uint8), depth, Camera.from_fov(2, 1, 60))
-    cloud = lift(rgbd)
-    pixels, z = project(cloud.points, rgbd.camera)
-    assert len(cloud) == 0 and pixels.shape == (0, 2) and z.shape == (0,)
-
-
 def test_points_beside_or_behind_the_camera_have_no_pixel() -> None:
     """Closed form: only z > 0 has coordinates; z is told in any case."""
     camera = Camera.from_fov(4, 4, 90)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 import pytest
 
@@ -129,35 +128,6 @@ def test_nothing_is_drawn_between_two_surfaces(name: str, target: Camera) -> Non
     assert view.valid.mean() > 0.1
     off = world.distance(points)[view.valid] / allowed[view.valid]
     assert off.max() < 1
-
-
-@targets
-@pytest.mark.parametrize("name", ["box", "sphere"])
-def test_holes_are_what_the_source_does_not_see(name: str, target: Camera) -> None:
-    """Closed form: hole = unseen, but for 1.5 px at its rim, and for places within 1.5 px of an edge in the source.
-
-    Through a side of the foreground that the source does not know, it may know the wall behind: only the wall must be open.
-    """
-    world = EDGES[name]
-    view = render(world.rgbd(HOME), target)
-    unseen = ~world.seen_by(HOME, target)
-    assert unseen.any()
-    must = cv2.erode((unseen & (world.trace(target)[1] == 1)).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
-    may = cv2.dilate(unseen.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
-    assert must.any() and not (must & ~view.hole).any()
-    assert not (view.hole & ~may & ~beside_an_edge(world, target)).any()
-
-
-def beside_an_edge(world: World, target: Camera) -> np.ndarray:
-    """H x W of the target, True where the source pixel of what it sees is within 1.5 px of another shape, or of the border."""
-    _, of_source = world.trace(HOME)
-    padded = np.pad(of_source, 2, constant_values=-2).astype(np.float32)
-    kernel = np.ones((3, 3), np.uint8)
-    near_edge = cv2.dilate(padded, kernel) != cv2.erode(padded, kernel)
-    depth, _ = world.trace(target)
-    x, y, z = pixels_of(HOME, points_of(target, depth))
-    inside = (z > 0) & (x >= 0) & (x < HOME.width) & (y >= 0) & (y < HOME.height)
-    return near_edge[np.where(inside, y, 0).astype(int) + 2, np.where(inside, x, 0).astype(int) + 2]
 
 
 @targets

@@ -141,23 +141,17 @@ def test_only_the_sky_is_known(name: str) -> None:
     assert abs(filled.color.astype(int) - color).max() <= 2
 
 
-def test_a_view_without_holes_comes_back_itself() -> None:
-    """Law: the same object; the filler is not called."""
-    view = View.from_rgbd(RGBD(np.zeros((2, 3, 3), np.uint8), np.ones((2, 3), np.float32), Camera.from_fov(3, 2, 60)))
+@pytest.mark.parametrize(("metres", "notes"), [(1, {}), (0, {"nothing_visible": True})])
+def test_a_view_without_holes_or_of_nothing_comes_back_itself(metres: int, notes: dict[str, bool]) -> None:
+    """Law: the same object; the filler is not called, and of a view of nothing a note says so."""
+    depth = np.full((2, 3), metres, np.float32)
+    view = View.from_rgbd(RGBD(np.zeros((2, 3, 3), np.uint8), depth, Camera.from_fov(3, 2, 60)))
+
+    def never(view: View, context: FillContext, seed: int) -> Fill:
+        raise AssertionError("called though there is nothing to fill, or nothing to fill from")
+
     filled, report = inpaint(view, never, NOTHING)
-    assert filled is view and report.hole_pixels == 0 and report.notes == {}
-
-
-def never(view: View, context: FillContext, seed: int) -> Fill:
-    """A filler that must not be called."""
-    raise AssertionError("called though there is nothing to fill, or nothing to fill from")
-
-
-def test_a_view_of_nothing_says_so() -> None:
-    """Law: no crash, the view as it was, and the note `nothing_visible`."""
-    view = View.from_rgbd(RGBD(np.zeros((2, 3, 3), np.uint8), np.zeros((2, 3), np.float32), Camera.from_fov(3, 2, 60)))
-    filled, report = inpaint(view, never, NOTHING)
-    assert filled is view and report.notes == {"nothing_visible": True}
+    assert filled is view and report.hole_pixels == 0 and report.notes == notes
 
 
 def careless(view: View, context: FillContext, seed: int) -> Fill:

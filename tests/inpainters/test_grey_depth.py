@@ -12,7 +12,7 @@ from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill, Painter
-from dlama.inpainters.grey_depth import channel_spread, with_grey_depth
+from dlama.inpainters.grey_depth import with_grey_depth
 from dlama.inpainters.opencv import telea
 
 NOTHING = FillContext(Law(()))
@@ -81,8 +81,3 @@ def test_a_painter_gets_both_pictures_apart_and_its_channels_are_averaged() -> N
     grey, color = shown
     assert grey.shape == (*hole.shape, 3) and not grey[hole].any() and grey[~hole].max() == 255
     np.testing.assert_array_equal(color, view.color)
-
-
-def test_no_hole_has_no_spread() -> None:
-    """Closed form, and the smallest picture."""
-    assert channel_spread(np.zeros((1, 1, 3), np.uint8), np.zeros((1, 1), bool)) == 0

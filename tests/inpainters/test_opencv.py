@@ -14,7 +14,7 @@ from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import inpaint
-from dlama.inpainters.opencv import RADIUS, depth_of_levels, paint, pull_push, spread_small, telea, telea_spread
+from dlama.inpainters.opencv import RADIUS, paint, pull_push, spread_small, telea, telea_spread
 from worlds import Plane, World
 
 NOTHING = FillContext(Law(()))
@@ -84,13 +84,6 @@ def test_filled_depth_stays_between_what_is_known() -> None:
     depth[:14] = np.inf
     filled, _ = inpaint(with_hole(depth, block()), telea, NOTHING)
     assert (filled.depth >= depth.min() * (1 - 1e-4)).all()
-
-
-def test_levels_are_inverse_depth() -> None:
-    """Closed form: level k is 1 / (k * scale) metres, level 0 far."""
-    got = depth_of_levels(np.array([[0, 1, 10, 65535]], np.uint16), 1e-3)
-    np.testing.assert_allclose(got, [[np.inf, 1000, 100, 1 / 65.535]], rtol=1e-6)
-    assert got.dtype == np.float32
 
 
 def test_a_single_row_is_filled_from_itself() -> None:

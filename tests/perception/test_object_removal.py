@@ -7,7 +7,7 @@ import pytest
 
 import dlama
 from dlama.geometry.camera import Camera
-from dlama.geometry.frames.foreground import find_foreground, grow_region, interpolate_harmonic
+from dlama.geometry.frames.foreground import find_foreground, grow_region
 from dlama.geometry.projection import world_points
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import View
@@ -108,17 +108,6 @@ def plane_with_a_post() -> tuple[RGBD, np.ndarray]:
     post = (np.abs(x - 30) <= 1) & (y >= 10) & (y < 40)
     depth[post] = 1.5
     return RGBD(np.zeros((50, 60, 3), np.uint8), depth, Camera.from_fov(60, 50, 60)), post
-
-
-def test_the_background_goes_on_behind() -> None:
-    """Within a region of a plane the harmonic surface is that plane."""
-    y = np.broadcast_to(np.arange(40, dtype=np.float32)[:, None], (40, 40))
-    plane = (0.2 + 0.01 * y).astype(np.float32)
-    known = np.ones((40, 40), bool)
-    known[15:25, 12:30] = False
-    np.testing.assert_allclose(
-        interpolate_harmonic(np.where(known, plane, 0).astype(np.float32), known), plane, rtol=0.01
-    )
 
 
 def test_a_post_stands_in_front_and_the_ground_does_not() -> None:

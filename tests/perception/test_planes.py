@@ -28,7 +28,7 @@ from dlama.perception.planes import (
 )
 from marks import first_quick
 from reference import planes as twin
-from worlds import Box, Plane, World
+from worlds import Plane, World
 
 SEEDS = first_quick(range(8), 4)
 FLOOR, WALL = Plane((0, 1.2, 0), (0, 1, 0)), Plane((0, 0, 5), (0.3, 0, -1))
@@ -250,18 +250,6 @@ def test_plane_values_are_affine_at_pixel_centres() -> None:
     assert plane_values(plane, (4, 5))[0, 2, 3] == pytest.approx(0.035 - 0.05 + 0.5)
     assert plane_values(plane, (4, 5), step=3.0)[0, 2, 3] == pytest.approx(0.105 - 0.15 + 0.5)
     assert plane_values(plane[:0], (4, 5)).shape == (0, 4, 5)
-
-
-def test_the_box_in_front_is_not_mixed_into_the_wall() -> None:
-    """Closed form: a wall with a box before it is fitted as if the box were not there."""
-    camera = Camera.from_fov(120, 90, 70)
-    depth, number = World((WALL, Box((-1, -1, 2), (0.5, 1, 2.5)))).trace(camera)
-    w = inverse_depth(depth.astype(np.float32))
-    planes = find_planes(w, depth > 0, seed=0)
-    label = label_known(w, depth > 0, depth < 0, planes)
-    k = np.bincount(label[number == 0]).argmax()
-    np.testing.assert_allclose(planes[k - 1], closed_form(WALL, camera), rtol=1e-4, atol=1e-6)
-    assert not (label[number == 1] == k).any()
 
 
 def test_values_at_pixels_are_the_planes_own() -> None:

@@ -126,21 +126,15 @@ def contents(folder: Path) -> dict[str, bytes]:
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
-def test_pictures_that_memory_cannot_hold_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="size is 30000; a whole number from 1 to 8192"):
-        write_worlds(tmp_path / "out", count=1, size=30_000)
-    assert list(tmp_path.iterdir()) == []
-
-
 @pytest.mark.parametrize(
     ("given", "message"),
     [
         ({"count": 0}, "count is 0; a whole number from 1 to 10000"),
         ({"count": "4"}, "count is '4'; a whole number from 1 to 10000"),
-        ({"kind": "cave"}, "kind is 'cave'"),
+        ({"kind": "cave"}, "kind is 'cave'; one of street, room is expected"),
         ({"seed": 1.5}, "seed is 1.5; 0 or more is expected, a whole number"),
         ({"size": 64.5}, "size is 64.5; a whole number from 1 to 8192"),
-        ({"size": 1_000_000}, "size is 1000000; a whole number from 1 to 8192"),
+        ({"size": 30_000}, "size is 30000; a whole number from 1 to 8192"),
         ({"yaws": (-10, 10)}, "yaws are"),
         ({"yaws": ("10",)}, "yaws are"),
     ],
@@ -163,7 +157,7 @@ def test_a_folder_of_textures_may_be_a_text(tmp_path: Path) -> None:
         worlds(1, textures=str(tmp_path / "none"))
 
 
-@pytest.mark.parametrize("seed", [97, *range(1_000_000_000, 1_000_000_012)])
+@pytest.mark.parametrize("seed", [97, *range(1_000_000_000, 1_000_000_004)])
 def test_every_seed_is_a_scene(seed: int) -> None:
     """Law: streets and rooms can be built of any seed; 97 is a street hardly wide enough for its markings."""
     plain = [np.full((8, 8, 3), 100, np.uint8)] * 3

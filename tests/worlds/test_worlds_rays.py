@@ -147,29 +147,6 @@ def test_a_texture_lies_on_a_wall_as_it_was_drawn() -> None:
         np.testing.assert_allclose(world.frame(camera).color.astype(int), picture[..., :3], atol=1)
 
 
-def test_a_shadow_lies_where_a_ball_blocks_the_sun() -> None:
-    """A ball over a plane: a point is in its shadow exactly where its line to the sun passes the centre within the radius."""
-    builder = new_builder()
-    paint = plain(builder, 200, 200, 200)
-    builder.panel((0, 0, 0), (100, 100), paint)
-    with builder.group(OBJECT_GROUP):
-        builder.ball((0.2, 1.1, 3.5), (0.5, 0.5, 0.5), paint)
-    world = set_world(builder)
-    camera = world.camera(size=128)
-    seen = world.raycast(camera)
-    ground = seen.group == 0
-    points = oracle.points_of(camera, np.where(ground, seen.depth, 1.0))
-    to_centre = np.array((0.2, -1.1, 3.5)) - points
-    along = to_centre @ SUN
-    passing = np.linalg.norm(to_centre - along[..., None] * SUN, axis=-1)
-    wanted = ground & (along > 0) & (passing < 0.5)
-    assert wanted.sum() > 60
-    clear = np.abs(passing - 0.5) > 1e-3
-    np.testing.assert_array_equal(
-        world.shadow_of(world.raycast(camera), world.raycast(camera, object=False))[clear], wanted[clear]
-    )
-
-
 def test_smoothed_edges_are_the_mean_over_the_pixel_and_depth_is_not_smoothed() -> None:
     """Oracle: 64 rays a pixel, from a camera of eight times the size; depth, group and light stay those of the centre."""
     world = jumble(6)

@@ -18,6 +18,7 @@ import dlama
 from dlama.geometry.figures import show
 from dlama.geometry.figures.html import GAP, LARGEST_SIDE, figure, strip
 from dlama.geometry.figures.points import MOST_POINTS, point_viewer
+from dlama.perception.resampling import shrink_rgbd
 
 NOWHERE_ELSE = ("http://", "https://", "file://", "@import")
 
@@ -31,7 +32,7 @@ def pictures(content: str) -> list[Image.Image]:
 
 def street() -> dlama.RGBD:
     folder = dlama.example()
-    return dlama.read_rgbd(folder / "street.jpg", folder / "depth.png", fov=90)
+    return shrink_rgbd(dlama.read_rgbd(folder / "street.jpg", folder / "depth.png", fov=90), (128, 128))
 
 
 def test_a_figure_shows_the_pictures_and_escapes_words() -> None:

@@ -90,14 +90,14 @@ def readers(reader: Reader) -> list[Callable[[], RGBD]]:
 def test_results_are_those_of_frames_in_memory(limited: list[PixelCache]) -> None:
     """Bit for bit, with a removal; and never more than the limit is held."""
     reader = Reader()
-    stored = dlama.scene(readers(reader)[::3])
-    eager = dlama.scene([reader(camera) for camera in CAMERAS[::3]])
+    stored = dlama.scene(readers(reader)[::4])
+    eager = dlama.scene([reader(camera) for camera in CAMERAS[::4]])
     assert stored.gains == eager.gains and stored.noise == eager.noise and stored.numbers == eager.numbers
-    mask = WORLD.trace(CAMERAS[21])[1] == 2
-    one, other = (dlama.complete(each, [TARGET], mask={7: mask}) for each in (stored, eager))
+    mask = WORLD.trace(CAMERAS[20])[1] == 2
+    one, other = (dlama.complete(each, [TARGET], mask={5: mask}, filler="telea") for each in (stored, eager))
     for plane in ("color", "depth", "origin", "confidence", "frame"):
         np.testing.assert_array_equal(getattr(one.view, plane), getattr(other.view, plane))
-    assert one.meta["law_violations"] == 0 and limited[0].reads > 40
+    assert one.meta["law_violations"] == 0 and limited[0].reads > 30
     assert limited[0].bytes <= LIMIT
 
 

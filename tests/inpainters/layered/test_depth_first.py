@@ -115,9 +115,12 @@ def test_occluders_beside_a_disocclusion_are_known_by_their_depth() -> None:
     np.testing.assert_array_equal(columns, np.arange(36 - BAND, 36))
 
 
-def test_what_lies_beyond_the_picture_is_hidden_by_nothing() -> None:
-    """Law: next to a hole that is out of view no known pixel is taken from the painter."""
-    view = step(HoleType.OUT_OF_VIEW)
+@pytest.mark.parametrize("kind", [HoleType.OUT_OF_VIEW, HoleType.SENSOR])
+def test_beside_what_is_out_of_view_or_lacks_depth_alone_nothing_is_hidden(kind: HoleType) -> None:
+    """Law: what lies beyond the picture is hidden by nothing; a sensor hole has its own colours, and colours are painted."""
+    view = step(kind)
+    if kind == HoleType.SENSOR:
+        view = dataclasses.replace(view, origin=np.where(view.hole, np.uint8(Origin.MEASURED), view.origin))
     assert not find_occluders(view, *flat(view, 3), NOTHING.law).any()
 
 
@@ -244,13 +247,6 @@ def test_what_lies_behind_a_removed_object_is_its_background() -> None:
     known, unknown = (find_occluders(view, *flat(view, 5), one) for one in (law, NOTHING.law))
     assert not known[60:90, 50:76].any() and known[60:90, 126:148].all()
     assert unknown[60:90, 54:74].all() and unknown[60:90, 126:148].all()
-
-
-def test_beside_a_hole_that_lacks_depth_alone_nothing_is_hidden() -> None:
-    """Law: what is painted are colours; a sensor hole has its own, so nothing near it is an occluder."""
-    view = step(HoleType.SENSOR)
-    view = dataclasses.replace(view, origin=np.where(view.hole, np.uint8(Origin.MEASURED), view.origin))
-    assert not find_occluders(view, *flat(view, 3), NOTHING.law).any()
 
 
 def test_a_sensor_hole_keeps_its_colour() -> None:

@@ -193,13 +193,12 @@ def test_as_a_filler_it_continues_surfaces_and_says_what_ran() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("recipe", ["dlama", "paper"])
 def test_the_seed_reaches_the_patches(recipe: str) -> None:
-    """Law: the same seed gives the same bits, another one other patches, on continued surfaces and as the paper does it."""
+    """Law: another seed gives other patches, on continued surfaces and as the paper does it; known pixels stay."""
     noise = np.random.default_rng(3).integers(0, 256, (96, 128, 3), np.uint8)
     rgbd = RGBD(noise, np.full((96, 128), 3, np.float32), Camera.from_fov(128, 96, 60))
-    first, same, other = (
-        dlama.remove(rgbd, HOLE, filler="patchmatch", recipe=recipe, seed=seed).view.color for seed in (5, 5, 6)
+    first, other = (
+        dlama.remove(rgbd, HOLE, filler="patchmatch", recipe=recipe, seed=seed).view.color for seed in (5, 6)
     )
-    np.testing.assert_array_equal(first, same)
     assert (first != other)[HOLE].any() and (first == other)[~HOLE].mean() > 0.9
 
 
@@ -271,14 +270,12 @@ def test_auto_is_the_filler_that_suits_the_depth() -> None:
     that name."""
     assert FILLER_NAMES[0] == AUTO and set(FILLER_NAMES) == {AUTO, *FILLERS}
     plain = np.random.default_rng(0).integers(60, 70, (144, 128, 3), np.uint8)
-    for off in (0, 4):
-        rgbd, hole = camera_frame(off, plain)
-        assert dlama.view(rgbd, yaw=5).meta["filler"] == "layered-patches"
-        assert dlama.remove(rgbd, hole).meta["filler"] == "layered-patches"
-        assert dlama.remove(rgbd, hole, filler="layered").meta["filler"] == "layered"
+    rgbd, hole = camera_frame(4, plain)
+    assert dlama.view(rgbd, yaw=5).meta["filler"] == "layered-patches"
+    assert dlama.remove(rgbd, hole).meta["filler"] == "layered-patches"
     rgbd = RGBD(brick_wall(), np.full((96, 128), 3, np.float32), Camera.from_fov(128, 96, 60))
     estimated = dataclasses.replace(rgbd, estimate={"estimator": "mine"})
     done = dlama.remove(estimated, HOLE)
     assert done.meta["filler"] == "patchmatch" and done.meta["depth"] == "estimated"
-    assert dlama.remove(estimated, HOLE, filler="layered").meta["filler"] == "layered"
-    assert dlama.remove(estimated, HOLE, filler="telea").meta["filler"] == "telea"
+    for frame in (rgbd, estimated):
+        assert dlama.remove(frame, HOLE, filler="telea").meta["filler"] == "telea"

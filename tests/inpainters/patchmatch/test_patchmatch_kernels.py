@@ -37,25 +37,18 @@ def cost(row: int, column: int, source_row: int, source_column: int) -> float:
     )
 
 
-def twin() -> tuple[np.ndarray, np.ndarray]:
-    """The best source of every target, and its cost."""
-    costs = np.array([[cost(*target, *source) for source in SOURCES.tolist()] for target in TARGETS.tolist()])
-    return SOURCES[costs.argmin(1)], costs.min(1)
-
-
-@pytest.mark.slow
 def test_all_compared_is_the_least_of_a_literal_twin() -> None:
-    """Twin: every source compared with every target, at the border too."""
+    """Twin: every source compared with every seventh target, at the border too."""
     found = kernels.Matches(np.zeros_like(TARGETS), np.zeros(len(TARGETS), np.float32))
     patches = kernels.Patches(VALUES, TARGETS, np.full(HOLE.shape, -1, np.int32), whole_patches(HOLE))
     penalties = kernels.Penalties(LEAN, USED, LABEL)
     kernels.search_rows(0, len(TARGETS), patches, SOURCES, penalties, found)
-    sources, costs = twin()
-    np.testing.assert_array_equal(found.found, sources)
-    np.testing.assert_allclose(found.cost, costs, rtol=1e-5)
+    costs = np.array([[cost(*target, *source) for source in SOURCES.tolist()] for target in TARGETS[::7].tolist()])
+    np.testing.assert_array_equal(found.found[::7], SOURCES[costs.argmin(1)])
+    np.testing.assert_allclose(found.cost[::7], costs.min(1), rtol=1e-5)
     found.cost[:] = 0
     kernels.cost_rows(0, len(TARGETS), patches, penalties, found)
-    np.testing.assert_allclose(found.cost, costs, rtol=1e-5)
+    np.testing.assert_allclose(found.cost[::7], costs.min(1), rtol=1e-5)
 
 
 def test_one_lucky_patch_tells_the_others() -> None:

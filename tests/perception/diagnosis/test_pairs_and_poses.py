@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Sequence
 from functools import cache
@@ -41,15 +42,14 @@ def checks(left: np.ndarray, right: np.ndarray, doffs: float = 0.0) -> list[str]
     return [each.check for each in check_pair(left, right, doffs) if each.severity == "fault"]
 
 
-@pytest.mark.parametrize("seed", first_quick([3, 12, 31]))
-def test_pairs(seed: int) -> None:
-    left, right = pair(seed)
+def test_pairs() -> None:
+    left, right = pair(3)
     turn = cv2.getRotationMatrix2D((160, 160), 1.5, 1)
     turned = cv2.warpAffine(right, turn, (320, 320), borderMode=cv2.BORDER_REFLECT)
     assert check_pair(left, right) == []
     assert checks(right, left) == ["swapped-pair"]
     assert checks(left, left) == ["identical-pair"]
-    assert checks(left, pair(seed + 100)[1]) == ["unrelated-pair"]
+    assert checks(left, pair(103)[1]) == ["unrelated-pair"]
     assert checks(left, turned) == ["unrectified-pair"]
     assert checks(left, right[:, ::-1]) == checks(left[:, ::-1], right) == ["mirrored-pair"]
     assert checks(left, right[::-1, ::-1]) == ["turned-pair"]
@@ -94,11 +94,10 @@ def test_good_poses(seed: int) -> None:
     assert poses_of(hand_held(seed)) == []
 
 
-@pytest.mark.parametrize("seed", first_quick([3, 12]))
 @pytest.mark.parametrize("name", POSES)
-def test_conventions(name: str, seed: int) -> None:
+def test_conventions(name: str) -> None:
     spoil, wanted = POSES[name]
-    assert [each.check for each in poses_of(moved(hand_held(seed), spoil))] == [wanted]
+    assert [each.check for each in poses_of(moved(hand_held(3), spoil))] == [wanted]
 
 
 def test_quaternions_in_another_order() -> None:
@@ -122,14 +121,27 @@ def test_one_frame_says_nothing() -> None:
     assert poses_of(hand_held(3)[:1]) == []
 
 
+def link_kitchen(folder: Path, times: float = 1.0) -> Path:
+    """A listing of six frames of a real sequence, translations multiplied."""
+    source = Path(os.environ["DLAMA_DATA"]) / "data" / "kitchen_sequence"
+    listing = json.loads((source / "transforms.json").read_text("utf-8"))
+    listing["frames"] = listing["frames"][20:26]
+    for frame in listing["frames"]:
+        for row in frame["transform_matrix"][:3]:
+            row[3] *= times
+        for key in ("file_path", "depth_file_path"):
+            frame[key] = str(source / frame[key])
+    (folder / "transforms.json").write_text(json.dumps(listing), "utf-8")
+    return folder
+
+
 @pytest.mark.slow
 @needs_data
-def test_a_real_sequence() -> None:
-    folder = Path(os.environ["DLAMA_DATA"]) / "data" / "kitchen_sequence"
-    (finding,) = dlama.diagnose(folder)
-    assert finding.check == "understood" and "layout nerfstudio, 49 frames" in finding.what
-    frames = [frame.load() for frame in open_dataset(folder).frames[20:24]]
-    for spoil, wanted in POSES.values():
+def test_a_real_sequence(tmp_path: Path) -> None:
+    (finding,) = dlama.diagnose(link_kitchen(tmp_path))
+    assert finding.check == "understood" and "layout nerfstudio, 6 frames" in finding.what
+    frames = [frame.load() for frame in open_dataset(tmp_path).frames[:3]]
+    for wanted, spoil in {check: spoil for spoil, check in POSES.values()}.items():
         assert [each.check for each in poses_of(moved(frames, spoil))] == [wanted]
 
 
@@ -143,18 +155,8 @@ def test_real_pairs_and_removals_are_fine(name: str) -> None:
 @needs_data
 def test_poses_of_a_data_set_that_do_not_meet(tmp_path: Path) -> None:
     """Oracle: translations written in millimetres; then no two frames overlap, and the frames are looked at all the same."""
-    import json
-
-    source = Path(os.environ["DLAMA_DATA"]) / "data" / "kitchen_sequence"
-    listing = json.loads((source / "transforms.json").read_text("utf-8"))
-    listing["frames"] = listing["frames"][20:26]
-    for frame in listing["frames"]:
-        for row in frame["transform_matrix"][:3]:
-            row[3] *= 1000
-        for key in ("file_path", "depth_file_path"):
-            frame[key] = str(source / frame[key])
-    (tmp_path / "transforms.json").write_text(json.dumps(listing), "utf-8")
-    assert [each.check for each in dlama.diagnose(tmp_path)] == ["no-overlap", "pose-scale", "understood"]
+    found = dlama.diagnose(link_kitchen(tmp_path, 1000))
+    assert [each.check for each in found] == ["no-overlap", "pose-scale", "understood"]
 
 
 def test_what_says_nothing_to_a_folder_is_refused(tmp_path: Path) -> None:

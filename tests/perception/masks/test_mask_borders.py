@@ -136,23 +136,25 @@ def test_sky_alone_is_refused() -> None:
         find_mask(RGBD(scene()[0], sky, CAMERA, {"estimator": "none"}), clicks=[CLICK])
 
 
-@pytest.mark.slow
-def test_a_click_on_nothing_is_refused() -> None:
-    """On plain ground there is no object, nor in the sky; one line says so."""
+@pytest.mark.parametrize(
+    ("click", "change", "words"),
+    [
+        ((20, 10), "", "20,10, where nothing stands apart"),
+        pytest.param((130, 116), "smooth", "130,116, where nothing stands apart", marks=pytest.mark.slow),
+        pytest.param((20, 5), "sky", "20,5, which lies on the sky", marks=pytest.mark.slow),
+    ],
+    ids=["the wall", "a plain floor", "the sky"],
+)
+def test_a_click_on_nothing_is_refused(click: tuple[int, int], change: str, words: str) -> None:
+    """One line says so: a wall that fills the upper rim, a floor along the lower rim and the sky are no objects."""
     color, depth, _ = scene()
-    with pytest.raises(MaskError, match="clicks holds 20,115, where nothing stands apart"):
-        find_mask(RGBD(color, bent(depth), CAMERA, {"estimator": "none"}), clicks=[(20, 115)])
-    sky = bent(depth)
-    sky[:30] = np.inf
-    with pytest.raises(MaskError, match="clicks holds 20,5, which lies on the sky"):
-        find_mask(RGBD(color, sky, CAMERA, {"estimator": "none"}), clicks=[(20, 5)])
-
-
-def test_a_click_on_the_background_is_refused_in_rough_depth() -> None:
-    """The wall fills the upper rim and more than half of the picture: no object. (A box may say that it is meant.)"""
-    color, depth, _ = scene()
-    with pytest.raises(MaskError, match="clicks holds 20,10, where nothing stands apart"):
-        find_mask(RGBD(color, bent(depth), CAMERA, {"estimator": "none"}), clicks=[(20, 10)])
+    if change == "smooth":
+        color = cv2.GaussianBlur(color, (0, 0), 3)
+    seen = bent(depth)
+    if change == "sky":
+        seen[:30] = np.inf
+    with pytest.raises(MaskError, match=f"clicks holds {words}"):
+        find_mask(RGBD(color, seen, CAMERA, {"estimator": "none"}), clicks=[click])
 
 
 @pytest.mark.parametrize("height", [2, 3, 6])
@@ -164,12 +166,3 @@ def test_a_strip_of_a_few_rows_is_one_line_or_a_mask(height: int) -> None:
         assert find_mask(rgbd, clicks=[(50, 1)]).mask[1, 50]
     except MaskError as error:
         assert "clicks holds 50,1" in str(error)
-
-
-@pytest.mark.slow
-def test_the_ground_itself_is_refused_in_rough_depth() -> None:
-    """A plain floor that runs along the lower rim is no object."""
-    color, depth, _ = scene()
-    smooth = cv2.GaussianBlur(color, (0, 0), 3)
-    with pytest.raises(MaskError, match="clicks holds 130,116, where nothing stands apart"):
-        find_mask(RGBD(smooth, bent(depth), CAMERA, {"estimator": "none"}), clicks=[(130, 116)])

@@ -50,15 +50,6 @@ def test_before_a_wide_wall() -> None:
         assert hidden[some].mean() == pytest.approx(true.mean(), abs=0.035)
 
 
-def test_it_falls_with_the_distance_and_is_nothing_far_away() -> None:
-    rgbd, mask, ground, points = seen(Box((-0.3, 0.2, 2.6), (0.3, 1.0, 3.0)))
-    hidden = hidden_from(rgbd, mask, ground)
-    assert hidden.min() >= 0 and hidden.max() <= 1
-    apart = np.hypot(points[..., 0], points[..., 2] - 2.6)
-    means = [float(hidden[ground.surface & (np.abs(apart - d) < 0.1)].mean()) for d in (0.4, 0.7, 1.1, 1.6)]
-    assert means == sorted(means, reverse=True) and means[0] > 0.1 and means[-1] < 0.05
-
-
 def test_directions_carry_the_cosine_law() -> None:
     """Closed form: under the cosine law the mean cosine to the vertical is 2 / 3, its mean square 1 / 2; all round it is even."""
     up = np.array([0.1, -0.9, 0.2]) / np.linalg.norm([0.1, -0.9, 0.2])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dlama.geometry.holes import dilate_mask
-from dlama.inpainters.layered.depth.cut_objects import Chord, CutObjects, find_cut_objects, foliage
+from dlama.inpainters.layered.depth.cut_objects import CutObjects, find_cut_objects, foliage
 from dlama.perception.planes import SMOOTH
 
 HW, BORDER = (120, 160), 110
@@ -85,15 +85,3 @@ def test_foliage_has_steps_everywhere() -> None:
     assert foliage(checker, known).all() and not foliage(checker, ~known).any()
     assert not foliage((0.2 * 1.01**COLUMNS).astype(np.float32), known).any()
     assert not foliage(np.where(COLUMNS < 60, 0.5, 0.1).astype(np.float32), known).any()
-
-
-def test_the_chord_is_where_the_border_runs() -> None:
-    """Closed form: 21 cells of a column lie round their middle; one cell is 1 long."""
-    line = (COLUMNS == 50) & (np.abs(ROWS - 60) <= 10)
-    chord = Chord.of(line)
-    assert (
-        chord.length == pytest.approx(21)
-        and chord.middle.tolist() == [60, 50]
-        and abs(chord.along[0]) == pytest.approx(1)
-    )
-    assert Chord.of((ROWS == 3) & (COLUMNS == 4)).length == 1

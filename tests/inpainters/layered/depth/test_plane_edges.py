@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from dlama.geometry.camera import Camera
 from dlama.inpainters.layered.depth.out_of_view import CoarseCells, PlaneLines
-from dlama.inpainters.layered.depth.plane_edges import align_lines_to_edges, straight_across
+from dlama.inpainters.layered.depth.plane_edges import align_lines_to_edges
 
 CAMERA = Camera.from_fov(200, 120, 60)
 TURN = np.radians(20)
@@ -57,11 +57,3 @@ def test_what_has_no_straight_edges_keeps_its_lines() -> None:
     for before, lines in (scene(round_one=True), scene(tabletop=False)):
         assert not lines.by_edges.any()
         np.testing.assert_array_equal(lines.along, before.along)
-
-
-def test_the_direction_that_leads_back_into_the_picture_comes_first() -> None:
-    """By hand: of a cut from top to bottom the vanishing point next to it, not the one above it."""
-    cut = np.zeros((40, 60), bool)
-    cut[5:30, 40] = True
-    points = np.array([[30.0, -500.0, 1.0], [-400.0, 10.0, 1.0]])
-    assert straight_across(cut, points) == 1 and straight_across(cut, points[::-1]) == 0

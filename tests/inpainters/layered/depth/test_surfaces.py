@@ -51,18 +51,6 @@ def test_far_side_equals_its_twin(seed: int) -> None:
     assert (got[hole] > 0).any()
 
 
-def test_far_side_between_two_walls_is_the_farther_one() -> None:
-    """Closed form: in the middle of a slit between 1 m and 4 m stands 4 m exactly; where only sky is met, 0."""
-    w = np.full((9, 12), 0.25, np.float32)
-    w[:, :3] = 1
-    hole = np.zeros(w.shape, bool)
-    hole[:, 3:9] = True
-    got = kernels.far_side(w, hole)
-    np.testing.assert_allclose(got[2:-2, 5:9], 0.25, rtol=1e-6)
-    np.testing.assert_array_equal(kernels.far_side(np.zeros_like(w), hole), 0)
-    np.testing.assert_array_equal(kernels.far_side(w, np.ones_like(hole)), 0)
-
-
 def costs_setup(seed: int, labels: int = 4) -> tuple:
     """Random arguments of the twin of `unary_costs`."""
     rng = np.random.default_rng(seed)
@@ -87,27 +75,6 @@ def test_unary_costs_equal_their_twin(seed: int) -> None:
     nothing = CutObjects(np.zeros(hole.shape, np.float32), np.zeros(hole.shape, np.int32), *none)
     found = CoarseView(camera, hole, hole, w, label, values, nothing).unary_costs(allowed, distance, penalty)
     np.testing.assert_allclose(found, twin.unary(*args), rtol=1e-5, atol=1e-5)
-
-
-@pytest.mark.parametrize(
-    ("value", "label", "known", "known_label", "expected"),
-    [
-        (0.5, 1, 0.9, 1, 0.0),  # the same plane continues, whatever the values
-        (0.0, 0, 0.0, 0, 0.0),  # sky next to sky
-        (0.5, -1, 0.5, -1, RIM[0]),  # no plane is never "the same"
-        (0.5, 2, 0.51, 1, RIM[0]),  # within 3 %: they meet
-        (0.4, 2, 0.5, 1, RIM[0] + RIM[1]),  # hidden by what is known
-        (0.5, 2, 0.54, 1, RIM[0] + 0.5 * RIM[1]),  # hidden by a step of 8 %: half
-        (0.0, 0, 0.5, 1, RIM[0] + RIM[2]),  # sky hidden by what is known
-        (0.6, 2, 0.5, 1, RIM[0] + RIM[3]),  # stands before it
-        (0.6, 2, 0.0, 0, RIM[0] + RIM[3]),  # stands before the sky
-        (0.54, 2, 0.5, 1, RIM[0] + 0.5 * RIM[3]),  # stands before it by 8 %: half
-    ],
-)
-def test_rim_cost_by_case(value: float, label: int, known: float, known_label: int, expected: float) -> None:
-    """Table, of the twin: continuing is free, else meeting costs RIM[0]; being hidden, hidden sky and standing in front add
-    RIM[1..3] in full from a step of 13 %, nothing up to 3 %."""
-    assert twin.rim_cost(value, label, known, known_label, RIM) == pytest.approx(expected)
 
 
 def random_problem(seed: int, hole: np.ndarray, labels: int = 3) -> tuple[np.ndarray, np.ndarray]:
