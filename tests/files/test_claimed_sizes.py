@@ -17,7 +17,6 @@ from dlama.errors import FileError
 from dlama.files.rasters.depth import read_depth
 from dlama.files.rasters.float_files import read_array, read_pfm
 from dlama.files.rasters.images import picture_hw
-from dlama.files.rasters.masks import read_mask
 from dlama.files.rasters.pictures import read_color
 from dlama.files.scenes.clouds import read_ply
 from dlama.files.scenes.scene_npz import read_npz
@@ -68,7 +67,6 @@ FILES: dict[str, tuple[Callable[[], bytes], Callable[[Path], object]]] = {
     "digits.pfm": (lambda: b"Pf\n" + b"9" * 5000 + b" 4\n-1\n" + bytes(64), read_pfm),
     "scale.pfm": (lambda: b"Pf\n2 2\n1.2.3\n" + bytes(16), read_pfm),
     "claims.png": (lambda: png(BIG, BIG), read_color),
-    "mask.png": (lambda: png(BIG, BIG), read_mask),
     "header.png": (lambda: png(BIG, BIG), picture_hw),
     "depth.png": (lambda: png(BIG, BIG), read_depth),
     "claims.ply": (
@@ -111,11 +109,3 @@ def test_names_that_no_file_has(tmp_path: Path, name: str) -> None:
     assert str(refusal.value).isprintable()
     assert len(str(refusal.value)) < 300
     str(refusal.value).encode("utf-8")
-
-
-def test_lists_where_a_ply_has_numbers(tmp_path: Path) -> None:
-    head = "ply\nformat ascii 1.0\nelement vertex 1\nproperty list uchar float x\nproperty float y\nproperty float z\n"
-    colors = "".join(f"property uchar {name}\n" for name in ("red", "green", "blue"))
-    (tmp_path / "list.ply").write_text(f"{head}{colors}end_header\n2 1 2 0 0 9 9 9\n")
-    with pytest.raises(FileError, match=r"list\.ply: 'x' of the vertices is a list"):
-        read_ply(tmp_path / "list.ply")

@@ -47,16 +47,7 @@ def test_ply_as_others_see_it(tmp_path: Path) -> None:
     write_ply(tmp_path / "c.ply", cloud)
     head = PlyData.read(str(tmp_path / "c.ply"))
     assert not head.text and head.byte_order == "<" and len(head.elements) == 1
-    assert [p.name for p in head["vertex"].properties] == [
-        "x",
-        "y",
-        "z",
-        "red",
-        "green",
-        "blue",
-        "origin",
-        "confidence",
-    ]
+    assert [p.name for p in head["vertex"].properties] == ["x", "y", "z", "red", "green", "blue", "origin", "confidence"]
     assert [p.val_dtype for p in head["vertex"].properties] == ["f4"] * 3 + ["u1"] * 4 + ["f4"]
     seen = trimesh.load(tmp_path / "c.ply")
     assert np.allclose(seen.vertices, cloud.points) and np.array_equal(seen.colors[:, :3], cloud.color)
@@ -76,14 +67,12 @@ def test_bad_ply(tmp_path: Path) -> None:
     PlyData([PlyElement.describe(bare, "vertex")]).write(str(tmp_path / "bare.ply"))
     PlyData([PlyElement.describe(bare, "face")]).write(str(tmp_path / "face.ply"))
     (tmp_path / "text.ply").write_text("no ply")
+    head = "ply\nformat ascii 1.0\nelement vertex 1\nproperty list uchar float x\nproperty float y\nproperty float z\n"
+    colors = "".join(f"property uchar {name}\n" for name in ("red", "green", "blue"))
+    (tmp_path / "list.ply").write_text(f"{head}{colors}end_header\n2 1 2 0 0 9 9 9\n")
     write_ply(tmp_path / "cut.ply", cloud_of(np.ones((30, 3))))
     (tmp_path / "cut.ply").write_bytes((tmp_path / "cut.ply").read_bytes()[:-7])
-    for name, words in {
-        "bare": "no 'red'",
-        "face": "'vertex'",
-        "text": "no PLY",
-        "cut": "truncated",
-        "none": "no such",
-    }.items():
+    words_of = {"bare": "no 'red'", "face": "'vertex'", "text": "no PLY", "cut": "truncated", "none": "no such"}
+    for name, words in {**words_of, "list": "'x' of the vertices is a list"}.items():
         with pytest.raises(FileError, match=words):
             read_ply(tmp_path / f"{name}.ply")
