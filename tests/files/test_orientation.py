@@ -30,6 +30,7 @@ PICTURES = {
     "colour": RNG.integers(0, 256, (4, 6, 3), dtype=np.uint8),
     "depth": RNG.integers(0, 65536, (4, 6), dtype=np.uint16),
     "deep colour": RNG.integers(0, 65536, (4, 6, 3), dtype=np.uint16),
+    "float depth": RNG.random((4, 6), np.float32),
 }
 
 
@@ -72,8 +73,10 @@ def write(path: Path, values: np.ndarray, orientation: int) -> Path:
 
 
 @pytest.mark.parametrize("orientation", range(1, 9))
-@pytest.mark.parametrize("suffix", [".tif", ".png"])
-@pytest.mark.parametrize("kind", PICTURES)
+@pytest.mark.parametrize(
+    ("kind", "suffix"),
+    [*((kind, ".tif") for kind in PICTURES), ("colour", ".png"), ("depth", ".png"), ("deep colour", ".png")],
+)
 def test_every_kind_of_picture_is_read_as_shown(tmp_path: Path, kind: str, suffix: str, orientation: int) -> None:
     path = write(tmp_path / f"turned{suffix}", PICTURES[kind], orientation)
     wanted = shown(PICTURES[kind], orientation)
@@ -85,7 +88,7 @@ def test_every_kind_of_picture_is_read_as_shown(tmp_path: Path, kind: str, suffi
             assert np.array_equal(np.array(ImageOps.exif_transpose(picture)), wanted)
 
 
-@pytest.mark.parametrize("orientation", range(1, 9))
+@pytest.mark.parametrize("orientation", [1, 6])
 def test_a_big_tiff_is_turned_too(tmp_path: Path, orientation: int) -> None:
     """BigTIFF, whose offsets have 64 bits; with the other byte order, which Pillow does not read, it is refused."""
     values, tags = PICTURES["depth"], [(274, "H", 1, orientation, True)]
@@ -98,11 +101,6 @@ def test_a_big_tiff_is_turned_too(tmp_path: Path, orientation: int) -> None:
     tifffile.imwrite(tmp_path / "other.tif", values, bigtiff=True, byteorder=">", extratags=tags)
     with pytest.raises(FileError, match=r"other\.tif: is no readable"):
         read_stored(tmp_path / "other.tif")
-
-
-def test_float_tiff_is_turned(tmp_path: Path) -> None:
-    depth = RNG.random((4, 6), np.float32)
-    assert np.array_equal(read_stored(write(tmp_path / "depth.tif", depth, 6)).values, shown(depth, 6))
 
 
 def rgbd_files(folder: Path, orientations: tuple[int, int, int]) -> tuple[Path, Path, Path]:

@@ -106,7 +106,7 @@ def test_splats_lie_where_the_points_do(folder: Path, photo: Photo3D) -> None:
     )
 
 
-@pytest.mark.parametrize("share", [0.1, 0.5, 0.9])
+@pytest.mark.parametrize("share", [0.1, 0.9])
 def test_a_sheet_of_splats_is_as_opaque_as_its_border(share: float) -> None:
     """Drawn one over the other, at random places of a large sheet, splats of the peak hide that share of what is behind."""
     peak, rng = float(peak_opacity(np.array([share]))[0]), np.random.default_rng(0)
@@ -169,14 +169,6 @@ def test_the_loop_ends_where_it_begins(photo: Photo3D, monkeypatch: pytest.Monke
     with Image.open(tmp_path / "out" / "loop.webp") as picture:
         assert picture.n_frames == 6
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["loop.mp4", "loop.webp", "meta.json"]
-
-
-def test_the_scene_comes_back(folder: Path, photo: Photo3D) -> None:
-    """read_scene gives as many layers, and the same picture."""
-    scene = dlama.read_scene(folder / "scene.npz")
-    assert len(scene.layers) == len(photo.scene.layers)
-    turned = photo.box.at(1, 0.5, -1)
-    assert (dlama.render(scene, turned).color == dlama.render(photo.scene, turned).color).all()
 
 
 def test_unknown_names_are_refused(photo: Photo3D, tmp_path: Path) -> None:

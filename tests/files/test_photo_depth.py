@@ -101,7 +101,7 @@ def test_a_depth_image_that_says_nothing_is_not_used(tmp_path: Path) -> None:
         assert (read_rgbd(path, fov=60, metres_at=KNOWN).estimate or {})["estimator"] == "tcmonodepth"
 
 
-@pytest.mark.parametrize("orientation", [1, 3, 6, 8])
+@pytest.mark.parametrize("orientation", [3, 6])
 def test_depth_and_calibration_turn_with_the_picture(tmp_path: Path, orientation: int) -> None:
     """Oracle: Pillow's own turning of the picture and of the codes; the principal point by turning a picture of it."""
     from PIL import ImageOps
@@ -186,8 +186,7 @@ def test_a_network_that_is_asked_for_is_used(tmp_path: Path) -> None:
     assert (rgbd.estimate or {})["estimator"] == "tcmonodepth"
 
 
-@pytest.mark.parametrize("suffix", ["mpo", "jpg"])
-def test_a_stereo_photo(tmp_path: Path, suffix: str) -> None:
+def test_a_stereo_photo(tmp_path: Path) -> None:
     """A near square before a wall: 12 and 4 px of disparity; without a baseline only their difference is known."""
     wall = np.random.default_rng(3).integers(0, 256, (120, 200, 3), np.uint8)
     wall = np.asarray(Image.fromarray(wall).resize((400, 240), Image.Resampling.BICUBIC))
@@ -195,11 +194,11 @@ def test_a_stereo_photo(tmp_path: Path, suffix: str) -> None:
     square = wall[60:180, :120][:, ::-1]
     left[60:180, 150:270], right[60:180, 138:258] = square, square
     pair = multi_picture(picture(left), [(0x020002, picture(right))])
-    found = read_photo_depth(put(tmp_path / f"a.{suffix}", pair))
+    found = read_photo_depth(put(tmp_path / "a.mpo", pair))
     assert found is not None and not found.metric
     near, far = found.values[100:140, 180:240], found.values[10:40, 150:350]
     assert np.median(near) - np.median(far) == pytest.approx(8, abs=0.5)
-    rgbd = own_rgbd(tmp_path / f"a.{suffix}", fov=60)
+    rgbd = own_rgbd(put(tmp_path / "a.jpg", pair), fov=60)
     assert rgbd.depth[120, 210] < rgbd.depth[20, 300]
 
 

@@ -25,20 +25,14 @@ SMOOTH = np.clip(np.add.outer(np.arange(90), np.arange(130))[..., None] + [0, 20
 
 @pytest.mark.parametrize("suffix", [".png", ".tif"])
 def test_color_there_and_back(tmp_path: Path, suffix: str) -> None:
-    """Oracles: the round trip, and imageio reading our file."""
+    """Oracles: the round trip, and imageio reading our file; what OpenCV and imageio write."""
     path = tmp_path / f"c{suffix}"
     write_color(path, COLOR)
     assert np.array_equal(read_color(path), COLOR)
     assert np.array_equal(imageio.imread(path), COLOR)
-
-
-def test_color_of_other_writers(tmp_path: Path) -> None:
-    """Oracle: what was given to imageio (RGB) and OpenCV (BGR)."""
-    imageio.imwrite(tmp_path / "a.png", COLOR)
-    cv2.imwrite(str(tmp_path / "b.tif"), COLOR)
+    cv2.imwrite(str(path), COLOR)
+    assert np.array_equal(read_color(path), COLOR[..., ::-1])
     imageio.imwrite(tmp_path / "c.jpg", SMOOTH, quality=95)
-    assert np.array_equal(read_color(tmp_path / "a.png"), COLOR)
-    assert np.array_equal(read_color(tmp_path / "b.tif"), COLOR[..., ::-1])
     assert np.abs(read_color(tmp_path / "c.jpg").astype(int) - SMOOTH).mean() < 3
 
 
@@ -61,8 +55,7 @@ def test_webp_is_read_and_an_animated_one_refused(tmp_path: Path) -> None:
         read_color(tmp_path / "d.webp")
 
 
-@pytest.mark.parametrize("suffix", [".png", ".tif"])
-@pytest.mark.parametrize("channels", [1, 3, 4])
+@pytest.mark.parametrize(("suffix", "channels"), [(".png", 1), (".png", 4), (".tif", 3), (".tif", 4)])
 def test_16_bit_keeps_the_high_byte(tmp_path: Path, suffix: str, channels: int) -> None:
     """Oracle: numpy's shift of what OpenCV wrote; grey is repeated, alpha dropped."""
     values = np.random.default_rng(channels).integers(0, 65536, (9, 11, channels)).astype(np.uint16)
@@ -124,15 +117,11 @@ def test_missing_and_wrong_files(tmp_path: Path) -> None:
     Image.fromarray(COLOR[..., 0].astype(np.float32)).save(tmp_path / "float.tif")
     pages = [Image.fromarray(COLOR), Image.fromarray(COLOR)]
     pages[0].save(tmp_path / "pages.tif", save_all=True, append_images=pages[1:])
-    wanted = {
-        "none": "no such file",
-        "empty": "0 bytes",
-        "text": "no readable",
-        "float": "float32",
-        "pages": "one page",
-    }
-    for name, words in wanted.items():
-        path = tmp_path / f"{name}{'.tif' if name in ('float', 'pages') else '.png'}"
+    for name, words in (
+        ("none.png", "no such file"), ("empty.png", "0 bytes"), ("text.png", "no readable"), ("float.tif", "float32"),
+        ("pages.tif", "one page"),
+    ):  # fmt: skip
+        path = tmp_path / name
         with pytest.raises(FileError, match=words) as caught:
             read_color(path)
         assert str(path) in str(caught.value)
@@ -150,14 +139,14 @@ def test_truncated_pictures_raise_or_are_whole(tmp_path: Path, name: str) -> Non
         Image.fromarray(SMOOTH).save(path, **({"compression": "tiff_lzw"} if "lzw" in name else {}))
     data, whole = path.read_bytes(), srgb_of(read_stored(path), path)
     refused = 0
-    for kept in [*np.linspace(1, len(data) - 40, 30).astype(int), *range(len(data) - 30, len(data), 5)]:
+    for kept in [*np.linspace(1, len(data) - 40, 20).astype(int), *range(len(data) - 30, len(data), 5)]:
         path.write_bytes(data[:kept])
         try:
             assert np.array_equal(srgb_of(read_stored(path), path), whole), f"{name} cut to {kept} of {len(data)} bytes"
         except FileError as error:
             refused += 1
             assert str(path) in str(error)
-    assert refused >= 30
+    assert refused >= 20
 
 
 def mask_of(path: Path, values: list[list[int]]) -> Path:
@@ -167,6 +156,13 @@ def mask_of(path: Path, values: list[list[int]]) -> Path:
 
 def test_mask_polarity_and_tolerance(tmp_path: Path) -> None:
     """Oracle: the rule in HOUSE.md, <= 8 is black, >= 247 is white."""
+    for values, words in (
+        ([[0, 0]], "is empty"),
+        ([[255, 255]], "is full"),
+        ([[0, 1]], "is empty.*largest value is 1"),
+    ):
+        with pytest.raises(MaskError, match=words):
+            read_mask(mask_of(tmp_path / "m.png", values))
     path = mask_of(tmp_path / "m.png", [[0, 8, 247, 255]])
     assert read_mask(path).tolist() == [[False, False, True, True]]
     assert read_mask(path, mask_polarity="known").tolist() == [[True, True, False, False]]
@@ -180,15 +176,6 @@ def test_grey_mask_is_refused_unless_soft(tmp_path: Path) -> None:
     write_depth_png(tmp_path / "depth.png", np.full((2, 3), 5.0, np.float32))
     with pytest.raises(MaskError, match=r"depth\.png: 6 of 6 pixels.* is it the depth, and the mask not given\?"):
         read_mask(tmp_path / "depth.png")
-
-
-@pytest.mark.parametrize(
-    ("values", "words"),
-    [([[0, 0]], "is empty"), ([[255, 255]], "is full"), ([[0, 1]], r"is empty.*largest value is 1")],
-)
-def test_empty_and_full_masks_are_refused(tmp_path: Path, values: list[list[int]], words: str) -> None:
-    with pytest.raises(MaskError, match=words):
-        read_mask(mask_of(tmp_path / "m.png", values))
 
 
 def test_masks_of_other_kinds(tmp_path: Path) -> None:
@@ -239,7 +226,7 @@ def test_mattes_in_floats(tmp_path: Path) -> None:
     files = {
         "alpha": {**picture, "A": matte},
         "one": {"A": matte},
-        "grey": {**grey, "A": np.ones_like(matte)},
+        "grey": {**grey, "A": matte * 0 + 1},
         "Y": {"Y": matte},
     }
     for name, channels in files.items():

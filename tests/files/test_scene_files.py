@@ -43,8 +43,9 @@ def assert_same(a: View, b: View) -> None:
         assert np.array_equal(getattr(a, name), getattr(b, name)), name
 
 
-@pytest.mark.parametrize("hw", [(5, 7), (1, 1), (1, 9)])
+@pytest.mark.parametrize("hw", [(5, 7), (1, 1)])
 def test_there_and_back(tmp_path: Path, hw: tuple[int, int]) -> None:
+    """Twice written it is the same file."""
     view, scene = view_of(0, hw), Scene((view_of(1, hw),), (view_of(3, hw),), (view_of(2),))
     write_npz(tmp_path / "scene.npz", view, scene)
     back, back_scene = read_npz(tmp_path / "scene.npz")
@@ -52,6 +53,8 @@ def test_there_and_back(tmp_path: Path, hw: tuple[int, int]) -> None:
     assert len(back_scene.frames) == len(back_scene.fills) == len(back_scene.removals) == 1
     for mine, theirs in zip((*back_scene.layers, *back_scene.removals), (*scene.layers, *scene.removals)):
         assert_same(mine, theirs)
+    write_npz(tmp_path / "again.npz", view, scene)
+    assert (tmp_path / "again.npz").read_bytes() == (tmp_path / "scene.npz").read_bytes()
 
 
 @pytest.mark.parametrize("cache", [None, PixelCache()])
@@ -100,19 +103,10 @@ def test_numpy_alone_reads_it(tmp_path: Path) -> None:
     assert np.array_equal(read_depth(tmp_path / "scene.npz"), view.depth)
 
 
-def test_the_same_scene_is_the_same_file(tmp_path: Path) -> None:
-    for name in ("a.npz", "b.npz"):
-        write_npz(tmp_path / name, view_of(0), Scene((view_of(1),)))
-    assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
-
-
-def test_a_missing_file_says_how_it_is_written(tmp_path: Path) -> None:
-    """The option is named."""
+def test_bad_files(tmp_path: Path) -> None:
+    """Cut, of others, missing: the option that writes it is named."""
     with pytest.raises(FileError, match=r"scene\.npz: no such file; .*--also scene"):
         read_npz(tmp_path / "scene.npz")
-
-
-def test_bad_files(tmp_path: Path) -> None:
     write_npz(tmp_path / "a.npz", view_of(0), Scene((view_of(1),)))
     data = (tmp_path / "a.npz").read_bytes()
     for kept in (0, 10, len(data) // 2, len(data) - 1):
