@@ -19,6 +19,7 @@ from PIL import Image
 
 from dlama.datasets.diagnosis import diagnose
 from dlama.datasets.layouts import LAYOUTS, detect, open_dataset
+from dlama.datasets.posed.posed_frames import PosedFrame
 from dlama.datasets.sequences.loading import open_frames, read_scene_of
 from dlama.errors import FileError, MissingExtraError
 from dlama.geometry.camera import Camera
@@ -79,18 +80,9 @@ def polycam(root: Path, corrected: bool = True) -> Path:
         name, inside = str(1_000_000 * (number + 9)), root / "keyframes"
         pose = frame.camera.world_from_cam @ GL_FROM_CV
         for folder, wrong in (("cameras", 0.5 * corrected), ("corrected_cameras", 0.0)):
-            fields = {
-                "fx": LENS.fx,
-                "fy": LENS.fy,
-                "cx": LENS.cx,
-                "cy": LENS.cy,
-                "width": 96,
-                "height": 72,
-                "blur_score": 9.0,
-            }
-            fields |= {
-                f"t_{row}{column}": pose[row, column] + wrong * (column == 3) for row in range(3) for column in range(4)
-            }
+            fields = dict(zip(("fx", "fy", "cx", "cy", "width", "height", "blur_score"), [*lens(LENS), 96, 72, 9.0]))
+            moved = pose + wrong * np.eye(4)[3]
+            fields |= {f"t_{row}{column}": moved[row, column] for row in range(3) for column in range(4)}
             if corrected or folder == "cameras":
                 (inside / folder).mkdir(parents=True, exist_ok=True)
                 (inside / folder / f"{name}.json").write_text(json.dumps(fields))
@@ -145,12 +137,8 @@ def scannetpp(root: Path, *, video: bool = False) -> Path:
     found = {}
     for number, frame in enumerate(truth()):
         pose = frame.camera.world_from_cam.tolist()
-        found[f"frame_{number:06d}"] = {
-            "pose": np.eye(4).tolist(),
-            "aligned_pose": pose,
-            "intrinsic": K,
-            "timestamp": number,
-        }
+        values = {"pose": np.eye(4).tolist(), "aligned_pose": pose, "intrinsic": K, "timestamp": number}
+        found[f"frame_{number:06d}"] = values
         write_codes16(inside / "depth" / f"frame_{number:06d}.png", frame.depth)
         if not video:
             write_picture(inside / "rgb" / f"frame_{number:06d}.png", frame.color)
@@ -219,6 +207,7 @@ def test_other_versions_of_the_layouts(tmp_path: Path) -> None:
 def test_packed_depth_of_scannetpp(tmp_path: Path, packing: str) -> None:
     """All three ways in which prepare_iphone_data.py unpacks depth.bin."""
     root = scannetpp(tmp_path / "set")
+    shutil.rmtree(root / "iphone" / "depth")
     depths = [np.full((192, 256), 1 + 0.25 * number, np.float32) for number in range(4)]
     match packing:
         case "lz4":
@@ -230,18 +219,12 @@ def test_packed_depth_of_scannetpp(tmp_path: Path, packing: str) -> None:
             packed = []
     data = b"".join(len(one).to_bytes(4, "little") + one for one in packed)
     (root / "iphone" / "depth.bin").write_bytes(data or deflate(np.stack(depths).tobytes()))
-    for path in (root / "iphone" / "depth").iterdir():
-        path.unlink()
-    (root / "iphone" / "depth").rmdir()
     for path in (root / "iphone" / "rgb").iterdir():
         Image.open(path).resize((1024, 768)).save(path)
     poses = root / "iphone" / "pose_intrinsic_imu.json"
     K = LENS.resized(1024, 768).K.tolist()
-    poses.write_text(
-        json.dumps({name: {**fields, "intrinsic": K} for name, fields in json.loads(poses.read_text()).items()})
-    )
-    from dlama.datasets.posed.posed_frames import PosedFrame
-
+    found = {name: {**fields, "intrinsic": K} for name, fields in json.loads(poses.read_text()).items()}
+    poses.write_text(json.dumps(found))
     for number, frame in enumerate(open_frames(root)):
         assert isinstance(frame, PosedFrame)
         depth, camera = frame.load_depth()

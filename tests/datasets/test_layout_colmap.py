@@ -63,8 +63,7 @@ def as_binary(model: Path) -> None:
         (model / name).unlink()
 
 
-@pytest.mark.parametrize("binary", [False, True])
-@pytest.mark.parametrize("dense", [False, True])
+@pytest.mark.parametrize(("binary", "dense"), [(False, True), (True, False)])
 def test_frames_are_the_ones_written(tmp_path: Path, binary: bool, dense: bool) -> None:
     """Round trip: pose to 1e-9, depth as the file has it, colour bit for bit."""
     root = folder_of(tmp_path / "room", binary, dense)
@@ -100,9 +99,7 @@ def test_damaged_models_are_named(tmp_path: Path) -> None:
     cameras = root / "sparse" / "0" / "cameras.txt"
     text = cameras.read_text()
     cameras.write_text(text.replace("PINHOLE 48 36 40.0", "SIMPLE_RADIAL 48 36 40.0").replace(" 41.0", "", 1))
-    with pytest.raises(
-        CameraError, match=r"cameras\.txt:2:3: (camera model SIMPLE_RADIAL has|the camera is distorted)"
-    ):
+    with pytest.raises(CameraError, match=r"cameras\.txt:2:3: camera model SIMPLE_RADIAL has"):
         open_frames(root)
     bent = re.sub(r"PINHOLE 48 36 40.0 41.0 (\S+) (\S+)", r"SIMPLE_RADIAL 48 36 40.0 \1 \2 0.1", text, count=1)
     cameras.write_text(bent)

@@ -24,7 +24,7 @@ def test_kitchen_depths_agree_as_listed(data_dir: Path) -> None:
     dataset = open_dataset(data_dir / "data/kitchen_vpi")
     listed = json.loads((data_dir / "data/kitchen_vpi/pairs.json").read_text())["pairs"]
     assert (dataset.layout, len(dataset.frames), len(dataset.cases)) == ("pairs", 16, len(listed))
-    for case, pair in list(zip(dataset.cases, listed))[::2]:
+    for case, pair in list(zip(dataset.cases, listed))[::4]:
         assert case.frame == f"{pair['a']}_to_{pair['b']}"
         assert case.yaw == pytest.approx(pair["rotation_deg"], abs=0.1)  # theirs: poses as rounded, off by 4e-4
         truth = case.load()
@@ -61,11 +61,8 @@ def written(root: Path, **changes: Any) -> Path:
     for number, frame in enumerate(truth()):
         write_picture(root / f"{number}.png", frame.color)
         write_codes16(root / f"{number}.depth.png", frame.depth, 2000)
-        frames[f"f{number}"] = {
-            "color": f"{number}.png",
-            "depth": f"{number}.depth.png",
-            "world_from_cam": frame.camera.world_from_cam.tolist(),
-        }
+        files = {"color": f"{number}.png", "depth": f"{number}.depth.png"}
+        frames[f"f{number}"] = {**files, "world_from_cam": frame.camera.world_from_cam.tolist()}
     listing = {
         **{"width": 96, "height": 72, "K": opencv_K(LENS).tolist(), "depth_scale": 0.0005, "frames": frames},
         "pairs": [{"a": "f0", "b": f"f{number}"} for number in (1, 2, 3)],
