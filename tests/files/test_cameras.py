@@ -153,6 +153,23 @@ def test_a_camera_of_open3d(tmp_path: Path) -> None:
         read_camera(tmp_path / "camera_intrinsic.json", hw=(240, 320))
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "525 0 319.5\n0 526 239.5\n0 0 1\n",
+        "525 0 319.5 0\n0 526 239.5 0\n0 0 1 0\n0 0 0 1",
+        "525.0, 526.0, 319.5, 239.5\n",
+    ],
+    ids=["3x3", "4x4", "fx fy cx cy"],
+)
+def test_a_text_of_K_alone(tmp_path: Path, text: str) -> None:
+    """Closed form: as BOP, ScanNet and ETH3D write it, the first pixel's centre at 0.0, the size that of the picture."""
+    camera = read_camera(saved(tmp_path / "K.txt", text), hw=(480, 640))
+    assert (camera.wh, camera.fx, camera.fy, camera.cx, camera.cy) == ((640, 480), 525, 526, 320, 240)
+    with pytest.raises(CameraError, match=r"K\.txt: K is .*\(no skew\)"):
+        read_camera(saved(tmp_path / "K.txt", "525 1 320 0 526 240 0 0 1"), hw=(480, 640))
+
+
 def test_what_is_no_calib_txt(tmp_path: Path) -> None:
     """A camera of COLMAP: the line that is none, and what else is a camera file."""
     path = saved(tmp_path / "cameras.txt", "# Camera list\n1 PINHOLE 640 480 526 526 320 240\n")

@@ -46,16 +46,17 @@ DOFFS_TOLERANCE = 0.01
 
 @system_errors(FileError)
 def read_camera(path: PathLike, *, hw: tuple[int, int] | None = None) -> Camera:
-    """A camera from our JSON or Open3D's, the left one of a calib.txt of Middlebury or KITTI, or the YAML of ROS or OpenCV.
+    """A camera from our JSON or Open3D's, the left one of a calib.txt of Middlebury or KITTI, the YAML of ROS or OpenCV, or a
+    text of K alone (3x3, 4x4, or fx fy cx cy; the first pixel's centre at 0.0).
 
-    JSON: `width, height` and `fx, fy, cx, cy` in pixels, or `K` (3x3) in the place of these four; optional `pixel_center` (where
-    the file puts the first pixel's centre: 0.5, the default, or 0.0) and `world_from_cam` (4x4). `hw` is the size the picture
-    has; another size in the file is an error. Raises FileError, CameraError; warns of a principal point outside the picture, and
-    of fields that are not known.
+    JSON: `width, height` and `fx, fy, cx, cy` in pixels, or `K` (3x3); optional `pixel_center` (where the file puts the first
+    pixel's centre: 0.5, the default, or 0.0) and `world_from_cam` (4x4). `hw` is the size the picture has; another in the file
+    is an error. Raises FileError, CameraError; warns of a principal point outside the picture, and of unknown fields.
     """
     check_arguments(read_camera, locals())
     if _is_calib_txt(path):
-        fields, name = read_calib_txt(path), "cam0"
+        fields = read_calib_txt(path)
+        name = "K" if "K" in fields else "cam0"
     elif Path(path).suffix.lower() in SUFFIXES:
         fields, name = read_yaml_fields(path), "K"
     else:

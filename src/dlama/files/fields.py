@@ -196,15 +196,17 @@ def _each_once(path: PathLike, pairs: Sequence[tuple[str, Any]]) -> dict[str, An
 
 
 def read_calib_txt(path: PathLike) -> FileFields:
-    """The fields of a Middlebury calib.txt: lines `name=number` or `name=[a b c; d e f; g h i]`; the same of one of KITTI.
-    Raises FileError."""
+    """The fields of a Middlebury calib.txt: lines `name=number` or `name=[a b c; d e f; g h i]`; the same of one of KITTI, and
+    K of a text that holds nothing else. Raises FileError."""
     file = existing_file(path)
     pairs: list[tuple[str, Any]] = []
-    wrong = f"{file}: is no calib.txt of Middlebury or KITTI"
+    wrong = f"{file}: is no calib.txt of Middlebury or KITTI and no K (9 or 16 numbers, or fx fy cx cy)"
     with any_error(FileError, f"{wrong}, lines 'name=value' are expected"):
         text = file.read_text(encoding="utf-8-sig")
         if kitti := _kitti_fields(text):
             return FileFields(file, kitti)
+        if K := _matrix_fields(text):
+            return FileFields(file, K)
         for line in text.splitlines():
             if line.strip():
                 name, sign, value = line.partition("=")
@@ -225,6 +227,20 @@ def _kitti_fields(text: str) -> dict[str, Any]:
     size = re.search(r"^S_rect_02:(.*)", text, re.MULTILINE)
     sides = dict(zip(("width", "height"), map(float, size[1].split()))) if size else {}
     return {"cam0": left[:, :3].tolist(), "cam1": right[:, :3].tolist(), "baseline": baseline, **sides}
+
+
+def _matrix_fields(text: str) -> dict[str, Any]:
+    """K of a text of numbers alone: 3 x 3 (BOP's scenes, cam_K.txt) or 4 x 4 (ScanNet), or fx fy cx cy (ETH3D's SLAM
+    sequences); {}: it is none."""
+    try:
+        numbers = np.array(text.replace(",", " ").split(), np.float64)
+    except ValueError:
+        return {}
+    if numbers.size == 4:
+        fx, fy, cx, cy = numbers.tolist()
+        return {"K": [[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]}
+    side = {9: 3, 16: 4}.get(numbers.size)
+    return {"K": numbers.reshape(side, side)[:3, :3].tolist()} if side else {}
 
 
 def _calib_value(text: str) -> float | list[list[float]]:

@@ -47,8 +47,8 @@ class Lens:
     """The camera that took the picture: one of --camera, --fx, --fov, or the EXIF focal length of a JPEG."""
 
     camera: Path | None = option("FILE.json", "--fx, --fov, or the EXIF data of the picture")
-    """width, height, fx, fy, cx, cy, pixel_center and (optional) world_from_cam; or a Middlebury calib.txt, or the YAML of
-    ROS or OpenCV."""
+    """width, height, fx, fy, cx, cy, pixel_center and (optional) world_from_cam; or a calib.txt, a text of K
+    alone, or the YAML of ROS or OpenCV."""
     fx: float | None = option("PX")
     """Horizontal focal length in pixels: that of the lens / width of the sensor (both in mm) x width of the picture."""
     fy: float | None = option("PX", "as --fx")
