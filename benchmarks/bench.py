@@ -80,7 +80,8 @@ STANDING: dict[str, tuple[tuple[str, int, int], ...]] = {
 """Recorded frames in which objects are put on surfaces and removed (domain `clutter`)."""
 SHELF_EVERY = 8
 EXACT = ("street", "clutter", "world")
-"""Domains whose depth is exact, or a camera's with few holes: what `--sensor` measures anew."""
+"""Domains whose depth is exact, or a camera's with few holes: what `--sensor` measures anew. Estimated depth needs no depth, so
+that rooms and tables are added."""
 SETTINGS = ProtocolSettings(mask_changes=(), object_dilations=())
 MARGIN = 48
 """Pixels round what is measured that LPIPS sees."""
@@ -255,7 +256,8 @@ def run(asked: argparse.Namespace) -> None:
     done = {(row["case"], row["method"]) for row in rows_of(asked.output) if "case" in row}
     cases = [case for split in asked.split for case in cases_of(split, asked.shared)]
     cases = [case for case in cases if asked.only in case.name][:: asked.every]
-    cases = [seen_by(case, asked.sensor) for case in cases if case.domain in EXACT] if asked.sensor else cases
+    domains = EXACT if asked.sensor != "estimated" else (*EXACT, "room", "table")
+    cases = [seen_by(case, asked.sensor) for case in cases if case.domain in domains] if asked.sensor else cases
     todo = [(case, [one for one in runs if (case.name, label_of(one)) not in done]) for case in cases]
     with (
         asked.output.open("a", encoding="utf-8") as stream,
@@ -387,7 +389,7 @@ def main() -> None:
     one.add_argument("--each", nargs="*", choices=RULES, default=[], help="rules that are turned off one at a time")
     one.add_argument("--only", default="", help="part of a case's name")
     one.add_argument("--every", type=int, default=1)
-    one.add_argument("--sensor", choices=tuple(MEASURE), help="measures exact depth anew")
+    one.add_argument("--sensor", choices=(*MEASURE, "estimated"), help="measures exact depth anew")
     one.add_argument("--workers", type=int, default=os.cpu_count())
     one.set_defaults(do=run)
     two = verbs.add_parser("compare")

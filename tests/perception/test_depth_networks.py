@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 from onnx import TensorProto, helper
@@ -53,10 +55,10 @@ def test_the_picture_is_normalised_as_the_contract_says(tmp_path: Path) -> None:
     for name, contract in ESTIMATORS.items():
         if contract.gives == "points":
             continue
-        hw = contract.size or (518, 56 * contract.multiple)
-        color = np.random.default_rng(1).integers(0, 256, (*hw, 3), np.uint8)
-        network = NetworkFile(weighted_sum(tmp_path / "n.onnx", (1, 3, *(contract.size or ("h", "w"))), bias=3))
-        found = predict(network, contract, color)
+        one = dataclasses.replace(contract, side=contract.sides[-1])
+        color = np.random.default_rng(1).integers(0, 256, (contract.sides[-1], 56 * contract.multiple, 3), np.uint8)
+        network = NetworkFile(weighted_sum(tmp_path / "n.onnx", bias=3))
+        found = predict(network, one, color)
         wanted = shown(color, np.array(contract.mean), np.array(contract.std), contract.scale) + 3
         np.testing.assert_allclose(found.values, wanted, rtol=1e-4, atol=1e-4, err_msg=name)
         assert (found.gives, found.metric) == (contract.gives, contract.metric)
@@ -70,13 +72,36 @@ def test_the_picture_is_normalised_as_the_contract_says(tmp_path: Path) -> None:
 def test_the_shorter_side_is_518_and_both_are_multiples_of_14(hw: tuple[int, int], wanted: tuple[int, int]) -> None:
     """Oracle: the sizes that the published preprocessor of Depth Anything V2 gives (518, lower bound, multiple of 14)."""
     contract = ESTIMATORS["depth-anything-small"]
-    assert contract.input_size(hw) == wanted
-    assert contract.tensor(np.zeros((*hw, 3), np.uint8)).shape == (1, 3, *wanted)
+    assert contract.input_sizes(hw) == [wanted]
+    assert contract.tensor(np.zeros((*hw, 3), np.uint8), wanted).shape == (1, 3, *wanted)
+
+
+@pytest.mark.parametrize("metric", [False, True])
+def test_predictions_at_several_sides_are_averaged(tmp_path: Path, metric: bool) -> None:
+    """Closed form: of a picture whose left half is 50 and right half is 150, shown at 24 and 48 rows, the mean of both maps is
+    the map of one; relative maps are divided by their means, 100 here. A side whose size is another's counts once."""
+    color = np.full((48, 96, 3), 50, np.uint8)
+    color[:, 48:] = 150
+    contract = DepthContract("depth", metric=metric, scale=1.0, side=(24, 48, 49), multiple=8)
+    assert contract.input_sizes((48, 96)) == [(24, 48), (48, 96)]
+    found = predict(NetworkFile(weighted_sum(tmp_path / "n.onnx")), contract, color).values
+    assert found.shape == (48, 96)
+    np.testing.assert_allclose(
+        found[:, [0, -1]], np.broadcast_to([50, 150], (48, 2)) / (1 if metric else 100), rtol=1e-5
+    )
+
+
+def test_a_graph_of_one_size_is_shown_the_picture_stretched_to_it(tmp_path: Path) -> None:
+    """Closed form, whatever sides the contract names: the network's answer to the stretched picture."""
+    contract = DepthContract("depth", metric=True, scale=1.0, side=(128, 192), multiple=16)
+    network = NetworkFile(weighted_sum(tmp_path / "n.onnx", (1, 3, 24, 32)))
+    wanted = shown(cv2.resize(COLOR, (32, 24), interpolation=cv2.INTER_AREA), np.zeros(3), np.ones(3), 1)
+    np.testing.assert_allclose(predict(network, contract, COLOR).values, wanted, rtol=1e-4)
 
 
 def test_both_ranks_and_both_layouts(tmp_path: Path) -> None:
     """Closed form: 1 x h x w is taken like 1 x 1 x h x w; a network that wants H x W x 3 is shown that."""
-    contract = DepthContract("inverse depth", size=(48, 64))
+    contract = DepthContract("inverse depth", side=48, multiple=16)
     three, four = (
         predict(NetworkFile(weighted_sum(tmp_path / f"{rank}.onnx", rank=rank)), contract, COLOR) for rank in (3, 4)
     )
@@ -88,13 +113,15 @@ def test_both_ranks_and_both_layouts(tmp_path: Path) -> None:
     constants = {"weight": WEIGHTS[:, None], "axis": np.array([3], np.int64)}
     ends = [value("picture", 1, "h", "w", 3)], [value("map", 1, "a", "b")]
     path = saved(tmp_path / "l.onnx", nodes, ends, constants)
-    last = predict(NetworkFile(path), DepthContract("inverse depth", size=(48, 64), layout="HWC"), COLOR)
+    last = predict(NetworkFile(path), DepthContract("inverse depth", side=48, multiple=16, layout="HWC"), COLOR)
     np.testing.assert_allclose(last.values, four.values, rtol=1e-5)
 
 
 def test_relative_inverse_depth_becomes_metres(tmp_path: Path) -> None:
     """Closed form: 1 / z is proportional to what the network says, and the median is 3 m."""
-    path = weighted_sum(tmp_path / "r.onnx", bias=0.1, about=DepthContract("inverse depth", size=(48, 64)).metadata())
+    path = weighted_sum(
+        tmp_path / "r.onnx", bias=0.1, about=DepthContract("inverse depth", side=48, multiple=16).metadata()
+    )
     with pytest.warns(UserWarning, match="scale of the estimated depth is assumed"):
         found = estimate_depth(COLOR, Camera.from_fov(64, 48, 60), depth_model=path, sharpen=False)
     inverse = shown(COLOR, np.zeros(3), np.ones(3)) + 0.1
@@ -171,8 +198,8 @@ def test_files_with_another_contract_get_one_line(tmp_path: Path) -> None:
         ),
         (plain, r"plain\.onnx: carries no contract .*depth_model=NAME=plain\.onnx, NAME of tcmonodepth"),
         (
-            f"tcmonodepth={weighted_sum(tmp_path / 'small.onnx', (1, 3, 100, 100))}",
-            "3 x 100 x 100.*1 x 3 x 192 x 320 is expected",
+            f"tcmonodepth={weighted_sum(tmp_path / 'small.onnx', (1, 4, 100, 100))}",
+            "4 x 100 x 100.*1 x 3 x 100 x 100 is expected",
         ),
         (f"moge-small={plain}", "a float picture of 1 x 3 x .* and a number of tokens is expected"),
         (f"tcmonodepth={weighted_sum(tmp_path / 'nan.onnx', bias=float('nan'))}", "values that are not finite"),
@@ -196,7 +223,9 @@ def test_files_with_another_contract_get_one_line(tmp_path: Path) -> None:
         ({"gives": "disparity"}, "gives is 'disparity'; one of depth, inverse depth, points"),
         ({"layout": "WHC"}, "layout is 'WHC'"),
         ({"std": (1.0, 0.0, 1.0)}, "std and scale above 0"),
-        ({"multiple": 0}, "size, side and multiple of 1 or more"),
+        ({"multiple": 0}, "side and multiple of 1 or more"),
+        ({"side": ()}, "side and multiple of 1 or more"),
+        ({"side": (24, 48), "gives": "points"}, "2 sides are for one map"),
     ],
 )
 def test_contracts_that_cannot_be(changes: dict[str, Any], told: str) -> None:

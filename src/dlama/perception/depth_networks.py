@@ -5,6 +5,7 @@ How a network expects its picture and what its numbers mean is data, a DepthCont
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -40,10 +41,9 @@ class DepthContract(ColorContract):
     """Whether that is in metres; else it is known up to a factor, relative inverse depth up to a factor and a shift."""
     layout: Literal["CHW", "HWC"] = "CHW"
     """Order of the input's axes after the batch; colours are RGB."""
-    size: tuple[int, int] | None = None
-    """The only height and width it takes, to which the picture is stretched; None: proportions are kept, see the next two."""
-    side: int = 518
-    """Pixels of the shorter side."""
+    side: int | tuple[int, ...] = 518
+    """Pixels of the shorter side; of several the predictions are averaged (relative ones over their means). Without meaning for a
+    graph whose own height and width are fixed: the picture is stretched to those."""
     multiple: int = 14
     """Height and width are rounded to a multiple of this."""
     tokens: int | None = None
@@ -58,23 +58,30 @@ class DepthContract(ColorContract):
         if self.layout not in ("CHW", "HWC"):
             raise InputError(f"contract: layout is {self.layout!r}; CHW or HWC is expected")
         self.check_colors()
-        if min(self.size or (self.side, self.multiple)) < 1:
-            raise InputError("contract: size, side and multiple of 1 or more are expected")
+        if not self.sides or min(*self.sides, self.multiple) < 1:
+            raise InputError("contract: side and multiple of 1 or more are expected")
+        if len(self.sides) > 1 and (self.gives == "points" or len(self.outputs) > 1):
+            raise InputError(f"contract: {len(self.sides)} sides are for one map of depth or inverse depth")
 
-    def input_size(self, hw: tuple[int, int]) -> tuple[int, int]:
-        """Height and width at which a picture of that size is shown."""
-        if self.size is not None:
-            return self.size
-        factor = self.side / min(hw)
-        height, width = (max(1, round(side * factor / self.multiple)) * self.multiple for side in hw)
+    @property
+    def sides(self) -> tuple[int, ...]:
+        """`side` as a tuple."""
+        return self.side if isinstance(self.side, tuple) else (self.side,)
+
+    def input_sizes(self, hw: tuple[int, int]) -> list[tuple[int, int]]:
+        """The heights and widths at which a picture of that size is shown, each once."""
+        return list(dict.fromkeys(self.input_size(hw, side) for side in self.sides))
+
+    def input_size(self, hw: tuple[int, int], side: int) -> tuple[int, int]:
+        """Height and width of a picture of that size whose shorter side is shown at `side`."""
+        height, width = (max(1, round(one * side / min(hw) / self.multiple)) * self.multiple for one in hw)
         return height, width
 
-    def tensor(self, color: UInt8Array) -> Float32Array:
-        """The picture (H x W x 3, RGB) as the network takes it, with a batch of 1."""
-        height, width = self.input_size(color.shape[:2])
-        smaller = height * width < color.shape[0] * color.shape[1]
+    def tensor(self, color: UInt8Array, hw: tuple[int, int]) -> Float32Array:
+        """The picture (H x W x 3, RGB) at height and width `hw` as the network takes it, with a batch of 1."""
+        smaller = math.prod(hw) < color.shape[0] * color.shape[1]
         how = cv2.INTER_AREA if smaller else cv2.INTER_CUBIC
-        normal = self.normalize(cv2.resize(color, (width, height), interpolation=how))
+        normal = self.normalize(cv2.resize(color, hw[::-1], interpolation=how))
         return np.ascontiguousarray(normal.transpose(2, 0, 1) if self.layout == "CHW" else normal)[None]
 
 
@@ -121,7 +128,39 @@ def outputs_of_contract(
 
 def predict(network: NetworkFile, contract: DepthContract, color: UInt8Array) -> DepthPrediction:
     """The network's prediction for a picture (H x W x 3, RGB). FileError where the file does not keep its contract."""
-    outputs = network.run_all(make_feed(network, contract, contract.tensor(color)))
+    fixed = fixed_size(network, contract)
+    sizes = contract.input_sizes(color.shape[:2]) if fixed is None else [fixed]
+    found = [predict_at(network, contract, color, hw) for hw in sizes]
+    if len(found) == 1:
+        return found[0]
+    return dataclasses.replace(found[0], values=mean_map([one.values for one in found], contract.metric))
+
+
+def fixed_size(network: NetworkFile, contract: DepthContract) -> tuple[int, int] | None:
+    """Height and width of a graph that takes pictures of one size alone."""
+    shape = next(iter(network.inputs.values()))[1]
+    if len(shape) != 4:
+        return None
+    height, width = shape[2:] if contract.layout == "CHW" else shape[1:3]
+    return (height, width) if isinstance(height, int) and isinstance(width, int) else None
+
+
+def mean_map(maps: Sequence[Float32Array], metric: bool) -> Float32Array:
+    """The mean of maps of several sizes, at the largest size; maps that are not metric are divided by their own means first."""
+    height, width = max((one.shape for one in maps), key=math.prod)
+    total = np.zeros((height, width), np.float32)
+    for one in maps:
+        larger = np.asarray(cv2.resize(one, (width, height), interpolation=cv2.INTER_LINEAR))
+        mean = float(one.mean(dtype=np.float64))
+        total += larger if metric or mean <= 0 else larger / np.float32(mean)
+    return total / np.float32(len(maps))
+
+
+def predict_at(
+    network: NetworkFile, contract: DepthContract, color: UInt8Array, hw: tuple[int, int]
+) -> DepthPrediction:
+    """The network's prediction for a picture shown at height and width `hw`; errors as `predict`."""
+    outputs = network.run_all(make_feed(network, contract, contract.tensor(color, hw)))
     found = outputs_of_contract(network, contract, outputs) or outputs[:1]
     values = squeeze_output(network, found[0], contract.gives)
     far = squeeze_output(network, found[1], "depth") <= 0.5 if len(found) > 1 else None

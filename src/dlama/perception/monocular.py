@@ -229,7 +229,7 @@ _RELATIVE = DepthContract("inverse depth", mean=IMAGENET[0], std=IMAGENET[1], si
 _METRIC = dataclasses.replace(_RELATIVE, gives="depth", metric=True)
 
 ESTIMATORS: dict[str, DepthContract] = {
-    DEFAULT: DepthContract("inverse depth", scale=1.0, size=(192, 320)),
+    DEFAULT: DepthContract("inverse depth", scale=1.0, side=(128, 192, 256, 320), multiple=16),
     "depth-anything-small": _RELATIVE,
     "depth-anything-indoor": _METRIC,
     "depth-anything-outdoor": _METRIC,
