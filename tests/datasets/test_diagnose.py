@@ -42,16 +42,15 @@ def checks(found: tuple[Finding, ...]) -> list[str]:
 
 
 def test_good_files_give_one_line(tmp_path: Path) -> None:
+    """Of a unit that is not millimetres the option is named, with which they are good, too."""
+    unit, _ = dlama.diagnose(*write(tmp_path, codes(5000)), fov=75)
+    assert (unit.check, unit.mend) == ("depth-scale", "give `depth_scale=5000`")
+    assert checks(dlama.diagnose(tmp_path / "image.png", tmp_path / "depth.png", fov=75, depth_scale=5000)) == [
+        "understood"
+    ]
     found = dlama.diagnose(*write(tmp_path), fov=75)
     assert checks(found) == ["understood"]
     assert found[0].line.startswith("image.png, depth.png: nothing wrong: 192x192, 75 degrees wide, depth 1.")
-
-
-def test_the_unit_is_named(tmp_path: Path) -> None:
-    files = write(tmp_path, codes(5000))
-    unit, _ = dlama.diagnose(*files, fov=75)
-    assert (unit.check, unit.mend) == ("depth-scale", "give `depth_scale=5000`")
-    assert checks(dlama.diagnose(*files, fov=75, depth_scale=5000)) == ["understood"]
 
 
 def test_an_angle_in_radians_is_named_and_no_unit_is_guessed(tmp_path: Path) -> None:

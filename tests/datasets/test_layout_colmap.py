@@ -117,15 +117,6 @@ def test_damaged_models_are_named(tmp_path: Path) -> None:
         open_frames(root)
 
 
-def test_two_pictures_of_one_name_are_refused(tmp_path: Path) -> None:
-    """Oracle: law; frames are told apart by name, so of two the second would replace the first."""
-    root = folder_of(tmp_path / "room", binary=False, dense=False)
-    images = root / "sparse" / "0" / "images.txt"
-    images.write_text(images.read_text().replace("shot_1.png", "shot_0.jpg"))
-    with pytest.raises(FileError, match=r"two frames have pictures called shot_0 \(scene room\); different names"):
-        open_frames(root)
-
-
 @pytest.mark.parametrize("points", ["", "1.0 2.0 -1 " * 5])
 def test_names_with_blanks(tmp_path: Path, points: str) -> None:
     """Oracle: by hand; COLMAP writes a name as it is, and a line of points (three numbers each, or none) below each image."""

@@ -160,6 +160,9 @@ def test_depth_smaller_than_its_pictures(tmp_path: Path, capsys: pytest.CaptureF
     )
     meta = json.loads((tmp_path / "small" / "meta.json").read_text())
     assert meta["decisions"]["size"]["name"] == "64x48"
+    assert not {"scene.npz", "scene.ply", "scene.glb", "sparse"} & {
+        path.name for path in (tmp_path / "small").iterdir()
+    }
     main([*words, "-o", str(tmp_path / "large"), "--resize-depth", "guided"])
     assert "shrunk" not in capsys.readouterr().err
     assert "size" not in json.loads((tmp_path / "large" / "meta.json").read_text())["decisions"]
@@ -303,17 +306,6 @@ def test_auto_is_the_filler_that_suits_the_scene(
         assert json.loads(capsys.readouterr().out)["filler"] == filler
 
 
-def test_one_frame_is_a_sequence(room: Path, tmp_path: Path) -> None:
-    """Only what is asked for is written."""
-    meta = dlama.sequence(room, tmp_path / "out", frames="1:2", only=["video"])
-    assert list(meta["filled_share"]) == ["img-1"] and meta["video"].startswith("video.")
-    assert not {"scene.npz", "scene.ply", "scene.glb", "sparse"} & {path.name for path in (tmp_path / "out").iterdir()}
-    with pytest.raises(
-        InputError, match="only is 'pictures'; names of scene, points, mesh, colmap, video are expected"
-    ):
-        dlama.sequence(room, tmp_path / "none", only=["pictures"])
-
-
 def test_the_recipe_of_the_paper_clips_frames(room: Path, tmp_path: Path) -> None:
     """Frames of a folder are clipped; a scene cannot be any more, which one line says."""
     dlama.sequence(room, tmp_path / "out", recipe="paper", filler="telea", only=["scene"])
@@ -355,6 +347,7 @@ def test_bad_words_are_refused_before_anything_is_written(room: Path, tmp_path: 
         ({"frames": "9:"}, "frames is 9:, and there are 4; nothing is left"),
         ({"scene": "cellar"}, "scene 'cellar' is not in this data set"),
         ({"layout": "tum2"}, "layout 'tum2' is not known"),
+        ({"only": ["pictures"]}, "only is 'pictures'; names of scene, points, mesh, colmap, video are expected"),
     ]
     for options, message in bad:
         with pytest.raises(InputError, match=message):

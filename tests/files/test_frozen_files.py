@@ -44,13 +44,6 @@ def test_its_scene_is_read_without_loss(tmp_path: Path) -> None:
         assert all(np.array_equal(old[name], new[name], equal_nan=old[name].dtype.kind == "f") for name in old)
 
 
-def test_its_scene_is_completed_further() -> None:
-    """Law: what was filled stays as it is; seen from its own camera, nothing is unknown."""
-    scene = dlama.read_scene(FROZEN / "scene.npz")
-    done = dlama.view(scene, yaw=-5, filler="telea")
-    assert not done.view.hole.any()
-
-
 def test_its_fields_are_written_still(tmp_path: Path) -> None:
     """Fields may be added; one that leaves, or gets another meaning, raises SCHEMA."""
     frame = small_frame(tmp_path)

@@ -295,16 +295,16 @@ def test_files_of_a_result_given_as_a_picture_say_what_goes_where(tmp_path: Path
     (tmp_path / "scene.npz").touch()
     with pytest.raises(FileError, match=r"is a directory, a file is expected \(.*scene\.npz\?\)$"):
         read_color(tmp_path)
-    for kind in ("GIF", "BMP", "PPM", "JPEG 2000"):
-        Image.new("RGB", (8, 8)).save(tmp_path / "picture.png", format=kind.replace(" ", ""))
-        with pytest.raises(
-            FileError, match=f"is no readable PNG, JPEG, WebP, TIFF or HEIC picture, but {kind}: save it as PNG"
-        ):
-            read_color(tmp_path / "picture.png")
     heads = {"DPX": b"SDPX", "Cineon": b"\x80\x2a\x5f\xd7", "a raw file of a camera": b"\0\0\0\x18ftypcrx "}
-    for kind, head in {**heads, "a video": b"\0\0\0\x14ftypqt  "}.items():
-        (tmp_path / "picture.png").write_bytes(head + bytes(99))
-        with pytest.raises(FileError, match=f"HEIC picture, but {kind}: save it as PNG"):
+    heads |= {"a video": b"\0\0\0\x14ftypqt  "}
+    for kind in ("GIF", "BMP", "PPM", "JPEG 2000", *heads):
+        if kind in heads:
+            (tmp_path / "picture.png").write_bytes(heads[kind] + bytes(99))
+        else:
+            Image.new("RGB", (8, 8)).save(tmp_path / "picture.png", format=kind.replace(" ", ""))
+        with pytest.raises(
+            FileError, match=f"no readable PNG, JPEG, WebP, TIFF or HEIC picture, but {kind}: save it as PNG"
+        ):
             read_color(tmp_path / "picture.png")
     np.save(tmp_path / "m.npy", COLOR[..., 0] > 9)
     with pytest.raises(FileError, match=r"m\.npy: is no readable .*, but a NumPy array: save it as PNG"):
@@ -315,14 +315,16 @@ def test_files_of_a_result_given_as_a_picture_say_what_goes_where(tmp_path: Path
         with pytest.raises(FileError, match=f"HEIC picture, but {kind}: "):
             read_color(tmp_path / "picture.png")
     write_exr(tmp_path / "plate.exr", {name: np.ones((4, 4), np.float32) for name in "RGB"})
-    with pytest.raises(
-        FileError, match=r"plate\.exr: is no readable .* picture, but OpenEXR: convert its linear light to sRGB"
+    for path, words in (
+        (
+            tmp_path / "plate.exr",
+            r"plate\.exr: is no readable .* picture, but OpenEXR: convert its linear light to sRGB",
+        ),
+        ("https:/somewhere/a.jpg", "no such file; addresses are for `dlama batch` alone"),
+        ("~/nowhere/a.jpg", "no such file; ~ is the home directory only where a shell replaces it"),
     ):
-        read_color(tmp_path / "plate.exr")
-    with pytest.raises(FileError, match="no such file; addresses are for `dlama batch` alone"):
-        read_color("https:/somewhere/a.jpg")
-    with pytest.raises(FileError, match="no such file; ~ is the home directory only where a shell replaces it"):
-        read_color("~/nowhere/a.jpg")
+        with pytest.raises(FileError, match=words):
+            read_color(path)
 
 
 def test_a_png_with_a_wrong_checksum_is_refused(tmp_path: Path) -> None:

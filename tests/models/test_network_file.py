@@ -6,6 +6,7 @@ import hashlib
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -73,20 +74,19 @@ def test_bad_files_and_settings_are_refused(tmp_path: Path) -> None:
     good = constant(tmp_path / "c.onnx", 3, 0.1, 0.2, 0.3)
     (tmp_path / "text.onnx").write_text("no network")
     (tmp_path / "empty.onnx").touch()
-    with pytest.raises(FileError, match=r"empty\.onnx: is empty \(0 bytes\)"):
-        file_stamp(tmp_path / "empty.onnx")
-    with pytest.raises(FileError, match=r"none\.onnx: no such model file"):
-        NetworkFile(tmp_path / "none.onnx")
-    with pytest.raises(FileError, match=r"none\.onnx: no such model file"):
-        file_stamp(tmp_path / "none.onnx")
-    with pytest.raises(FileError, match=r"text\.onnx: cannot be opened .*dlama models convert"):
-        _ = NetworkFile(tmp_path / "text.onnx").session
-    with pytest.raises(FileError, match=r"c\.onnx: failed on .*'planes': \(1, 3, 5, 6\)"):
-        NetworkFile(good).run({"planes": np.zeros((1, 3, 5, 6), np.float32)})
-    with pytest.raises(InputError, match="provider is 'tpu'; one of cuda"):
-        NetworkFile(good, provider="tpu")
-    with pytest.raises(InputError, match="threads is 0"):
-        NetworkFile(good, threads=0)
+    three = {"planes": np.zeros((1, 3, 5, 6), np.float32)}
+    calls: list[tuple[Callable[[], object], str]] = [
+        (lambda: file_stamp(tmp_path / "empty.onnx"), r"empty\.onnx: is empty \(0 bytes\)"),
+        (lambda: NetworkFile(tmp_path / "none.onnx"), r"none\.onnx: no such model file"),
+        (lambda: file_stamp(tmp_path / "none.onnx"), r"none\.onnx: no such model file"),
+        (lambda: NetworkFile(tmp_path / "text.onnx").session, r"text\.onnx: cannot be opened .*dlama models convert"),
+        (lambda: NetworkFile(good).run(three), r"c\.onnx: failed on .*'planes': \(1, 3, 5, 6\)"),
+        (lambda: NetworkFile(good, provider="tpu"), "provider is 'tpu'; one of cuda"),
+        (lambda: NetworkFile(good, threads=0), "threads is 0"),
+    ]
+    for call, words in calls:
+        with pytest.raises((FileError, InputError), match=words):
+            call()
 
 
 def test_omp_num_threads_is_obeyed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -28,21 +28,20 @@ def everything(folder: Path) -> list[str]:
     return sorted(str(path.relative_to(folder)) for path in folder.rglob("*"))
 
 
-def test_new_file_appears_on_success_only(tmp_path: Path) -> None:
-    target = tmp_path / "depth.png"
+def test_a_file_appears_on_success_only(tmp_path: Path) -> None:
+    """A failure keeps the old one. A name of 255 bytes can be written; one that is too long, or has NUL, is an OutputError."""
+    target = tmp_path / ("深" * 80 + ".png")
     with new_file(target) as draft:
-        draft.write_text("half")
+        draft.write_text("whole")
         assert draft.suffix == ".png" and not target.exists()
-    assert target.read_text() == "half" and everything(tmp_path) == ["depth.png"]
-
-
-def test_failed_file_keeps_the_old_one(tmp_path: Path) -> None:
-    target = tmp_path / "a.txt"
-    target.write_text("old")
     with pytest.raises(Boom), new_file(target) as draft:
         draft.write_text("half")
         raise Boom
-    assert target.read_text() == "old" and everything(tmp_path) == ["a.txt"]
+    for name in ("n" * 300, "nul\0"):
+        for place in (new_file, new_directory):
+            with pytest.raises(OutputError, match="cannot be written"), place(tmp_path / name):
+                pass
+    assert target.read_text() == "whole" and everything(tmp_path) == [target.name]
 
 
 def test_new_file_has_ordinary_rights(tmp_path: Path) -> None:
@@ -66,19 +65,17 @@ def test_unwritable_file_is_an_output_error(tmp_path: Path, place: str) -> None:
 
 
 def test_new_directory_is_made_with_its_parents(tmp_path: Path) -> None:
+    """Where it fails nothing is left of them."""
+    with pytest.raises(Boom), new_directory(tmp_path / "a" / "b") as draft:
+        (draft / "x.txt").write_text("1")
+        raise Boom
+    assert everything(tmp_path) == []
     with new_directory(tmp_path / "a" / "b") as draft:
         (draft / "x.txt").write_text("1")
         (draft / "right").mkdir()
         (draft / "right" / "y.txt").write_text("2")
         assert not (tmp_path / "a" / "b").exists()
     assert everything(tmp_path) == ["a", "a/b", "a/b/right", "a/b/right/y.txt", "a/b/x.txt"]
-
-
-def test_failed_directory_leaves_nothing(tmp_path: Path) -> None:
-    with pytest.raises(Boom), new_directory(tmp_path / "a" / "b") as draft:
-        (draft / "x.txt").write_text("1")
-        raise Boom
-    assert everything(tmp_path) == []
 
 
 def test_existing_directory_is_merged_and_survives_failure(tmp_path: Path) -> None:
@@ -263,6 +260,23 @@ def test_drafts_of_killed_runs_go_and_those_of_living_ones_stay(
     assert sorted(path.name for path in tmp_path.iterdir()) == ["b.txt", "c.txt", "out"]
 
 
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="the system has no /proc")
+def test_the_draft_of_a_zombie_is_removed_and_that_of_a_running_process_stays(tmp_path: Path) -> None:
+    """Oracle: the process table."""
+    with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as process:
+        draft = tmp_path / f"{drafts.DRAFT}{process.pid}@{drafts.HOST}-01234567-out"
+        draft.mkdir()
+        drafts.remove_abandoned(tmp_path, again=True)
+        assert draft.exists()
+        assert process.stdin is not None
+        process.stdin.close()
+        stat = Path(f"/proc/{process.pid}/stat")
+        while stat.read_text("utf-8").rpartition(")")[2].split()[0] != "Z":  # nobody waits for it yet
+            pass
+        drafts.remove_abandoned(tmp_path, again=True)
+        assert not draft.exists()
+
+
 def test_a_draft_of_another_computer_goes_with_age(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     other, mine = tmp_path / ".dlama-draft-77@elsewhere-0123abcd-x.png", tmp_path / ".dlama-draft-not ours"
     other.touch()
@@ -274,13 +288,6 @@ def test_a_draft_of_another_computer_goes_with_age(tmp_path: Path, monkeypatch: 
     monkeypatch.setattr(drafts, "_swept", set())
     drafts.remove_abandoned(tmp_path)
     assert not other.exists() and mine.exists()
-
-
-def test_names_of_255_bytes_can_be_written(tmp_path: Path) -> None:
-    name = "深" * 80 + ".png"
-    with new_file(tmp_path / name) as draft:
-        draft.write_text("x")
-    assert everything(tmp_path) == [name]
 
 
 def test_what_is_placed_was_flushed_before(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -309,15 +316,6 @@ def test_a_full_disk_at_the_last_moment_leaves_the_old_file(tmp_path: Path, monk
     with pytest.raises(OutputError, match="no space left"):
         write_run(tmp_path / "out", "x")
     assert (tmp_path / "a").read_text() == "old" and everything(tmp_path) == ["a"]
-
-
-def test_names_that_no_file_can_have(tmp_path: Path) -> None:
-    """Too long, or with NUL: OutputError, and nothing is left."""
-    for name in ("n" * 300, "nul\0"):
-        for place in (new_file, new_directory):
-            with pytest.raises(OutputError, match="cannot be written"), place(tmp_path / name):
-                pass
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_full_disk_is_told_by_where_the_file_was_to_lie(tmp_path: Path) -> None:
