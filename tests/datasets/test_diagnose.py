@@ -13,7 +13,7 @@ import dlama
 from dlama.perception.diagnosis.finding import Finding
 from dlama.worlds.layouts.random_scene import build
 
-SIZE = 192
+SIZE = 128
 
 
 @cache
@@ -45,12 +45,11 @@ def test_good_files_give_one_line(tmp_path: Path) -> None:
     """Of a unit that is not millimetres the option is named, with which they are good, too."""
     unit, _ = dlama.diagnose(*write(tmp_path, codes(5000)), fov=75)
     assert (unit.check, unit.mend) == ("depth-scale", "give `depth_scale=5000`")
-    assert checks(dlama.diagnose(tmp_path / "image.png", tmp_path / "depth.png", fov=75, depth_scale=5000)) == [
-        "understood"
-    ]
+    files = tmp_path / "image.png", tmp_path / "depth.png"
+    assert checks(dlama.diagnose(*files, fov=75, depth_scale=5000)) == ["understood"]
     found = dlama.diagnose(*write(tmp_path), fov=75)
     assert checks(found) == ["understood"]
-    assert found[0].line.startswith("image.png, depth.png: nothing wrong: 192x192, 75 degrees wide, depth 1.")
+    assert found[0].line.startswith("image.png, depth.png: nothing wrong: 128x128, 75 degrees wide, depth 1.")
 
 
 def test_an_angle_in_radians_is_named_and_no_unit_is_guessed(tmp_path: Path) -> None:
@@ -66,9 +65,8 @@ def test_a_tag_that_one_of_the_two_has(tmp_path: Path, orientation: int) -> None
     tags[0x0112] = orientation
     Image.open(image).save(image, exif=tags)
     found = dlama.diagnose(image, depth, fov=75)
-    assert (
-        checks(found) == ["orientation", "understood"] and found[0].severity == "fault" and "exiftool" in found[0].mend
-    )
+    assert checks(found) == ["orientation", "understood"]
+    assert found[0].severity == "fault" and "exiftool" in found[0].mend
     Image.fromarray(np.rot90(scene()[0], {3: 2, 6: 1}[orientation])).save(image, exif=tags)
     found = dlama.diagnose(image, depth, fov=75)
     assert checks(found) == ["orientation", "understood"] and found[0].severity == "note"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -68,19 +69,18 @@ def test_a_scene_of_one_picture_is_no_data_set_and_estimated_depth_no_truth(tmp_
 
 def test_what_says_nothing_to_a_scene_is_refused(file: Path, tmp_path: Path) -> None:
     """One line each."""
-    with pytest.raises(InputError, match="layout does not apply to a data set of layout scene"):
-        open_dataset(file, "tum")
-    with pytest.raises(
-        InputError, match=r"camera does not apply to a data set of layout scene; it is for tum, 7-scenes"
-    ):
-        open_dataset(file, camera=LENS)
-    with pytest.raises(FileError, match="no such folder"):
-        open_dataset(tmp_path / "none.npz")
     mask = WORLD.trace(CAMERAS[0])[1] == 1
     done = dlama.complete([frame(camera) for camera in CAMERAS], [CAMERAS[0]], mask={0: mask}, filler="telea")
     write_npz(tmp_path / "gone.npz", done.view, done.scene)
-    with pytest.raises(InputError, match="is a scene without what was removed from it"):
-        open_dataset(tmp_path / "gone.npz")
+    bad: list[tuple[Path, dict[str, Any], str]] = [
+        (file, {"layout": "tum"}, "layout does not apply to a data set of layout scene"),
+        (file, {"camera": LENS}, "camera does not apply to a data set of layout scene; it is for tum, 7-scenes"),
+        (tmp_path / "none.npz", {}, "no such folder"),
+        (tmp_path / "gone.npz", {}, "is a scene without what was removed from it"),
+    ]
+    for path, options, words in bad:
+        with pytest.raises((InputError, FileError), match=words):
+            open_dataset(path, **options)
 
 
 def test_doctor_and_view_take_one(file: Path) -> None:

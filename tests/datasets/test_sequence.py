@@ -217,7 +217,7 @@ def test_a_killed_run_goes_on(
 def test_what_is_less_sure_stays_open(room: Path, tmp_path: Path) -> None:
     """Law: open in pictures, depth and the scene exactly where a fill had less confidence; all else keeps its bits."""
     views = {"left": moved(LENS, (0, 0, 0), (-0.6, 0, 0)), "right": moved(LENS, (0, 10, 0), (0.5, 0, 0))}
-    options: dict[str, Any] = {"frames": "1:2", "views": views, "only": ["scene"]}
+    options: dict[str, Any] = {"frames": "1:2", "views": views, "only": ["scene"], "filler": "layered"}
     dlama.sequence(room, tmp_path / "whole", **options)
     least = 0.75
     meta = dlama.sequence(room, tmp_path / "out", min_confidence=least, **options)
@@ -308,7 +308,7 @@ def test_auto_is_the_filler_that_suits_the_scene(
 
 def test_the_recipe_of_the_paper_clips_frames(room: Path, tmp_path: Path) -> None:
     """Frames of a folder are clipped; a scene cannot be any more, which one line says."""
-    dlama.sequence(room, tmp_path / "out", recipe="paper", filler="telea", only=["scene"])
+    dlama.sequence(room, tmp_path / "out", recipe="paper", filler="telea", only=["scene"], frames="1:2")
     assert max(one.load().depth.max() for one in open_frames(tmp_path / "out")) <= 10
     with pytest.raises(InputError, match=r"recipe clips depth at 10 m, and .* is a scene; give its frames instead"):
         dlama.sequence(tmp_path / "out" / "scene.npz", tmp_path / "next", recipe="paper")
