@@ -13,8 +13,7 @@ import pytest
 
 from dlama.datasets.easysynth.dataset import easysynth
 from dlama.datasets.frames import RemovalTruth, StereoTruth, ViewTruth
-from dlama.errors import FileError, InputError, OutputError
-from dlama.files.rasters.pictures import write_color
+from dlama.errors import InputError, OutputError
 from dlama.worlds.dataset import world, worlds
 from dlama.worlds.writer import write_worlds
 from dlama.writing import drafts
@@ -146,15 +145,6 @@ def test_bad_wishes_are_refused(given: dict[str, Any], message: str) -> None:
     if "seed" in given:
         with pytest.raises(InputError, match=message):
             world(**given)
-
-
-def test_a_folder_of_textures_may_be_a_text(tmp_path: Path) -> None:
-    """Oracle: the same folder as a path."""
-    write_color(tmp_path / "photo.png", np.random.default_rng(0).integers(0, 255, (16, 16, 3), np.uint8))
-    one, other = (worlds(1, size=16, textures=folder).frames[0].load() for folder in (tmp_path, str(tmp_path)))
-    np.testing.assert_array_equal(one.color, other.color)
-    with pytest.raises(FileError, match="none: is no folder"):
-        worlds(1, textures=str(tmp_path / "none"))
 
 
 @pytest.mark.parametrize("seed", [97, *range(1_000_000_000, 1_000_000_004)])

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
-from dlama import RGBD, Camera, MaskError, find_mask
+from dlama import RGBD, Camera, MaskError, MaskSession, find_mask
 from dlama.geometry.holes import iou
 from dlama.perception.masks import borders
 from dlama.perception.masks.borders import MOST_PX, cut_out_box, decide_by_color, run_grabcut
@@ -93,11 +93,17 @@ def uneven(depth: np.ndarray) -> np.ndarray:
     return (1 / (w + np.random.default_rng(1).normal(0, 0.04 * np.median(w), w.shape))).astype(np.float32)
 
 
-def test_a_click_finds_the_box_in_estimated_depth() -> None:
+@pytest.fixture(scope="module")
+def session() -> MaskSession:
+    """Of the scene in estimated depth; networks run once for each window that several tests ask for."""
+    color, depth, _ = scene()
+    return MaskSession(RGBD(color, bent(depth), CAMERA, {"estimator": "none"}))
+
+
+def test_a_click_finds_the_box_in_estimated_depth(session: MaskSession) -> None:
     """The box as the picture shows it; what it was found in is said."""
-    color, depth, box = scene()
-    found = find_mask(RGBD(color, bent(depth), CAMERA, {"estimator": "none"}), clicks=[CLICK])
-    assert iou(found.mask, box) > 0.93
+    found = session.find(clicks=[CLICK])
+    assert iou(found.mask, scene()[2]) > 0.93
     assert "found in estimated depth" in found.notes[0]
 
 
@@ -119,14 +125,13 @@ def test_colours_of_a_large_picture_are_cut_in_a_smaller_one(monkeypatch: pytest
 
 
 @pytest.mark.slow
-def test_a_box_and_corrections_are_heeded() -> None:
+def test_a_box_and_corrections_are_heeded(session: MaskSession) -> None:
     """The drawn box bounds the mask; a pixel next to the object is none of it, a further click is."""
-    color, depth, box = scene()
-    rgbd = RGBD(color, bent(depth), CAMERA, {"estimator": "none"})
+    box = scene()[2]
     rows, columns = np.nonzero(box)
     drawn = (columns.min() - 3, rows.min() - 3, np.ptp(columns) + 7, np.ptp(rows) + 7)
-    assert iou(find_mask(rgbd, box=drawn).mask, box) > 0.93
-    mask = find_mask(rgbd, clicks=[CLICK, (20, 110)], not_clicks=[(106, 75)]).mask
+    assert iou(session.find(box=drawn).mask, box) > 0.93
+    mask = session.find(clicks=[CLICK, (20, 110)], not_clicks=[(106, 75)]).mask
     assert mask[110, 20] and not mask[75, 106] and iou(mask & box, box) > 0.8
 
 

@@ -16,7 +16,6 @@ from dlama.inpainters.layered.color.low_frequency import (
     SHARE_APART,
     SHARE_OF_SKY,
     blend_with_low_frequency,
-    smooth_guess,
 )
 
 HW = (40, 60)
@@ -110,11 +109,3 @@ def test_nothing_known_leaves_the_colours() -> None:
     np.testing.assert_array_equal(
         blend_with_low_frequency(all_hole, color, all_hole.hole, np.zeros(HW, np.float32)), color
     )
-
-
-def test_smooth_guesses_of_one_colour_are_that_colour() -> None:
-    """Closed form: whatever the shape of the hole, one colour stays itself."""
-    rng = np.random.default_rng(1)
-    view = view_of()
-    view = view.without(rng.random(HW) < 0.3, HoleType.OUT_OF_VIEW)
-    np.testing.assert_allclose(smooth_guess(view), np.tile(KNOWN, (view.hole.sum(), 1)), atol=DRIFT)

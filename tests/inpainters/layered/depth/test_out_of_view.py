@@ -27,8 +27,6 @@ from dlama.inpainters.layered.depth.out_of_view import (
     ending_cost,
     follow_lines,
     has_ended,
-    seen_on_lines,
-    vanishing_points,
 )
 from dlama.inpainters.layered.filler import layered
 from worlds import Box, Plane, Shape, World, moved
@@ -37,8 +35,6 @@ CAMERA = Camera.from_fov(160, 120, 60)
 FLOOR = Plane((0, 1, 0), (0, 1, 0))
 FRONT = Box((-40, -1.2, 6), (40, 1, 7))
 """A house front that the picture's border cuts on both sides, with sky above it."""
-WALL_45 = np.array([[-1 / CAMERA.fx, 0.0, 1 + (CAMERA.cx - 0.5) / CAMERA.fx]]) / 4
-"""Inverse depth over cells of the wall z - x = 4: w = (1 - x / z) / 4."""
 
 
 def turned(shapes: tuple[Shape, ...], yaw: float) -> tuple[View, View, np.ndarray, np.ndarray]:
@@ -83,26 +79,6 @@ def out_of_view(w: np.ndarray, label: np.ndarray, hole: np.ndarray, candidates: 
     """Cells by hand, the whole hole out of view."""
     camera = Camera.from_fov(hole.shape[1], hole.shape[0], 60)
     return CoarseCells(camera, hole, np.zeros_like(hole), w, label, candidates)
-
-
-def test_lines_count_what_they_meet() -> None:
-    """By hand: a plane at 4 m seen in 30 columns, sky above row 10, an object before it in 6 columns next to the hole: lines from
-    the hole skip it, find the plane after it and count its cells; in the sky they look past it; upright ones meet nothing."""
-    w, label = np.full((40, 60), 0.25, np.float32), np.ones((40, 60), np.int8)
-    w[:10], label[:10] = 0, 0
-    hole = np.zeros(w.shape, bool)
-    hole[:, :24] = True
-    w[20:, 24:30], label[20:, 24:30] = 0.5, -1
-    cells, every = out_of_view(w, label, hole, np.full((3, *w.shape), 0.25, np.float32)), np.ones(1, np.bool_)
-    lines = PlaneLines.of(cells, np.zeros((1, *hole.shape), np.bool_))
-    first, length, ways = seen_on_lines(lines, np.array([[1.0, 0.0, 0.0]]), cells, every, 1, cells.unseen)
-    for row, start, count in ((5, 24, 0), (15, 24, 36), (30, 30, 30)):
-        np.testing.assert_allclose(first[0, row, :24], start - np.arange(24), atol=1)
-        np.testing.assert_array_equal(length[0, row, :24], count)
-    assert (first[0, :, 24:] == -1).all()
-    np.testing.assert_array_equal(ways[0] == 1, length[0] > 0)  # to the left is nothing
-    upwards = seen_on_lines(lines, np.array([[0.0, 1.0, 0.0]]), cells, every, 1, cells.unseen)
-    assert (upwards[0] == -1).all()
 
 
 def test_a_plane_continues_between_two_parts_of_it() -> None:
@@ -168,14 +144,6 @@ def test_nothing_hangs_in_the_air() -> None:
     assert ended[:, 0].all() and ended[:10, 1].all() and not ended[10:, 1].any() and ended[4:, 2].all()
     floating = has_ended(first, length, floating=True)
     np.testing.assert_array_equal(floating, (first > 0) & (length == 0))
-
-
-def test_lines_of_walls_are_level() -> None:
-    """Closed form: K applied to what is level in a wall that runs away from a camera at 45 degrees, and to what is upright."""
-    along, across = vanishing_points(WALL_45, CAMERA, np.array([100]))
-    wanted = CAMERA.K @ [1, 0, 1]
-    np.testing.assert_allclose(along[0][:2] / along[0][2], wanted[:2] / wanted[2] - 0.5, atol=1e-6)
-    assert abs(across[0][2]) < 1e-9 and abs(across[0][0]) < 1e-9
 
 
 def test_the_horizon_is_that_of_the_floor() -> None:
