@@ -205,22 +205,6 @@ def test_a_filler_that_returns_no_fill_is_told_so() -> None:
     """Law: the message is about the filler; before, a bare AttributeError came from inside."""
     with pytest.raises(InputError, match="what the filler returned is None; a Fill is expected"):
         dlama.view(RGBD, yaw=10, filler=lambda view, context, seed: None)  # type: ignore[arg-type, return-value]
-    small = dlama.Fill(COLOR[:3, :3], DEPTH[:3, :3])
-    with pytest.raises(InputError, match=r"the filler's color has shape \(3, 3, 3\); \(24, 32, 3\) is expected"):
-        dlama.inpaint(VIEW, lambda view, context, seed: small, dlama.FillContext(dlama.Law(())))
-
-
-@pytest.mark.parametrize("wrong", [np.nan, -1.0, 0.0])
-def test_a_filler_whose_depth_is_none_is_told_so(wrong: float) -> None:
-    """NaN went through into depth.exr, scene and mesh, 0 as known depth of high confidence."""
-
-    def filler(view: dlama.View, context: dlama.FillContext, seed: int) -> dlama.Fill:
-        return dlama.Fill(view.color, np.where(view.hole, np.float32(wrong), view.depth))
-
-    with pytest.raises(
-        InputError, match=r"the filler's depth is 0, NaN, negative or no number in .* pixels of the hole"
-    ):
-        dlama.view(RGBD, yaw=10, filler=filler)
 
 
 def test_depth_that_float32_cannot_hold_is_far() -> None:
@@ -269,7 +253,12 @@ def test_a_fault_of_an_estimator_is_named(change: dict[str, Any], kind: type[Inp
         )
 
 
+NO_DEPTH = r"the filler's depth is 0, NaN, negative or no number in .* pixels of the hole"
 FAULTS_OF_FILLS = [
+    ({"color": COLOR[:3, :3]}, ShapeError, r"the filler's color has shape \(3, 3, 3\); \(24, 32, 3\) is expected"),
+    ({"depth": np.full(DEPTH.shape, np.nan)}, DepthError, NO_DEPTH),  # went through into depth.exr, scene and mesh
+    ({"depth": np.full(DEPTH.shape, -1.0)}, DepthError, NO_DEPTH),
+    ({"depth": np.full(DEPTH.shape, 0.0)}, DepthError, NO_DEPTH),  # was known depth of high confidence
     ({"notes": None}, InputTypeError, "the filler's notes is None; a dict is expected"),
     ({"law_moves": "a"}, InputTypeError, "law_moves is 'a'; 0 or more is expected"),
     ({"depth": np.full(DEPTH.shape, "deep")}, DepthError, "no number in"),

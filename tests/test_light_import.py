@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import functools
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import pytest
 
@@ -26,13 +27,6 @@ HEAVY = (
 )
 
 
-def loaded_by(code: str, names: Sequence[str] = HEAVY) -> list[str]:
-    """Which of these modules a fresh interpreter has loaded after running `code`."""
-    probe = f"{code}\nimport sys\nprint(*(name for name in {names!r} if name in sys.modules))"
-    done = subprocess.run([sys.executable, "-c", probe], capture_output=True, text=True, check=True, timeout=600)
-    return done.stdout.split()
-
-
 FIRST_PAGE = """
 import http.client, threading
 from dlama.web.answers import Limits
@@ -46,36 +40,58 @@ with open_server("127.0.0.1", 0, None, Limits()) as server:
     server.shutdown()
 """
 METRICS = ", ".join(f"dlama.evaluation.metrics.{name}" for name in ("pictures", "clouds", "depth", "lpips"))
-LIGHT = {
-    "the package": ("import dlama", HEAVY),
-    "cameras, frames, views and scenes, which are numpy alone": (
-        "import dlama.errors, dlama.geometry.rgbd, dlama.geometry.cloud, dlama.geometry.scene",
-        HEAVY,
-    ),
-    "the help of verbs": ("import dlama.apps.cli", ("numpy",)),
-    "options without clicks": (
-        "from dlama.jobs.early import check_options\ncheck_options({})",
-        ("dlama.perception.object_masks",),
-    ),
-    "names of fillers": ("import dlama.inpainters", ("numpy", "cv2", "numba", "onnxruntime")),
-    "metrics": (f"import {METRICS}", ("skimage", "scipy", "onnxruntime", "torch", "PIL")),
-    "settings of a training": ("import dlama.training.presets, dlama.apps.verbs.networks.train", ("torch",)),
-    "checkpoints read and exported": (
-        "import dlama.nets.checkpoints, dlama.nets.export.generator, dlama.nets.surgery",
-        ("torch",),
-    ),
-    "the first page, answered": (FIRST_PAGE, ("onnxruntime", "onnx", "openvino", "torch")),
-}
+LIGHT = (
+    {
+        "the package": ("import dlama", HEAVY),
+        "names of fillers": ("import dlama.inpainters", ("numpy", "cv2", "numba", "onnxruntime")),
+        "the help of verbs": ("import dlama.apps.cli", ("numpy",)),
+    },
+    {
+        "cameras, frames, views and scenes, which are numpy alone": (
+            "import dlama.errors, dlama.geometry.rgbd, dlama.geometry.cloud, dlama.geometry.scene",
+            HEAVY,
+        ),
+        "metrics": (f"import {METRICS}", ("skimage", "scipy", "onnxruntime", "torch", "PIL")),
+        "settings of a training": ("import dlama.training.presets, dlama.apps.verbs.networks.train", ("torch",)),
+        "checkpoints read and exported": (
+            "import dlama.nets.checkpoints, dlama.nets.export.generator, dlama.nets.surgery",
+            ("torch",),
+        ),
+        "options without clicks": (
+            "from dlama.jobs.early import check_options\ncheck_options({})",
+            ("dlama.perception.object_masks",),
+        ),
+        "the first page, answered": (FIRST_PAGE, ("onnxruntime", "onnx", "openvino", "torch")),
+    },
+)
+"""What to run, and which modules must not be there then, one after the other in two interpreters: what one of them loads
+can make a later one fail, and never pass."""
 
 
-@pytest.mark.parametrize(("code", "names"), LIGHT.values(), ids=LIGHT)
-def test_nothing_heavy_is_loaded(code: str, names: Sequence[str]) -> None:
+def loaded_by(steps: Mapping[str, tuple[str, Sequence[str]]]) -> dict[str, list[str]]:
+    """Name -> which of its modules a fresh interpreter has loaded after running its code."""
+    probe = "import sys\n"
+    for name, (code, modules) in steps.items():
+        probe += f"{code}\nprint({name!r}, *(one for one in {modules!r} if one in sys.modules), sep=';')\n"
+    done = subprocess.run([sys.executable, "-c", probe], capture_output=True, text=True, check=True, timeout=600)
+    return {name: found for name, *found in (line.split(";") for line in done.stdout.splitlines())}
+
+
+@functools.cache
+def loaded(interpreter: int) -> dict[str, list[str]]:
+    """Of one of LIGHT."""
+    return loaded_by(LIGHT[interpreter])
+
+
+@pytest.mark.parametrize(("interpreter", "name"), [(place, name) for place, one in enumerate(LIGHT) for name in one])
+def test_nothing_heavy_is_loaded(interpreter: int, name: str) -> None:
     """None of them, though most are installed; they load when they are needed."""
-    assert loaded_by(code, names) == []
+    assert loaded(interpreter)[name] == []
 
 
 def test_this_guard_can_fail() -> None:
     """A module that is loaded is seen: by an import, and where something is pointed at."""
-    assert loaded_by("import dlama, cv2") == ["cv2"]
-    code, names = LIGHT["options without clicks"]
-    assert loaded_by(code.replace("{}", "{'click': [(3, 4)]}"), names) == list(names)
+    code, names = LIGHT[1]["options without clicks"]
+    clicked = code.replace("{}", "{'click': [(3, 4)]}")
+    found = loaded_by({"import": ("import dlama, cv2", HEAVY), "clicks": (clicked, names)})
+    assert found == {"import": ["cv2"], "clicks": list(names)}

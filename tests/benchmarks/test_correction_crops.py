@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from pathlib import Path
 
 import numpy as np
@@ -33,12 +34,13 @@ def scene() -> RGBD:
     return RGBD(color.astype(np.uint8), np.where(TRUE, 2, 4).astype(np.float32), Camera.from_fov(128, 96, 60))
 
 
-def crops(count: int = 40) -> list[correction_crops.Crop]:
+@functools.cache
+def crops() -> list[correction_crops.Crop]:
     """Crops of that square; a second object stands beside it."""
     other = np.zeros_like(TRUE)
     other[40:60, 90:110] = True
     rng, found = np.random.default_rng(1), list[correction_crops.Crop]()
-    while len(found) < count:
+    while len(found) < 24:
         found += correction_crops.corrections_of(scene(), TRUE, np.zeros_like(TRUE), [other], rng)
     return found
 
@@ -79,7 +81,7 @@ def test_a_carried_mask_is_clicked_on_amid_the_object() -> None:
 
 def test_a_few_steps_of_training_write_a_network(tmp_path: Path) -> None:
     """The file takes the planes of a crop, as the one that ships does; what is learned on from keeps its answer at rate 0."""
-    write_crops(tmp_path, "photo", range(1), lambda _: iter(crops(6)))
+    write_crops(tmp_path, "photo", range(1), lambda _: iter(crops()[:6]))
     batches = correction_network.CorrectionCrops(tmp_path, np.random.default_rng(0))
     for kind in ("estimated", "measured"):
         batches.numbers[kind] = batches.numbers["photo"]

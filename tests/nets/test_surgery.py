@@ -12,7 +12,7 @@ from dlama.nets.surgery import widen
 SMALL = GeneratorSettings(width=8, blocks=1)
 
 
-@pytest.mark.parametrize(("planes_in", "planes_out"), [(5, 4), (7, 6), (4, 3), (5, 3)])
+@pytest.mark.parametrize(("planes_in", "planes_out"), [(5, 4), (7, 6), (5, 3)])
 def test_colour_is_the_same_at_step_0(random_state, planes_in, planes_out):
     """Oracle: the network before surgery."""
     torch = pytest.importorskip("torch", reason="the networks need torch: pip install 'dlama[train]'")

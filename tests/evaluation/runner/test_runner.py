@@ -59,14 +59,20 @@ def written(folder: Path, done: Results) -> bytes:
     return (folder / "results.csv").read_bytes()
 
 
-def test_every_case_meets_every_method_in_order(tmp_path: Path) -> None:
-    """Oracle: the product of cases and methods, two runs each (the second a variant)."""
-    dataset = made_up_dataset()
-    done = evaluated(dataset, tmp_path)
+def test_every_case_meets_every_method_in_order_and_a_second_run_does_nothing(tmp_path: Path, log: Path) -> None:
+    """Oracles: the product of cases and methods, two runs each (the second a variant); the log is empty; results.csv equal."""
+    dataset = made_up_dataset(2, (10.0, -10.0))
+    done = evaluated(dataset, tmp_path / "a")
     met = [(one.rows[0].scene, one.rows[0].frame, one.rows[0].method) for one in done.stored]
     assert met == [(case.scene, case.frame, method.label) for case in dataset.cases for method in METHODS]
     assert {row.recipe.partition("+")[2] for row in rows_of(done)} == {"", "object,dilate=3"}
     assert done.failures == () and done.reused == 0
+    first = written(tmp_path, done)
+    assert lines(log) == 4 * 6
+    again = evaluated(dataset, tmp_path / "a")
+    assert lines(log) == 0 and again.reused == 24
+    assert written(tmp_path, again) == first
+    assert written(tmp_path, evaluated(dataset, tmp_path / "b")) == first
 
 
 def test_csv_has_the_header_and_every_digit(tmp_path: Path) -> None:
@@ -97,17 +103,6 @@ def test_timings_stand_apart(tmp_path: Path) -> None:
     assert values["time", "seconds"] == 0.25
     assert values["time", "seconds_scored"] > 0
     assert 10 < values["memory", "peak_mib"] < 16_000
-
-
-def test_a_second_run_does_nothing_and_gives_the_same_bytes(tmp_path: Path, log: Path) -> None:
-    """Oracles: the log is empty; results.csv equal."""
-    dataset = made_up_dataset()
-    first = written(tmp_path, evaluated(dataset, tmp_path / "a"))
-    assert lines(log) == 12 * 6
-    again = evaluated(dataset, tmp_path / "a")
-    assert lines(log) == 0 and again.reused == 72
-    assert written(tmp_path, again) == first
-    assert written(tmp_path, evaluated(dataset, tmp_path / "b")) == first
 
 
 def test_only_what_is_missing_or_stale_is_done(tmp_path: Path, log: Path, monkeypatch: pytest.MonkeyPatch) -> None:

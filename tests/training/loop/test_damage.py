@@ -110,12 +110,18 @@ def test_broken_settings_are_named(killed: Path, content: bytes) -> None:
 
 
 @pytest.mark.parametrize("content", [b"", b"\xff\xfe\x00\x01", b"a,b\n1,2\n", b"step,samples\n1,2,3,4\n\n,\n"])
-def test_broken_metrics_do_not_stop_a_run(run: Path, content: bytes) -> None:
-    """A new table begins where the old one says nothing, and the old one is kept; one line too long is no matter."""
-    (run / METRICS).write_bytes(content)
+def test_a_new_table_begins_where_the_old_one_says_nothing(tmp_path: Path, content: bytes) -> None:
+    """The old one is kept; one line too long is no matter."""
+    (tmp_path / METRICS).write_bytes(content)
+    MetricsTable(tmp_path, ["loss"], 1).add({"step": 2, "loss": 0.5})
+    assert [row["step"] for row in read_metrics(tmp_path)] == [1, 2][not content.startswith(b"step") :]
+    assert content.startswith(b"step") or (tmp_path / "metrics.damaged.csv").read_bytes() == content
+
+
+def test_broken_metrics_do_not_stop_a_run(run: Path) -> None:
+    (run / METRICS).write_bytes(b"\xff\xfe\x00\x01")
     assert train(toy(steps=2), run, resume=True).step == 2
     assert read_metrics(run)[-1]["step"] == 2
-    assert content.startswith(b"step") or (run / "metrics.damaged.csv").read_bytes() == content
 
 
 def test_metrics_that_are_no_numbers(tmp_path: Path) -> None:

@@ -225,12 +225,17 @@ def test_the_discriminator_sees_no_depth_without_truth():
     assert discriminator_input(torch.ones(1, 6, 4, 4), {}).all()
 
 
+@pytest.fixture(scope="module")
+def trunk():
+    """The published structure with random weights."""
+    return trunks.DilatedResnet50().eval()
+
+
 @pytest.mark.parametrize("suffix", first_quick([".safetensors", ".pth"]))
-def test_a_trunk_is_read_strictly(suffix, tmp_path):
+def test_a_trunk_is_read_strictly(suffix, trunk, tmp_path):
     """Oracle: round trip with random weights of the published structure; half a file is refused by name."""
     from safetensors.torch import save_file
 
-    trunk = trunks.DilatedResnet50().eval()
     state = trunk.state_dict() | {"fc.weight": torch.zeros(3)}
     path = tmp_path / f"trunk{suffix}"
     save = {".safetensors": save_file, ".pth": torch.save}[suffix]
@@ -247,9 +252,8 @@ def test_a_trunk_is_read_strictly(suffix, tmp_path):
         perceptual_loss(LossSettings(trunk="resnet50-dilated", trunk_weights=str(path)))
 
 
-def test_the_dilated_trunk_sees_far():
+def test_the_dilated_trunk_sees_far(trunk):
     """Oracle: closed form; its last stages halve nothing, and it has the parameters of ResNet-50 with a deep stem."""
-    trunk = trunks.DilatedResnet50().eval()
     with torch.no_grad():
         sizes = [tuple(x.shape[1:]) for x in trunk(torch.rand(1, 3, 64, 64))]
     assert sizes == [(256, 16, 16), (512, 8, 8), (1024, 8, 8), (2048, 8, 8)]

@@ -62,8 +62,8 @@ def test_removals_show_what_the_files_show(folder: Path) -> None:
     source = source_for(settings("rgbd", removal=1), [folder], "train")
     assert isinstance(source, Samples)
     cases = {f"made/{case.scene}/{case.frame}": case for case in open_dataset(folder).of("ori")}
-    shown = 0
-    for index, case in enumerate(source.example.args[0]):
+    shown, third = 0, list(enumerate(source.example.args[0]))[::3]
+    for index, case in third:
         truth = cases[f"{scene_of(case)}/{case.frame}"].load()
         assert isinstance(truth, RemovalTruth)
         example = source.example(index, np.random.default_rng(index))
@@ -81,7 +81,7 @@ def test_removals_show_what_the_files_show(folder: Path) -> None:
         assert np.array_equal(made["mask"][0] > 0, hole) and not made["input"][:4, hole].any()
         there = truth.source.depth[truth.mask]
         assert np.array_equal(example.law.measured[0][1][truth.mask], there)  # what was taken out still limits
-    assert shown > 0.8 * len(source)
+    assert shown > 0.8 * len(third) > 5
 
 
 @pytest.mark.usefixtures("whole")

@@ -58,7 +58,7 @@ def test_every_kind_makes_samples(kind: str, split: Any) -> None:
     """check_sample agrees; the same index and state of the generator give the same bytes, another state others."""
     chosen = settings(KINDS[kind], **{kind: 1.0})
     source = source_for(chosen, [], split)
-    for index in (0, 1, 2):
+    for index in (0, 1):
         made, same, other = (source.sample(index, np.random.default_rng([seed, index])) for seed in (1, 1, 2))
         check_sample(made, chosen.network, SIZE)
         assert all(np.array_equal(made[key], same[key]) for key in made)
