@@ -238,12 +238,11 @@ def test_pil_pictures_and_tensors_are_arrays() -> None:
 
     frame = street(sensor_holes=False)
     plain = remove(frame, MASK, filler="telea").view
-    for color in (Image.fromarray(frame.color), Tensor(frame.color)):
-        rgbd = RGBD(color, Tensor(frame.depth), CAMERA)  # type: ignore[arg-type]
-        for mask in (Image.fromarray(MASK), Tensor(MASK), {0: Tensor(MASK)}):
-            found = remove(rgbd, mask, filler="telea").view  # type: ignore[arg-type]
-            np.testing.assert_array_equal(found.color, plain.color)
-            np.testing.assert_array_equal(found.depth, plain.depth)
+    for make, mask in ((Image.fromarray, Image.fromarray(MASK)), (Tensor, Tensor(MASK)), (Tensor, {0: Tensor(MASK)})):
+        rgbd = RGBD(make(frame.color), Tensor(frame.depth), CAMERA)  # type: ignore[arg-type]
+        found = remove(rgbd, mask, filler="telea").view  # type: ignore[arg-type]
+        np.testing.assert_array_equal(found.color, plain.color)
+        np.testing.assert_array_equal(found.depth, plain.depth)
     with pytest.raises(
         TypeError, match=r"depth is of type Tensor \(of a graphics card\); an array of metres is expected"
     ):

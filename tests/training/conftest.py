@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import functools
 import importlib.util
 from collections.abc import Iterator
 
 import pytest
+from toy_runs import keep_worlds
 
 from dlama.training.data.samples import world_views
 
@@ -24,7 +24,7 @@ def one_torch_thread():
 @pytest.fixture(scope="session", autouse=True)
 def worlds_are_kept() -> Iterator[None]:
     """Runs of a few steps take most of their time to build the worlds that the run before them had, too."""
-    build = functools.lru_cache(maxsize=24)(world_views._world_views.__wrapped__)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(world_views, "_world_views", build)
+        patch.setattr(world_views, "_world_views", world_views._world_views)
+        keep_worlds()
         yield

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -9,6 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from dlama.training.data.samples import world_views
 from dlama.training.data.sources import SampleSource, source_for
 from dlama.training.settings import (
     DataSettings,
@@ -45,6 +47,11 @@ def world_source(network: NetworkSettings, size: int, split: Literal["train", "h
     """The samples of a run on worlds alone."""
     data = DataSettings(size=size, mixture={kind_for(network): 1.0})
     return source_for(TrainSettings("toy", network=network, data=data), [], split)
+
+
+def keep_worlds() -> None:
+    """More of them than usual, in this process."""
+    world_views._world_views = functools.lru_cache(maxsize=24)(world_views._world_views.__wrapped__)
 
 
 class Four:
