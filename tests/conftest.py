@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
-if "PYTEST_XDIST_WORKER" in os.environ:  # torch is not loaded yet; its threads would fight with the other process's
-    os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+"""torch is not loaded yet. Toy networks are too small to share: on a busy machine threads that wait for others take minutes."""
 
 TESTS = Path(__file__).parent
 

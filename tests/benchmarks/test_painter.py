@@ -27,10 +27,10 @@ SHIPPED = model_file("migan")
 
 @pytest.fixture(scope="module")
 def planes() -> np.ndarray:
-    """1 x 4 x 128 x 192: colours, 0 in the hole, and the hole."""
-    planes = np.random.default_rng(0).random((1, 4, 128, 192), np.float32)
+    """1 x 4 x 128 x 256: colours, 0 in the hole, and the hole."""
+    planes = np.random.default_rng(0).random((1, 4, 128, 256), np.float32)
     planes[:, 3] = 0
-    planes[:, 3, 30:100, 50:150] = 1
+    planes[:, 3, 30:100, 60:200] = 1
     planes[:, :3] *= 1 - planes[:, 3:]
     return planes
 

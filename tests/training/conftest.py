@@ -2,23 +2,12 @@
 
 from __future__ import annotations
 
-import importlib.util
 from collections.abc import Iterator
 
 import pytest
 from toy_runs import keep_worlds
 
 from dlama.training.data.samples import world_views
-
-
-@pytest.fixture(scope="session", autouse=True)
-def one_torch_thread():
-    """Toy networks are too small to share: on a busy machine threads that wait for each other take minutes."""
-    if importlib.util.find_spec("torch") is not None:
-        import torch
-
-        torch.set_num_threads(1)
-    yield
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -37,6 +37,7 @@ def evaluated(dataset: Dataset, folder: Path, *methods: Method, jobs: int = 1, s
 def log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A file with a line (method, process, threads) for every run of the protocol."""
     monkeypatch.setenv(made_up.LOG, str(tmp_path / "log.txt"))
+    monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
     (tmp_path / "log.txt").touch()
     return tmp_path / "log.txt"
 
