@@ -7,17 +7,18 @@ from pathlib import Path
 import pytest
 
 import dlama
+from box_frame import CAMERA, WORLD
 from dlama.progress import begin_stage, show_progress
+
+FRAME = WORLD.rgbd(CAMERA)
 
 
 def test_stages_come_in_order_and_go_to_the_innermost(tmp_path: Path) -> None:
     """Rendering comes before filling and that before fusing; written files are named; outside nobody is called."""
-    folder = dlama.example()
-    rgbd = dlama.read_rgbd(folder / "street.jpg", folder / "depth.png", fov=90)
     outer: list[str] = []
     inner: list[str] = []
     with show_progress(outer.append):
-        done = dlama.view(rgbd, yaw=3, filler="telea", progress=inner.append)
+        done = dlama.view(FRAME, yaw=3, filler="telea", progress=inner.append)
         dlama.write(done, tmp_path / "out", only=("image", "depth"))
     begin_stage("afterwards")
     assert [inner.index(name) for name in ("render", "fill", "fuse")] == sorted(
@@ -35,13 +36,11 @@ def test_what_the_callback_raises_ends_the_work(tmp_path: Path) -> None:
     def stop(stage: str) -> None:
         raise Enough(stage)
 
-    folder = dlama.example()
-    rgbd = dlama.read_rgbd(folder / "street.jpg", folder / "depth.png", fov=90)
-    done = dlama.view(rgbd, yaw=3, filler="telea")
+    done = dlama.view(FRAME, yaw=3, filler="telea")
     with pytest.raises(Enough, match="write"):
         dlama.write(done, tmp_path / "out", progress=stop)
     assert not list(tmp_path.iterdir())
     with pytest.raises(Enough):
-        dlama.view(rgbd, yaw=3, filler="telea", progress=stop)
+        dlama.view(FRAME, yaw=3, filler="telea", progress=stop)
     with pytest.raises(TypeError, match="progress is of type int; a function is expected"):
-        dlama.view(rgbd, yaw=3, progress=3)
+        dlama.view(FRAME, yaw=3, progress=3)

@@ -48,7 +48,7 @@ def test_a_depth_scale_that_leaves_most_unknown(factor: float, yaw: float) -> No
         view(scaled(factor), yaw=yaw, pivot=2.5, filler="telea")
 
 
-@pytest.mark.parametrize("yaw", [45, 60, 80])
+@pytest.mark.parametrize("yaw", [45, 80])
 def test_a_wide_turn_with_right_depth_gets_no_warning(yaw: float) -> None:
     """Most of the view is unknown, as the camera has turned away."""
     with warnings.catch_warnings():
