@@ -76,6 +76,15 @@ def test_the_shorter_side_is_518_and_both_are_multiples_of_14(hw: tuple[int, int
     assert contract.tensor(np.zeros((*hw, 3), np.uint8), wanted).shape == (1, 3, *wanted)
 
 
+@pytest.mark.parametrize("hw", [(2, 3000), (8000, 100), (500, 4000)])
+def test_a_strip_is_shown_no_larger_than_a_panorama(hw: tuple[int, int]) -> None:
+    """Law: the area is that of a picture of 4:1 at most (memory grows with it: 2 x 3000 pixels took more than there was)."""
+    contract = ESTIMATORS["tcmonodepth"]
+    sizes = contract.input_sizes(hw)
+    assert all(height * width <= 4 * side**2 for (height, width), side in zip(sizes, contract.sides))
+    assert all(max(size) == 4 * side for size, side in zip(sizes, contract.sides))
+
+
 @pytest.mark.parametrize("metric", [False, True])
 def test_predictions_at_several_sides_are_averaged(tmp_path: Path, metric: bool) -> None:
     """Closed form: of a picture whose left half is 50 and right half is 150, shown at 24 and 48 rows, the mean of both maps is

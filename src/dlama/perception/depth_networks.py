@@ -26,6 +26,8 @@ IMAGENET = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
 """Mean and standard deviation of ImageNet's colours (0..1), by which most networks expect their pictures normalised."""
 SAMPLES = 4096
 STEPS = 60
+WIDEST = 4
+"""Times the shorter side at which the longer one of a picture is shown at most: what a network takes grows with their product."""
 GOLDEN = (math.sqrt(5) - 1) / 2
 
 
@@ -73,8 +75,9 @@ class DepthContract(ColorContract):
         return list(dict.fromkeys(self.input_size(hw, side) for side in self.sides))
 
     def input_size(self, hw: tuple[int, int], side: int) -> tuple[int, int]:
-        """Height and width of a picture of that size whose shorter side is shown at `side`."""
-        height, width = (max(1, round(one * side / min(hw) / self.multiple)) * self.multiple for one in hw)
+        """Height and width of a picture of that size whose shorter side is shown at `side`, and the longer one within WIDEST."""
+        factor = side / max(min(hw), max(hw) / WIDEST)
+        height, width = (max(1, round(one * factor / self.multiple)) * self.multiple for one in hw)
         return height, width
 
     def tensor(self, color: UInt8Array, hw: tuple[int, int]) -> Float32Array:
