@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import re
 import shlex
 import shutil
@@ -53,8 +54,8 @@ LONGEST_MEAN = 25
 WORDS_BY_HAND = 20_000
 
 
-SMALLER = {"photo3d"}
-"""Pages whose blocks name no pixel and take long: their pictures have a quarter of the size."""
+SMALLER = {"batch", "coming_from", "frames", "photo3d", "stereo", "view"}
+"""Pages whose blocks name no pixel: their pictures have a quarter of the size."""
 
 
 @pytest.fixture
@@ -67,10 +68,17 @@ def inputs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def shrink_pictures(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Picture and depth of the working directory, which is the example of the package, too."""
-    for name in ("street.jpg", "depth.png"):
+    """All pictures of the working directory, which is the example of the package, too; with their cameras."""
+    for name in ("street.jpg", "depth.png", "mask.png", "right.jpg"):
         picture = cv2.imread(str(folder / name), cv2.IMREAD_UNCHANGED)
         cv2.imwrite(str(folder / name), picture[::4, ::4])
+    camera = json.loads((folder / "camera.json").read_text("utf-8"))
+    camera |= {name: camera[name] / 4 for name in ("fx", "fy", "cx", "cy")} | {"width": 128, "height": 128}
+    (folder / "camera.json").write_text(json.dumps(camera), "utf-8")
+    calib = (folder / "calib.txt").read_text("utf-8")
+    for name, smaller in (("256", "64"), ("255.5", "63.5"), ("512", "128"), ("ndisp=64", "ndisp=16")):
+        calib = calib.replace(name, smaller)
+    (folder / "calib.txt").write_text(calib, "utf-8")
     monkeypatch.setattr(dlama, "example", lambda: folder)
 
 
