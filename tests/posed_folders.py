@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -12,10 +13,12 @@ from PIL import Image
 
 from dlama.completion.verbs import view
 from dlama.datasets.frames import Dataset, ViewTruth
+from dlama.datasets.posed.nerfstudio import write_transforms, write_view
 from dlama.datasets.posed.posed_frames import PosedFrame
 from dlama.files.cameras import write_camera
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
+from dlama.geometry.view import View
 from whole_picture import check_same
 from worlds import Plane, Sphere, World, moved
 
@@ -80,6 +83,16 @@ def write_numbered(root: Path, step: int = 1, digits: int = 9) -> Path:
         write_codes16(root / f"{name}.depth.png", frame.depth)
         (root / f"{name}.pose.txt").write_text(text_matrix(frame.camera.world_from_cam, digits))
     return root
+
+
+def write_nerfstudio(folder: Path, frames: Mapping[str, RGBD], cameras: Mapping[str, Camera]) -> Path:
+    """Frames in nerfstudio's layout, as a sequence writes them, with cameras that may be others than theirs."""
+    for kind in ("images", "depth", "hole", "origin", "source"):
+        (folder / kind).mkdir(parents=True)
+    for name, frame in frames.items():
+        write_view(folder, name, View.from_rgbd(frame))
+    write_transforms(folder, cameras, [], {})
+    return folder
 
 
 TUM_TIMES = [1305031102.175304 + 0.1 * number for number in range(len(TURNS))]

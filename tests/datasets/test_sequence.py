@@ -14,7 +14,7 @@ from PIL import Image
 
 import dlama
 from dlama.apps.cli import main
-from dlama.datasets.posed.nerfstudio import write_transforms, write_view
+from dlama.datasets.posed.nerfstudio import write_transforms
 from dlama.datasets.sequences import camera_paths
 from dlama.datasets.sequences import sequence as module
 from dlama.datasets.sequences.loading import masks_by_number, open_frames, slice_frames
@@ -26,7 +26,7 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.codes import Origin
 from dlama.geometry.holes import dilate_mask
 from dlama.geometry.rgbd import RGBD
-from dlama.geometry.view import View
+from posed_folders import write_nerfstudio
 from worlds import Box, Plane, Sphere, World, moved
 
 LENS = Camera.from_fov(64, 48, 60)
@@ -47,12 +47,7 @@ def frame(name: str) -> RGBD:
 
 def write_room(folder: Path) -> Path:
     """Four frames in nerfstudio's layout."""
-    for each in ("images", "depth", "hole", "origin", "source"):
-        (folder / each).mkdir(parents=True)
-    for name in CAMERAS:
-        write_view(folder, name, View.from_rgbd(frame(name)))
-    write_transforms(folder, CAMERAS, [], {})
-    return folder
+    return write_nerfstudio(folder, {name: frame(name) for name in CAMERAS}, CAMERAS)
 
 
 @pytest.fixture(scope="module")

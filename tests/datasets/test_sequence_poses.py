@@ -9,14 +9,13 @@ import numpy as np
 import pytest
 
 import dlama
-from dlama.datasets.posed.nerfstudio import write_transforms, write_view
 from dlama.datasets.sequences.loading import open_frames
 from dlama.geometry.camera import Camera
 from dlama.geometry.projection import lift, project
 from dlama.geometry.rgbd import RGBD
-from dlama.geometry.view import View
 from dlama.worlds.dataset import world
 from drifted_poses import drift
+from posed_folders import write_nerfstudio
 
 YAWS = (-4, 0, 4, 8)
 
@@ -37,12 +36,7 @@ def drifted(exact: dict[str, RGBD]) -> dict[str, Camera]:
 @pytest.fixture
 def room(exact: dict[str, RGBD], drifted: dict[str, Camera], tmp_path: Path) -> Path:
     """The frames with these poses in nerfstudio's layout; the last one cannot be read."""
-    folder = tmp_path / "room"
-    for each in ("images", "depth", "hole", "origin", "source"):
-        (folder / each).mkdir(parents=True)
-    for name, frame in exact.items():
-        write_view(folder, name, View.from_rgbd(frame))
-    write_transforms(folder, drifted, [], {})
+    folder = write_nerfstudio(tmp_path / "room", exact, drifted)
     (folder / "depth" / "img-3.png").write_bytes(b"no picture")
     return folder
 

@@ -10,7 +10,6 @@ import pytest
 
 import dlama
 from dlama.apps.cli import main
-from dlama.datasets.posed.nerfstudio import write_transforms, write_view
 from dlama.datasets.sequences.loading import open_frames
 from dlama.errors import InputError
 from dlama.files.rasters.masks import write_mask
@@ -19,6 +18,7 @@ from dlama.geometry.holes import erode_mask
 from dlama.geometry.projection import world_points
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.geometry.view import View
+from posed_folders import write_nerfstudio
 from worlds import Box, Plane, World, moved
 
 LENS = Camera.from_fov(192, 144, 70)
@@ -43,12 +43,7 @@ def frame(name: str) -> tuple[RGBD, BoolArray, BoolArray]:
 @pytest.mark.slow
 def test_a_shadow_is_removed_from_all_frames(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """What stays of it is reported with the option that removes it; with that, its ground is lit in every frame."""
-    room = tmp_path / "room"
-    for each in ("images", "depth", "hole", "origin", "source"):
-        (room / each).mkdir(parents=True)
-    for name in CAMERAS:
-        write_view(room, name, View.from_rgbd(frame(name)[0]))
-    write_transforms(room, CAMERAS, [], {})
+    room = write_nerfstudio(tmp_path / "room", {name: frame(name)[0] for name in CAMERAS}, CAMERAS)
     write_mask(tmp_path / "box.png", frame("img-0")[1])
     words = ["sequence", str(room), "--mask", f"img-0={tmp_path / 'box.png'}", "--keep-poses", "--only", "video"]
     for out, more, least, most in (("stays", [], DARK - 8, DARK + 8), ("gone", ["--with-shadow"], LIT - 12, LIT + 12)):

@@ -20,6 +20,9 @@ from dlama.files.rasters.masks import read_mask, write_mask
 from dlama.files.rasters.pictures import read_color, srgb_of, write_codes, write_color, write_grey
 
 COLOR = np.random.default_rng(0).integers(0, 256, (14, 19, 3)).astype(np.uint8)
+WANTED = np.zeros((6, 8), bool)
+WANTED[2:4, 3:6] = True
+"""What a mask shows."""
 SMOOTH = np.clip(np.add.outer(np.arange(90), np.arange(130))[..., None] + [0, 20, 36], 0, 255).astype(np.uint8)
 
 
@@ -180,15 +183,13 @@ def test_grey_mask_is_refused_unless_soft(tmp_path: Path) -> None:
 
 def test_masks_of_other_kinds(tmp_path: Path) -> None:
     """Bilevel, 16-bit, grey RGB and opaque RGBA mean what they show; colour and transparency do not."""
-    wanted = np.zeros((6, 8), bool)
-    wanted[2:4, 3:6] = True
-    grey = wanted.astype(np.uint8) * 255
+    grey = WANTED.astype(np.uint8) * 255
     Image.fromarray(grey).convert("1").save(tmp_path / "1.png")
     cv2.imwrite(str(tmp_path / "16.png"), grey.astype(np.uint16) * 257)
     for mode in ("RGB", "RGBA", "P"):
         Image.fromarray(grey).convert(mode).save(tmp_path / f"{mode}.png")
     for name in ("1", "16", "RGB", "RGBA", "P"):
-        assert np.array_equal(read_mask(tmp_path / f"{name}.png"), wanted), name
+        assert np.array_equal(read_mask(tmp_path / f"{name}.png"), WANTED), name
     half = np.where(np.indices(grey.shape)[0] < 3, 255, 0).astype(np.uint8)
     Image.fromarray(np.dstack([grey] * 3 + [half])).save(tmp_path / "clear.png")
     with pytest.raises(MaskError, match="transparent"):
@@ -203,23 +204,19 @@ def test_masks_of_other_kinds(tmp_path: Path) -> None:
 @pytest.mark.parametrize("what", ["plate", "white", "black", "red"])
 def test_alpha_is_the_mask_where_pixels_are_transparent(tmp_path: Path, what: str) -> None:
     """Oracle: the matte that was written as alpha, of a cut-out, a white, a black or a red silhouette."""
-    wanted = np.zeros((6, 8), bool)
-    wanted[2:4, 3:6] = True
     red = np.full((6, 8, 3), (255, 0, 0))
     white = np.full((6, 8, 3), 255)
     rgb = {"plate": np.arange(144).reshape(6, 8, 3), "white": white, "black": white * 0, "red": red}[what]
-    Image.fromarray(np.dstack([rgb, wanted * 255]).astype(np.uint8)).save(tmp_path / "cut.png")
+    Image.fromarray(np.dstack([rgb, WANTED * 255]).astype(np.uint8)).save(tmp_path / "cut.png")
     with pytest.warns(UserWarning, match="its alpha is the mask: what is opaque is removed"):
-        assert np.array_equal(read_mask(tmp_path / "cut.png"), wanted)
+        assert np.array_equal(read_mask(tmp_path / "cut.png"), WANTED)
     with pytest.warns(UserWarning, match="alpha"):
-        assert np.array_equal(read_mask(tmp_path / "cut.png", mask_polarity="known"), ~wanted)
+        assert np.array_equal(read_mask(tmp_path / "cut.png", mask_polarity="known"), ~WANTED)
 
 
 def test_mattes_in_floats(tmp_path: Path) -> None:
     """Oracle: the matte as written, by OpenEXR as alpha or grey, by OpenCV as TIFF; a soft edge is refused, or cut at a half."""
-    wanted = np.zeros((6, 8), bool)
-    wanted[2:4, 3:6] = True
-    matte = wanted.astype(np.float32)
+    matte = WANTED.astype(np.float32)
     soft = matte * np.float32(0.6)
     picture = {name: np.arange(48, dtype=np.float32).reshape(6, 8) + shift for shift, name in enumerate("RGB")}
     grey = dict.fromkeys("RGB", matte)
@@ -231,13 +228,13 @@ def test_mattes_in_floats(tmp_path: Path) -> None:
     }
     for name, channels in files.items():
         write_exr(tmp_path / f"{name}.exr", channels)
-        assert np.array_equal(read_mask(tmp_path / f"{name}.exr"), wanted), name
+        assert np.array_equal(read_mask(tmp_path / f"{name}.exr"), WANTED), name
     cv2.imwrite(str(tmp_path / "float.tif"), matte * 1.05)
-    assert np.array_equal(read_mask(tmp_path / "float.tif"), wanted)
+    assert np.array_equal(read_mask(tmp_path / "float.tif"), WANTED)
     write_exr(tmp_path / "soft.exr", {"A": soft})
     with pytest.raises(MaskError, match="soft_mask"):
         read_mask(tmp_path / "soft.exr")
-    assert np.array_equal(read_mask(tmp_path / "soft.exr", soft_mask=True), wanted)
+    assert np.array_equal(read_mask(tmp_path / "soft.exr", soft_mask=True), WANTED)
     write_exr(tmp_path / "depth.exr", {"Z": matte * 7})
     with pytest.raises(MaskError, match="holds 0 to 7; a mask of floats is 0 to 1"):
         read_mask(tmp_path / "depth.exr")
