@@ -138,13 +138,17 @@ def contents(folder: Path) -> dict[str, bytes]:
         ({"yaws": ("10",)}, "yaws are"),
     ],
 )
-def test_bad_wishes_are_refused(given: dict[str, Any], message: str) -> None:
+def test_bad_wishes_are_refused(given: dict[str, Any], message: str, tmp_path: Path) -> None:
     """At once, not when the first frame is loaded; no bare TypeError. Messages name what came and what is expected."""
     with pytest.raises(InputError, match=message):
         worlds(**{"count": 1, **given})
     if "seed" in given:
         with pytest.raises(InputError, match=message):
             world(**given)
+    if "size" in given:  # more than memory holds: nothing is begun
+        with pytest.raises(InputError, match=message):
+            write_worlds(tmp_path / "out", count=1, **given)
+        assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("seed", [97, *range(1_000_000_000, 1_000_000_004)])
