@@ -10,6 +10,9 @@ import pytest
 
 import dlama
 from dlama.apps.cli import main
+from dlama.datasets.easysynth.writer import write_scene
+from dlama.geometry.motion.trajectories import orbit
+from rendered_walls import CAMERA, CLASSES, frame
 
 STREET = [str(dlama.example() / name) for name in ("street.jpg", "depth.png", "mask.png")]
 
@@ -65,16 +68,15 @@ def test_options_that_cannot_be_heeded_are_named(
 def test_a_depth_range_that_doctor_asks_for_is_taken(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Law: with the option that the finding names, the finding is gone (a street without depth in millimetres); a folder in which
-    one is has its name, too."""
-    main(["worlds", "--count", "1", "--size", "64", "--kind", "street", "-o", str(tmp_path)])
-    folder = next(tmp_path.glob("*/without"))
-    for exact in folder.rglob("DepthMM"):
-        shutil.rmtree(exact)
-    capsys.readouterr()
+    """Law: with the option that the finding names, the finding is gone (EasySynth's depth without that in millimetres); a folder
+    in which one is has its name, too."""
+    frames = [frame(orbit(CAMERA, yaw)) for yaw in (0, 10)]
+    write_scene(tmp_path, "walls", {"with": frames}, depth_range=10, classes=CLASSES)
+    folder = tmp_path / "walls" / "with"
+    shutil.rmtree(folder / "CameraComponent" / "DepthMM")
     with pytest.raises(SystemExit):
         main(["doctor", str(folder)])
     assert "give --depth-range METRES" in capsys.readouterr().out
     monkeypatch.chdir(folder)
     main(["doctor", ".", "--depth-range", "10"])
-    assert "without: nothing wrong: layout easysynth" in capsys.readouterr().out
+    assert "with: nothing wrong: layout easysynth" in capsys.readouterr().out

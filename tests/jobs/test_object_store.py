@@ -41,25 +41,26 @@ def bucket(monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")  # of moto's and botocore's own
-@pytest.mark.parametrize("pack", [None, 2])
-def test_list_inputs_and_results_on_a_server(bucket: str, tmp_path: Path, pack: int | None) -> None:
-    """By worker processes; a second run keeps all of it."""
+def test_list_inputs_and_results_on_a_server(bucket: str, tmp_path: Path, request: pytest.FixtureRequest) -> None:
+    """By a worker process, and packed in shards; a second run keeps all of it."""
     import s3fs
 
-    system = s3fs.S3FileSystem()
+    system, jobs = s3fs.S3FileSystem(), f"{bucket}/in/jobs.csv"
     write_csv(small_frame(tmp_path) / "jobs.csv", view_rows(3))
     for name in ("image.png", "depth.png", "jobs.csv"):
         system.put_file(str(tmp_path / name), f"{bucket}/in/{name}")
-    results = list(batch(f"{bucket}/in/jobs.csv", f"{bucket}/out", workers=1, pack=pack, **FAST))
+    results = list(batch(jobs, f"{bucket}/out", workers=1, **FAST))
     assert [row.status for row in results] == ["done"] * 3, results[0].error
-    assert all(row.kept for row in batch(f"{bucket}/in/jobs.csv", f"{bucket}/out", workers=1, pack=pack, **FAST))
-    names = {name.partition("/out/")[2] for name in system.find(f"{bucket}/out")}
-    if pack:
-        assert {"shards/000000.tar", "shards/000001.tar", "manifest.csv"} < names
-        assert not [name for name in names if name.startswith("staged")]
-        return
+    request.getfixturevalue("in_this_process")
     list(batch(tmp_path / "jobs.csv", tmp_path / "out", workers=1, **FAST))
     local = contents(tmp_path / "out")
-    assert {name for name in names if name.startswith("v/")} == set(local)
+    written = {name.partition("/out/")[2]: name for name in system.find(f"{bucket}/out/v")}
+    assert set(written) == set(local)
     for name, content in local.items():
-        assert name.endswith("meta.json") or system.cat_file(f"{bucket}/out/{name}") == content
+        assert name.endswith("meta.json") or system.cat_file(written[name]) == content
+    list(batch(jobs, f"{bucket}/packed", workers=1, pack=2, **FAST))
+    names = {name.partition("/packed/")[2] for name in system.find(f"{bucket}/packed")}
+    assert {"shards/000000.tar", "shards/000001.tar", "manifest.csv"} < names
+    assert not [name for name in names if name.startswith("staged")]
+    for place, pack in (("out", None), ("packed", 2)):
+        assert all(row.kept for row in batch(jobs, f"{bucket}/{place}", workers=1, pack=pack, **FAST))

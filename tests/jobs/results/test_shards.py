@@ -39,7 +39,7 @@ def keys(folder: Path) -> dict[str, list[str]]:
     return found
 
 
-@pytest.mark.slow
+@pytest.mark.usefixtures("in_this_process")
 @pytest.mark.filterwarnings("ignore")  # files that webdataset leaves open
 def test_webdataset_reads_what_was_written(tmp_path: Path) -> None:
     """Every sample once, its files byte for byte those of the run without shards; an id's dots stay out of the ending."""
@@ -63,7 +63,7 @@ def test_webdataset_reads_what_was_written(tmp_path: Path) -> None:
     assert {row["folder"] for row in written.values()} == {f"shards/00000{n}.tar" for n in range(3)}
 
 
-@pytest.mark.slow
+@pytest.mark.usefixtures("in_this_process")
 def test_a_rerun_keeps_shards_and_what_is_done_again_leaves_its_old_one(tmp_path: Path) -> None:
     """Oracle: the keys of all shards: each id once, also after a change and after a shard was lost."""
     rows = view_rows(6)
@@ -94,7 +94,7 @@ def test_a_damaged_shard_is_named(tmp_path: Path) -> None:
             Packer(output, manifest, 1).add(again)
 
 
-@pytest.mark.slow
+@pytest.mark.usefixtures("in_this_process")
 def test_what_waits_is_packed_by_the_next_run(tmp_path: Path) -> None:
     """A run that is left in the middle: nothing is done twice, and every id is in one shard at the end."""
     rows = view_rows(5)
