@@ -15,7 +15,8 @@ from running import FAST, error_line, refused, run
 
 from dlama.apps.cli import main
 from dlama.completion import memory
-from dlama.errors import InputError
+from dlama.errors import CameraError, InputError
+from dlama.files.cameras import read_camera
 from dlama.geometry.camera import Camera
 from posed_folders import LENS, text_K, write_numbered
 
@@ -170,16 +171,16 @@ NO_ROTATION = np.diag([2.0, 1, 1, 1]).tolist()
 NUMBERS = [HUGE, -HUGE, 1e300, [HUGE], {"a": HUGE}, True, None]
 
 
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [(name, value) for name in (*CAMERA, "pixel_center", "world_from_cam") for value in NUMBERS]
-    + [("world_from_cam", [[HUGE] * 4] * 4), ("world_from_cam", NO_ROTATION), ("fx", 0.0)],
-)
-def test_bad_camera_files(frame: Path, capsys: pytest.CaptureFixture[str], name: str, value: object) -> None:
+@pytest.mark.parametrize("name", [*CAMERA, "pixel_center", "world_from_cam"])
+def test_bad_camera_files(tmp_path: Path, name: str) -> None:
     """Numbers that no camera has, a pose that is no rotation, a K that is singular: file and field are named, in a short line."""
-    (frame / "camera.json").write_text(json.dumps({**CAMERA, name: value}))
-    line = refused(capsys, frame, "view", *PICTURE, "--camera", "camera.json", "--yaw", 5, *FAST)
-    assert "camera.json" in line and (name in line or value == NO_ROTATION) and len(line) < 400
+    more = {"world_from_cam": [[[HUGE] * 4] * 4, NO_ROTATION], "fx": [0.0]}
+    for value in [*NUMBERS, *more.get(name, [])]:
+        (tmp_path / "camera.json").write_text(json.dumps({**CAMERA, name: value}))
+        with pytest.raises(CameraError, match=r"camera\.json: ") as caught:
+            read_camera(tmp_path / "camera.json")
+        line = str(caught.value)
+        assert (name in line or value == NO_ROTATION) and "\n" not in line and len(line) < 400
 
 
 def test_control_characters_of_a_file_do_not_reach_the_terminal(

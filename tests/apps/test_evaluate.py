@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
+import io
 import json
 import re
 from pathlib import Path
@@ -25,9 +27,14 @@ HEADER = "protocol,dataset,scene,frame,yaw,recipe,filler,region,modality,metric,
 
 @pytest.fixture(scope="module")
 def small_worlds(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """`dlama worlds` with one scene of 64 px."""
-    folder = tmp_path_factory.mktemp("worlds") / "made"
-    main(["worlds", "-o", str(folder), *["--count", "1", "--size", "64", "--kind", "street", "--seed", "3"]])
+    """`dlama worlds` with one scene of 64 px; its --json says where it lies (oracle: the disk)."""
+    folder, shown = tmp_path_factory.mktemp("worlds") / "made", io.StringIO()
+    words = ["--count", "1", "--size", "64", "--kind", "street", "--seed", "3", "--json"]
+    with contextlib.redirect_stdout(shown):
+        main(["worlds", "-o", str(folder), *words])
+    told = json.loads(shown.getvalue())
+    assert (told["verb"], told["output"], len(told["scenes"])) == ("worlds", str(folder), 1)
+    assert all(Path(scene).is_dir() for scene in told["scenes"])
     return folder
 
 
@@ -40,13 +47,15 @@ def evaluated(folder: Path, out: Path, *words: str) -> list[dict[str, str]]:
 
 @pytest.mark.slow
 def test_worlds_say_what_to_do_next(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Oracle: the command that is printed, run as it stands."""
+    """Oracles: the command that is printed, run as it stands; of its --json the disk."""
     main(["worlds", "-o", str(tmp_path / "made"), "--count", "1", "--size", "48"])
     place, _, command = capsys.readouterr().out.strip().partition(": 1 scene. Next: ")
     assert place == str(tmp_path / "made") and command.startswith(f"dlama evaluate {place} ")
     words = command.split()[1:-1]
-    main([*words, str(tmp_path / "out"), "--protocol", "sii", "--fillers", "none", "--recipes", "paper"])
-    assert (tmp_path / "out" / "report.html").is_file()
+    main([*words, str(tmp_path / "out"), "--protocol", "sii", "--fillers", "none", "--recipes", "paper", "--json"])
+    done = json.loads(capsys.readouterr().out)
+    assert done["report"] == str(tmp_path / "out" / "report.html") and Path(done["report"]).is_file()
+    assert (done["verb"], done["failed"]) == ("evaluate", 0) and done["results"] > 0
 
 
 @pytest.mark.slow
@@ -91,21 +100,6 @@ def test_a_failure_is_told_and_exits_with_1(
     assert re.fullmatch(r"(error: vpi \S+ \S+, dlama/telea: ZeroDivisionError: on purpose\n){2}", told.err)
     assert "2 results, 2 failed" in told.out and "errors.json" in told.out
     assert len(json.loads((tmp_path / "errors.json").read_text())) == 2
-
-
-def test_ctrl_c_says_that_nothing_is_lost(
-    small_worlds: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Exit code 130, as shells have it."""
-
-    def stopped(*_: object) -> list[Scored]:
-        raise KeyboardInterrupt
-
-    monkeypatch.setitem(protocols.PROTOCOLS, "vpi", stopped)
-    with pytest.raises(SystemExit) as stop:
-        main(["evaluate", str(small_worlds), "--protocol", "vpi", "-o", str(tmp_path)])
-    assert stop.value.code == 130
-    assert "what is done is kept" in capsys.readouterr().err
 
 
 def test_bad_words_are_refused_before_anything_runs(

@@ -138,49 +138,27 @@ def test_what_is_left_open_is_reported(frame: Path, capsys: pytest.CaptureFixtur
     assert left_open > 0.01 and f", {left_open:.1%} left open, filler telea" in capsys.readouterr().out
 
 
-def test_json_of_worlds_and_evaluate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Each says where its results lie (oracle: the disk)."""
-    made = tmp_path / "made"
-    main(["worlds", "-o", str(made), "--count", "1", "--size", "48", "--json", "--quiet"])
-    worlds = json.loads(capsys.readouterr().out)
-    assert (worlds["verb"], worlds["output"]) == ("worlds", str(made))
-    assert all(Path(scene).is_dir() for scene in worlds["scenes"]) and len(worlds["scenes"]) == 1
-    words = ["--protocol", "sii", "--fillers", "none", "--recipes", "paper", "--json"]
-    main(["evaluate", str(made), "-o", str(tmp_path / "out"), *words])
-    done = json.loads(capsys.readouterr().out)
-    assert Path(done["report"]).is_file()
-    assert (done["verb"], done["failed"]) == ("evaluate", 0) and done["results"] > 0
-
-
 def test_a_line_a_minute(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    """Without a terminal long runs say how far they are, on standard error alone, and --quiet says nothing."""
+    """Without a terminal long runs say how far they are, on standard error alone, and --quiet says nothing. Until something is
+    done the line has the stage of the work, as frames of a scan are read for minutes."""
     monkeypatch.setattr(terminal, "MINUTE", 0.01)
-    with evaluating.show_progress("street", Report()) as progress:
-        progress(None, 2, 20)
+
+    def heard(words: str) -> str:
         err = ""
-        while "2 of 20" not in err:
+        while words not in err:
             told = capsys.readouterr()
             err += told.err
             assert told.out == ""
-    assert re.search(r"progress: street: 2 of 20 done \(10 %\), running for \d+ s\n", err)
+        return err
+
+    with evaluating.show_progress("street", Report()) as progress:
+        begin_stage("read frame 12 of 300")
+        assert re.search(
+            r"progress: street, read frame 12 of 300: 0 done, running for \d+ s\n", heard("12 of 300: 0 done, running")
+        )
+        progress(None, 2, 20)
+        assert re.search(r"progress: street: 2 of 20 done \(10 %\), running for \d+ s\n", heard("2 of 20 done"))
     with evaluating.show_progress("street", Report(quiet=True)) as progress:
         progress(None, 2, 20)
         time.sleep(0.05)
     assert "2 of 20" not in capsys.readouterr().err
-
-
-def test_a_line_a_minute_of_what_comes_first(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Until something is done the line has the stage of the work, as frames of a scan are read for minutes."""
-    monkeypatch.setattr(terminal, "MINUTE", 0.01)
-    with terminal.follow_run("sequence", Report()) as update:
-        begin_stage("read frame 12 of 300")
-        err = ""
-        while "12 of 300" not in err:
-            err += capsys.readouterr().err
-        assert re.search(r"progress: sequence, read frame 12 of 300: 0 done, running for \d+ s\n", err)
-        update(1, 300, 0, ": frame 0")
-        while "1 of 300" not in err:
-            err += capsys.readouterr().err
-    assert re.search(r"progress: sequence: 1 of 300 done", err)

@@ -10,17 +10,19 @@ import numpy as np
 import pytest
 
 import dlama
+from box_frame import CAMERA, WORLD
 from dlama.apps.cli import main
+from dlama.datasets.easysynth.writer import write_scene
 from dlama.datasets.points import points_in
 from dlama.files.scenes.clouds import read_ply
+from rendered_walls import CAMERA as LENS
+from rendered_walls import CLASSES, frame
 
 
 @pytest.fixture(scope="module")
 def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A removal's results, scene and points."""
-    folder = dlama.example()
-    street = dlama.read_rgbd(folder / "street.jpg", folder / "depth.png", fov=90)
-    done = dlama.remove(street, dlama.read_mask(folder / "mask.png"), filler="telea")
+    done = dlama.remove(WORLD.rgbd(CAMERA), WORLD.trace(CAMERA)[1] == 1, filler="telea")
     out = tmp_path_factory.mktemp("shown") / "out"
     dlama.write(done, out, only=("scene", "points"))
     return out
@@ -37,11 +39,13 @@ def test_a_scene_its_folder_and_its_points_show_the_same(results: Path) -> None:
 
 
 def test_a_data_set_shows_one_scene(tmp_path: Path) -> None:
-    """Oracle: the counts; of two worlds the frames of the first."""
-    main(["worlds", "--count", "2", "--size", "64", "-o", str(tmp_path / "worlds"), "--quiet"])
-    cloud, camera, note = points_in(tmp_path / "worlds")
-    assert len(cloud) > 1000 and camera is not None and camera.wh == (64, 64)
-    assert "frames, all of scene" in note
+    """Oracle: of two scenes of walls the nearer one, which is the first."""
+    for name, depth in (("first", 2.0), ("second", 5.0)):
+        frames = [frame(dlama.orbit(LENS, yaw), depth=depth) for yaw in (0, 1)]
+        write_scene(tmp_path, name, {"with": frames}, depth_range=10, classes=CLASSES)
+    cloud, camera, note = points_in(tmp_path)
+    assert len(cloud) >= 16 * 12 and camera is not None and camera.wh == LENS.wh
+    assert cloud.points[:, 2].max() < 2.5 and "frames, all of scene" in note
 
 
 def test_the_page_is_written_and_opened(
@@ -58,7 +62,7 @@ def test_the_page_is_written_and_opened(
     said = json.loads(capsys.readouterr().out)
     assert said["page"] == str(page) and said["points"] == len(read_ply(results / "scene.ply"))
     main(["show", str(results), "-o", str(page), "--no-open-browser", "--quiet"])
-    assert len(opened) == 1 and page.stat().st_size > 1_000_000
+    assert len(opened) == 1 and page.stat().st_size > len(text) + 5 * said["points"]
 
 
 def test_what_cannot_be_shown_is_said(tmp_path: Path) -> None:

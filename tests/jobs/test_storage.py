@@ -50,15 +50,6 @@ def test_all_of_it_elsewhere(tmp_path: Path, memory: Any) -> None:
     assert not any(row.kept for row in again)
 
 
-def test_shards_elsewhere(memory: Any) -> None:
-    """Results are packed there, and nothing waits any more."""
-    list(batch("memory://in/jobs.csv", "memory://out", workers=1, pack=2, **FAST))
-    names = set(memory.store)
-    assert {"/out/shards/000000.tar", "/out/shards/000001.tar"} <= names
-    assert not [name for name in names if name.startswith("/out/staged")]
-    assert all(row.kept for row in batch("memory://in/jobs.csv", "memory://out", workers=1, pack=2, **FAST))
-
-
 def test_the_marker_comes_last(tmp_path: Path, memory: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """Whatever file fails, there is no meta.json, so there is no result; the next attempt makes it whole (oracle: the store)."""
     folder = tmp_path / "result"

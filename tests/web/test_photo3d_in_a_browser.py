@@ -8,7 +8,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from chromium import BROWSER_MARKS, open_browser
+from chromium import BROWSER_MARKS, PHONE, open_browser
 
 import dlama
 from dlama.completion.photo3d import Photo3D
@@ -17,15 +17,14 @@ from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import View
 
 pytestmark = BROWSER_MARKS
-PHONE = {"viewport": {"width": 390, "height": 780}, "has_touch": True, "is_mobile": True, "reduced_motion": "reduce"}
 
 
 @pytest.fixture(scope="module")
 def photo() -> Photo3D:
-    """The bundled street at half its size."""
+    """The bundled street at a quarter of its size."""
     street = dlama.example()
     given = dlama.read_rgbd(street / "street.jpg", street / "depth.png", fov=90)
-    small = subsample(View.from_rgbd(given), 2)
+    small = subsample(View.from_rgbd(given), 4)
     return dlama.photo3d(RGBD(small.color, small.depth, small.camera), filler="telea")
 
 

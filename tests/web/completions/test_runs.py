@@ -116,20 +116,6 @@ def test_a_page_loaded_again_hears_of_a_run_that_ended_meanwhile(visit: Visit, f
     assert "run" not in api.state(visit, {}) and "result" in api.state(visit, {})
 
 
-def test_a_completion_can_be_cancelled(visit: Visit) -> None:
-    """In the middle; no result is kept, and the same visit completes afterwards."""
-    api.example(visit, {"name": "street"})
-    results.complete(visit, {"yaw": 20})
-    run = visit.run
-    assert run is not None
-    with pytest.raises(PageError, match="under way"):
-        results.complete(visit, {"yaw": 20})
-    results.cancel(visit, {})
-    run.join()
-    assert results.run(visit, {})["state"] == "cancelled" and visit.result is None
-    assert completed(visit, yaw=1).done.views
-
-
 def test_a_result_stays_until_the_next_one_is_there(visit: Visit, frame: Path) -> None:
     """Cancelled or failed, the second run leaves the first result (oracle: the same object), which can be taken home. Its
     error is told once, as the library says it."""

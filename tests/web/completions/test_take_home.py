@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import shlex
+import shutil
 import zipfile
 from pathlib import Path
 from typing import Any
@@ -115,26 +116,28 @@ def test_a_plate_of_16_bits_is_taken_home_in_16(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("move", [{}, {"yaw": 7, "dolly": 0.2}])
-def test_the_same_of_a_stereo_pair(
-    move: dict[str, float], visit: Visit, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The example that ships, with a painted mask, by its command, and seen from elsewhere by its Python lines, too."""
-    api.example(visit, {"name": "pair"})
-    api.mark(visit, {"marks": [{"kind": "add", "points": [[262, 310], [262, 400]], "radius": 40}]})
-    result = completed(visit, **move)
-    packed = unpacked(result, visit)
-    assert ("out/right/image.png" in packed) == (not move)
-    for each in ("street.jpg", "right.jpg", "calib.txt"):
-        (tmp_path / each).write_bytes((dlama.example() / each).read_bytes())
-    (tmp_path / "mask.png").write_bytes(packed["mask.png"])
+def test_the_same_of_a_stereo_pair(visit: Visit, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The example's at a quarter of its size, with a painted mask, by its command; moved by its Python lines, too."""
     monkeypatch.chdir(tmp_path)
-    main(shlex.split(take_home.how(result)["command"])[1:])
-    mine = {each.removeprefix("out/"): data for each, data in packed.items() if each.startswith("out/")}
-    same_files(mine, files_below(tmp_path / "out"), meta=True)
-    if move:
-        exec(compile(take_home.how(result)["python"], "lines", "exec"), {})
-        same_files(mine, files_below(tmp_path / "out"), meta=False)
+    for role, name in (("picture", "street.jpg"), ("right", "right.jpg")):
+        cv2.imwrite(name, cv2.resize(cv2.imread(str(dlama.example() / name)), (128, 128), interpolation=cv2.INTER_AREA))
+        hand_in(visit, role, tmp_path / name)
+    K = "[64 0 63.5; 0 64 63.5; 0 0 1]"
+    Path("calib.txt").write_text(f"cam0={K}\ncam1={K}\ndoffs=0\nbaseline=120\nwidth=128\nheight=128\nndisp=16\n")
+    hand_in(visit, "calib", tmp_path / "calib.txt")
+    api.read(visit, {})
+    api.mark(visit, {"marks": [{"kind": "add", "points": [[65, 77], [65, 100]], "radius": 10}]})
+    for move in ({}, {"yaw": 7, "dolly": 0.2}):
+        result = completed(visit, **move)
+        packed = unpacked(result, visit)
+        assert ("out/right/image.png" in packed) == (not move)
+        Path("mask.png").write_bytes(packed["mask.png"])
+        main(shlex.split(take_home.how(result)["command"])[1:])
+        mine = {each.removeprefix("out/"): data for each, data in packed.items() if each.startswith("out/")}
+        same_files(mine, files_below(tmp_path / "out"), meta=True)
+        shutil.rmtree("out")
+    exec(compile(take_home.how(result)["python"], "lines", "exec"), {})
+    same_files(mine, files_below(tmp_path / "out"), meta=False)
 
 
 def test_single_files_are_those_of_the_zip(frame: Path, visit: Visit) -> None:
