@@ -6,6 +6,7 @@ import json
 import re
 import shlex
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -134,37 +135,22 @@ def test_a_list_of_cameras_in_place_of_one(frame: Path, capsys: pytest.CaptureFi
     assert len(list((frame / "done" / "images").iterdir())) == 2
 
 
-def spoiled(frame: Path, what: str) -> None:
-    """Spoil one file of a frame."""
-    depth = cv2.imread(str(frame / "depth.png"), cv2.IMREAD_UNCHANGED)
-    mask = cv2.imread(str(frame / "mask.png"), cv2.IMREAD_UNCHANGED)
-    image = frame / "image.png"
-    {
-        "image missing": lambda: image.unlink(),
-        "depth smaller": lambda: cv2.imwrite(str(frame / "depth.png"), depth[:24, :32]),
-        "depth all zero": lambda: cv2.imwrite(str(frame / "depth.png"), depth * 0),
-        "depth in metres": lambda: cv2.imwrite(str(frame / "depth.png"), depth // 1000),
-        "mask smaller": lambda: cv2.imwrite(str(frame / "mask.png"), mask[:40]),
-        "mask grey": lambda: cv2.imwrite(str(frame / "mask.png"), mask // 2 + 20),
-    }[what]()
-
-
 @pytest.mark.parametrize(
-    ("what", "words"),
+    ("name", "spoil", "words"),
     [
-        ("image missing", ["image.png", "no such file"]),
-        ("depth smaller", ["32x24", "64x48", "--resize-depth guided"]),
-        ("depth all zero", ["depth.png"]),
-        ("depth in metres", ["--depth-scale 1"]),
-        ("mask smaller", ["64x40", "64x48"]),
-        ("mask grey", ["--soft-mask"]),
+        ("depth.png", lambda depth: depth[:24, :32], "32x24 64x48 --resize-depth"),
+        ("depth.png", lambda depth: depth // 1000, "--depth-scale 1"),
+        ("mask.png", lambda mask: mask[:40], "64x40 64x48"),
+        ("mask.png", lambda mask: mask // 2 + 20, "--soft-mask"),
     ],
 )
-def test_bad_files(frame: Path, capsys: pytest.CaptureFixture[str], what: str, words: list[str]) -> None:
+def test_bad_files(
+    frame: Path, capsys: pytest.CaptureFixture[str], name: str, spoil: Callable[[np.ndarray], np.ndarray], words: str
+) -> None:
     """Messages that name an option or two files; those of one file alone are its reader's (tests/files)."""
-    spoiled(frame, what)
-    line = refused(capsys, frame, "remove", frame / "image.png", *REMOVE[2:], *FAST)
-    assert [word for word in words if word not in line] == [], line
+    cv2.imwrite(str(frame / name), spoil(cv2.imread(str(frame / name), cv2.IMREAD_UNCHANGED)))
+    line = refused(capsys, frame, *REMOVE, *FAST)
+    assert [word for word in words.split() if word not in line] == [], line
 
 
 NO_ROTATION = np.diag([2.0, 1, 1, 1]).tolist()

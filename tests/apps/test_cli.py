@@ -48,29 +48,6 @@ def test_view_writes_every_file_and_meta_tells_what_was_done(frame: Path, capsys
     assert meta["depth_png_clipped_pixels"] == 0
 
 
-def test_remove_writes_both_clouds(frame: Path) -> None:
-    """c- lacks the object, c+ has it (oracle: the world's box lies nearer than 2.5 m, the wall does not)."""
-    from dlama.files.scenes.clouds import read_ply
-
-    out = run(
-        frame, "remove", "image.png", "depth.png", "mask.png", "--fov", 60, "--dilate", 1, "--also", "points", *FAST
-    )
-    assert {path.name for path in out.iterdir()} == RESULT_FILES | {"scene.ply", "completed.ply"}
-    assert read_ply(out / "scene.ply").points[:, 2].min() > 2.5
-    assert read_ply(out / "completed.ply").points[:, 2].min() == pytest.approx(2.0, abs=1e-3)
-    meta = json.loads((out / "meta.json").read_text())
-    assert meta["hole_share_by_type"][0]["object"] > 0.02
-
-
-def test_target_from_which_nothing_is_visible(frame: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A camera that looks the other way gets a result that says so."""
-    target = {"width": 64, "height": 48, "fx": 55.4, "fy": 55.4, "cx": 32.0, "cy": 24.0}
-    (frame / "behind.json").write_text(json.dumps({**target, "world_from_cam": np.diag([-1.0, 1, -1, 1]).tolist()}))
-    out = run(frame, "view", "image.png", "depth.png", "--fov", 60, "--to", "behind.json", *FAST)
-    assert json.loads((out / "meta.json").read_text())["nothing_visible"] is True
-    assert "nothing of the scene is visible" in capsys.readouterr().err
-
-
 def test_depth_beyond_16_bit_is_counted(frame: Path) -> None:
     """Pixels deeper than 65.534 m are counted in meta.json and exact in depth.exr (oracle: how many were written)."""
     depth = WORLD.rgbd(CAMERA).depth.copy()

@@ -62,32 +62,12 @@ def test_what_points_at_no_object_is_refused(
     assert not output.exists()
 
 
-def test_a_mask_may_be_named(tmp_path: Path) -> None:
-    """Round trip: the pictures that the mask behind the depth gives."""
-    folder = small_frame(tmp_path)
-    image, depth, mask = (str(folder / name) for name in ("image.png", "depth.png", "mask.png"))
-    rest = ["--fov", "60", *FAST, "--only", "image", "-o"]
-    main(["remove", image, depth, mask, *rest, str(tmp_path / "behind")])
-    main(["remove", image, depth, "--mask", mask, *rest, str(tmp_path / "named")])
-    written = [(tmp_path / one / "image.png").read_bytes() for one in ("behind", "named")]
-    assert written[0] == written[1]
-
-
 def test_a_mask_of_a_photo_alone_warns_of_no_metres(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Law: a mask does not change with the scale of estimated depth, nor with an assumed lens, so nothing is said of them."""
     folder = small_frame(tmp_path)
     main(["mask", str(folder / "image.png"), "--box", "15,12,30,28", "-o", str(folder / "found.png")])
     said = capsys.readouterr()
     assert said.err == "" and "found in estimated depth" in said.out
-
-
-def test_remove_takes_a_click_in_place_of_a_mask(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """With the box clicked the wall's depth comes back there (oracle: the plane at 4 m); meta.json says how it was found."""
-    folder = small_frame(tmp_path)
-    out = run(folder, "remove", "image.png", "depth.png", "--click", "30,25", "--fov", "60", *FAST)
-    true = pixels(folder / "mask.png") > 0
-    assert abs(pixels(out / "depth.png")[true].astype(float) - 4000).max() < 40
-    assert json.loads((out / "meta.json").read_text("utf-8"))["object_mask"]["clicks"] == [[30.0, 25.0]]
 
 
 def test_a_result_goes_on_without_a_further_object(frame: Path) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import json
 import re
-import shutil
 import time
 import warnings
 from collections.abc import Callable, Iterator
@@ -13,14 +12,12 @@ from pathlib import Path
 
 import pytest
 from PIL import Image
-from running import FAST, pixels, refused, run
+from running import FAST, pixels, run
 
-from dlama.apps.cli import main
 from dlama.apps.options import Report
 from dlama.apps.terminal import bars
 from dlama.apps.terminal import output as terminal
 from dlama.apps.verbs.measuring import evaluating
-from dlama.files.results.completion import RESULTS
 from dlama.progress import begin_stage
 
 VIEW = ("view", "image.png", "depth.png", "--fov", 60, "--yaw", 12, *FAST)
@@ -70,11 +67,6 @@ def test_warnings_name_flags(frame: Path, capsys: pytest.CaptureFixture[str]) ->
     assert "depth_scale" not in told
 
 
-def test_quiet_still_tells_errors(frame: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """One line, exit code 2."""
-    assert "--fov" in refused(capsys, frame, "view", "image.png", "depth.png", "--yaw", 5, "--quiet")
-
-
 def test_json_is_one_object_of_what_was_done(frame: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Oracles: the directory's listing, meta.json, the warning that is printed without --json too."""
     out = run(frame, "view", "image.png", "depth.png", "--fx", 55, "--cx", 90, "--yaw", 5, *FAST, "--json")
@@ -90,25 +82,6 @@ def test_json_is_one_object_of_what_was_done(frame: Path, capsys: pytest.Capture
     run(frame, *VIEW, "--json", "--quiet")
     shown = capsys.readouterr()
     assert json.loads(shown.out)["warnings"] == [] and shown.err == ""
-
-
-def test_only_what_was_asked_for(frame: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Oracles: the directory's listing; the bytes of a whole run; the names that --help and the error list."""
-    whole = run(frame, *VIEW)
-    kept = {path.name: path.read_bytes() for path in whole.iterdir()}
-    shutil.rmtree(whole)
-    capsys.readouterr()
-    out = run(frame, *VIEW, "--only", "image,depth", "--json")
-    assert json.loads(capsys.readouterr().out)["files"] == ["depth.exr", "depth.png", "image.png", "meta.json"]
-    assert sorted(path.name for path in out.iterdir()) == ["depth.exr", "depth.png", "image.png", "meta.json"]
-    assert all((out / name).read_bytes() == kept[name] for name in ("image.png", "depth.png", "depth.exr"))
-    shutil.rmtree(out)
-    line = refused(capsys, frame, *VIEW, "--only", "image,colour")
-    assert "--only is 'colour'" in line and all(name in line for name in RESULTS)
-    with pytest.raises(SystemExit):
-        main(["stereo", "--help"])
-    shown = " ".join(capsys.readouterr().out.replace("│", " ").split())
-    assert ", ".join(RESULTS) in shown
 
 
 @pytest.mark.parametrize("words", [VIEW, ("photo3d", *VIEW[1:3], "--fov", 60, *FAST, "--only", "scene")])

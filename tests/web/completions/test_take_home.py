@@ -28,8 +28,7 @@ CLICK = {"kind": "click", "at": [30, 24]}
 REQUESTS: dict[str, tuple[list[dict[str, Any]], dict[str, Any], dict[str, Any]]] = {
     "view": ([], {}, {"yaw": 8, "dolly": -0.25}),
     "nothing asked": ([], {}, {}),
-    "clicked": ([CLICK], {}, {"pitch": -4.5, "pivot": 3}),
-    "clicked, with shadow": ([CLICK], {"with_shadow": True}, {}),
+    "clicked, with shadow": ([CLICK], {"with_shadow": True}, {"pitch": -4.5, "pivot": 3}),
     "box": ([{"kind": "box", "box": [17, 14, 26, 24]}], {}, {"yaw": -6, "pivot": "auto"}),
     "painted": ([{"kind": "add", "points": [[30, 20], [30, 28]], "radius": 5}], {}, {"yaw": 5, "seed": 3}),
     "clicked and grown": ([CLICK], {"grow": 2}, {"min_confidence": 0.2, "dilate": 1}),
@@ -141,7 +140,8 @@ def test_the_same_of_a_stereo_pair(visit: Visit, tmp_path: Path, monkeypatch: py
 
 
 def test_single_files_are_those_of_the_zip(frame: Path, visit: Visit) -> None:
-    """Oracle: the zip, and what it leaves out; a name that the result has not is refused, also one that leads elsewhere."""
+    """Oracle: the zip, and what it leaves out; a name that the result has not is refused, also one that leads elsewhere. Neither
+    leaves anything but the uploads in the visit's folder, nor does the 3-D photo."""
     open_frame(visit, frame)
     result = completed(visit, yaw=4)
     packed = unpacked(result, visit)
@@ -155,6 +155,8 @@ def test_single_files_are_those_of_the_zip(frame: Path, visit: Visit) -> None:
     for name in ("../picture.png", "/etc/passwd", "background.ply", ""):
         with pytest.raises(InputError, match="is no file of this result"):
             take_home.single_file(result, name, visit.folder)
+    assert take_home.photo3d_html(result).startswith(b"<!doctype html>")
+    assert sorted(path.name for path in visit.folder.rglob("*")) == ["depth.png", "picture.png"]
 
 
 def test_names_that_a_shell_would_take_apart(frame: Path, visit: Visit) -> None:
@@ -164,13 +166,3 @@ def test_names_that_a_shell_would_take_apart(frame: Path, visit: Visit) -> None:
     api.read(visit, {"fov": 60})
     words = shlex.split(take_home.how(completed(visit, yaw=2))["command"])
     assert words[2:4] == ["my photo_ rm -rf (1).png", "depth-my photo_ rm -rf (1).png"]
-
-
-def test_nothing_of_it_stays_on_disk(frame: Path, visit: Visit) -> None:
-    """Zip, single files and the 3-D scene are made in the visit's folder and leave nothing but the uploads."""
-    open_frame(visit, frame)
-    result = completed(visit, yaw=4)
-    take_home.zip_result(result, visit.folder)
-    take_home.single_file(result, "image.png", visit.folder)
-    assert take_home.photo3d_html(result).startswith(b"<!doctype html>")
-    assert sorted(path.name for path in visit.folder.rglob("*")) == ["depth.png", "picture.png"]
