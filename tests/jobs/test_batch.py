@@ -135,7 +135,8 @@ def test_a_job_that_kills_its_worker_twice_is_one_failed_row(tmp_path: Path, mon
     assert {name: row.status for name, row in results.items()} == {
         "v/000": "done", "v/001": "done", "v/002": "failed", "v/003": "done",
     }  # fmt: skip
-    assert results["v/001"].attempts == 2 and results["v/002"].error_kind == "WorkerDied"
+    assert results["v/001"].attempts == results["v/002"].attempts == 2
+    assert results["v/002"].error_kind == "WorkerDied"
     assert "killed by SIGKILL" in results["v/002"].error
 
 
