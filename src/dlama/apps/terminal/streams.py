@@ -105,7 +105,7 @@ def signals_raise() -> Iterator[None]:
             return
         for each in before:
             signal.signal(each, first)
-        later = threading.Timer(LATER, signal.raise_signal, stopped.args)
+        later = threading.Timer(LATER, signal_main_thread, stopped.args)
         later.daemon = True
         later.start()
 
@@ -121,6 +121,14 @@ def signals_raise() -> Iterator[None]:
         sys.unraisablehook = hook
         for each, handler in before.items():
             signal.signal(each, handler)
+
+
+def signal_main_thread(number: int) -> None:
+    """Send a signal to the main thread, which it wakes where it waits."""
+    if sys.platform == "win32":
+        signal.raise_signal(number)
+    else:
+        signal.pthread_kill(threading.main_thread().ident or 0, number)
 
 
 def find_write_error(stream: TextIO) -> OSError | None:
