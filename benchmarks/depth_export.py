@@ -41,7 +41,7 @@ def export_depth(published: Path, target: Path) -> Path:
 
 def free_size(model: Any) -> Any:
     """The network (onnx.ModelProto, changed in place): ShuffleNet's blocks and a decoder that doubles, for any size."""
-    from onnx import helper, numpy_helper
+    from onnx import TensorProto, helper, numpy_helper
 
     graph = model.graph
     made_by = {out: node for node in graph.node for out in node.output}
@@ -66,18 +66,16 @@ def free_size(model: Any) -> Any:
             nodes.append(node)
     used = {name for node in nodes for name in node.input}
     weights = [weight for weight in graph.initializer if weight.name in used]
-    ends = [helper.make_tensor_value_info(end.name, 1, [1, planes, "h", "w"]) for end, planes in ends_of(graph)]
+    source, target = (
+        helper.make_tensor_value_info(end.name, TensorProto.FLOAT, [1, planes, "h", "w"])
+        for end, planes in ((graph.input[0], 3), (graph.output[0], 1))
+    )
     del graph.node[:], graph.initializer[:], graph.value_info[:], graph.input[:], graph.output[:]
     graph.node.extend(nodes)
     graph.initializer.extend([*weights, *(numpy_helper.from_array(array, name) for name, array in constants.items())])
-    graph.input.append(ends[0])
-    graph.output.append(ends[1])
+    graph.input.append(source)
+    graph.output.append(target)
     return model
-
-
-def ends_of(graph: Any) -> list[tuple[Any, int]]:
-    """The input and the output of a graph, each with its number of planes."""
-    return [(end, end.type.tensor_type.shape.dim[1].dim_value) for end in (graph.input[0], graph.output[0])]
 
 
 if __name__ == "__main__":

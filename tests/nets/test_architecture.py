@@ -57,3 +57,8 @@ def test_numbers_no_generator_has(wrong):
     """Oracle: the settings' own documentation."""
     with pytest.raises(ShapeError, match="generator"):
         GeneratorSettings(**wrong)
+
+
+def test_sizes_the_network_takes():
+    """Oracle: three halvings must leave two pixels to reflect."""
+    assert (GeneratorSettings().multiple, GeneratorSettings().minimum) == (8, 16)

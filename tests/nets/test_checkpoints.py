@@ -98,10 +98,14 @@ def test_torchscript_archive(tmp_path, random_state):
     _same(weights.state, random_state(SMALL))
 
 
-def test_the_file_of_a_run_has_no_prefix_and_names_its_activation(tmp_path, random_state):
+@pytest.mark.parametrize("prefix", ["", "generator.", "model.generator."])
+def test_any_prefix(tmp_path, random_state, prefix):
     """Oracle: the same weights."""
-    write_safetensors(tmp_path / "w.safetensors", random_state(SMALL), {"activation": "tanh"})
-    weights = read_generator(tmp_path / "w.safetensors")
+    path = tmp_path / "w.safetensors"
+    write_safetensors(
+        path, {prefix + name: array for name, array in random_state(SMALL).items()}, {"activation": "tanh"}
+    )
+    weights = read_generator(path)
     _same(weights.state, random_state(SMALL))
     assert weights.settings.activation == "tanh"
 
@@ -140,6 +144,7 @@ def test_half_precision_is_converted_and_said(tmp_path, random_state):
             r"model\.4\.bn_g\.bias holds I32, expected floating point",
         ),
         (lambda s: s.pop("model.4.bn_g.bias"), r"1 missing: model\.4\.bn_g\.bias"),
+        (lambda s: s.update({"extra": np.zeros(1, np.float32)}), "1 not part of it: extra"),
         (
             lambda s: s.pop("model.1.ffc.convl2l.weight"),
             r"no tensor is called model\.1\.ffc\.convl2l\.weight; the first",

@@ -11,6 +11,7 @@ from dlama.errors import ShapeError  # noqa: E402
 from dlama.nets.architecture import (  # noqa: E402
     DiscriminatorSettings,
     GeneratorSettings,
+    generator_shapes,
 )
 from dlama.nets.ffc import FourierUnit  # noqa: E402
 from dlama.nets.generator import Discriminator, Generator, generator_from_state  # noqa: E402
@@ -47,6 +48,13 @@ def test_discriminator_agrees_with_the_published_code(discriminator_vector):
         np.testing.assert_allclose(feature, ends[f"eval_feature_{i}"], rtol=0, atol=1e-5)
 
 
+@pytest.mark.parametrize("settings", [GeneratorSettings(5, 4, 8, 3, 2), GeneratorSettings(7, 6, 8, 2, 1, 0.5, "tanh")])
+def test_modules_have_the_published_names(settings):
+    """Oracle: the architecture's list, which is held to the published one elsewhere."""
+    shapes = {name: tuple(tensor.shape) for name, tensor in Generator(settings).state_dict().items()}
+    assert shapes == generator_shapes(settings)
+
+
 @pytest.mark.slow
 def test_every_parameter_learns():
     """Oracle: law; a gradient reaches every parameter of both networks."""
@@ -59,6 +67,18 @@ def test_every_parameter_learns():
     (scores.mean() + sum(feature.mean() for feature in features)).backward()
     for net in (generator, judge):
         assert all(p.grad is not None and p.grad.abs().sum() > 0 for p in net.parameters())
+
+
+def test_fourier_unit_sees_the_whole_picture():
+    """Oracle: law; one changed pixel moves every output pixel, which no convolution of that depth can do."""
+    torch.manual_seed(0)
+    unit = FourierUnit(2).eval()
+    picture = torch.rand(1, 2, 24, 20)
+    changed = picture.clone()
+    changed[0, 0, 3, 4] += 1
+    with torch.inference_mode():
+        moved = (unit(changed) - unit(picture)).abs().amax(dim=1)
+    assert (moved > 1e-6).float().mean() > 0.9
 
 
 @pytest.mark.slow

@@ -54,7 +54,7 @@ def test_rectangles_by_hand() -> None:
         source_visibility(source, frame(TARGET, None), SQUARE_IN_SOURCE[1:])
 
 
-@pytest.mark.parametrize("yaw", [-35.0, 9.0])
+@pytest.mark.parametrize("yaw", [-35.0, -12.0, 9.0, 30.0])
 def test_traced_worlds(yaw: float) -> None:
     """Oracle: rays traced from the source to each target point. Only pixels beside a border of the truth may differ."""
     camera = Camera.from_fov(128, 96, 65)
