@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import get_args
 
@@ -104,6 +105,30 @@ def test_old_settings_files_still_load():
     first = {"data": {"mixture": dict.fromkeys(("world", "frame", "removal"), 1.0), "cases": 0.25}}
     found = from_json(json.dumps(first | {"loop": {"validate_every": 5, "sheet_every": 7}}))
     assert found.data.cases == 0.25 and set(found.data.mixture) == set(first["data"]["mixture"])
+
+
+def test_budgets_of_the_presets():
+    """Oracle: the sizes the presets were asked to have, and torch's own count of parameters."""
+    torch = pytest.importorskip("torch", reason="the networks need torch: pip install 'dlama[train]'")
+    from dlama.nets.generator import Generator
+
+    small = PRESETS["small-rgbd"].settings.network
+    assert 4.5e6 < small.parameters < 5.5e6
+    assert all(PRESETS[name].settings.network.parameters < 1e6 for name in ("tiny", "mini-rgbd", "mini-stereo"))
+    assert 50e6 < PRESETS["big-rgbd"].settings.network.parameters < 52e6
+    with torch.device("meta"):
+        net = Generator(small.generator)
+    assert small.parameters == sum(parameter.numel() for parameter in net.parameters())
+
+
+def test_resuming_with_other_settings_is_refused():
+    """Oracle: law; the loop's rhythm may change, the loss may not."""
+    from dlama.training.loop.run_files import refuse_changes
+
+    had = TrainSettings()
+    refuse_changes(had, replace(had, loop=replace(had.loop, steps=7, log_every=1)))
+    with pytest.raises(InputError, match=r"loss.perceptual is 1.0, the run to resume has 30.0"):
+        refuse_changes(had, replace(had, loss=LossSettings(perceptual=1.0)))
 
 
 @pytest.mark.parametrize("name", PRESETS)

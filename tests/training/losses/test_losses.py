@@ -19,7 +19,7 @@ from dlama.nets.generator import Discriminator  # noqa: E402
 from dlama.nets.safetensors_file import read_safetensors  # noqa: E402
 from dlama.training.data.batches import check_sample, composite, hole_planes, pictures  # noqa: E402
 from dlama.training.loop.validation import hole_metrics, metric_names, telea  # noqa: E402
-from dlama.training.losses import pixels, trunks  # noqa: E402
+from dlama.training.losses import pixels, terms, trunks  # noqa: E402
 from dlama.training.losses.perceptual import PerceptualLoss, perceptual_loss, reference_picture  # noqa: E402
 from dlama.training.losses.terms import (  # noqa: E402
     GENERATOR_TERMS,
@@ -67,6 +67,31 @@ def test_terms_agree_with_the_published_code(vector):
     assert len(found) == 5
     for name, value in found.items():
         assert number(value) == pytest.approx(number(ends[name]), rel=1e-4), name
+
+
+def test_only_the_hole_counts_as_fake():
+    """Oracle: closed form; scores of 0 cost log 2 each, and a known patch that looks real costs nothing."""
+    zeros, mask = torch.zeros(1, 1, 4, 4), torch.zeros(1, 1, 8, 8)
+    assert number(terms.discriminator_loss(zeros, zeros, mask)) == pytest.approx(2 * math.log(2))
+    sure, mask[..., :4] = torch.full((1, 1, 4, 4), 50.0), 1
+    assert number(terms.discriminator_loss(sure, sure, mask)) == pytest.approx(25.0)
+    assert number(terms.generator_loss(zeros)) == pytest.approx(math.log(2))
+
+
+def test_gradient_penalty_of_a_linear_judge():
+    """Oracle: closed form; the gradient of 3 x sum is 3 everywhere, so its squared norm is 9 per number."""
+    real = torch.rand(2, 3, 4, 5, requires_grad=True)
+    assert number(terms.gradient_penalty(3 * real.sum(1, keepdim=True), real)) == pytest.approx(9 * 3 * 4 * 5)
+
+
+def test_gradient_penalty_has_its_weight(vector):
+    """Oracle: closed form; the term is the weight of the step times R1, and there is none of weight 0."""
+    judge, batch, ends = vector
+    scored = batch["target"].clone().requires_grad_()
+    plain = number(terms.gradient_penalty(judge(scored)[0], scored))
+    found = [discriminator_terms(judge, ends["fake"], batch, penalty) for penalty in (4.0, 0.0)]
+    assert number(found[0]["gradient_penalty"]) == pytest.approx(4 * plain, rel=1e-4)
+    assert list(found[1]) == ["discriminator"]
 
 
 def test_trunks_that_would_run_code_are_refused(tmp_path):
