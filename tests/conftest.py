@@ -37,6 +37,11 @@ def pytest_collection() -> Generator[None, object, object]:
         gc.enable()
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """The page in a browser comes first: at the end one process would wait for it while the other had nothing left to do."""
+    items.sort(key=lambda item: not item.path.stem.endswith("in_a_browser"))
+
+
 @pytest.fixture(scope="session", autouse=True)
 def nothing_is_flushed() -> Iterator[None]:
     """What tests write need not survive a power cut; `test_placement` sees that it would."""

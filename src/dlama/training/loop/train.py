@@ -208,7 +208,7 @@ def _fit(module: TrainingModule, callback: RunCallback, source: SampleSource, se
 
 def _finish(module: TrainingModule, callback: RunCallback, settings: TrainSettings, data: Sequence[Path]) -> Path:
     """Export the network, and write its model card; the ONNX file."""
-    network = export(module.average, callback.run, settings.name, settings.licence)[1]  # type: ignore[arg-type]
+    network = export(module.average, callback.run, settings.name, settings.licence)[1]
     assert callback.held_out is not None
     device = callback.device
     average = module.average.to(device)  # Lightning has put everything back on the CPU

@@ -103,7 +103,7 @@ def random_trunk(width: int) -> TappedChain:
     for (before, after), (stride, dilation) in zip(itertools.pairwise(widths), steps, strict=True):
         convolution = nn.Conv2d(before, after, 3, stride, dilation, dilation)
         nn.init.orthogonal_(convolution.weight, 2**0.5, generator)
-        nn.init.zeros_(convolution.bias)  # type: ignore[arg-type]
+        nn.init.zeros_(convolution.bias)
         layers += [convolution, nn.LeakyReLU(0.2)]
     return TappedChain(layers, tuple(range(1, 2 * len(steps), 2)))
 
