@@ -1,5 +1,5 @@
-"""The kernels that jobs on the bundled street, and on a photo and a frame of a depth camera, call, with their types: the lines of
-src/dlama/assets/kernels.txt, which `dlama warm-up` and the first run compile from.
+"""The kernels that jobs on the bundled street, on a photo, a frame of a depth camera and posed frames call, with their types:
+the lines of src/dlama/assets/kernels.txt, which `dlama warm-up` and the first run compile from.
 
     DLAMA_DATA=FOLDER python benchmarks/kernels.py > src/dlama/assets/kernels.txt
 """
@@ -13,6 +13,7 @@ import tempfile
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 from numba.core.types import Array, BaseNamedTuple
@@ -62,12 +63,29 @@ def of_frame() -> list[dlama.Completion]:
     return [dlama.view(frame, yaw=20), dlama.remove(frame, dlama.find_mask(frame, clicks=[(320, 240)]).mask)]
 
 
+def photo3d() -> list[dlama.Completion]:
+    """A 3-D photo, written."""
+    with tempfile.TemporaryDirectory() as folder:
+        dlama.write_photo3d(dlama.photo3d(street()), Path(folder) / "out")
+    return []
+
+
+def sequence() -> list[dlama.Completion]:
+    """A pair's two pictures as posed frames, an object removed from both."""
+    left, right = (dlama.read_color(STREET / name) for name in ("street.jpg", "right.jpg"))
+    pair = dlama.stereo(left, right, dlama.read_stereo_calib(STREET / "calib.txt"))
+    frames = [dlama.RGBD(view.color, view.depth, view.camera) for view in pair.views]
+    return [dlama.complete(frames, [frame.camera for frame in frames], mask={0: dlama.read_mask(STREET / "mask.png")})]
+
+
 JOBS: dict[str, Callable[[], list[dlama.Completion]]] = {
     "view": view,
     "remove": remove,
     "stereo": stereo,
     "photo": of_photo,
     "frame": of_frame,
+    "photo3d": photo3d,
+    "sequence": sequence,
 }
 
 

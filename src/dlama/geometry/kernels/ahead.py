@@ -24,7 +24,7 @@ MOST = 4
 
 
 def listed_kernels(job: str | None = None) -> list[list[str]]:
-    """The words of the lines of a job (view, remove, stereo, photo, frame); None or another name: of all."""
+    """The words of the lines of a job (view, remove, stereo, photo, frame, photo3d, sequence); None or another name: of all."""
     lines = [line.split() for line in LISTED.read_text("utf-8").splitlines()]
     return [words for words in lines if job in words[0].split(",")] or lines
 

@@ -16,7 +16,7 @@ from dlama.geometry.fusion import HALVES, cell_halves
 from dlama.geometry.holes import box_around
 from dlama.geometry.kernels import decimating as kernels
 from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
-from dlama.geometry.kernels.jit import in_bands
+from dlama.geometry.kernels.jit import as_input, in_bands
 from dlama.geometry.projection import unproject
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, freeze, is_valid
 from dlama.geometry.view import View
@@ -143,7 +143,7 @@ def halving_tree(depth: Float32Array, flat: BoolArray, share: float, noise: floa
     halved = np.zeros((rows * LARGEST + 1, columns * LARGEST + 1), np.uint8)
     if min(depth.shape) < 2:
         return halved
-    relief = kernels.Relief(depth, flat.view(np.uint8), share, noise)
+    relief = kernels.Relief(as_input(depth), flat.view(np.uint8), share, noise)
     in_bands(kernels.halve_smallest, len(depth), relief, halved)
     size = 2
     while size <= LARGEST:

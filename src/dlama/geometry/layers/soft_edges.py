@@ -17,7 +17,7 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.drawing.grid_mesh import join_neighbours, mesh_grid
 from dlama.geometry.holes import fill_with_nearest, nearest_known, repeat_cells
 from dlama.geometry.kernels.depth_edges import DOWN, RIGHT, inverse_with_margin
-from dlama.geometry.kernels.jit import in_bands
+from dlama.geometry.kernels.jit import as_input, in_bands
 from dlama.geometry.kernels.matting import Border, Unmixed, separate, smooth
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
@@ -105,7 +105,7 @@ def find_soft_edges(color: UInt8Array, w: Float32Array, joined: UInt8Array, step
     sizes = color.shape[1], color.shape[0]
     alpha = enlarge(near_side, step, sizes).astype(np.float32)
     front, back = color.copy(), color.copy()
-    pixels = np.argwhere(enlarge(band, step, sizes)).astype(np.int32)
+    color, pixels = as_input(color), np.argwhere(enlarge(band, step, sizes)).astype(np.int32, order="C")
     turns = 2 * math.pi * (np.arange(DIRECTIONS) + np.arange(len(RINGS))[:, None] / len(RINGS)) / DIRECTIONS
     rings = np.array(RINGS)[:, None] * reach * step
     offsets = np.rint(np.stack([rings * np.sin(turns), rings * np.cos(turns)], 2)).astype(np.int32).reshape(-1, 2)

@@ -101,7 +101,7 @@ def halve_picture(picture: UInt8Array, hole: BoolArray, guess: UInt8Array) -> tu
         there = hole[top:bottom]
         values = describe_both(picture[top:bottom], there, guess[top:bottom])
         some = first - top // 2, last - top // 2
-        kernels.halve_rows(*some, values, there, out[top // 2 :], smaller[top // 2 :])
+        kernels.halve_rows(*some, values, as_input(there), out[top // 2 :], smaller[top // 2 :])
 
     in_bands(halve_band, rows, band=BAND)
     return out, smaller
@@ -111,7 +111,7 @@ def halve(values: Float32Array, hole: BoolArray) -> tuple[Float32Array, BoolArra
     """Values (H x W x C) and hole (H x W) at half the size, rounded up: means of what is known, in the hole of what fills it."""
     rows, columns = ((size + 1) // 2 for size in hole.shape)
     out, smaller = np.empty((rows, columns, values.shape[2]), np.float32), np.empty((rows, columns), np.bool_)
-    in_bands(kernels.halve_rows, rows, values, hole, out, smaller)
+    in_bands(kernels.halve_rows, rows, values, as_input(hole), out, smaller)
     return out, smaller
 
 

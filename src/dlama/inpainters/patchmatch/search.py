@@ -173,7 +173,7 @@ def nearest_source(sources: BoolArray, places: NDArray[np.int32]) -> NDArray[np.
 
 def places(where: BoolArray) -> NDArray[np.int32]:
     """N x 2, row and column of each True pixel."""
-    return np.stack(np.divmod(np.flatnonzero(where).astype(np.int32), np.int32(where.shape[1])), 1)
+    return np.argwhere(where).astype(np.int32, order="C")
 
 
 def sum_over_patch(plane: Float32Array | UInt8Array) -> Float32Array:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from dlama.geometry.codes import HoleType
 from dlama.geometry.holes import erode_mask, morphological_close, morphological_open, nearest_known, square
+from dlama.geometry.kernels.jit import as_input
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import View
 from dlama.inpainters.layered.depth.cut_objects import GAPS, CutObjects, at_same_depth
@@ -94,11 +95,11 @@ class Crown:
         places = np.unique(np.argwhere(state == UNDECIDED) // pitch, axis=0) * pitch - (side - pitch) // 2
         middle = np.clip(places + side // 2, 0, np.array(state.shape) - 1)
         order = np.argsort(nearest_known(self.leaf)[0][tuple(middle.T)], kind="stable")
-        first, known_first = places[order].astype(np.int32), corners.astype(np.int32)
+        first, known_first = (each.astype(np.int32, order="C") for each in (places[order], corners))
         tried = rng.integers(0, len(corners), (len(first), TRIED)).astype(np.int32)
         bumps = leafy(state.shape, max(1.0, side / 8))
         marks = self.marks(first, side), tried, self.marks(corners, side)
-        quilt(state, self.color, first, known_first, *marks, side, max(1, side // 8), COLOR_SCALE, bumps)
+        quilt(state, as_input(self.color), first, known_first, *marks, side, max(1, side // 8), COLOR_SCALE, bumps)
         return True
 
     def known_blocks(self, known: BoolArray) -> tuple[int, NDArray[np.int64]]:
