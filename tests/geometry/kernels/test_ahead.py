@@ -28,6 +28,8 @@ def test_types_round_trip() -> None:
     drawn = ZBuffer(np.zeros((2, 2), np.float32), np.zeros((2, 2, 2), np.float32))
     assert ahead.numba_type(f"{ZBuffer.__module__}:ZBuffer(float32.2C,float32.3C)") == typeof(drawn)
     assert ahead.numba_type(f"{ZBuffer.__module__}:ZBuffer(float32.2C,float32.2C)") == typeof(ZBuffer(drawn.w, drawn.w))
+    nested = f"{ZBuffer.__module__}:ZBuffer({ZBuffer.__module__}:ZBuffer(float32.2C,float32.3C),float32.2C)"
+    assert ahead.numba_type(nested) == typeof(ZBuffer(drawn, drawn.w))  # type: ignore[arg-type]
     assert ahead.numba_type("int64") == typeof(3) and ahead.numba_type("float64") == typeof(0.5)
 
 
@@ -37,6 +39,8 @@ def test_a_job_has_its_own_list() -> None:
     every = ahead.listed_kernels()
     assert 0 < len(ahead.listed_kernels("view")) < len(every) == len(ahead.listed_kernels("evaluate"))
     assert all(hasattr(pkgutil.resolve_name(words[1]), "compile") for words in every)
+    for words in every:
+        assert len(list(map(ahead.numba_type, words[2:]))) > 0  # raises where one cannot be read
     assert len({words[1] for words in every}) == len(every)
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import atexit
 import gc
 import pkgutil
+import re
 import subprocess
 import sys
 from importlib import import_module
@@ -30,11 +31,13 @@ def listed_kernels(job: str | None = None) -> list[list[str]]:
 
 
 def numba_type(word: str) -> Any:
-    """`int64`; `uint8.3C` for arrays: number of dimensions, layout, r = read-only; `module:Name(int64,uint8.3C)`: NamedTuples."""
+    """`int64`; `uint8.3C` for arrays: number of dimensions, layout, r = read-only; `module:Name(int64,uint8.3C)`: NamedTuples,
+    also of others."""
     types: Any = import_module("numba").types
     if word.endswith(")"):
         name, _, inside = word[:-1].partition("(")
-        return types.BaseTuple.from_types([numba_type(each) for each in inside.split(",")], pkgutil.resolve_name(name))
+        words = re.findall(r"(?:[^,()]|\([^()]*\))+", inside)
+        return types.BaseTuple.from_types(list(map(numba_type, words)), pkgutil.resolve_name(name))
     name, _, layout = word.partition(".")
     number = getattr(types, "boolean" if name == "bool" else name)
     return types.Array(number, int(layout[0]), layout[1], readonly=layout.endswith("r")) if layout else number
