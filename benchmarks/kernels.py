@@ -16,10 +16,13 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from numba.core.types import Array, BaseNamedTuple
+import numpy as np
+from numba.core.types import Array, BaseNamedTuple, BaseTuple
 
 import dlama
 from dlama.geometry.kernels.jit import KernelCache
+from dlama.perception.resampling import upsample_depth
+from dlama.worlds.dataset import world
 from speed import kinect_frame, photo
 
 STREET = dlama.example()
@@ -78,6 +81,14 @@ def sequence() -> list[dlama.Completion]:
     return [dlama.complete(frames, [frame.camera for frame in frames], mask={0: dlama.read_mask(STREET / "mask.png")})]
 
 
+def of_worlds() -> list[dlama.Completion]:
+    """A picture of a procedural world, its depth enlarged to its size."""
+    made = world(0)
+    frame = made.frame(made.camera(0, 64))
+    upsample_depth(np.ascontiguousarray(frame.depth[::2, ::2]), frame.color)
+    return []
+
+
 JOBS: dict[str, Callable[[], list[dlama.Completion]]] = {
     "view": view,
     "remove": remove,
@@ -86,6 +97,7 @@ JOBS: dict[str, Callable[[], list[dlama.Completion]]] = {
     "frame": of_frame,
     "photo3d": photo3d,
     "sequence": sequence,
+    "worlds": of_worlds,
 }
 
 
@@ -111,7 +123,7 @@ def word(kind: object) -> str:
     if isinstance(kind, BaseNamedTuple):
         own = kind.instance_class
         return f"{own.__module__}:{own.__name__}({','.join(map(word, kind.types))})"
-    return str(kind)
+    return f"({','.join(map(word, kind.types))})" if isinstance(kind, BaseTuple) else str(kind)
 
 
 def main() -> None:

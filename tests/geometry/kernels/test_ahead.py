@@ -30,6 +30,7 @@ def test_types_round_trip() -> None:
     assert ahead.numba_type(f"{ZBuffer.__module__}:ZBuffer(float32.2C,float32.2C)") == typeof(ZBuffer(drawn.w, drawn.w))
     nested = f"{ZBuffer.__module__}:ZBuffer({ZBuffer.__module__}:ZBuffer(float32.2C,float32.3C),float32.2C)"
     assert ahead.numba_type(nested) == typeof(ZBuffer(drawn, drawn.w))  # type: ignore[arg-type]
+    assert ahead.numba_type("(float32.2C,int64)") == typeof((drawn.w, 3))
     assert ahead.numba_type("int64") == typeof(3) and ahead.numba_type("float64") == typeof(0.5)
 
 

@@ -16,8 +16,8 @@ HEIGHT, WIDTH = 22, 26
 VALUES = RNG.uniform(0, 255, (HEIGHT, WIDTH, 5)).astype(np.float32)
 HOLE = np.zeros((HEIGHT, WIDTH), np.bool_)
 HOLE[0:6, 15:21] = True
-TARGETS = np.argwhere(dilate_by_patch(HOLE)).astype(np.int32)
-SOURCES = np.argwhere(whole_patches(HOLE)).astype(np.int32)
+TARGETS = np.argwhere(dilate_by_patch(HOLE)).astype(np.int32, order="C")
+SOURCES = np.argwhere(whole_patches(HOLE)).astype(np.int32, order="C")
 USED = RNG.uniform(0, 8, HOLE.shape).astype(np.float32)
 LABEL = RNG.integers(0, 3, HOLE.shape).astype(np.int32)
 
@@ -58,7 +58,9 @@ def test_one_lucky_patch_tells_the_others() -> None:
     values[20:44, 34:58] = values[20:44, 4:28]
     hole = np.zeros((60, 64), np.bool_)
     hole[26:38, 40:52] = True
-    targets, sources = (np.argwhere(which(hole)).astype(np.int32) for which in (dilate_by_patch, whole_patches))
+    targets, sources = (
+        np.argwhere(which(hole)).astype(np.int32, order="C") for which in (dilate_by_patch, whole_patches)
+    )
     number = np.full(hole.shape, -1, np.int32)
     number[targets[:, 0], targets[:, 1]] = np.arange(len(targets))
     found = sources[RNG.integers(0, len(sources), len(targets))]

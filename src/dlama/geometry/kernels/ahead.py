@@ -25,19 +25,19 @@ MOST = 4
 
 
 def listed_kernels(job: str | None = None) -> list[list[str]]:
-    """The words of the lines of a job (view, remove, stereo, photo, frame, photo3d, sequence); None or another name: of all."""
+    """The words of the lines of a job (a name of JOBS of `benchmarks/kernels.py`); None or another name: of all."""
     lines = [line.split() for line in LISTED.read_text("utf-8").splitlines()]
     return [words for words in lines if job in words[0].split(",")] or lines
 
 
 def numba_type(word: str) -> Any:
-    """`int64`; `uint8.3C` for arrays: number of dimensions, layout, r = read-only; `module:Name(int64,uint8.3C)`: NamedTuples,
-    also of others."""
+    """`int64`; `uint8.3C` for arrays: number of dimensions, layout, r = read-only; `module:Name(int64,uint8.3C)`: NamedTuples, of
+    others too; without a name: tuples."""
     types: Any = import_module("numba").types
     if word.endswith(")"):
         name, _, inside = word[:-1].partition("(")
         words = re.findall(r"(?:[^,()]|\([^()]*\))+", inside)
-        return types.BaseTuple.from_types(list(map(numba_type, words)), pkgutil.resolve_name(name))
+        return types.BaseTuple.from_types(list(map(numba_type, words)), pkgutil.resolve_name(name) if name else None)
     name, _, layout = word.partition(".")
     number = getattr(types, "boolean" if name == "bool" else name)
     return types.Array(number, int(layout[0]), layout[1], readonly=layout.endswith("r")) if layout else number
