@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import json
 import re
 import struct
 from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from dlama.datasets.layouts import detect
 from dlama.datasets.posed.colmap import read_model, write_model
 from dlama.datasets.sequences.loading import open_frames
-from dlama.errors import CameraError, FileError
+from dlama.errors import CameraError, FileError, InputError
 from dlama.files.rasters.depth import write_depth_png
 from dlama.files.rasters.pictures import write_color
 from dlama.geometry.camera import Camera
@@ -76,6 +78,32 @@ def test_frames_are_the_ones_written(tmp_path: Path, binary: bool, dense: bool) 
         assert found.camera.same_lens_as(LENS)
         np.testing.assert_array_equal(found.color, truth.color)
         assert np.abs(found.depth - truth.depth).max() < (1e-6 if dense else 6e-4)
+
+
+def test_inverse_depth_fitted_to_the_points(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """As 3D Gaussian Splatting keeps it: code / 65536 x scale + offset (oracle: the closed-form world); not above 0 is far.
+    A picture without a scale is left out; a depth scale is refused."""
+    root = folder_of(tmp_path / "room", False, False)
+    (root / "depth").rename(root / "depths")
+    scale, offset, stems = 0.8, -0.02, [Path(name).stem for name in CAMERAS]
+    for name, camera in CAMERAS.items():
+        w = 1 / WORLD.rgbd(camera).depth.astype(np.float64)
+        w[0, 0] = -0.01
+        Image.fromarray(np.rint((w - offset) / scale * 2**16).astype(np.uint16)).save(root / "depths" / name)
+    fitted = {stem: {"scale": scale, "offset": offset} for stem in stems[:2]}
+    (root / "sparse/0/depth_params.json").write_text(json.dumps(fitted))
+    frames = open_frames(root)
+    assert [each.name for each in frames] == stems[:2]
+    assert "1 without a scale above 0 in depth_params.json" in caplog.text
+    for each, camera in zip(frames, CAMERAS.values()):
+        found, truth = each.load().depth, WORLD.rgbd(camera).depth
+        assert found[0, 0] == np.inf
+        np.testing.assert_allclose(1 / found.ravel()[1:], 1 / truth.ravel()[1:], atol=scale / 2**16)
+    with pytest.raises(InputError, match="has a unit of its own"):
+        open_frames(root, depth_scale=5000)
+    (root / "sparse/0/depth_params.json").write_text(json.dumps({stems[0]: {"scale": "large"}}))
+    with pytest.raises(CameraError, match=f"depth_params.json: {stems[0]}: scale is "):
+        open_frames(root)
 
 
 def test_points_carry_colour_and_confidence(tmp_path: Path) -> None:

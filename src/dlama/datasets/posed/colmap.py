@@ -7,13 +7,16 @@ such a model. Format: colmap.github.io/format.html.
 
 Depth: depth/NAME.png (16-bit millimetres), .exr, .pfm, .npy, of the picture NAME.jpg; or the dense workspace's own
 stereo/depth_maps/NAME.jpg.geometric.bin (else .photometric.bin). It must have the unit of the model's positions: metres.
+With depth_params.json next to the model, which 3D Gaussian Splatting's make_depth_scale.py writes, PNGs are inverse depth of a
+network: code / 65536 x scale + offset, by the picture's NAME (github.com/graphdeco-inria/gaussian-splatting, scene/cameras.py).
 """
 
 from __future__ import annotations
 
 import struct
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -23,10 +26,13 @@ from dlama.datasets.posed.lenses import Lens
 from dlama.datasets.posed.posed_frames import Listed, files_of
 from dlama.datasets.text_tables import pose_at, read_rows
 from dlama.errors import CameraError, FileError
-from dlama.files.fields import Intrinsics
+from dlama.files.fields import FileFields, Intrinsics, read_json_fields
+from dlama.files.rasters.depth import read_inverse_depth
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.cloud import PointCloud
 from dlama.geometry.motion.poses import invert_pose, make_pose, quaternion_from_rotation, rotation_from_quaternion
+from dlama.geometry.projection import depth_from_inverse
+from dlama.geometry.rgbd import Float32Array
 from dlama.writing.atomic_write import write_file
 
 PARAMETERS = {"SIMPLE_PINHOLE": 3, "PINHOLE": 4, "SIMPLE_RADIAL": 4, "RADIAL": 5, "OPENCV": 8}
@@ -186,6 +192,7 @@ def write_model(folder: Path, cameras: Mapping[str, Camera], cloud: PointCloud) 
         write_file(folder / file, "\n".join([f"# {head}", *body]) + "\n")
 
 
+FITTED = "depth_params.json"
 DENSE, DENSE_KINDS = "stereo/depth_maps", (".geometric.bin", ".photometric.bin")
 
 
@@ -207,6 +214,7 @@ def list_frames(folder: Path) -> Listed:
     """The frames of one scene. Raises FileError, CameraError."""
     model = model_folder(folder)
     assert model is not None
+    fitted = read_json_fields(model / FITTED) if (model / FITTED).is_file() else None
     for image in read_model(model):
         name = Path(image.name).with_suffix("").as_posix().replace("/", "_")
         depth = depth_of(folder, image)
@@ -214,7 +222,27 @@ def list_frames(folder: Path) -> Listed:
             yield name, f"without depth/NAME.png (millimetres) or {DENSE}/NAME{DENSE_KINDS[0]}"
             continue
         units, color = 1000.0 if depth.suffix == ".png" else 1.0, folder / "images" / image.name
-        yield name, files_of(color, depth, image.lens, image.world_from_cam, units, has_far=True)
+        files = files_of(color, depth, image.lens, image.world_from_cam, units, has_far=True)
+        if fitted is None or depth.suffix != ".png":
+            yield name, files
+            continue
+        scale, offset = scale_and_offset(fitted, str(Path(image.name).with_suffix("")))
+        reader = partial(read_fitted_depth, depth, scale, offset)
+        yield name, replace(files, depth=reader) if scale > 0 else f"without a scale above 0 in {FITTED}"
+
+
+def scale_and_offset(fitted: FileFields, name: str) -> tuple[float, float]:
+    """Of a picture's inverse depth (1/m); a scale of 0 where there is none. Raises FileError, CameraError."""
+    if name not in fitted:
+        return 0.0, 0.0
+    one = fitted.part(name, fitted.values[name])
+    return one.number("scale"), one.number("offset")
+
+
+def read_fitted_depth(path: Path, scale: float, offset: float) -> Float32Array:
+    """H x W metres of a PNG of inverse depth; +inf where that is not above 0. Raises FileError, DepthError."""
+    w = read_inverse_depth(path) * np.float32(scale / 2**16) + np.float32(offset)
+    return depth_from_inverse(w)
 
 
 def depth_of(folder: Path, image: ColmapImage) -> Path | None:
