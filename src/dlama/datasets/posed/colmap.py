@@ -193,6 +193,7 @@ def write_model(folder: Path, cameras: Mapping[str, Camera], cloud: PointCloud) 
 
 
 FITTED = "depth_params.json"
+"""Name of a picture -> scale and offset of its inverse depth."""
 DENSE, DENSE_KINDS = "stereo/depth_maps", (".geometric.bin", ".photometric.bin")
 
 
@@ -223,12 +224,13 @@ def list_frames(folder: Path) -> Listed:
             continue
         units, color = 1000.0 if depth.suffix == ".png" else 1.0, folder / "images" / image.name
         files = files_of(color, depth, image.lens, image.world_from_cam, units, has_far=True)
-        if fitted is None or depth.suffix != ".png":
-            yield name, files
-            continue
-        scale, offset = scale_and_offset(fitted, str(Path(image.name).with_suffix("")))
-        reader = partial(read_fitted_depth, depth, scale, offset)
-        yield name, replace(files, depth=reader) if scale > 0 else f"without a scale above 0 in {FITTED}"
+        if fitted is not None and depth.suffix == ".png":
+            scale, offset = scale_and_offset(fitted, str(Path(image.name).with_suffix("")))
+            if scale <= 0:
+                yield name, f"without a scale above 0 in {FITTED}"
+                continue
+            files = replace(files, depth=partial(read_fitted_depth, depth, scale, offset))
+        yield name, files
 
 
 def scale_and_offset(fitted: FileFields, name: str) -> tuple[float, float]:

@@ -105,7 +105,8 @@ def find_soft_edges(color: UInt8Array, w: Float32Array, joined: UInt8Array, step
     sizes = color.shape[1], color.shape[0]
     alpha = enlarge(near_side, step, sizes).astype(np.float32)
     front, back = color.copy(), color.copy()
-    color, pixels = as_input(color), np.argwhere(enlarge(band, step, sizes)).astype(np.int32, order="C")
+    color = as_input(color)
+    pixels = np.argwhere(enlarge(band, step, sizes)).astype(np.int32, order="C")
     turns = 2 * math.pi * (np.arange(DIRECTIONS) + np.arange(len(RINGS))[:, None] / len(RINGS)) / DIRECTIONS
     rings = np.array(RINGS)[:, None] * reach * step
     offsets = np.rint(np.stack([rings * np.sin(turns), rings * np.cos(turns)], 2)).astype(np.int32).reshape(-1, 2)

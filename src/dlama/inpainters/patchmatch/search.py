@@ -173,7 +173,10 @@ def nearest_source(sources: BoolArray, places: NDArray[np.int32]) -> NDArray[np.
 
 def places(where: BoolArray) -> NDArray[np.int32]:
     """N x 2, row and column of each True pixel."""
-    return np.argwhere(where).astype(np.int32, order="C")
+    flat = np.flatnonzero(where).astype(np.int32)
+    out = np.empty((len(flat), 2), np.int32)
+    np.divmod(flat, np.int32(where.shape[1]), out[:, 0], out[:, 1])
+    return out
 
 
 def sum_over_patch(plane: Float32Array | UInt8Array) -> Float32Array:
