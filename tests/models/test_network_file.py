@@ -15,7 +15,7 @@ import pytest
 
 from dlama.errors import FileError, InputError
 from dlama.models.contracts import CONTRACT_KEY, ColorContract
-from dlama.models.network_file import LARGE, PROVIDERS, NetworkFile, OpenNetworks, file_stamp, make_room
+from dlama.models.network_file import LARGE, PROVIDERS, NetworkFile, file_stamp, make_room, open_kept
 from dlama.models.verify import PIECE
 from tiny_networks import constant
 
@@ -136,18 +136,14 @@ def test_unknown_fields_are_refused_where_the_text_may_be_written_by_hand() -> N
         Sizes.read(text, Path("n.onnx"), strict=True)
 
 
-def test_networks_that_stay_open_are_few_and_small() -> None:
-    """Four at most, of 100 bytes together at most, and always the last one."""
-    made: list[str] = []
-    networks = OpenNetworks(most=4, most_bytes=100)
-
-    def get(name: str, size: int) -> None:
-        networks.get((name,), size, lambda: made.append(name))
-
-    for name in "abcdaeb":  # e is one too many: b, used longest ago, goes
-        get(name, 1)
-    assert "".join(made) == "abcdeb"
-    made.clear()
-    for name, size in (("x", 60), ("y", 30), ("x", 60), ("z", 50), ("x", 60), ("big", 500), ("big", 500)):
-        get(name, size)
-    assert made == ["x", "y", "z", "x", "big"]
+def test_a_network_stays_open_until_its_file_or_the_cores_change(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Law: the same one for the same file; another one for other bytes under the name, and for another number of cores."""
+    path = constant(tmp_path / "c.onnx", 3, 0.1, 0.2, 0.3)
+    first = open_kept(NetworkFile, path)
+    assert open_kept(NetworkFile, path) is first
+    assert open_kept(NetworkFile, constant(path, 3, 0.1, 0.2, 0.25)) is not first
+    second = open_kept(NetworkFile, path)
+    monkeypatch.setenv("OMP_NUM_THREADS", str(second.threads + 1))
+    assert open_kept(NetworkFile, path).threads == second.threads + 1

@@ -10,8 +10,7 @@ import contextlib
 import ctypes
 import functools
 import os
-import threading
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -191,36 +190,16 @@ def shipped_network(path: Path, memory_pattern: bool = True) -> NetworkFile:
 
 
 def open_kept(kind: type[N], path: Path, **settings: Any) -> N:
-    """The network of a file, as `kind` with these fields: one of those used last (`OpenNetworks`), or anew where the file, the
-    provider or the number of cores has changed."""
-    stamp, provider, threads = file_stamp(path), default_provider(), cores()
-    key = kind, path, stamp, provider, threads, *settings.items()
-    opened: N = _KEPT.get(key, stamp[1], lambda: kind(path, provider, threads, **settings))
+    """The network of a file, as `kind` with these fields: one of the four used last, or anew where the file, the provider or the
+    number of cores has changed."""
+    of: Any = kind  # to mypy no class is hashable
+    opened: N = _open(of, path, file_stamp(path), default_provider(), cores(), **settings)
     return opened
 
 
-class OpenNetworks:
-    """The networks used last, kept open: at most so many, and at most so many bytes of files; the last one always."""
-
-    def __init__(self, most: int = 4, most_bytes: float = 1e9) -> None:
-        self.most, self.most_bytes = most, most_bytes
-        self._kept: dict[Hashable, tuple[Any, int]] = {}
-        self._lock = threading.Lock()
-
-    def get(self, key: Hashable, file_bytes: int, opened: Callable[[], Any]) -> Any:
-        """The network of that key; opened where none is kept, or of a file that changed (the key says so)."""
-        with self._lock:
-            network = self._kept.pop(key)[0] if key in self._kept else opened()
-            self._kept[key] = network, file_bytes  # the last in the order is the last that was used
-            while len(self._kept) > 1 and (len(self._kept) > self.most or self._bytes() > self.most_bytes):
-                del self._kept[next(iter(self._kept))]
-            return network
-
-    def _bytes(self) -> int:
-        return sum(size for _, size in self._kept.values())
-
-
-_KEPT = OpenNetworks()
+@functools.lru_cache(maxsize=4)
+def _open(kind: Any, path: Path, stamp: tuple[int, int], provider: str | None, threads: int, **settings: Any) -> Any:
+    return kind(path, provider, threads, **settings)
 
 
 _OPEN: WeakSet[NetworkFile] = WeakSet()

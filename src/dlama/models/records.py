@@ -24,7 +24,7 @@ class Record:
     urls: tuple[str, ...]
     """Mirrors, tried in this order; all of them hold the same bytes."""
     sha256: str | None
-    """64 hexadecimal digits of what the addresses serve; None: unknown, pinned on first use."""
+    """64 hexadecimal digits of what the addresses serve; None: published nowhere, so not compared."""
     bytes: int | None
     """Size of what the addresses serve; None: unknown."""
     licence: str
@@ -35,8 +35,6 @@ class Record:
     `dlama.perception.masks.segment_anything.PAIRS`)."""
     file: str
     """Its name in the cache directory."""
-    member: str | None = None
-    """Where the addresses serve a ZIP: the end of the path, inside it, of the one entry that is kept."""
     note: str = ""
     """Notes for users."""
 
@@ -46,7 +44,6 @@ _MOBILE_SAM = "https://huggingface.co/Acly/MobileSAM/resolve/0d3b403339b4674a824
 _SAM = "https://github.com/wkentaro/labelme/releases/download/sam-20230416"
 _EFFICIENT_SAM = "https://github.com/labelmeai/efficient-sam/releases/download/onnx-models-20231225"
 _AS_PUBLISHED = "Size and sha256 are as projects that load it publish them."
-_BIG_LAMA = "LaMa with 18 blocks, trained on Places: fills holes of any size in colour"
 
 
 def _segment_anything(name: str, what: str, url: str, sha256: str, size: int) -> Record:
@@ -59,7 +56,7 @@ CATALOGUE: dict[str, Record] = {
     for record in (
         Record(
             name="big-lama",
-            what=f"{_BIG_LAMA} (TorchScript)",
+            what="LaMa with 18 blocks, trained on Places: fills holes of any size in colour (TorchScript)",
             urls=(
                 "https://github.com/Sanster/models/releases/download/add_big_lama/big-lama.pt",
                 "https://huggingface.co/signature-ai/big-lama/resolve/main/big-lama.pt",
@@ -70,18 +67,6 @@ CATALOGUE: dict[str, Record] = {
             contract="lama-weights",
             file="big-lama.pt",
             note="Size and sha256 are as several projects that load it publish them.",
-        ),
-        Record(
-            name="big-lama-official",
-            what=f"{_BIG_LAMA} (the authors' checkpoint, discriminator included)",
-            urls=("https://huggingface.co/smartywu/big-lama/resolve/main/big-lama.zip",),
-            sha256=None,
-            bytes=None,
-            licence="Apache-2.0",
-            contract="lama-weights",
-            file="big-lama-official.ckpt",
-            member="models/best.ckpt",
-            note="The mirror that the authors' README names; about 400 MB, of which the checkpoint is kept.",
         ),
         Record(
             name="depth-anything-small",

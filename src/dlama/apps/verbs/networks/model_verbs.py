@@ -13,7 +13,7 @@ from dlama.apps.options import Report, option
 from dlama.apps.places import check_file_apart
 from dlama.apps.terminal.output import counting_bar, report_result
 from dlama.errors import FileError, OutputError
-from dlama.models.cache import directory, known_size_and_sha256, target_path
+from dlama.models.cache import directory, target_path
 from dlama.models.records import CATALOGUE, Record, record
 from dlama.models.verify import size_and_sha256, verify
 
@@ -75,8 +75,7 @@ class Info(Report):
             "name": entry.name,
             "what": entry.what,
             "from": "\n          ".join(entry.urls),
-            "sha256": entry.sha256 or "unknown, pinned on first use",
-            "pinned": known_size_and_sha256(entry)[1] if entry.sha256 is None or entry.member else None,
+            "sha256": entry.sha256 or "unknown",
             "bytes": "unknown" if entry.bytes is None else str(entry.bytes),
             "licence": entry.licence,
             "contract": entry.contract,
@@ -132,7 +131,7 @@ class Convert(Report):
 
 @dataclass(frozen=True, kw_only=True)
 class Verify(Report):
-    """Compare files with their published hashes, or with what they were when they were first used."""
+    """Compare files with their published hashes."""
 
     name: Positional[Annotated[str | None, option("[NAME]", "every file that is here")]] = None
     """Which model."""
