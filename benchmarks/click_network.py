@@ -30,6 +30,7 @@ from click_training import RATE, CropFolder, expected_iou, train_seeds, varied
 from dlama.geometry.rgbd import Float32Array
 from dlama.models.network_file import NetworkFile
 from dlama.perception.masks.click_network import PLANES, SALIENT, SIDE
+from learning import learn
 from shadow_export import OBJECT, export_shadow, read_shadow
 
 KINDS = ("photo", "estimated", "measured", "background")
@@ -168,15 +169,12 @@ def fit_object(maps: np.ndarray, there: np.ndarray) -> dict[str, np.ndarray]:
     weight = torch.tensor((~there).sum() / (ON_BACKGROUND * there.sum()), dtype=torch.float32)
     first, second = torch.nn.Linear(maps.shape[1], HIDDEN), torch.nn.Linear(HIDDEN, 1)
     network = torch.nn.Sequential(first, torch.nn.ReLU(), torch.nn.Dropout(0.2), second)
-    optimiser = torch.optim.AdamW(network.parameters(), OBJECT_RATE)
-    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, OBJECT_STEPS)
-    for _ in range(OBJECT_STEPS):
+
+    def loss_of_batch() -> Tensor:
         drawn = rng.integers(0, len(maps), OBJECT_BATCH)
-        loss = binary_cross_entropy_with_logits(network(values[drawn])[:, 0], right[drawn], pos_weight=weight)
-        optimiser.zero_grad()
-        loss.backward()
-        optimiser.step()
-        schedule.step()
+        return binary_cross_entropy_with_logits(network(values[drawn])[:, 0], right[drawn], pos_weight=weight)
+
+    list(learn(network.parameters(), loss_of_batch, OBJECT_STEPS, OBJECT_RATE))
     slopes, constants, last, end = (each.detach().numpy() for each in network.parameters())
     slopes = slopes.T / spread[:, None]
     return dict(zip(OBJECT, (slopes, constants - mean @ slopes, last.T, end)))

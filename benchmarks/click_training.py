@@ -13,6 +13,7 @@ from torch import Tensor
 
 from dlama.geometry.rgbd import Float32Array
 from dlama.perception.masks.click_network import PLANES, SIDE
+from learning import learn
 from shadow_export import OBJECT, read_shadow
 from shadow_net import ShadowNet
 
@@ -110,25 +111,21 @@ def train(
         network.load_state_dict({name: torch.from_numpy(value) for name, value in state.items()})
         network.eval()
     mean = {name: value.clone() for name, value in network.state_dict().items()}
-    optimiser = torch.optim.AdamW(network.parameters(), rate, weight_decay=DECAY)
-    losses = list[float]()
-    for step in range(steps):
-        for group in optimiser.param_groups:
-            group["lr"] = rate * min(1, (step + 1) / WARM) * 0.5 * (1 + np.cos(np.pi * step / steps))
+
+    def loss_of_batch() -> Tensor:
         planes, arrays = (torch.from_numpy(np.stack(each).astype(np.float32)) for each in zip(*crops.batch()))
         with torch.autocast("cpu", torch.bfloat16):
             logits = network(planes.contiguous(memory_format=torch.channels_last))
-        loss = loss_of(logits.float(), arrays)
-        optimiser.zero_grad()
-        loss.backward()
-        torch.nn.utils.clip_grad_norm_(network.parameters(), 5.0)
-        optimiser.step()
-        kept = min(AVERAGED, (step + 1) / (step + 21))
+        return loss_of(logits.float(), arrays)
+
+    losses = list[float]()
+    for loss in learn(network.parameters(), loss_of_batch, steps, rate, WARM, DECAY, clip=5.0):
+        losses.append(loss)
+        kept = min(AVERAGED, len(losses) / (len(losses) + 20))
         for name, value in network.state_dict().items():
             mean[name] = torch.lerp(value, mean[name], kept) if value.is_floating_point() else value.clone()
-        losses.append(float(loss.detach()))
-        if step % 200 == 199 or step == steps - 1:
-            print(f"step {step + 1}: loss {np.mean(losses[-200:]):.3f}", flush=True)
+        if len(losses) % 200 == 0 or len(losses) == steps:
+            print(f"step {len(losses)}: loss {np.mean(losses[-200:]):.3f}", flush=True)
     return {name: value.numpy() for name, value in mean.items()}
 
 

@@ -1,7 +1,7 @@
 """One click on objects whose mask is known: how well it is found, by domain.
 
     python benchmarks/clicks.py ../shared --split tune
-    python benchmarks/clicks.py ../shared --split validate --domains world stand -o clicks.json --worst FOLDER
+    python benchmarks/clicks.py ../shared --split validate --domains world stand -o clicks.json
     python benchmarks/clicks.py ../shared --rules stands click-network
     python benchmarks/clicks.py ../shared --split validate --prompt box
 
@@ -237,18 +237,6 @@ def leave_out_rules(cases: Iterator[ClickCase], rules: Sequence[str]) -> None:
         print(f"| {rule} | {' | '.join(cells)} | {100 * (seconds[number + 1] / seconds[0] - 1):+.0f} % |")
 
 
-def draw(case: ClickCase, click: Click, found: BoolArray) -> np.ndarray:
-    """The picture with the true outline green, the found one red, and depth beside it."""
-    out = case.frame.color.copy()
-    for mask, tone in ((click.true, (0, 255, 0)), (found, (255, 0, 0))):
-        lines, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
-        cv2.drawContours(out, lines, -1, tone, 2)
-    cv2.circle(out, click.at, 5, (255, 255, 0), -1)
-    w = np.where(case.frame.valid, 1 / np.maximum(case.frame.depth, 1e-3), 0)
-    grey = np.clip(255 * w / max(np.quantile(w, 0.98), 1e-6), 0, 255).astype(np.uint8)
-    return np.hstack([out, np.repeat(grey[..., None], 3, 2)])
-
-
 def main(argv: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("shared", type=Path)
@@ -257,7 +245,6 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("--candidate", default="object")
     parser.add_argument("--prompt", choices=("click", "box", "both"), default="click")
     parser.add_argument("-o", "--output", type=Path, help="IoU of each click as JSON")
-    parser.add_argument("--worst", type=Path, help="a folder for pictures of the worst clicks")
     parser.add_argument("--rules", nargs="+", choices=("all", *MASK_RULES), help="left out one at a time")
     args = parser.parse_args(argv)
     if args.rules:
@@ -266,16 +253,12 @@ def main(argv: Sequence[str] | None = None) -> None:
         return
     values: dict[str, dict[str, list[float]]] = {}
     seconds: dict[str, list[float]] = {}
-    pictures = []
     for case in cases_of(args.split, args.shared, args.domains):
         started = time.process_time()
         session = MaskSession(case.frame)
         for click in [each for each in case.clicks if args.prompt == "click" or each.true.any()]:
             found = find_clicked(session, click, args.candidate, args.prompt)
-            value = click.score(found)
-            values.setdefault(case.domain, {}).setdefault(case.name, []).append(value)
-            if args.worst:
-                pictures.append((value, case.domain, case.name, draw(case, click, found)))
+            values.setdefault(case.domain, {}).setdefault(case.name, []).append(click.score(found))
         if case.clicks:
             seconds.setdefault(case.domain, []).append((time.process_time() - started) / len(case.clicks))
     print("| domain | clicks | IoU | 95 % | under .5 | seconds |\n|---|---|---|---|---|---|")
@@ -289,12 +272,6 @@ def main(argv: Sequence[str] | None = None) -> None:
         )
     if args.output:
         args.output.write_text(json.dumps(values))
-    if args.worst:
-        args.worst.mkdir(parents=True, exist_ok=True)
-        for domain in values:
-            worst = sorted((each for each in pictures if each[1] == domain), key=lambda each: each[0])[:8]
-            sheet = np.vstack([cv2.resize(each[3], (720, 360)) for each in worst])
-            cv2.imwrite(str(args.worst / f"{domain.replace(' ', '_')}.png"), sheet[..., ::-1])
 
 
 if __name__ == "__main__":

@@ -21,6 +21,9 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
+import torch
+from torch import Tensor, nn
+from torch.nn.functional import binary_cross_entropy_with_logits
 
 from bench import Table, table_of
 from bench import rows_of as lines_of
@@ -34,6 +37,7 @@ from dlama.inpainters import filling
 from dlama.training.data.augment import add_depth_faults
 from dlama.training.data.samples.world_views import WorldSet
 from dlama.worlds.dataset import worlds
+from learning import learn
 from world_cases import world_case
 
 SETS = 20, 20, 28, 28
@@ -54,6 +58,7 @@ MISPLACED = 0.006
 PIXELS = 1500
 """Hole pixels that each filled view gives."""
 HIDDEN, STEPS, BATCH, RATE = 24, 2500, 4096, 2e-3
+KINDS = "weight", "bias"
 LAPLACE = 0.3
 """Weight of the expected errors' likelihood beside the probabilities' cross entropy."""
 LOGS = (-6.0, 1.0), (-4.0, 3.0)
@@ -191,96 +196,72 @@ def estimated_rows(count: int, seed: int) -> Iterator[Rows]:
 def train(
     rows: Rows, seed: int, start: dict[str, np.ndarray] | None = None, kept: Rows | None = None
 ) -> dict[str, np.ndarray]:
-    """Weights by Adam: the cross entropy of both probabilities, and the Laplace likelihood of both errors, log b + |e| / b, whose
-    best b is the mean of |e|.
+    """Weights: the cross entropy of both probabilities, and the Laplace likelihood of both errors, log b + |e| / b, whose best b
+    is the mean of |e|.
 
     With `start`, weights trained before, training goes on with `rows`; of `kept` the network says what it said at the start.
     """
-    rng = np.random.default_rng(seed)
+    torch.manual_seed(seed)
     mean, spread = rows.features.mean(0), rows.features.std(0) + 1e-3
     mean[-1], spread[-1] = 0, 1
     if start is not None:
         mean, spread = start["mean"], start["spread"]
-    x_all, y_all, e_all, counted = training_data(rows, mean, spread)
+    x_all, *truth = training_data(rows, mean, spread)
     sizes = (room.FEATURES, HIDDEN, HIDDEN, room.OUTPUTS)
-    weights = [rng.normal(0, np.sqrt(2 / a), (a, b)).astype(np.float32) for a, b in itertools.pairwise(sizes)]
-    numbers = [part for weight in weights for part in (weight, np.zeros(weight.shape[1], np.float32))]
+    layers = [nn.Linear(*pair) for pair in itertools.pairwise(sizes)]
+    network = nn.Sequential(layers[0], nn.ReLU(), layers[1], nn.ReLU(), layers[2])
     noise, decay, rate, steps = (NOISE, DECAY, RATE, STEPS) if start is None else (NOISE / 3, 0.0, RATE / 2, 2 * STEPS)
-    if start is not None:
-        numbers = [start[f"{kind}{k}"].copy() for k in range(3) for kind in ("weight", "bias")]
-    x_kept, out_kept = x_all[:0], np.zeros((0, room.OUTPUTS), np.float32)
+    for k, layer in enumerate(layers):
+        nn.init.kaiming_normal_(layer.weight, nonlinearity="relu")
+        nn.init.zeros_(layer.bias)
+        if start is not None:
+            layer.weight.data, layer.bias.data = (torch.from_numpy(start[f"{kind}{k}"].T.copy()) for kind in KINDS)
+    x_kept, out_kept = x_all[:0], torch.zeros(0, room.OUTPUTS)
     if kept is not None:
         x_kept = training_data(kept, mean, spread)[0]
-        out_kept = run_layers(numbers, x_kept)[-1]
+        out_kept = network(x_kept).detach()
     half = BATCH // 2 if kept is not None else BATCH
-    first, second = [np.zeros_like(n) for n in numbers], [np.zeros_like(n) for n in numbers]
-    shaken = noise * np.r_[np.ones(room.FEATURES - 1), start is None].astype(np.float32)
-    for step in range(1, steps + 1):
-        pick = rng.integers(0, len(x_all), half)
-        x, expected = x_all[pick] + shaken * rng.standard_normal((half, room.FEATURES), np.float32), out_kept[:0]
+    shaken = noise * torch.tensor([1.0] * (room.FEATURES - 1) + [float(start is None)])
+
+    def loss_of_batch() -> Tensor:
+        drawn = torch.randint(len(x_all), (half,))
+        loss = loss_of(
+            network(x_all[drawn] + shaken * torch.randn(half, room.FEATURES)), *(part[drawn] for part in truth)
+        )
         if kept is not None:
-            again = rng.integers(0, len(x_kept), BATCH - half)
-            x, expected = np.concatenate([x, x_kept[again]]), out_kept[again]
-        activations = run_layers(numbers, x)
-        error = errors_of(activations[-1][:half], y_all[pick], e_all[pick], counted[pick])
-        error = np.concatenate([error, KEEP * errors_from(activations[-1][half:], expected)]) / BATCH
+            again = torch.randint(len(x_kept), (BATCH - half,))
+            loss = loss + KEEP * loss_from(network(x_kept[again]), out_kept[again])
+        return loss / BATCH
+
+    for step, loss in enumerate(learn(network.parameters(), loss_of_batch, steps, rate, decay=decay), 1):
         if step % 500 == 0:
-            print_loss(step, activations[-1][:half], y_all[pick], e_all[pick], counted[pick])
-        gradients: list[np.ndarray] = []
-        for k in (2, 1, 0):
-            gradients = [activations[k].T @ error, error.sum(0), *gradients]
-            error = (error @ numbers[2 * k].T) * (activations[k] > 0)
-        now = rate * 0.5 * (1 + np.cos(np.pi * step / steps))
-        for n, g, m, v in zip(numbers, gradients, first, second):
-            m += 0.1 * (g - m)
-            v += 0.001 * (g * g - v)
-            n -= (now * (m / (1 - 0.9**step) / (np.sqrt(v / (1 - 0.999**step)) + 1e-8) + decay * n)).astype(np.float32)
-    named = {f"{kind}{k}": numbers[2 * k + place] for k in range(3) for place, kind in enumerate(("weight", "bias"))}
+            print(f"step {step}: loss {loss:.4f}")
+    named = {f"{kind}{k}": getattr(layer, kind).detach().numpy().T for k, layer in enumerate(layers) for kind in KINDS}
     return {"mean": mean.astype(np.float32), "spread": spread.astype(np.float32), **named}
 
 
-def training_data(rows: Rows, mean: np.ndarray, spread: np.ndarray) -> tuple[np.ndarray, ...]:
+def training_data(rows: Rows, mean: np.ndarray, spread: np.ndarray) -> list[Tensor]:
     """Inputs in standard deviations, what is right, errors in the network's units, and 1 where an error counts (far and measured
     ones do not)."""
-    x = np.clip((rows.features - mean) / spread, -room.REACH, room.REACH).astype(np.float32)
+    x = np.clip((rows.features - mean) / spread, -room.REACH, room.REACH)
     far, levels = np.isnan(rows.off), rows.errors[:, 1]
-    errors = np.stack([np.where(far, 0, rows.off), levels / room.COLOR_WITHIN], 1).astype(np.float32)
-    return x, rows.right.astype(np.float32), errors, np.stack([~far, levels > 0], 1).astype(np.float32)
+    errors = np.stack([np.where(far, 0, rows.off), levels / room.COLOR_WITHIN], 1)
+    parts = x, rows.right, errors, np.stack([~far, levels > 0], 1)
+    return [torch.from_numpy(part.astype(np.float32)) for part in parts]
 
 
-def run_layers(numbers: Sequence[np.ndarray], x: np.ndarray) -> list[np.ndarray]:
-    """Inputs and the outputs of each layer."""
-    activations = [x]
-    for k in range(3):
-        out = activations[-1] @ numbers[2 * k] + numbers[2 * k + 1]
-        activations.append(np.maximum(out, 0) if k < 2 else out)
-    return activations
+def loss_of(out: Tensor, right: Tensor, errors: Tensor, counted: Tensor) -> Tensor:
+    """The sum over N rows."""
+    low, high = torch.tensor(LOGS).T
+    logs = out[:, 2:].clamp(low, high)
+    off = (counted * (logs + errors * torch.exp(-logs))).sum()
+    return binary_cross_entropy_with_logits(out[:, :2], right, reduction="sum") + LAPLACE * off
 
 
-def errors_of(out: np.ndarray, right: np.ndarray, errors: np.ndarray, counted: np.ndarray) -> np.ndarray:
-    """The loss's gradient by the network's outputs."""
-    p, log_b, within = limited(out)
-    return np.hstack([p - right, LAPLACE * counted * within * (1 - errors * np.exp(-log_b))])
-
-
-def errors_from(out: np.ndarray, expected: np.ndarray) -> np.ndarray:
+def loss_from(out: Tensor, expected: Tensor) -> Tensor:
     """The same for rows of which the network is to say what it said: `expected`."""
-    return np.hstack([limited(out)[0] - limited(expected)[0], LAPLACE * (out - expected)[:, 2:]])
-
-
-def limited(out: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Probabilities, logarithms of the expected errors within LOGS, and where they lie within."""
-    lowest, highest = np.array(LOGS, np.float32).T
-    logs = out[:, 2:]
-    return 1 / (1 + np.exp(-out[:, :2])), np.clip(logs, lowest, highest), (logs > lowest) & (logs < highest)
-
-
-def print_loss(step: int, out: np.ndarray, right: np.ndarray, errors: np.ndarray, counted: np.ndarray) -> None:
-    p, log_b, _ = limited(out)
-    p = np.clip(p, 1e-6, 1 - 1e-6)
-    entropy = -(right * np.log(p) + (1 - right) * np.log(1 - p)).mean()
-    off = (counted * (log_b + errors * np.exp(-log_b))).mean()
-    print(f"step {step}: cross entropy {entropy:.4f}, of errors {off:.4f}")
+    off = 0.5 * (out - expected)[:, 2:].square().sum()
+    return binary_cross_entropy_with_logits(out[:, :2], expected[:, :2].sigmoid(), reduction="sum") + LAPLACE * off
 
 
 def pooled(cases: Sequence[dict[str, float]]) -> Bins:

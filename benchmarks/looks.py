@@ -1,7 +1,6 @@
 """Pictures of hard cases as they are completed: real frames, cut depth, removals, views; beside the truth where there is one.
 
     python benchmarks/looks.py ../shared -o now                  # one PNG a case, and its numbers
-    python benchmarks/looks.py --beside before now -o sheet.jpg  # before | after | truth of two such folders
     python benchmarks/looks.py --sheet now -o docs/images/gallery.jpg  # known | completed | truth of one such folder, all of it
 
 The cases are chosen by kind, not by result: a Kinect's room at about 10, 20, 30 and 40 degrees, the same room from 10 and 15
@@ -129,25 +128,18 @@ def make(shared: Path, out: Path, wanted: list[str]) -> None:
         cv2.imwrite(str(out / f"{name}.png"), picture(done, truth)[..., ::-1])
 
 
-def lay_out(folder: Path, before: Path | None, sheet: Path, wanted: list[str]) -> None:
-    """One row a case: known | (before |) completed | truth; two cases a row."""
-    rows = []
-    for file in sorted(folder.glob("*.png")):
-        if (wanted and not any(part in file.stem for part in wanted)) or not ((before or folder) / file.name).is_file():
-            continue
-        cells = np.hsplit(cv2.imread(str(file)), 3)
-        if before is not None:
-            cells.insert(1, np.hsplit(cv2.imread(str(before / file.name)), 3)[1])
-        rows.append(labelled(np.hstack(cells), len(cells), file.stem))
-    if not rows:
-        sys.exit(f"{folder} holds no pictures of these names{f', or {before} does not' if before else ''}")
-    write_sheet(rows, sheet)
+def lay_out(folder: Path, sheet: Path, wanted: list[str]) -> None:
+    """One row a case: known | completed | truth; two cases a row."""
+    files = [file for file in sorted(folder.glob("*.png")) if not wanted or any(part in file.stem for part in wanted)]
+    if not files:
+        sys.exit(f"{folder} holds no pictures of these names")
+    write_sheet([labelled(cv2.imread(str(file)), file.stem) for file in files], sheet)
 
 
-def labelled(row: UInt8Array, cells: int, name: str) -> UInt8Array:
-    """So many pictures at the sheet's size, the name of their case in the first."""
-    height = round(cells * CELL * row.shape[0] / row.shape[1])
-    small = cv2.resize(row, (cells * CELL, height), interpolation=cv2.INTER_AREA)
+def labelled(row: UInt8Array, name: str) -> UInt8Array:
+    """Three pictures at the sheet's size, the name of their case in the first."""
+    height = round(3 * CELL * row.shape[0] / row.shape[1])
+    small = cv2.resize(row, (3 * CELL, height), interpolation=cv2.INTER_AREA)
     return cv2.putText(small, name, (6, 16), cv2.FONT_HERSHEY_SIMPLEX, 0.45, (0, 0, 255), 1, cv2.LINE_AA)
 
 
@@ -164,18 +156,16 @@ def write_sheet(rows: list[UInt8Array], sheet: Path) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("shared", nargs="?", type=Path, help="folder with data/ and street/")
-    parser.add_argument("--beside", nargs=2, type=Path, metavar=("BEFORE", "AFTER"))
     parser.add_argument("--sheet", type=Path, metavar="FOLDER")
     parser.add_argument("--only", nargs="*", default=[], help="parts of names of cases")
     parser.add_argument("-o", "--output", type=Path, required=True)
     args = parser.parse_args()
-    if args.beside or args.sheet:
-        before, folder = args.beside or (None, args.sheet)
-        lay_out(folder, before, args.output, args.only)
+    if args.sheet:
+        lay_out(args.sheet, args.output, args.only)
     elif args.shared:
         make(args.shared, args.output, args.only)
     else:
-        parser.error("give the folder with data/ and street/, --beside or --sheet")
+        parser.error("give the folder with data/ and street/, or --sheet")
 
 
 if __name__ == "__main__":

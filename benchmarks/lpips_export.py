@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from dlama.errors import FileError
-from dlama.nets.export.onnx_graph import IR_VERSION, OPSET, Graph
+from dlama.nets.export.onnx_graph import Graph
 from dlama.nets.safetensors_file import read_safetensors
 from dlama.training.losses.perceptual import EPSILON
 from dlama.writing.atomic_write import write_file
@@ -94,17 +94,8 @@ def _model(tensors: Mapping[str, np.ndarray], about: Mapping[str, str]) -> Any:
         x = g.add("Relu", g.add("Conv", x, weight, bias, **layout))
         _add_weighted_tap(g, x, tensors[f"lin{tap}.weight"], f"tap{tap}")
         x = g.add("MaxPool", x, kernel_shape=[3, 3], strides=[2, 2]) if pooled else x
-    helper, kind = onnx.helper, onnx.TensorProto.FLOAT
-    constants = [onnx.numpy_helper.from_array(array, name) for name, array in g.constants.items()]
-    picture = helper.make_tensor_value_info("picture", kind, [1, 3, "height", "width"])
-    taps = [
-        helper.make_tensor_value_info(f"tap{tap}", kind, [1, out, f"height{tap}", f"width{tap}"])
-        for tap, (_, _, out, *_) in enumerate(CONVOLUTIONS)
-    ]
-    graph = helper.make_graph(g.nodes, "lpips", [picture], taps, constants)
-    opset = [helper.make_opsetid("", OPSET)]
-    model = helper.make_model(graph, opset_imports=opset, ir_version=IR_VERSION, producer_name="dlama")
-    helper.set_model_props(model, dict(about))
+    sides = {f"tap{tap}": (1, out, f"height{tap}", f"width{tap}") for tap, (_, _, out, *_) in enumerate(CONVOLUTIONS)}
+    model = g.model("lpips", {"picture": (1, 3, "height", "width")}, sides, about)
     onnx.checker.check_model(model)
     return model
 

@@ -28,6 +28,7 @@ from dlama.models.network_file import NetworkFile
 from dlama.perception.shadows.classifier import CLIP, PARTS, SHADOW, Classifier, LikelyShadows, find_likely_shadows
 from dlama.perception.shadows.features import candidate_features, cast_interiors, pixel_features
 from dlama.perception.shadows.planes import NETWORK, ShadowPlanes
+from learning import learn
 from shadow_crops import Crop, ShadowCrops, write_shadow_crops
 
 TRAIN_SEED, PAVED_SEED, HELD_OUT_SEED = 50_000, 55_000, 90_000
@@ -130,17 +131,14 @@ def perceptron(features: np.ndarray, true: np.ndarray, weight: np.ndarray, seed:
     linear = [nn.Linear(a, b) for a, b in itertools.pairwise(sizes)]
     nn.init.constant_(linear[-1].bias, -1.0)
     network = nn.Sequential(linear[0], nn.ReLU(), linear[1], nn.ReLU(), linear[2])
-    optimiser = torch.optim.AdamW(network.parameters(), RATE, weight_decay=DECAY)
-    for step in range(STEPS):
-        for group in optimiser.param_groups:
-            group["lr"] = RATE * min(1, (step + 1) / 30) * 0.5 * (1 + np.cos(np.pi * step / STEPS))
+
+    def loss_of_batch() -> torch.Tensor:
         chosen = torch.randint(len(x), (BATCH,))
         said = network(x[chosen] + NOISE * torch.randn(BATCH, sizes[0]))[:, 0]
-        loss = (binary_cross_entropy_with_logits(said, y[chosen], reduction="none") * w[chosen]).mean()
-        optimiser.zero_grad()
-        loss.backward()
-        optimiser.step()
-    print(f"pixels: {len(x)} of {sizes[0]} features, last loss {float(loss.detach()):.4f}", flush=True)
+        return (binary_cross_entropy_with_logits(said, y[chosen], reduction="none") * w[chosen]).mean()
+
+    *_, loss = learn(network.parameters(), loss_of_batch, STEPS, RATE, warm=30, decay=DECAY)
+    print(f"pixels: {len(x)} of {sizes[0]} features, last loss {loss:.4f}", flush=True)
     layers = tuple((one.weight.detach().numpy().T.copy(), one.bias.detach().numpy().copy()) for one in linear)
     return Classifier(mean, spread, layers)
 

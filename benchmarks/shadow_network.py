@@ -21,6 +21,7 @@ from torch.nn.functional import binary_cross_entropy_with_logits
 
 from dlama.perception.shadows.crop import SIDE
 from dlama.perception.shadows.planes import FIRST_CAST, MULTIPLE, PLANES, ShadowPlanes, network_planes
+from learning import learn
 from shadow_crops import Crop, ShadowCrops
 from shadow_export import export_shadow
 from shadow_net import ShadowNet
@@ -104,27 +105,23 @@ def trained(crops: Sequence[Crop], others: Sequence[Crop], epochs: int, seed: in
     torch.manual_seed(seed)
     rng = np.random.default_rng(seed)
     network = ShadowNet(len(network_planes(crops[0][0]))).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
-    optimiser = torch.optim.AdamW(network.parameters(), RATE, weight_decay=DECAY)
-    steps, step = epochs * (len(crops) // BATCH), 0
-    sizes = np.array([target.shape for _, target in crops])
-    for epoch in range(epochs):
-        network.train()
-        losses = []
-        for numbers in batches(sizes, rng):
-            for group in optimiser.param_groups:
-                group["lr"] = RATE * min(1, (step + 1) / WARM) * 0.5 * (1 + np.cos(np.pi * step / steps))
-            planes, targets = batch_of([varied(*crops[n], rng) for n in numbers])
-            with torch.autocast("cpu", torch.bfloat16):
-                logits = network(planes)
-            loss = loss_of(logits.float(), targets)
-            optimiser.zero_grad()
-            loss.backward()
-            optimiser.step()
-            step += 1
-            losses.append(float(loss.detach()))
-        if epoch % 3 == 2 or epoch == epochs - 1:
+    drawn = (
+        numbers for _ in range(epochs) for numbers in batches(np.array([target.shape for _, target in crops]), rng)
+    )
+
+    def loss_of_batch() -> Tensor:
+        planes, targets = batch_of([varied(*crops[n], rng) for n in next(drawn)])
+        with torch.autocast("cpu", torch.bfloat16):
+            logits = network.train()(planes)
+        return loss_of(logits.float(), targets)
+
+    each, losses = len(crops) // BATCH, list[float]()
+    for loss in learn(network.parameters(), loss_of_batch, epochs * each, RATE, WARM, DECAY):
+        losses.append(loss)
+        epoch = len(losses) / each
+        if epoch % 3 == 0 or epoch == epochs:
             print(
-                f"epoch {epoch + 1}: loss {np.mean(losses):.3f}, {mean_loss(network, others):.3f} of others",
+                f"epoch {epoch:.0f}: loss {np.mean(losses[-each:]):.3f}, {mean_loss(network, others):.3f} of others",
                 flush=True,
             )
     return network.eval()
