@@ -13,7 +13,7 @@ import numpy as np
 from dlama.arguments import check_arguments
 from dlama.completion.memory import check_memory
 from dlama.completion.options import Options
-from dlama.completion.report import Clock, Record, meta_data, warn_of_scale
+from dlama.completion.report import Clock, meta_data, warn_of_scale
 from dlama.completion.start import Plan, describe_depth, plan_for, scene_of
 from dlama.completion.steps import CompletedView, complete_frame, complete_view, frames_to_fill
 from dlama.geometry.camera import Camera
@@ -126,8 +126,8 @@ def photo3d(
         small = add_edge_layers(small, grid_box)
     scene = add_fills(start, small, small.fills[given:], step)
     reports, warped = [report for one in steps for report in one.reports], [one.before for one in steps]
-    record = Record(reports, clock.seconds, holes=[one.grown for one in steps], frame=source)
-    meta = describe_depth(rgbd) | meta_data(plan, warped, record)
+    grown = [one.grown for one in steps]
+    meta = describe_depth(rgbd) | meta_data(plan, source, warped, reports, clock.seconds, holes=grown)
     return Photo3D(
         scene, box, meta | {"photo3d": describe_box(box, [one.view.camera for one in seen], step, open_share)}
     )

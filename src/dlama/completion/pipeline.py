@@ -15,7 +15,6 @@ from dlama.completion.completion import Completion
 from dlama.completion.options import OptionKeywords, Options, Unpack, options_of, take_options
 from dlama.completion.report import (
     Clock,
-    Record,
     expected_errors,
     meta_data,
     warn_of_nothing,
@@ -82,7 +81,7 @@ def complete(
     warn_of_nothing(source.depth, views, grown)
     if mask is None:
         warn_of_unknown(source.camera, source.depth, warped)
-    meta = meta_data(start.plan, warped, Record(fills, clock.seconds, start.mask, grown, first))
+    meta = meta_data(start.plan, first, warped, fills, clock.seconds, start.mask, grown)
     meta = {**start.about, **meta, **expected_errors(views)}
     return Completion(views, warped, scene, source, meta).with_min_confidence(chosen.min_confidence)
 

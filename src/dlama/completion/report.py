@@ -7,7 +7,6 @@ import dataclasses
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -49,40 +48,23 @@ class Clock:
         self.seconds[stage] = round(self.seconds.get(stage, 0.0) + time.perf_counter() - started, 4)
 
 
-@dataclass(frozen=True)
-class Record:
-    """What the steps of one completion reported, in their order."""
+def meta_data(
+    plan: Plan,
+    frame: View,
+    warped: Sequence[View],
+    fills: Sequence[FillReport],
+    seconds: dict[str, float],
+    mask: Dilation = NO_DILATION,
+    holes: Sequence[Dilation] = (),
+) -> dict[str, Any]:
+    """The meta data of a completion, JSON-ready (fields: docs/reference/formats.md).
 
-    fills: Sequence[FillReport]
-    seconds: dict[str, float]
-    mask: Dilation = NO_DILATION
-    """How the object mask grew."""
-    holes: Sequence[Dilation] = ()
-    """How the hole of each view grew."""
-    frame: View | None = None
-    """The first one."""
-
-    @property
-    def notes(self) -> dict[str, Any]:
-        """What the fillers add; the last one's counts, but of a remaining shadow those of the frame that the object was removed
-        from, which is filled first."""
-        found = {name: note for one in self.fills for name, note in one.notes.items()}
-        shadows = [one.notes["remaining_shadow_px"] for one in self.fills if "remaining_shadow_px" in one.notes]
-        return found | {"remaining_shadow_px": shadows[0]} if shadows else found
-
-    def total(self, name: str) -> int:
-        """Of all fills: the pixels in that field of `FillReport`."""
-        return sum(getattr(one, name) for one in self.fills)
-
-    def flying_pixels(self, warped: Sequence[View]) -> int:
-        """Of the first frame, which is drawn without them where a view is of another camera; else 0."""
-        if self.frame is None or all(view.camera.same_view_as(self.frame.camera) for view in warped):
-            return 0
-        return self.frame.find_once(find_joints).flying_pixels
-
-
-def meta_data(plan: Plan, warped: Sequence[View], record: Record) -> dict[str, Any]:
-    """The meta data of a completion, JSON-ready (fields: docs/reference/formats.md). warped: the views before filling."""
+    frame: the first one; warped: the views before filling; fills: what the steps reported, in their order; seconds: by stage;
+    mask, holes: how the object mask and the hole of each view grew.
+    """
+    filled, moved, broken = (
+        sum(getattr(one, name) for one in fills) for name in ("hole_pixels", "law_moves", "law_violations")
+    )
     return {
         "recipe": dataclasses.asdict(plan.recipe),
         "filler": plan.filler,
@@ -93,19 +75,34 @@ def meta_data(plan: Plan, warped: Sequence[View], record: Record) -> dict[str, A
         "hole_share_by_type": [hole_shares(view.hole_type) for view in warped],
         "dilation": {
             "kernel": "disc of the radius given in the recipe",
-            "mask_pixels": record.mask.pixels,
-            "mask_known_pixels_given_up": record.mask.known_pixels_given_up,
-            "hole_pixels_before": [hole.pixels for hole in record.holes],
-            "hole_known_pixels_given_up": [hole.known_pixels_given_up for hole in record.holes],
+            "mask_pixels": mask.pixels,
+            "mask_known_pixels_given_up": mask.known_pixels_given_up,
+            "hole_pixels_before": [hole.pixels for hole in holes],
+            "hole_known_pixels_given_up": [hole.known_pixels_given_up for hole in holes],
         },
-        "flying_pixels_rejected": record.flying_pixels(warped),
-        "filled_pixels": record.total("hole_pixels"),
-        "law_moves": record.total("law_moves"),
-        "law_violations": record.total("law_violations"),
-        "nothing_visible": any(one.notes.get("nothing_visible") for one in record.fills),
-        "seconds": record.seconds,
-        "notes": record.notes,
+        "flying_pixels_rejected": flying_pixels(frame, warped),
+        "filled_pixels": filled,
+        "law_moves": moved,
+        "law_violations": broken,
+        "nothing_visible": any(one.notes.get("nothing_visible") for one in fills),
+        "seconds": seconds,
+        "notes": notes_of(fills),
     }
+
+
+def flying_pixels(frame: View, warped: Sequence[View]) -> int:
+    """Of a frame, which is drawn without them where a view is of another camera; else 0."""
+    if all(view.camera.same_view_as(frame.camera) for view in warped):
+        return 0
+    return frame.find_once(find_joints).flying_pixels
+
+
+def notes_of(fills: Sequence[FillReport]) -> dict[str, Any]:
+    """What the fillers add; the last one's counts, but of a remaining shadow those of the frame that the object was removed from,
+    which is filled first."""
+    found = {name: note for one in fills for name, note in one.notes.items()}
+    shadows = [one.notes["remaining_shadow_px"] for one in fills if "remaining_shadow_px" in one.notes]
+    return found | {"remaining_shadow_px": shadows[0]} if shadows else found
 
 
 def describe_remaining_shadow(meta: Mapping[str, Any]) -> str:

@@ -130,42 +130,27 @@ def as_completed(plan: Plan, scene: Scene, frame: CompletedView, camera: Camera)
     return CompletedView(before, view, grown, (FillReport(), FillReport()))
 
 
-class CompletedFrames(NamedTuple):
-    """A scene whose frames are filled."""
-
-    plan: Plan
-    scene: Scene
-    reports: list[FillReport]
-    """Of all that was filled."""
-    last: CompletedView | None
-    """The last frame, where a camera asks for just that and the scene still shows it so."""
-
-
-def complete_frames(plan: Plan, scene: Scene, cameras: Sequence[Camera], clock: StageClock) -> CompletedFrames:
-    """The scene with the frames filled that matter for `cameras`."""
-    reports: list[FillReport] = []
-    last: CompletedView | None = None
-    for place in frames_to_fill(plan, scene, cameras):
-        last, filled = complete_frame(plan, scene, place, clock)
-        scene = filled
-        reports += last.reports
-        if plan.again and last.reports[1].hole_pixels:
-            with clock("fill"):
-                plan, scene, report = estimate_again(plan, scene, place, last.view)
-            reports.append(report)
-        if scene is not filled or not any(camera.same_view_as(last.view.camera) for camera in cameras):
-            last = None  # the scene holds what was filled
-    return CompletedFrames(plan, scene, reports, last)
-
-
 def complete_views(
     plan: Plan, scene: Scene, cameras: Sequence[Camera], clock: StageClock
 ) -> tuple[list[CompletedView], list[FillReport], Scene]:
-    """The views of cameras, each of which sees what was filled before; the reports of all that was filled, frames first; and the
-    scene with it."""
-    plan, filled, fills, own = complete_frames(plan, scene, cameras, clock)
+    """The views of cameras, each of which sees what was filled before, first in the frames that matter for them; the reports of
+    all that was filled, frames first; and the scene with it."""
+    fills: list[FillReport] = []
+    own: CompletedView | None = (
+        None  # the last frame, where a camera asks for just that and the scene still shows it so
+    )
+    for place in frames_to_fill(plan, scene, cameras):
+        own, filled = complete_frame(plan, scene, place, clock)
+        scene = filled
+        fills += own.reports
+        if plan.again and own.reports[1].hole_pixels:
+            with clock("fill"):
+                plan, scene, report = estimate_again(plan, scene, place, own.view)
+            fills.append(report)
+        if scene is not filled or not any(camera.same_view_as(own.view.camera) for camera in cameras):
+            own = None  # the scene holds what was filled
     completed: list[CompletedView] = []
-    scene = filled
+    filled = scene
     for camera in cameras:
         found = as_completed(plan, scene, own, camera) if own is not None and scene is filled else None
         if found is None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from numbers import Real
 from typing import Any
@@ -12,7 +13,7 @@ import numpy as np
 
 from dlama.completion.completion import StereoCompletion
 from dlama.completion.recipes import Recipe
-from dlama.completion.report import Record, expected_errors, meta_data
+from dlama.completion.report import expected_errors, meta_data
 from dlama.completion.start import Plan, scene_of
 from dlama.errors import InputError, check_same_size
 from dlama.geometry.camera import Camera, StereoRig
@@ -22,6 +23,7 @@ from dlama.geometry.projection import depth_from_disparity, disparity_from_depth
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, check_color
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
+from dlama.inpainters.filling import FillReport
 from dlama.perception.object_removal import remove_object
 from dlama.perception.stereo.agreement import carry_mask, consistency
 from dlama.perception.stereo.matching import Matcher, disparity_pair
@@ -90,32 +92,29 @@ class MatchedPair:
         return dataclasses.replace(self, disparities=(left, right))
 
 
-@dataclass(frozen=True, eq=False)
-class CompletedPair:
-    """What completing both views of a pair gave."""
+def completion_of_pair(
+    pair: MatchedPair,
+    plan: Plan,
+    before: tuple[View, View],
+    views: tuple[View, View],
+    scene: Scene,
+    fills: Sequence[FillReport],
+    seconds: dict[str, float],
+    mask: Dilation = NO_DILATION,
+    **about: Any,
+) -> StereoCompletion:
+    """The completion of a pair, with the disparities of both views, how well they agree, and the meta data.
 
-    plan: Plan
-    source: RGBD
-    """The left picture with its matched depth."""
-    before: tuple[View, View]
-    """Left and right before filling, holes typed."""
-    views: tuple[View, View]
-    """Left and right, completed."""
-    scene: Scene
-    record: Record
-    about: dict[str, Any] = field(default_factory=dict)
-    """What became of the right picture, for meta.json: `right`, and where it was given `gain` and `transferred_share`."""
-
-    def as_completion(self, rig: StereoRig) -> StereoCompletion:
-        """With the disparities of both views, how well they agree, and the meta data."""
-        lens = {"fx": rig.left.fx, "baseline_m": rig.baseline_m, "doffs": rig.doffs}
-        left, right = (disparity_from_depth(view.depth, rig) for view in self.views)
-        agreement = consistency(self.views[0].color, self.views[1].color, left, right)
-        source = View.from_rgbd(self.source)
-        record = dataclasses.replace(self.record, frame=source)
-        meta = meta_data(self.plan, self.before, record) | expected_errors(self.views)
-        meta["stereo"] = {**lens, **self.about, "consistency": dataclasses.asdict(agreement)}
-        return StereoCompletion(self.views, self.before, self.scene, source, meta, left, right, agreement)
+    before, views: left and right, before filling and completed; fills, seconds, mask: as of `meta_data`; about: what became of
+    the right picture, for meta.json: `right`, and where it was given `gain` and `transferred_share`.
+    """
+    rig, source = pair.rig, View.from_rgbd(pair.left)
+    lens = {"fx": rig.left.fx, "baseline_m": rig.baseline_m, "doffs": rig.doffs}
+    left, right = (disparity_from_depth(view.depth, rig) for view in views)
+    agreement = consistency(views[0].color, views[1].color, left, right)
+    meta = meta_data(plan, source, before, fills, seconds, mask) | expected_errors(views)
+    meta["stereo"] = {**lens, **pair.notes, **about, "consistency": dataclasses.asdict(agreement)}
+    return StereoCompletion(views, before, scene, source, meta, left, right, agreement)
 
 
 def without_object(pair: MatchedPair, recipe: Recipe) -> tuple[Scene, Dilation]:

@@ -6,9 +6,10 @@ import dataclasses
 
 import numpy as np
 
-from dlama.completion.report import Clock, Record
+from dlama.completion.completion import StereoCompletion
+from dlama.completion.report import Clock
 from dlama.completion.start import Plan, filler_of_recipe
-from dlama.completion.stereo.pair import CompletedPair, MatchedPair, without_object
+from dlama.completion.stereo.pair import MatchedPair, completion_of_pair, without_object
 from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.holes import dilate_mask
 from dlama.geometry.rgbd import RGBD
@@ -17,7 +18,7 @@ from dlama.geometry.view import View
 from dlama.inpainters.filling import FillReport, inpaint
 
 
-def complete_pair_one_by_one(pair: MatchedPair, draft: Plan, clock: Clock) -> CompletedPair:
+def complete_pair_one_by_one(pair: MatchedPair, draft: Plan, clock: Clock) -> StereoCompletion:
     """The object removed from each picture of a pair, colour filled in each alone, then matched: depth is what matching finds."""
     assert pair.masks is not None
     recipe, inpainter = draft.recipe, filler_of_recipe(draft.inpainter, draft.recipe)
@@ -41,9 +42,10 @@ def complete_pair_one_by_one(pair: MatchedPair, draft: Plan, clock: Clock) -> Co
         with_origin_of(View.from_rgbd(one.clip_depth(recipe.clip)), view)
         for one, view in zip((again.left, again.right), filled)
     )
-    record = Record(fills, clock.seconds, grown_mask)
-    completed = Scene((left,), scene.removals)
-    return CompletedPair(draft, pair.left, (before[0], before[1]), (left, right), completed, record, {"right": "given"})
+    views, completed = (left, right), Scene((left,), scene.removals)
+    return completion_of_pair(
+        pair, draft, (before[0], before[1]), views, completed, fills, clock.seconds, grown_mask, right="given"
+    )
 
 
 def with_origin_of(matched: View, filled: View) -> View:

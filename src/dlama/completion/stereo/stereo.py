@@ -21,7 +21,7 @@ from dlama.completion.completion import StereoCompletion
 from dlama.completion.memory import check_memory
 from dlama.completion.options import OptionKeywords, Options, Unpack, options_of, take_options
 from dlama.completion.recipes import Recipe
-from dlama.completion.report import Clock, Record, warn_of_disparity, warn_of_scale
+from dlama.completion.report import Clock, warn_of_disparity, warn_of_scale
 from dlama.completion.start import (
     FillerChoice,
     Plan,
@@ -41,9 +41,9 @@ from dlama.completion.stereo.exchange import (
     transferred_share,
 )
 from dlama.completion.stereo.pair import (
-    CompletedPair,
     MatchedPair,
     check_pair_inputs,
+    completion_of_pair,
     masks_of_pair,
     with_object_depth,
     without_object,
@@ -137,9 +137,7 @@ def stereo(
     complete_pair = complete_pair_one_by_one if one_by_one else complete_pair_together
     if choose_right_view(right_view, chosen, masks is not None) == "synthesised":
         complete_pair = synthesise_right
-    done = complete_pair(pair, draft, clock)
-    completion = dataclasses.replace(done, about={**pair.notes, **done.about}).as_completion(rig)
-    return completion.with_min_confidence(given.min_confidence)
+    return complete_pair(pair, draft, clock).with_min_confidence(given.min_confidence)
 
 
 def filler_of_pair(options: Options) -> tuple[FillerChoice, Inpainter]:
@@ -174,14 +172,15 @@ def choose_right_view(asked: RightView | None, recipe: Recipe, removing: bool) -
     return asked
 
 
-def complete_pair_together(pair: MatchedPair, draft: Plan, clock: Clock) -> CompletedPair:
+def complete_pair_together(pair: MatchedPair, draft: Plan, clock: Clock) -> StereoCompletion:
     """Both views completed: each first by what the other camera measured, then what neither did, filled in the left view."""
     clean, gain = pair.without_bleeding(), color_gain(pair)
     recipe, filler = draft.recipe, draft.inpainter
     scene, grown_mask = without_object(clean, recipe)
     right_before = right_as_given(clean, recipe)
     lawful = with_object_depth(scene, pair.object_depth)
-    plan = dataclasses.replace(draft, inpainter=left_filler(filler, pair, recipe), measured=lawful)
+    own = filler_beside(filler, right_before, recipe, left=True)
+    plan = dataclasses.replace(draft, inpainter=own, measured=lawful)
     both = dataclasses.replace(lawful, fills=(right_before,))  # what the right picture measured counts for the law too
     context = dataclasses.replace(draft, measured=both).context
 
@@ -204,7 +203,7 @@ def complete_pair_together(pair: MatchedPair, draft: Plan, clock: Clock) -> Comp
         shown = apply_gain(render(scene, pair.rig.right, recipe.mode, types=False, close=False), 1 / gain)
     known, moved = close_holes(context.law, right_before, shown, measured=True)
     with clock("fill"):
-        right, right_fill = inpaint(known, right_filler(filler, left, recipe), context, plan.seed)
+        right, right_fill = inpaint(known, filler_beside(filler, left, recipe, left=False), context, plan.seed)
     with clock("fuse"):
         if pair.masks is None:
             scene = add_seen_alone(scene, apply_gain(right, gain), context.law, recipe.mode)
@@ -212,20 +211,28 @@ def complete_pair_together(pair: MatchedPair, draft: Plan, clock: Clock) -> Comp
         new = apply_gain(right, gain).without(own_depth, HoleType.NONE)
         scene = fuse(scene, new, right_before.hole & ~known.hole)
     left_before = left_before_filling(clean.left, scene)
-    record = Record([left_fill, FillReport(law_moves=moved), right_fill], clock.seconds, grown_mask)
-    exchanged = {
-        "right": "given",
-        "gain": [round(float(value), 4) for value in gain],
-        "transferred_share": [transferred_share(left, left_before), transferred_share(right, right_before)],
-    }
-    return CompletedPair(plan, clean.left, (left_before, right_before), (left, right), scene, record, exchanged)
+    before, views = (left_before, right_before), (left, right)
+    return completion_of_pair(
+        clean,
+        plan,
+        before,
+        views,
+        scene,
+        [left_fill, FillReport(law_moves=moved), right_fill],
+        clock.seconds,
+        grown_mask,
+        right="given",
+        gain=[round(float(value), 4) for value in gain],
+        transferred_share=[transferred_share(*both) for both in zip(views, before)],
+    )
 
 
-def synthesise_right(pair: MatchedPair, draft: Plan, clock: Clock) -> CompletedPair:
+def synthesise_right(pair: MatchedPair, draft: Plan, clock: Clock) -> StereoCompletion:
     """The left view completed, and the right one made from it; of the right picture only the disparity is used."""
     source, recipe, filler = pair.left, draft.recipe, draft.inpainter
     scene = measured = scene_of(source, recipe.clip)
-    plan = dataclasses.replace(draft, inpainter=left_filler(filler, pair, recipe), measured=measured)
+    own = filler_beside(filler, View.from_rgbd(pair.right), recipe, left=True)
+    plan = dataclasses.replace(draft, inpainter=own, measured=measured)
     fills: list[FillReport] = []
     for place in frames_to_fill(plan, measured, ()):
         found, scene = complete_frame(plan, scene, place, clock)
@@ -240,12 +247,13 @@ def synthesise_right(pair: MatchedPair, draft: Plan, clock: Clock) -> CompletedP
     with clock("render"):
         right_before = render(scene, pair.rig.right, recipe.mode, close=False)
     with clock("fill"):
-        right, right_fill = inpaint(right_before, right_filler(filler, left, recipe), plan.context, plan.seed)
+        right, right_fill = inpaint(
+            right_before, filler_beside(filler, left, recipe, left=False), plan.context, plan.seed
+        )
     with clock("fuse"):
         scene = fuse(scene, right)
-    record = Record([*fills, left_fill, right_fill], clock.seconds)
-    about = {"right": "synthesised"}
-    return CompletedPair(plan, source, (left_before, right_before), (left, right), scene, record, about)
+    before, fills = (left_before, right_before), [*fills, left_fill, right_fill]
+    return completion_of_pair(pair, plan, before, (left, right), scene, fills, clock.seconds, right="synthesised")
 
 
 def left_before_filling(source: RGBD, scene: Scene) -> View:
@@ -261,18 +269,8 @@ def right_as_given(pair: MatchedPair, recipe: Recipe) -> View:
     return view if pair.masks is None else view.without(dilate_mask(pair.masks[1], recipe.dilate or 0), HoleType.OBJECT)
 
 
-def left_filler(filler: Inpainter, pair: MatchedPair, recipe: Recipe) -> Inpainter:
-    """The filler of the left view; one for pairs sees the right picture too, without the object."""
+def filler_beside(filler: Inpainter, other: View, recipe: Recipe, *, left: bool) -> Inpainter:
+    """The filler of the left (or the right) view; one for pairs sees the other view too, but for what is not known of it."""
     if isinstance(filler, PairFiller):
-        unknown = (
-            np.zeros(pair.rig.right.hw, bool) if pair.masks is None else dilate_mask(pair.masks[1], recipe.dilate or 0)
-        )
-        filler = filler.painter(pair.colors[1], unknown, left=True)
-    return filler_of_recipe(filler, recipe)
-
-
-def right_filler(filler: Inpainter, left: View, recipe: Recipe) -> Inpainter:
-    """The filler of the right view; one for pairs sees the completed left view too."""
-    if isinstance(filler, PairFiller):
-        filler = filler.painter(left.color, np.zeros(left.hole.shape, bool), left=False)
+        filler = filler.painter(other.color, other.color_hole, left=left)
     return filler_of_recipe(filler, recipe)

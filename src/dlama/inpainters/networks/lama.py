@@ -27,28 +27,17 @@ def lama_filler(model: str | Path | Engine) -> Inpainter:
     """
     network = open_engine(model)
 
-    def checked() -> Engine:
-        require_planes(network.contract, 3, str(network.path), "lama")
-        return network
-
     def lama(view: View, context: FillContext, seed: int) -> Fill:
-        return fill_color_and_depth(view, checked())
+        color, depth = paint(view.color, view.color_hole, seed), DepthPlane.of(view)
+        grey = network.fill(np.repeat(depth.values[None], 3, 0)[None], view.hole)[0]
+        spread = channel_spread(grey.transpose(1, 2, 0) * 255, view.hole)
+        return Fill(color, depth.metres(grey.mean(0)), notes=network.notes | {"depth_channel_spread": spread})
 
     def paint(picture: UInt8Array, hole: BoolArray, seed: int) -> UInt8Array:
-        return color_from_planes(checked().fill(color_planes(picture)[None], hole)[0])
+        require_planes(network.contract, 3, str(network.path), "lama")
+        return color_from_planes(network.fill(color_planes(picture)[None], hole)[0])
 
     return Painter(paint, lama, lambda: network.notes)
-
-
-def fill_color_and_depth(view: View, network: Engine) -> Fill:
-    """Colour where it is not known, depth in the whole hole."""
-    depth = DepthPlane.of(view)
-    color = network.fill(color_planes(view.color)[None], view.color_hole)[0]
-    grey = network.fill(np.repeat(depth.values[None], 3, 0)[None], view.hole)[0]
-    spread = channel_spread(grey.transpose(1, 2, 0) * 255, view.hole)
-    return Fill(
-        color_from_planes(color), depth.metres(grey.mean(0)), notes=network.notes | {"depth_channel_spread": spread}
-    )
 
 
 def joint_filler(model: str | Path | Engine) -> Inpainter:

@@ -80,14 +80,15 @@ def describe_both(picture: UInt8Array, hole: BoolArray, guess: UInt8Array) -> Fl
 
 def describe_pixels(picture: UInt8Array, known: BoolArray) -> Float32Array:
     """H x W x 5 in known pixels: colours (0 .. 255), and TEXTURE times the mean change of brightness between known neighbours."""
-    picture = as_input(picture)
-    changes = np.empty((2, *known.shape), np.float32)
-    in_bands(kernels.change_rows, len(known), picture, known, *changes)
-    side = (TEXTURE_PX, TEXTURE_PX)
+    red, green, blue = (picture[..., k].astype(np.float32) for k in range(3))
+    brightness, side = (red + green + blue) / np.float32(3), (TEXTURE_PX, TEXTURE_PX)
     share = np.maximum(cv2.blur(known.astype(np.float32), side), np.float32(1e-6))
-    across, along = (cv2.blur(change, side) for change in changes)
     out = np.empty((*known.shape, 5), np.float32)
-    in_bands(kernels.describe_rows, len(known), picture, across, along, share, np.float32(TEXTURE), known, out)
+    out[..., :3] = picture
+    for channel, here, before in ((3, np.s_[:, 1:], np.s_[:, :-1]), (4, np.s_[1:], np.s_[:-1])):
+        change = np.zeros_like(brightness)
+        change[here] = np.abs(brightness[here] - brightness[before]) * (known[here] & known[before])
+        out[..., channel] = np.float32(TEXTURE) * cv2.blur(change, side) / share
     return out
 
 

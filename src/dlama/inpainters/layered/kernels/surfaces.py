@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.kernels.jit import Flag, Pixel, Real, Whole, in_bands, kernel, piece
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
-from dlama.perception.planes import SKY
 
 DIRECTIONS = 16
 
@@ -103,80 +102,6 @@ def far_side(w: Float32Array, hole: BoolArray) -> Float32Array:
     apart = cv2.distanceTransform(hole.view(np.uint8), cv2.DIST_C, 3)
     in_bands(far_side_rows, len(w), np.ascontiguousarray(w), apart, ways, room, out, band=16)
     return out
-
-
-@piece
-def rim_cost(value: Real, label: Whole, known: Real, known_label: Whole, rim: Float64Array) -> Real:
-    """Cost of `value` (inverse depth) with `label` next to a known pixel: 0 for the same surface, low behind the known pixel
-    (higher for the sky), high in front of it. rim: (meets, hidden, sky hidden, in front)."""
-    if label == known_label and label >= 0:
-        return 0.0
-    in_front = value > known
-    farther, nearer = (known, value) if in_front else (value, known)
-    step = (nearer / (farther if farther > 1e-9 else 1e-9) - 1.03) / 0.1  # noise of a few per cent is no step
-    step = 0.0 if step < 0 else (1.0 if step > 1 else step)
-    if in_front:
-        return rim[0] + rim[3] * step
-    return rim[0] + (rim[2] if label == SKY else rim[1]) * step
-
-
-class Known(NamedTuple):
-    """The known pixels, H x W each."""
-
-    hole: BoolArray
-    """True elsewhere."""
-    w: Float32Array
-    """Inverse depth."""
-    label: NDArray[np.int8]
-
-
-class Candidates(NamedTuple):
-    """What the labels would be in each pixel, L x H x W each; label l is `l - 1` in `Known.label`."""
-
-    values: Float32Array
-    """Inverse depth."""
-    allowed: BoolArray
-    distance: Float32Array
-    """px to the nearest known pixel of the label."""
-    penalty: Float32Array
-    """Further cost."""
-
-
-@kernel
-def unary_rows(
-    first: Whole,
-    last: Whole,
-    candidates: Candidates,
-    known: Known,
-    scale: Real,
-    rim: Float64Array,
-    out: Float32Array,
-) -> None:
-    """Rows of `CoarseView.unary_costs`, into `out` (H x W x L). scale: px of distance that cost as much as one full jump."""
-    values, allowed, distance, penalty = candidates
-    hole, w, label = known
-    count, height, width = values.shape
-    for row in range(first, last):
-        for column in range(width):
-            if not hole[row, column]:
-                continue
-            nearest = np.inf
-            for k in range(count):
-                if distance[k, row, column] < nearest:
-                    nearest = np.float64(distance[k, row, column])
-            for k in range(count):
-                cost = penalty[k, row, column] + (distance[k, row, column] - nearest) / scale
-                if not allowed[k, row, column]:
-                    cost += 50.0
-                dr, dc = 0, 1
-                for _ in range(4):
-                    r, c = row + dr, column + dc
-                    if 0 <= r < height and 0 <= c < width and not hole[r, c]:
-                        cost += rim_cost(
-                            np.float64(values[k, row, column]), k - 1, np.float64(w[r, c]), np.int64(label[r, c]), rim
-                        )
-                    dr, dc = dc, -dr
-                out[row, column, k] = cost
 
 
 @piece
