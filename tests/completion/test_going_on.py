@@ -3,28 +3,24 @@
 from __future__ import annotations
 
 import dataclasses
-from pathlib import Path
 
 import numpy as np
 import pytest
-from small_street import BALL, CAMERA, MASK, WORLD, street
+from small_street import CAMERA, MASK, street
 from test_halo import blurred
 
 import dlama
 from dlama.completion.verbs import remove
 from dlama.errors import InputError
-from dlama.files.scenes.scene_npz import write_npz
 from dlama.geometry.camera import StereoRig
-from dlama.geometry.codes import HoleType, Origin
+from dlama.geometry.codes import HoleType
 from dlama.geometry.motion.trajectories import orbit
 from dlama.geometry.view import View
 from dlama.inpainters import find_filler
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill, Inpainter
-from whole_picture import assert_same_view
 from worlds import moved
 
-BOX = WORLD.trace(CAMERA)[1] == 2
 ASIDE = orbit(CAMERA, 14)
 FRAME = street(sensor_holes=False)
 
@@ -38,50 +34,6 @@ def recording() -> tuple[Inpainter, list[tuple[View, FillContext]]]:
         return telea(view, context, seed)
 
     return fill, seen
-
-
-def test_a_second_removal_removes() -> None:
-    """Law: after a removal a second object goes too, and the first one stays away; both at once give the same bits."""
-    first = dlama.complete(FRAME, [CAMERA], mask=MASK, filler="telea")
-    second = dlama.complete(first.scene, [CAMERA], mask=BOX, filler="telea")
-    assert second.view.filled[MASK | BOX].all()
-    at_once = dlama.complete(FRAME, [CAMERA], mask=MASK | BOX, filler="telea")
-    assert_same_view(second.view, at_once.view)
-
-
-def test_a_removed_object_still_hides_what_is_behind_it() -> None:
-    """Law: completed again, also read back from a file, what is filled stays behind the removed object (its depth there)."""
-    done = remove(FRAME, MASK, filler="telea")
-    filler, seen = recording()
-    dlama.complete(done.scene, [ASIDE], filler=filler)
-    assert seen
-    for _, context in seen:
-        np.testing.assert_array_equal(context.law.measured[0][1][MASK], FRAME.depth[MASK])
-
-
-def test_a_scene_read_back_goes_on_alike(tmp_path: Path) -> None:
-    """Law: reading a saved scene and going on gives what going on at once gives, bit for bit."""
-    done = remove(FRAME, MASK, filler="telea")
-    write_npz(tmp_path / "scene.npz", done.view, done.scene)
-    read = dlama.read_scene(tmp_path / "scene.npz")
-    for mask in (None, BOX):
-        at_once, later = (dlama.complete(one, [ASIDE], mask=mask, filler="telea") for one in (done.scene, read))
-        assert_same_view(at_once.view, later.view)
-
-
-def test_without_can_be_called_again_and_again() -> None:
-    """Law: in any order, before and after completions, the same bits; the scene it is called on does not change."""
-    scene = dlama.scene([FRAME])
-    both = dlama.complete(scene.without(MASK | BOX), [ASIDE], filler="telea").view
-    one_by_one = scene.without(BOX).without(MASK)
-    assert len(one_by_one.removals) == 2 and not scene.removals
-    between = dlama.complete(scene.without(MASK), [CAMERA, ASIDE], filler="telea").scene.without(BOX)
-    for removed in (one_by_one, between):
-        view = dlama.complete(removed, [ASIDE], filler="telea").view
-        assert_same_view(view, both)
-        measured = view.origin == Origin.REPROJECTED
-        points = dlama.lift(view.without(~measured, HoleType.NONE)).points
-        assert not (BALL.distance(points) < 1e-3).any()
 
 
 def test_a_hole_comes_from_no_frame() -> None:

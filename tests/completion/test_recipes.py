@@ -37,6 +37,8 @@ def test_changes_replace_and_none_does_not() -> None:
     assert RECIPES["dlama"] == Recipe("dlama")
     own = Recipe("mine", dilate=7)
     assert find_recipe(own) == own and find_recipe(own, dilate=2).dilate == 2
+    with pytest.raises(InputError, match="recipe is 'lama'; one of dlama, paper is expected"):
+        find_recipe("lama")
 
 
 @pytest.mark.parametrize(

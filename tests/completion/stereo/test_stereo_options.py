@@ -78,26 +78,13 @@ def test_bleeding_is_measured_from_infinity(doffs: float) -> None:
         np.testing.assert_allclose(depth[THING], 1, rtol=1e-5)
 
 
-def completed(monkeypatch: pytest.MonkeyPatch, asked: dict[str, Any] | None = None, **options: Any) -> StereoCompletion:
-    """A flat wall 5 m away (4 px), matched perfectly; what the matcher is asked for goes into `asked`."""
-
-    def matched(*_: Any, **words: Any) -> tuple[np.ndarray, np.ndarray]:
-        (asked if asked is not None else {}).update(words)
-        wall = np.full(CAMERA.hw, 4, np.float32)
-        wall[:4] = 8
-        return wall, wall
-
-    monkeypatch.setattr(pairs, "disparity_pair", matched)
+def completed(monkeypatch: pytest.MonkeyPatch, **options: Any) -> StereoCompletion:
+    """A flat wall 5 m away (4 px), matched perfectly."""
+    wall = np.full(CAMERA.hw, 4, np.float32)
+    wall[:4] = 8
+    monkeypatch.setattr(pairs, "disparity_pair", lambda *_, **__: (wall, wall))
     texture = np.random.default_rng(0).integers(0, 256, (40, 80, 3), np.uint8)
     return stereo(texture[:, :60], texture[:, 4:64], rig(), filler="telea", dilate=1, **options)
-
-
-def test_the_range_of_disparities_reaches_the_matcher(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Law: as it was given; None lets the matcher find it."""
-    for value in (None, 12.0):
-        asked: dict[str, Any] = {}
-        completed(monkeypatch, asked, max_disparity=value)
-        assert asked["max_disparity"] == value
 
 
 @pytest.mark.parametrize("far", [None, 4.0])

@@ -94,16 +94,6 @@ def test_the_network_sees_the_hole_zeroed_and_its_mask(tmp_path: Path, mask: str
     np.testing.assert_array_equal(network.fill(planes, hole)[..., ~hole], 1)
 
 
-def test_ranges_are_kept(tmp_path: Path) -> None:
-    """Closed form: an identity that takes -1..1 and gives -1..1; the zeroed hole (0) is the middle, 0.5."""
-    model = written(tmp_path / "r.onnx", 3, np.eye(3, 4), in_range=[-1, 1], out_range=[-1, 1])
-    hole = np.zeros((20, 20), bool)
-    hole[8:12, 8:12] = True
-    out = Engine(model).run_planes(np.full((1, 3, 20, 20), 0.3, np.float32), hole)
-    np.testing.assert_allclose(out[..., hole], 0.5, atol=1e-6)
-    np.testing.assert_allclose(out[..., ~hole], 0.3, atol=1e-6)
-
-
 def test_bad_files_are_refused(tmp_path: Path) -> None:
     """Law: no file, no ONNX, no contract, other channels, a contract that lies, values that are not finite; each names the
     file."""

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import dlama
-from dlama.errors import FileError, InputError
+from dlama.errors import InputError
 from dlama.geometry.codes import HoleType, Origin
 from dlama.inpainters import find_filler
 from dlama.inpainters.networks.engine import Engine, open_engine
@@ -40,16 +40,6 @@ def test_each_picture_is_painted_in_sight_of_the_other(tmp_path: Path, left: boo
     painted = paint(mine, hole, 0)
     np.testing.assert_array_equal(painted[~hole], mine[~hole])
     np.testing.assert_array_equal(painted[hole], 128)
-
-
-def test_left_and_right_come_from_their_own_planes(tmp_path: Path) -> None:
-    """Closed form: the first three planes are the left picture, the last three the right one."""
-    model = constant(tmp_path / "p.onnx", 6, 0.2, 0.4, 0.6, 1, 0, 0.8, **SIX)
-    picture, hole = np.zeros((24, 24, 3), np.uint8), np.ones((24, 24), bool)
-    hole[:4] = False
-    for left, wanted in ((True, (51, 102, 153)), (False, (255, 0, 204))):
-        painted = filler(model).painter(picture, np.zeros_like(hole), left=left).paint(picture, hole, 0)
-        np.testing.assert_array_equal(painted[hole], np.broadcast_to(wanted, (20 * 24, 3)))
 
 
 def two_mask_probe(path: Path, gain: float = 1.0) -> Path:
@@ -123,23 +113,6 @@ def test_the_notes_say_which_masks_it_got(tmp_path: Path) -> None:
     for model, told in ((one, "one: the union"), (two, "two: the left")):
         notes = filler(model).painter(np.zeros((24, 24, 3), np.uint8), nothing, left=True).notes()
         assert notes["model"] == model.name and notes["masks"].startswith(told)
-
-
-def test_what_is_wrong_with_a_file(tmp_path: Path) -> None:
-    """Law: a file without a contract, a contract of other planes than the graph's and values that are not finite are refused, by
-    the file's name."""
-    bare = written(tmp_path / "bare.onnx", 6, np.zeros((6, 8)), about={})
-    picture, hole = np.zeros((24, 24, 3), np.uint8), np.zeros((24, 24), bool)
-    hole[8:16, 8:16] = True
-    lying = written(tmp_path / "lying.onnx", 6, np.zeros((6, 7)), **EIGHT)
-    nan = two_mask_probe(tmp_path / "nan.onnx", np.nan)
-    for model, error, told in (
-        (bare, InputError, r"bare\.onnx: carries no contract"),
-        (lying, FileError, r"lying\.onnx: the graph has 7 planes .*right mask"),
-        (nan, FileError, r"nan\.onnx: the network gave values that are not finite"),
-    ):
-        with pytest.raises(error, match=told):
-            pair_filler(model).painter(picture, hole, left=True).paint(picture, hole, 0)
 
 
 def test_a_trained_and_exported_network_of_two_masks_runs(tmp_path: Path) -> None:
